@@ -1,0 +1,213 @@
+"""The form of a model file: names, equations and everything the FMU shim needs, written once as CasADi.
+
+A model is continuous (`rhs` returns dx/dt, integrated with a fixed linearly implicit step) or discrete
+(`rhs` returns the next state, applied once per `step`).  Equations are plain functions of four namespaces:
+
+    x  states          u  inputs (after their transport delay)
+    m  modes (0 or 1)  p  parameters
+
+and return a mapping from names to CasADi expressions.  What is not an equation is declared, and carried
+out by the C shim in integer time: transport delays, modes with their timers, sampled sensors with noise.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any, Literal
+
+import casadi as ca
+
+from specs import parameters as parameter_specs
+from specs import signals as signal_specs
+from specs.errors import InputError
+
+Namespace = Any  # SimpleNamespace of casadi.SX scalars
+Equations = Callable[[Namespace, Namespace, Namespace, Namespace], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A scalar variable: SI `unit`, value range, `start` value and, where known, its value reference."""
+
+    name: str
+    unit: str
+    description: str = ""
+    start: float = 0.0
+    min: float | None = None
+    max: float | None = None
+    nominal: float | None = None
+    vr: int | None = None
+    fixed: bool = False  # parameters: not tunable after initialisation
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A switch that `on` (expression > 0) sets after `on_delay`, and `off` clears after `off_delay`.
+
+    A guard must hold without a break for its delay (name of a parameter in s) before the mode switches.
+    """
+
+    name: str
+    on: Callable[[Namespace, Namespace, Namespace, Namespace], Any]
+    off: Callable[[Namespace, Namespace, Namespace, Namespace], Any]
+    on_delay: str | None = None
+    off_delay: str | None = None
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """How an output is measured: sampled and held every `Model.sample_time`; all fields name parameters.
+
+    measured = quantise(scale-free output `delay` seconds ago + bias + noise * N(0, 1), quantum)
+    """
+
+    delay: str | None = None
+    bias: str | None = None
+    noise: str | None = None
+    quantum: str | None = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """One model: see the module docstring.  `step` is the internal step in s (discrete: the period)."""
+
+    name: str
+    description: str
+    kind: Literal["continuous", "discrete"]
+    step: float
+    states: tuple[Variable, ...]
+    inputs: tuple[Variable, ...]
+    outputs: tuple[Variable, ...]
+    parameters: tuple[Variable, ...]
+    rhs: Equations
+    out: Equations
+    initial: Callable[[Namespace], Mapping[str, Any]] | None = None
+    modes: tuple[Mode, ...] = ()
+    delays: Mapping[str, str] = field(default_factory=dict)  # input -> parameter with its delay in s
+    max_delay: float = 1.0  # s, length of every delay line
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)  # output -> how it is measured
+    sample_time: float = 0.02  # s, of the sensors
+
+    def __post_init__(self) -> None:
+        _check_names(self)
+
+    @cached_property
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """Column vectors (x, u, m, p) of scalar symbols, in declaration order."""
+        groups = (self.states, self.inputs, self.modes, self.parameters)
+        return tuple(_column([ca.SX.sym(v.name) for v in group]) for group in groups)  # type: ignore[return-value]
+
+    @cached_property
+    def namespaces(self) -> tuple[Namespace, Namespace, Namespace, Namespace]:
+        """The same symbols by name."""
+        groups = (self.states, self.inputs, self.modes, self.parameters)
+        return tuple(
+            SimpleNamespace(**{v.name: vector[i] for i, v in enumerate(group)})
+            for group, vector in zip(groups, self.symbols, strict=True)
+        )  # type: ignore[return-value]
+
+    @cached_property
+    def f(self) -> ca.Function:
+        """(x, u, m, p) -> dx/dt, or the next state of a discrete model."""
+        return self._function("slw_f", self._stack(self.rhs(*self.namespaces), self.states, "rhs"))
+
+    @cached_property
+    def h(self) -> ca.Function:
+        """(x, u, m, p) -> outputs before sampling, delay and noise."""
+        return self._function("slw_h", self._stack(self.out(*self.namespaces), self.outputs, "out"))
+
+    @cached_property
+    def jacobian(self) -> ca.Function:
+        """(x, u, m, p) -> dense df/dx, column-major."""
+        x, u, m, p = self.symbols
+        return self._function("slw_jac", ca.densify(ca.jacobian(self.f(x, u, m, p), x)))
+
+    @cached_property
+    def directional(self) -> ca.Function:
+        """(x, u, m, p, dx, du, dp) -> (df, dh): instantaneous partials at fixed mode times the seed."""
+        x, u, m, p = self.symbols
+        seeds = [ca.SX.sym("d" + n, v.shape) for n, v in (("x", x), ("u", u), ("p", p))]
+        point, seed = ca.vertcat(x, u, p), ca.vertcat(*seeds)
+        results = [ca.densify(ca.jtimes(g(x, u, m, p), point, seed)) for g in (self.f, self.h)]
+        return ca.Function("slw_dir", [x, u, m, p, *seeds], results)
+
+    @cached_property
+    def x0(self) -> ca.Function:
+        """p -> initial state."""
+        values = {v.name: v.start for v in self.states}
+        if self.initial is not None:
+            values |= dict(self.initial(self.namespaces[3]))
+        stacked = self._stack(values, self.states, "initial")
+        return ca.Function("slw_x0", [self.symbols[3]], [ca.densify(stacked)])
+
+    @cached_property
+    def guards(self) -> ca.Function:
+        """(x, u, m, p) -> (on guards, off guards), one each per mode."""
+        ns = self.namespaces
+        columns = [_column([ca.SX(getattr(mode, side)(*ns)) for mode in self.modes]) for side in ("on", "off")]
+        return ca.Function("slw_guards", list(self.symbols), [ca.densify(c) for c in columns])
+
+    def index(self, group: Literal["states", "inputs", "outputs", "parameters", "modes"], name: str) -> int:
+        """Position of `name` in a group."""
+        names = [v.name for v in getattr(self, group)]
+        if name not in names:
+            raise InputError(f"model {self.name}: no {group[:-1]} '{name}'; valid: {', '.join(names)}")
+        return names.index(name)
+
+    def start_parameters(self, overrides: Mapping[str, float] | None = None) -> ca.DM:
+        """Parameter vector of start values with `overrides` by name."""
+        values = {v.name: v.start for v in self.parameters}
+        for name, value in (overrides or {}).items():
+            self.index("parameters", name)
+            values[name] = value
+        return ca.DM(list(values.values()))
+
+    def _function(self, name: str, result: ca.SX) -> ca.Function:
+        return ca.Function(name, list(self.symbols), [ca.densify(result)], ["x", "u", "m", "p"], ["r"])
+
+    def _stack(self, values: Mapping[str, Any], group: Iterable[Variable], what: str) -> ca.SX:
+        names = [v.name for v in group]
+        wrong = set(names) ^ set(values)
+        if wrong:
+            raise InputError(f"model {self.name}: {what} returns the wrong names: {', '.join(sorted(wrong))}")
+        return _column([ca.SX(values[n]) for n in names])
+
+
+def from_signals(*names: str) -> tuple[Variable, ...]:
+    """Inputs or outputs as `specs/signals.toml` defines them."""
+    found = (signal_specs.signal(n) for n in names)
+    return tuple(
+        Variable(s.name, s.unit, s.description, s.start, s.min, s.max, s.nominal, s.vr) for s in found
+    )
+
+
+def from_parameters(*files: str) -> tuple[Variable, ...]:
+    """Parameters of one or more `specs/parameters/*.toml` files, in file order."""
+    found = parameter_specs.load(*files).values()
+    return tuple(
+        Variable(s.name, s.unit, s.description, s.value, s.min, s.max, s.nominal, s.vr) for s in found
+    )
+
+
+def _column(scalars: list[ca.SX]) -> ca.SX:
+    return ca.vertcat(*scalars) if scalars else ca.SX(0, 1)
+
+
+def _check_names(model: Model) -> None:
+    """Every name once; everything declared about an input, output or parameter names an existing one."""
+    groups = (model.states, model.inputs, model.outputs, model.parameters, model.modes)
+    names = [v.name for group in groups for v in group]
+    twice = sorted({n for n in names if names.count(n) > 1})
+    if twice:
+        raise InputError(f"model {model.name}: names used twice: {', '.join(twice)}")
+    for name in model.delays:
+        model.index("inputs", name)
+    for name in model.sensors:
+        model.index("outputs", name)
+    used = [*model.delays.values()]
+    used += [n for s in model.sensors.values() for n in (s.delay, s.bias, s.noise, s.quantum) if n]
+    used += [n for mode in model.modes for n in (mode.on_delay, mode.off_delay) if n]
+    for name in used:
+        model.index("parameters", name)

@@ -1,0 +1,22 @@
+"""The project's two kinds of failure that a user sees; the command line turns them into exit codes."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class InputError(Exception):
+    """Wrong input: said in one or two lines that name the offender and the valid choices (exit code 2)."""
+
+
+class RunError(Exception):
+    """A failure during a run; what was recorded so far is kept and marked incomplete (exit code 3)."""
+
+
+def nearest(name: str, choices: Iterable[str], count: int = 3) -> str:
+    """Return a phrase with the valid choices nearest to `name`, for error messages."""
+    options = sorted(choices)
+    close = difflib.get_close_matches(name, options, n=count, cutoff=0.5)
+    if close:
+        return "did you mean " + " or ".join(close) + "?"
+    shown = ", ".join(options[:12])
+    return f"valid: {shown}" + (f" … ({len(options)} in all)" if len(options) > 12 else "")
