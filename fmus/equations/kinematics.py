@@ -1,8 +1,9 @@
 """Kinematics and slew inertia of the machine, in one place, for symbols, numbers and arrays alike.
 
 Frame of the machine base: x forward at q_slew = 0, y left, z up from the ground, origin on the slew axis.
-`q_boom` is measured from the horizontal, `q_stick` from the boom's direction (negative = folded down), so that
-the stick stands q_boom + q_stick above the horizontal.  The grab point hangs `tool_length` below the arm tip.
+`q_boom` is measured from the horizontal, `q_stick` from the boom's direction (negative = folded down), so
+that the stick stands q_boom + q_stick above the horizontal.  The grab point hangs `tool_length` below the arm
+tip.
 
     radius = x_f + L_b cos(q_boom) + L_s cos(q_boom + q_stick)
     height = z_f + L_b sin(q_boom) + L_s sin(q_boom + q_stick)
@@ -58,8 +59,8 @@ def grab_point(q_slew: Value, radius: Value, height: Value, p: Value) -> tuple[V
 def inverse(x: Value, y: Value, z: Value, p: Value) -> tuple[Value, Value, Value]:
     """(q_slew, q_boom, q_stick) that hang the grab point at (x, y, z): q_slew in -pi..pi, elbow up.
 
-    Closed form with atan2.  Outside the arm's reach the elbow is taken straight (or fully folded), so that the
-    arm points at the target; joint limits are not looked at: see `reachable`.
+    Closed form with atan2.  Outside the arm's reach the elbow is taken straight (or fully folded), so that
+    the arm points at the target; joint limits are not looked at: see `reachable`.
     """
     m = _math(x, y, z, p.boom_length)
     dx = m.sqrt(x * x + y * y) - p.boom_foot_x
@@ -77,7 +78,7 @@ def inertia_z(q_boom: Value, q_stick: Value, load: Value, p: Value) -> Value:
 
     Carriage and cabin as boxes, boom and stick as slender rods, tool and load as a point mass at the arm tip.
     A rod's kinetic energy 1/2 m v^2 + 1/2 (m L^2 / 12) (|w|^2 - (w d)^2), with w along z, gives
-    m r_com^2 + m L^2 / 12 cos^2(elevation).  The paper: "nominal link weights, [...] the tool as a point mass".
+    m r_com^2 + m L^2 / 12 cos^2(elevation).  As in the paper: nominal link weights, the tool a point mass.
     """
     m = _math(q_boom, q_stick, load, p.boom_mass)
     boom, stick = p.boom_length * m.cos(q_boom), p.stick_length * m.cos(q_boom + q_stick)
@@ -109,29 +110,30 @@ def inertia_rate(
 
 
 def reachable(x: float, y: float, z: float, p: Value = None, margin: float = 0.0) -> str | None:
-    """None when the grab point can hang at rest at (x, y, z), m, else the reason: a phrase for an error message.
+    """None when the grab point can hang at rest at (x, y, z), m, else the reason, for an error message.
 
-    Joint angles must stay `margin` (rad) inside the mechanical limits, the grab point outside the keep-out zone.
+    Joint angles must stay `margin` rad inside the mechanical limits, the grab point outside the keep-out.
     """
     p = geometry() if p is None else p
-    radius = float(np.hypot(x, y))
+    reason = _outside(float(np.hypot(x, y)), z, p, margin)
+    return None if reason is None else f"target out of reach: {reason}"
+
+
+def _outside(radius: float, z: float, p: Value, margin: float) -> str | None:
+    """Why the grab point cannot hang at `radius`, `z`, or None."""
     if z < p.keepout_height:
-        return f"target out of reach: height {z:.2f} m is below the keep-out height {p.keepout_height:g} m"
+        return f"height {z:.2f} m is below the keep-out height {p.keepout_height:g} m"
     if radius < p.keepout_radius:
-        return (
-            f"target out of reach: radius {radius:.2f} m is inside the keep-out radius {p.keepout_radius:g} m"
-        )
-    _, q_boom, q_stick = inverse(x, y, z, p)
+        return f"radius {radius:.2f} m is inside the keep-out radius {p.keepout_radius:g} m"
+    _, q_boom, q_stick = inverse(radius, 0.0, z, p)
     tip, height = arm_tip(q_boom, q_stick, p)
+    where = f"radius {radius:.2f} m, height {z:.2f} m"
     if np.hypot(tip - radius, height - p.tool_length - z) > 1e-6:
-        return f"target out of reach: radius {radius:.2f} m, height {z:.2f} m is beyond the arm"
-    for joint, q, low, high in (
-        ("boom", q_boom, p.boom_min, p.boom_max),
-        ("stick", q_stick, p.stick_min, p.stick_max),
-    ):
+        return f"{where} is beyond the arm"
+    joints = (("boom", q_boom, p.boom_min, p.boom_max), ("stick", q_stick, p.stick_min, p.stick_max))
+    for joint, q, low, high in joints:
         if not low + margin <= q <= high - margin:
-            limits = f"{low + margin:.2f} … {high - margin:.2f} rad"
-            return f"target out of reach: radius {radius:.2f} m, height {z:.2f} m needs {joint} {q:.2f} rad ({limits})"
+            return f"{where} needs {joint} {q:.2f} rad (limits {low + margin:.2f} … {high - margin:.2f})"
     return None
 
 
