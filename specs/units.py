@@ -1,6 +1,9 @@
 """Units of the project: SI base-unit exponents, factor and offset to SI (as FMI and SSP write them)."""
 
+import math
 from dataclasses import dataclass, field
+
+from specs.errors import InputError, nearest
 
 
 @dataclass(frozen=True)
@@ -10,3 +13,97 @@ class Unit:
     exponents: dict[str, int] = field(default_factory=dict)
     factor: float = 1.0
     offset: float = 0.0
+
+
+def _unit(factor: float = 1.0, offset: float = 0.0, **exponents: int) -> Unit:
+    return Unit(exponents, factor, offset)
+
+
+DEGREE = math.pi / 180
+
+# A torque carries no radian here (N.m, not N.m/rad), but a displacement per angle does (m3/rad):
+# the same bookkeeping as in the parameter files, and strict enough to catch a swapped connection.
+UNITS: dict[str, Unit] = {
+    "1": _unit(),
+    "%": _unit(0.01),
+    "rad": _unit(rad=1),
+    "rad/s": _unit(rad=1, s=-1),
+    "rad/s2": _unit(rad=1, s=-2),
+    "deg": _unit(DEGREE, rad=1),
+    "deg/s": _unit(DEGREE, rad=1, s=-1),
+    "deg/s2": _unit(DEGREE, rad=1, s=-2),
+    "m": _unit(m=1),
+    "mm": _unit(1e-3, m=1),
+    "m/s": _unit(m=1, s=-1),
+    "m/s2": _unit(m=1, s=-2),
+    "m2": _unit(m=2),
+    "m3": _unit(m=3),
+    "L": _unit(1e-3, m=3),
+    "m3/s": _unit(m=3, s=-1),
+    "L/min": _unit(1e-3 / 60, m=3, s=-1),
+    "m3/rad": _unit(m=3, rad=-1),
+    "m3/(s.Pa)": _unit(m=4, s=1, kg=-1),
+    "m3/(s.Pa0.5)": _unit(m=3, s=-1),  # Pa^0.5 has no integer exponents: only the name tells it apart
+    "kg": _unit(kg=1),
+    "t": _unit(1000.0, kg=1),
+    "kg.m": _unit(kg=1, m=1),
+    "kg.m2": _unit(kg=1, m=2),
+    "kg.m2/s": _unit(kg=1, m=2, s=-1),
+    "kg/m3": _unit(kg=1, m=-3),
+    "N": _unit(kg=1, m=1, s=-2),
+    "N.s/m": _unit(kg=1, s=-1),
+    "N/m": _unit(kg=1, s=-2),
+    "N.m": _unit(kg=1, m=2, s=-2),
+    "N.m/rad": _unit(kg=1, m=2, s=-2, rad=-1),
+    "N.m.s": _unit(kg=1, m=2, s=-1),
+    "N.m.s/rad": _unit(kg=1, m=2, s=-1, rad=-1),
+    "N.m/Pa": _unit(m=3),
+    "Pa": _unit(kg=1, m=-1, s=-2),
+    "Pa/s": _unit(kg=1, m=-1, s=-3),
+    "1/Pa": _unit(kg=-1, m=1, s=2),
+    "bar": _unit(1e5, kg=1, m=-1, s=-2),
+    "s": _unit(s=1),
+    "ms": _unit(1e-3, s=1),
+    "1/s": _unit(s=-1),
+    "1/s2": _unit(s=-2),
+    "1/rad": _unit(rad=-1),
+    "s/rad": _unit(s=1, rad=-1),
+    "s2/rad": _unit(s=2, rad=-1),
+    "1/m": _unit(m=-1),
+    "s/m": _unit(s=1, m=-1),
+    "Hz": _unit(s=-1),
+    "W": _unit(kg=1, m=2, s=-3),
+    "kW": _unit(1000.0, kg=1, m=2, s=-3),
+    "J": _unit(kg=1, m=2, s=-2),
+    "K": _unit(K=1),
+    "degC": _unit(1.0, 273.15, K=1),
+    "V": _unit(kg=1, m=2, s=-3, A=-1),
+}
+
+
+def unit(name: str) -> Unit:
+    """Return the unit `name`; raises InputError with the nearest names."""
+    if name not in UNITS:
+        raise InputError(f"unknown unit '{name}'; {nearest(name, UNITS)}")
+    return UNITS[name]
+
+
+def to_si(value: float, unit_name: str) -> float:
+    """Convert `value` in `unit_name` to SI."""
+    u = unit(unit_name)
+    return u.factor * value + u.offset
+
+
+def from_si(value: float, unit_name: str) -> float:
+    """Convert `value` in SI to `unit_name`."""
+    u = unit(unit_name)
+    return (value - u.offset) / u.factor
+
+
+def compatible(a: str, b: str) -> bool:
+    """True if both units measure the same quantity (equal exponents), whatever their factors."""
+    return _exponents(a) == _exponents(b)
+
+
+def _exponents(name: str) -> dict[str, int]:
+    return {base: n for base, n in unit(name).exponents.items() if n}

@@ -1,0 +1,57 @@
+"""Reading the specs' TOML files: every mistake becomes one InputError that names file and key."""
+
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from specs.errors import InputError
+
+ROOT = Path(__file__).parent
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+T = TypeVar("T")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Parse a TOML file; raises InputError naming the file if it is missing or malformed."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{shown(path)}: cannot be read ({error.strerror})") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{shown(path)}: not valid TOML: {error}") from error
+
+
+def validate(kind: type[T], data: Any, where: str) -> T:
+    """Build the frozen dataclass `kind` from plain data; `where` ("file: key") starts every message."""
+    try:
+        return _adapter(kind).validate_python(data)
+    except ValidationError as error:
+        raise InputError(_sentence(error, where)) from error
+
+
+def shown(path: Path) -> str:
+    """The path as a reader of the repository writes it: from specs/ on, else as it is."""
+    return f"specs/{path.relative_to(ROOT).as_posix()}" if path.is_relative_to(ROOT) else str(path)
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def _sentence(error: ValidationError, where: str) -> str:
+    """The first two faults in one line: what was expected, where, and what stood there."""
+    faults = []
+    for fault in error.errors(include_url=False)[:2]:
+        key = ".".join(str(part) for part in fault["loc"])
+        if fault["type"] == "missing":
+            faults.append(f"missing {key}")
+        elif fault["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
+            faults.append(f"unknown key {key}")
+        else:
+            faults.append(f"{key}: {fault['msg']} (is {fault['input']!r})" if key else str(fault["msg"]))
+    return f"{where}: " + "; ".join(faults)
