@@ -1,0 +1,1 @@
+"""The `slewright` command, and what joins rooms that may not know each other."""

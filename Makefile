@@ -1,0 +1,80 @@
+# make verify   builds the FMUs, runs the verification scenarios, writes out/verify/report.html
+# make test     the tests, two processes
+# make check    format, lint, types, import layers, generated files up to date
+# make soak     the long tests (not part of the others)
+# make generated  regenerates the files under specs/generated from the specs
+# make lock     resolves the dependencies anew
+#
+# All of them set up .venv themselves; PYTHON=... names another Python (3.11 or newer).
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help verify test check soak generated lock clean
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input
+ARGS ?=
+
+# Two processes share the work; a numeric library's own threads would only get in their way.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+help:
+	@sed -n 's/^# make /make /p' Makefile
+
+verify: $(VENV)/.verify-ready
+	$(BIN)/slewright verify $(ARGS)
+
+test: $(VENV)/.test-ready
+	$(BIN)/python -m pytest -n 2 --dist loadfile --session-timeout 720 $(ARGS)
+
+soak: $(VENV)/.test-ready
+	$(BIN)/python -m pytest -m soak --timeout 0 $(ARGS)
+
+check: $(VENV)/.test-ready
+	@start=$$(date +%s); \
+	$(BIN)/ruff format --check --quiet . || { echo "format: run $(BIN)/ruff format ."; exit 1; }; \
+	$(BIN)/ruff check .; \
+	$(BIN)/pyright; \
+	$(BIN)/lint-imports; \
+	$(BIN)/slewright generate --check; \
+	echo "check: passed in $$(( $$(date +%s) - start )) s"
+
+generated: $(VENV)/.verify-ready
+	$(BIN)/slewright generate
+
+# --- set-up: hashed dependencies first, then the project itself without looking at an index ------------
+
+$(VENV)/.made: requirements/make-venv
+	if ! $(BIN)/python -m pip --version >/dev/null 2>&1; then requirements/make-venv $(VENV); fi
+	touch $@
+
+$(VENV)/.verify-locked: requirements/verify.lock | $(VENV)/.made
+	$(PIP) install --quiet --require-hashes -r $<
+	touch $@
+
+# The test lock holds everything of the verify lock in the same versions.
+$(VENV)/.test-locked: requirements/test.lock | $(VENV)/.made
+	$(PIP) install --quiet --require-hashes -r $<
+	touch $(VENV)/.verify-locked $@
+
+$(VENV)/.verify-ready: $(VENV)/.verify-locked pyproject.toml
+	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+$(VENV)/.test-ready: $(VENV)/.test-locked pyproject.toml
+	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	touch $(VENV)/.verify-ready $@
+
+# One resolution for Python 3.11 and newer on every platform; hashes, but no index address.
+LOCK := $(BIN)/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 --generate-hashes \
+	--no-emit-index-url --no-emit-find-links --annotation-style line --custom-compile-command "make lock"
+
+lock: $(VENV)/.test-ready
+	$(LOCK) --all-extras $(ARGS) --output-file requirements/test.lock
+	$(LOCK) --extra verify --extra build --constraint requirements/test.lock --output-file requirements/verify.lock
+
+clean:
+	rm -rf build out dist $(VENV)

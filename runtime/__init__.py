@@ -1,0 +1,1 @@
+"""The PLC-style cyclic runtime: runs controllers as compiled bundles, without casadi and without models."""

@@ -1,0 +1,64 @@
+"""Entry point: runs the command line and turns failures into exit codes and one or two plain lines.
+
+0 done and accepted; 1 done, limits not met; 2 wrong input; 3 failed during a run; 130 interrupted.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+
+import typer
+
+from slewright.app import ROOMS, TRACEBACK, app
+from specs.errors import InputError, RunError
+
+WRONG_INPUT, FAILED, INTERRUPTED = 2, 3, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run `slewright` with `arguments` (default: the process's) and exit with its code."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run `slewright` and return its exit code; --traceback lets the exception through instead."""
+    try:
+        code = app(arguments, prog_name="slewright", standalone_mode=False)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except typer.Abort:
+        code = INTERRUPTED
+    except Exception as error:  # the outermost frame: nothing above could report it
+        if os.environ.get(TRACEBACK):
+            raise
+        code, message = _verdict(error)
+        print(f"slewright: {message}", file=sys.stderr)
+    if code == INTERRUPTED:
+        print("slewright: interrupted", file=sys.stderr)
+    return code if isinstance(code, int) else 0
+
+
+def _verdict(error: Exception) -> tuple[int, str]:
+    """Exit code and message of a failure."""
+    if isinstance(error, InputError):
+        return WRONG_INPUT, str(error)
+    if isinstance(error, typer.TyperException):
+        return WRONG_INPUT, " ".join(error.format_message().split()) + " (see slewright --help)"
+    if isinstance(error, RunError):
+        return FAILED, str(error)
+    if isinstance(error, ModuleNotFoundError) and error.name:
+        return WRONG_INPUT, _missing(error.name)
+    if isinstance(error, OSError):
+        return FAILED, str(error)
+    return FAILED, f"internal error: {type(error).__name__}: {error}\n(slewright --traceback … shows where)"
+
+
+def _missing(module: str) -> str:
+    """What to say when `module` is not there: part of this project, or of an extra that is not installed."""
+    if module.partition(".")[0] in ROOMS:
+        return f"this command needs {module}, which this version does not have"
+    return f"this command needs the Python package {module}; install it with: pip install 'slewright[verify]'"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""The command line's table of contents: each command is a small file in `slewright/commands`.
+
+Command files import only typer at the top and what they run inside the function, so that `--help` is
+instant and a command works without the packages that only another one needs.
+"""
+
+import os
+from typing import Annotated
+
+import typer
+
+from slewright.commands import build, calibrate, dossier, fit, generate, simulate, tune, verify
+
+ROOMS = ("specs", "records", "fmus", "orchestrator", "runtime", "baselines", "slewright")
+TRACEBACK = "SLEWRIGHT_TRACEBACK"
+
+app = typer.Typer(
+    name="slewright",
+    help="Co-simulate, control and verify a hydraulic material handler with a free-swinging tool.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from slewright.figures import versions
+
+        typer.echo(f"slewright {versions()['slewright']}")
+        raise typer.Exit
+
+
+def _keep_traceback(wanted: bool) -> None:
+    if wanted:
+        os.environ[TRACEBACK] = "1"
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and stop."),
+    ] = False,
+    traceback: Annotated[
+        bool,
+        typer.Option("--traceback", callback=_keep_traceback, help="For developers: show where it failed."),
+    ] = False,
+) -> None:
+    """Options of every command."""
+
+
+app.command()(verify.verify)
+app.command()(simulate.simulate)
+app.command()(build.build)
+app.command()(generate.generate)
+app.command()(dossier.dossier)
+app.add_typer(fit.app, name="fit")
+app.add_typer(tune.app, name="tune")
+app.add_typer(calibrate.app, name="calibrate")

@@ -1,0 +1,23 @@
+"""`slewright generate`: the files made from the specs (DBC, Modbus map, system descriptions …)."""
+
+from typing import Annotated
+
+import typer
+
+
+def generate(
+    check: Annotated[
+        bool, typer.Option("--check", help="Change nothing; exit 1 when a file is out of date.")
+    ] = False,
+) -> None:
+    """Regenerate the files made from the specs, or check that they are up to date."""
+    from specs.generate import main
+
+    stale = main(check=check)
+    for path in stale:
+        typer.echo(f"{'out of date' if check else 'written'}: {path}")
+    if check and stale:
+        typer.echo("run: make generated")
+        raise typer.Exit(1)
+    if not stale:
+        typer.echo("generated files are up to date")

@@ -1,0 +1,153 @@
+"""Exit codes and messages of the command line."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from slewright import __main__ as entry
+from slewright.app import ROOMS, app
+from specs.errors import InputError, RunError
+from tests.conftest import ROOT, Command
+
+COMMANDS = ("verify", "simulate", "build", "generate", "dossier", "fit", "tune", "calibrate")
+
+
+@pytest.fixture
+def generator(monkeypatch: pytest.MonkeyPatch):
+    """Put a stand-in behind `slewright generate`."""
+
+    def arrange(main: Callable[[bool], list[Path]]) -> None:
+        stand_in = ModuleType("specs.generate")
+        stand_in.main = main  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, "specs.generate", stand_in)
+
+    return arrange
+
+
+@pytest.fixture
+def failing(generator):
+    """Make `slewright generate` end in a given exception."""
+
+    def arrange(error: BaseException) -> None:
+        def main(check: bool) -> list[Path]:
+            raise error
+
+        generator(main)
+
+    return arrange
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (InputError("signal 'u_slow': did you mean u_slew?"), 2, "signal 'u_slow': did you mean u_slew?"),
+        (RunError("FMU 'machine' failed at 3.2 s"), 3, "FMU 'machine' failed at 3.2 s"),
+        (OSError(28, "No space left on device"), 3, "No space left on device"),
+        (ZeroDivisionError("division by zero"), 3, "internal error: ZeroDivisionError"),
+        (ModuleNotFoundError("no", name="casadi"), 2, "pip install 'slewright[verify]'"),
+        (ModuleNotFoundError("no", name="baselines.gone"), 2, "needs baselines.gone"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_a_failure_becomes_its_exit_code_and_at_most_two_lines(failing, capsys, error, code, said):
+    failing(error)
+    assert entry.run(["generate", "--check"]) == code
+    printed = capsys.readouterr()
+    assert said in printed.err
+    assert "Traceback" not in printed.err
+    assert len(printed.err.strip().splitlines()) <= 2
+
+
+def test_traceback_lets_the_error_through(failing, monkeypatch):
+    monkeypatch.delenv("SLEWRIGHT_TRACEBACK", raising=False)
+    failing(InputError("wrong"))
+    with pytest.raises(InputError, match="wrong"):
+        entry.run(["--traceback", "generate"])
+    os.environ.pop("SLEWRIGHT_TRACEBACK", None)
+
+
+def test_stale_files_are_not_accepted(generator, capsys):
+    generator(lambda check: [Path("specs/generated/machine.dbc")] if check else [])
+    assert entry.run(["generate", "--check"]) == 1
+    assert "out of date: specs/generated/machine.dbc" in capsys.readouterr().out
+    assert entry.run(["generate"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["verfy"], "verify"),
+        (["verify", "--sytem", "nominal"], "--system"),
+        (["verify", "--system", "real"], "'nominal', 'reference', 'both'"),
+        (["verify", "--seed", "x"], "--seed"),
+        (["simulate", "plant.ssp"], "--out"),
+        (["generate", "extra"], "extra"),
+    ],
+)
+def test_wrong_usage_names_the_offender_in_one_line(capsys, arguments, said):
+    assert entry.run(arguments) == 2
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert len(printed.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("target", ["missing/figures.json", "."])
+def test_figures_that_could_not_be_written_are_refused_first(capsys, monkeypatch, tmp_path, target):
+    monkeypatch.chdir(tmp_path)
+    assert entry.run(["build", "--json", target]) == 2
+    assert target.split("/")[0] in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_lists_every_command(slewright: Command):
+    shown = slewright("--help")
+    assert shown.returncode == 0
+    assert [name for name in COMMANDS if name not in shown.stdout] == []
+    assert {*COMMANDS} == {c.callback.__name__ for c in app.registered_commands if c.callback} | {
+        group.name for group in app.registered_groups
+    }
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(command, capsys):
+    assert entry.run([command, "--help"]) == 0
+    assert "Usage: slewright " + command in capsys.readouterr().out
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys; from slewright.__main__ import run; run(['verify', '--help']); "
+        "print(sorted({'casadi', 'numpy', 'fmpy', 'pyarrow', 'plotly', 'scipy'} & set(sys.modules)))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert ended.stdout.strip().splitlines()[-1] == "[]"
+
+
+def test_every_room_is_installed():
+    missing = [room for room in ROOMS if not (ROOT / room / "__init__.py").is_file()]
+    assert missing == []
+
+
+def test_an_interrupt_from_the_keyboard_ends_with_130(tmp_path):
+    started = tmp_path / "started"
+    code = (
+        "import pathlib, sys, time, types\n"
+        f"def main(check):\n    pathlib.Path({str(started)!r}).touch(); time.sleep(60)\n"
+        "sys.modules['specs.generate'] = types.SimpleNamespace(main=main)\n"
+        "from slewright.__main__ import main as run\n"
+        "run(['generate'])\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    while not started.exists() and process.poll() is None:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, printed = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert printed.strip() == "slewright: interrupted"
