@@ -14,64 +14,12 @@ from typing import Any, ClassVar, Literal
 from specs.errors import InputError, nearest
 from specs.schema import ROOT, STRICT, read_toml, shown, validate
 from specs.units import unit as find_unit
+from specs.wire import Bus, CanPlace, Message, ModbusMap, ModbusPlace, check_frames, check_registers
 
 PATH = ROOT / "signals.toml"
 Kind = Literal["command", "target", "sensor", "status", "estimate", "internal", "true", "disturbance"]
 WIRED: tuple[Kind, ...] = ("command", "target", "sensor", "status")
 FIRST_VR, LAST_VR = 1, 999  # parameters have 1000–2999
-REGISTERS = {"float32": 2, "uint16": 1, "int16": 1, "uint32": 2}
-
-
-@dataclass(frozen=True, kw_only=True)
-class CanPlace:
-    """Where a signal lies in its frame: value in SI = scale * raw + offset; `start` as a DBC counts bits."""
-
-    __pydantic_config__: ClassVar[Any] = STRICT
-
-    message: str
-    start: int
-    length: int
-    byte_order: Literal["little_endian", "big_endian"] = "little_endian"
-    signed: bool = False
-    scale: float = 1.0
-    offset: float = 0.0
-
-    @property
-    def raw_limits(self) -> tuple[int, int]:
-        """Smallest and largest raw number that is a value.
-
-        As in J1939, the top of an unsigned field is reserved: 8 bits 0–250, 16 bits 0–0xFAFF and
-        32 bits 0–0xFAFFFFFF are values, 0xFE… is error and 0xFF… not available; 2 bits: 0 off, 1 on.
-        """
-        if self.signed:
-            return -(1 << (self.length - 1)), (1 << (self.length - 1)) - 1
-        if self.length in (8, 16, 32):
-            return 0, 250 if self.length == 8 else (0xFB << (self.length - 8)) - 1
-        return 0, (1 << self.length) - 3 if self.length > 1 else 1
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Smallest and largest value in SI that the field can carry."""
-        low, high = (raw * self.scale + self.offset for raw in self.raw_limits)
-        return low, high
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModbusPlace:
-    """Where a signal lies in the register map: value in SI = scale * register value."""
-
-    __pydantic_config__: ClassVar[Any] = STRICT
-
-    table: Literal["input", "holding"]
-    address: int  # of the first register, from 0
-    type: Literal["float32", "uint16", "int16", "uint32"]
-    word_order: Literal["high_first", "low_first"] = "high_first"
-    scale: float = 1.0
-
-    @property
-    def count(self) -> int:
-        """Number of 16-bit registers."""
-        return REGISTERS[self.type]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +50,9 @@ class Signal:
 
     def causality(self, side: Literal["machine", "controller"]) -> Literal["input", "output"] | None:
         """FMI causality in an FMU of the machine or of a controller; None if it does not occur there."""
+        if self.can and self.kind == "status":  # both sides report: its message tells whose it is
+            sender = definition().bus.messages[self.can.message].sender
+            return "output" if (sender == "Controller") == (side == "controller") else "input"
         return KINDS[self.kind][side == "controller"]
 
 
@@ -116,64 +67,6 @@ KINDS: dict[str, tuple[Literal["input", "output"] | None, Literal["input", "outp
     "true": ("output", None),
     "disturbance": ("input", None),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Message:
-    """One CAN message: J1939 parameter group, priority and source address make its 29-bit identifier."""
-
-    __pydantic_config__: ClassVar[Any] = STRICT
-
-    name: str
-    description: str
-    pgn: int
-    priority: int
-    sender: str
-    source: int  # address of the sender
-    receivers: tuple[str, ...]
-    cycle_ms: int
-    length: int = 8
-
-    @property
-    def frame_id(self) -> int:
-        """The 29-bit identifier: priority, parameter group number, source address."""
-        return self.priority << 26 | self.pgn << 8 | self.source
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bus:
-    """The CAN bus: bit rate [bit/s], nodes with their J1939 addresses, messages by name."""
-
-    bit_rate: int
-    nodes: Mapping[str, int]
-    messages: Mapping[str, Message]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModbusTable:
-    """One register table: it starts with magic (2 registers), model id, map version and body length."""
-
-    __pydantic_config__: ClassVar[Any] = STRICT
-
-    model_id: int
-    length: int  # registers after the header
-    description: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModbusMap:
-    """The register map: `magic` and `version` of its headers, and its two tables by name."""
-
-    __pydantic_config__: ClassVar[Any] = STRICT
-
-    magic: str
-    version: int
-    unit_id: int
-    word_order: Literal["high_first", "low_first"]
-    tables: Mapping[Literal["input", "holding"], ModbusTable]
-
-
-MODBUS_HEADER = 5  # registers: magic 2, model id, version, length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,6 +111,8 @@ def definition(path: Path = PATH) -> Definition:
     _check_references(found, retired, where)
     for s in found:
         _check_signal(s, bus, f"{where}: signal.{s.name}")
+    check_frames([(s.name, s.can) for s in found if s.can], bus, where)
+    check_registers([(s.name, s.modbus) for s in found if s.modbus], modbus, where)
     return Definition(signals={s.name: s for s in found}, retired=retired, bus=bus, modbus=modbus)
 
 
@@ -235,7 +130,8 @@ def _bus(data: Mapping[str, Any], where: str) -> Bus:
     ids = [m.frame_id for m in messages.values()]
     if len(set(ids)) < len(ids):
         raise InputError(f"{where}: can.message: an identifier is used twice")
-    return Bus(bit_rate=int(data.get("bit_rate", 0)), nodes=nodes, messages=messages)
+    plain = {key: value for key, value in data.items() if key != "message"}
+    return validate(Bus, {**plain, "messages": messages}, f"{where}: can")
 
 
 def _signal(name: str, entry: Any, modbus: ModbusMap, where: str) -> Signal:

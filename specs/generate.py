@@ -1,0 +1,46 @@
+"""`slewright generate`: writes `specs/generated` from the specs, or tells which files are out of date."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from specs import dbc, tables
+from specs.schema import ROOT
+
+FOLDER = ROOT / "generated"
+
+# Path below specs/generated -> function that renders the file; deterministic to the byte.
+GENERATORS: dict[str, Callable[[], str | bytes]] = {
+    "slewright.dbc": dbc.render,
+    "modbus_map.csv": tables.modbus_csv,
+    "signals.md": tables.signals_markdown,
+    "fmi_variables.toml": tables.fmi_variables,
+}
+
+
+def generators() -> dict[str, Callable[[], str | bytes]]:
+    """All generators, those of the system descriptions included (they need lxml)."""
+    from specs import ssd
+
+    return {**GENERATORS, **ssd.generators()}
+
+
+def main(check: bool = False, folder: Path = FOLDER) -> list[Path]:
+    """Write every generated file that differs, and remove what nothing generates any more.
+
+    Returns the paths that were out of date; with `check` nothing is written.
+    """
+    wanted = {folder / name: _bytes(render()) for name, render in generators().items()}
+    present = {path for path in folder.rglob("*") if path.is_file()}
+    stale = [path for path, content in wanted.items() if path not in present or path.read_bytes() != content]
+    orphans = sorted(present - set(wanted))
+    if not check:
+        for path in stale:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(wanted[path])
+        for path in orphans:
+            path.unlink()
+    return stale + orphans
+
+
+def _bytes(content: str | bytes) -> bytes:
+    return content if isinstance(content, bytes) else content.encode("utf-8")
