@@ -1,12 +1,14 @@
 """A run record: columns over time, written to Parquet without ever losing what was already recorded.
 
-While a run goes on its rows go to `<path>.recording`, an Arrow IPC stream flushed batch by batch. Closing turns
-that into Parquet at `<path>` (written beside it, then renamed) and removes it. When the process dies or the disk
-is full, `read` recovers every whole batch of the `.recording` and says that the record is incomplete.
+While a run goes on its rows go to `<path>.recording`, an Arrow IPC stream flushed batch by batch. Closing
+turns that into Parquet at `<path>` (written beside it, then renamed) and removes it. When the process dies or
+the disk is full, `read` recovers every whole batch of the `.recording` and says that the record is
+incomplete.
 
 Same rows and metadata give the same bytes, however they were appended: nothing here knows the time of day.
 """
 
+import contextlib
 import errno
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -75,7 +77,7 @@ class Record:
         return str(self.meta.get("reason", ""))
 
     def column(self, name: str) -> np.ndarray:
-        """Return a column, shape (n,), in its unit; raise InputError when the record has none of that name."""
+        """Return a column, shape (n,), in its unit; raise InputError when there is none of that name."""
         if name not in self.table.column_names:
             raise InputError(f"the record has no column '{name}'; {nearest(name, self.names)}")
         return self.table.column(name).to_numpy()
@@ -100,7 +102,7 @@ def read(path: Path | str) -> Record:
     if not path.is_file():
         raise InputError(f"no run record at {path}")
     try:
-        table = pq.read_table(path, memory_map=False)
+        table = pq.read_table(path, page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path} is damaged or not a run record: {_first_line(error)}") from None
     return Record(table, decode_meta(table.schema, path))
@@ -187,7 +189,7 @@ class RecordWriter:
         except OSError as error:
             self._failed = _why(error)
             raise RunError(
-                f"recording stopped: {self._failed} ({recording_path(self.path)}); what was written stays readable"
+                f"recording stopped: {self._failed}; {recording_path(self.path)} stays readable"
             ) from error
 
     def close(self, complete: bool = True, reason: str = "") -> None:
@@ -208,15 +210,16 @@ class RecordWriter:
             self._file.close()
             self._convert({**self.meta, "complete": complete, "reason": reason})
         except OSError as error:
-            raise RunError(f"cannot finish {self.path}: {_why(error)}; the recording beside it is readable") from error
+            raise RunError(
+                f"cannot finish {self.path}: {_why(error)}; the recording beside it is readable"
+            ) from error
         finally:
             self._release()
 
     def _release(self) -> None:
-        try:
+        # A full disk refuses again here: that is already reported, and read() copes with a cut-off batch.
+        with contextlib.suppress(OSError):
             self._file.close()
-        except OSError:  # a full disk: already reported, and read() copes with a cut-off batch
-            pass
 
     def _convert(self, meta: Mapping[str, Any]) -> None:
         """Turn the recording into Parquet at `path`: beside it first, synced, then renamed."""
@@ -224,7 +227,7 @@ class RecordWriter:
         try:
             with pa.OSFile(str(recording)) as source:
                 _write_parquet(unfinished, make_schema(self._columns, meta), pa.ipc.open_stream(source))
-            os.replace(unfinished, self.path)
+            unfinished.replace(self.path)
         finally:
             unfinished.unlink(missing_ok=True)
         recording.unlink()
@@ -242,10 +245,15 @@ class RecordWriter:
 
 
 def _write_parquet(path: Path, schema: pa.Schema, batches: pa.RecordBatchReader) -> None:
-    with open(path, "wb") as file:
+    with path.open("wb") as file:
         # Byte-stream split halves smooth floating-point columns under zstd; a dictionary would not help them.
         with pq.ParquetWriter(
-            file, schema, compression="zstd", use_dictionary=False, use_byte_stream_split=True
+            file,
+            schema,
+            compression="zstd",
+            use_dictionary=False,
+            use_byte_stream_split=True,
+            write_page_checksum=True,
         ) as writer:
             group: list[pa.RecordBatch] = []
             for batch in batches:

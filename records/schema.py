@@ -52,7 +52,9 @@ def _of_signal(name: str) -> Column:
 def make_schema(columns: Sequence[Column], meta: Mapping[str, Any]) -> pa.Schema:
     """Return the Arrow schema (float64 columns) that carries units, descriptions and `meta`."""
     fields = [
-        pa.field(c.name, pa.float64(), False, {b"unit": c.unit.encode(), b"description": c.description.encode()})
+        pa.field(
+            c.name, pa.float64(), False, {b"unit": c.unit.encode(), b"description": c.description.encode()}
+        )
         for c in columns
     ]
     return pa.schema(fields, metadata={META_KEY: encode_meta(meta)})
@@ -61,7 +63,9 @@ def make_schema(columns: Sequence[Column], meta: Mapping[str, Any]) -> pa.Schema
 def encode_meta(meta: Mapping[str, Any]) -> bytes:
     """Return `meta` as JSON with sorted keys: the same content gives the same bytes."""
     whole = {**meta, "format": FORMAT}
-    return json.dumps(whole, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode()
+    return json.dumps(
+        whole, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False
+    ).encode()
 
 
 def decode_meta(schema: pa.Schema, path: object) -> dict[str, Any]:
