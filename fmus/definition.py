@@ -146,7 +146,9 @@ class Model:
     def guards(self) -> ca.Function:
         """(x, u, m, p) -> (on guards, off guards), one each per mode."""
         ns = self.namespaces
-        columns = [_column([ca.SX(getattr(mode, side)(*ns)) for mode in self.modes]) for side in ("on", "off")]
+        columns = [
+            _column([ca.SX(getattr(mode, side)(*ns)) for mode in self.modes]) for side in ("on", "off")
+        ]
         return ca.Function("slw_guards", list(self.symbols), [ca.densify(c) for c in columns])
 
     def index(self, group: Literal["states", "inputs", "outputs", "parameters", "modes"], name: str) -> int:

@@ -1,0 +1,200 @@
+"""Builds FMUs from model folders: generate C, compile for each target, pack; cached by content.
+
+build/fmus/fmi2/NAME.fmu and build/fmus/fmi3/NAME.fmu are the results.  Two keys spare work: a quick one
+over the sources (nothing at all to do) and the model's token over the generated code (compile nothing).
+"""
+
+import hashlib
+import html
+import json
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from fmus import codegen, compiler, description
+from fmus.definition import Model
+from fmus.loader import ROOT, load_model, model_folders
+from specs.errors import InputError
+
+BUILD = ROOT / "build"
+SHIM = ROOT / "fmus" / "shim"
+FMI_VERSIONS = (2, 3)
+SHIM_FILES = ("core.h", "core.c", "slw_math.h")
+HEADERS = {
+    2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+    3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+}
+EPOCH = (2020, 1, 1, 0, 0, 0)  # of every file in an archive: same content, same bytes
+
+
+def build_fmu(
+    folder: Path | str, fmi_version: int = 2, targets: Sequence[str] | None = None, out: Path | None = None
+) -> Path:
+    """Build the model in `folder` (a path or a project model's name) and return the path of its FMU.
+
+    `targets` are platform names of fmus.compiler.TARGETS (default: this machine); `out` is the directory
+    for the FMU.  Raises InputError for an unknown model, FMI version or target, RunError if C fails.
+    """
+    if fmi_version not in FMI_VERSIONS:
+        raise InputError(f"no FMI version '{fmi_version}'; valid: 2, 3")
+    names = [compiler.target(t).name for t in (targets or [compiler.host().name])]
+    known = model_folders()
+    path = known.get(str(folder), Path(folder))
+    result = (out or BUILD / "fmus" / f"fmi{fmi_version}") / f"{path.name}.fmu"
+    stamp = result.with_suffix(".json")
+    quick = _quick_key(path, names)
+    if _is_current(result, stamp, quick):
+        return result
+    model = load_model(path)
+    codegen.check_no_feedthrough(model)
+    archive = _archive(model, path, fmi_version, names)
+    _write(result, archive)
+    stamp.write_text(json.dumps({"quick": quick, "sha256": _sha256(result.read_bytes())}))
+    return result
+
+
+def build_all(
+    targets: Sequence[str] | None = None, progress: Callable[[str], None] | None = None
+) -> list[dict[str, object]]:
+    """Build every model of the project for both FMI versions.
+
+    Returns one entry an FMU: {"model", "fmi", "targets", "path", "sha256"}.
+    """
+    names = list(targets or [compiler.host().name])
+    results: list[dict[str, object]] = []
+    for name in model_folders():
+        for version in FMI_VERSIONS:
+            if progress:
+                progress(f"{name} (FMI {version})")
+            path = build_fmu(name, version, names)
+            digest = _sha256(path.read_bytes())
+            results.append(
+                {"model": name, "fmi": version, "targets": names, "path": str(path), "sha256": digest}
+            )
+    return results
+
+
+def generate_sources(model: Model, directory: Path) -> str:
+    """Write shim and generated C files of `model` into `directory`; return the model's token."""
+    code = codegen.model_c(model)
+    shim = "".join((SHIM / n).read_text() for n in (*SHIM_FILES, "fmi2.c", "fmi3.c"))
+    token = codegen.token(model, code, shim)
+    (directory / "fmi").mkdir(parents=True, exist_ok=True)
+    for name in (*SHIM_FILES, "fmi2.c", "fmi3.c"):
+        (directory / name).write_bytes((SHIM / name).read_bytes())
+    for name in (*HEADERS[2], *HEADERS[3]):
+        (directory / "fmi" / name).write_bytes((SHIM / "fmi" / name).read_bytes())
+    (directory / "model.c").write_text(code)
+    (directory / "model_config.h").write_text(codegen.model_config_h(model, token))
+    return token
+
+
+def compile_library(model: Model, sources: Path, fmi_version: int, target: str) -> bytes:
+    """The shared library of an FMU for one target; objects are cached by the model's token."""
+    config = (sources / "model_config.h").read_bytes()
+    key = _sha256(config + repr((fmi_version, compiler.identity(target), target, compiler.FLAGS)).encode())
+    cached = BUILD / "cache" / key[:2] / key
+    if not cached.is_file():
+        with tempfile.TemporaryDirectory() as scratch:
+            objects = [
+                compiler.compile_object(
+                    sources / name, Path(scratch) / (name + ".o"), target, generated=name == "model.c"
+                )
+                for name in (*description.SOURCES, f"fmi{fmi_version}.c")
+            ]
+            library = Path(scratch) / (model.name + compiler.target(target).suffix)
+            _write(cached, compiler.link_shared(objects, library, target).read_bytes())
+    return cached.read_bytes()
+
+
+def _archive(model: Model, folder: Path, fmi_version: int, targets: Iterable[str]) -> bytes:
+    with tempfile.TemporaryDirectory() as scratch:
+        sources = Path(scratch) / "sources"
+        token = generate_sources(model, sources)
+        files: dict[str, bytes] = {"modelDescription.xml": description.description(model, fmi_version, token)}
+        for name in targets:
+            library = compile_library(model, sources, fmi_version, name)
+            files[_binary_name(model, fmi_version, compiler.target(name))] = library
+        for name in (*SHIM_FILES, "model.c", "model_config.h", f"fmi{fmi_version}.c"):
+            files["sources/" + name] = (sources / name).read_bytes()
+        for name in HEADERS[fmi_version]:
+            files["sources/fmi/" + name] = (sources / "fmi" / name).read_bytes()
+    if fmi_version == 3:
+        files["sources/buildDescription.xml"] = description.build_description(model)
+    files["documentation/index.html"] = _documentation(model, folder)
+    files["documentation/licenses/license.txt"] = b"Apache License, Version 2.0 (SPDX: Apache-2.0)\n"
+    return pack(files)
+
+
+def pack(files: dict[str, bytes]) -> bytes:
+    """A zip archive with the same bytes for the same content."""
+    with tempfile.TemporaryFile() as stream:
+        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(files):
+                entry = zipfile.ZipInfo(name, EPOCH)
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                entry.external_attr = 0o644 << 16
+                archive.writestr(entry, files[name])
+        stream.seek(0)
+        return stream.read()
+
+
+def _binary_name(model: Model, fmi_version: int, target: compiler.Target) -> str:
+    folder = target.fmi2_folder if fmi_version == 2 else target.name
+    return f"binaries/{folder}/{model.name}{target.suffix}"
+
+
+def _documentation(model: Model, folder: Path) -> bytes:
+    readme = folder / "README.md"
+    text = readme.read_text() if readme.is_file() else model.description
+    title = html.escape(model.name)
+    style = "body{font:16px/1.5 sans-serif;max-width:50em;margin:2em auto;padding:0 1em}"
+    page = (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{style}</style>'
+    )
+    return (page + _markdown(text) + "</html>\n").encode()
+
+
+def _markdown(text: str) -> str:
+    from markdown_it import MarkdownIt
+
+    return MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+
+
+def _quick_key(folder: Path, targets: Sequence[str]) -> str:
+    """Hash of everything an FMU can depend on, without generating anything."""
+    sources = [p for room in ("fmus", "specs") for p in (ROOT / room).rglob("*") if _counts(p)]
+    sources += [p for p in folder.rglob("*") if _counts(p)]
+    digest = hashlib.sha256(repr((sorted(targets), [compiler.identity(t) for t in targets])).encode())
+    for path in sorted(set(sources)):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _counts(path: Path) -> bool:
+    skipped = {"__pycache__", "generated", "scenarios", "systems"}
+    return (
+        path.is_file()
+        and path.suffix in (".py", ".c", ".h", ".toml", ".md")
+        and not skipped & set(path.parts)
+    )
+
+
+def _is_current(result: Path, stamp: Path, quick: str) -> bool:
+    if not (result.is_file() and stamp.is_file()):
+        return False
+    known = json.loads(stamp.read_text())
+    return known.get("quick") == quick and known.get("sha256") == _sha256(result.read_bytes())
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write by rename, so that a reader never sees half a file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(content)
+    part.replace(path)
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

@@ -1,0 +1,137 @@
+"""C code of a model: the CasADi functions and the tables that the shim's core.h declares."""
+
+import math
+
+import casadi as ca
+
+from fmus.definition import Model, Sensor
+from fmus.variables import TIME_VR, Exposed, exposed, model_token
+from specs.errors import InputError
+
+CASADI_OPTIONS = {"with_header": False, "with_export": False, "casadi_int": "long long"}
+
+
+def model_c(model: Model) -> str:
+    """`model.c`: generated equations with our mathematics, then the tables."""
+    generator = ca.CodeGenerator("model.c", CASADI_OPTIONS)
+    for function in _functions(model):
+        generator.add(function)
+    code = generator.dump().replace("#include <math.h>", '#include "slw_math.h"')
+    return code + "\n" + _tables(model)
+
+
+def model_config_h(model: Model, token: str) -> str:
+    """`model_config.h`: the sizes of the model."""
+    seeded = any(s.noise for s in model.sensors.values())
+    sizes = {
+        "SLW_NX": len(model.states),
+        "SLW_NU": len(model.inputs),
+        "SLW_NY": len(model.outputs),
+        "SLW_NP": len(model.parameters),
+        "SLW_NM": len(model.modes),
+        "SLW_NV": len(exposed(model)) + 1,
+        "SLW_NDELAYS": len(model.delays),
+        "SLW_NSENSORS": len(model.sensors),
+        "SLW_LINE": whole(model.max_delay, model.step, "max_delay") + 1,
+        "SLW_ECHO": whole(model.max_delay, model.sample_time, "max_delay") + 1,
+        "SLW_TICKS_PER_SAMPLE": whole(model.sample_time, model.step, "sample_time"),
+        "SLW_CONTINUOUS": int(model.kind == "continuous"),
+        "SLW_SEED_START": int(seeded),
+        "SLW_SZ_W": max(f.sz_w() for f in _functions(model)),
+        "SLW_SZ_IW": max(f.sz_iw() for f in _functions(model)),
+    }
+    lines = [f"#define {name} {value}" for name, value in sizes.items()]
+    lines += [f"#define SLW_STEP {model.step!r}", f"#define SLW_SAMPLE_TIME {model.sample_time!r}"]
+    lines += [f'#define SLW_TOKEN "{token}"']
+    return "/* Sizes of model " + model.name + ", generated from its model.py. */\n" + "\n".join(lines) + "\n"
+
+
+def token(model: Model, code: str, shim: str) -> str:
+    """The model's token: from its code, its sizes and the shim."""
+    return model_token(code + model_config_h(model, "") + shim)
+
+
+def whole(duration: float, step: float, what: str) -> int:
+    """duration / step, which must be a whole number."""
+    count = round(duration / step)
+    if count < 1 or abs(count * step - duration) > 1e-9 * duration:
+        raise InputError(f"{what} of {duration} s is not a multiple of the step {step} s")
+    return count
+
+
+def check_no_feedthrough(model: Model) -> None:
+    """No output may depend on an input at the same instant, except held sensors of continuous models."""
+    x, u, m, p = model.symbols
+    pattern = ca.jacobian_sparsity(model.h(x, u, m, p), u) if model.inputs else None
+    if pattern is None:
+        return
+    for row, column in zip(pattern.row(), pattern.get_col(), strict=True):
+        output, source = model.outputs[row].name, model.inputs[column].name
+        if model.kind == "discrete" or output not in model.sensors:
+            raise InputError(f"model {model.name}: output {output} feeds input {source} straight through")
+
+
+def _functions(model: Model) -> list[ca.Function]:
+    base = [model.f, model.h, model.x0, model.guards, model.directional]
+    return base + ([model.jacobian] if model.kind == "continuous" else [])
+
+
+def _tables(model: Model) -> str:
+    inputs = [v.name for v in model.inputs]
+    parts = [
+        '#include "core.h"',
+        _array("SlwVariable", "slw_variables", [_variable(e) for e in _sorted(model)]),
+        _array("SlwSensor", "slw_sensors", [_sensor(model, n, s) for n, s in model.sensors.items()]),
+        _array("SlwModeTable", "slw_modes", [_mode(model, i) for i in range(len(model.modes))]),
+        _array("int", "slw_delay_input", [str(inputs.index(n)) for n in model.delays]),
+        _array("int", "slw_delay_parameter", [str(_parameter(model, n)) for n in model.delays.values()]),
+        _array("double", "slw_start_u", [_real(v.start) for v in model.inputs]),
+        _array("double", "slw_start_p", [_real(v.start) for v in model.parameters]),
+        _array("char *const", "slw_state_names", [f'"{v.name}"' for v in model.states]),
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _sorted(model: Model) -> list[tuple[int, str, int, float, float]]:
+    entries = [_entry(e) for e in exposed(model)] + [(TIME_VR, "TIME", 0, -math.inf, math.inf)]
+    numbers = [e[0] for e in entries]
+    twice = sorted({n for n in numbers if numbers.count(n) > 1})
+    if twice:
+        raise InputError(f"model {model.name}: value references used twice: {twice}")
+    return sorted(entries)
+
+
+def _entry(e: Exposed) -> tuple[int, str, int, float, float]:
+    low, high = e.variable.min, e.variable.max
+    return (e.vr, e.group, e.index, -math.inf if low is None else low, math.inf if high is None else high)
+
+
+def _variable(entry: tuple[int, str, int, float, float]) -> str:
+    vr, group, index, low, high = entry
+    return f"{{{vr}u, SLW_{group}, {index}, {_real(low)}, {_real(high)}}}"
+
+
+def _sensor(model: Model, output: str, sensor: Sensor) -> str:
+    numbers = [_parameter(model, n) for n in (sensor.delay, sensor.bias, sensor.noise, sensor.quantum)]
+    return f"{{{model.index('outputs', output)}, {', '.join(map(str, numbers))}}}"
+
+
+def _mode(model: Model, i: int) -> str:
+    mode = model.modes[i]
+    delays = (_parameter(model, mode.on_delay), _parameter(model, mode.off_delay))
+    return f"{{{delays[0]}, {delays[1]}, {_real(mode.start)}}}"
+
+
+def _parameter(model: Model, name: str | None) -> int:
+    return -1 if name is None else model.index("parameters", name)
+
+
+def _real(value: float) -> str:
+    if math.isinf(value):
+        return "1e300" if value > 0 else "-1e300"  # wide enough, and no header needed
+    return repr(float(value))
+
+
+def _array(kind: str, name: str, items: list[str]) -> str:
+    body = ", ".join(items) if items else "0" if kind in ("int", "double", "char *const") else "{0}"
+    return f"const {kind} {name}[] = {{{body}}};"

@@ -1,0 +1,42 @@
+"""Finds model folders and loads their `model.py`."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+from fmus.definition import Model
+from specs.errors import InputError, nearest
+
+ROOT = Path(__file__).resolve().parent.parent
+ROOMS = ("fmus", "baselines")  # the rooms that hold model folders
+
+
+def model_folders() -> dict[str, Path]:
+    """Every model folder of the project by name."""
+    found = (path.parent for room in ROOMS for path in sorted((ROOT / room).glob("*/model.py")))
+    return {folder.name: folder for folder in found}
+
+
+def load_model(folder: Path | str) -> Model:
+    """Return MODEL of `folder`/model.py; `folder` may be a path or the name of a model of the project.
+
+    Raises InputError if there is no such folder or its model.py defines no MODEL.
+    """
+    path = Path(folder)
+    if not (path / "model.py").is_file():
+        known = model_folders()
+        if str(folder) not in known:
+            raise InputError(
+                f"no model '{folder}': not a folder with a model.py; {nearest(str(folder), known)}"
+            )
+        path = known[str(folder)]
+    module_name = "slewright_model_" + path.name
+    spec = importlib.util.spec_from_file_location(module_name, path / "model.py")
+    assert spec is not None and spec.loader is not None  # a .py file always has a loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module_name] = module
+    spec.loader.exec_module(module)
+    model = getattr(module, "MODEL", None)
+    if not isinstance(model, Model):
+        raise InputError(f"{path / 'model.py'}: defines no MODEL (an instance of fmus.definition.Model)")
+    return model
