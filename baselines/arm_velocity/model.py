@@ -6,8 +6,8 @@ For boom and stick each:
     model  = ref through two first-order lags (T/2 each): what the late measurement should read by now
     u      = clip(table(ref) + K e + I, +-1),   e = model - qd,   I += dt K r e, clamped, leaking at rest
 
-The measured velocity is some 0.2 s late.  Comparing it with the reference itself would wind up the integral in
-every transient; it is compared with the lagged reference, so the PI corrects what the table gets wrong and
+The measured velocity is some 0.2 s late.  Comparing it with the reference itself would wind up the integral
+in every transient; it is compared with the lagged reference, so the PI corrects what the table gets wrong and
 leaves the transients to the table.  Commands are held in the state (one step after their inputs).
 The table is written by `slewright calibrate lut`: 25 joystick values at even velocities -0.2..0.2 rad/s.
 """
@@ -58,7 +58,7 @@ def _joint(joint: str, x: Namespace, u: Namespace, p: Namespace) -> dict[str, ca
 
 
 def _limited(reference: ca.SX, q: ca.SX, low: ca.SX, high: ca.SX, p: Namespace) -> ca.SX:
-    """Clip the reference; nearer than limit / gain to a joint limit, slow down in proportion to what is left."""
+    """Clip the reference; near a joint limit, slow down in proportion to the distance left."""
     reference = _clip(reference, -p.arm_velocity_limit, p.arm_velocity_limit)
     up = p.arm_velocity_stop_gain * ca.fmax(high - p.arm_velocity_margin - q, 0)
     down = p.arm_velocity_stop_gain * ca.fmax(q - low - p.arm_velocity_margin, 0)
@@ -66,7 +66,7 @@ def _limited(reference: ca.SX, q: ca.SX, low: ca.SX, high: ca.SX, p: Namespace) 
 
 
 def _integrated(integral: ca.SX, error: ca.SX, wanted: ca.SX, model: ca.SX, p: Namespace) -> ca.SX:
-    """Next integral: held when it would push further into saturation, leaking away while no motion is asked."""
+    """Next integral: held when it would push further into saturation, leaking away at rest."""
     into_limit = (wanted > 1) * (error > 0) + (wanted < -1) * (error < 0)
     growth = p.arm_velocity_gain * p.arm_velocity_reset_rate * error * (1 - into_limit)
     at_rest = ca.fabs(model) < p.arm_velocity_rest
