@@ -33,13 +33,13 @@ test: $(VENV)/.test-ready
 soak: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -m soak --timeout 0 $(ARGS)
 
+# All steps run, so that one go shows everything that is wrong.
 check: $(VENV)/.test-ready
-	@start=$$(date +%s); \
-	$(BIN)/ruff format --check --quiet . || { echo "format: run $(BIN)/ruff format ."; exit 1; }; \
-	$(BIN)/ruff check .; \
-	$(BIN)/pyright; \
-	$(BIN)/lint-imports; \
-	$(BIN)/slewright generate --check; \
+	@start=$$(date +%s); failed=; \
+	for step in "ruff format --check ." "ruff check ." pyright lint-imports "slewright generate --check"; do \
+	    echo "== $$step"; $(BIN)/$$step || failed="$$failed [$$step]"; \
+	done; \
+	if [ -n "$$failed" ]; then echo "check: failed:$$failed, $$(( $$(date +%s) - start )) s"; exit 1; fi; \
 	echo "check: passed in $$(( $$(date +%s) - start )) s"
 
 generated: $(VENV)/.verify-ready

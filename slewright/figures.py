@@ -95,6 +95,5 @@ def _plain(value: Any) -> Any:
         return None
     if isinstance(value, Path):
         return str(value)
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    return value
+    as_list = getattr(value, "tolist", None)  # numpy
+    return _plain(as_list()) if as_list else value
