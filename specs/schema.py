@@ -33,6 +33,14 @@ def validate(kind: type[T], data: Any, where: str) -> T:
         raise InputError(_sentence(error, where)) from error
 
 
+def part(kind: type[T], data: Any, where: str) -> T:
+    """Like `validate`, and mistakes that `kind` itself finds (InputError) also start with `where`."""
+    try:
+        return validate(kind, data, where)
+    except InputError as error:
+        raise error if str(error).startswith(where) else InputError(f"{where}: {error}") from error
+
+
 def shown(path: Path) -> str:
     """The path as a reader of the repository writes it: from specs/ on, else as it is."""
     return f"specs/{path.relative_to(ROOT).as_posix()}" if path.is_relative_to(ROOT) else str(path)

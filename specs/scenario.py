@@ -1,0 +1,192 @@
+"""Scenarios: the targets, loads and limits of a verification run (`specs/scenarios/*.toml`).
+
+A scenario is a target file and one of its loads: `four_targets_2t` is four_targets.toml with load 2t.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from typing import Any, ClassVar
+
+from specs import keys, limits
+from specs.errors import InputError, nearest
+from specs.schema import ROOT, STRICT, part, read_toml
+
+FOLDER = ROOT / "scenarios"
+TICK_S = 0.02  # s, the step of every system
+SLEW_STEP_DEG = (45.0, 135.0)  # between consecutive targets, so that the metric speed is comparable
+KEEP_OUT_M = 2.0  # the grab never goes lower, nor nearer to the slew axis
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """Where the grab point is to go: slew angle [deg], radius and height above the ground [m]."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    slew_deg: float
+    radius_m: float
+    height_m: float
+
+    def __post_init__(self) -> None:
+        for key in ("radius_m", "height_m"):
+            if getattr(self, key) < KEEP_OUT_M:
+                raise InputError(f"{key} = {getattr(self, key):g}: keep-out, at least {KEEP_OUT_M:g} m")
+
+    @property
+    def xyz(self) -> tuple[float, float, float]:
+        """The point in the machine's base frame [m]: x forward at slew angle 0, y left, z up.
+
+        Rounded to 1 nm, so that it does not depend on the platform's cosine.
+        """
+        slew = math.radians(self.slew_deg)
+        x, y = self.radius_m * math.cos(slew), self.radius_m * math.sin(slew)
+        return round(x, 9), round(y, 9), self.height_m
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """The pose a run starts from, at rest with the tool hanging: slew angle [deg], joint angles [rad]."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    slew_deg: float
+    q_boom: float
+    q_stick: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Load:
+    """The load in the grab, drawn uniformly from low_kg … high_kg, and what the controller is told [kg]."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    name: str
+    description: str
+    low_kg: float
+    high_kg: float
+    told_kg: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.low_kg <= self.high_kg:
+            raise InputError(f"low_kg = {self.low_kg:g}, high_kg = {self.high_kg:g}: need 0 <= low <= high")
+        if self.told_kg < 0.0:
+            raise InputError(f"told_kg = {self.told_kg:g}: must not be negative")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """One verification run; build it with `load(name)`."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    base: str  # the target file, e.g. four_targets
+    description: str
+    interval_s: float
+    start: Start
+    targets: tuple[Target, ...]
+    load: Load
+    tolerances_m: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.targets:
+            raise InputError("targets: at least one")
+        if abs(self.interval_s / TICK_S - self.interval_ticks) > 1e-9 or self.interval_ticks < 1:
+            raise InputError(f"interval_s = {self.interval_s:g}: not a multiple of {TICK_S:g} s")
+        slews = [self.start.slew_deg, *(target.slew_deg for target in self.targets)]
+        low, high = SLEW_STEP_DEG
+        for number, (a, b) in enumerate(pairwise(slews), 1):
+            if not low <= abs(b - a) <= high:
+                raise InputError(
+                    f"targets.{number}: {abs(b - a):g}° from the one before, not {low:g}–{high:g}°"
+                )
+
+    @property
+    def name(self) -> str:
+        """Full name, e.g. four_targets_2t."""
+        return f"{self.base}_{self.load.name}"
+
+    @property
+    def interval_ticks(self) -> int:
+        """Ticks of 0.02 s for which a target holds."""
+        return round(self.interval_s / TICK_S)
+
+    @property
+    def duration_ticks(self) -> int:
+        """Ticks of the whole run."""
+        return self.interval_ticks * len(self.targets)
+
+    def true_load(self, seed: int) -> float:
+        """The load in the grab [kg] of the run with this seed."""
+        share = keys.uniform("load", self.base, self.load.name, seed)
+        return self.load.low_kg + share * (self.load.high_kg - self.load.low_kg)
+
+    def parameters(self, seed: int) -> dict[str, float]:
+        """Parameters (SI) that the run's models are to have, where they have them: load and start pose."""
+        return {
+            "load_mass": self.true_load(seed),
+            "start_q_slew": math.radians(self.start.slew_deg),
+            "start_q_boom": self.start.q_boom,
+            "start_q_stick": self.start.q_stick,
+        }
+
+    def stimuli(self, pace: float = 1.0) -> dict[str, list[tuple[int, float]]]:
+        """System inputs by name: (tick, value in SI) from which on the value holds, first at tick 0."""
+        tables: dict[str, list[tuple[int, float]]] = {
+            "load_told": [(0, self.load.told_kg)],
+            "pace": [(0, pace)],
+        }
+        for axis, name in enumerate(("target_x", "target_y", "target_z")):
+            tables[name] = [(i * self.interval_ticks, t.xyz[axis]) for i, t in enumerate(self.targets)]
+        return tables
+
+    def schedule(self) -> list[dict[str, float]]:
+        """The targets as a record's metadata lists them: time [s] and x, y, z [m] of each."""
+        return [
+            {"time": i * self.interval_s, **dict(zip("xyz", target.xyz, strict=True))}
+            for i, target in enumerate(self.targets)
+        ]
+
+    def limits(self, controller: str, system: str) -> dict[str, dict[str, Any]]:
+        """Acceptance limits: metric -> {"min" and/or "max": number, "reason": text}; {} if none are set."""
+        return {metric: limit.on(self.name) for metric, limit in limits.load(controller, system).items()}
+
+
+def names() -> list[str]:
+    """All scenarios: every target file with each of its loads."""
+    return [f"{base}_{name}" for base in bases() for name in _data(base).get("loads", {})]
+
+
+def bases() -> list[str]:
+    """Names of the target files."""
+    return sorted(path.stem for path in FOLDER.glob("*.toml") if path != limits.PATH)
+
+
+def load(name: str) -> Scenario:
+    """Return the scenario `name`; raises InputError naming the valid ones, or file and key of a mistake."""
+    for base in bases():
+        loads = _data(base).get("loads", {})
+        if name.startswith(f"{base}_") and name.removeprefix(f"{base}_") in loads:
+            return build(base, name.removeprefix(f"{base}_"), _data(base), f"specs/scenarios/{base}.toml")
+    raise InputError(f"unknown scenario '{name}'; {nearest(name, names())}; valid: {', '.join(names())}")
+
+
+def build(base: str, load_name: str, data: Mapping[str, Any], where: str) -> Scenario:
+    """Turn the content of a target file into a Scenario; every mistake names `where` and the key."""
+    rest = {key: value for key, value in data.items() if key != "loads"}
+    loads = {"name": load_name, **data["loads"][load_name]}
+    parts: dict[str, Any] = {"load": part(Load, loads, f"{where}: loads.{load_name}")}
+    if "start" in rest:
+        parts["start"] = part(Start, rest["start"], f"{where}: start")
+    if isinstance(rest.get("targets"), list):
+        parts["targets"] = tuple(
+            part(Target, entry, f"{where}: targets.{i}") for i, entry in enumerate(rest["targets"], 1)
+        )
+    return part(Scenario, {"base": base, **rest, **parts}, where)
+
+
+@cache
+def _data(base: str) -> dict[str, Any]:
+    return read_toml(FOLDER / f"{base}.toml")
