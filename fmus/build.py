@@ -20,7 +20,7 @@ from specs.errors import InputError
 BUILD = ROOT / "build"
 SHIM = ROOT / "fmus" / "shim"
 FMI_VERSIONS = (2, 3)
-SHIM_FILES = ("core.h", "core.c", "slw_math.h")
+SHIM_FILES = ("core.h", "core.c", "integrator.c", "slw_math.h")
 HEADERS = {
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),

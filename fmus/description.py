@@ -9,7 +9,7 @@ from fmus.variables import TIME_VR, Exposed, exposed
 from specs.units import UNITS
 from specs.version import VERSION
 
-SOURCES = ("core.c", "model.c")  # and the file of the FMI version
+SOURCES = ("core.c", "integrator.c", "model.c")  # and the file of the FMI version
 TOOL = "Slewright " + VERSION
 
 
@@ -74,7 +74,9 @@ def _fmi2(model: Model, token: str) -> etree._Element:
     if model.kind == "continuous":
         rates = [e for e in variables if e.group == "DERIVATIVE"]
         _fmi2_unknowns(structure, "Derivatives", rates, position, None)
-    _fmi2_unknowns(structure, "InitialUnknowns", (e for e in variables if _is_calculated(e)), position, None)
+    _fmi2_unknowns(
+        structure, "InitialUnknowns", (e for e in variables if _is_unknown(model, e)), position, None
+    )
     return root
 
 
@@ -148,7 +150,7 @@ def _fmi3(model: Model, token: str) -> etree._Element:
         if e.group == "DERIVATIVE":
             etree.SubElement(structure, "ContinuousStateDerivative", valueReference=str(e.vr))
     for e in variables:
-        if _is_calculated(e):
+        if _is_unknown(model, e):
             etree.SubElement(structure, "InitialUnknown", valueReference=str(e.vr))
     return root
 
@@ -158,6 +160,11 @@ def _fmi3(model: Model, token: str) -> etree._Element:
 
 def _is_calculated(e: Exposed) -> bool:
     return e.group in ("OUTPUT", "STATE", "DERIVATIVE")
+
+
+def _is_unknown(model: Model, e: Exposed) -> bool:
+    """Listed as an initial unknown: outputs, and the states and rates of a continuous model."""
+    return e.group == "OUTPUT" or (_is_calculated(e) and model.kind == "continuous")
 
 
 def _role(model: Model, e: Exposed) -> dict[str, str]:

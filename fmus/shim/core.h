@@ -98,6 +98,10 @@ void slw_initialise(SlwCore *c);
 /* `h` seconds on: 0 done, -1 failed (c->message says why). */
 int slw_step(SlwCore *c, double h);
 
+/* integrator.c: one internal step of the states, 0 on success; `function` at x and the delayed inputs. */
+int slw_advance(SlwCore *c);
+int slw_evaluate(SlwCore *c, SlwFunction *function, const double *x, double *result);
+
 /* Float64 variables; NULL or -1 for an unknown or wrong value reference (c->message names it). */
 int slw_get(SlwCore *c, uint32_t vr, double *value);
 int slw_set(SlwCore *c, uint32_t vr, double value);
