@@ -5,13 +5,13 @@ from contextlib import contextmanager
 from typing import Protocol
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 
 class Report(Protocol):
-    """What a long function calls now and then: `done` of `total` steps, and what it is doing."""
+    """What a long function calls now and then: what it is doing and, if it knows, `done` of `total` steps."""
 
-    def __call__(self, done: float, total: float, what: str = "") -> None: ...
+    def __call__(self, what: str, done: float | None = None, total: float | None = None) -> None: ...
 
 
 @contextmanager
@@ -21,12 +21,12 @@ def progress(title: str) -> Iterator[Report]:
     if not console.is_terminal:
         yield _lines(console, title)
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(title, total=None)
 
-        def report(done: float, total: float, what: str = "") -> None:
-            bar.update(task, completed=done, total=total, description=f"{title}: {what}" if what else title)
+        def report(what: str, done: float | None = None, total: float | None = None) -> None:
+            bar.update(task, completed=done, total=total, description=f"{title}: {what}")
 
         yield report
 
@@ -34,10 +34,11 @@ def progress(title: str) -> Iterator[Report]:
 def _lines(console: Console, title: str) -> Report:
     last = ""
 
-    def report(done: float, total: float, what: str = "") -> None:
+    def report(what: str, done: float | None = None, total: float | None = None) -> None:
         nonlocal last
         if what != last:
-            console.print(f"{title}: {what} ({done:g}/{total:g})", highlight=False, soft_wrap=True)
+            count = "" if done is None or total is None else f" ({done:g}/{total:g})"
+            console.print(f"{title}: {what}{count}", highlight=False, soft_wrap=True, markup=False)
             last = what
 
     return report
