@@ -151,3 +151,10 @@ def test_an_interrupt_from_the_keyboard_ends_with_130(tmp_path):
     _, printed = process.communicate(timeout=60)
     assert process.returncode == 130
     assert printed.strip() == "slewright: interrupted"
+
+
+def test_a_target_that_does_not_exist_is_refused_with_the_valid_ones(capsys):
+    assert entry.run(["build", "--target", "vax"]) == 2
+    printed = capsys.readouterr().err
+    assert "'vax'" in printed
+    assert "aarch64-linux" in printed
