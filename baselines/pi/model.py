@@ -5,10 +5,10 @@ Slew:  e = target angle - q_slew, wrapped to the nearest turn
 Arm:   joint targets by inverse kinematics of the grab point (tool hanging), kept off the joint limits
        qd_ref = clip(K_arm (q_target - q), +-0.2 rad/s)
 
-`pace` scales the joystick limit between `pi_slew_limit_slow` (0) and `pi_slew_limit` (1, the default), and past
-it up to full.  Commands are held in the state: they appear one step (0.02 s) after the inputs they follow from.
-Gains: `slewright tune pi` writes specs/parameters/pi.toml.  qd_* and load_told are not used by this controller;
-it has them because all controllers have the same connectors.
+`pace` scales the joystick limit between `pi_slew_limit_slow` (0) and `pi_slew_limit` (1, the default), and
+past it up to full.  Commands are held in the state: they appear one step (0.02 s) after their inputs.
+Gains: `slewright tune pi` writes specs/parameters/pi.toml.  qd_* and load_told are not used by this
+controller; it has them because all controllers have the same connectors.
 """
 
 import casadi as ca
