@@ -1,0 +1,82 @@
+"""The slew drive as a grey box of two chambers, fitted to the slew traces; equations: README.md.
+
+States are the slew angle and speed, the two chamber pressures, the spool and the lagged pressure difference of
+the relief valves.  The joystick arrives one transport delay late; the brake is a mode with timers.
+"""
+
+import casadi as ca
+
+from fmus.definition import Mode, Model, Namespace, Variable, from_parameters, from_signals
+from fmus.equations import slew_drive
+
+STEP = 0.002  # s: halving it moves a full-joystick run by less than 0.001 °/s (tests/fmus/test_slew.py)
+NOMINAL_PRESSURE = 1e7  # Pa
+
+
+def _rates(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, ca.SX]:
+    flows = slew_drive.flows(x.spool, x.relief, x.p_a, x.p_b, p)
+    p_a_rate, p_b_rate = slew_drive.pressure_rates(flows, x.p_a, x.p_b, x.qd, p)
+    torque = slew_drive.torque(x.p_a, x.p_b, x.qd, u.inertia, m.brake_is_released, p)
+    torque += u.disturbance_torque_slew - u.inertia_rate * x.qd
+    return {
+        "q": x.qd,
+        "qd": torque / (u.inertia + p.slew_inertia_extra),
+        "p_a": p_a_rate,
+        "p_b": p_b_rate,
+        "spool": slew_drive.spool_rate(u.u_slew, x.spool, p),
+        "relief": slew_drive.relief_rate(x.p_a, x.p_b, x.relief, p),
+    }
+
+
+def _outputs(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, ca.SX]:
+    return {
+        "q_slew": x.q,
+        "qd_slew": x.qd,
+        "p_slew_a": x.p_a,
+        "p_slew_b": x.p_b,
+        "brake_released": m.brake_is_released,
+    }
+
+
+def _start(p: Namespace) -> dict[str, ca.SX]:
+    rest = {"q": p.start_q_slew, "p_a": p.slew_boost_pressure, "p_b": p.slew_boost_pressure}
+    return rest | {"qd": 0.0, "spool": 0.0, "relief": 0.0}
+
+
+MODEL = Model(
+    name="slew",
+    description="Hydraulic slew drive with two chambers, torque-limited supply and a binary brake",
+    kind="continuous",
+    step=STEP,
+    states=(
+        Variable("q", "rad", "Slew angle"),
+        Variable("qd", "rad/s", "Slew speed", nominal=0.1),
+        Variable(
+            "p_a", "Pa", "Pressure of the chamber that drives positive motion", nominal=NOMINAL_PRESSURE
+        ),
+        Variable(
+            "p_b", "Pa", "Pressure of the chamber that drives negative motion", nominal=NOMINAL_PRESSURE
+        ),
+        Variable("spool", "1", "Spool opening, positive towards chamber a"),
+        Variable("relief", "Pa", "Pressure difference that the relief valves see", nominal=NOMINAL_PRESSURE),
+    ),
+    inputs=from_signals("u_slew", "inertia", "inertia_rate", "disturbance_torque_slew"),
+    outputs=from_signals("q_slew", "qd_slew", "p_slew_a", "p_slew_b", "brake_released"),
+    parameters=(
+        *(v for v in from_parameters("geometry") if v.name == "start_q_slew"),
+        *from_parameters("slew"),
+    ),
+    rhs=_rates,
+    out=_outputs,
+    initial=_start,
+    modes=(
+        Mode(
+            "brake_is_released",
+            on=lambda x, u, m, p: slew_drive.leaves_neutral(u.u_slew, p),
+            off=lambda x, u, m, p: -slew_drive.leaves_neutral(u.u_slew, p),
+            on_delay="slew_brake_release_time",
+            off_delay="slew_brake_engage_time",
+        ),
+    ),
+    delays={"u_slew": "slew_delay"},
+)
