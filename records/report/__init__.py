@@ -1,0 +1,5 @@
+"""The verification report: one self-contained page, and a picture of a run for a README."""
+
+from records.report.page import Context, render, write_report
+
+__all__ = ["Context", "render", "write_report"]
