@@ -36,7 +36,7 @@ soak: $(VENV)/.test-ready
 # All steps run, so that one go shows everything that is wrong.
 check: $(VENV)/.test-ready
 	@start=$$(date +%s); failed=; \
-	for step in "ruff format --check ." "ruff check ." pyright lint-imports "slewright generate --check"; do \
+	for step in "ruff format --check ." "ruff check ." pyright "lint-imports --no-logo" "slewright generate --check"; do \
 	    echo "== $$step"; $(BIN)/$$step || failed="$$failed [$$step]"; \
 	done; \
 	if [ -n "$$failed" ]; then echo "check: failed:$$failed, $$(( $$(date +%s) - start )) s"; exit 1; fi; \

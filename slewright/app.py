@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from slewright.commands import build, calibrate, dossier, fit, generate, simulate, tune, verify
+from specs.version import VERSION
 
 ROOMS = ("specs", "records", "fmus", "orchestrator", "runtime", "baselines", "slewright")
 TRACEBACK = "SLEWRIGHT_TRACEBACK"
@@ -26,9 +27,7 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from slewright.figures import versions
-
-        typer.echo(f"slewright {versions()['slewright']}")
+        typer.echo(f"slewright {VERSION}")
         raise typer.Exit
 
 

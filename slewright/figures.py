@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from specs.errors import InputError
+from specs.version import VERSION
 
 
 def check_target(path: Path | None) -> Path | None:
@@ -68,10 +69,11 @@ def write_text(path: Path, text: str) -> None:
 def versions() -> dict[str, str]:
     """Versions that a figure may depend on; a package that is not installed is left out."""
     found = {
+        "slewright": VERSION,
         "python": platform.python_version(),
         "platform": f"{platform.system()}-{platform.machine()}".lower(),
     }
-    for package in ("slewright", "casadi", "numpy", "scipy", "fmpy"):
+    for package in ("casadi", "numpy", "scipy", "fmpy"):
         try:
             found[package] = metadata.version(package)
         except metadata.PackageNotFoundError:

@@ -15,15 +15,25 @@ def simulate(
         Path,
         typer.Option("--out", metavar="FILE.parquet", callback=check_target, help="The record to write."),
     ],
-    stop: Annotated[float, typer.Option("--stop", metavar="S", min=0.0, help="Simulated time in seconds.")],
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the sensor noise.")] = 1,
-    algorithm: Annotated[str, typer.Option(help="Exchange between FMUs: jacobi or gauss-seidel.")] = "jacobi",
+    stop: Annotated[float, typer.Option("--stop", metavar="S", min=0.0, help="Simulated time in s.")],
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the sensor noise.")] = None,
+    algorithm: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Exchange of values: jacobi or gauss-seidel.")
+    ] = None,
 ) -> None:
     """Run a system with its start values and record it."""
-    from orchestrator import load_system, simulate as run
+    from orchestrator.check import load_system
+    from orchestrator.simulate import simulate as run
 
     loaded = load_system(system)
-    ticks = round(stop / loaded.step)
-    with progress("simulate"):
-        run(loaded, ticks, stimuli={}, parameters={}, record_path=out, algorithm=algorithm, seed=seed)
+    ticks = round(stop / loaded.step_s)
+    with progress("simulate") as report:
+        run(
+            loaded,
+            ticks,
+            record_path=out,
+            algorithm=algorithm,
+            seed=seed,
+            progress=lambda tick: report(system.name, tick, ticks),
+        )
     typer.echo(f"written: {out}")

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 
@@ -119,6 +120,11 @@ def test_help_lists_every_command(slewright: Command):
 def test_every_command_explains_itself(command, capsys):
     assert entry.run([command, "--help"]) == 0
     assert "Usage: slewright " + command in capsys.readouterr().out
+
+
+def test_the_command_and_the_package_have_one_version(capsys):
+    assert entry.run(["--version"]) == 0
+    assert capsys.readouterr().out.split() == ["slewright", metadata.version("slewright")]
 
 
 def test_help_imports_nothing_heavy():
