@@ -1,4 +1,4 @@
-"""The continuous integration script, on machines that this one is not: stand-ins play the system's commands."""
+"""The continuous integration script on other machines: stand-ins play the system's commands."""
 
 import shutil
 import subprocess
@@ -11,7 +11,7 @@ from tests.conftest import ROOT
 
 @pytest.fixture
 def run(tmp_path: Path):
-    """Run a copy of .ci/run where `commands` (name -> shell text) are all there is; returns (result, calls)."""
+    """Run a copy of .ci/run where only `commands` (name -> shell text) exist: (result, calls)."""
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("needs bash")
