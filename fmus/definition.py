@@ -18,8 +18,7 @@ from typing import Any, Literal
 
 import casadi as ca
 
-from specs import parameters as parameter_specs
-from specs import signals as signal_specs
+from specs import parameters as parameter_specs, signals as signal_specs
 from specs.errors import InputError
 
 Namespace = Any  # SimpleNamespace of casadi.SX scalars

@@ -32,7 +32,8 @@ def load_model(folder: Path | str) -> Model:
         path = known[str(folder)]
     module_name = "slewright_model_" + path.name
     spec = importlib.util.spec_from_file_location(module_name, path / "model.py")
-    assert spec is not None and spec.loader is not None  # a .py file always has a loader
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path / 'model.py'} cannot be imported")
     module = importlib.util.module_from_spec(spec)
     sys.modules[module_name] = module
     spec.loader.exec_module(module)
