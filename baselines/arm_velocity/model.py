@@ -74,7 +74,7 @@ def _integrated(integral: ca.SX, error: ca.SX, wanted: ca.SX, model: ca.SX, p: N
     return _clip(integral + STEP * rate, -p.arm_velocity_integral_limit, p.arm_velocity_integral_limit)
 
 
-def _clip(value: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
+def _clip(value: ca.SX, low: ca.SX | float, high: ca.SX | float) -> ca.SX:
     return ca.fmin(ca.fmax(value, low), high)
 
 

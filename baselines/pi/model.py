@@ -61,7 +61,7 @@ def _wrap(angle: ca.SX) -> ca.SX:
     return ca.atan2(ca.sin(angle), ca.cos(angle))
 
 
-def _clip(value: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
+def _clip(value: ca.SX, low: ca.SX | float, high: ca.SX | float) -> ca.SX:
     return ca.fmin(ca.fmax(value, low), high)
 
 
