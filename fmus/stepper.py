@@ -1,0 +1,178 @@
+"""The co-simulation step of a continuous model in plain Python, for tests, fits and energy balances.
+
+It is the reference that the FMUs' C code is held to.  One internal tick:
+
+1. the inputs enter their delay lines; an input delayed by d is read round(d / step) ticks back;
+2. guards are evaluated at the delayed inputs; a mode switches when its guard has been positive for more than
+   round(delay / step) ticks in a row;
+3. one step of ROS2 (Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456) with the exact
+   Jacobian J of the right-hand side f and inputs held over the step, gamma = 1 - 1/sqrt(2):
+
+       (I - gamma h J) k1 = f(x),    (I - gamma h J) k2 = f(x + h k1) - 2 k1,    x += h (3 k1 + k2) / 2
+"""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import lapack
+
+from fmus.definition import Model
+from specs.errors import InputError, RunError
+
+GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
+
+Inputs = Mapping[str, float] | Callable[[float], Mapping[str, float]]
+
+
+class Stepper:
+    """A running instance of a continuous `model`, with parameter overrides by name and its own `step` (s)."""
+
+    def __init__(
+        self, model: Model, parameters: Mapping[str, float] | None = None, step: float | None = None
+    ):
+        if model.kind != "continuous":
+            raise InputError(f"model {model.name} is discrete: it has nothing to integrate")
+        self.model = model
+        self.step_s = model.step if step is None else step
+        self.p = np.array(model.start_parameters(parameters)).ravel()
+        self._f, self._jacobian, self._guards, self._h = _compiled(model)
+        self.x = np.array(model.x0(self.p)).ravel()
+        self.u = np.array([v.start for v in model.inputs])
+        self.m = np.array([mode.start for mode in model.modes])
+        self.tick = 0
+        self._held = [0] * len(model.modes)
+        self._delays = [(model.index("inputs", n), self._ticks(d)) for n, d in model.delays.items()]
+        self._history = [np.full(ticks + 1, self.u[i]) for i, ticks in self._delays]
+        self._switch = [(self._ticks(mode.on_delay), self._ticks(mode.off_delay)) for mode in model.modes]
+
+    @property
+    def time(self) -> float:
+        """Seconds since the start."""
+        return self.tick * self.step_s
+
+    def set(self, **inputs: float) -> None:
+        """Set inputs, held until set again."""
+        for name, value in inputs.items():
+            self.u[self.model.index("inputs", name)] = value
+
+    def prefill(self) -> None:
+        """Fill the delay lines with the present inputs, as at the end of initialisation."""
+        for line, (i, _) in zip(self._history, self._delays, strict=True):
+            line[:] = self.u[i]
+
+    def advance(self, ticks: int = 1) -> None:
+        """Take internal steps; raises RunError when the state is no longer finite."""
+        for _ in range(ticks):
+            self._tick()
+        if not np.all(np.isfinite(self.x)):
+            name = self.model.states[int(np.argmin(np.isfinite(self.x)))].name
+            raise RunError(f"model {self.model.name}: state {name} is not finite at t = {self.time:.3f} s")
+
+    def state(self, name: str) -> float:
+        """Present value of a state."""
+        return float(self.x[self.model.index("states", name)])
+
+    def rates(self) -> dict[str, float]:
+        """dx/dt at the present point."""
+        values = np.asarray(self._f(self.x, self._delayed(), self.m, self.p)).ravel()
+        return {v.name: float(value) for v, value in zip(self.model.states, values, strict=True)}
+
+    def outputs(self) -> dict[str, float]:
+        """Outputs at the present point, before sampling, sensor delay and noise."""
+        values = np.asarray(self._h(self.x, self._delayed(), self.m, self.p)).ravel()
+        return {v.name: float(value) for v, value in zip(self.model.outputs, values, strict=True)}
+
+    def run(self, inputs: Inputs, duration: float, every: float = 0.02) -> dict[str, np.ndarray]:
+        """Simulate `duration` s and return `time` and every output, sampled each `every` s.
+
+        `inputs` is a mapping held throughout, or a function of the time (s) that returns one, read at each
+        sample.  Outputs are without noise, bias and quantum; `measured` puts the sensors' delays on them.
+        """
+        per_sample = max(1, round(every / self.step_s))
+        rows = []
+        for k in range(round(duration / (per_sample * self.step_s)) + 1):
+            self.set(**(inputs(k * per_sample * self.step_s) if callable(inputs) else inputs))
+            rows.append([self.time, *self.outputs().values()])
+            self.advance(per_sample)
+        columns = np.array(rows).T
+        return dict(zip(["time", *(v.name for v in self.model.outputs)], columns, strict=True))
+
+    def measured(self, run: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+        """Output `name` of a `run` as its sensor shows it with noise, bias and quantum off: late."""
+        sensor = self.model.sensors[name]
+        seconds = 0.0 if sensor.delay is None else self.p[self.model.index("parameters", sensor.delay)]
+        period = run["time"][1] - run["time"][0]
+        back = int(seconds / period + 0.5)
+        return np.concatenate([np.full(back, run[name][0]), run[name]])[: len(run[name])]
+
+    def _ticks(self, delay: str | None) -> int:
+        seconds = 0.0 if delay is None else self.p[self.model.index("parameters", delay)]
+        return int(max(seconds, 0.0) / self.step_s + 0.5)
+
+    def _delayed(self) -> np.ndarray:
+        u = self.u.copy()
+        for line, (i, ticks) in zip(self._history, self._delays, strict=True):
+            u[i] = line[(self.tick - ticks) % len(line)]
+        return u
+
+    def _tick(self) -> None:
+        for line, (i, _) in zip(self._history, self._delays, strict=True):
+            line[self.tick % len(line)] = self.u[i]
+        u = self._delayed()
+        self._switch_modes(u)
+        self.x = self._ros2(self.x, u)
+        self.tick += 1
+
+    def _switch_modes(self, u: np.ndarray) -> None:
+        if not self.model.modes:
+            return
+        guards = [np.asarray(g).ravel() for g in self._guards(self.x, u, self.m, self.p)]
+        for i in range(len(self.m)):
+            on = self.m[i] > 0.5
+            self._held[i] = self._held[i] + 1 if guards[int(on)][i] > 0 else 0
+            if self._held[i] > self._switch[i][int(on)]:
+                self.m[i], self._held[i] = 1.0 - self.m[i], 0
+
+    def _ros2(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        h, n = self.step_s, len(x)
+        matrix = np.eye(n) - GAMMA * h * np.asarray(self._jacobian(x, u, self.m, self.p))
+        lu, pivots, _ = lapack.dgetrf(matrix)
+        k1 = lapack.dgetrs(lu, pivots, np.asarray(self._f(x, u, self.m, self.p)).ravel())[0]
+        second = np.asarray(self._f(x + h * k1, u, self.m, self.p)).ravel() - 2 * k1
+        k2 = lapack.dgetrs(lu, pivots, second)[0]
+        return x + h * (1.5 * k1 + 0.5 * k2)
+
+
+def compile_functions(functions: list[ca.Function], folder: Path) -> list[Any]:
+    """The same functions as native code, through CasADi's C generator and the system's compiler.
+
+    Worth it from some ten thousand steps on.  Returns the functions themselves where there is no compiler.
+    """
+    import shutil
+    import subprocess
+
+    if shutil.which("cc") is None:
+        return list(functions)
+    generator = ca.CodeGenerator("functions.c")
+    for function in functions:
+        generator.add(function)
+    folder.mkdir(parents=True, exist_ok=True)
+    generator.generate(f"{folder}/")
+    library = folder / "functions.so"
+    subprocess.run(
+        ["cc", "-O1", "-fPIC", "-shared", "-o", str(library), str(folder / "functions.c"), "-lm"], check=True
+    )
+    return [ca.external(function.name(), str(library)) for function in functions]
+
+
+_cache: dict[int, tuple[Model, tuple[Any, ...]]] = {}
+
+
+def _compiled(model: Model) -> tuple[Any, ...]:
+    """The model's functions, once a process."""
+    if id(model) not in _cache:
+        _cache[id(model)] = (model, (model.f, model.jacobian, model.guards, model.h))
+    return _cache[id(model)][1]
