@@ -132,15 +132,14 @@ class Scenario:
             "start_q_stick": self.start.q_stick,
         }
 
-    def stimuli(self, pace: float = 1.0) -> dict[str, list[tuple[int, float]]]:
-        """System inputs by name: (tick, value in SI) from which on the value holds, first at tick 0."""
-        tables: dict[str, list[tuple[int, float]]] = {
-            "load_told": [(0, self.load.told_kg)],
-            "pace": [(0, pace)],
+    def stimuli(self, pace: float = 1.0) -> dict[int, dict[str, float]]:
+        """Changes of the system inputs: tick -> {input: value in SI}, each held until its next change."""
+        changes = {
+            i * self.interval_ticks: dict(zip(("target_x", "target_y", "target_z"), target.xyz, strict=True))
+            for i, target in enumerate(self.targets)
         }
-        for axis, name in enumerate(("target_x", "target_y", "target_z")):
-            tables[name] = [(i * self.interval_ticks, t.xyz[axis]) for i, t in enumerate(self.targets)]
-        return tables
+        changes[0] |= {"load_told": self.load.told_kg, "pace": pace}
+        return changes
 
     def schedule(self) -> list[dict[str, float]]:
         """The targets as a record's metadata lists them: time [s] and x, y, z [m] of each."""

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 
 from specs.errors import InputError, nearest
 from specs.schema import ROOT, STRICT, read_toml, shown, validate
-from specs.units import unit as find_unit
+from specs.units import UNITS
 from specs.wire import Bus, CanPlace, Message, ModbusMap, ModbusPlace, check_frames, check_registers
 
 PATH = ROOT / "signals.toml"
@@ -152,7 +152,8 @@ def _check_references(found: Iterable[Signal], retired: Mapping[int, str], where
 
 
 def _check_signal(s: Signal, bus: Bus, where: str) -> None:
-    find_unit(s.unit)
+    if s.unit not in UNITS:
+        raise InputError(f"{where}.unit: unknown unit '{s.unit}'; {nearest(s.unit, UNITS)}")
     low = s.min if s.min is not None else float("-inf")
     high = s.max if s.max is not None else float("inf")
     if not low <= s.start <= high:
