@@ -1,0 +1,73 @@
+"""FMU and SSP archives (zip) unpacked without trusting them: no path escape, no link, bounded size."""
+
+import hashlib
+import stat
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+
+from specs.errors import InputError
+
+MAX_ENTRIES = 20_000
+MAX_BYTES = 4 * 1024**3  # unpacked; a network's weights may be large, a zip bomb is larger
+
+
+def unpack(path: Path, folder: Path, kind: str) -> None:
+    """Unpack the archive `path` into `folder`.
+
+    Raises InputError naming the file when it is missing, truncated or damaged, or when an entry is a link,
+    leaves the folder, or the whole is larger than MAX_BYTES.
+    """
+    with opened(path, kind) as archive:
+        entries = archive.infolist()
+        _check_size(path, entries, kind)
+        for entry in entries:
+            _check_entry(path, entry, kind)
+        try:
+            archive.extractall(folder)
+        except (
+            zipfile.BadZipFile,
+            EOFError,
+            OSError,
+            NotImplementedError,
+            RuntimeError,
+            ValueError,
+        ) as error:
+            raise InputError(f"{kind} {path} is damaged: {error}") from None
+
+
+@contextmanager
+def opened(path: Path, kind: str) -> Iterator[zipfile.ZipFile]:
+    """Open an archive; InputError names it when it is missing or not a whole zip file."""
+    if not path.is_file():
+        raise InputError(f"{kind} {path} does not exist")
+    try:
+        archive = zipfile.ZipFile(path)
+    except (zipfile.BadZipFile, OSError) as error:
+        raise InputError(f"{kind} {path} is truncated or not a zip archive ({error})") from None
+    with archive:
+        yield archive
+
+
+def sha256(path: Path) -> str:
+    """Content hash of a file, for the record's provenance."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _check_size(path: Path, entries: list[zipfile.ZipInfo], kind: str) -> None:
+    size = sum(entry.file_size for entry in entries)
+    if len(entries) > MAX_ENTRIES or size > MAX_BYTES:
+        raise InputError(
+            f"{kind} {path} has {len(entries)} entries of {size} bytes; "
+            f"accepted: {MAX_ENTRIES} entries, {MAX_BYTES} bytes"
+        )
+
+
+def _check_entry(path: Path, entry: zipfile.ZipInfo, kind: str) -> None:
+    name = PurePosixPath(entry.filename.replace("\\", "/"))
+    if name.is_absolute() or ".." in name.parts or ":" in entry.filename:
+        raise InputError(f"{kind} {path}: entry '{entry.filename}' leaves the archive")
+    if stat.S_ISLNK(entry.external_attr >> 16):
+        raise InputError(f"{kind} {path}: entry '{entry.filename}' is a link")

@@ -1,0 +1,51 @@
+"""Packs a system of `specs/systems` and its FMUs into one `.ssp`, the same bytes for the same content."""
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from fmus.build import BUILD, build_fmu
+from fmus.loader import model_folders
+from specs import systems
+from specs.errors import InputError, nearest
+from specs.ssd import FmiVersion, render, stem
+
+SYSTEMS = BUILD / "systems"
+SSD_NAME = "SystemStructure.ssd"
+EPOCH = (2020, 1, 1, 0, 0, 0)  # of every entry
+
+
+def pack_system(name: str, fmi_version: FmiVersion = 2, out: Path = SYSTEMS) -> Path:
+    """Build the FMUs of the system `name`, pack it and return the path, e.g. build/systems/nominal-fmi3.ssp.
+
+    Raises InputError for an unknown system or a component without a model folder.
+    """
+    spec = systems.load(name)
+    known = model_folders()
+    resources: dict[str, Path] = {}
+    for component in spec.components:
+        if component.fmu not in known:
+            raise InputError(
+                f"system {name}: component {component.name} needs the model '{component.fmu}'; "
+                f"{nearest(component.fmu, known)}"
+            )
+        resources[f"{component.fmu}.fmu"] = build_fmu(component.fmu, fmi_version)
+    return pack(render(spec, fmi_version), resources, out / f"{stem(name, fmi_version)}.ssp")
+
+
+def pack(ssd: str, resources: Mapping[str, Path], path: Path) -> Path:
+    """Write an SSP from the text of an SSD and the files of its `resources/` folder; replaces `path` at once."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(path.name + ".part")
+    with zipfile.ZipFile(part, "w") as archive:
+        _add(archive, SSD_NAME, ssd.encode(), zipfile.ZIP_DEFLATED)
+        for name in sorted(resources):  # FMUs are compressed already
+            _add(archive, f"resources/{name}", resources[name].read_bytes(), zipfile.ZIP_STORED)
+    part.replace(path)
+    return path
+
+
+def _add(archive: zipfile.ZipFile, name: str, content: bytes, compression: int) -> None:
+    entry = zipfile.ZipInfo(name, EPOCH)
+    entry.compress_type, entry.create_system, entry.external_attr = compression, 3, 0o644 << 16
+    archive.writestr(entry, content)

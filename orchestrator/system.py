@@ -1,0 +1,139 @@
+"""A checked system: all that the stepping needs, and nothing that could still be wrong with it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from orchestrator.modeldescription import NOT_NUMBERS, REALS, ModelDescription, Variable
+from orchestrator.units import IDENTITY, Affine
+from specs.errors import InputError, nearest
+from specs.units import Unit
+
+ALGORITHMS = ("jacobi", "gauss-seidel")
+
+
+@dataclass(frozen=True)
+class Component:
+    """An FMU unpacked in `folder`, with the binary for this platform and its start values by variable."""
+
+    name: str
+    model: ModelDescription
+    folder: Path
+    library: Path
+    sha256: str
+    start: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a value comes from: an FMU variable, or a system input where `component` is empty."""
+
+    component: str
+    name: str
+
+
+@dataclass(frozen=True)
+class Link:
+    """target = conversion(source): unit conversion and transformation of a connection in one map."""
+
+    source: Source
+    component: str
+    name: str
+    conversion: Affine
+
+
+@dataclass(frozen=True)
+class SystemInput:
+    """A connector that the scenario drives, in its own unit."""
+
+    name: str
+    unit_name: str
+    unit: Unit | None
+    start: float
+
+
+@dataclass(frozen=True)
+class SystemOutput:
+    """A connector that shows conversion(source) in its own unit."""
+
+    name: str
+    unit_name: str
+    source: Source
+    conversion: Affine
+
+
+@dataclass(frozen=True)
+class System:
+    """A checked system: components in declared order, links to their inputs, its own inputs and outputs.
+
+    `warnings` are full sentences for the user.  The unpacked FMUs live as long as this object.
+    """
+
+    name: str
+    step_s: float
+    stop_s: float | None
+    algorithm: str
+    components: Mapping[str, Component]
+    links: tuple[Link, ...]
+    inputs: Mapping[str, SystemInput]
+    outputs: Mapping[str, SystemOutput]
+    warnings: tuple[str, ...]
+    files: TemporaryDirectory | None = field(default=None, repr=False, compare=False)
+
+    def component(self, name: str) -> Component:
+        """The component `name`; InputError with the nearest names."""
+        if name not in self.components:
+            raise InputError(
+                f"system {self.name} has no component '{name}'; {nearest(name, self.components)}"
+            )
+        return self.components[name]
+
+    def start_values(self, parameters: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        """Start values of every component, `parameters` ("component.parameter": value) included.
+
+        Raises InputError for an unknown name or a value out of bounds.
+        """
+        values = {name: dict(component.start) for name, component in self.components.items()}
+        for key, value in parameters.items():
+            owner, dot, name = key.partition(".")
+            if not dot:
+                raise InputError(
+                    f"parameter '{key}' is not of the form component.parameter; "
+                    f"components: {', '.join(self.components)}"
+                )
+            variable = parameter(self.component(owner), name)
+            values[owner][name] = checked_value(variable, value, f"parameter {key}")
+        return values
+
+
+def parameter(component: Component, name: str) -> Variable:
+    """The parameter `name` of a component; InputError with the nearest parameters."""
+    found = component.model.variables.get(name)
+    if found is None or found.causality != "parameter":
+        valid = [v.name for v in component.model.variables.values() if v.causality == "parameter"]
+        what = (
+            "no parameter" if found is None else f"'{name}' is of causality {found.causality}, no parameter"
+        )
+        raise InputError(f"component {component.name}: {what} '{name}'; {nearest(name, valid)}")
+    return found
+
+
+def checked_value(variable: Variable, value: float, where: str) -> float:
+    """`value` if it suits the variable's type and bounds; InputError, starting with `where`, if not."""
+    if variable.array or variable.type in NOT_NUMBERS:
+        raise InputError(
+            f"{where}: variables of type {variable.type}{' array' * variable.array} cannot be set"
+        )
+    number = float(value)
+    unit = f" {variable.unit_name}" if variable.unit_name else ""
+    low = float("-inf") if variable.min is None else variable.min
+    high = float("inf") if variable.max is None else variable.max
+    if not low <= number <= high or number in (float("inf"), float("-inf")):
+        raise InputError(f"{where} = {number:g}{unit} is out of bounds; valid: {low:g} … {high:g}{unit}")
+    if variable.type not in REALS and number != int(number):
+        raise InputError(f"{where} = {number:g}, but its type is {variable.type}")
+    return number
+
+
+__all__ = ["ALGORITHMS", "IDENTITY", "Component", "Link", "Source", "System", "SystemInput", "SystemOutput"]

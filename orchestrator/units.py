@@ -1,0 +1,73 @@
+"""Units as FMI and SSP write them, and the affine maps between them."""
+
+from dataclasses import dataclass
+
+from orchestrator import xmlfile
+from orchestrator.xmlfile import Element
+from specs.units import Unit
+
+BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+@dataclass(frozen=True)
+class Affine:
+    """y = scale * x + offset."""
+
+    scale: float = 1.0
+    offset: float = 0.0
+
+    def then(self, other: "Affine") -> "Affine":
+        """The map that applies `self` first and `other` to its result."""
+        return Affine(other.scale * self.scale, other.scale * self.offset + other.offset)
+
+    def __call__(self, value: float) -> float:
+        return self.scale * value + self.offset
+
+
+IDENTITY = Affine()
+
+
+def conversion(source: Unit | None, target: Unit | None) -> Affine:
+    """Map from `source` to `target` unit (the identity where one is unknown).
+
+    The units must be compatible: see `compatible`.
+    """
+    if source is None or target is None or source == target:
+        return IDENTITY
+    return Affine(source.factor / target.factor, (source.offset - target.offset) / target.factor)
+
+
+def compatible(source: Unit | None, target: Unit | None) -> bool:
+    """Whether two units have the same dimension; an unknown unit fits every other."""
+    if source is None or target is None:
+        return True
+    return _nonzero(source) == _nonzero(target)
+
+
+def parse_units(holder: Element | None, where: str) -> dict[str, Unit | None]:
+    """Unit definitions under `holder` (SSD `Units`, FMI `UnitDefinitions`); None: dimension not given."""
+    return (
+        {}
+        if holder is None
+        else {
+            xmlfile.required(unit, "name", where): _base_unit(unit, where)
+            for unit in holder
+            if xmlfile.local(unit) == "Unit"
+        }
+    )
+
+
+def _base_unit(unit: Element, where: str) -> Unit | None:
+    base = next((child for child in unit if xmlfile.local(child) == "BaseUnit"), None)
+    if base is None:
+        return None
+    exponents = {key: xmlfile.integer(base, key, 0, where) for key in BASES}
+    return Unit(
+        {key: value for key, value in exponents.items() if value},
+        xmlfile.number(base, "factor", 1.0, where),
+        xmlfile.number(base, "offset", 0.0, where),
+    )
+
+
+def _nonzero(unit: Unit) -> dict[str, int]:
+    return {key: value for key, value in unit.exponents.items() if value}
