@@ -12,6 +12,7 @@ from fmus import compiler
 from fmus.build import SHIM
 
 FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "tanh", "atan", "floor")
+EXPORT = '__attribute__((visibility("default"))) '
 RANGES = {  # function -> (low, high, largest error in ulp)
     "sin": (-1e5, 1e5, 1.0),
     "cos": (-1e5, 1e5, 1.0),
@@ -31,7 +32,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
         f'__attribute__((visibility("default"))) double t_{n}(double x) {{ return slw_{n}(x); }}\n'
         for n in FUNCTIONS
     )
-    exports += '__attribute__((visibility("default"))) double t_atan2(double y, double x) { return slw_atan2(y, x); }\n'
+    exports += EXPORT + "double t_atan2(double y, double x) { return slw_atan2(y, x); }\n"
     (folder / "t.c").write_text(f'#include "{SHIM}/slw_math.h"\n' + exports)
     host = compiler.host().name
     loose = ["-Wno-missing-prototypes"]
