@@ -15,13 +15,16 @@ SSD_NAME = "SystemStructure.ssd"
 EPOCH = (2020, 1, 1, 0, 0, 0)  # of every entry
 
 
-def pack_system(name: str, fmi_version: FmiVersion = 2, out: Path = SYSTEMS) -> Path:
+def pack_system(
+    name: str, fmi_version: FmiVersion = 2, out: Path = SYSTEMS, models: Mapping[str, Path] | None = None
+) -> Path:
     """Build the FMUs of the system `name`, pack it and return the path, e.g. build/systems/nominal-fmi3.ssp.
 
+    `models` replaces model folders by the name the system knows them by.
     Raises InputError for an unknown system or a component without a model folder.
     """
     spec = systems.load(name)
-    known = model_folders()
+    known = model_folders() | dict(models or {})
     resources: dict[str, Path] = {}
     for component in spec.components:
         if component.fmu not in known:
@@ -29,12 +32,12 @@ def pack_system(name: str, fmi_version: FmiVersion = 2, out: Path = SYSTEMS) -> 
                 f"system {name}: component {component.name} needs the model '{component.fmu}'; "
                 f"{nearest(component.fmu, known)}"
             )
-        resources[f"{component.fmu}.fmu"] = build_fmu(component.fmu, fmi_version)
+        resources[f"{component.fmu}.fmu"] = build_fmu(known[component.fmu], fmi_version)
     return pack(render(spec, fmi_version), resources, out / f"{stem(name, fmi_version)}.ssp")
 
 
 def pack(ssd: str, resources: Mapping[str, Path], path: Path) -> Path:
-    """Write an SSP from the text of an SSD and the files of its `resources/` folder; replaces `path` at once."""
+    """Write an SSP from the text of an SSD and the files of its `resources/`; replaces `path` at once."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
     with zipfile.ZipFile(part, "w") as archive:

@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from orchestrator.system import ALGORITHMS, System
 from records.record import Column, Record, RecordWriter, read
 from records.schema import TIME
 from specs.errors import InputError, RunError, nearest
+from specs.version import VERSION
 
 NOISE_SEED = "noise_seed"  # integer parameter of FMUs with random numbers
 BLOCK_ROWS = 250
@@ -175,12 +175,5 @@ def _provenance(
         "step_s": system.step_s,
         "parameters": dict(parameters),
         "fmus": {name: component.sha256 for name, component in system.components.items()},
-        "versions": {"slewright": _version()},
+        "versions": {"slewright": VERSION},
     }
-
-
-def _version() -> str:
-    try:
-        return metadata.version("slewright")
-    except metadata.PackageNotFoundError:
-        return "unknown"

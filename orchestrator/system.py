@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from orchestrator.modeldescription import NOT_NUMBERS, REALS, ModelDescription, Variable
-from orchestrator.units import IDENTITY, Affine
+from orchestrator.units import Affine
 from specs.errors import InputError, nearest
 from specs.units import Unit
 
@@ -110,12 +110,11 @@ class System:
 def parameter(component: Component, name: str) -> Variable:
     """The parameter `name` of a component; InputError with the nearest parameters."""
     found = component.model.variables.get(name)
-    if found is None or found.causality != "parameter":
+    if found is not None and found.causality != "parameter":
+        raise InputError(f"{component.name}.{name} is of causality {found.causality}, not a parameter")
+    if found is None:
         valid = [v.name for v in component.model.variables.values() if v.causality == "parameter"]
-        what = (
-            "no parameter" if found is None else f"'{name}' is of causality {found.causality}, no parameter"
-        )
-        raise InputError(f"component {component.name}: {what} '{name}'; {nearest(name, valid)}")
+        raise InputError(f"component {component.name} has no parameter '{name}'; {nearest(name, valid)}")
     return found
 
 
@@ -134,6 +133,3 @@ def checked_value(variable: Variable, value: float, where: str) -> float:
     if variable.type not in REALS and number != int(number):
         raise InputError(f"{where} = {number:g}, but its type is {variable.type}")
     return number
-
-
-__all__ = ["ALGORITHMS", "IDENTITY", "Component", "Link", "Source", "System", "SystemInput", "SystemOutput"]

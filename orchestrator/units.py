@@ -20,6 +20,10 @@ class Affine:
         """The map that applies `self` first and `other` to its result."""
         return Affine(other.scale * self.scale, other.scale * self.offset + other.offset)
 
+    def inverse(self, value: float) -> float:
+        """The x whose map is `value`."""
+        return (value - self.offset) / self.scale
+
     def __call__(self, value: float) -> float:
         return self.scale * value + self.offset
 

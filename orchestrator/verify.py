@@ -1,0 +1,245 @@
+"""Verification: scenarios on the nominal system and the reference machine, limits checked, report written.
+
+Every run is a process of its own, so the runs of several scenarios use several cores; each record is the
+same bytes whatever their number.  DIR/records/SCENARIO-SYSTEM.parquet, DIR/metrics.json, DIR/report.html.
+"""
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Protocol
+
+from fmus.equations import kinematics
+from fmus.loader import ROOT, load_model, model_folders
+from orchestrator.check import load_system
+from orchestrator.pack import SYSTEMS, pack_system
+from orchestrator.simulate import simulate
+from orchestrator.stimuli import Stimuli
+from orchestrator.system import System
+from records import results
+from records.metrics import Verdict, check_limits
+from records.record import Record, read
+from records.report.page import Context, write_report
+from records.report.picture import write_picture
+from specs import scenario as scenarios_spec
+from specs import systems as systems_spec
+from specs.errors import InputError, RunError
+from specs.scenario import Scenario
+from specs.version import VERSION
+
+CONTROLLER = "pi"  # the component that a controller's model folder replaces
+MIN_SIMULATED_RATE = 1e-9
+
+
+class Report(Protocol):
+    """Called with what is being done and, if known, how much of it is done."""
+
+    def __call__(self, what: str, done: float | None = None, total: float | None = None) -> None: ...
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: everything a process needs to do it."""
+
+    scenario: str
+    system: str
+    seed: int
+    ssp: Path
+    controller: str
+    record: Path
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What came of it: records and metrics by scenario and system, verdicts, real-time factors."""
+
+    runs: Mapping[str, Mapping[str, Record]]
+    verdicts: Sequence[Verdict]
+    realtime_factor: Mapping[str, float]
+    figures: Mapping[str, Any]
+    report: Path
+
+    @property
+    def accepted(self) -> bool:
+        return results.accepted(self.verdicts)
+
+
+def verify(
+    scenarios: Sequence[str] | None = None,
+    systems: Sequence[str] = ("nominal", "reference"),
+    seed: int = 1,
+    out: Path = Path("out/verify"),
+    model: Path | None = None,
+    jobs: int = 2,
+    progress: Report | None = None,
+) -> Verification:
+    """Run `scenarios` (default: all) on `systems` and write records, metrics.json and report.html to `out`.
+
+    `model` is the folder of a controller that takes the place of the PI, or of any model that a system has
+    (fmus.definition); it runs with the limits of the controller it replaces.  Raises InputError before
+    anything runs; RunError, naming every run that failed, after the others were recorded.
+    """
+    report = progress or (lambda what, done=None, total=None: None)
+    chosen = [scenarios_spec.load(name) for name in (scenarios or scenarios_spec.names())]
+    for s in chosen:
+        check_reach(s)
+    replaced = {} if model is None else replacement(model, systems)
+    packed = {}
+    for name in systems:
+        report(f"building {name}")
+        folder = SYSTEMS if model is None else out / "systems"
+        packed[name] = pack_system(name, out=folder, models=replaced)
+    controller = CONTROLLER if model is None else model.resolve().name
+    jobs_list = [
+        Job(s.name, name, seed, packed[name], controller, out / "records" / f"{s.name}-{name}.parquet")
+        for s in chosen
+        for name in systems
+    ]
+    elapsed = _run_all(jobs_list, jobs, report)
+    report("writing the report")
+    return _conclude(chosen, jobs_list, elapsed, seed, out, controller)
+
+
+def check_reach(scenario: Scenario) -> None:
+    """Raise InputError for the first target of `scenario` that the arm cannot reach."""
+    for number, target in enumerate(scenario.targets, 1):
+        if (reason := kinematics.reachable(*target.xyz)) is not None:
+            raise InputError(f"scenario {scenario.name}, target {number}: {reason}")
+
+
+def replacement(model: Path, systems: Sequence[str]) -> dict[str, Path]:
+    """Which model of the systems the folder `model` takes the place of: {name in the systems: folder}.
+
+    The one of the same name, else the controller if the model has the controller's connectors.
+    """
+    found = load_model(model)
+    specs = [systems_spec.load(name) for name in systems]
+    known = {c.fmu for spec in specs for c in spec.components}
+    if found.name in known:
+        return {found.name: model.resolve()}
+    names = {v.name for v in (*found.inputs, *found.outputs)}
+    needed = {n for spec in specs for side in spec.connectors(CONTROLLER) for n in side}
+    if needed <= names:
+        return {CONTROLLER: model.resolve()}
+    raise InputError(
+        f"model {found.name} replaces nothing in {', '.join(systems)}: no component of that name "
+        f"({', '.join(sorted(known))}), and for a controller it lacks {', '.join(sorted(needed - names))}"
+    )
+
+
+def run(job: Job) -> float:
+    """Do one run; return simulated seconds per elapsed second, controller and recording included."""
+    scenario = scenarios_spec.load(job.scenario)
+    system = load_system(job.ssp)
+    job.record.parent.mkdir(parents=True, exist_ok=True)
+    began = time.perf_counter()
+    simulate(
+        system,
+        scenario.duration_ticks,
+        Stimuli(scenario.stimuli()),
+        plant_parameters(system, scenario.parameters(job.seed)),
+        record_path=job.record,
+        seed=job.seed,
+        meta={
+            "scenario": scenario.name,
+            "controller": job.controller,
+            "targets": scenario.schedule(),
+            "target_interval_s": scenario.interval_s,
+            "load_kg": scenario.true_load(job.seed),
+            "load_told_kg": scenario.load.told_kg,
+        },
+    )
+    elapsed = time.perf_counter() - began
+    return scenario.duration_ticks * system.step_s / elapsed
+
+
+def plant_parameters(system: System, values: Mapping[str, float]) -> dict[str, float]:
+    """`values` for every component that is a plant and has the parameter; controllers are told nothing."""
+    folders = model_folders()
+    plants = [n for n, c in system.components.items() if c.model.name in folders and _is_plant(folders, c.model.name)]
+    return {
+        f"{name}.{key}": value
+        for name in plants
+        for key, value in values.items()
+        if key in system.components[name].model.variables
+    }
+
+
+def _is_plant(folders: Mapping[str, Path], name: str) -> bool:
+    return folders[name].parent == ROOT / "fmus"
+
+
+def show(verification: Verification) -> None:
+    """Print the results table, the missed limits and where the report is."""
+    found = results.evaluate(verification.runs)
+    results.print_table(found, verification.verdicts, verification.realtime_factor)
+    print(f"Report: {verification.report}")
+
+
+def _run_all(jobs_list: Sequence[Job], workers: int, report: Report) -> dict[Job, float]:
+    """Run all jobs, at most `workers` at a time; failures are collected and raised once, at the end."""
+    rates: dict[Job, float] = {}
+    failures: list[str] = []
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        waiting = {pool.submit(run, job): job for job in sorted(jobs_list, key=_longest_first)}
+        try:
+            for done in as_completed(waiting):
+                job = waiting[done]
+                try:
+                    rates[job] = done.result()
+                except RunError as error:
+                    failures.append(f"{job.scenario} on {job.system}: {error}")
+                report(f"{job.scenario} on {job.system}", len(rates) + len(failures), len(jobs_list))
+        except BaseException:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+    if failures:
+        raise RunError("\n".join(failures))
+    return rates
+
+
+def _longest_first(job: Job) -> tuple[bool, str]:
+    return (job.system != "reference", job.scenario)
+
+
+def _conclude(
+    chosen: Sequence[Scenario],
+    jobs_list: Sequence[Job],
+    rates: Mapping[Job, float],
+    seed: int,
+    out: Path,
+    controller: str,
+) -> Verification:
+    runs: dict[str, dict[str, Record]] = {}
+    for job in jobs_list:
+        runs.setdefault(job.scenario, {})[job.system] = read(job.record)
+    metrics = results.evaluate(runs)
+    verdicts = [
+        verdict
+        for s in chosen
+        for system, found in metrics[s.name].items()
+        for verdict in check_limits(found, s.limits(CONTROLLER, system), s.name, system)
+    ]
+    factors = {name: _harmonic([rates[j] for j in jobs_list if j.system == name]) for name in {j.system for j in jobs_list}}
+    factors = dict(sorted(factors.items()))
+    figures = results.figures(metrics, verdicts, factors, controller=controller)
+    context = Context(
+        controller=controller,
+        command="slewright verify" + (f" --seed {seed}" if seed != 1 else ""),
+        seed=seed,
+        realtime_factor=factors,
+        versions={"slewright": VERSION},
+    )
+    page = write_report(out / "report.html", runs, verdicts, context)
+    results.write_figures(out / "metrics.json", {**figures, "seed": seed, "versions": {"slewright": VERSION}})
+    return Verification(runs, verdicts, factors, figures, page)
+
+
+def _harmonic(rates: Sequence[float]) -> float:
+    """Mean rate over equal stretches of simulated time."""
+    return len(rates) / sum(1.0 / max(r, MIN_SIMULATED_RATE) for r in rates)
