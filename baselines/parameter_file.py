@@ -1,0 +1,45 @@
+"""Writes found values back into specs/parameters/*.toml, line by line: comments and order stay as they are."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from specs import parameters
+from specs.errors import InputError
+
+DIGITS = 6  # significant; more would only show noise of the search
+
+
+def update(
+    name: str,
+    values: Mapping[str, float],
+    source: str,
+    status: parameters.Status = "identified",
+    folder: Path | None = None,
+) -> Path:
+    """Set value, source and status of parameters in `<name>.toml` and return its path.
+
+    `folder` is where the file lies (default: specs/parameters).  Raises InputError, before anything is
+    written, for a parameter that is not in the file or a value out of its bounds.
+    """
+    known = parameters.load(name)
+    for parameter, value in values.items():
+        if parameter not in known:
+            raise InputError(f"specs/parameters/{name}.toml has no parameter '{parameter}'")
+        known[parameter].check(value)
+    path = (folder or parameters.FOLDER) / f"{name}.toml"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join(_edited(lines, values, source, status)) + "\n", encoding="utf-8")
+    return path
+
+
+def _edited(lines: list[str], values: Mapping[str, float], source: str, status: str) -> list[str]:
+    result, table = [], ""
+    for line in lines:
+        if line.startswith("["):
+            table = line.strip("[] ")
+        key = line.partition("=")[0].strip()
+        if table in values and key in ("value", "source", "status"):
+            value = repr(float(f"{values[table]:.{DIGITS}g}"))
+            line = f"{key} = " + {"value": value, "source": f'"{source}"', "status": f'"{status}"'}[key]
+        result.append(line)
+    return result
