@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from fmus.equations import kinematics
-from fmus.loader import ROOT, load_model, model_folders
+from fmus.loader import load_model, model_folders
 from orchestrator.check import load_system
 from orchestrator.pack import SYSTEMS, pack_system
 from orchestrator.simulate import simulate
@@ -24,7 +24,6 @@ from records import results
 from records.metrics import Verdict, check_limits
 from records.record import Record, read
 from records.report.page import Context, write_report
-from records.report.picture import write_picture
 from specs import scenario as scenarios_spec
 from specs import systems as systems_spec
 from specs.errors import InputError, RunError
@@ -141,7 +140,7 @@ def run(job: Job) -> float:
         system,
         scenario.duration_ticks,
         Stimuli(scenario.stimuli()),
-        plant_parameters(system, scenario.parameters(job.seed)),
+        plant_parameters(system, job.system, scenario.parameters(job.seed)),
         record_path=job.record,
         seed=job.seed,
         meta={
@@ -157,20 +156,16 @@ def run(job: Job) -> float:
     return scenario.duration_ticks * system.step_s / elapsed
 
 
-def plant_parameters(system: System, values: Mapping[str, float]) -> dict[str, float]:
-    """`values` for every component that is a plant and has the parameter; controllers are told nothing."""
+def plant_parameters(system: System, name: str, values: Mapping[str, float]) -> dict[str, float]:
+    """`values` for every plant of the system `name` that has the parameter; controllers are told nothing."""
     folders = model_folders()
-    plants = [n for n, c in system.components.items() if c.model.name in folders and _is_plant(folders, c.model.name)]
+    plants = [c.name for c in systems_spec.load(name).components if folders[c.fmu].parent.name == "fmus"]
     return {
-        f"{name}.{key}": value
-        for name in plants
+        f"{plant}.{key}": value
+        for plant in plants
         for key, value in values.items()
-        if key in system.components[name].model.variables
+        if key in system.component(plant).model.variables
     }
-
-
-def _is_plant(folders: Mapping[str, Path], name: str) -> bool:
-    return folders[name].parent == ROOT / "fmus"
 
 
 def show(verification: Verification) -> None:
@@ -225,7 +220,10 @@ def _conclude(
         for system, found in metrics[s.name].items()
         for verdict in check_limits(found, s.limits(CONTROLLER, system), s.name, system)
     ]
-    factors = {name: _harmonic([rates[j] for j in jobs_list if j.system == name]) for name in {j.system for j in jobs_list}}
+    factors = {
+        name: _harmonic([rates[j] for j in jobs_list if j.system == name])
+        for name in {j.system for j in jobs_list}
+    }
     factors = dict(sorted(factors.items()))
     figures = results.figures(metrics, verdicts, factors, controller=controller)
     context = Context(
