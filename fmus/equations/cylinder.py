@@ -14,7 +14,9 @@ Spool: a closed-centre proportional valve with dead band; its opening o is a sha
 pressure-compensated (the drop over the edge is held at `drop` while the pump can, a little less well the higher
 the load), with a check valve:
 
-    Q_in = Q_full o root(min(drop, p_pump - p)) / root(drop) (1 - droop p)
+    Q_in = Q_full o root(min(drop, min(p_pump, limit) - p)) / root(drop) (1 - droop p)
+
+where `limit` is the section's own pressure limit.
 
 Outlet: the spool's return edge in series with the counterbalance valve of that side, which the opposite
 pressure pilots open, y = clip((p + ratio p_opposite - setting) / range, 0, 1).  Closed spool or closed
@@ -105,13 +107,13 @@ def flows(p_a: Any, p_b: Any, spool: Any, p_pump: Any, c: Namespace) -> tuple[Fl
     """Flows of bore and rod side at chamber pressures `p_a`, `p_b`, spool travel -1..1 and pump pressure."""
     up, down = openings(spool, c)
     bore = Flows(
-        _inlet(c.flow_up * up, p_a, p_pump, c),
+        _inlet(c.flow_up * up, p_a, p_pump, c.limit_up, c),
         _outlet(c.return_down * down, p_a, p_b, c.holding_ratio_bore, c),
         _relief(p_a, c),
         _suction(p_a, c),
     )
     rod = Flows(
-        _inlet(c.flow_down * down, p_b, p_pump, c),
+        _inlet(c.flow_down * down, p_b, p_pump, c.limit_down, c),
         _outlet(c.return_up * up, p_b, p_a, c.holding_ratio_rod, c),
         _relief(p_b, c),
         _suction(p_b, c),
@@ -149,8 +151,9 @@ def _passed(drop: Any, c: Namespace) -> Any:
     return hy.root(hy.ramp(drop, VALVE_ROUNDING), LAMINAR) / ca.sqrt(c.drop)
 
 
-def _inlet(full: Any, p: Any, p_pump: Any, c: Namespace) -> Any:
-    available = hy.ramp(p_pump - p, VALVE_ROUNDING)
+def _inlet(full: Any, p: Any, p_pump: Any, limit: Any, c: Namespace) -> Any:
+    source = limit - hy.ramp(limit - p_pump, VALVE_ROUNDING)
+    available = hy.ramp(source - p, VALVE_ROUNDING)
     held = available - hy.ramp(available - c.drop, VALVE_ROUNDING)
     return full * _passed(held, c) * (1 - c.compensator_droop * p)
 
