@@ -35,7 +35,7 @@ def targets(record: Record) -> list[Target]:
 
     They come from the metadata, `targets`: a list of {"time": s, "x": m, "y": m, "z": m}, or, where that has
     no times, from the changes in the columns target_x, target_y, target_z. A target holds until the next one,
-    the last one (and any other at most) for the metadata's `period_s`, 15 s unless told.
+    the last one (and any other at most) for the metadata's `target_interval_s`, 15 s unless told.
 
     The slew angle of the first target is the equivalent of atan2(y, x) nearest to the slew angle at which the
     run starts, that of every other one the nearest to its predecessor's: so the machine that turns on past
@@ -45,7 +45,7 @@ def targets(record: Record) -> list[Target]:
     if len(time) < 2:
         return []
     step = float(record.meta.get("step_s", time[1] - time[0]))
-    period = float(record.meta.get("period_s", PERIOD_S))
+    period = float(record.meta.get("target_interval_s", PERIOD_S))
     starts, points = _schedule(record, step)
     previous = float(record.column("true_q_slew")[0])
     found = []

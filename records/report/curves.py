@@ -26,7 +26,7 @@ JOINTS = ("slew", "boom", "stick")
 def figures(scenario: str, pair: Pair) -> list[Figure]:
     """Return the figures over time of one scenario; those for which nothing was recorded are left out."""
     made: list[Callable[[str, Pair], Figure | None]] = [
-        slew_angle, joint_speeds, tool_rate, tool_angles, pressures, joysticks,
+        slew_angle, joint_speeds, joysticks, tool_rate, tool_angles, pressures,
     ]  # fmt: skip
     return [figure for make in made if (figure := make(scenario, pair)) is not None]
 
@@ -78,7 +78,7 @@ def tool_rate(scenario: str, pair: Pair) -> Figure | None:
         data.append({"type": "scatter", "mode": "lines", "x": x, "y": y, "name": name, "line": mean_line})
     layout = {**time_axis(1), "yaxis": {"title": {"text": "Tool rate [°/s]"}, "rangemode": "tozero"}}
     caption = "√(q̇x² + q̇y²) of the tool's two joints; dotted: its mean over each target."
-    return Figure(f"{scenario}-rate", "Tool rate", caption, data, layout)
+    return Figure(f"{scenario}-rate", "Tool rate", caption, data, layout, height=380)
 
 
 def tool_angles(scenario: str, pair: Pair) -> Figure | None:
@@ -105,7 +105,7 @@ def pressures(scenario: str, pair: Pair) -> Figure | None:
         for j in JOINTS
     ]
     caption = "Side a drives the positive motion (bore side of the cylinders)."
-    return over_time(f"{scenario}-pressures", "Chamber pressures", caption, panels, pair)
+    return over_time(f"{scenario}-pressures", "Chamber pressures", caption, panels, pair, wide=True)
 
 
 def joysticks(scenario: str, pair: Pair) -> Figure | None:
