@@ -28,7 +28,7 @@ def figures(scenario: str, pair: Pair) -> list[Figure]:
     made: list[Callable[[str, Pair], Figure | None]] = [
         slew_angle, joint_speeds, joysticks, tool_rate, tool_angles, pressures,
     ]  # fmt: skip
-    return [figure for make in made if (figure := make(scenario, pair)) is not None]
+    return [figure for make in made if pair and (figure := make(scenario, pair)) is not None]
 
 
 def slew_angle(scenario: str, pair: Pair) -> Figure:

@@ -31,5 +31,3 @@ async function draw(figures) {
 }
 
 draw(JSON.parse(document.getElementById("figures").textContent));
-// On paper nothing can be unfolded.
-addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((d) => (d.open = true)));

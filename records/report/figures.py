@@ -10,6 +10,7 @@ import numpy as np
 from records.record import Record
 
 PLOT_S = 0.1  # spacing of plotted points; metrics use every row
+SHORT_S = 20.0
 DEG = 180 / math.pi
 
 Pair = Mapping[str, Record]  # system → record
@@ -74,9 +75,11 @@ class Panel:
 
 
 def thin(record: Record) -> slice:
-    """Return the rows to plot."""
+    """Return the rows to plot: about ten a second, of a short stretch all."""
     time = record.time
-    return slice(None, None, max(1, round(PLOT_S / (time[1] - time[0])))) if len(time) > 1 else slice(None)
+    if len(time) < 2 or time[-1] - time[0] < SHORT_S:
+        return slice(None)
+    return slice(None, None, max(1, round(PLOT_S / (time[1] - time[0]))))
 
 
 def numbers(values: np.ndarray, digits: int) -> list[float | None]:

@@ -130,7 +130,7 @@ def _results(results: Results, verdicts: Sequence[Verdict], context: Context) ->
 
 def _response(runs: Runs, context: Context, drawn: list[Figure]) -> str:
     name = next(iter(runs), "")
-    pair = context.response or runs.get(name, {})
+    pair = _drawable(context.response or runs.get(name, {}))
     made = response.figures(pair, "a test of the arm" if context.response else tables.readable(name))
     if not made:
         return ""
@@ -142,7 +142,8 @@ def _response(runs: Runs, context: Context, drawn: list[Figure]) -> str:
 
 
 def _scenario(name: str, pair: Pair, results: Results, drawn: list[Figure]) -> str:
-    made = [*views.figures(name, pair), *curves.figures(name, pair)]
+    shown = _drawable(pair)
+    made = [*views.figures(name, shown), *curves.figures(name, shown)]
     drawn += made
     broken = "".join(
         f"<p class='incomplete'>Incomplete run on the {escape(system)} system: {escape(record.reason)}</p>"
@@ -156,6 +157,11 @@ def _scenario(name: str, pair: Pair, results: Results, drawn: list[Figure]) -> s
         f"<div class='scroll'>{tables.per_target(results[name])}</div>"
         f"<div class='figures'>{''.join(map(_figure, made))}</div>"
     )
+
+
+def _drawable(pair: Pair) -> Pair:
+    """Leave out runs that broke off before there was anything to draw."""
+    return {system: record for system, record in pair.items() if len(record) > 1}
 
 
 def _figure(figure: Figure) -> str:

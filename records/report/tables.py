@@ -101,18 +101,19 @@ def per_target(pair: Mapping[str, Metrics]) -> str:
     )
     head = f"<th>Target</th>{_head('Slew', '°')}{_head('Travel', '°')}<th>System</th>{heads}"
     body = ""
-    for number_, rows in enumerate(zip(*(m.per_target for m in pair.values()), strict=False), start=1):
-        for i, (system, row) in enumerate(zip(pair, rows, strict=True)):
-            first = _target(number_, row, len(pair)) if i == 0 else ""
+    for k in range(max((len(m.per_target) for m in pair.values()), default=0)):
+        rows = {system: m.per_target[k] for system, m in pair.items() if k < len(m.per_target)}
+        for i, (system, row) in enumerate(rows.items()):
+            first = _target(row, len(rows)) if i == 0 else ""
             group = " class='first'" if i == 0 else ""
             body += f"<tr{group}>{first}<td>{_system(system)}</td>{_target_figures(row)}</tr>"
     return _table(head, body)
 
 
-def _target(number_: int, row: TargetMetrics, span: int) -> str:
+def _target(row: TargetMetrics, span: int) -> str:
     angles = (f"{row.slew_deg:.0f}", f"{row.travel_deg:+.0f}")
     cells = "".join(f"<td class='num' rowspan='{span}'>{a.replace('-', '−')}</td>" for a in angles)
-    return f"<th scope='row' rowspan='{span}'>{number_}</th>{cells}"
+    return f"<th scope='row' rowspan='{span}'>{row.number}</th>{cells}"
 
 
 def _target_figures(row: TargetMetrics) -> str:

@@ -113,6 +113,14 @@ def test_targets_from_metadata_keep_two_equal_ones_apart():
     assert [t.whole for t in targets(record)] == [True], "a last target is judged over its own period"
 
 
+def test_a_scenario_s_own_interval_counts():
+    record = slew_run([np.r_[ramp(0, 80, 4), constant(80, 6)]], [90])
+    told = Record(record.table, {**record.meta, "target_interval_s": 10.0})
+    (target,) = compute(told).per_target
+    assert (target.time_s, target.speed, target.reached) == (10.0, pytest.approx(9.0), False)
+    assert not compute(record).complete, "15 s unless told"
+
+
 def test_a_target_cut_short_is_left_out_and_said():
     record = slew_run([np.r_[ramp(0, 90, 9), constant(90, 6)], constant(90, 4)], [90, 0])
     result = compute(record)
