@@ -1,2 +1,1 @@
-"""Run records: what a run wrote down, the four metrics computed from it, and the report pages that show
-it."""
+"""Run records: what a run wrote down, the four metrics computed from it, and the report that shows it."""
