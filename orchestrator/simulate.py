@@ -57,7 +57,7 @@ def simulate(
     layout = lay_out(system, record)
     start = system.start_values({**_seeds(system, seed), **(parameters or {})})
     whole = _provenance(system, algorithm, seed, parameters or {}) | dict(meta or {})
-    with Master(system, layout, start, algorithm) as master:
+    with np.errstate(invalid="ignore"), Master(system, layout, start, algorithm) as master:
         sink = _open(record_path, (TIME, *layout.columns), whole)
         try:
             _run(master, layout, stop_ticks, stimuli, sink, progress)
