@@ -15,13 +15,13 @@ REFERENCE_DROP = 100e5  # Pa: valve sizes are given as their flow at this pressu
 
 
 def ramp(x: Scalar, width: Scalar) -> Scalar:
-    """0 below 0, x - width/2 above `width`, a parabola between: a smooth positive part, exactly 0 for x <= 0."""
+    """Smooth positive part: exactly 0 for x <= 0, x - width/2 above `width`, a parabola between."""
     knee = ca.fmin(ca.fmax(x, 0.0), width)
     return knee * knee / (2.0 * width) + ca.fmax(x - width, 0.0)
 
 
 def dead_band(x: Scalar, band: Scalar, width: Scalar) -> Scalar:
-    """Share of full stroke beyond a dead band `band`: odd in x, 0 inside, 1 at x = 1, rounded over `width`."""
+    """Share of full stroke beyond a dead band: odd in x, 0 inside, 1 at x = 1, rounded over `width`."""
     return (ramp(x - band, width) - ramp(-x - band, width)) / (1.0 - band - 0.5 * width)
 
 
@@ -46,14 +46,14 @@ def check_flow(conductance: Scalar, drop: Scalar, width: Scalar) -> Scalar:
 
 
 def relief_flow(size: Scalar, drop: Scalar, cracking: Scalar, width: Scalar) -> Scalar:
-    """Flow of a relief valve with a soft, quadratic curve: `size` at 100 bar above `cracking`; odd in `drop`."""
+    """Flow of a relief valve with a quadratic curve: `size` at 100 bar above `cracking`; odd in `drop`."""
     forward = ramp(drop - cracking, width) / REFERENCE_DROP
     backward = ramp(-drop - cracking, width) / REFERENCE_DROP
     return size * (forward * forward - backward * backward)
 
 
 def cut_off_pressure(opening: Scalar, low: Scalar, high: Scalar, scale: Scalar) -> Scalar:
-    """Pressure (Pa) at which a torque-limited supply gives no more flow, `low` at 0 to `high` at 1 of opening."""
+    """Pressure (Pa) at which a torque-limited supply stops: `low` when closed, `high` at full opening."""
     return low + (high - low) * (1.0 - ca.exp(-opening / scale)) / (1.0 - ca.exp(-1.0 / scale))
 
 

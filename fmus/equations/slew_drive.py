@@ -31,7 +31,7 @@ RELIEF_ROUNDING = 10e5  # Pa
 
 @dataclass(frozen=True)
 class Flows:
-    """Flows (m3/s): pump into each chamber, chamber to tank over the spool, suction, and a to b over relief."""
+    """Flows (m3/s): pump to chamber, chamber to tank over the spool, suction, and a to b over the relief."""
 
     inlet_a: Scalar
     inlet_b: Scalar
@@ -53,9 +53,13 @@ class Flows:
 
 
 def spool_rate(u_slew: Scalar, spool: Scalar, p: Namespace) -> Scalar:
-    """Rate of the spool (1/s) towards the joystick beyond its dead band."""
-    target = hy.dead_band(u_slew, p.slew_dead_band, ROUNDING)
-    return hy.limited_lag(target, spool, p.slew_spool_lag, p.slew_spool_rate)
+    """Rate of the spool (1/s) towards the joystick."""
+    return hy.limited_lag(u_slew, spool, p.slew_spool_lag, p.slew_spool_rate)
+
+
+def opening(spool: Scalar, p: Namespace) -> Scalar:
+    """Signed share of full opening: the spool beyond its overlap, the dead band."""
+    return hy.dead_band(spool, p.slew_dead_band, ROUNDING)
 
 
 def relief_rate(p_a: Scalar, p_b: Scalar, relief: Scalar, p: Namespace) -> Scalar:
@@ -66,8 +70,8 @@ def relief_rate(p_a: Scalar, p_b: Scalar, relief: Scalar, p: Namespace) -> Scala
 def flows(
     spool: Scalar, relief: Scalar, p_a: Scalar, p_b: Scalar, p: Namespace, supply: Scalar | None = None
 ) -> Flows:
-    """Flows of valves and supply; `supply` (Pa) is the pump's pressure where it is shared, else not limiting."""
-    left, right = hy.ramp(spool, ROUNDING), hy.ramp(-spool, ROUNDING)
+    """Flows of valves and supply; `supply` (Pa) is the pressure of a pump that is shared, if there is one."""
+    left, right = ca.fmax(opening(spool, p), 0.0), ca.fmax(-opening(spool, p), 0.0)
     return Flows(
         inlet_a=_inlet(left, p_a, p, supply),
         inlet_b=_inlet(right, p_b, p, supply),
@@ -75,7 +79,7 @@ def flows(
         outlet_b=_outlet(left, p_b, p),
         suction_a=hy.check_flow(p.slew_suction, p.slew_boost_pressure - p_a, CHECK_ROUNDING),
         suction_b=hy.check_flow(p.slew_suction, p.slew_boost_pressure - p_b, CHECK_ROUNDING),
-        cross=_cross(spool, relief, p),
+        cross=_cross(opening(spool, p), relief, p),
     )
 
 
@@ -93,7 +97,7 @@ def pressure_rates(
 
 def friction(qd_slew: Scalar, inertia: Scalar, p: Namespace) -> Scalar:
     """Torque of bearing, gear and motor friction; grows with the load of the bearing, told by the inertia."""
-    load = 1.0 + p.slew_friction_load * (inertia / p.slew_inertia_reference - 1.0)
+    load = 1.0 + p.slew_friction_load * (1.0 - p.slew_inertia_reference / inertia)
     dry = hy.coulomb(qd_slew, p.slew_friction_dry, p.slew_friction_knee)
     return load * (p.slew_friction_viscous * qd_slew + dry)
 
@@ -130,8 +134,8 @@ def _outlet(opening: Scalar, pressure: Scalar, p: Namespace) -> Scalar:
     return hy.orifice_flow(p.slew_outlet_flow * opening, pressure - p.slew_boost_pressure, LAMINAR)
 
 
-def _cross(spool: Scalar, relief: Scalar, p: Namespace) -> Scalar:
+def _cross(opened: Scalar, relief: Scalar, p: Namespace) -> Scalar:
     main = hy.relief_flow(p.slew_relief_flow, relief, p.slew_relief_pressure, RELIEF_ROUNDING)
-    share = spool / p.slew_stop_spool
+    share = opened / p.slew_stop_spool
     soft = hy.relief_flow(p.slew_stop_flow, relief, p.slew_stop_pressure, RELIEF_ROUNDING)
     return main + soft / (1.0 + share * share)

@@ -1,10 +1,10 @@
 """The slew drive as a grey box of two chambers, fitted to the slew traces; equations: README.md.
 
-States are the slew angle and speed, the two chamber pressures, the spool and the lagged pressure difference of
-the relief valves.  The joystick arrives one transport delay late; the brake is a mode with timers.
+States are the slew angle and speed, the two chamber pressures, the spool and the lagged pressure difference
+of the relief valves.  The joystick arrives one transport delay late; the brake is a mode with timers.
 """
 
-import casadi as ca
+from typing import Any
 
 from fmus.definition import Mode, Model, Namespace, Variable, from_parameters, from_signals
 from fmus.equations import slew_drive
@@ -13,7 +13,7 @@ STEP = 0.002  # s: halving it moves a full-joystick run by less than 0.001 °/s 
 NOMINAL_PRESSURE = 1e7  # Pa
 
 
-def _rates(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, ca.SX]:
+def _rates(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
     flows = slew_drive.flows(x.spool, x.relief, x.p_a, x.p_b, p)
     p_a_rate, p_b_rate = slew_drive.pressure_rates(flows, x.p_a, x.p_b, x.qd, p)
     torque = slew_drive.torque(x.p_a, x.p_b, x.qd, u.inertia, m.brake_is_released, p)
@@ -28,7 +28,7 @@ def _rates(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, 
     }
 
 
-def _outputs(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, ca.SX]:
+def _outputs(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
     return {
         "q_slew": x.q,
         "qd_slew": x.qd,
@@ -38,7 +38,7 @@ def _outputs(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str
     }
 
 
-def _start(p: Namespace) -> dict[str, ca.SX]:
+def _start(p: Namespace) -> dict[str, Any]:
     rest = {"q": p.start_q_slew, "p_a": p.slew_boost_pressure, "p_b": p.slew_boost_pressure}
     return rest | {"qd": 0.0, "spool": 0.0, "relief": 0.0}
 
