@@ -1,7 +1,10 @@
 """FMU and SSP archives (zip) unpacked without trusting them: no path escape, no link, bounded size."""
 
 import hashlib
+import shutil
 import stat
+import tempfile
+import weakref
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +14,14 @@ from specs.errors import InputError
 
 MAX_ENTRIES = 20_000
 MAX_BYTES = 4 * 1024**3  # unpacked; a network's weights may be large, a zip bomb is larger
+
+
+class Scratch:
+    """A temporary folder that goes with this object."""
+
+    def __init__(self) -> None:
+        self.path = Path(tempfile.mkdtemp(prefix="slewright-"))
+        self._finalizer = weakref.finalize(self, shutil.rmtree, self.path, True)
 
 
 def unpack(path: Path, folder: Path, kind: str) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from orchestrator import archive
 from orchestrator.components import load_components
@@ -23,17 +22,16 @@ def load_system(path: Path | str) -> System:
     Raises InputError, naming element and line, for whatever could not be simulated as described.
     """
     path = Path(path)
-    files = TemporaryDirectory(prefix="slewright-")
-    folder = Path(files.name)
-    ssd = path if path.suffix == ".ssd" else folder / "ssp" / SSD_NAME
+    files = archive.Scratch()
+    ssd = path if path.suffix == ".ssd" else files.path / "ssp" / SSD_NAME
     if ssd != path:
-        archive.unpack(path, folder / "ssp", "system")
+        archive.unpack(path, files.path / "ssp", "system")
         if not ssd.is_file():
             raise InputError(f"system {path} holds no {SSD_NAME}")
     return _checked(read_ssd(ssd), ssd.parent, files)
 
 
-def _checked(text: Description, base: Path, files: TemporaryDirectory) -> System:
+def _checked(text: Description, base: Path, files: archive.Scratch) -> System:
     if not text.components:
         raise InputError(f"system {text.name} has no component")
     algorithm = text.algorithm or ALGORITHMS[0]
@@ -41,7 +39,7 @@ def _checked(text: Description, base: Path, files: TemporaryDirectory) -> System
         raise InputError(
             f"system {text.name}: unknown algorithm '{algorithm}'; {nearest(algorithm, ALGORITHMS)}"
         )
-    components = load_components(text, base, Path(files.name))
+    components = load_components(text, base, files.path)
     wiring = Wiring(text, components)
     return System(
         name=text.name,

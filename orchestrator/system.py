@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
+from orchestrator.archive import Scratch
 from orchestrator.modeldescription import NOT_NUMBERS, REALS, ModelDescription, Variable
 from orchestrator.units import Affine
 from specs.errors import InputError, nearest
@@ -79,7 +79,7 @@ class System:
     inputs: Mapping[str, SystemInput]
     outputs: Mapping[str, SystemOutput]
     warnings: tuple[str, ...]
-    files: TemporaryDirectory | None = field(default=None, repr=False, compare=False)
+    files: Scratch | None = field(default=None, repr=False, compare=False)
 
     def component(self, name: str) -> Component:
         """The component `name`; InputError with the nearest names."""

@@ -1,14 +1,20 @@
 """Archives, FMUs and libraries that are damaged, foreign or hostile; and what the command makes of it."""
 
+import signal
+import subprocess
+import sys
+import time
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fmus.compiler import host
 from orchestrator.check import load_system
+from records.record import read, recording_path
 from specs.errors import InputError
-from tests.conftest import Command
+from tests.conftest import ROOT, Command
 from tests.orchestrator.systems import (
     OSCILLATOR,
     component,
@@ -154,3 +160,34 @@ def test_a_failing_fmu_gives_exit_code_3_and_a_record(tmp_path: Path, slewright:
     assert "component bomb failed in the step from t = 0.03 s" in done.stderr
     assert "Traceback" not in done.stderr
     assert out.exists()
+
+
+def test_ctrl_c_ends_with_130_and_a_readable_record(tmp_path: Path) -> None:
+    path, out = write_ssp(tmp_path, OSCILLATOR, NAMES), tmp_path / "r.parquet"
+    command = [
+        sys.executable,
+        "-m",
+        "slewright",
+        "simulate",
+        str(path),
+        "--out",
+        str(out),
+        "--stop",
+        "100000",
+    ]
+    running = subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 60.0
+    while not (recording_path(out).exists() and recording_path(out).stat().st_size > 100_000):
+        assert running.poll() is None, "it ended by itself"
+        assert time.monotonic() < deadline, "nothing was recorded"
+        time.sleep(0.05)
+    running.send_signal(signal.SIGINT)
+    _, err = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert "Traceback" not in err
+    record = read(out)
+    assert (record.complete, record.reason) == (False, "interrupted")
+    assert len(record) > 1000
+    np.testing.assert_array_equal(record.time, np.arange(len(record)) * 0.01)
