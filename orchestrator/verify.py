@@ -24,8 +24,7 @@ from records import results
 from records.metrics import Verdict, check_limits
 from records.record import Record, read
 from records.report.page import Context, write_report
-from specs import scenario as scenarios_spec
-from specs import systems as systems_spec
+from specs import scenario as scenarios_spec, systems as systems_spec
 from specs.errors import InputError, RunError
 from specs.scenario import Scenario
 from specs.version import VERSION
