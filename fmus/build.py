@@ -7,6 +7,7 @@ over the sources (nothing at all to do) and the model's token over the generated
 import hashlib
 import html
 import json
+import os
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Sequence
@@ -50,7 +51,7 @@ def build_fmu(
     codegen.check_no_feedthrough(model)
     archive = _archive(model, path, fmi_version, names)
     _write(result, archive)
-    stamp.write_text(json.dumps({"quick": quick, "sha256": _sha256(result.read_bytes())}))
+    _write(stamp, json.dumps({"quick": quick, "sha256": _sha256(result.read_bytes())}).encode())
     return result
 
 
@@ -191,7 +192,7 @@ def _is_current(result: Path, stamp: Path, quick: str) -> bool:
 def _write(path: Path, content: bytes) -> None:
     """Write by rename, so that a reader never sees half a file."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")  # another process may write the same
     part.write_bytes(content)
     part.replace(path)
 

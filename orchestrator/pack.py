@@ -1,5 +1,6 @@
 """Packs a system of `specs/systems` and its FMUs into one `.ssp`, the same bytes for the same content."""
 
+import os
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -39,7 +40,7 @@ def pack_system(
 def pack(ssd: str, resources: Mapping[str, Path], path: Path) -> Path:
     """Write an SSP from the text of an SSD and the files of its `resources/`; replaces `path` at once."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")  # another process may pack the same
     with zipfile.ZipFile(part, "w") as archive:
         _add(archive, SSD_NAME, ssd.encode(), zipfile.ZIP_DEFLATED)
         for name in sorted(resources):  # FMUs are compressed already
