@@ -12,8 +12,6 @@ It is the reference that the FMUs' C code is held to.  One internal tick:
 """
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -38,7 +36,8 @@ class Stepper:
         self.model = model
         self.step_s = model.step if step is None else step
         self.p = np.array(model.start_parameters(parameters)).ravel()
-        self._f, self._jacobian, self._guards, self._h = _compiled(model)
+        self._f, self._h = _Evaluation(model.f), _Evaluation(model.h)
+        self._jacobian, self._guards = _Evaluation(model.jacobian), _Evaluation(model.guards)
         self.x = np.array(model.x0(self.p)).ravel()
         self.u = np.array([v.start for v in model.inputs])
         self.m = np.array([mode.start for mode in model.modes])
@@ -58,11 +57,6 @@ class Stepper:
         for name, value in inputs.items():
             self.u[self.model.index("inputs", name)] = value
 
-    def prefill(self) -> None:
-        """Fill the delay lines with the present inputs, as at the end of initialisation."""
-        for line, (i, _) in zip(self._history, self._delays, strict=True):
-            line[:] = self.u[i]
-
     def advance(self, ticks: int = 1) -> None:
         """Take internal steps; raises RunError when the state is no longer finite."""
         for _ in range(ticks):
@@ -77,12 +71,12 @@ class Stepper:
 
     def rates(self) -> dict[str, float]:
         """dx/dt at the present point."""
-        values = np.asarray(self._f(self.x, self._delayed(), self.m, self.p)).ravel()
+        values = self._f(self.x, self._delayed(), self.m, self.p)[0].ravel()
         return {v.name: float(value) for v, value in zip(self.model.states, values, strict=True)}
 
     def outputs(self) -> dict[str, float]:
         """Outputs at the present point, before sampling, sensor delay and noise."""
-        values = np.asarray(self._h(self.x, self._delayed(), self.m, self.p)).ravel()
+        values = self._h(self.x, self._delayed(), self.m, self.p)[0].ravel()
         return {v.name: float(value) for v, value in zip(self.model.outputs, values, strict=True)}
 
     def run(self, inputs: Inputs, duration: float, every: float = 0.02) -> dict[str, np.ndarray]:
@@ -129,7 +123,7 @@ class Stepper:
     def _switch_modes(self, u: np.ndarray) -> None:
         if not self.model.modes:
             return
-        guards = [np.asarray(g).ravel() for g in self._guards(self.x, u, self.m, self.p)]
+        guards = [g.ravel() for g in self._guards(self.x, u, self.m, self.p)]
         for i in range(len(self.m)):
             on = self.m[i] > 0.5
             self._held[i] = self._held[i] + 1 if guards[int(on)][i] > 0 else 0
@@ -138,41 +132,29 @@ class Stepper:
 
     def _ros2(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         h, n = self.step_s, len(x)
-        matrix = np.eye(n) - GAMMA * h * np.asarray(self._jacobian(x, u, self.m, self.p))
+        matrix = np.eye(n) - GAMMA * h * self._jacobian(x, u, self.m, self.p)[0]
         lu, pivots, _ = lapack.dgetrf(matrix)
-        k1 = lapack.dgetrs(lu, pivots, np.asarray(self._f(x, u, self.m, self.p)).ravel())[0]
-        second = np.asarray(self._f(x + h * k1, u, self.m, self.p)).ravel() - 2 * k1
+        k1 = lapack.dgetrs(lu, pivots, self._f(x, u, self.m, self.p)[0].ravel())[0]
+        second = self._f(x + h * k1, u, self.m, self.p)[0].ravel() - 2 * k1
         k2 = lapack.dgetrs(lu, pivots, second)[0]
         return x + h * (1.5 * k1 + 0.5 * k2)
 
 
-def compile_functions(functions: list[ca.Function], folder: Path) -> list[Any]:
-    """The same functions as native code, through CasADi's C generator and the system's compiler.
+class _Evaluation:
+    """A CasADi function of (x, u, m, p) that writes its results into arrays, without copies in between."""
 
-    Worth it from some ten thousand steps on.  Returns the functions themselves where there is no compiler.
-    """
-    import shutil
-    import subprocess
+    def __init__(self, function: ca.Function):
+        self._buffer, self._run = function.buffer()
+        self.arguments = [np.zeros(max(1, function.numel_in(i))) for i in range(function.n_in())]
+        self.results = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
+        for i, argument in enumerate(self.arguments):
+            self._buffer.set_arg(i, memoryview(argument))
+        for i, result in enumerate(self.results):
+            if result.size:
+                self._buffer.set_res(i, memoryview(result.reshape(-1, order="F")))
 
-    if shutil.which("cc") is None:
-        return list(functions)
-    generator = ca.CodeGenerator("functions.c")
-    for function in functions:
-        generator.add(function)
-    folder.mkdir(parents=True, exist_ok=True)
-    generator.generate(f"{folder}/")
-    library = folder / "functions.so"
-    subprocess.run(
-        ["cc", "-O1", "-fPIC", "-shared", "-o", str(library), str(folder / "functions.c"), "-lm"], check=True
-    )
-    return [ca.external(function.name(), str(library)) for function in functions]
-
-
-_cache: dict[int, tuple[Model, tuple[Any, ...]]] = {}
-
-
-def _compiled(model: Model) -> tuple[Any, ...]:
-    """The model's functions, once a process."""
-    if id(model) not in _cache:
-        _cache[id(model)] = (model, (model.f, model.jacobian, model.guards, model.h))
-    return _cache[id(model)][1]
+    def __call__(self, *values: np.ndarray) -> list[np.ndarray]:
+        for argument, value in zip(self.arguments, values, strict=True):
+            argument[: value.size] = value
+        self._run()
+        return self.results

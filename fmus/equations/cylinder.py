@@ -11,8 +11,8 @@ Bore side A pushes (positive joint motion), rod side B pulls:
     F = p_A A_A - p_B A_B - friction(L')
 
 Spool: a closed-centre proportional valve with dead band; its opening o is a share of the full one.  Inlet,
-pressure-compensated (the drop over the edge is held at `drop` while the pump can, a little less well the higher
-the load), with a check valve:
+pressure-compensated (the drop over the edge is held at `drop` while the pump can, a little less well the
+higher the load), with a check valve:
 
     Q_in = Q_full o root(min(drop, min(p_pump, limit) - p)) / root(drop) (1 - droop p)
 

@@ -18,8 +18,8 @@ and centrifugal term, with
 
     M = sum JB'(m JB + m1 JD) + JD'(m1 JB + m2 JD),    c = sum JB'(m a_B + m1 a_D) + JD'(m1 a_B + m2 a_D),
 
-a_D = b_D and a_B = b_B - gravity.  The tool hangs on a universal joint: pitch about S's y axis at the arm tip,
-roll about an axis `grab_offset` below it.  Pitch is measured from the vertical of S, not from the stick.
+a_D = b_D and a_B = b_B - gravity.  The tool hangs on a universal joint: pitch about S's y axis at the arm
+tip, roll about an axis `grab_offset` below it.  Pitch is measured from the vertical of S, not from the stick.
 
 Left out: the tool's spin inertia about its own axis (its slenderness makes it < 0.2 % of the slew inertia),
 bending of boom and stick, the turning base's own tilt motion.
@@ -61,7 +61,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Motion:
-    """Geometry and mass properties at one state: `lines` of mass (boom, stick, tool) and points of interest."""
+    """Geometry and mass properties at one state; `lines` of mass are boom, stick and tool."""
 
     q: ca.SX
     v: ca.SX
@@ -118,7 +118,7 @@ def carriage_inertia(p: Namespace) -> Any:
 
     Taken from `kinematics.inertia_z` by leaving arm, tool and load without mass.
     """
-    bare = dict(vars(p)) | dict(boom_mass=0, stick_mass=0, tool_mass=0)
+    bare = dict(vars(p)) | {"boom_mass": 0, "stick_mass": 0, "tool_mass": 0}
     return kinematics.inertia_z(ca.SX(0), ca.SX(0), 0, type(p)(**bare))
 
 
@@ -130,11 +130,12 @@ def carriage_moment(p: Namespace) -> tuple[Any, Any]:
 def equations_of_motion(motion: Motion, gravity: ca.SX, shaking: ca.SX | None = None) -> tuple[ca.SX, ca.SX]:
     """Mass matrix M (5 x 5) and c (5) of M v' + c = torques.
 
-    `gravity` (m/s2) is the gravity vector in S; `shaking` (m/s2) an extra acceleration of the tool's suspension
-    in S, felt by the tool alone and passed on by it to the arm.
+    `gravity` (m/s2) is the gravity vector in S; `shaking` (m/s2) an extra acceleration of the tool's
+    suspension in S, felt by the tool alone and passed on by it to the arm.
     """
     mass, c = ca.SX(5, 5), ca.SX.zeros(5)
     mass[SLEW, SLEW] = motion.carriage
+    # the slewing bodies' weight turns the machine on a slope
     c[SLEW] = motion.imbalance[1] * gravity[0] - motion.imbalance[0] * gravity[1]
     for line in motion.lines:
         jb, jd = line.base.jacobian, line.direction.jacobian
@@ -165,13 +166,12 @@ def grab_jacobian(motion: Motion) -> ca.SX:
 
 
 def energy(motion: Motion, gravity: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """(kinetic, potential) energy, J, for a gravity vector constant in S (slew axis vertical)."""
+    """(kinetic, potential) energy, J; `gravity` (m/s2) is the gravity vector in S."""
     mass, _ = equations_of_motion(motion, ca.SX.zeros(3))
-    potential = -sum(
-        ca.dot(gravity, line.mass * line.base.value + line.first * line.direction.value)
-        for line in motion.lines
-    )
-    return ca.dot(motion.v, mass @ motion.v) / 2, potential
+    moment = ca.vertcat(*motion.imbalance, 0)
+    for line in motion.lines:
+        moment += line.mass * line.base.value + line.first * line.direction.value
+    return ca.dot(motion.v, mass @ motion.v) / 2, -ca.dot(gravity, moment)
 
 
 def solve(mass: ca.SX, right: ca.SX) -> ca.SX:
@@ -211,7 +211,7 @@ def hanging(gravity: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def fixed(r: ca.SX, q: ca.SX, v: ca.SX) -> Vector:
-    """A machine-fixed r(q) in S with its velocity v -> r' = J v and acceleration bias, seen from the ground."""
+    """A machine-fixed r(q) in S at joint rates `v`, its velocity J v and acceleration seen from the ground."""
     r = ca.SX(r)
     relative = ca.jacobian(r, q)
     rate = relative @ v

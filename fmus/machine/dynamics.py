@@ -83,8 +83,8 @@ def slew_rates(x: Namespace, u: Namespace, flows: slew_drive.Flows, p: Namespace
 
 
 def slew_load_pressure(spool: Any, p: Namespace) -> Any:
-    """What the slew section reports to the pump, Pa: its cut-off pressure, so that alone it is never short."""
-    opening = ca.fabs(spool)
+    """What the slew section reports to the pump, Pa: its cut-off pressure, so that alone it has enough."""
+    opening = ca.fabs(slew_drive.opening(spool, p))
     cut_off = hydraulics.cut_off_pressure(
         opening, p.slew_cut_off_low, p.slew_cut_off_high, p.slew_cut_off_scale
     )
@@ -130,4 +130,3 @@ def _shared(values: dict[str, Any]) -> dict[str, Any]:
     """The same expressions with common subexpressions shared."""
     column = ca.cse(ca.vertcat(*values.values()))
     return {name: column[i] for i, name in enumerate(values)}
-

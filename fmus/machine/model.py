@@ -1,14 +1,14 @@
 """Reference machine: 40 t material handler, five joints, hydraulics on three of them, one pump, sensors.
 
-Stands in for the real machine, of which no recordings are public; see README.md for equations and sources.
+Stands in for the real machine, of which no recordings are public; equations and sources: README.md.
 
-    M(q) q'' + c(q, q') = torques          fmus/equations/multibody.py   slew, boom, stick, tool pitch and roll
-    p' = bulk / V (flows - volume rate)    fmus/equations/cylinder.py    boom, stick
-                                           fmus/equations/slew_drive.py  slew motor, torque-limited, with brake
+    M(q) q'' + c(q, q') = torques          fmus/equations/multibody.py    slew, boom, stick, tool pitch, roll
+    p' = bulk / V (flows - volume rate)    fmus/equations/cylinder.py     boom, stick
+                                           fmus/equations/slew_drive.py   slew motor with its brake
     p_pump' = bulk / V (pump - demands)    fmus/machine/arm_hydraulics.py
 
-Angles rad, pressures Pa (gauge), flows m3/s, torques N m.  Valid inside the joint limits of geometry.toml, tool
-angles below 1.2 rad (the universal joint locks at a roll of pi/2), loads of 0..2000 kg.
+Angles rad, pressures Pa (gauge), flows m3/s, torques N m.  Valid inside the joint limits of geometry.toml,
+tool angles below 1.2 rad (at a roll of pi/2 the universal joint locks), loads of 0..2000 kg.
 """
 
 from typing import Any
@@ -42,6 +42,7 @@ STATES = (
     Variable("stick_pressure_b", "Pa", "Stick cylinder, rod side", nominal=1e7),
     Variable("pump_pressure", "Pa", "Pump line", nominal=1e7),
 )
+STEP = 0.001  # s: halving it moves a run of 30 s by some 1e-4 rad in the joints
 COMMANDS = ("u_slew", "u_boom", "u_stick")
 DISTURBANCES = tuple(
     f"disturbance_{n}"
@@ -77,7 +78,7 @@ MODEL = Model(
     name="machine",
     description="Reference machine: hydraulics on three joints, shared pump, spatial tool, sensors",
     kind="continuous",
-    step=0.002,
+    step=STEP,
     states=STATES,
     inputs=from_signals(*COMMANDS, *DISTURBANCES),
     outputs=from_signals(*OUTPUTS),

@@ -9,9 +9,9 @@ from typing import Any
 
 import casadi as ca
 
+from fmus.definition import Sensor
 from fmus.equations import multibody
 from fmus.machine.dynamics import Instant, evaluate
-from fmus.definition import Sensor
 
 Namespace = Any
 AXES = ("x", "y", "z")
@@ -24,7 +24,9 @@ def outputs(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str,
         "q_slew": x.slew_angle, "q_boom": x.boom_angle, "q_stick": x.stick_angle,
         "qd_slew": x.slew_rate, "qd_boom": x.boom_rate, "qd_stick": x.stick_rate,
     }  # fmt: skip
-    pressures = {f"p_{j}_{s}": getattr(x, f"{j}_pressure_{s}") for j in ("slew", "boom", "stick") for s in "ab"}
+    pressures = {
+        f"p_{j}_{s}": getattr(x, f"{j}_pressure_{s}") for j in ("slew", "boom", "stick") for s in "ab"
+    }
     pressures["p_pump"] = x.pump_pressure
     grab = now.motion.grab
     c, s = ca.cos(x.slew_angle), ca.sin(x.slew_angle)
