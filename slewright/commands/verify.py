@@ -34,6 +34,9 @@ def verify(
     ] = None,
     json: JsonOption = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Scenarios run at the same time.")] = 2,
+    readme: Annotated[
+        Path | None, typer.Option("--readme", metavar="FILE", help="Write the table into this README.")
+    ] = None,
 ) -> None:
     """Build the FMUs, run the verification scenarios, check their limits, write the report."""
     from orchestrator.verify import show, verify as run
@@ -51,5 +54,9 @@ def verify(
         )
     show(verdict)
     write(json, verdict.figures, seed)
+    if readme is not None:
+        from slewright.readme import fill
+
+        fill(readme, verdict, f"slewright verify --seed {seed}")
     if not verdict.accepted:
         raise typer.Exit(1)

@@ -1,0 +1,49 @@
+"""Writes the results of a verification into the README: the table between its markers, and the picture."""
+
+from pathlib import Path
+
+from orchestrator.verify import Verification
+from records import results
+from records.metrics import Metrics
+from records.report.picture import write_picture
+from records.report.tables import readable
+from specs.errors import InputError
+
+BEGIN, END = "<!-- results:begin -->", "<!-- results:end -->"
+PICTURE = Path("docs/run.svg")  # beside the README
+
+
+def fill(readme: Path, verification: Verification, command: str) -> None:
+    """Replace what stands between the markers of `readme`, and draw the picture of the first scenario.
+
+    Raises InputError if the markers are missing; the file is replaced whole or not at all.
+    """
+    text = readme.read_text(encoding="utf-8")
+    head, begin, rest = text.partition(BEGIN)
+    _, end, tail = rest.partition(END)
+    if not (begin and end):
+        raise InputError(f"{readme}: no '{BEGIN}' … '{END}' to fill")
+    scenario, pair = next(iter(verification.runs.items()))
+    write_picture(readme.parent / PICTURE, pair, f"{readable(scenario)}, PI controller")
+    part = readme.with_name(readme.name + ".part")
+    part.write_text(f"{head}{begin}\n{table(verification, command)}{end}{tail}", encoding="utf-8")
+    part.replace(readme)
+
+
+def table(verification: Verification, command: str) -> str:
+    """The results as a Markdown table with the command that makes it."""
+    headings = [f"{heading} [{unit}]" if unit else heading for _, heading, unit, _ in results.COLUMNS]
+    lines = [
+        f"`{command}` makes this table. The reference machine is simulated, and with it every figure here.",
+        "",
+        "| scenario | system | " + " | ".join(headings) + " |",
+        "|---|---|" + "--:|" * len(headings),
+    ]
+    for scenario, pair in results.evaluate(verification.runs).items():
+        for system, found in pair.items():
+            lines.append(f"| {readable(scenario)} | {results.SYSTEM_NAMES[system]} | {_cells(found)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _cells(metrics: Metrics) -> str:
+    return " | ".join(results.number(getattr(metrics, name), form) for name, _, _, form in results.COLUMNS)

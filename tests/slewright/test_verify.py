@@ -1,0 +1,155 @@
+"""`slewright verify` as a user runs it: what it writes, its exit codes, and what becomes of bad input."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from records.record import read
+from slewright.readme import BEGIN, END
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+MODELS = Path(__file__).parent / "models"
+ONE = ("--scenario", "four_targets_unknown", "--system", "nominal")
+
+
+@pytest.fixture(scope="module")
+def verified(
+    tmp_path_factory: pytest.TempPathFactory, root: Path
+) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """One scenario on both systems."""
+    out = tmp_path_factory.mktemp("verify")
+    line = [
+        sys.executable,
+        "-m",
+        "slewright",
+        "verify",
+        "--scenario",
+        "four_targets_empty",
+        "--out",
+        str(out),
+    ]
+    line += ["--json", str(out / "figures.json"), "--seed", "3"]
+    environment = {**os.environ, "PYTHONPATH": str(root), "COLUMNS": "200"}
+    return out, subprocess.run(line, cwd=root, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_writes_figures_records_and_report(verified: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    out, done = verified
+    assert done.returncode in (0, 1), done.stderr
+    figures = json.loads((out / "figures.json").read_text())
+    pair = figures["scenarios"]["four_targets_empty"]
+    for system in ("nominal", "reference"):
+        for name in ("speed", "overshoot", "error", "tool"):
+            assert math.isfinite(pair[system][name])
+        assert pair[system]["missed"] in range(5)
+        assert figures["realtime_factor"][system] > 0
+        record = read(out / "records" / f"four_targets_empty-{system}.parquet")
+        assert record.complete
+        assert len(record.time) == 60 * 50 + 1
+    assert figures["accepted"] is (done.returncode == 0)
+    assert figures["seed"] == 3
+    assert (out / "report.html").stat().st_size > 1e6
+    stored = json.loads((out / "metrics.json").read_text())
+    assert stored["scenarios"] == figures["scenarios"]
+
+
+@pytest.mark.browser
+def test_report_is_drawn_in_a_browser(
+    verified: tuple[Path, subprocess.CompletedProcess[str]], browser: str, tmp_path: Path
+) -> None:
+    page = (verified[0] / "report.html").resolve().as_uri()
+    flags = "--headless --no-sandbox --disable-gpu --disable-background-networking --no-first-run --dump-dom"
+    line = [browser, *flags.split(), "--virtual-time-budget=20000", f"--user-data-dir={tmp_path}", page]
+    shown = subprocess.run(line, capture_output=True, text=True, check=True, timeout=120).stdout
+    assert shown.count('class="js-line"') > 20
+    assert "simulated reference machine" in shown
+
+
+def test_same_seed_same_bytes_whatever_the_number_of_jobs(slewright: Command, tmp_path: Path) -> None:
+    for name, jobs in (("a", "1"), ("b", "2")):
+        done = slewright("verify", *ONE[:2], "--out", tmp_path / name, "--jobs", jobs)
+        assert done.returncode in (0, 1), done.stderr
+    for system in ("nominal", "reference"):
+        file = f"records/four_targets_unknown-{system}.parquet"
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+    other = slewright("verify", *ONE, "--out", tmp_path / "c", "--seed", "2")
+    assert other.returncode in (0, 1)
+    file = "records/four_targets_unknown-nominal.parquet"
+    assert (tmp_path / "a" / file).read_bytes() != (tmp_path / "c" / file).read_bytes()
+
+
+def test_unknown_scenario(slewright: Command, tmp_path: Path) -> None:
+    done = slewright("verify", "--scenario", "four_target_empty", "--out", tmp_path / "o")
+    assert done.returncode == 2
+    assert "unknown scenario 'four_target_empty'" in done.stderr
+    assert "four_targets_empty" in done.stderr
+    assert not (tmp_path / "o").exists()
+
+
+def test_model_without_the_connectors(slewright: Command, tmp_path: Path, root: Path) -> None:
+    folder = root / "tests" / "fmus" / "samples" / "oscillator"
+    done = slewright("verify", *ONE, "--model", folder, "--out", tmp_path / "o")
+    assert done.returncode == 2
+    assert "replaces nothing" in done.stderr
+    assert "qd_boom_ref" in done.stderr
+    assert not (tmp_path / "o").exists()
+
+
+def test_failing_controller_is_named_and_the_record_kept(slewright: Command, tmp_path: Path) -> None:
+    done = slewright("verify", *ONE, "--model", MODELS / "breaking_controller", "--out", tmp_path)
+    assert done.returncode == 3
+    assert "four_targets_unknown on nominal" in done.stderr
+    assert "component pi" in done.stderr
+    assert "1.0" in done.stderr
+    record = read(tmp_path / "records" / "four_targets_unknown-nominal.parquet")
+    assert not record.complete
+    assert record.reason
+    assert 45 <= len(record.time) <= 55
+
+
+def test_interrupted_runs_stay_readable(tmp_path: Path, root: Path) -> None:
+    """Ctrl-C reaches the whole process group, as from a terminal."""
+    line = [
+        sys.executable,
+        "-m",
+        "slewright",
+        "verify",
+        "--system",
+        "reference",
+        "--jobs",
+        "1",
+        "--out",
+        str(tmp_path),
+    ]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    process = subprocess.Popen(
+        line, cwd=root, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("records/*.recording")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.wait(timeout=60) == 130
+    kept = list((tmp_path / "records").iterdir())
+    assert kept
+    assert any(not read(p).complete for p in kept)
+
+
+def test_readme_table_is_filled(slewright: Command, tmp_path: Path) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    done = slewright("verify", *ONE, "--out", tmp_path / "o", "--readme", readme)
+    assert done.returncode in (0, 1), done.stderr
+    text = readme.read_text()
+    assert text.startswith("before\n")
+    assert text.endswith("after\n")
+    assert "| Four targets, unknown load | nominal model |" in text
+    assert (tmp_path / "docs" / "run.svg").read_text().startswith("<svg")
