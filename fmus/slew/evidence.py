@@ -127,7 +127,7 @@ def residuals(chosen: Iterable[Trace], values: Mapping[str, float] | None = None
 
 
 def asymmetry(known: Mapping[str, Trace]) -> list[dict[str, Any]]:
-    """Per mirrored pair: half the traces' difference, which is out of a symmetric model's reach, and its error.
+    """Per mirrored pair: half the traces' difference, beyond any symmetric model, and the model's error.
 
     Where the first is of the size of the second, the traces cannot say more about the model.
     """

@@ -6,7 +6,7 @@ posteriori estimate with robust (soft L1) errors, found by least squares with ex
 from start.toml, never from the fitted values, and is deterministic.
 
 Assumed about the traces: their speed is not later than their pressures.  The regression I w' = D dp - b w - T
-fits best with no lag between them (R2 0.85; 0.81 with 0.2 s, `evidence.speed_lag`), so the 0.2 s by which
+fits best with no lag between them (R2 0.84; 0.80 with 0.2 s, `evidence.speed_lag`), so the 0.2 s by which
 an encoder's speed is late is not in them, or is in the pressures as well.  The delay fitted here is therefore
 all that lies between joystick and motion; a machine with sensors adds its encoder's delay to it, once.
 """
