@@ -15,11 +15,12 @@ from collections.abc import Callable, Mapping
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import get_lapack_funcs
 
 from fmus.definition import Model
 from specs.errors import InputError, RunError
 
+_factorise, _solve = get_lapack_funcs(("getrf", "getrs"))
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
 
 Inputs = Mapping[str, float] | Callable[[float], Mapping[str, float]]
@@ -133,10 +134,10 @@ class Stepper:
     def _ros2(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         h, n = self.step_s, len(x)
         matrix = np.eye(n) - GAMMA * h * self._jacobian(x, u, self.m, self.p)[0]
-        lu, pivots, _ = lapack.dgetrf(matrix)
-        k1 = lapack.dgetrs(lu, pivots, self._f(x, u, self.m, self.p)[0].ravel())[0]
+        lu, pivots, _ = _factorise(matrix)
+        k1 = _solve(lu, pivots, self._f(x, u, self.m, self.p)[0].ravel())[0]
         second = self._f(x + h * k1, u, self.m, self.p)[0].ravel() - 2 * k1
-        k2 = lapack.dgetrs(lu, pivots, second)[0]
+        k2 = _solve(lu, pivots, second)[0]
         return x + h * (1.5 * k1 + 0.5 * k2)
 
 
@@ -148,10 +149,11 @@ class _Evaluation:
         self.arguments = [np.zeros(max(1, function.numel_in(i))) for i in range(function.n_in())]
         self.results = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
         for i, argument in enumerate(self.arguments):
-            self._buffer.set_arg(i, memoryview(argument))
+            self._buffer.set_arg(i, argument.data)  # pyright: ignore[reportCallIssue]
         for i, result in enumerate(self.results):
             if result.size:
-                self._buffer.set_res(i, memoryview(result.reshape(-1, order="F")))
+                flat = result.reshape(-1, order="F")  # a view: CasADi writes column-major
+                self._buffer.set_res(i, flat.data)  # pyright: ignore[reportCallIssue]
 
     def __call__(self, *values: np.ndarray) -> list[np.ndarray]:
         for argument, value in zip(self.arguments, values, strict=True):

@@ -71,12 +71,12 @@ class Motion:
     grab: ca.SX  # grab point in S, m
 
 
-def motion(q: Sequence[Any], v: Sequence[Any], p: Namespace) -> Motion:
-    """Build the machine at joint angles `q` (rad) and rates `v` (rad/s), both of length 5.
+def motion(angles: Sequence[Any], rates: Sequence[Any], p: Namespace) -> Motion:
+    """Build the machine at joint `angles` (rad) and `rates` (rad/s), both of length 5.
 
-    `q` must be symbols: the Jacobians are taken with respect to them.
+    The angles must be symbols: the Jacobians are taken with respect to them.
     """
-    q, v = ca.vertcat(*q), ca.vertcat(*v)
+    q, v = ca.vertcat(*angles), ca.vertcat(*rates)
     boom, stick = q[BOOM], q[BOOM] + q[STICK]
     along_boom = ca.vertcat(ca.cos(boom), 0, ca.sin(boom))
     along_stick = ca.vertcat(ca.cos(stick), 0, ca.sin(stick))
@@ -211,7 +211,7 @@ def hanging(gravity: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def fixed(r: ca.SX, q: ca.SX, v: ca.SX) -> Vector:
-    """A machine-fixed r(q) in S at joint rates `v`, its velocity J v and acceleration seen from the ground."""
+    """A machine-fixed r(q) in S at joint rates `v`, its velocity and acceleration seen from the ground."""
     r = ca.SX(r)
     relative = ca.jacobian(r, q)
     rate = relative @ v

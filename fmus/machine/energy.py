@@ -1,7 +1,7 @@
 """Where the machine's power goes: pump power = work on the mechanics + losses + what the oil stores.
 
-Every valve, seal and damper is charged with the power it turns into heat, from the very flows and torques that
-move the machine; kinetic and potential energy come from the state alone.  So over any time
+Every valve, seal and damper is charged with the power it turns into heat, from the very flows and torques
+that move the machine; kinetic and potential energy come from the state alone.  So over any time
 
     integral(supply - losses - stored in the oil) = change of (kinetic + potential energy)
 

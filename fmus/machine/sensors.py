@@ -15,6 +15,7 @@ from fmus.machine.dynamics import Instant, evaluate
 
 Namespace = Any
 AXES = ("x", "y", "z")
+JOINTS = ("slew", "boom", "stick")
 
 
 def outputs(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
@@ -43,7 +44,7 @@ def outputs(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str,
 def declarations() -> dict[str, Sensor]:
     """How each sensor samples: encoders, pressures, IMUs, and the brake's switch without noise."""
     found = {"brake_released": Sensor()}
-    for j in ("slew", "boom", "stick"):
+    for j in JOINTS:
         found[f"q_{j}"] = Sensor(None, f"encoder_{j}_bias", "encoder_noise", "encoder_quantum")
         found[f"qd_{j}"] = Sensor("encoder_velocity_delay", None, "encoder_velocity_noise", None)
         for s in "ab":
