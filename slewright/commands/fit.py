@@ -24,3 +24,5 @@ def slew(json: JsonOption = None) -> None:
     summary = [(name, value) for name, value in figures.items() if isinstance(value, int | float)]
     show("slew, traces not used for the fit", ["figure", "value"], summary)
     write(json, figures)
+    if not figures["accepted"]:
+        raise typer.Exit(1)
