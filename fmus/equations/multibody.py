@@ -204,7 +204,7 @@ def gravity_in_s(q_slew: Any, p: Namespace) -> ca.SX:
     return ca.vertcat(c * x + s * y, c * y - s * x, z)
 
 
-def hanging(gravity: ca.SX) -> tuple[ca.SX, ca.SX]:
+def hanging(gravity: Any) -> tuple[Any, Any]:
     """(pitch, roll) of the tool at rest under `gravity` in S."""
     gx, gy, gz = gravity[0], gravity[1], gravity[2]
     return ca.atan2(-gx, -gz), ca.atan2(gy, ca.sqrt(gx**2 + gz**2))

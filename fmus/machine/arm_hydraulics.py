@@ -21,7 +21,6 @@ from fmus.equations import cylinder, hydraulics as hy
 
 Namespace = Any
 JOINTS = ("boom", "stick")
-STOP_ROUNDING = 0.005  # rad over which an end stop comes into contact
 PUMP_ROUNDING = 2e5  # Pa over which the load-sensing shuttle and the unloading valve change over
 
 
@@ -71,13 +70,6 @@ def cylinder_joint(joint: str, x: Namespace, command: Any, p: Namespace) -> Join
 def used(opening: Any) -> Any:
     """0 in neutral, 1 from a few percent of opening on: does a function count for the load sensing?"""
     return ca.tanh(50 * opening)
-
-
-def end_stop(q: Any, qd: Any, low: Any, high: Any, p: Namespace) -> Any:
-    """Torque of the end stops at `low` and `high` (rad): spring with Hunt-Crossley damping, N m."""
-    over, under = hy.ramp(q - high, STOP_ROUNDING), hy.ramp(low - q, STOP_ROUNDING)
-    damping = p.stop_damping * qd
-    return p.stop_stiffness * (under * hy.ramp(1 - damping, 0.2) - over * hy.ramp(1 + damping, 0.2))
 
 
 def set_pressure(loads: Iterable[Any], p: Namespace) -> Any:

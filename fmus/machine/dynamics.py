@@ -10,6 +10,7 @@ from fmus.machine import arm_hydraulics
 
 Namespace = Any
 ANGLES = ("slew_angle", "boom_angle", "stick_angle", "tool_pitch", "tool_roll")
+STOP_ROUNDING = 0.005  # rad over which an end stop comes into contact
 RATES = ("slew_rate", "boom_rate", "stick_rate", "tool_pitch_rate", "tool_roll_rate")
 
 
@@ -92,14 +93,25 @@ def slew_load_pressure(spool: Any, p: Namespace) -> Any:
 
 
 def passive_torques(x: Namespace, p: Namespace) -> ca.SX:
-    """Dampers of the tool's joints (the pitch damper sits between stick and tool) and end stops, N m."""
+    """Dampers of the tool's joints (the pitch damper sits between stick and tool) and all end stops, N m."""
     pitch_inertia, roll_inertia = tool_inertias(p)
     swing = x.tool_pitch_rate + x.boom_rate + x.stick_rate
     pitch = -p.grab_damping_pitch * pitch_inertia * swing
     roll = -p.grab_damping_roll * roll_inertia * x.tool_roll_rate
-    boom = arm_hydraulics.end_stop(x.boom_angle, x.boom_rate, p.boom_min, p.boom_max, p)
-    stick = arm_hydraulics.end_stop(x.stick_angle, x.stick_rate, p.stick_min, p.stick_max, p)
-    return ca.vertcat(0, boom + pitch, stick + pitch, pitch, roll)
+    swing, stiff = p.grab_swing_limit, p.grab_stop_stiffness
+    boom = end_stop(x.boom_angle, x.boom_rate, p.boom_min, p.boom_max, p.stop_stiffness, p)
+    stick = end_stop(x.stick_angle, x.stick_rate, p.stick_min, p.stick_max, p.stop_stiffness, p)
+    pitch_stop = end_stop(x.tool_pitch, x.tool_pitch_rate, -swing, swing, stiff, p)
+    roll_stop = end_stop(x.tool_roll, x.tool_roll_rate, -swing, swing, stiff, p)
+    return ca.vertcat(0, boom + pitch, stick + pitch, pitch + pitch_stop, roll + roll_stop)
+
+
+def end_stop(q: Any, qd: Any, low: Any, high: Any, stiffness: Any, p: Namespace) -> Any:
+    """Torque of the end stops at `low` and `high` (rad): spring with Hunt-Crossley damping, N m."""
+    over, under = hydraulics.ramp(q - high, STOP_ROUNDING), hydraulics.ramp(low - q, STOP_ROUNDING)
+    damping = p.stop_damping * qd
+    push = under * hydraulics.ramp(1 - damping, 0.2) - over * hydraulics.ramp(1 + damping, 0.2)
+    return stiffness * push
 
 
 def tool_inertias(p: Namespace) -> tuple[Any, Any]:

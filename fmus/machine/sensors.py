@@ -17,6 +17,12 @@ Namespace = Any
 AXES = ("x", "y", "z")
 JOINTS = ("slew", "boom", "stick")
 
+# Set all of these to 0 for a machine without sensor noise (biases and resolution remain).
+NOISE_PARAMETERS = (
+    "encoder_noise", "encoder_velocity_noise", "pressure_noise",
+    "imu_rate_noise", "imu_acc_noise", "imu_angle_noise",
+)  # fmt: skip
+
 
 def outputs(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
     """All outputs by name."""
