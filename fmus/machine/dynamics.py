@@ -39,14 +39,14 @@ def evaluate(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> Instant:
     shaking = ca.vertcat(u.disturbance_acc_x, u.disturbance_acc_y, u.disturbance_acc_z)
     mass, c = multibody.equations_of_motion(motion, gravity, shaking)
     joints = {n: arm_hydraulics.cylinder_joint(n, x, getattr(u, f"u_{n}"), p) for n in arm_hydraulics.JOINTS}
-    mass[multibody.SLEW, multibody.SLEW] += p.slew_inertia_extra
+    inertia = mass[multibody.SLEW, multibody.SLEW]
+    mass[multibody.SLEW, multibody.SLEW] = inertia + p.slew_inertia_extra
     flows = slew_drive.flows(
         x.slew_spool, x.slew_relief, x.slew_pressure_a, x.slew_pressure_b, p, x.pump_pressure
     )
     torque = slew_drive.torque(
-        x.slew_pressure_a, x.slew_pressure_b, x.slew_rate,
-        mass[multibody.SLEW, multibody.SLEW], m.brake_is_released, p,
-    )  # fmt: skip
+        x.slew_pressure_a, x.slew_pressure_b, x.slew_rate, inertia, m.brake_is_released, p
+    )
     loads = [slew_load_pressure(x.slew_spool, p), *(j.load_pressure for j in joints.values())]
     target = arm_hydraulics.set_pressure(loads, p)
     active = ca.vertcat(torque, joints["boom"].torque, joints["stick"].torque, 0, 0)
