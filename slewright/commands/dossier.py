@@ -7,18 +7,45 @@ import typer
 
 from slewright.figures import JsonOption, check_target, write
 from slewright.progress import progress
+from slewright.tables import show
 
 
 def dossier(
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", callback=check_target, help="Write the page here.")
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            callback=check_target,
+            help="Write the page here, its pictures beside it.",
+        ),
     ] = Path("docs/dossier.md"),
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", callback=check_target, help="Write it as one HTML file, too."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Write the validation dossier of the reference machine: calibration, residuals, what is assumed."""
-    from fmus.machine.dossier import run
+    """Write the validation dossier of the reference machine: calibration, residuals, what is assumed.
+
+    Exits with 1 when the machine misses one of the limits.
+    """
+    from orchestrator.dossier import run
 
     with progress("dossier") as report:
-        figures = run(out, report)
+        figures = run(out, report, html)
+    checks = [
+        (
+            name,
+            c["found"],
+            c["limit"],
+            c["unit"],
+            "met" if c["passed"] else "missed" if c["judged"] else "not judged",
+        )
+        for name, c in figures["checks"].items()
+    ]
+    show("simulated reference machine", ["figure", "found", "limit", "unit", ""], checks)
     typer.echo(f"written: {out}")
     write(json, figures)
+    if not figures["accepted"]:
+        raise typer.Exit(1)
