@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import fmpy
 from fmpy.fmi2 import FMU2Slave
@@ -16,12 +17,12 @@ class Imported:
     """An instance in step mode (after `start`); a context manager that frees it."""
 
     def __init__(self, path: Path, seed: int | None = None, **start: float) -> None:
-        self.description = fmpy.read_model_description(str(path))
+        self.description: Any = fmpy.read_model_description(str(path))
         self.vr = {v.name: v.valueReference for v in self.description.modelVariables}
         self.folder = fmpy.extract(str(path))
         self.version = int(self.description.fmiVersion[0])
         maker = FMU2Slave if self.version == 2 else FMU3Slave
-        self.fmu = maker(
+        self.fmu: Any = maker(
             guid=self.description.guid,
             unzipDirectory=self.folder,
             modelIdentifier=self.description.coSimulation.modelIdentifier,

@@ -40,7 +40,7 @@ def arguments(model_name: str, fmu: Path, steps: int) -> list[str]:
     by_name = {e.name: e for e in exposed(model)}
     inputs = [str(by_name[n].vr) for n in DRIVEN[model_name]]
     outputs = [str(e.vr) for e in by_name.values() if e.group in ("OUTPUT", "STATE")]
-    guid = fmpy.read_model_description(str(fmu)).guid
+    guid = str(fmpy.read_model_description(str(fmu)).guid)
     return [guid, str(steps), str(len(inputs)), *inputs, str(len(outputs)), *outputs]
 
 
