@@ -7,6 +7,7 @@ from typing import Any
 
 from fmus.build import build_fmu
 from orchestrator.check import load_system
+from orchestrator.pack import pack
 from orchestrator.system import System
 from specs import ssd, systems
 
@@ -15,14 +16,9 @@ STEP_S = 0.02
 
 def assemble(spec: systems.SystemSpec) -> System:
     """Build the FMUs (FMI 2.0) of a system definition and load it as the orchestrator would its package."""
-    with TemporaryDirectory(prefix="slewright-") as name:
-        folder = Path(name)
-        (folder / "resources").mkdir()
-        for fmu in {component.fmu for component in spec.components}:
-            path = build_fmu(fmu, 2)
-            (folder / "resources" / path.name).write_bytes(path.read_bytes())
-        (folder / "SystemStructure.ssd").write_text(ssd.render(spec, 2), encoding="utf-8")
-        return load_system(folder / "SystemStructure.ssd")
+    fmus = {f"{component.fmu}.fmu": build_fmu(component.fmu, 2) for component in spec.components}
+    with TemporaryDirectory(prefix="slewright-") as folder:
+        return load_system(pack(ssd.render(spec, 2), fmus, Path(folder) / f"{spec.name}.ssp"))
 
 
 def bare_machine(outputs: list[str]) -> System:

@@ -1,4 +1,4 @@
-"""Writes found values back into specs/parameters/*.toml, line by line: comments and order stay as they are."""
+"""Writes found values back into specs/parameters/*.toml, line by line: comments and order stay."""
 
 from collections.abc import Mapping
 from pathlib import Path

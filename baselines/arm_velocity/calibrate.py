@@ -1,8 +1,8 @@
 """`slewright calibrate lut`: a first 25-point table per joint from a sweep of the reference machine.
 
-One run a joystick value, joint and direction, nominal parameters, grab empty, sensors without noise: the joint
-starts before the middle of its range and crosses it at a settled speed; the speed is the slope of the measured
-position there.  Joystick values below the slowest motion found are interpolated towards standstill.
+One run a joystick value, joint and direction, nominal parameters, grab empty, sensors without noise: the
+joint starts before the middle of its range and crosses it at a settled speed; the speed is the slope of the
+measured position there.  Below the slowest motion found, joystick values are extrapolated to standstill.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,7 +30,7 @@ SLOWEST = 0.002  # rad/s: less is no motion
 
 
 def run(report: Report | None = None) -> dict[str, Any]:
-    """Sweep both joints, write specs/parameters/arm_velocity.toml and return the measured curves and tables."""
+    """Sweep both joints, write specs/parameters/arm_velocity.toml; return measured curves and tables."""
     machine = bare_machine([f"q_{joint}" for joint in JOINTS])
     figures: dict[str, Any] = {}
     for number, joint in enumerate(JOINTS):
@@ -103,7 +103,7 @@ def _one_way(levels: np.ndarray, speeds: np.ndarray) -> Callable[[float], float]
 
 
 def _source(joint: str) -> str:
-    return f"slewright calibrate lut: sweep of the {joint} of the reference machine, nominal parameters, empty grab"
+    return f"slewright calibrate lut: sweep of the {joint}, reference machine, nominal parameters, empty"
 
 
 def table(parameters: Mapping[str, float], joint: str) -> tuple[np.ndarray, np.ndarray]:
