@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal
 from specs import keys, parameters
 from specs.errors import InputError, nearest
 from specs.parameters import Parameter
-from specs.schema import ROOT, STRICT, part, read_toml, shown
+from specs.schema import ROOT, STRICT, read_toml, shown, validate
 from specs.version import VERSION
 
 PATH = ROOT / "draws.toml"
@@ -154,12 +154,12 @@ def _load(path: Path) -> tuple[dict[str, int], dict[str, Spread]]:
     for number, entry in enumerate(data.get("spread", []), 1):
         names = entry.get("parameters", [])
         where = f"{shown(path)}: spread {number} ({', '.join(map(str, names))})"
-        spread = part(Spread, entry, where)
+        spread = validate(Spread, entry, where)
         for name in spread.parameters:
             if name in found:
                 raise InputError(f"{where}: {name} has a spread already")
             found[name] = spread
-    return part(dict[str, int], data.get("sets", {}), f"{shown(path)}: sets"), found
+    return validate(dict[str, int], data.get("sets", {}), f"{shown(path)}: sets"), found
 
 
 def _source_state() -> str:

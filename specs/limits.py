@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from specs.errors import InputError, nearest
-from specs.schema import ROOT, STRICT, part, read_toml, shown
+from specs.schema import ROOT, STRICT, read_toml, shown, validate
 
 PATH = ROOT / "scenarios" / "limits.toml"
 METRICS = (
@@ -72,4 +72,4 @@ def _all(path: Path) -> dict[tuple[str, str], dict[str, Limit]]:
 def _limit(metric: str, row: Any, where: str) -> Limit:
     if metric not in METRICS:
         raise InputError(f"{where}: no metric '{metric}'; {nearest(metric, METRICS)}")
-    return part(Limit, row, f"{where}.{metric}")
+    return validate(Limit, row, f"{where}.{metric}")

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from specs import keys, limits
 from specs.errors import InputError, nearest
-from specs.schema import ROOT, STRICT, part, read_toml
+from specs.schema import ROOT, STRICT, read_toml, validate
 
 FOLDER = ROOT / "scenarios"
 TICK_S = 0.02  # s, the step of every system
@@ -134,7 +134,7 @@ class Scenario:
 
     def stimuli(self, pace: float = 1.0) -> dict[int, dict[str, float]]:
         """Changes of the system inputs: tick -> {input: value in SI}, each held until its next change."""
-        changes = {
+        changes: dict[int, dict[str, float]] = {
             i * self.interval_ticks: dict(zip(("target_x", "target_y", "target_z"), target.xyz, strict=True))
             for i, target in enumerate(self.targets)
         }
@@ -176,14 +176,14 @@ def build(base: str, load_name: str, data: Mapping[str, Any], where: str) -> Sce
     """Turn the content of a target file into a Scenario; every mistake names `where` and the key."""
     rest = {key: value for key, value in data.items() if key != "loads"}
     loads = {"name": load_name, **data["loads"][load_name]}
-    parts: dict[str, Any] = {"load": part(Load, loads, f"{where}: loads.{load_name}")}
+    parts: dict[str, Any] = {"load": validate(Load, loads, f"{where}: loads.{load_name}")}
     if "start" in rest:
-        parts["start"] = part(Start, rest["start"], f"{where}: start")
+        parts["start"] = validate(Start, rest["start"], f"{where}: start")
     if isinstance(rest.get("targets"), list):
         parts["targets"] = tuple(
-            part(Target, entry, f"{where}: targets.{i}") for i, entry in enumerate(rest["targets"], 1)
+            validate(Target, entry, f"{where}: targets.{i}") for i, entry in enumerate(rest["targets"], 1)
         )
-    return part(Scenario, {"base": base, **rest, **parts}, where)
+    return validate(Scenario, {"base": base, **rest, **parts}, where)
 
 
 @cache

@@ -26,19 +26,16 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def validate(kind: type[T], data: Any, where: str) -> T:
-    """Build the frozen dataclass `kind` from plain data; `where` ("file: key") starts every message."""
+    """Build the frozen dataclass `kind` from plain data; `where` ("file: key") starts every message.
+
+    A class's own checks may raise InputError in `__post_init__` without knowing where they are.
+    """
     try:
         return _adapter(kind).validate_python(data)
     except ValidationError as error:
         raise InputError(_sentence(error, where)) from error
-
-
-def part(kind: type[T], data: Any, where: str) -> T:
-    """Like `validate`, and mistakes that `kind` itself finds (InputError) also start with `where`."""
-    try:
-        return validate(kind, data, where)
     except InputError as error:
-        raise error if str(error).startswith(where) else InputError(f"{where}: {error}") from error
+        raise InputError(f"{where}: {error}") from error
 
 
 def shown(path: Path) -> str:

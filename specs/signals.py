@@ -107,7 +107,7 @@ def definition(path: Path = PATH) -> Definition:
     bus = _bus(data["can"], where)
     modbus = validate(ModbusMap, data["modbus"], f"{where}: modbus")
     found = [_signal(name, entry, modbus, where) for name, entry in data["signal"].items()]
-    retired = {int(vr): name for vr, name in data.get("retired", {}).items()}
+    retired = validate(dict[int, str], data.get("retired", {}), f"{where}: retired")
     _check_references(found, retired, where)
     for s in found:
         _check_signal(s, bus, f"{where}: signal.{s.name}")
@@ -117,16 +117,15 @@ def definition(path: Path = PATH) -> Definition:
 
 
 def _bus(data: Mapping[str, Any], where: str) -> Bus:
-    nodes = data.get("nodes", {})
+    nodes = validate(dict[str, int], data.get("nodes", {}), f"{where}: can.nodes")
     messages = {}
     for name, entry in data.get("message", {}).items():
         at = f"{where}: can.message.{name}"
-        if entry.get("sender") not in nodes:
-            raise InputError(f"{at}.sender: unknown node; {nearest(str(entry.get('sender')), nodes)}")
-        for receiver in entry.get("receivers", ()):
-            if receiver not in nodes:
-                raise InputError(f"{at}.receivers: unknown node {receiver}; {nearest(receiver, nodes)}")
-        messages[name] = validate(Message, {"name": name, "source": nodes[entry["sender"]], **entry}, at)
+        sender = entry.get("sender")
+        for node in (sender, *entry.get("receivers", ())):
+            if node not in nodes:
+                raise InputError(f"{at}: unknown node {node}; {nearest(str(node), nodes)}")
+        messages[name] = validate(Message, {"name": name, "source": nodes[sender], **entry}, at)
     ids = [m.frame_id for m in messages.values()]
     if len(set(ids)) < len(ids):
         raise InputError(f"{where}: can.message: an identifier is used twice")
@@ -135,6 +134,8 @@ def _bus(data: Mapping[str, Any], where: str) -> Bus:
 
 
 def _signal(name: str, entry: Any, modbus: ModbusMap, where: str) -> Signal:
+    if not isinstance(entry, dict):
+        raise InputError(f"{where}: signal.{name}: expected a table")
     found = validate(Signal, {"name": name, **entry}, f"{where}: signal.{name}")
     if found.modbus and "word_order" not in entry["modbus"]:
         found = replace(found, modbus=replace(found.modbus, word_order=modbus.word_order))
@@ -154,10 +155,8 @@ def _check_references(found: Iterable[Signal], retired: Mapping[int, str], where
 def _check_signal(s: Signal, bus: Bus, where: str) -> None:
     if s.unit not in UNITS:
         raise InputError(f"{where}.unit: unknown unit '{s.unit}'; {nearest(s.unit, UNITS)}")
-    low = s.min if s.min is not None else float("-inf")
-    high = s.max if s.max is not None else float("inf")
-    if not low <= s.start <= high:
-        raise InputError(f"{where}.start: {s.start:g} outside {low:g} … {high:g}")
+    if (s.min is not None and s.start < s.min) or (s.max is not None and s.start > s.max):
+        raise InputError(f"{where}.start: {s.start:g} outside {s.min} … {s.max}")
     if s.wired != (s.can is not None):
         raise InputError(f"{where}.can: a {s.kind} signal has {'a' if s.wired else 'no'} CAN place")
     if s.wired != (s.modbus is not None):

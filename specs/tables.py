@@ -5,7 +5,7 @@ import io
 import json
 from collections.abc import Iterable, Iterator
 
-from specs.signals import Signal, definition, select
+from specs.signals import Kind, Signal, definition, select
 from specs.units import unit
 from specs.wire import MODBUS_HEADER, REGISTERS, ModbusPlace, ModbusTable
 
@@ -104,7 +104,7 @@ def _fmi_variable(s: Signal) -> Iterator[str]:
 def signals_markdown() -> str:
     """Every signal in one table to read, kind by kind."""
     lines = [f"<!-- {MADE} -->", "", "# Signals", ""]
-    kinds = dict.fromkeys(s.kind for s in definition().signals.values())
+    kinds: dict[Kind, None] = dict.fromkeys(s.kind for s in definition().signals.values())
     for kind in kinds:
         lines += [f"## {kind}", "", *_markdown_table(select(kind)), ""]
     return "\n".join(lines)

@@ -87,6 +87,13 @@ class Message:
     cycle_ms: int
     length: int = 8
 
+    def __post_init__(self) -> None:
+        ranges = {"pgn": (0xFF00, 0xFFFF), "priority": (0, 7), "source": (0, 253)}  # proprietary B groups
+        ranges |= {"cycle_ms": (1, 65535), "length": (1, 8)}
+        for key, (low, high) in ranges.items():
+            if not low <= getattr(self, key) <= high:
+                raise InputError(f"{key} = {getattr(self, key)}: outside {low} … {high}")
+
     @property
     def frame_id(self) -> int:
         """The 29-bit identifier: priority, parameter group number, source address."""

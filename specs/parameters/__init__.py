@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from specs.errors import InputError, nearest
-from specs.schema import STRICT, part, read_toml, shown
+from specs.schema import STRICT, read_toml, shown, validate
 from specs.units import unit as find_unit
 
 FOLDER = Path(__file__).parent
@@ -89,7 +89,7 @@ def _parameter(path: Path, name: str, entry: Any) -> Parameter:
     where = f"{shown(path)}: {name}"
     if not isinstance(entry, dict):
         raise InputError(f"{where}: expected a table with value, unit, source and status")
-    return part(Parameter, {"name": name, **entry}, where)
+    return validate(Parameter, {"name": name, **entry}, where)
 
 
 def _claim(known: dict[str, Parameter], owners: dict[int, str], new: Parameter, where: str) -> None:
