@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from specs import draws, parameters
+from specs import draws, keys, parameters
 from specs.draws import Spread, draw, open_test_set
 from specs.errors import InputError
 
@@ -49,9 +49,12 @@ def test_draws_are_reproducible_and_independent_of_order() -> None:
 
 
 def test_draws_stay_the_same_for_good() -> None:
-    """Results quoted anywhere rest on these numbers."""
-    assert draw("tuning", 3)["slew_delay"] == pytest.approx(0.175062547779, rel=1e-12)
-    assert draw("tuning", 3)["slope_pitch"] == pytest.approx(0.00107938019037, rel=1e-10)
+    """Results quoted anywhere rest on these numbers: only a change of a spread or nominal value moves them."""
+    assert keys.uniform("draw", "tuning", 3, "slew_delay") == 0.7506254777889954
+    low, high = draws.spreads()["slew_delay"].limits(KNOWN["slew_delay"].value)
+    assert draw("tuning", 3)["slew_delay"] == pytest.approx(
+        low + 0.7506254777889954 * (high - low), rel=1e-11
+    )
 
 
 def test_draws_fill_their_ranges(machines: dict[tuple[str, int], dict[str, float]]) -> None:
@@ -154,18 +157,37 @@ def test_normal_distribution_is_cut_off() -> None:
     assert statistics.mean(within) == pytest.approx(0.6827 / 0.9973, abs=2e-3)
 
 
+GOOD = """
+[sets]
+tuning = 2
+
+[[spread]]
+parameters = ["gravity"]
+low = 9.7
+high = 9.9
+reason = "pole to equator"
+status = "sourced"
+
+[[spread]]
+parameters = ["boom_mass"]
+relation = "factor"
+low = 0.9
+high = 1.1
+reason = "equipment"
+status = "assumed"
+"""
+
 MISTAKES = {
-    "unknown parameter": (
-        "slew_delay",
-        "slew_dely",
-        r"slew_dely: no such parameter; did you mean slew_delay",
-    ),
-    "drawn twice": ("slew_dead_band", "slew_delay", r"slew_delay has a spread already"),
-    "out of bounds": ("high = 0.20", "high = 3.0", r"slew_delay: parameter slew_delay = 3 s outside"),
-    "empty range": ("high = 0.20", "high = 0.05", r"slew_delay\): empty range 0\.1 … 0\.05"),
-    "no range": ("low = 0.10\n", "", r"slew_delay\): needs low and high, or sd"),
-    "no reason": ('reason = "literature 0.1', 'why = "literature 0.1', r"slew_delay\): missing reason"),
-    "no status": ('status = "assumed"\n', "", r"slew_delay\): missing status"),
+    "unknown parameter": ("gravity", "gravty", r"gravty: no such parameter; did you mean gravity"),
+    "drawn twice": ("boom_mass", "gravity", r"gravity has a spread already"),
+    "out of bounds": ("high = 9.9", "high = 30.0", r"gravity: parameter gravity = 30 m/s2 outside"),
+    "empty range": ("high = 9.9", "high = 9.6", r"gravity\): empty range 9\.7 … 9\.6"),
+    "no range": ("low = 9.7\n", "", r"gravity\): needs low and high, or sd"),
+    "both kinds": ("low = 9.7\n", "low = 9.7\nsd = 1.0\n", r"gravity\): needs low and high, or sd"),
+    "unknown relation": ('"factor"', '"times"', r"boom_mass\): relation: .*'times'"),
+    "no reason": ("reason", "why", r"gravity\): missing reason"),
+    "no status": ('status = "sourced"\n', "", r"gravity\): missing status"),
+    "bad size": ("tuning = 2", 'tuning = "two"', r"sets: tuning: .*'two'"),
 }
 
 
@@ -174,10 +196,9 @@ def test_mistakes_are_named_with_file_and_key(
     mistake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     old, new, message = MISTAKES[mistake]
-    text = draws.PATH.read_text(encoding="utf-8")
-    assert old in text
+    assert old in GOOD
     monkeypatch.setattr(draws, "PATH", tmp_path / "draws.toml")
-    draws.PATH.write_text(text.replace(old, new, 1), encoding="utf-8")
+    draws.PATH.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(InputError, match=message) as caught:
         draws.check()
     assert "draws.toml: " in str(caught.value)
