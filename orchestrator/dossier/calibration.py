@@ -1,6 +1,6 @@
 """What the machine's slew drive is calibrated on, and how well it follows what it was not fitted to."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,8 @@ from fmus.slew import fit, score, traces
 from fmus.slew.score import Run
 from fmus.slew.traces import Trace
 from orchestrator.dossier import svg
-from orchestrator.dossier.section import Check, Report, Section, check_table, number, picture, table
+from orchestrator.dossier.markdown import chapter, number, picture, table
+from orchestrator.dossier.section import Check, Report, Section, check_table
 from records.report.picture import Panel
 
 SHOWN = (  # traces that were not used for the fit, of every shape
@@ -20,10 +21,30 @@ SHOWN = (  # traces that were not used for the fit, of every shape
     ("sine_I250", "sine, 250 t m²"),
     ("trapezoid_I550", "trapezoid, 550 t m²"),
 )
+USES = (
+    ("fitted", "`step_*` at 250 and 550 t m², both directions"),
+    ("held out, scored", "every other trace up to 550 t m²: steps at 400, bump, reversal, sine, trapezoid"),
+    ("apart, not judged", "`step_*` at 700 t m²"),
+)
+MEANS = {
+    "velocity_mae_deg_s": "speed [°/s]",
+    "angle_mae_deg": "angle, windows of 10 s [°]",
+    "angle_mae_whole_run_deg": "angle, whole runs [°]",
+    "pressure_mae_bar": "pressure [bar]",
+}
 COLUMNS = (
-    ("trace", "speed [°/s]", "half mirror difference [°/s]", "angle, 10 s windows [°]")
-    + ("angle, whole run [°]", "pressure [bar]", "sign of Δp")
-)  # fmt: skip
+    "trace",
+    "speed [°/s]",
+    "half mirror difference [°/s]",
+    "angle, 10 s windows [°]",
+    "angle, whole run [°]",
+    "pressure [bar]",
+    "sign of Δp",
+)
+CAPTION = (
+    "Slew speed of held-out traces: the trace, its mirrored partner with the sign turned, and the model. "
+    "Where the two grey lines part, no symmetric model can follow both."
+)
 
 
 def section(report: Report) -> Section:
@@ -48,19 +69,15 @@ def section(report: Report) -> Section:
 
 
 def _checks(figures: Mapping[str, Any]) -> list[Check]:
-    limits = fit.LIMITS
+    speed, angle = fit.LIMITS["velocity_mae_deg_s"], fit.LIMITS["angle_mae_deg"]
+    whole, sign = figures["angle_mae_whole_run_deg"], 100 * figures["pressure_sign"]
+    least = 100 * fit.LEAST_PRESSURE_SIGN
     return [
-        Check("speed, mean absolute error", figures["velocity_mae_deg_s"], limits["velocity_mae_deg_s"], "°/s"),
-        Check("angle, mean absolute error over windows of 10 s", figures["angle_mae_deg"], limits["angle_mae_deg"], "°"),
-        Check(
-            "angle, mean absolute error over whole runs",
-            figures["angle_mae_whole_run_deg"], limits["angle_mae_deg"], "°", judged=False,
-        ),
-        Check(
-            "sign of Δp right, of samples with |Δp| > 30 bar",
-            100 * figures["pressure_sign"], 100 * fit.LEAST_PRESSURE_SIGN, "%", at_least=True, digits=1,
-        ),
-    ]  # fmt: skip
+        Check("speed, mean absolute error", figures["velocity_mae_deg_s"], speed, "°/s"),
+        Check("angle, mean absolute error over windows of 10 s", figures["angle_mae_deg"], angle, "°"),
+        Check("angle, mean absolute error over whole runs", whole, angle, "°", judged=False),
+        Check("right sign of Δp where it exceeds 30 bar", sign, least, "%", at_least=True, digits=1),
+    ]
 
 
 def _half(known: Mapping[str, Trace], trace: Trace) -> float:
@@ -68,81 +85,37 @@ def _half(known: Mapping[str, Trace], trace: Trace) -> float:
 
 
 def _text(
-    known: Mapping[str, Trace], figures: Mapping[str, Any], checks: list[Check], halves: Mapping[str, float]
+    known: Mapping[str, Trace],
+    figures: Mapping[str, Any],
+    checks: Sequence[Check],
+    halves: Mapping[str, float],
 ) -> str:
     groups = [traces.fit_set(dict(known)), traces.held_out(dict(known)), traces.apart(dict(known))]
-    used, held, far = (len(g) for g in groups)
-    mirror = figures["mirror_difference"]["held_out"]
-    beside = {
-        k: figures[k]
-        for k in ("velocity_mae_deg_s", "angle_mae_deg", "angle_mae_whole_run_deg", "pressure_mae_bar")
-    }
-    names = ("speed [°/s]", "angle, windows of 10 s [°]", "angle, whole runs [°]", "pressure [bar]")
-    rows = [
-        [name, number(figures["fit"][key]), number(value), number(figures["I700"][key]), number(mirror[key])]
-        for name, (key, value) in zip(names, beside.items(), strict=True)
-    ]
-    sign = "sign of Δp [%]"
-    rows.append(
-        [
-            sign,
-            *(number(100 * f["pressure_sign"], 1) for f in (figures["fit"], figures, figures["I700"])),
-            "–",
-        ]
+    sizes = [str(len(group)) for group in groups]
+    uses = [[use, size, which] for (use, which), size in zip(USES, sizes, strict=True)]
+    scores = {**figures["traces"], **figures["I700"]["traces"]}
+    return chapter(
+        "calibration",
+        count=len(known),
+        half_count=len(known) // 2,
+        held=sizes[1],
+        uses=table(("use", "traces", "which"), uses, right=(1,)),
+        checks=check_table(checks),
+        floor=number(figures["mirror_difference"]["held_out"]["angle_mae_whole_run_deg"], 1),
+        summary=_summary(figures),
+        overlays=picture("traces.svg", CAPTION),
+        traces=table(COLUMNS, [_row(n, s, halves[n]) for n, s in scores.items()]),
     )
-    return f"""
-No recordings of the real machine are public. What is public are the slew networks of its authors (public
-repository leggedrobotics/multi_task_rL_material_handler, commit 397ee2c, declared MIT), which were trained on such
-recordings. `tests/data/slew_traces` holds {len(known)} open-loop roll-outs of them at 10 Hz, {
-        len(known) // 2
-    } and
-their mirrored commands. They are predictions of a network, not measurements. Their first second, in which the
-networks' zero-filled history dies away, is left out everywhere.
-
-{
-        table(
-            ("use", "traces", "which"),
-            [
-                ["fitted", str(used), "`step_*` at 250 and 550 t m², both directions"],
-                [
-                    "held out, scored",
-                    str(held),
-                    "every other trace up to 550 t m²: steps at 400, bump, reversal, sine, trapezoid",
-                ],
-                ["apart, not judged", str(far), "`step_*` at 700 t m²"],
-            ],
-            right=(1,),
-        )
-    }
-Only the slew drive is calibrated. Arm hydraulics, pump, tool and sensors are assumed throughout (chapter 2). The
-parameters scored here are the shipped ones, in the stand-alone slew model, which shares its equations with the
-machine. All runs are free: from the state at 1 s on nothing but the joystick is given.
-
-Limits, on the mean over the {held} held-out traces:
-
-{check_table(checks)}
-The limit on the angle is met over windows of 10 s, the horizon that the networks' authors use, **not over whole
-runs** of 14–40 s. No model without a preferred direction could meet it there: at equal start, its mean error over a
-mirrored pair is at least half the pair's own difference, which is {
-        number(mirror["angle_mae_whole_run_deg"], 1)
-    }° on
-these traces (last column).
-
-{table(("mean absolute error", "fitted", "held out", "700 t m²", "half mirror difference, held out"), rows)}
-{
-        picture(
-            "traces.svg",
-            "Slew speed of held-out traces: the trace, its mirrored partner with the sign turned, and "
-            "the model. Where the two grey lines part, no symmetric model can follow both.",
-        )
-    }
-Trace by trace (`_neg`: mirrored command):
-
-{table(COLUMNS, [_row(n, s, halves[n]) for n, s in _all_scores(figures).items()])}"""
 
 
-def _all_scores(figures: Mapping[str, Any]) -> dict[str, Mapping[str, float]]:
-    return {**figures["traces"], **figures["I700"]["traces"]}
+def _summary(figures: Mapping[str, Any]) -> str:
+    mirror = figures["mirror_difference"]["held_out"]
+    groups = (figures["fit"], figures, figures["I700"])
+    rows = [[name, *(number(g[key]) for g in (*groups, mirror))] for key, name in MEANS.items()]
+    rows.append(["sign of Δp [%]", *(number(100 * g["pressure_sign"], 1) for g in groups), "–"])
+    return table(
+        ("mean absolute error", "fitted", "held out", "700 t m²", "half mirror difference, held out"), rows
+    )
 
 
 def _row(name: str, one: Mapping[str, float], half: float) -> list[str]:

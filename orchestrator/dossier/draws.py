@@ -1,4 +1,4 @@
-"""How the re-drawn machines spread, why, and how that compares with what the traces leave open."""
+"""How the re-drawn machines spread, and how that compares with what the traces leave open."""
 
 import hashlib
 import json
@@ -10,10 +10,10 @@ import numpy as np
 
 from fmus.slew import evidence, features, traces
 from fmus.slew.features import Features
-from orchestrator.dossier import svg
+from orchestrator.dossier import draw_tables, svg
 from orchestrator.dossier.machine import Bench, pose, read_step
 from orchestrator.dossier.physics import expected_swing
-from orchestrator.dossier.section import Report, Section, number, picture, significant, table
+from orchestrator.dossier.section import Report, Section
 from orchestrator.dossier.steps import COMMANDS, INERTIA
 from records.report.picture import Panel
 from specs import draws, parameters as parameter_specs
@@ -21,7 +21,6 @@ from specs.draws import Spread
 from specs.parameters import Parameter
 
 OPEN = tuple(name for name in draws.sets() if name != draws.SEALED)  # the sealed set is never drawn here
-SENSORS = ("encoder_", "pressure_", "imu_")
 KNOWN = (  # parameter, known range (SI), whence: what the spreads must cover
     ("slew_delay", 0.10, 0.15, "usual for mobile hydraulics"),
     ("slew_dead_band", 0.15, 0.18, "read off the networks"),
@@ -38,7 +37,7 @@ QUANTITIES = ("speed_deg_s", "coast_deg", "t63_s")
 
 
 def section(report: Report, bench: Bench, machines: int | None = None) -> Section:
-    """Tables of the spreads, and steps of the drawn machines (the first `machines` of each set, default all)."""
+    """Tables of the spreads, and steps of the drawn machines (the first `machines` of each set)."""
     report("steps of the drawn machines")
     known = parameter_specs.load(*draws.FILES)
     spreads = draws.spreads()
@@ -50,12 +49,14 @@ def section(report: Report, bench: Bench, machines: int | None = None) -> Sectio
         "fingerprint": {name: fingerprint(name) for name in OPEN},
         "spreads": [_spread_figures(s, known) for s in _distinct(spreads)],
         "nominal_outside": outside(spreads, known),
+        "against_errors": against_errors(spreads, known),
         "coverage": coverage(spreads, known),
         "steps": _summaries(drawn, nominal, wanted),
     }
+    figures["bias"] = bias(figures["steps"])
     pictures = {"draws.svg": _picture(drawn, nominal, wanted)}
     title = "How the machines are re-drawn"
-    return Section("draws", title, _text(figures, spreads, known), figures, pictures)
+    return Section("draws", title, draw_tables.text(figures, spreads, known), figures, pictures)
 
 
 def fingerprint(name: str) -> str:
@@ -74,11 +75,31 @@ def outside(spreads: Mapping[str, Spread], known: Mapping[str, Parameter]) -> li
     return found
 
 
+def against_errors(
+    spreads: Mapping[str, Spread], known: Mapping[str, Parameter]
+) -> dict[str, dict[str, float]]:
+    """Half range drawn and standard error of every fitted parameter that is drawn, SI."""
+    found = {}
+    for name, row in evidence.parameters(evidence.shipped()).items():
+        if name in spreads:
+            low, high = spreads[name].limits(known[name].value)
+            half = (high - low) / 2
+            found[name] = {"half_range": half, "error": row["deviation"], "ratio": half / row["deviation"]}
+    return found
+
+
+def bias(steps: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Mean speed of the drawn machines over the nominal machine's, less one, mean over the commands."""
+    rows = [r for r in steps if r["quantity"] == "speed_deg_s"]
+    return {name: float(np.mean([r[name]["mean"] / r["nominal"] - 1 for r in rows])) for name in OPEN}
+
+
 def coverage(spreads: Mapping[str, Spread], known: Mapping[str, Parameter]) -> list[dict[str, Any]]:
     """Known ranges, the drawn ones, and whether these contain those."""
     rows = []
     for name, low, high, source in KNOWN:
-        limits = spreads[name].limits(known[name].value) if name in spreads else (known[name].value,) * 2
+        nominal = known[name].value
+        limits = spreads[name].limits(nominal) if name in spreads else (nominal, nominal)
         rows.append(_covered(name, (low, high), limits, known[name].unit, source))
     rows.append(
         _covered("pitch pendulum's length", LENGTH, _lengths(spreads, known), "m", "period 2.5–3.2 s")
@@ -157,132 +178,6 @@ def _distinct(spreads: Mapping[str, Spread]) -> list[Spread]:
 def _spread_figures(spread: Spread, known: Mapping[str, Parameter]) -> dict[str, Any]:
     limits = {n: list(spread.limits(known[n].value)) for n in spread.parameters}
     return {**asdict(spread), "parameters": list(spread.parameters), "limits": limits}
-
-
-def _text(figures: Mapping[str, Any], spreads: Mapping[str, Spread], known: Mapping[str, Parameter]) -> str:
-    sizes = ", ".join(f"{name} {size}" for name, size in figures["sets"].items())
-    prints = ", ".join(f"{name} `{value}`" for name, value in figures["fingerprint"].items())
-    distinct = _distinct(spreads)
-    sensors = [s for s in distinct if s.parameters[0].startswith(SENSORS)]
-    machine = [s for s in distinct if s not in sensors]
-    fixed = [n for n in evidence.shipped().values if n not in spreads]
-    return f"""
-A controller that works on one machine only has learned that machine. The machine is therefore re-drawn from
-`specs/draws.toml` in disjoint sets: {
-        sizes
-    }. Each number is the quantile of the parameter's distribution at the first 53
-bits of the SHA-256 of "draw/*set*/*index*/*parameter or group*", so the sets share nothing and nothing depends on platform or order.
-Fingerprints of the drawn values: {
-        prints
-    }. **The test set is sealed**: it is opened once for a released controller,
-every opening is logged in `specs/test_openings.log`, and this page never draws from it.
-
-*sourced*: the range is known from the traces, the paper or a data sheet; *assumed*: our estimate. For fitted
-parameters, *error* is the standard error of chapter 2 as a share of the half range drawn.
-
-{_spread_table(machine, known)}
-{len(fixed)} fitted parameters are not drawn: {", ".join(f"`{n}`" for n in fixed) or "none"}.
-{_outside_text(figures["nominal_outside"], spreads, known)}
-Ranges that the spreads had to cover:
-
-{
-        table(
-            ("quantity", "known", "drawn", "unit", "whence", ""),
-            [_coverage_row(r) for r in figures["coverage"]],
-            right=(1, 2),
-        )
-    }
-**Sensors.** Every sensor has noise; no figure of this machine's sensors is public. Nominal values:
-
-{_sensor_table(known)}
-Drawn:
-
-{_spread_table(sensors, known)}
-**What comes of it.** Steps of every drawn machine of the open sets at the pose of chapter 5, true states, positive
-direction, against both directions of the traces:
-
-{_summary_table(figures["steps"])}
-{
-        picture(
-            "draws.svg",
-            "Steps at 400 t m²: the two directions of the traces (grey bars), the nominal machine (dark "
-            "blue) and the drawn machines of the open sets.",
-        )
-    }
-Where the drawn range contains both directions of the traces, the difference between left and right, which the symmetric machine
-cannot show, is covered by drawing it.
-"""
-
-
-def _outside_text(names: Sequence[str], spreads: Mapping[str, Spread], known: Mapping[str, Parameter]) -> str:
-    if not names:
-        return "Every nominal value lies inside its own spread.\n"
-    parts = []
-    for n in names:
-        low, high = spreads[n].limits(known[n].value)
-        parts.append(
-            f"`{n}` {significant(known[n].value)} (drawn {significant(low)} … {significant(high)} {known[n].unit})"
-        )
-    return f"**Nominal value outside its own spread:** {'; '.join(parts)}.\n"
-
-
-def _spread_table(chosen: Sequence[Spread], known: Mapping[str, Parameter]) -> str:
-    errors = evidence.parameters(evidence.shipped())
-    rows = []
-    for s in chosen:
-        first = s.parameters[0]
-        low, high = s.range
-        kind = f"normal, sd {s.sd:g}" if s.sd is not None else f"{low:g} … {high:g}"
-        relation = {
-            "absolute": known[first].unit,
-            "factor": "× nominal",
-            "offset": f"{known[first].unit} added",
-        }
-        half = np.diff(s.limits(known[first].value))[0] / 2
-        error = f"{100 * errors[first]['deviation'] / half:.0f} %" if first in errors else "–"
-        rows.append([_names(s), kind, relation[s.relation], error, s.reason, s.status])
-    return table(("parameters", "drawn", "unit", "error", "reason", "status"), rows, right=(3,))
-
-
-def _names(s: Spread) -> str:
-    shown = [f"`{n}`" for n in s.parameters]
-    together = " (together)" if s.group else ""
-    return (", ".join(shown) if len(shown) <= 4 else f"{shown[0]} … {shown[-1]} ({len(shown)})") + together
-
-
-def _coverage_row(row: Mapping[str, Any]) -> list[str]:
-    ranges = [" … ".join(significant(v, 3) for v in row[k]) for k in ("known", "drawn")]
-    return [
-        row["name"],
-        *ranges,
-        row["unit"],
-        row["source"],
-        "covered" if row["covered"] else "**not covered**",
-    ]
-
-
-def _sensor_table(known: Mapping[str, Parameter]) -> str:
-    kinds = ("_noise", "_quantum", "_delay")
-    rows = [
-        [f"`{p.name}`", significant(p.value), p.unit, p.status, p.source]
-        for p in known.values()
-        if p.name.startswith(SENSORS) and p.name.endswith(kinds)
-    ]
-    return table(("sensor", "value", "unit", "status", "source"), rows, right=(1,))
-
-
-def _summary_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    names = {"speed_deg_s": "speed [°/s]", "coast_deg": "coast [°]", "t63_s": "t63 [s]"}
-    lines = []
-    for r in rows:
-        sets = [f"{number(r[n]['low'], 1)} … {number(r[n]['high'], 1)}" for n in OPEN]
-        first = r[OPEN[0]]
-        inside = first["low"] <= r["traces"][0] and r["traces"][1] <= first["high"]
-        both = " … ".join(number(v, 1) for v in r["traces"])
-        what = f"{r['command']:g}", names[r["quantity"]]
-        lines.append([*what, both, number(r["nominal"], 1), *sets, "yes" if inside else "no"])
-    columns = ("joystick", "feature", "traces, both directions", "nominal", *OPEN, f"in {OPEN[0]}'s range")
-    return table(columns, lines, right=range(2, 6))
 
 
 def _picture(

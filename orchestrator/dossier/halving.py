@@ -8,7 +8,8 @@ from typing import Any
 
 from fmus.build import BUILD, build_fmu
 from fmus.machine.model import MODEL
-from orchestrator.dossier.section import MET, MISSED, Check, Report, number, table
+from orchestrator.dossier.markdown import number, table
+from orchestrator.dossier.section import MET, MISSED, Check, Report
 from orchestrator.pack import pack
 from orchestrator.verify import CONTROLLER, Job, run
 from records.metrics import compute
@@ -95,16 +96,16 @@ def _passed(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> bool:
     return all(row["passed"] for rows in found.values() for row in rows.values())
 
 
-def text(found: Mapping[str, Any]) -> str:
+def rows(found: Mapping[str, Any]) -> str:
     """Table of the metrics, moved and allowed."""
-    rows = []
+    lines = []
     for scenario, metrics in found["scenarios"].items():
         for metric in METRICS:
             row = metrics[metric.name]
             values = [number(row[k], metric.digits) for k in ("whole", "half")]
             moved = number(abs(row["half"] - row["whole"]), metric.digits + 1)
             verdict = MET if row["passed"] else MISSED
-            rows.append(
+            lines.append(
                 [
                     scenario,
                     f"{metric.name} [{metric.unit}]",
@@ -116,7 +117,7 @@ def text(found: Mapping[str, Any]) -> str:
             )
     whole, half = (f"{1e3 * found['step_s'] / k:g} ms" for k in (1, 2))
     columns = ("scenario", "metric", whole, half, "moved by", "allowed", "")
-    return table(columns, rows, right=range(2, 6))
+    return table(columns, lines, right=range(2, 6))
 
 
 def check(found: Mapping[str, Any]) -> Check:

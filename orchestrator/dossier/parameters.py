@@ -9,7 +9,8 @@ import numpy as np
 from fmus.slew import evidence, fit
 from fmus.slew.evidence import Identifiability
 from orchestrator.dossier import svg
-from orchestrator.dossier.section import Report, Section, number, picture, significant, table
+from orchestrator.dossier.markdown import chapter, code, number, picture, significant, table
+from orchestrator.dossier.section import Report, Section
 from records.report.picture import Panel
 from specs import parameters as parameter_specs
 from specs.parameters import Parameter
@@ -17,6 +18,13 @@ from specs.parameters import Parameter
 FILES = ("geometry", "slew", "machine")
 # Share of a value that comes from the traces, the rest being its start value.
 IDENTIFIED, WEAK = 0.8, 0.5
+STATUSES = ("datasheet", "measured", "identified", "assumed")
+FITTED_COLUMNS = ("parameter", "value", "standard error", "start", "spread", "unit")
+FITTED_COLUMNS += ("from traces", "verdict", "status")
+CAPTION = (
+    "Left: share of each fitted value that comes from the traces. Right: singular values of the errors' "
+    "sensitivities, parameters in spreads; below the dashed line the start decides."
+)
 COLOURS = {"identified": svg.BLUE, "weak": svg.ORANGE, "not": svg.GREY}
 
 
@@ -53,69 +61,40 @@ def _text(
     known: Mapping[str, Mapping[str, Parameter]], figures: Mapping[str, Any], found: Identifiability
 ) -> str:
     counts = Counter(row["verdict"] for row in figures["fitted"].values())
-    scaled = figures["singular_values"]
-    above = sum(v > fit.PRIOR_WEIGHT for v in scaled)
-    statuses = ("datasheet", "measured", "identified", "assumed")
-    rows = [[f"`{n}.toml`", *(str(c.get(s, 0)) for s in statuses)] for n, c in figures["status"].items()]
-    total = sum((Counter(c) for c in figures["status"].values()), Counter())
-    rows.append(["all", *(str(total[s]) for s in statuses)])
-    coupled = [[_code(c["one"]), _code(c["other"]), number(c["correlation"])] for c in figures["coupled"]]
-    return f"""
-{table(("parameters of the machine, by status", *statuses), rows)}
-*datasheet*: published for this machine. *measured*: read off the traces directly. *identified*: fitted to the
-traces. *assumed*: our estimate; no public source states it for this machine. Everything about arm cylinders, valves,
-pump, tool body and sensor noise is assumed: the machine is a stand-in there, not a copy.
+    values = found.singular_values
+    coupled = [[code(one), code(other), number(c)] for one, other, c in found.coupled]
+    fitted = [_fitted_row(n, r, known["slew"]) for n, r in figures["fitted"].items()]
+    return chapter(
+        "parameters",
+        statuses=_status_table(figures["status"]),
+        count=len(fitted),
+        identified_from=f"{100 * IDENTIFIED:.0f} %",
+        weak_from=f"{100 * WEAK:.0f} %",
+        identified=counts["identified"],
+        weak=counts["weak"],
+        unidentified=counts["not"],
+        fitted=table(FITTED_COLUMNS, fitted, right=(1, 2, 3, 4, 6)),
+        overstated=_overstated_text(figures["called_identified_but_weak"]),
+        bars=picture("identifiability.svg", CAPTION),
+        singular_values=", ".join(significant(v, 3) for v in values),
+        above=int((values > fit.PRIOR_WEIGHT).sum()),
+        weight=f"{fit.PRIOR_WEIGHT:g}",
+        coupled=table(("one", "other", "correlation"), coupled, right=(2,)) if coupled else "None.",
+        all_parameters=_all_tables(known),
+    )
 
-**The fitted parameters.** The fit starts each of {len(figures["fitted"])} parameters at a value with a spread
-(`fmus/slew/start.toml`) and weighs the traces against it. Linearised at the shipped values, *from traces* is the
-share of a value that the traces decide, the rest stays with its start; *standard error* allows for both. Verdict:
-**identified** from {IDENTIFIED:.0%} on ({counts["identified"]} parameters), **weak** from {WEAK:.0%} on
-({counts["weak"]}), **not** below ({counts["not"]}): such a value is its start, moved a little.
 
-{
-        table(
-            (
-                "parameter",
-                "value",
-                "standard error",
-                "start",
-                "spread",
-                "unit",
-                "from traces",
-                "verdict",
-                "status",
-            ),
-            [_fitted_row(n, r, known["slew"]) for n, r in figures["fitted"].items()],
-            right=(1, 2, 3, 4, 6),
-        )
-    }
-{_overstated_text(figures["called_identified_but_weak"])}
-{
-        picture(
-            "identifiability.svg",
-            "Left: share of each fitted value that comes from the traces. Right: singular values "
-            "of the errors' sensitivities, parameters in spreads; below the dashed line the start decides.",
-        )
-    }
-Singular values: {", ".join(significant(v, 3) for v in scaled)}. {above} of {
-        len(scaled)
-    } directions lie above the
-weight of the start ({fit.PRIOR_WEIGHT:g}): the traces determine that many combinations, not {
-        len(scaled)
-    } parameters.
-These pairs are known in combination only (|correlation| > 0.7):
-
-{table(("one", "other", "correlation"), coupled, right=(2,)) if coupled else "None."}
-The standard errors take residuals of neighbouring samples as independent, which they are not; the true ones are
-larger. The spreads of the re-draws (chapter 7) are therefore wider than these errors.
-
-{_all_tables(known)}"""
+def _status_table(counts: Mapping[str, Mapping[str, int]]) -> str:
+    total = sum((Counter(c) for c in counts.values()), Counter())
+    rows = [[code(f"{n}.toml"), *(str(c.get(s, 0)) for s in STATUSES)] for n, c in counts.items()]
+    rows.append(["all", *(str(total[s]) for s in STATUSES)])
+    return table(("parameters of the machine, by status", *STATUSES), rows)
 
 
 def _overstated_text(names: list[str]) -> str:
     if not names:
-        return "No parameter that is called *identified* has the verdict *not*.\n"
-    return f"**Called *identified*, but the verdict is *not*:** {', '.join(map(_code, names))}.\n"
+        return "No parameter that is called *identified* has the verdict *not*."
+    return f"**Called *identified*, but the verdict is *not*:** {', '.join(map(code, names))}."
 
 
 def _fitted_row(name: str, row: Mapping[str, Any], known: Mapping[str, Parameter]) -> list[str]:
@@ -123,7 +102,7 @@ def _fitted_row(name: str, row: Mapping[str, Any], known: Mapping[str, Parameter
         significant(row[k], 4 if k == "shipped" else 2) for k in ("shipped", "deviation", "start", "spread")
     )
     return [
-        _code(name),
+        code(name),
         *values,
         row["unit"],
         f"{100 * row['resolution']:.0f} %",
@@ -133,17 +112,13 @@ def _fitted_row(name: str, row: Mapping[str, Any], known: Mapping[str, Parameter
 
 
 def _all_tables(known: Mapping[str, Mapping[str, Parameter]]) -> str:
-    parts = ["**All parameters**, file by file.\n"]
+    parts = []
     for name, group in known.items():
-        rows = [[_code(p.name), significant(p.value), p.unit, p.status, p.source] for p in group.values()]
+        rows = [[code(p.name), significant(p.value), p.unit, p.status, p.source] for p in group.values()]
         body = table(("parameter", "value", "unit", "status", "source"), rows, right=(1,))
         head = f"specs/parameters/{name}.toml: {len(group)} parameters"
-        parts.append(f"<details><summary>{head}</summary>\n\n{body}\n</details>\n")
-    return "\n".join(parts)
-
-
-def _code(name: str) -> str:
-    return f"`{name}`"
+        parts.append(f"<details><summary>{head}</summary>\n\n{body}\n\n</details>")
+    return "\n\n".join(parts)
 
 
 def _bars(found: Identifiability, verdicts: Mapping[str, str]) -> str:
@@ -166,7 +141,7 @@ def _spectrum(values: np.ndarray, height: float) -> str:
     exponents = np.log10(values)
     low, high = float(np.floor(exponents.min())), float(np.ceil(exponents.max()))
     panel = Panel(640, 54, 290, height, (0.0, len(values) + 1.0), (low, high))
-    decades = {k: f"{10.0**k:g}" for k in range(int(low), int(high) + 1)}
+    decades = {float(k): f"{10.0**k:g}" for k in range(int(low), int(high) + 1)}
     drawn = svg.axes(panel, "Singular values", "number", "", None, decades)
     weight = float(np.log10(fit.PRIOR_WEIGHT))
     drawn += svg.line(panel, panel.x, (weight, weight), svg.RED, 1.4, "5 4")

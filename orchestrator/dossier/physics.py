@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,11 +13,8 @@ from fmus.equations import multibody
 from fmus.machine import dynamics, energy
 from fmus.machine.model import MODEL
 from fmus.stepper import Stepper
-from orchestrator.dossier import svg
 from orchestrator.dossier.machine import JOINTS, Bench
-from orchestrator.dossier.section import Check, Report, number, table
 from records.record import Record
-from records.report.picture import Panel
 
 REST_S, SWING_S, BALANCE_S = 60.0, 40.0, 12.0
 LOADS = {"empty": 0.0, "2 t": 2000.0}
@@ -26,7 +24,6 @@ ORDER_STEPS = (1e-3, 5e-4, 2.5e-4)  # s
 FINEST = 6.25e-5  # s, the reference of the order
 SMOOTH = {"u_slew": 0.6, "u_boom": 0.5, "u_stick": -0.4}
 DESIGNED_ORDER = 2
-REST_LIMIT_RAD, PERIOD_LIMIT, DECAY_LIMIT = 1e-6, 2.0, 10.0  # the last two in percent
 
 
 def power_balance() -> dict[str, Any]:
@@ -97,7 +94,7 @@ def free_swing(bench: Bench) -> tuple[dict[str, dict[str, float]], dict[str, Rec
 
 
 def expected_swing(joint: str, values: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Small swing of the hanging tool by its parameters: I q'' + d I q' + m g l q = 0; length is I / (m l)."""
+    """Small swing of the hanging tool by its parameters: I q'' + d I q' + m g l q = 0; I / (m l) long."""
     p = SimpleNamespace(**{v.name: v.start for v in MODEL.parameters} | dict(values or {}))
     mass, first, _ = multibody.tool_moments(p)
     pitch, roll = dynamics.tool_inertias(p)
@@ -120,7 +117,7 @@ def _swing(record: Record, joint: str) -> dict[str, float]:
     angle = angle - np.mean(angle[-len(angle) // 4 :])
     at = np.flatnonzero(angle[:-1] * angle[1:] < 0)
     crossings = time[at] - angle[at] * (time[at + 1] - time[at]) / (angle[at + 1] - angle[at])
-    peaks = np.array([np.abs(angle[a : b + 1]).max() for a, b in zip(at[:-1], at[1:], strict=True)])
+    peaks = np.array([np.abs(angle[a : b + 1]).max() for a, b in pairwise(at)])
     middles = (crossings[:-1] + crossings[1:]) / 2
     return {
         "period_s": float(2 * np.polyfit(np.arange(len(crossings)), crossings, 1)[0]),
@@ -149,104 +146,3 @@ def _smooth_end(start: Stepper, parameters: Mapping[str, float], step: float) ->
     stepper.set(**SMOOTH)
     stepper.advance(round(0.5 / step))
     return stepper.x
-
-
-def checks(figures: Mapping[str, Any]) -> list[Check]:
-    """All of it against its limits."""
-    moved = max(v for joints in figures["drift_rad"].values() for v in joints.values())
-    gap = 100 * figures["power"]["gap_share_of_mechanical"]
-    found = [
-        Check("power balance, largest gap, of the mechanical energy moved", gap, 1.0, "%", digits=4),
-        Check("largest movement of a joint in 60 s at rest", moved, REST_LIMIT_RAD, "rad", digits=6),
-        Check(
-            "observed order of the integrator",
-            figures["order"]["order"],
-            DESIGNED_ORDER - 0.2,
-            "",
-            at_least=True,
-        ),
-    ]
-    for name, s in figures["swing"].items():
-        period = 100 * abs(s["period_s"] / s["period_expected_s"] - 1)
-        decay = 100 * abs(s["decay_1_s"] / s["decay_expected_1_s"] - 1)
-        found.append(Check(f"tool {name}, period off by", period, PERIOD_LIMIT, "%"))
-        found.append(Check(f"tool {name}, decay off by", decay, DECAY_LIMIT, "%"))
-    return found
-
-
-def figures(report: Report, bench: Bench) -> tuple[dict[str, Any], str]:
-    """All physics figures, and the picture of them."""
-    report("power balance")
-    power = power_balance()
-    report("rest and free swing")
-    moved = drift(bench)
-    swing, records = free_swing(bench)
-    report("order of the integrator")
-    found = {"power": power, "drift_rad": moved, "swing": swing, "order": order()}
-    return found, _picture(found, records)
-
-
-def _picture(found: Mapping[str, Any], records: Mapping[str, Record]) -> str:
-    left = Panel(60, 56, 560, 200, (0.0, SWING_S), (-1.5, 1.5))
-    parts = [svg.axes(left, "Tool after a push, brake on, joysticks neutral", "time [s]", "angle [°]")]
-    for (name, joint), color in zip((("pitch", "tool_y"), ("roll", "tool_x")), svg.COLORS, strict=False):
-        rows = slice(0, None, 5)
-        angle = np.degrees(records[name].column(f"true_q_{joint}")[rows])
-        parts.append(svg.line(left, records[name].time[rows], angle, color, 1.3))
-    parts.append(svg.legend(60, 24, [(c, n) for n, c in zip(("pitch", "roll"), svg.COLORS, strict=False)]))
-    steps, errors = np.log10(found["order"]["steps_s"]), np.log10(found["order"]["errors"])
-    low, high = math.floor(errors.min()), math.ceil(errors.max())
-    right = Panel(720, 56, 210, 200, (float(steps.min()) - 0.2, float(steps.max()) + 0.2), (low, high))
-    names = {float(s): number(10**s * 1e3, 2) for s in steps}
-    decades = {float(k): f"1e{k}" for k in range(low, high + 1)}
-    parts.append(
-        svg.axes(
-            right,
-            f"Error of a step, order {number(found['order']['order'])}",
-            "internal step [ms]",
-            "",
-            names,
-            decades,
-        )
-    )
-    ideal = errors[0] + DESIGNED_ORDER * (steps - steps[0])
-    parts += [
-        svg.line(right, steps, ideal, svg.GREY, 1.2, "4 3"),
-        svg.dots(right, steps, errors, svg.BLUE, 4),
-    ]
-    return svg.document(960, 310, "Free swing of the tool and order of the integrator", parts)
-
-
-def text(found: Mapping[str, Any]) -> str:
-    """The figures in words and tables, without the limits."""
-    power = found["power"]
-    names = {
-        "supply_j": "given by the pump",
-        "valves_j": "lost in valves, orifices, leaks",
-        "friction_j": "lost in friction, brake, dampers, end stops",
-        "oil_j": "stored in the oil",
-        "mechanical_j": "gained as kinetic and potential energy",
-    }
-    rows = [[label, number(power[k] / 1e3, 1)] for k, label in names.items()]
-    swings = [
-        [n, *(number(s[k], 3) for k in ("period_s", "period_expected_s"))]
-        + [number(s[k], 4) for k in ("decay_1_s", "decay_as_is_1_s", "decay_expected_1_s")]
-        for n, s in found["swing"].items()
-    ]
-    return f"""
-**Power.** All three functions move, reverse and stop for {BALANCE_S:g} s with 1 t in the grab. Losses are charged valve by valve from
-the flows; kinetic and potential energy come from the state alone (`fmus/machine/energy.py`). The two agree at every
-moment to {number(power["largest_gap_j"], 1)} J, while the mechanical energy moves over {number(power["mechanical_swing_j"] / 1e3, 0)} kJ.
-
-{table(("energy over the run", "kJ"), rows)}
-**Rest.** In {REST_S:g} s with all inputs neutral, empty and with 2 t, no joint moves by more than
-{number(max(v for j in found["drift_rad"].values() for v in j.values()), 9)} rad.
-
-**Tool.** After a push of {PUSH_N:g} N for {PUSH_S:g} s it swings freely. Expected are the small oscillations of its parameters about a
-fixed point. For the comparison the slew brake is made stiffer (`slew_brake_knee` {HELD_KNEE:g} rad/s); *as shipped*, its
-rounded friction creeps a little under the roll and the arm's oil gives way under the pitch.
-
-{table(("swing", "period [s]", "expected [s]", "decay [1/s]", "as shipped [1/s]", "expected [1/s]"), swings)}
-**Integrator.** ROS2, designed order {DESIGNED_ORDER}. The error after 0.5 s of smooth motion of all joints falls with order
-{number(found["order"]["order"])} (steps of {", ".join(f"{1e3 * h:g}" for h in found["order"]["steps_s"])} ms against {1e3 * FINEST:g} ms).
-"""

@@ -5,7 +5,8 @@ from typing import Any
 
 from fmus.slew import evidence, traces
 from orchestrator.dossier import svg
-from orchestrator.dossier.section import Report, Section, number, picture, table
+from orchestrator.dossier.markdown import chapter, number, picture, table
+from orchestrator.dossier.section import Report, Section
 from records.report.picture import Panel
 
 MEANING = {
@@ -17,7 +18,10 @@ MEANING = {
     "coasting": "joystick neutral, moving",
     "against motion": "joystick against the motion: reversal, braking",
 }
-DIRECTION = {1: "+", -1: "−"}
+DIRECTION = {1: "positive", -1: "negative"}
+COLUMNS = ("regime", "direction", "samples", "speed bias [°/s]", "speed error [°/s]")
+COLUMNS += ("Δp bias [bar]", "Δp error [bar]")
+CAPTION = "Mean absolute error (bar) and bias (dot) of the slew speed by regime, for both directions."
 
 
 def section(report: Report) -> Section:
@@ -31,25 +35,19 @@ def section(report: Report) -> Section:
 
 
 def _text(rows: Sequence[Mapping[str, Any]], lags: Mapping[float, float]) -> str:
-    driven = max(rows, key=lambda r: r["speed_mae_deg_s"])
-    columns = ("regime", "direction", "samples", "speed bias [°/s]", "speed error [°/s]")
-    best = max(lags, key=lambda lag: lags[lag])
-    return f"""
-Model minus trace on the held-out traces, in the direction of the motion: a positive bias of the speed means that
-the model is too fast, one of the pressure that it drives too hard. *Error* is the mean absolute value.
-
-{table((*columns, "Δp bias [bar]", "Δp error [bar]"), [_row(r) for r in rows], right=range(2, 7))}
-{picture("residuals.svg", "Mean absolute error (bar) and bias (dot) of the slew speed by regime, for both directions.")}
-{table(("regime", "what it is"), [[n, m] for n, m in MEANING.items()], right=())}
-The largest error of the speed is in *{driven["regime"]}*, direction {DIRECTION[driven["direction"]]}
-({number(driven["speed_mae_deg_s"])} °/s). The bias differs between the directions by
-{number(_gap(rows), 1)} °/s on average: that is the traces' own asymmetry, since the model has none.
-
-**Delay of the speed in the traces.** The regression I ω̇ = D Δp − b ω − T sgn ω with the pressures taken earlier by a
-lag has R² {", ".join(f"{number(r2, 3)} at {number(lag, 1)} s" for lag, r2 in lags.items())}. It is best at
-{number(best, 1)} s, so the speed in the traces is not later than the pressures. The encoder's 0.2 s is taken to be no part of
-`slew_delay`, and the machine's velocity sensor adds it, once.
-"""
+    worst = max(rows, key=lambda r: r["speed_mae_deg_s"])
+    lag_rows = [["R²", *(number(r2, 3) for r2 in lags.values())]]
+    return chapter(
+        "residuals",
+        table=table(COLUMNS, [_row(r) for r in rows], right=range(2, 7)),
+        bars=picture("residuals.svg", CAPTION),
+        meanings=table(("regime", "what it is"), MEANING.items(), right=()),
+        worst=worst["regime"],
+        worst_direction=DIRECTION[worst["direction"]],
+        worst_error=number(worst["speed_mae_deg_s"]),
+        gap=number(_gap(rows), 1),
+        lags=table(("pressures taken earlier by", *(f"{number(lag, 1)} s" for lag in lags)), lag_rows),
+    )
 
 
 def _row(row: Mapping[str, Any]) -> list[str]:
@@ -87,5 +85,4 @@ def _bars(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _entries(colors: Mapping[int, str]) -> list[tuple[str, str]]:
-    labels = {1: "positive direction", -1: "negative direction"}
-    return [(color, labels[d]) for d, color in colors.items()]
+    return [(color, f"{DIRECTION[d]} direction") for d, color in colors.items()]

@@ -11,7 +11,8 @@ from fmus.slew.features import ABSOLUTE, RELATIVE, Features
 from fmus.slew.traces import Trace
 from orchestrator.dossier import svg
 from orchestrator.dossier.machine import Bench, Pose, pose, read_step
-from orchestrator.dossier.section import MET, MISSED, Check, Report, Section, number, picture, table
+from orchestrator.dossier.markdown import chapter, number, picture, table
+from orchestrator.dossier.section import MET, MISSED, Check, Report, Section
 from records.record import Record
 from records.report.picture import Panel
 
@@ -26,6 +27,11 @@ NAMES = {
     "t90_s": "time to 90 % [s]",
     "coast_deg": "angle coasted [°]",
 }
+COLUMNS = ("joystick", "feature", "traces", "machine, sensors", "difference", "allowed", "machine, true", "")
+CAPTION = (
+    "Steps at 400 t m²: traces of both directions (grey), the simulated reference machine through its "
+    "velocity sensor (blue)."
+)
 DIGITS = {"speed_deg_s": 1, "coast_deg": 1}
 
 
@@ -77,34 +83,22 @@ def allowed(name: str, wanted: float) -> float:
 
 
 def _text(rows: Sequence[Mapping[str, Any]], at: Pose) -> str:
-    cells, passed = [], 0
-    for row in rows:
-        for name in (f.name for f in fields(Features)):
-            cells.append(_cells(row, name))
-            passed += cells[-1][-1] == MET
-    columns = ("joystick", "feature", "traces", "machine, sensors", "difference", "allowed", "machine, true")
-    return f"""
-The machine's FMU runs the command of the step traces: joystick from 1 s for 7 s, then neutral. Pose: grab at 6 m
-height, arm tip at {number(at.radius)} m, empty, which is {
-        INERTIA / 1e3:.0f} t m² about the slew axis. Features are read through its
-encoders, with noise (seed {
-        SEED
-    }), velocity delay and resolution, at the traces' 10 Hz. Both directions are averaged, on both
-sides. Allowed is max({RELATIVE:.0%}, {ABSOLUTE.speed_deg_s:g} °/s, {ABSOLUTE.coast_deg:g}°, {
-        ABSOLUTE.t5_s:g} s) for
-|u| ≥ {LEAST_COMMAND:g}. **{passed} of {len(cells)} features are within it.**
-
-{table((*columns, ""), cells, right=range(2, 7))}
-The machine differs from the slew model of chapter 1 by its pump, by the tool that swings and pulls back, by the
-inertia that changes with it, and by its encoders, whose velocity is 0.2 s late.
-
-{
-        picture(
-            "steps.svg",
-            "Steps at 400 t m²: traces of both directions (grey), the simulated reference machine through "
-            "its velocity sensor (blue).",
-        )
-    }"""
+    cells = [_cells(row, f.name) for row in rows for f in fields(Features)]
+    return chapter(
+        "steps",
+        radius=number(at.radius),
+        inertia=f"{INERTIA / 1e3:.0f}",
+        seed=SEED,
+        relative=f"{100 * RELATIVE:.0f} %",
+        speed=f"{ABSOLUTE.speed_deg_s:g}",
+        angle=f"{ABSOLUTE.coast_deg:g}",
+        time=f"{ABSOLUTE.t5_s:g}",
+        least=f"{LEAST_COMMAND:g}",
+        passed=sum(c[-1] == MET for c in cells),
+        count=len(cells),
+        table=table(COLUMNS, cells, right=range(2, 7)),
+        picture=picture("steps.svg", CAPTION),
+    )
 
 
 def _cells(row: Mapping[str, Any], name: str) -> list[str]:

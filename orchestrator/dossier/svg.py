@@ -36,14 +36,14 @@ def axes(
     x_ticks: Ticks | None = None,
     y_ticks: Ticks | None = None,
 ) -> str:
-    """Grid, tick labels, axis labels and title of a panel; ticks are round numbers unless given with labels."""
+    """Grid, tick labels, axis labels and title of a panel; ticks are round unless given."""
     bottom, right = panel.top + panel.height, panel.left + panel.width
     drawn = []
     for x, name in (ticks(panel.x, panel.width / 70) if x_ticks is None else x_ticks).items():
         at = panel.at_x(x)
         drawn.append(f"<path d='M{at:.1f} {panel.top:g}V{bottom:g}' stroke='{GRID}'/>")
         drawn.append(text(at, bottom + 16, name, anchor="middle", fill=SOFT))
-    for y, name in (ticks(panel.y, panel.height / 40) if y_ticks is None else y_ticks).items():
+    for y, name in (ticks(panel.y, panel.height / 36) if y_ticks is None else y_ticks).items():
         at = panel.at_y(y)
         drawn.append(f"<path d='M{panel.left:g} {at:.1f}H{right:g}' stroke='{GRID}'/>")
         drawn.append(text(panel.left - 7, at + 4, name, anchor="end", fill=SOFT))
@@ -77,7 +77,8 @@ def whisker(panel: Panel, x: float, low: float, high: float, color: str, width: 
     """A vertical bar from low to high with caps."""
     at, top, bottom = panel.at_x(x), panel.at_y(high), panel.at_y(low)
     caps = f"M{at - 4:.1f} {top:.1f}H{at + 4:.1f}M{at - 4:.1f} {bottom:.1f}H{at + 4:.1f}"
-    return f"<path d='{caps}M{at:.1f} {top:.1f}V{bottom:.1f}' stroke='{color}' stroke-width='{width:g}' fill='none'/>"
+    stem = f"M{at:.1f} {top:.1f}V{bottom:.1f}"
+    return f"<path d='{caps}{stem}' stroke='{color}' stroke-width='{width:g}' fill='none'/>"
 
 
 def box(panel: Panel, x: Span, y: Span, color: str, opacity: float = 1.0) -> str:
@@ -85,7 +86,8 @@ def box(panel: Panel, x: Span, y: Span, color: str, opacity: float = 1.0) -> str
     left, top = panel.at_x(min(x)), panel.at_y(max(y))
     width, height = abs(panel.at_x(x[1]) - panel.at_x(x[0])), abs(panel.at_y(y[1]) - panel.at_y(y[0]))
     faint = "" if opacity == 1.0 else f" fill-opacity='{opacity:g}'"
-    return f"<rect x='{left:.1f}' y='{top:.1f}' width='{width:.1f}' height='{height:.1f}' fill='{color}'{faint}/>"
+    size = f"width='{width:.1f}' height='{height:.1f}'"
+    return f"<rect x='{left:.1f}' y='{top:.1f}' {size} fill='{color}'{faint}/>"
 
 
 def legend(x: float, y: float, entries: Iterable[tuple[str, str]], dash: str = "") -> str:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from fmus.slew import evidence, features, fit, traces
-from fmus.slew.score import BAR
 from fmus.slew.traces import PERIOD, Trace
 from orchestrator.dossier import svg
-from orchestrator.dossier.section import Report, Section, number, picture, table
+from orchestrator.dossier.markdown import chapter, number, picture, table
+from orchestrator.dossier.section import Report, Section
 from records.report.picture import Panel
 from specs import parameters as parameter_specs
 
@@ -21,6 +21,14 @@ COMMANDS = (0.2, 0.35, 0.5, 0.7, 1.0)
 DOUBT_DEG_S, DOUBT_SHARE = 1.0, 0.1
 SPEED_BINS = (0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 55.0)  # °/s
 COMMAND_BINS = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.01)
+INERTIA_CAPTION = (
+    "Left: speed before the release over inertia, traces (dots; bars: the two directions) and model (lines). "
+    "Right: friction torque of the traces at that speed, D Δp − I ω̇; one curve would be expected."
+)
+MAP_CAPTION = (
+    "Half the mirror difference of the slew speed [°/s]. Left: steps before the release. Right: all traces "
+    "up to 550 t m²; in brackets: error of the model, both directions averaged; empty: too few samples."
+)
 FEW = 20  # samples in a cell below which nothing is said about it
 
 
@@ -109,7 +117,7 @@ def falling(steps: Sequence[Settled]) -> list[dict[str, float]]:
 
 
 def speed_map(known: Mapping[str, Trace]) -> list[dict[str, Any]]:
-    """Half mirror difference and model error of the speed over |joystick| and |speed|, traces up to 550 t m2."""
+    """Half mirror difference and model error of the speed by |joystick| and |speed|, up to 550 t m2."""
     pairs = [(t, known[t.partner]) for t in known.values() if t.partner > t.name and t.inertia < traces.APART]
     runs = fit.simulate([t for pair in pairs for t in pair])
     rows = [_samples(one, other, runs) for one, other in pairs]
@@ -154,67 +162,43 @@ def _as_dict(s: Settled) -> dict[str, Any]:
 
 
 def _text(steps: Sequence[Settled], figures: Mapping[str, Any]) -> str:
-    doubtful = [f"{s.command:g} at {s.inertia / 1e3:.0f} t m²" for s in steps if s.doubtful]
-    falls = [
-        f"{f['command']:g} at {f['inertia_kg_m2'] / 1e3:.0f} t m² ({number(f['less_by_deg_s'], 1)} °/s slower)"
-        for f in figures["command_falls"]
-    ]
     full = [s for s in steps if s.command == max(COMMANDS)]
     cells = figures["speed_map"]
-    empty = sum(c["samples"] < FEW for c in cells)
-    worst = max(
-        (c for c in cells if c["half_difference_deg_s"] is not None), key=lambda c: c["half_difference_deg_s"]
+    known = [c for c in cells if c["half_difference_deg_s"] is not None]
+    worst = max(known, key=lambda c: c["half_difference_deg_s"])
+    columns = ("speed [°/s]", *(f"u = {u:g}" for u in COMMANDS))
+    return chapter(
+        "trust",
+        doubt_deg_s=f"{DOUBT_DEG_S:g}",
+        doubt_share=f"{100 * DOUBT_SHARE:.0f} %",
+        settled=table(columns, _speed_rows(steps)),
+        doubtful=", ".join(f"{s.command:g} at {s.inertia / 1e3:.0f} t m²" for s in steps if s.doubtful)
+        or "none",
+        speed_first=number(full[0].speed, 1),
+        torque_first=number(full[0].torque_knm, 0),
+        speed_last=number(full[-1].speed, 1),
+        torque_last=number(full[-1].torque_knm, 0),
+        falls=_falls_text(figures["command_falls"]),
+        inertia_picture=picture("trust-inertia.svg", INERTIA_CAPTION),
+        empty=len(cells) - len(known),
+        cells=len(cells),
+        few=FEW,
+        worst_command=f"{worst['command'][0]:g}–{min(worst['command'][1], 1.0):g}",
+        worst_speed=f"{worst['speed_deg_s'][0]:g}–{worst['speed_deg_s'][1]:g}",
+        worst_half=number(worst["half_difference_deg_s"], 1),
+        map_picture=picture("trust-map.svg", MAP_CAPTION),
     )
-    return f"""
-Three things show where the networks behind the traces are not the machine.
 
-**1. They are not mirror-symmetric.** A slew drive is, to a good approximation; the networks' left and right differ.
-Half that difference is what the traces leave open. Settled speeds of the steps, both directions averaged, ± half
-their difference; *doubtful* where it exceeds max({DOUBT_DEG_S:g} °/s, {DOUBT_SHARE:.0%} of the speed):
 
-{table(("settled speed [°/s]", *(f"u = {u:g}" for u in COMMANDS)), _speed_rows(steps))}
-Doubtful: {", ".join(doubtful) or "none"}.
-
-**2. Their trend with inertia is not physical.** A settled speed is a balance of motor torque and friction; inertia
-has no part in it, except that a longer reach loads the bearing more. Yet at full joystick the traces settle at
-{number(full[0].speed, 1)} °/s with {number(full[0].torque_knm, 0)} kN m at 250 t m² and at {
-        number(full[-1].speed, 1)
-    } °/s
-with {
-        number(full[-1].torque_knm, 0)
-    } kN m at 700 t m²: less speed for more torque. The model explains the trend up to
-550 t m² by friction that grows with inertia (`slew_friction_load`); beyond, it does not follow the traces.
-{
-        "More joystick gives *less* speed for u = " + ", ".join(falls) + "."
-        if falls
-        else "More joystick never gives less speed."
-    }
-Traces at 700 t m² are therefore reported and not judged. Above, at the 925–1430 t m² of a long reach, the machine
-extrapolates from 250–550 t m² by physics, and nothing public can confirm it.
-
-{
-        picture(
-            "trust-inertia.svg",
-            "Left: settled speed over inertia, traces (dots, bar: both directions) and model (lines). "
-            "Right: friction torque at the settled speed, D Δp − I ω̇; one curve would be expected for all inertias.",
-        )
-    }
-**3. They cover part of the plane of joystick and speed only.** Over all traces up to 550 t m², {empty} of
-{len(cells)} cells have fewer than {FEW} samples: the machine's behaviour there rests on the model's form. The
-asymmetry is largest for |u| = {worst["command"][0]:g}–{min(worst["command"][1], 1.0):g} at
-{worst["speed_deg_s"][0]:g}–{worst["speed_deg_s"][1]:g} °/s ({number(worst["half_difference_deg_s"], 1)} °/s).
-
-{
-        picture(
-            "trust-map.svg",
-            "Half the mirror difference of the slew speed [°/s]. Left: steps, settled, over inertia and "
-            "joystick. Right: all traces up to 550 t m², over speed and joystick; second line: model error, "
-            "both directions averaged; empty: too few samples.",
-        )
-    }
-So: calibrate and judge between 250 and 550 t m², average both directions, at |u| ≥ 0.24, and read nothing into
-differences below the figures above.
-"""
+def _falls_text(falls: Sequence[Mapping[str, float]]) -> str:
+    if not falls:
+        return "More joystick never gives less speed."
+    where = (
+        f"u = {f['command']:g} at {f['inertia_kg_m2'] / 1e3:.0f} t m² "
+        f"({number(f['less_by_deg_s'], 1)} °/s slower)"
+        for f in falls
+    )
+    return f"More joystick even gives *less* speed: {', '.join(where)}."
 
 
 def _speed_rows(steps: Sequence[Settled]) -> list[list[str]]:
@@ -231,15 +215,18 @@ def _speed_rows(steps: Sequence[Settled]) -> list[list[str]]:
 def _inertia_picture(steps: Sequence[Settled]) -> str:
     left = Panel(60, 56, 400, 270, (200.0, 750.0), (0.0, 55.0))
     right = Panel(530, 56, 400, 270, (0.0, 55.0), (0.0, 110.0))
-    parts = [svg.axes(left, "Settled speed", "inertia [t m²]", "slew speed [°/s]")]
-    parts.append(svg.axes(right, "Friction torque at the settled speed", "slew speed [°/s]", "torque [kN m]"))
+    parts = [svg.axes(left, "Speed before the release", "inertia [t m²]", "slew speed [°/s]")]
+    parts.append(svg.axes(right, "Friction torque at that speed", "slew speed [°/s]", "torque [kN m]"))
     commands = list(zip(COMMANDS, svg.COLORS, strict=True))
     for command, color in commands:
         here = [s for s in steps if s.command == command]
         xs = [s.inertia / 1e3 for s in here]
         parts.append(svg.line(left, xs, [s.model_deg_s for s in here], color))
         parts.append(svg.dots(left, xs, [s.speed for s in here], color))
-        parts += [svg.whisker(left, x, *sorted(s.speed_deg_s), color) for x, s in zip(xs, here, strict=True)]
+        parts += [
+            svg.whisker(left, x, min(s.speed_deg_s), max(s.speed_deg_s), color)
+            for x, s in zip(xs, here, strict=True)
+        ]
     shades = ("#8fb3d1", "#4f86b5", svg.BLUE, svg.RED)
     for inertia, color in zip(INERTIAS, shades, strict=True):
         here = [s for s in steps if s.inertia == inertia]
@@ -259,7 +246,7 @@ def _map_picture(steps: Sequence[Settled], cells: Sequence[Mapping[str, Any]]) -
     right = Panel(500, 46, 430, 240, (0.0, len(SPEED_BINS) - 1.0), (0.0, len(COMMAND_BINS) - 1.0))
     inertias = {i + 0.5: f"{v / 1e3:.0f}" for i, v in enumerate(INERTIAS)}
     commands = {i + 0.5: f"{v:g}" for i, v in enumerate(COMMANDS)}
-    parts = [svg.axes(left, "Steps, settled", "inertia [t m²]", "|joystick|", inertias, commands)]
+    parts = [svg.axes(left, "Steps, last second", "inertia [t m²]", "|joystick|", inertias, commands)]
     speeds = {float(i): f"{v:g}" for i, v in enumerate(SPEED_BINS)}
     bins = {float(i): f"{min(v, 1.0):g}" for i, v in enumerate(COMMAND_BINS)}
     parts.append(
