@@ -49,7 +49,7 @@ def test_draws_are_reproducible_and_independent_of_order() -> None:
 
 
 def test_draws_stay_the_same_for_good() -> None:
-    """Results quoted anywhere rest on these numbers: only a change of a spread or nominal value moves them."""
+    """Results quoted anywhere rest on these numbers; only a changed spread or nominal value moves them."""
     assert keys.uniform("draw", "tuning", 3, "slew_delay") == 0.7506254777889954
     low, high = draws.spreads()["slew_delay"].limits(KNOWN["slew_delay"].value)
     assert draw("tuning", 3)["slew_delay"] == pytest.approx(
