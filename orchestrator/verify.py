@@ -46,7 +46,7 @@ class Report(Protocol):
 class Job:
     """One run: everything a process needs to do it."""
 
-    scenario: str
+    scenario: Scenario
     system: str
     seed: int
     ssp: Path
@@ -78,14 +78,15 @@ def verify(
     jobs: int = 2,
     progress: Report | None = None,
 ) -> Verification:
-    """Run `scenarios` (default: all) on `systems` and write records, metrics.json and report.html to `out`.
+    """Run `scenarios` on `systems` and write records, metrics.json and report.html to `out`.
 
+    `scenarios` are names, or paths of target files in the form of specs/scenarios (default: all names).
     `model` is the folder of a controller that takes the place of the PI, or of any model that a system has
     (fmus.definition); it runs with the limits of the controller it replaces.  Raises InputError before
     anything runs; RunError, naming every run that failed, after the others were recorded.
     """
     report = progress or (lambda what, done=None, total=None: None)
-    chosen = [scenarios_spec.load(name) for name in (scenarios or scenarios_spec.names())]
+    chosen = [s for text in (scenarios or scenarios_spec.names()) for s in scenarios_spec.find(text)]
     for s in chosen:
         check_reach(s)
     replaced = {} if model is None else replacement(model, systems)
@@ -96,7 +97,7 @@ def verify(
         packed[name] = pack_system(name, out=folder, models=replaced)
     controller = CONTROLLER if model is None else model.resolve().name
     jobs_list = [
-        Job(s.name, name, seed, packed[name], controller, out / "records" / f"{s.name}-{name}.parquet")
+        Job(s, name, seed, packed[name], controller, out / "records" / f"{s.name}-{name}.parquet")
         for s in chosen
         for name in systems
     ]
@@ -134,7 +135,7 @@ def replacement(model: Path, systems: Sequence[str]) -> dict[str, Path]:
 
 def run(job: Job) -> float:
     """Do one run; return simulated seconds per elapsed second, controller and recording included."""
-    scenario = scenarios_spec.load(job.scenario)
+    scenario = job.scenario
     system = load_system(job.ssp)
     job.record.parent.mkdir(parents=True, exist_ok=True)
     began = time.perf_counter()
@@ -177,9 +178,9 @@ def show(verification: Verification) -> None:
     print(f"Report: {verification.report}")
 
 
-def _run_all(jobs_list: Sequence[Job], workers: int, report: Report) -> dict[Job, float]:
+def _run_all(jobs_list: Sequence[Job], workers: int, report: Report) -> dict[Path, float]:
     """Run all jobs, at most `workers` at a time; failures are collected and raised once, at the end."""
-    rates: dict[Job, float] = {}
+    rates: dict[Path, float] = {}
     failures: list[str] = []
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_warm_up) as pool:
@@ -188,10 +189,10 @@ def _run_all(jobs_list: Sequence[Job], workers: int, report: Report) -> dict[Job
             for done in as_completed(waiting):
                 job = waiting[done]
                 try:
-                    rates[job] = done.result()
+                    rates[job.record] = done.result()
                 except RunError as error:
-                    failures.append(f"{job.scenario} on {job.system}: {error}")
-                report(f"{job.scenario} on {job.system}", len(rates) + len(failures), len(jobs_list))
+                    failures.append(f"{job.scenario.name} on {job.system}: {error}")
+                report(f"{job.scenario.name} on {job.system}", len(rates) + len(failures), len(jobs_list))
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
             raise
@@ -206,20 +207,20 @@ def _warm_up() -> None:
 
 
 def _longest_first(job: Job) -> tuple[bool, str]:
-    return (job.system != "reference", job.scenario)
+    return (job.system != "reference", job.scenario.name)
 
 
 def _conclude(
     chosen: Sequence[Scenario],
     jobs_list: Sequence[Job],
-    rates: Mapping[Job, float],
+    rates: Mapping[Path, float],
     seed: int,
     out: Path,
     controller: str,
 ) -> Verification:
     runs: dict[str, dict[str, Record]] = {}
     for job in jobs_list:
-        runs.setdefault(job.scenario, {})[job.system] = read(job.record)
+        runs.setdefault(job.scenario.name, {})[job.system] = read(job.record)
     metrics = results.evaluate(runs)
     verdicts = [
         verdict
@@ -228,7 +229,7 @@ def _conclude(
         for verdict in check_limits(found, s.limits(CONTROLLER, system), s.name, system)
     ]
     factors = {
-        name: _harmonic([rates[j] for j in jobs_list if j.system == name])
+        name: _harmonic([rates[j.record] for j in jobs_list if j.system == name])
         for name in {j.system for j in jobs_list}
     }
     factors = dict(sorted(factors.items()))

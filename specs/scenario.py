@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, ClassVar
 
 from specs import keys, limits
@@ -159,8 +160,9 @@ def names() -> list[str]:
 
 
 def bases() -> list[str]:
-    """Names of the target files."""
-    return sorted(path.stem for path in FOLDER.glob("*.toml") if path != limits.PATH)
+    """Names of the target files, those with fewer targets first."""
+    found = [path.stem for path in FOLDER.glob("*.toml") if path != limits.PATH]
+    return sorted(found, key=lambda base: (len(_data(base).get("targets", ())), base))
 
 
 def load(name: str) -> Scenario:
@@ -170,6 +172,20 @@ def load(name: str) -> Scenario:
         if name.startswith(f"{base}_") and name.removeprefix(f"{base}_") in loads:
             return build(base, name.removeprefix(f"{base}_"), _data(base), f"specs/scenarios/{base}.toml")
     raise InputError(f"unknown scenario '{name}'; {nearest(name, names())}; valid: {', '.join(names())}")
+
+
+def find(text: str) -> list[Scenario]:
+    """Scenarios as a user names them: one by its name, or all loads of a target file (path ending in .toml).
+
+    Raises InputError for an unknown name, a missing file, or a mistake in it.
+    """
+    if not text.endswith(".toml"):
+        return [load(text)]
+    path = Path(text)
+    data = read_toml(path)
+    if not isinstance(data.get("loads"), dict) or not data["loads"]:
+        raise InputError(f"{path}: needs at least one load, as in [loads.empty]")
+    return [build(path.stem, name, data, str(path)) for name in data["loads"]]
 
 
 def build(base: str, load_name: str, data: Mapping[str, Any], where: str) -> Scenario:

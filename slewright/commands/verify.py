@@ -21,7 +21,9 @@ class Systems(StrEnum):
 def verify(
     scenario: Annotated[
         list[str] | None,
-        typer.Option("--scenario", metavar="NAME", help="Only this scenario (may be repeated)."),
+        typer.Option(
+            "--scenario", metavar="NAME", help="Only this scenario, or this target file (repeatable)."
+        ),
     ] = None,
     system: Annotated[Systems, typer.Option("--system", help="Run on this system.")] = Systems.both,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of sensor noise and drawn loads.")] = 1,

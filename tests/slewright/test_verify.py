@@ -153,3 +153,35 @@ def test_readme_table_is_filled(slewright: Command, tmp_path: Path) -> None:
     assert text.endswith("after\n")
     assert "| Four targets, unknown load | nominal model |" in text
     assert (tmp_path / "docs" / "run.svg").read_text().startswith("<svg")
+
+
+TARGET_FILE = """
+description = "One short move"
+interval_s = 15.0
+targets = [{ slew_deg = 60.0, radius_m = RADIUS, height_m = 5.0 }]
+[start]
+slew_deg = 0.0
+q_boom = 1.3
+q_stick = -1.9
+[loads.empty]
+description = "Empty grab"
+low_kg = 0.0
+high_kg = 0.0
+told_kg = 0.0
+"""
+
+
+def test_a_target_file_of_the_user_runs(slewright: Command, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(TARGET_FILE.replace("RADIUS", "10.0"))
+    line = ("--scenario", tmp_path / "mine.toml", "--system", "nominal", "--out", tmp_path / "o")
+    done = slewright("verify", *line, "--json", tmp_path / "f.json")
+    assert done.returncode in (0, 1), done.stderr
+    assert list(json.loads((tmp_path / "f.json").read_text())["scenarios"]) == ["mine_empty"]
+
+
+def test_target_out_of_reach(slewright: Command, tmp_path: Path) -> None:
+    (tmp_path / "far.toml").write_text(TARGET_FILE.replace("RADIUS", "25.0"))
+    done = slewright("verify", "--scenario", tmp_path / "far.toml", "--out", tmp_path / "o")
+    assert done.returncode == 2
+    assert "scenario far_empty, target 1: target out of reach" in done.stderr
+    assert not (tmp_path / "o").exists()
