@@ -82,7 +82,7 @@ def linearise(model: Model, stepper: Stepper, command: str, output: str) -> cont
     matrices = [ca.jacobian(f, x), ca.jacobian(f, u)[:, column], ca.jacobian(h[row], x)]
     at = ca.Function("abc", [x, u, m, p], [ca.densify(matrix) for matrix in matrices])
     a, b, c = (np.array(matrix) for matrix in at(stepper.x, stepper.u, stepper.m, stepper.p))
-    return control.ss(a, b, c, [[0.0]])
+    return control.StateSpace(a, b, c, [[0.0]])
 
 
 def pi_margins(plant: Plant, gain: float, reset_rate: float) -> Margins:
@@ -93,12 +93,14 @@ def pi_margins(plant: Plant, gain: float, reset_rate: float) -> Margins:
 
 
 def arm_margins(gain: float, parameters: Mapping[str, float], joint: str) -> Margins:
-    """Margins of the proportional position loop around the nominal arm, in exact discrete time."""
+    """Margins of the proportional position loop around the nominal arm, in exact discrete time.
+
+    gain dt P z^-D / ((z - 1 + P) (z - 1)): response P, delay of D steps; the command is held for one step.
+    """
     omega = np.geomspace(1e-2, 0.99 * np.pi / STEP, 1500)
-    z = control.tf([1, 0], [1], STEP)
-    response = parameters[f"{joint}_response"]
-    late = round(parameters[f"{joint}_delay"] / STEP) + 1  # one step for the controller's held command
-    loop = gain * STEP * response * z**2 / ((z - (1 - response)) * (z - 1)) / z**late / z
+    response, delay = parameters[f"{joint}_response"], round(parameters[f"{joint}_delay"] / STEP)
+    denominator = [*np.polymul([1, response - 1], [1, -1]), *np.zeros(delay)]
+    loop = control.TransferFunction([gain * STEP * response], denominator, STEP)
     return _margins(loop(np.exp(1j * omega * STEP)), omega)
 
 

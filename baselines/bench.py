@@ -1,6 +1,6 @@
 """Systems to measure and tune controllers on: assembled in a temporary folder, run by the orchestrator."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,6 +12,7 @@ from orchestrator.system import System
 from specs import ssd, systems
 
 STEP_S = 0.02
+Report = Callable[[str, float, float], None]  # what is being done, how many of how many steps are
 
 
 def assemble(spec: systems.SystemSpec) -> System:
@@ -33,3 +34,21 @@ def bare_machine(outputs: list[str]) -> System:
         "outputs": {"machine": outputs},
     }
     return assemble(systems.parse("bare_machine", data))
+
+
+def arm_loop() -> System:
+    """The reference machine with its arm velocity controller, velocity references from outside."""
+    references = [f"qd_{joint}_ref" for joint in ("boom", "stick")]
+    sensed = [f"{q}_{joint}" for q in ("q", "qd") for joint in ("boom", "stick")]
+    components = {
+        "arm_velocity": {"fmu": "arm_velocity", "inputs": {systems.SYSTEM: references, "machine": sensed}},
+        "machine": {"fmu": "machine", "inputs": {"arm_velocity": ["u_boom", "u_stick"]}},
+    }
+    data = {
+        "description": "Reference machine and arm velocity controller",
+        "step_s": STEP_S,
+        "stop_s": 60.0,
+        "components": components,
+        "outputs": {"machine": sensed, "arm_velocity": ["u_boom", "u_stick"]},
+    }
+    return assemble(systems.parse("arm_loop", data))

@@ -11,14 +11,12 @@ from typing import Any
 import numpy as np
 
 from baselines.arm_velocity.model import JOINTS, POINTS
-from baselines.bench import STEP_S, bare_machine
+from baselines.bench import STEP_S, Report, bare_machine
 from baselines.parameter_file import update
 from fmus.equations import kinematics
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
 from orchestrator.system import System
-
-Report = Callable[[float, float, str], None]
 
 LEVELS = np.round(np.arange(0.1, 1.0001, 0.025), 3)  # joystick values of the sweep
 LIMIT = 0.2  # rad/s, end of the table
@@ -35,13 +33,13 @@ def run(report: Report | None = None) -> dict[str, Any]:
     figures: dict[str, Any] = {}
     for number, joint in enumerate(JOINTS):
         if report:
-            report(number, len(JOINTS), f"sweep {joint}")
+            report(f"sweep {joint}", number, len(JOINTS))
         levels, speeds = sweep(machine, joint)
         values = invert(levels, speeds)
         update("arm_velocity", {f"lut_{joint}_{i:02d}": v for i, v in enumerate(values)}, _source(joint))
         figures[joint] = {"joystick": levels, "speed_rad_s": speeds, "table": values}
     if report:
-        report(len(JOINTS), len(JOINTS), "done")
+        report("done", len(JOINTS), len(JOINTS))
     return figures | {"seed": 0}
 
 

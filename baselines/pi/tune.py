@@ -20,14 +20,13 @@ import numpy as np
 from scipy.optimize import minimize
 
 from baselines import analysis
+from baselines.bench import Report
 from baselines.parameter_file import update
 from baselines.pi import objective
 from fmus.build import BUILD
 from orchestrator.system import System
 from specs import parameters
 from specs.errors import RunError
-
-Report = Callable[[float, float, str], None]
 
 DRAWS = 8  # machines of the tuning set, and as many of the validation set
 EVALUATIONS = 60
@@ -41,20 +40,20 @@ CACHE = BUILD / "tune" / "pi.json"
 
 def run(report: Report | None = None, evaluations: int = EVALUATIONS, draws: int = DRAWS) -> dict[str, Any]:
     """Tune, write specs/parameters/{pi,arm_velocity}.toml, and return gains, costs and margins."""
-    say = report or (lambda done, total, what: None)
+    say = report or (lambda what, done, total: None)
     total = evaluations + 4
-    say(0, total, "margins of the arm velocity loop")
+    say("margins of the arm velocity loop", 0, total)
     rate = design_rate_loop()
     _write_rate_loop(rate)
-    say(1, total, "margins of the position loops")
+    say("margins of the position loops", 1, total)
     start = design_position_loops()
     system = objective.reference_system()
-    found = search(system, start, evaluations, draws, lambda n: say(2 + n, total, "search on tuning draws"))
-    say(total - 1, total, "validation draws")
+    found = search(system, start, evaluations, draws, lambda n: say("search on tuning draws", 2 + n, total))
+    say("validation draws", total - 1, total)
     kept, costs = keep_better(system, {"margins": start, "search": found}, draws)
     margins = {name: str(m) for name, m in slew_margins(kept).items()} | _arm_margins(kept)
     _write_pi(kept, costs, margins, evaluations, draws)
-    say(total, total, "done")
+    say("done", total, total)
     return {
         "gains": kept,
         "by_margins": start,
@@ -76,11 +75,11 @@ def design_rate_loop() -> dict[str, Any]:
     ]
     found: list[dict[str, Any]] = []
     for gain in (0.05, 0.1, 0.2, 0.3):
-        for integral in np.arange(0.6, 4.01, 0.2):
+        for integral in np.arange(1.0, 3.01, 0.2):
             least = _least([analysis.pi_margins(plant, gain, integral / gain) for plant in plants])
-            if least["gain_db"] < GAIN_DB or least["phase_deg"] < RATE_PHASE_DEG:
-                break
-            found.append({"gain": gain, "reset_rate": float(integral / gain), "integral": integral, **least})
+            if least["gain_db"] >= GAIN_DB and least["phase_deg"] >= RATE_PHASE_DEG:
+                ratio = float(integral / gain)
+                found.append({"gain": gain, "reset_rate": ratio, "integral": float(integral), **least})
     if not found:
         raise RunError(f"no gain of the arm velocity loop has {GAIN_DB:g} dB and {RATE_PHASE_DEG:g} deg")
     return max(found, key=lambda f: (round(f["integral"], 6), f["phase_deg"]))
@@ -136,7 +135,8 @@ class _Cache:
     """Evaluations by gains, kept on disk for exactly these FMUs, draws and equations of the cost."""
 
     def __init__(self, path: Path, system: System, draws: int) -> None:
-        self.path, self.used, self.seen = path, 0, {}  # type: Path, int, dict[str, float]
+        self.path, self.used = path, 0
+        self.seen: dict[str, float] = {}
         parts = [component.sha256 for component in system.components.values()]
         parts += [
             Path(objective.__file__).read_text(encoding="utf-8"),

@@ -21,3 +21,13 @@ def lut(json: JsonOption = None) -> None:
     with progress("calibrate lut") as report:
         figures = run(report)
     write(json, figures, figures.get("seed"))
+
+
+@app.command()
+def arm(json: JsonOption = None) -> None:
+    """Step the arm's velocity references and write the nominal arm's response and delay."""
+    from baselines.arm_velocity.identify import run
+
+    with progress("calibrate arm") as report:
+        figures = run(report)
+    write(json, figures, figures.get("seed"))
