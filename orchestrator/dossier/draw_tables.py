@@ -11,6 +11,7 @@ from specs.parameters import Parameter
 SENSORS = ("encoder_", "pressure_", "imu_")
 NAMES = {"speed_deg_s": "speed [°/s]", "coast_deg": "coast [°]", "t63_s": "t63 [s]"}
 ENOUGH = 2.0  # half range drawn over standard error
+SHOWN = 6  # rows of the table of what moves the centre
 CENTRED = 0.05  # mean of the drawn machines' speeds off the nominal one's, beyond which we say so
 CAPTION = (
     "Steps at 400 t m²: the two directions of the traces (grey bars), the nominal machine (dark blue) and "
@@ -41,6 +42,7 @@ def text(figures: Mapping[str, Any], spreads: Mapping[str, Spread], known: Mappi
         inside=sum(_inside(r, open_sets[0]) for r in steps),
         count=len(steps),
         bias=_bias(figures["bias"]),
+        centre=_centre_table(figures["centre"], known),
         picture=picture("draws.svg", CAPTION),
     )
 
@@ -118,6 +120,16 @@ def _summary_table(rows: Sequence[Mapping[str, Any]], open_sets: Sequence[str]) 
 def _inside(row: Mapping[str, Any], name: str) -> bool:
     low, high = row["traces"]
     return bool(row[name]["low"] <= low and high <= row[name]["high"])
+
+
+def _centre_table(rows: Sequence[Mapping[str, Any]], known: Mapping[str, Parameter]) -> str:
+    cells = []
+    for row in rows[:SHOWN]:
+        for i, (name, middle) in enumerate(row["middles"].items()):
+            share = f"{number(100 * row['speed_share'], 1)} %" if i == 0 else ""
+            values = [significant(v, 3) for v in (known[name].value, middle)]
+            cells.append([code(name), *values, known[name].unit, share])
+    return table(("parameter", "nominal", "middle of its spread", "unit", "speed"), cells, right=(1, 2, 4))
 
 
 def _bias(shares: Mapping[str, float]) -> str:

@@ -33,6 +33,7 @@ KNOWN = (  # parameter, known range (SI), whence: what the spreads must cover
     ("grab_damping_roll", 0.05, 0.2, "estimate"),
 )
 LENGTH = (1.5, 2.5)  # m, of the pitch pendulum: period 2.5-3.2 s
+OFF_CENTRE = 0.02  # of the nominal value, by which the middle of a spread must be off to be looked at
 QUANTITIES = ("speed_deg_s", "coast_deg", "t63_s")
 
 
@@ -54,6 +55,8 @@ def section(report: Report, bench: Bench, machines: int | None = None) -> Sectio
         "steps": _summaries(drawn, nominal, wanted),
     }
     figures["bias"] = bias(figures["steps"])
+    report("what moves the centre of the draws")
+    figures["centre"] = centre(off_centre(spreads, known)[:machines], nominal, bench)
     pictures = {"draws.svg": _picture(drawn, nominal, wanted)}
     title = "How the machines are re-drawn"
     return Section("draws", title, draw_tables.text(figures, spreads, known), figures, pictures)
@@ -92,6 +95,29 @@ def bias(steps: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Mean speed of the drawn machines over the nominal machine's, less one, mean over the commands."""
     rows = [r for r in steps if r["quantity"] == "speed_deg_s"]
     return {name: float(np.mean([r[name]["mean"] / r["nominal"] - 1 for r in rows])) for name in OPEN}
+
+
+def off_centre(spreads: Mapping[str, Spread], known: Mapping[str, Parameter]) -> list[dict[str, float]]:
+    """The middle of each spread that is not its nominal value; those of sensors left out."""
+    found = []
+    for spread in _distinct(spreads):
+        middles = {n: sum(spread.limits(known[n].value)) / 2 for n in spread.parameters}
+        off = any(abs(v - known[n].value) > OFF_CENTRE * abs(known[n].value) for n, v in middles.items())
+        if off and not spread.parameters[0].startswith(draw_tables.SENSORS):
+            found.append(middles)
+    return found
+
+
+def centre(
+    middles: Sequence[Mapping[str, float]], nominal: list[Features], bench: Bench
+) -> list[dict[str, Any]]:
+    """How the speeds move (share, mean over the commands) with one spread at its middle, largest first."""
+    rows = []
+    for values in middles:
+        pairs = zip(_one(values, bench), nominal, strict=True)
+        share = float(np.mean([drawn.speed_deg_s / usual.speed_deg_s - 1 for drawn, usual in pairs]))
+        rows.append({"middles": dict(values), "speed_share": share})
+    return sorted(rows, key=lambda row: -abs(row["speed_share"]))
 
 
 def coverage(spreads: Mapping[str, Spread], known: Mapping[str, Parameter]) -> list[dict[str, Any]]:

@@ -1,5 +1,7 @@
 """Which parameters of the machine the traces identify, and which are assumed."""
 
+import hashlib
+import json
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any
@@ -38,6 +40,7 @@ def section(report: Report) -> Section:
     known = {name: parameter_specs.load(name) for name in FILES}
     figures = {
         "fitted": {n: {**row, "verdict": verdicts[n]} for n, row in fitted.items()},
+        "fingerprint": fingerprint(),
         "singular_values": found.singular_values.tolist(),
         "coupled": [{"one": a, "other": b, "correlation": c} for a, b, c in found.coupled],
         "status": {name: dict(Counter(p.status for p in group.values())) for name, group in known.items()},
@@ -46,6 +49,12 @@ def section(report: Report) -> Section:
     text = _text(known, figures, found)
     pictures = {"identifiability.svg": _bars(found, verdicts)}
     return Section("parameters", "Which parameters the traces identify", text, figures, pictures)
+
+
+def fingerprint() -> str:
+    """Short hash of the values of all parameters of the machine."""
+    values = {n: p.value for n, p in parameter_specs.load(*FILES).items()}
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def verdict(resolution: float) -> str:
@@ -80,6 +89,7 @@ def _text(
         above=int((values > fit.PRIOR_WEIGHT).sum()),
         weight=f"{fit.PRIOR_WEIGHT:g}",
         coupled=table(("one", "other", "correlation"), coupled, right=(2,)) if coupled else "None.",
+        fingerprint=code(figures["fingerprint"]),
         all_parameters=_all_tables(known),
     )
 

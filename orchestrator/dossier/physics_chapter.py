@@ -86,7 +86,12 @@ def _text(found: Mapping[str, Any], checks: Sequence[Check]) -> str:
         picture=picture("physics.svg", CAPTION),
         seed=halving.SEED,
         halving=halving.rows(found["halving"]),
+        apart=_apart(found["halving"]["apart_deg"]),
     )
+
+
+def _apart(degrees: Mapping[str, float]) -> str:
+    return "; ".join(f"{number(value, 3)}° ({scenario})" for scenario, value in degrees.items()) or "none run"
 
 
 def _swing_row(name: str, swing: Mapping[str, float]) -> list[str]:
