@@ -64,6 +64,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     return Written(out, out.with_suffix(".html"), out.read_text(encoding="utf-8"), figures, drawn)
 
 
+@pytest.mark.slow
 def test_the_page_has_every_chapter_and_says_what_it_is_about(written: Written) -> None:
     assert "simulated reference machine" in written.text
     for i, title in enumerate(TITLES, 1):
@@ -72,6 +73,7 @@ def test_the_page_has_every_chapter_and_says_what_it_is_about(written: Written) 
     assert "{" not in written.text
 
 
+@pytest.mark.slow
 def test_every_picture_is_shown_and_is_valid_svg(written: Written) -> None:
     pictures = sorted(written.out.with_suffix("").glob("*.svg"))
     assert len(pictures) == 8
@@ -82,6 +84,7 @@ def test_every_picture_is_shown_and_is_valid_svg(written: Written) -> None:
         assert len(list(root)) > 5
 
 
+@pytest.mark.slow
 def test_the_html_page_carries_its_pictures(written: Written) -> None:
     html = written.html.read_text(encoding="utf-8")
     assert html.count("<svg") == 8
@@ -89,11 +92,13 @@ def test_the_html_page_carries_its_pictures(written: Written) -> None:
     assert "<table>" in html
 
 
+@pytest.mark.slow
 def test_all_figures_are_finite(written: Written) -> None:
     bad = [path for path, value in _numbers(written.figures) if not math.isfinite(value)]
     assert not bad
 
 
+@pytest.mark.slow
 def test_verdicts_follow_from_the_figures(written: Written) -> None:
     checks = written.figures["checks"]
     for name, check in checks.items():
@@ -105,6 +110,7 @@ def test_verdicts_follow_from_the_figures(written: Written) -> None:
     assert checks["speed, mean absolute error"]["found"] == calibration["velocity_mae_deg_s"]
 
 
+@pytest.mark.slow
 def test_the_page_shows_the_figures(written: Written) -> None:
     calibration, order = written.figures["calibration"], written.figures["physics"]["order"]["order"]
     assert f"| {calibration['velocity_mae_deg_s']:.2f} °/s | ≤ 2 °/s |" in written.text
@@ -116,10 +122,12 @@ def test_the_page_shows_the_figures(written: Written) -> None:
         )
 
 
+@pytest.mark.slow
 def test_the_sealed_set_is_never_drawn(written: Written) -> None:
     assert written.drawn == {"tuning", "validation"}
 
 
+@pytest.mark.slow
 def test_again_gives_the_same_bytes(written: Written, tmp_path: Path) -> None:
     again = tmp_path / "page.md"
     (tmp_path / "page").mkdir()
