@@ -112,9 +112,9 @@ def test_slew_alone_is_never_short_of_oil() -> None:
     x, _, _, p = MODEL.namespaces
     cut_off = ca.Function("load", list(MODEL.symbols), [dynamics.slew_load_pressure(x.slew_spool, p)])
     machine.set(u_slew=1.0)
-    machine.advance(150)  # the joystick's delay and the pump's own rise
+    machine.advance(round(0.15 / machine.step_s))  # the joystick's delay and the pump's own rise
     for _ in range(50):
-        machine.advance(50)
+        machine.advance(round(0.05 / machine.step_s))
         wanted = float(cut_off(machine.x, machine.u, machine.m, machine.p))
         assert machine.state("pump_pressure") > 0.995 * wanted
 

@@ -13,7 +13,7 @@ from tests.fmus.machine_runs import ANGLES, COARSE, PARAMETERS, start, working
 
 def test_power_balance() -> None:
     """Supply = losses + storage + change of mechanical energy, within a thousandth of the supply."""
-    machine = Stepper(MODEL, start(1.0, -1.3, load_mass=1000.0, slope_pitch=0.03))
+    machine = Stepper(MODEL, start(1.0, -1.3, load_mass=1000.0, slope_pitch=0.03), step=1e-3)
     balance, rows = energy.balance(MODEL), []
     for k in range(2000):
         machine.set(**working(k * 0.004))
@@ -30,7 +30,7 @@ def test_power_balance() -> None:
 
 def test_second_order_on_a_smooth_stretch() -> None:
     """A quarter of a second in motion, held joysticks: halving the step quarters the error."""
-    machine = Stepper(MODEL, start(1.0, -1.3))
+    machine = Stepper(MODEL, start(1.0, -1.3), step=1e-3)
     held = {"u_slew": 0.6, "u_boom": 0.5, "u_stick": -0.5}
     machine.set(**held)
     machine.advance(1500)
