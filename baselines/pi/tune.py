@@ -2,8 +2,8 @@
 
 1. python-control: the arm velocity loop on the linearised reference machine, the arm's position loop on the
    nominal arm and a cautious slew gain on the nominal drive, each as fast as its margins allow.
-2. Simulation: Nelder-Mead from there on re-drawn machines of the tuning set (FMUs of the CasADi models), over
-   slew gain, reset rate, joystick limit and arm gain; see objective.py.
+2. Simulation on re-drawn machines of the tuning set (FMUs of the CasADi models), over slew gain, reset rate,
+   joystick limit and arm gain: a coarse grid, then Nelder-Mead from its best point; see objective.py.
 3. Both results on machines of the validation set; the better one is kept, its margins are stated.
 
 Deterministic: all draws and noise follow from keys and seeds.  Every evaluation is kept in
@@ -11,6 +11,7 @@ build/tune/pi.json, so that an interrupted search goes on where it was.
 """
 
 import hashlib
+import itertools
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -29,12 +30,13 @@ from specs import parameters
 from specs.errors import RunError
 
 DRAWS = 8  # machines of the tuning set, and as many of the validation set
-EVALUATIONS = 60
+EVALUATIONS = 80
 INERTIAS = (250e3, 400e3, 900e3)  # kg m2, of the margins
 SLEW_PHASE_DEG, ARM_PHASE_DEG, RATE_PHASE_DEG = 30.0, 60.0, 45.0
 GAIN_DB = 8.0
-NAMES = ("pi_slew_gain", "pi_slew_reset_rate", "pi_slew_limit", "pi_arm_gain")
+NAMES: tuple[str, ...] = ("pi_slew_gain", "pi_slew_reset_rate", "pi_slew_limit", "pi_arm_gain")
 LOW, HIGH = np.array([0.2, 0.0, 0.3, 0.4]), np.array([4.0, 0.5, 1.0, 2.0])
+GRID = tuple(itertools.product((0.5, 1.0, 2.0, 3.5), (0.35, 0.5, 0.7)))  # slew gain, joystick limit
 CACHE = BUILD / "tune" / "pi.json"
 
 
@@ -91,13 +93,14 @@ def design_position_loops() -> dict[str, float]:
     reset_rate = 0.02
     slew = [k for k in np.arange(0.2, 3.0, 0.05) if _phase(plants, k, reset_rate) >= SLEW_PHASE_DEG]
     arm = [k for k in np.arange(0.4, 2.0, 0.05) if _arm_phase(k) >= ARM_PHASE_DEG]
-    return dict(zip(NAMES, (float(max(slew, default=0.2)), reset_rate, 0.6, float(max(arm))), strict=True))
+    values = (max(slew, default=0.2), reset_rate, 0.6, max(arm))
+    return {name: round(float(value), 3) for name, value in zip(NAMES, values, strict=True)}
 
 
 def search(
     system: System, start: Mapping[str, float], evaluations: int, draws: int, say: Callable[[int], None]
 ) -> dict[str, float]:
-    """Nelder-Mead on the tuning draws from `start`, at most `evaluations` costs; the best point seen."""
+    """Coarse grid and Nelder-Mead on the tuning draws, `evaluations` costs in all; the best point seen."""
     runs = objective.trials("tuning", draws)
     cache = _Cache(CACHE, system, draws)
 
@@ -106,9 +109,12 @@ def search(
         say(cache.used)
         return cache.get(gains, lambda: objective.cost(system, gains, runs))
 
-    middle = _scaled(np.array([start[name] for name in NAMES]))
-    simplex = np.vstack([middle, *(middle + step for step in np.diag([0.25, 0.1, -0.2, -0.15]))])
-    options = {"initial_simplex": np.clip(simplex, 0, 1), "maxfev": evaluations, "xatol": 1e-3, "fatol": 1e-4}
+    corners = [{**start, "pi_slew_gain": gain, "pi_slew_limit": limit} for gain, limit in GRID]
+    grid = [_scaled(np.array([point[name] for name in NAMES])) for point in (start, *corners)]
+    middle = min(grid[:evaluations], key=evaluate)
+    simplex = np.clip(np.vstack([middle, *(middle + step for step in np.diag([0.1, 0.1, -0.1, -0.1]))]), 0, 1)
+    left = max(evaluations - len(grid), 1)
+    options = {"initial_simplex": simplex, "maxfev": left, "xatol": 1e-3, "fatol": 1e-4}
     minimize(evaluate, middle, method="Nelder-Mead", bounds=[(0, 1)] * len(NAMES), options=options)
     return cache.best()
 

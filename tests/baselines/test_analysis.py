@@ -10,7 +10,7 @@ from specs import parameters
 
 
 def _integrator(dead_s: float) -> analysis.Plant:
-    return analysis.Plant(control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]]), dead_s, "integrator")
+    return analysis.Plant(control.StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]]), dead_s, "integrator")
 
 
 @pytest.mark.parametrize(("gain", "dead_s"), [(0.5, 0.3), (1.0, 0.2), (2.0, 0.1)])
