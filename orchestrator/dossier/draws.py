@@ -14,7 +14,7 @@ from orchestrator.dossier import draw_tables, svg
 from orchestrator.dossier.machine import Bench, pose, read_step
 from orchestrator.dossier.physics import expected_swing
 from orchestrator.dossier.section import Report, Section
-from orchestrator.dossier.steps import COMMANDS, INERTIA
+from orchestrator.dossier.steps import INERTIA
 from records.report.picture import Panel
 from specs import draws, parameters as parameter_specs
 from specs.draws import Spread
@@ -32,6 +32,7 @@ KNOWN = (  # parameter, known range (SI), whence: what the spreads must cover
     ("grab_damping_pitch", 0.05, 0.2, "estimate"),
     ("grab_damping_roll", 0.05, 0.2, "estimate"),
 )
+COMMANDS = (0.35, 0.7, 1.0)  # joystick of the steps of the drawn machines
 LENGTH = (1.5, 2.5)  # m, of the pitch pendulum: period 2.5-3.2 s
 OFF_CENTRE = 0.02  # of the nominal value, by which the middle of a spread must be off to be looked at
 QUANTITIES = ("speed_deg_s", "coast_deg", "t63_s")
