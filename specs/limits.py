@@ -38,6 +38,11 @@ class Limit:
         if self.min is None and self.max is None:
             raise InputError("needs min or max")
 
+    @property
+    def universal(self) -> bool:
+        """Whether the bounds are the same for every scenario."""
+        return not isinstance(self.min, dict) and not isinstance(self.max, dict)
+
     def on(self, scenario: str) -> dict[str, Any]:
         """The limit on one scenario, as a plain mapping; raises InputError if it leaves that one out."""
         found: dict[str, Any] = {"reason": self.reason}

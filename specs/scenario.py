@@ -150,8 +150,13 @@ class Scenario:
         ]
 
     def limits(self, controller: str, system: str) -> dict[str, dict[str, Any]]:
-        """Acceptance limits: metric -> {"min" and/or "max": number, "reason": text}; {} if none are set."""
-        return {metric: limit.on(self.name) for metric, limit in limits.load(controller, system).items()}
+        """Acceptance limits: metric -> {"min" and/or "max": number, "reason": text}; {} if none are set.
+
+        A user's own scenario has only those that do not differ from scenario to scenario.
+        """
+        known = limits.load(controller, system)
+        own = self.name not in names()
+        return {m: limit.on(self.name) for m, limit in known.items() if limit.universal or not own}
 
 
 def names() -> list[str]:
