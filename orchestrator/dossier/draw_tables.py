@@ -138,6 +138,5 @@ def _bias(shares: Mapping[str, float]) -> str:
         return f"The mean speed of the drawn machines is off the nominal machine's by {parts}."
     return (
         f"**The spreads are not centred on the calibrated machine**: the mean speed of the drawn machines is "
-        f"off the nominal one's by {parts}; ranges that are given in absolute figures do not lie around the "
-        f"fitted values."
+        f"off the nominal one's by {parts}. Ranges whose middle is not the fitted value add up to that."
     )
