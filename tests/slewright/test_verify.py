@@ -86,6 +86,15 @@ def test_same_seed_same_bytes_whatever_the_number_of_jobs(slewright: Command, tm
     assert (tmp_path / "a" / file).read_bytes() != (tmp_path / "c" / file).read_bytes()
 
 
+def test_what_ships_is_accepted(slewright: Command, tmp_path: Path) -> None:
+    """The main job with its defaults: all six scenarios on both systems, every limit met."""
+    done = slewright("verify", "--out", tmp_path, "--json", tmp_path / "f.json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    figures = json.loads((tmp_path / "f.json").read_text())
+    assert len(figures["scenarios"]) == 6
+    assert figures["accepted"] is True
+
+
 def test_unknown_scenario(slewright: Command, tmp_path: Path) -> None:
     done = slewright("verify", "--scenario", "four_target_empty", "--out", tmp_path / "o")
     assert done.returncode == 2

@@ -90,7 +90,7 @@ def test_run_parameters_exist_in_the_geometry() -> None:
 @pytest.mark.parametrize("system", ["nominal", "reference"])
 def test_limits_of_the_shipped_controller_have_reasons(name: str, system: str) -> None:
     found = scenario.load(name).limits("pi", system)
-    assert {"speed", "overshoot", "error", "tool", "missed"} <= set(found)
+    assert {"speed", "overshoot", "slew_error", "error", "tool"} <= set(found)
     for metric, limit in found.items():
         assert limit["reason"], metric
         assert "min" in limit or "max" in limit
