@@ -24,17 +24,17 @@ class Scratch:
         self._finalizer = weakref.finalize(self, shutil.rmtree, self.path, True)
 
 
-def unpack(path: Path, folder: Path, kind: str) -> None:
-    """Unpack the archive `path` into `folder`.
+def unpack(path: Path, folder: Path, shown: str) -> None:
+    """Unpack the archive `path` into `folder`; `shown` names it in messages.
 
     Raises InputError naming the file when it is missing, truncated or damaged, or when an entry is a link,
     leaves the folder, or the whole is larger than MAX_BYTES.
     """
-    with opened(path, kind) as archive:
+    with opened(path, shown) as archive:
         entries = archive.infolist()
-        _check_size(path, entries, kind)
+        _check_size(entries, shown)
         for entry in entries:
-            _check_entry(path, entry, kind)
+            _check_entry(entry, shown)
         try:
             archive.extractall(folder)
         except (
@@ -45,18 +45,18 @@ def unpack(path: Path, folder: Path, kind: str) -> None:
             RuntimeError,
             ValueError,
         ) as error:
-            raise InputError(f"{kind} {path} is damaged: {error}") from None
+            raise InputError(f"{shown} is damaged: {error}") from None
 
 
 @contextmanager
-def opened(path: Path, kind: str) -> Iterator[zipfile.ZipFile]:
+def opened(path: Path, shown: str) -> Iterator[zipfile.ZipFile]:
     """Open an archive; InputError names it when it is missing or not a whole zip file."""
     if not path.is_file():
-        raise InputError(f"{kind} {path} does not exist")
+        raise InputError(f"{shown} does not exist")
     try:
         archive = zipfile.ZipFile(path)
     except (zipfile.BadZipFile, OSError) as error:
-        raise InputError(f"{kind} {path} is truncated or not a zip archive ({error})") from None
+        raise InputError(f"{shown} is truncated or not a zip archive ({error})") from None
     with archive:
         yield archive
 
@@ -67,18 +67,18 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _check_size(path: Path, entries: list[zipfile.ZipInfo], kind: str) -> None:
+def _check_size(entries: list[zipfile.ZipInfo], shown: str) -> None:
     size = sum(entry.file_size for entry in entries)
     if len(entries) > MAX_ENTRIES or size > MAX_BYTES:
         raise InputError(
-            f"{kind} {path} has {len(entries)} entries of {size} bytes; "
+            f"{shown} has {len(entries)} entries of {size} bytes; "
             f"accepted: {MAX_ENTRIES} entries, {MAX_BYTES} bytes"
         )
 
 
-def _check_entry(path: Path, entry: zipfile.ZipInfo, kind: str) -> None:
+def _check_entry(entry: zipfile.ZipInfo, shown: str) -> None:
     name = PurePosixPath(entry.filename.replace("\\", "/"))
     if name.is_absolute() or ".." in name.parts or ":" in entry.filename:
-        raise InputError(f"{kind} {path}: entry '{entry.filename}' leaves the archive")
+        raise InputError(f"{shown}: entry '{entry.filename}' leaves the archive")
     if stat.S_ISLNK(entry.external_attr >> 16):
-        raise InputError(f"{kind} {path}: entry '{entry.filename}' is a link")
+        raise InputError(f"{shown}: entry '{entry.filename}' is a link")

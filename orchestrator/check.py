@@ -25,7 +25,7 @@ def load_system(path: Path | str) -> System:
     files = archive.Scratch()
     ssd = path if path.suffix == ".ssd" else files.path / "ssp" / SSD_NAME
     if ssd != path:
-        archive.unpack(path, files.path / "ssp", "system")
+        archive.unpack(path, files.path / "ssp", f"system {path}")
         if not ssd.is_file():
             raise InputError(f"system {path} holds no {SSD_NAME}")
     return _checked(read_ssd(ssd), ssd.parent, files)

@@ -55,7 +55,7 @@ def kind_of(type_name: str) -> str:
 def _fmu(component: description.Component, base: Path, folder: Path) -> Component:
     path = _fmu_path(component, base)
     shown = f"FMU {component.source} of component {component.name}"
-    archive.unpack(path, folder, "FMU")
+    archive.unpack(path, folder, shown)
     xml = folder / "modelDescription.xml"
     if not xml.is_file():
         raise InputError(f"{shown} holds no modelDescription.xml")

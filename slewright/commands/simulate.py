@@ -1,5 +1,6 @@
 """`slewright simulate`: one system description, one run record."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -7,6 +8,7 @@ import typer
 
 from slewright.figures import check_target
 from slewright.progress import progress
+from specs.errors import InputError
 
 
 def simulate(
@@ -15,7 +17,10 @@ def simulate(
         Path,
         typer.Option("--out", metavar="FILE.parquet", callback=check_target, help="The record to write."),
     ],
-    stop: Annotated[float, typer.Option("--stop", metavar="S", min=0.0, help="Simulated time in s.")],
+    stop: Annotated[
+        float | None,
+        typer.Option("--stop", metavar="S", min=0.0, help="Simulated time in s (default: the system's)."),
+    ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the sensor noise.")] = None,
     algorithm: Annotated[
         str | None, typer.Option(metavar="NAME", help="Exchange of values: jacobi or gauss-seidel.")
@@ -26,6 +31,11 @@ def simulate(
     from orchestrator.simulate import simulate as run
 
     loaded = load_system(system)
+    for warning in loaded.warnings:
+        typer.echo(f"slewright: warning: {warning}", err=True)
+    stop = loaded.stop_s if stop is None else stop
+    if stop is None or not math.isfinite(stop):
+        raise InputError(f"system {loaded.name}: --stop must be a finite time in s, not {stop}")
     ticks = round(stop / loaded.step_s)
     with progress("simulate") as report:
         run(

@@ -57,7 +57,7 @@ def test_a_truncated_fmu(tmp_path: Path, keep: float) -> None:
     cut = tmp_path / "cut.fmu"
     cut.write_bytes(whole[: int(len(whole) * keep)])
     message = refused(tmp_path, OSCILLATOR, {"position": fmu("position"), "speed": cut})
-    assert "speed.fmu is truncated or not a zip archive" in message
+    assert "FMU resources/speed.fmu of component speed is truncated or not a zip archive" in message
 
 
 def repacked(folder: Path, source: Path, change: dict[str, bytes | None]) -> Path:

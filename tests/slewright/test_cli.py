@@ -12,6 +12,7 @@ from types import ModuleType
 
 import pytest
 
+from orchestrator.pack import pack_system
 from slewright import __main__ as entry
 from slewright.app import ROOMS, app
 from specs.errors import InputError, RunError
@@ -164,3 +165,12 @@ def test_a_target_that_does_not_exist_is_refused_with_the_valid_ones(capsys):
     printed = capsys.readouterr().err
     assert "'vax'" in printed
     assert "aarch64-linux" in printed
+
+
+def test_simulate_needs_a_finite_stop(slewright: Command, tmp_path: Path) -> None:
+    done = slewright(
+        "simulate", pack_system("nominal", 2, tmp_path), "--out", tmp_path / "r.parquet", "--stop", "inf"
+    )
+    assert done.returncode == 2
+    assert "--stop must be a finite time" in done.stderr
+    assert not (tmp_path / "r.parquet").exists()
