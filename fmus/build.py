@@ -12,6 +12,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 from fmus import codegen, compiler, description
 from fmus.definition import Model
@@ -34,24 +35,35 @@ def build_fmu(
 ) -> Path:
     """Build the model in `folder` (a path or a project model's name) and return the path of its FMU.
 
-    `targets` are platform names of fmus.compiler.TARGETS (default: this machine); `out` is the directory
+    `targets` are platform names of fmus.compiler.TARGETS (default: this machine, and those
+    it was built for before if nothing has changed since); `out` is the directory
     for the FMU.  Raises InputError for an unknown model, FMI version or target, RunError if C fails.
     """
     if fmi_version not in FMI_VERSIONS:
         raise InputError(f"no FMI version '{fmi_version}'; valid: 2, 3")
-    names = [compiler.target(t).name for t in (targets or [compiler.host().name])]
     known = model_folders()
     path = known.get(str(folder), Path(folder))
     result = (out or BUILD / "fmus" / f"fmi{fmi_version}") / f"{path.name}.fmu"
     stamp = result.with_suffix(".json")
+    stamped = _read_stamp(stamp)
+    names = [compiler.target(t).name for t in (targets or [compiler.host().name])]
+    if not targets and compiler.host().name in stamped.get("targets", []):
+        names = stamped["targets"]  # using an FMU does not drop the other platforms' binaries
     quick = _quick_key(path, names)
-    if _is_current(result, stamp, quick):
+    if (
+        stamped.get("quick") == quick
+        and result.is_file()
+        and stamped["sha256"] == _sha256(result.read_bytes())
+    ):
         return result
+    if not targets:
+        names = [compiler.host().name]
+        quick = _quick_key(path, names)
     model = load_model(path)
     codegen.check_no_feedthrough(model)
     archive = _archive(model, path, fmi_version, names)
     _write(result, archive)
-    _write(stamp, json.dumps({"quick": quick, "sha256": _sha256(result.read_bytes())}).encode())
+    _write(stamp, json.dumps({"quick": quick, "targets": names, "sha256": _sha256(archive)}).encode())
     return result
 
 
@@ -182,11 +194,9 @@ def _counts(path: Path) -> bool:
     )
 
 
-def _is_current(result: Path, stamp: Path, quick: str) -> bool:
-    if not (result.is_file() and stamp.is_file()):
-        return False
-    known = json.loads(stamp.read_text())
-    return known.get("quick") == quick and known.get("sha256") == _sha256(result.read_bytes())
+def _read_stamp(stamp: Path) -> dict[str, Any]:
+    """What an FMU was last built from and for; {} if nothing is known."""
+    return json.loads(stamp.read_text()) if stamp.is_file() else {}
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -19,17 +19,22 @@ def build(
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Build all FMUs (those that did not change are taken from the cache) and validate them."""
+    """Build all FMUs (unchanged ones come from the cache), validate them, and pack the systems."""
     from fmus import compiler
     from fmus.build import build_all
+    from orchestrator.pack import pack_system
+    from specs import systems
 
     names = [compiler.host().name, *(compiler.target(name).name for name in target or [])]
     with progress("build") as report:
         built = build_all(list(dict.fromkeys(names)), report)
         for fmu in built:
             fmu["problems"] = _problems(fmu, report)
+        report("packing the systems")
+        packed = [str(pack_system(name, version)) for name in systems.names() for version in (2, 3)]
     show("FMUs", ["model", "FMI", "targets", "file", "problems"], [_row(fmu) for fmu in built])
-    write(json, {"fmus": built})
+    show("Systems", ["file"], [[_shown(Path(path))] for path in packed])
+    write(json, {"fmus": built, "systems": packed})
     if any(fmu["problems"] for fmu in built):
         raise typer.Exit(1)
 
@@ -44,6 +49,8 @@ def _problems(fmu: dict[str, Any], report: Report) -> list[str]:
 
 def _row(fmu: dict[str, Any]) -> list[object]:
     problems = "; ".join(fmu["problems"]) or "none"
-    path = Path(fmu["path"])
-    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
-    return [fmu["model"], f"{fmu['fmi']}.0", ", ".join(fmu["targets"]), shown, problems]
+    return [fmu["model"], f"{fmu['fmi']}.0", ", ".join(fmu["targets"]), _shown(Path(fmu["path"])), problems]
+
+
+def _shown(path: Path) -> Path:
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path

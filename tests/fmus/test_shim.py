@@ -224,3 +224,11 @@ def test_cache_compiles_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     first = compile_library(model, tmp_path, 2, host)
     monkeypatch.setattr(compiler, "compile_object", lambda *a, **k: pytest.fail("compiled again"))
     assert compile_library(model, tmp_path, 2, host) == first
+
+
+def test_using_an_fmu_keeps_its_other_platforms(tmp_path: Path) -> None:
+    """Built for two platforms, then asked for without saying which: nothing is lost."""
+    host = compiler.host().name
+    both = build_fmu(OSCILLATOR, 3, [host, "aarch64-linux"], out=tmp_path).read_bytes()
+    assert build_fmu(OSCILLATOR, 3, out=tmp_path).read_bytes() == both
+    assert build_fmu(OSCILLATOR, 3, [host], out=tmp_path).read_bytes() != both
