@@ -18,6 +18,7 @@ from typing import Any
 
 import casadi as ca
 
+from fmus.definition import Mode
 from fmus.equations import hydraulics as hy
 
 Namespace = Any
@@ -121,6 +122,15 @@ def torque(
 def leaves_neutral(u_slew: Scalar, p: Namespace) -> Scalar:
     """> 0 while the joystick is off neutral: the guard that releases the brake; its negative engages it."""
     return ca.fabs(u_slew) - p.slew_brake_threshold
+
+
+BRAKE = Mode(
+    "brake_is_released",
+    on=lambda x, u, m, p: leaves_neutral(u.u_slew, p),
+    off=lambda x, u, m, p: -leaves_neutral(u.u_slew, p),
+    on_delay="slew_brake_release_time",
+    off_delay="slew_brake_engage_time",
+)
 
 
 def _inlet(opening: Scalar, pressure: Scalar, p: Namespace, supply: Scalar | None) -> Scalar:

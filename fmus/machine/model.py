@@ -13,7 +13,7 @@ tool angles below 1.2 rad (at a roll of pi/2 the universal joint locks), loads o
 
 from typing import Any
 
-from fmus.definition import Mode, Model, Variable, from_parameters, from_signals
+from fmus.definition import Model, Variable, from_parameters, from_signals
 from fmus.equations import cylinder, multibody, slew_drive
 from fmus.machine import arm_hydraulics, dynamics, sensors
 
@@ -86,15 +86,7 @@ MODEL = Model(
     rhs=dynamics.rates,
     out=sensors.outputs,
     initial=initial,
-    modes=(
-        Mode(
-            "brake_is_released",
-            on=lambda x, u, m, p: slew_drive.leaves_neutral(u.u_slew, p),
-            off=lambda x, u, m, p: -slew_drive.leaves_neutral(u.u_slew, p),
-            on_delay="slew_brake_release_time",
-            off_delay="slew_brake_engage_time",
-        ),
-    ),
+    modes=(slew_drive.BRAKE,),
     delays={"u_slew": "slew_delay", "u_boom": "boom_valve_delay", "u_stick": "stick_valve_delay"},
     sensors=sensors.declarations(),
 )

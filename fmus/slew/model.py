@@ -6,7 +6,7 @@ of the relief valves.  The joystick arrives one transport delay late; the brake 
 
 from typing import Any
 
-from fmus.definition import Mode, Model, Namespace, Variable, from_parameters, from_signals
+from fmus.definition import Model, Namespace, Variable, from_parameters, from_signals
 from fmus.equations import slew_drive
 
 STEP = 0.002  # s: halving it moves a full-joystick run by less than 0.001 °/s (tests/fmus/test_slew.py)
@@ -69,14 +69,6 @@ MODEL = Model(
     rhs=_rates,
     out=_outputs,
     initial=_start,
-    modes=(
-        Mode(
-            "brake_is_released",
-            on=lambda x, u, m, p: slew_drive.leaves_neutral(u.u_slew, p),
-            off=lambda x, u, m, p: -slew_drive.leaves_neutral(u.u_slew, p),
-            on_delay="slew_brake_release_time",
-            off_delay="slew_brake_engage_time",
-        ),
-    ),
+    modes=(slew_drive.BRAKE,),
     delays={"u_slew": "slew_delay"},
 )
