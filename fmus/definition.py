@@ -185,10 +185,13 @@ def from_signals(*names: str) -> tuple[Variable, ...]:
 
 
 def from_parameters(*files: str) -> tuple[Variable, ...]:
-    """Parameters of one or more `specs/parameters/*.toml` files, in file order."""
+    """Parameters of one or more `specs/parameters/*.toml` files, in file order; `start_*` are not tunable."""
     found = parameter_specs.load(*files).values()
     return tuple(
-        Variable(s.name, s.unit, s.description, s.value, s.min, s.max, s.nominal, s.vr) for s in found
+        Variable(
+            s.name, s.unit, s.description, s.value, s.min, s.max, s.nominal, s.vr, s.name.startswith("start_")
+        )
+        for s in found
     )
 
 

@@ -52,6 +52,15 @@ def test_every_variable_says_what_it_is(name: str, version: int) -> None:
 
 
 @EACH
+def test_only_start_values_and_seeds_are_fixed(name: str, version: int) -> None:
+    with Imported(build_fmu(name, version)) as i:
+        for v in i.description.modelVariables:
+            if v.causality == "parameter":
+                fixed = v.name.startswith("start_") or v.name == "noise_seed"
+                assert v.variability == ("fixed" if fixed else "tunable"), v.name
+
+
+@EACH
 def test_restored_at_random_ticks_the_future_is_the_same(name: str, version: int) -> None:
     """Inputs have changed within every delay line's length, so the state is saved mid-delay."""
     ticks = random.Random(name).sample(range(2, 60), 3)
