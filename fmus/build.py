@@ -10,7 +10,7 @@ import json
 import os
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -177,21 +177,20 @@ def _markdown(text: str) -> str:
 
 def _quick_key(folder: Path, targets: Sequence[str]) -> str:
     """Hash of everything an FMU can depend on, without generating anything."""
-    sources = [p for room in ("fmus", "specs") for p in (ROOT / room).rglob("*") if _counts(p)]
-    sources += [p for p in folder.rglob("*") if _counts(p)]
+    sources = {p for base in (ROOT / "fmus", ROOT / "specs", folder) for p in _inputs(base)}
     digest = hashlib.sha256(repr((sorted(targets), [compiler.identity(t) for t in targets])).encode())
-    for path in sorted(set(sources)):
+    for path in sorted(sources):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
 
-def _counts(path: Path) -> bool:
+def _inputs(base: Path) -> Iterator[Path]:
+    """Files below `base` that an FMU may depend on; what the folders above are called does not matter."""
     skipped = {"__pycache__", "generated", "scenarios", "systems"}
-    return (
-        path.is_file()
-        and path.suffix in (".py", ".c", ".h", ".toml", ".md")
-        and not skipped & set(path.parts)
-    )
+    for path in base.rglob("*"):
+        wanted = path.suffix in (".py", ".c", ".h", ".toml", ".md")
+        if wanted and not skipped & set(path.relative_to(base).parts) and path.is_file():
+            yield path
 
 
 def _read_stamp(stamp: Path) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 
 from specs.errors import InputError, RunError, nearest
@@ -76,9 +77,9 @@ def command(name: str) -> tuple[str, ...]:
 
 @functools.cache
 def identity(name: str) -> str:
-    """First line of the compiler's --version, for cache keys."""
+    """The compiler's version, for cache keys: the first line of --version, or that of the ziglang package."""
     if "ziglang" in command(name):
-        return "ziglang " + importlib.util.find_spec("ziglang").origin.split("ziglang")[0][-8:]  # type: ignore[union-attr]
+        return "ziglang " + metadata.version("ziglang")
     out = subprocess.run([*command(name), "--version"], capture_output=True, text=True, check=False)
     return out.stdout.partition("\n")[0]
 

@@ -23,7 +23,9 @@ def build_description(model: Model) -> bytes:
     """sources/buildDescription.xml of FMI 3."""
     root = etree.Element("fmiBuildDescription", fmiVersion="3.0")
     build = etree.SubElement(root, "BuildConfiguration", modelIdentifier=model.name)
-    files = etree.SubElement(build, "SourceFileSet", language="C99", compilerOptions="-ffp-contract=off")
+    # Optimised and without errno, sqrt is an instruction: the library needs no libm.
+    options = "-O2 -fno-math-errno -ffp-contract=off"
+    files = etree.SubElement(build, "SourceFileSet", language="C99", compilerOptions=options)
     for name in (*SOURCES, "fmi3.c"):
         etree.SubElement(files, "SourceFile", name=name)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
@@ -191,12 +193,19 @@ def _numbers(e: Exposed) -> dict[str, str | None]:
         return {"start": str(int(v.start))}
     start = None if _is_calculated(e) else repr(float(v.start))
     return {
-        "unit": v.unit if v.unit in UNITS and v.unit != "1" else None,
+        "unit": v.unit if v.unit in UNITS else None,
         "min": _real(v.min),
         "max": _real(v.max),
-        "nominal": _real(v.nominal) if v.nominal else None,
+        "nominal": _real(_nominal(e)),
         "start": start,
     }
+
+
+def _nominal(e: Exposed) -> float | None:
+    """The stated nominal value; a parameter without one gets the size of its value, else of its range."""
+    v = e.variable
+    size = abs(v.start) or max(abs(v.min or 0.0), abs(v.max or 0.0)) if e.group == "PARAMETER" else 0.0
+    return v.nominal or size or None
 
 
 def _real(value: float | None) -> str | None:
@@ -204,7 +213,7 @@ def _real(value: float | None) -> str | None:
 
 
 def _units(root: etree._Element, model: Model) -> None:
-    used = sorted({e.variable.unit for e in exposed(model)} & set(UNITS) - {"1"} | {"s"})
+    used = sorted({e.variable.unit for e in exposed(model)} & set(UNITS) | {"s"})
     box = etree.SubElement(root, "UnitDefinitions")
     for name in used:
         unit = UNITS[name]

@@ -114,6 +114,17 @@ def test_unknown_target_names_the_valid_ones() -> None:
         build_fmu(OSCILLATOR, 2, ["sparc-linux"])
 
 
+def test_the_compiler_is_known_by_its_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another ziglang must not be served from the cache of the last one."""
+    other = next(name for name in compiler.TARGETS if name != compiler.host().name)
+    monkeypatch.setattr(compiler.metadata, "version", lambda package: f"1.2.3 of {package}")
+    compiler.identity.cache_clear()
+    try:
+        assert compiler.identity(other) == "ziglang 1.2.3 of ziglang"
+    finally:
+        compiler.identity.cache_clear()
+
+
 def test_without_cc_the_ziglang_package_compiles(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A machine with no compiler builds with zig, and its library computes the same bits."""
     model, host = load_model(OSCILLATOR), compiler.host().name

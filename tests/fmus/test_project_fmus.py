@@ -49,6 +49,9 @@ def test_every_variable_says_what_it_is(name: str, version: int) -> None:
         for v in i.description.modelVariables:
             if v.causality in ("input", "output", "parameter"):
                 assert v.description, v.name
+                assert v.unit or v.name == "noise_seed", v.name
+            if v.causality == "parameter" and v.name != "noise_seed":
+                assert None not in (v.min, v.max, v.nominal), v.name
 
 
 @EACH

@@ -1,5 +1,6 @@
 """What every FMU must do, tested on a small model that has one of everything, in FMI 2 and FMI 3."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -232,3 +233,15 @@ def test_using_an_fmu_keeps_its_other_platforms(tmp_path: Path) -> None:
     both = build_fmu(OSCILLATOR, 3, [host, "aarch64-linux"], out=tmp_path).read_bytes()
     assert build_fmu(OSCILLATOR, 3, out=tmp_path).read_bytes() == both
     assert build_fmu(OSCILLATOR, 3, [host], out=tmp_path).read_bytes() != both
+
+
+@pytest.mark.parametrize("above", ["work", "systems"])
+def test_a_changed_model_is_built_again_wherever_it_lies(above: str, tmp_path: Path) -> None:
+    """`systems` and the like are passed over inside the project, not when a folder above is called so."""
+    folder = tmp_path / above / "oscillator"
+    shutil.copytree(OSCILLATOR, folder)
+    first = build_fmu(folder, out=tmp_path).read_bytes()
+    text = (folder / "model.py").read_text()
+    (folder / "model.py").write_text(text.replace('description="', 'description="Changed: ', 1))
+    assert (folder / "model.py").read_text() != text
+    assert build_fmu(folder, out=tmp_path).read_bytes() != first
