@@ -20,7 +20,7 @@ def model_folders() -> dict[str, Path]:
 def load_model(folder: Path | str) -> Model:
     """Return MODEL of `folder`/model.py; `folder` may be a path or the name of a model of the project.
 
-    Raises InputError if there is no such folder or its model.py defines no MODEL.
+    Raises InputError if there is no such folder or its model.py cannot be imported or defines no MODEL.
     """
     path = Path(folder)
     if not (path / "model.py").is_file():
@@ -36,7 +36,14 @@ def load_model(folder: Path | str) -> Model:
         raise InputError(f"{path / 'model.py'} cannot be imported")
     module = importlib.util.module_from_spec(spec)
     sys.modules[module_name] = module
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except InputError:
+        raise
+    except Exception as error:  # the file is the user's: whatever is wrong with it is wrong input
+        raise InputError(
+            f"{path / 'model.py'} cannot be imported: {type(error).__name__}: {error}"
+        ) from error
     model = getattr(module, "MODEL", None)
     if not isinstance(model, Model):
         raise InputError(f"{path / 'model.py'}: defines no MODEL (an instance of fmus.definition.Model)")

@@ -1,5 +1,6 @@
 """FMU and SSP archives (zip) unpacked without trusting them: no path escape, no link, bounded size."""
 
+import errno
 import hashlib
 import shutil
 import stat
@@ -10,9 +11,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
-from specs.errors import InputError
+from specs.errors import InputError, RunError
 
 MAX_ENTRIES = 20_000
+# What the place to unpack to refuses, however sound the archive is.
+DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES)
 MAX_BYTES = 4 * 1024**3  # unpacked; a network's weights may be large, a zip bomb is larger
 
 
@@ -28,7 +31,7 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
     """Unpack the archive `path` into `folder`; `shown` names it in messages.
 
     Raises InputError naming the file when it is missing, truncated or damaged, or when an entry is a link,
-    leaves the folder, or the whole is larger than MAX_BYTES.
+    leaves the folder, or the whole is larger than MAX_BYTES; RunError when there is no room for it.
     """
     with opened(path, shown) as archive:
         entries = archive.infolist()
@@ -37,14 +40,11 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
             _check_entry(entry, shown)
         try:
             archive.extractall(folder)
-        except (
-            zipfile.BadZipFile,
-            EOFError,
-            OSError,
-            NotImplementedError,
-            RuntimeError,
-            ValueError,
-        ) as error:
+        except OSError as error:
+            if error.errno in DISK_ERRORS:
+                raise RunError(f"{shown} cannot be unpacked into {folder}: {error.strerror}") from None
+            raise InputError(f"{shown} is damaged: {error}") from None
+        except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
             raise InputError(f"{shown} is damaged: {error}") from None
 
 

@@ -11,6 +11,7 @@ from orchestrator.system import ALGORITHMS, Component, Source, System, SystemInp
 from orchestrator.units import conversion
 from orchestrator.wiring import Wiring
 from specs.errors import InputError, nearest
+from specs.signals import signals
 
 DEFAULT_STEP_S = 0.02
 SSD_NAME = "SystemStructure.ssd"
@@ -78,6 +79,9 @@ def _warnings(text: Description, components: dict[str, Component], wiring: Wirin
     """What is accepted, but may not be meant."""
     if text.step_s is None:
         yield f"system {text.name} states no step size; {DEFAULT_STEP_S} s is used"
+    known = signals()
+    for name in (n for n, c in text.connectors.items() if c.kind in ("input", "output") and n not in known):
+        yield f"system connector {name} is no signal of specs/signals.toml; {nearest(name, known)}"
     driven = {(link.component, link.name) for link in wiring.links}
     sources = {link.source for link in wiring.links} | {o.source for o in wiring.outputs.values()}
     for connector in text.connectors.values():

@@ -5,9 +5,11 @@ same bytes whatever their number.  DIR/records/SCENARIO-SYSTEM.parquet, DIR/metr
 """
 
 import os
+import signal
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -90,6 +92,7 @@ def verify(
     for s in chosen:
         check_reach(s)
     replaced = {} if model is None else replacement(model, systems)
+    _make_folder(out / "records")
     packed = {}
     for name in systems:
         report(f"building {name}")
@@ -104,6 +107,16 @@ def verify(
     elapsed = _run_all(jobs_list, jobs, report)
     report("writing the report")
     return _conclude(chosen, jobs_list, elapsed, seed, out, controller)
+
+
+def _make_folder(path: Path) -> None:
+    """Make the folder `path` before anything is spent on what goes into it; InputError if that cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"folder {path} cannot be made: {error.strerror}") from None
+    if not os.access(path, os.W_OK):
+        raise InputError(f"folder {path} cannot be written to")
 
 
 def check_reach(scenario: Scenario) -> None:
@@ -184,8 +197,9 @@ def _run_all(jobs_list: Sequence[Job], workers: int, report: Report) -> dict[Pat
     failures: list[str] = []
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_warm_up) as pool:
-        waiting = {pool.submit(run, job): job for job in sorted(jobs_list, key=_longest_first)}
         try:
+            with _interrupts_held():  # the processes start with the first submit, and inherit it
+                waiting = {pool.submit(_run_job, job): job for job in sorted(jobs_list, key=_longest_first)}
             for done in as_completed(waiting):
                 job = waiting[done]
                 try:
@@ -199,6 +213,28 @@ def _run_all(jobs_list: Sequence[Job], workers: int, report: Report) -> dict[Pat
     if failures:
         raise RunError("\n".join(failures))
     return rates
+
+
+@contextmanager
+def _interrupts_held(how: str = "SIG_BLOCK") -> Iterator[None]:
+    """Keep Ctrl-C waiting (or with SIG_UNBLOCK let it through) until the end of the block.
+
+    Ctrl-C reaches all processes of a terminal; one that still imports would answer with a traceback.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(getattr(signal, how), {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _run_job(job: Job) -> float:
+    """`run` in a process of the pool: only here may Ctrl-C interrupt it, for only here is a record open."""
+    with _interrupts_held("SIG_UNBLOCK"):
+        return run(job)
 
 
 def _warm_up() -> None:

@@ -129,7 +129,7 @@ def _cell(metrics: Metrics, metric: str, form: str, failed: bool) -> Text:
 def _summary(verdicts: Sequence[Verdict]) -> Text:
     met = sum(v.passed for v in verdicts)
     if met == len(verdicts):
-        return Text(f"✓ {met}" if verdicts else "none", style="green" if verdicts else "dim")
+        return Text(f"all {met}" if verdicts else "none", style="green" if verdicts else "dim")
     return Text(f"✗ {len(verdicts) - met} of {len(verdicts)}", style="bold red")
 
 

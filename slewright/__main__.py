@@ -6,6 +6,7 @@
 import os
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 
 import typer
 
@@ -17,7 +18,15 @@ WRONG_INPUT, FAILED, INTERRUPTED = 2, 3, 130
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `slewright` with `arguments` (default: the process's) and exit with its code."""
+    _show_anything()
     sys.exit(run(arguments))
+
+
+def _show_anything() -> None:
+    """Show `?` for a sign that the terminal or log cannot hold: no run ends because of a degree sign."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

@@ -176,7 +176,9 @@ def load(name: str) -> Scenario:
         loads = _data(base).get("loads", {})
         if name.startswith(f"{base}_") and name.removeprefix(f"{base}_") in loads:
             return build(base, name.removeprefix(f"{base}_"), _data(base), f"specs/scenarios/{base}.toml")
-    raise InputError(f"unknown scenario '{name}'; {nearest(name, names())}; valid: {', '.join(names())}")
+    valid = f"valid: {', '.join(names())}"
+    hint = nearest(name, names())
+    raise InputError(f"unknown scenario '{name}'; " + (f"{hint} {valid}" if hint.endswith("?") else valid))
 
 
 def find(text: str) -> list[Scenario]:

@@ -37,7 +37,8 @@ def verify(
     json: JsonOption = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Scenarios run at the same time.")] = 2,
     readme: Annotated[
-        Path | None, typer.Option("--readme", metavar="FILE", help="Write the table into this README.")
+        Path | None,
+        typer.Option("--readme", metavar="FILE", exists=True, help="Write the table into this README."),
     ] = None,
 ) -> None:
     """Build the FMUs, run the verification scenarios, check their limits, write the report."""

@@ -1,5 +1,6 @@
 """Archives, FMUs and libraries that are damaged, foreign or hostile; and what the command makes of it."""
 
+import errno
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import pytest
 from fmus.compiler import host
 from orchestrator.check import load_system
 from records.record import read, recording_path
-from specs.errors import InputError
+from specs.errors import InputError, RunError
 from tests.conftest import ROOT, Command
 from tests.orchestrator.systems import (
     OSCILLATOR,
@@ -191,3 +192,14 @@ def test_ctrl_c_ends_with_130_and_a_readable_record(tmp_path: Path) -> None:
     assert (record.complete, record.reason) == (False, "interrupted")
     assert len(record) > 1000
     np.testing.assert_array_equal(record.time, np.arange(len(record)) * 0.01)
+
+
+def test_no_room_to_unpack_is_no_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full disk is told apart from a damaged archive: exit code 3, not 2."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(zipfile.ZipFile, "extractall", full)
+    with pytest.raises(RunError, match=r"cannot be unpacked into .*: No space left on device"):
+        load(tmp_path, OSCILLATOR, NAMES)

@@ -9,12 +9,13 @@ import pytest
 
 from fmus.build import build_fmu
 from orchestrator.check import load_system
-from orchestrator.pack import pack_system
+from orchestrator.pack import pack, pack_system
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
 from orchestrator.system import System
+from specs import systems
 from specs.errors import InputError
-from specs.ssd import FmiVersion
+from specs.ssd import FmiVersion, render
 from tests.fmus.importer import Imported
 
 TARGET = {"target_x": -3.0, "target_y": 9.0, "target_z": 4.0, "pace": 1.0}
@@ -116,3 +117,13 @@ def test_an_unknown_system_is_not_packed(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no system 'nominl'; did you mean nominal"):
         pack_system("nominl", 2, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_connector_that_is_no_signal_is_warned_of(tmp_path: Path) -> None:
+    """It may be meant (a system of one's own), or be a slip: the nearest signals are named."""
+    spec = systems.load("nominal")
+    text = render(spec, 2).replace('Connector name="target_x"', 'Connector name="target_xx"', 1)
+    text = text.replace('startConnector="target_x"', 'startConnector="target_xx"')
+    fmus = {f"{c.fmu}.fmu": build_fmu(c.fmu, 2) for c in spec.components}
+    (warning,) = load_system(pack(text, fmus, tmp_path / "a.ssp")).warnings
+    assert "target_xx is no signal of specs/signals.toml; did you mean target_x" in warning

@@ -101,6 +101,8 @@ def test_unknown_scenario(slewright: Command, tmp_path: Path) -> None:
     assert "unknown scenario 'four_target_empty'" in done.stderr
     assert "four_targets_empty" in done.stderr
     assert not (tmp_path / "o").exists()
+    far = slewright("verify", "--scenario", "x", "--out", tmp_path / "o").stderr
+    assert far.count("five_targets_unknown") == 1
 
 
 def test_model_without_the_connectors(slewright: Command, tmp_path: Path, root: Path) -> None:
@@ -194,3 +196,55 @@ def test_target_out_of_reach(slewright: Command, tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "scenario far_empty, target 1: target out of reach" in done.stderr
     assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize("below", ["", "o"])
+def test_an_unusable_folder_is_refused_before_anything_runs(
+    slewright: Command, tmp_path: Path, below: str
+) -> None:
+    (tmp_path / "file").write_text("")
+    done = slewright("verify", *ONE, "--out", tmp_path / "file" / below)
+    assert done.returncode == 2
+    assert "cannot be made" in done.stderr
+    assert "building" not in done.stderr
+    assert (tmp_path / "file").read_text() == ""
+
+
+def test_a_broken_model_file_is_named(slewright: Command, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "model.py").write_text("x = (\n")
+    done = slewright("verify", *ONE, "--model", tmp_path / "mine", "--out", tmp_path / "o")
+    assert done.returncode == 2
+    assert "model.py cannot be imported: SyntaxError" in done.stderr
+    assert len(done.stderr.splitlines()) <= 2
+
+
+def test_a_log_that_knows_ascii_only_gets_the_table(root: Path, tmp_path: Path) -> None:
+    line = [sys.executable, "-m", "slewright", "verify", *ONE, "--out", str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": str(root), "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(line, cwd=root, env=environment, capture_output=True, check=False)
+    assert done.returncode in (0, 1), done.stderr.decode()
+    assert b"four_targets_unknown" in done.stdout
+
+
+@pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
+@pytest.mark.parametrize("wait_s", [0.0, 0.3, 0.6])
+def test_ctrl_c_while_the_processes_start_shows_no_traceback(
+    root: Path, tmp_path: Path, wait_s: float
+) -> None:
+    """Ctrl-C reaches the whole process group, also processes that are still importing."""
+    line = [sys.executable, "-m", "slewright", "verify", "--out", str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    with subprocess.Popen(
+        line, cwd=root, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        while "building reference" not in process.stderr.readline():
+            assert process.poll() is None
+        time.sleep(wait_s)
+        os.killpg(process.pid, signal.SIGINT)
+        said = process.stderr.read()
+    assert process.returncode == 130
+    assert "Traceback" not in said
+    for path in (tmp_path / "records").glob("*.parquet"):
+        read(path)
