@@ -7,7 +7,7 @@ from orchestrator import archive
 from orchestrator.components import load_components
 from orchestrator.description import SYSTEM, Description
 from orchestrator.ssd import read_ssd
-from orchestrator.system import ALGORITHMS, Component, Source, System, SystemInput
+from orchestrator.system import ALGORITHMS, Component, Settings, Source, System, SystemInput
 from orchestrator.units import conversion
 from orchestrator.wiring import Wiring
 from specs.errors import InputError, nearest
@@ -46,7 +46,7 @@ def _checked(text: Description, base: Path, files: archive.Scratch) -> System:
         name=text.name,
         step_s=text.step_s or DEFAULT_STEP_S,
         stop_s=text.stop_s,
-        algorithm=algorithm,
+        settings=Settings(algorithm),
         components=components,
         links=tuple(wiring.links),
         inputs=_inputs(text, wiring),
@@ -69,7 +69,7 @@ def _inputs(text: Description, wiring: Wiring) -> dict[str, SystemInput]:
             value = given[connector.name]
             start = conversion(value.unit, unit)(float(value.value))
         elif first is not None and first.start is not None:
-            start = driven[0].conversion.inverse(first.start)
+            start = driven[0].conversion.affine.inverse(first.start)
         unit_name = connector.unit_name or (first.unit_name if first else "")
         inputs[connector.name] = SystemInput(connector.name, unit_name, unit, start)
     return inputs

@@ -82,7 +82,7 @@ def lay_out(system: System, record: Sequence[str] | None = None) -> Layout:
         inputs,
         {name: position[Source("", name)] for name in system.inputs},
         tuple(blocks),
-        _exchange([position[link.source] for link in ordered], [link.conversion for link in ordered]),
+        _exchange([position[link.source] for link in ordered], [link.conversion.affine for link in ordered]),
         tuple(column for _, _, column in recorded),
         _exchange(
             [position[source] for source, _, _ in recorded], [conversion for _, conversion, _ in recorded]
@@ -134,7 +134,7 @@ def _exchange(source: list[int], conversions: list[Affine]) -> Exchange:
 def _recorded(system: System, name: str) -> tuple[Source, Affine, Column]:
     if name in system.outputs:
         output = system.outputs[name]
-        return output.source, output.conversion, Column(name, output.unit_name, _describe(name, ""))
+        return output.source, output.conversion.affine, Column(name, output.unit_name, _describe(name, ""))
     if name in system.inputs:
         return Source("", name), IDENTITY, Column(name, system.inputs[name].unit_name, _describe(name, ""))
     owner, dot, variable_name = name.partition(".")

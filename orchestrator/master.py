@@ -30,7 +30,7 @@ class Master:
     """
 
     def __init__(
-        self, system: System, layout: Layout, start: Mapping[str, Mapping[str, float]], algorithm: str
+        self, system: System, layout: Layout, start: Mapping[str, Mapping[str, Any]], algorithm: str
     ) -> None:
         """Instantiate all FMUs and set their `start` values (component -> variable -> value)."""
         self.step_s, self.layout = system.step_s, layout

@@ -51,7 +51,7 @@ def simulate(
     """
     stimuli = stimuli or Stimuli()
     stimuli.check(system)
-    algorithm = _algorithm(algorithm or system.algorithm)
+    algorithm = _algorithm(algorithm or system.settings.algorithm)
     if stop_ticks < 0:
         raise InputError(f"a run has 0 or more ticks, not {stop_ticks}")
     layout = lay_out(system, record)

@@ -5,24 +5,50 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from orchestrator.archive import Scratch
+from orchestrator.conversion import Conversion
 from orchestrator.modeldescription import NOT_NUMBERS, REALS, ModelDescription, Variable
-from orchestrator.units import Affine
 from specs.errors import InputError, nearest
 from specs.units import Unit
 
-ALGORITHMS = ("jacobi", "gauss-seidel")
+ALGORITHMS = ("jacobi", "gauss-seidel", "iterate", "adaptive")
+
+# The value of a variable in its own unit; arrays are flat tuples in row-major order.
+Scalar = float | int | bool | str | bytes
+Value = Scalar | tuple[Scalar, ...]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a system is stepped; a system description states it in our annotation.
+
+    algorithm       one of ALGORITHMS
+    tolerance       relative, of "iterate" (change between sweeps) and "adaptive" (local error of a step);
+                    also that with which algebraic loops are solved at the start
+    max_iterations  sweeps of "iterate" and of algebraic loops before a run fails
+    max_halvings    how often "adaptive" may halve the system's step: the smallest is step_s / 2**max_halvings
+    """
+
+    algorithm: str = "jacobi"
+    tolerance: float = 1e-6
+    max_iterations: int = 50
+    max_halvings: int = 16
 
 
 @dataclass(frozen=True)
 class Component:
-    """An FMU unpacked in `folder`, with the binary for this platform and its start values by variable."""
+    """An FMU unpacked in `folder`, with the binary for this platform and its start values by variable.
+
+    The name of a component in a nested system is its path, `outer.inner`.
+    """
 
     name: str
     model: ModelDescription
     folder: Path
     library: Path
     sha256: str
-    start: Mapping[str, float]
+    start: Mapping[str, Value]
+    multiple: int = 1  # it steps once in so many steps of the system
+    line: int = 0  # in the SSD; 0: there is none
 
 
 @dataclass(frozen=True)
@@ -35,12 +61,16 @@ class Source:
 
 @dataclass(frozen=True)
 class Link:
-    """target = conversion(source): unit conversion and transformation of a connection in one map."""
+    """target = conversion(source): unit conversion and transformation of a connection in one map.
+
+    Arrays are connected whole, element by element.
+    """
 
     source: Source
     component: str
     name: str
-    conversion: Affine
+    conversion: Conversion
+    line: int = 0
 
 
 @dataclass(frozen=True)
@@ -50,7 +80,9 @@ class SystemInput:
     name: str
     unit_name: str
     unit: Unit | None
-    start: float
+    start: Value
+    type: str = "Real"
+    size: int = 1
 
 
 @dataclass(frozen=True)
@@ -60,7 +92,10 @@ class SystemOutput:
     name: str
     unit_name: str
     source: Source
-    conversion: Affine
+    conversion: Conversion
+    type: str = "Real"
+    size: int = 1
+    line: int = 0
 
 
 @dataclass(frozen=True)
@@ -73,7 +108,7 @@ class System:
     name: str
     step_s: float
     stop_s: float | None
-    algorithm: str
+    settings: Settings
     components: Mapping[str, Component]
     links: tuple[Link, ...]
     inputs: Mapping[str, SystemInput]
@@ -89,7 +124,7 @@ class System:
             )
         return self.components[name]
 
-    def start_values(self, parameters: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    def start_values(self, parameters: Mapping[str, Value]) -> dict[str, dict[str, Value]]:
         """Start values of every component, `parameters` ("component.parameter": value) included.
 
         Raises InputError for an unknown name or a value out of bounds.
@@ -118,13 +153,13 @@ def parameter(component: Component, name: str) -> Variable:
     return found
 
 
-def checked_value(variable: Variable, value: float, where: str) -> float:
+def checked_value(variable: Variable, value: Value, where: str) -> float:
     """`value` if it suits the variable's type and bounds; InputError, starting with `where`, if not."""
     if variable.array or variable.type in NOT_NUMBERS:
         raise InputError(
             f"{where}: variables of type {variable.type}{' array' * variable.array} cannot be set"
         )
-    number = float(value)
+    number = float(value)  # type: ignore[arg-type]
     unit = f" {variable.unit_name}" if variable.unit_name else ""
     low = float("-inf") if variable.min is None else variable.min
     high = float("inf") if variable.max is None else variable.max

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from orchestrator.components import kind_of
+from orchestrator.conversion import Conversion
 from orchestrator.description import SYSTEM, Connection, Connector, Description
 from orchestrator.modeldescription import NOT_NUMBERS, Variable
 from orchestrator.system import Component, Link, Source, SystemOutput
@@ -33,7 +34,7 @@ class Wiring:
                     f"the first is connected in line {lines[target]}"
                 )
             lines[target] = connection.line
-            total = self._conversion(connection, source, target)
+            total = Conversion(self._conversion(connection, source, target))
             if target[0] == SYSTEM:
                 unit_name = self._unit(target)[0] or self._unit(source)[0]
                 outputs[target[1]] = SystemOutput(target[1], unit_name, Source(*source), total)
