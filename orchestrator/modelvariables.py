@@ -1,0 +1,359 @@
+"""Reads the variables of modelDescription.xml: types, sizes, start values and clocks, each checked alone.
+
+Read but without influence on a co-simulation: quantity, displayUnit, unbounded, nominal, derivative,
+reinit, previous, intermediateUpdate, mimeType, canBeDeactivated of clocks that stay active, priority
+(scheduled execution), and the descriptions.
+Source: FMI 2.0.4, 2.2.3 and 2.2.7; FMI 3.0.2, 2.4.4 and 2.4.7, Modelica Association.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+
+from orchestrator import xmlfile
+from orchestrator.variable import FMI2_TYPES, FMI3_TYPES, RANGES, REALS, ClockInfo, Scalar, Value, Variable
+from orchestrator.xmlfile import Element, local
+from specs.errors import InputError, nearest
+from specs.units import Unit
+
+MAX_ELEMENTS = 2**22  # of all arrays of one FMU at their default sizes
+MAX_VR = 2**32 - 1
+CAUSALITIES = ("input", "output", "parameter", "calculatedParameter", "local", "independent")
+VARIABILITIES = ("constant", "fixed", "tunable", "discrete", "continuous")
+INITIALS = ("exact", "approx", "calculated")
+INTERVALS = ("constant", "fixed", "tunable", "changing", "countdown", "triggered")
+# Children of a variable element that are read (Alias, Dimension, Start) or carry nothing for the run.
+CHILDREN = ("Alias", "Annotations", "Dimension", "Start")
+
+
+class VariableReader:
+    """The variables of one modelDescription.xml; `where` names the file in messages (InputError)."""
+
+    def __init__(self, root: Element, version: int, units: Mapping[str, Unit | None], where: str) -> None:
+        self.version, self.units, self.where = version, units, where
+        self.types = self._declared_types(root.find("TypeDefinitions"))
+        holder = root.find("ModelVariables")
+        # (element with name and causality, element with type, unit and start): the same one in FMI 3
+        self.elements = [] if holder is None else [(e, self._typed(e)) for e in holder]
+        self.names: dict[int, tuple[str, Element]] = {}  # FMI 3: by value reference
+        self.undefined_units: set[str] = set()
+        self.total = 0
+        if version == 3:
+            self._index()
+
+    def variables(self) -> Iterator[Variable]:
+        """In declared order, an alias of FMI 3 after the variable that it names."""
+        for outer, typed in self.elements:
+            variable = self._variable(outer, typed)
+            yield variable
+            for alias in outer.iterfind("Alias") if self.version == 3 else ():
+                name = xmlfile.required(alias, "name", self.where)
+                text = alias.get("description", "")
+                fields = {
+                    **variable.__dict__,
+                    "name": name,
+                    "description": text,
+                    "line": alias.sourceline or 0,
+                }
+                yield Variable(**fields)
+
+    # ---- parts of a variable ----
+
+    def _variable(self, outer: Element, typed: Element) -> Variable:
+        declared = self._declared(typed)
+        type_name = local(typed)
+        causality = self._choice(outer, "causality", self._causalities(), "local")
+        variability = self._choice(
+            outer, "variability", VARIABILITIES, self._variability(causality, type_name)
+        )
+        dimensions = tuple(self._dimension(d) for d in outer.iterfind("Dimension"))
+        unit_name = typed.get("unit", declared.get("unit", "")) if type_name in REALS else ""
+        if unit_name and unit_name not in self.units:
+            self.undefined_units.add(unit_name)
+        return Variable(
+            name=xmlfile.required(outer, "name", self.where),
+            vr=self._vr(outer),
+            type=type_name,
+            causality=causality,
+            variability=variability,
+            unit_name=unit_name,
+            unit=self.units.get(unit_name),
+            start=self._start(typed, type_name, dimensions),
+            min=self._bound(typed, declared, "min", type_name),
+            max=self._bound(typed, declared, "max", type_name),
+            description=outer.get("description", ""),
+            dimensions=tuple(self.names[d][0] if by_vr else d for by_vr, d in dimensions),
+            relative=self._inherited(typed, declared, "relativeQuantity"),
+            items=self._items(declared) if type_name == "Enumeration" else {},
+            initial=self._initial(outer, typed, causality, variability),
+            clocks=tuple(self._clocks(outer)),
+            clock=self._clock(typed, declared) if type_name == "Clock" else None,
+            max_size=self._max_size(typed, declared) if type_name == "Binary" else None,
+            multiple_set_per_instant=xmlfile.boolean(
+                outer, "canHandleMultipleSetPerTimeInstant", True, self.where
+            ),
+            line=outer.sourceline or 0,
+        )
+
+    def _causalities(self) -> tuple[str, ...]:
+        return CAUSALITIES if self.version == 2 else (*CAUSALITIES, "structuralParameter")
+
+    def _variability(self, causality: str, type_name: str) -> str:
+        """The default; a parameter without one is taken as fixed, the most careful reading."""
+        if causality in ("parameter", "calculatedParameter", "structuralParameter"):
+            return "fixed"
+        return "continuous" if type_name in REALS else "discrete"
+
+    def _initial(self, outer: Element, typed: Element, causality: str, variability: str) -> str:
+        """As given, or the standard's default for this causality and variability."""
+        if causality == "independent":
+            return ""
+        exact = causality in ("input", "parameter", "structuralParameter") or variability == "constant"
+        holder = outer if self.version == 2 else typed
+        return self._choice(holder, "initial", INITIALS, "exact" if exact else "calculated")
+
+    def _start(
+        self, typed: Element, type_name: str, dimensions: tuple[tuple[bool, int], ...]
+    ) -> Value | None:
+        """One value for a scalar, all of them for an array, of which one value given fills all (2.4.7.5)."""
+        texts = self._start_texts(typed, type_name)
+        size = math.prod(self._structural(d) if by_vr else d for by_vr, d in dimensions)
+        self.total += size
+        if self.total > MAX_ELEMENTS:
+            raise self.error(typed, f"the arrays have more than {MAX_ELEMENTS} elements in all")
+        if texts is None:
+            return None
+        if len(texts) not in (1, size):
+            raise self.error(typed, f"start has {len(texts)} values, but the variable has {size}")
+        values = tuple(self._scalar(typed, type_name, text) for text in texts)
+        if not dimensions:
+            return values[0]
+        return values * size if len(values) == 1 else values
+
+    def _start_texts(self, typed: Element, type_name: str) -> list[str] | None:
+        """The start values as written; None: there is none."""
+        if self.version == 3 and type_name in ("String", "Binary"):
+            found = [element.get("value", "") for element in typed.iterfind("Start")]
+            return found or None
+        text = typed.get("start")
+        if text is None or type_name == "Clock":
+            return None
+        return [text] if self.version == 2 else text.split()
+
+    def _scalar(self, typed: Element, type_name: str, text: str) -> Scalar:
+        value: Scalar | None
+        if type_name == "String":
+            value = text
+        elif type_name == "Binary":
+            value = _hexadecimal(text)
+        elif type_name == "Boolean":
+            value = xmlfile.as_boolean(text)
+        elif type_name in REALS:
+            value = xmlfile.as_number(text)
+        else:
+            value = xmlfile.as_integer(text)
+            low, high = RANGES[type_name]
+            value = value if value is not None and low <= value <= high else None
+        if value is None:
+            raise self.error(typed, f"start='{xmlfile.shortened(text)}' is not a number of type {type_name}"
+                             if type_name not in ("Boolean", "Binary")
+                             else f"start='{xmlfile.shortened(text)}' is no {type_name}")  # fmt: skip
+        return value
+
+    def _bound(self, typed: Element, declared: Element, name: str, type_name: str) -> float | int | None:
+        text = typed.get(name, declared.get(name))
+        if text is None or not (type_name in REALS or type_name in RANGES):
+            return None
+        value = xmlfile.as_number(text) if type_name in REALS else xmlfile.as_integer(text)
+        if value is None or math.isnan(value):
+            kind = "a number" if type_name in REALS else "an integer"
+            raise self.error(typed, f"{name}='{xmlfile.shortened(text)}' is not {kind}")
+        return None if math.isinf(value) else value
+
+    def _inherited(self, typed: Element, declared: Element, name: str) -> bool:
+        return xmlfile.boolean(typed if typed.get(name) is not None else declared, name, False, self.where)
+
+    def _max_size(self, typed: Element, declared: Element) -> int | None:
+        holder = typed if typed.get("maxSize") is not None else declared
+        size = xmlfile.integer(holder, "maxSize", -1, self.where)
+        return None if size < 0 else size
+
+    def _items(self, declared: Element) -> dict[str, int]:
+        items: dict[str, int] = {}
+        for item in declared.iterfind("Item"):
+            name = xmlfile.required(item, "name", self.where)
+            xmlfile.required(item, "value", self.where)
+            value = xmlfile.integer(item, "value", 0, self.where)
+            if name in items:
+                raise self.error(item, f"second item '{name}' of an enumeration")
+            items[name] = value
+        return items
+
+    # ---- references ----
+
+    def _dimension(self, element: Element) -> tuple[bool, int]:
+        """(False, fixed size) or (True, value reference of the structural parameter that gives the size)."""
+        start, vr = element.get("start"), element.get("valueReference")
+        if (start is None) == (vr is None):
+            raise self.error(element, "<Dimension> needs either 'start' or 'valueReference'")
+        if vr is None:
+            size = xmlfile.integer(element, "start", 0, self.where)
+            if not 0 < size <= MAX_ELEMENTS:
+                raise self.error(element, f"dimension of size {size}; valid: 1 … {MAX_ELEMENTS}")
+            return False, size
+        reference = self._vr(element)
+        size = self._structural(reference, element)
+        constant = self.names[reference][1].get("variability") == "constant"
+        return (False, size) if constant else (True, reference)
+
+    def _structural(self, vr: int, element: Element | None = None) -> int:
+        """Default size that the variable with this value reference gives a dimension."""
+        name, given = self.names.get(vr, ("", None))
+        if given is None:
+            raise InputError(self._at(element, f"dimension refers to value reference {vr}; there is none"))
+        constant = given.get("variability") == "constant"
+        if local(given) != "UInt64" or not (constant or given.get("causality") == "structuralParameter"):
+            raise InputError(
+                self._at(
+                    element, f"dimension refers to '{name}', which is no structural parameter of type UInt64"
+                )
+            )
+        size = xmlfile.integer(given, "start", 0, self.where)
+        if not 0 < size <= MAX_ELEMENTS:
+            raise self.error(given, f"'{name}' gives a dimension the size {size}; valid: 1 … {MAX_ELEMENTS}")
+        return size
+
+    def _clocks(self, outer: Element) -> Iterator[str]:
+        for text in outer.get("clocks", "").split():
+            name, clock = self.names.get(xmlfile.as_integer(text) or 0, ("", None))
+            if clock is None or local(clock) != "Clock":
+                raise self.error(
+                    outer, f"clocks='{xmlfile.shortened(text)}' is not the value reference of a clock"
+                )
+            yield name
+
+    def _clock(self, typed: Element, declared: Element) -> ClockInfo:
+        variability = typed.get("intervalVariability", declared.get("intervalVariability"))
+        if variability not in INTERVALS:
+            raise self.error(
+                typed, f"intervalVariability='{variability}' of a clock; valid: {', '.join(INTERVALS)}"
+            )
+        fraction = self._inherited(typed, declared, "supportsFraction")
+        info = ClockInfo(
+            variability,
+            supports_fraction=fraction,
+            can_be_deactivated=self._inherited(typed, declared, "canBeDeactivated"),
+        )
+        if not info.periodic:
+            return info
+        interval, shift = (self._clock_time(typed, declared, name) for name in ("interval", "shift"))
+        if (interval is not None and interval <= 0) or (shift is not None and shift < 0):
+            raise self.error(typed, "a clock's interval must be positive and its shift not negative")
+        if interval is None and variability != "tunable":
+            raise self.error(typed, f"clock with {variability} interval, but without intervalDecimal")
+        return ClockInfo(variability, interval, shift or Fraction(0), fraction, info.can_be_deactivated)
+
+    def _clock_time(self, typed: Element, declared: Element, name: str) -> Fraction | None:
+        """Interval or shift in s: the exact fraction if both its parts are given, else the decimal."""
+        texts = [
+            typed.get(key, declared.get(key)) for key in (f"{name}Counter", "resolution", f"{name}Decimal")
+        ]
+        if texts[0] is not None and texts[1] is not None:
+            counter, resolution = (xmlfile.as_integer(text or "") for text in texts[:2])
+            if counter is None or resolution is None or resolution <= 0:
+                raise self.error(typed, f"{name}Counter and resolution of a clock must be positive integers")
+            return Fraction(counter, resolution)
+        if texts[2] is None:
+            return None
+        return self._decimal(typed, f"{name}Decimal", texts[2].strip())
+
+    def _decimal(self, typed: Element, name: str, text: str) -> Fraction:
+        """Exactly what is written; its range is limited, so that the fraction stays short."""
+        value = xmlfile.as_number(text)
+        if value == 0.0:
+            return Fraction(0)
+        if value is None or len(text) > 40 or not 1e-15 < abs(value) < 1e15:
+            raise self.error(typed, f"{name}='{xmlfile.shortened(text)}' of a clock is no time in s")
+        return Fraction(text)
+
+    # ---- elements ----
+
+    def _typed(self, element: Element) -> Element:
+        if self.version == 3:
+            if element.tag not in FMI3_TYPES:
+                raise self.error(element, f"unknown variable type <{local(element)}>")
+            for child in element:
+                if child.tag not in CHILDREN:
+                    raise self.error(child, f"unknown element <{local(child)}> in a variable")
+            return element
+        typed = [child for child in element if child.tag in FMI2_TYPES]
+        if element.tag != "ScalarVariable" or len(typed) != 1:
+            raise self.error(
+                element, f"<{local(element)}> without a known type; valid: {', '.join(FMI2_TYPES)}"
+            )
+        return typed[0]
+
+    def _index(self) -> None:
+        for element, _ in self.elements:
+            vr, name = self._vr(element), xmlfile.required(element, "name", self.where)
+            if vr in self.names:
+                raise self.error(element, f"'{name}' has the value reference {vr} of '{self.names[vr][0]}'")
+            self.names[vr] = name, element
+
+    def _declared_types(self, holder: Element | None) -> dict[str, Element]:
+        """Type definitions by name: their attributes are defaults of the variables that refer to them."""
+        types: dict[str, Element] = {}
+        for element in () if holder is None else holder:
+            inner = element
+            if self.version == 2:
+                found = [child for child in element if child.tag in FMI2_TYPES]
+                if not found:
+                    raise self.error(element, "type definition without a known type")
+                inner = found[0]
+            types[xmlfile.required(element, "name", self.where)] = inner
+        return types
+
+    def _declared(self, typed: Element) -> Element:
+        name = typed.get("declaredType")
+        if name is None:
+            return typed
+        found = self.types.get(name)
+        if found is None:
+            raise self.error(typed, f"unknown declaredType '{name}'; {nearest(name, self.types)}")
+        if local(found).removesuffix("Type") != local(typed):
+            raise self.error(
+                typed, f"declaredType '{name}' is <{local(found)}>, but the variable {local(typed)}"
+            )
+        return found
+
+    def _vr(self, element: Element) -> int:
+        xmlfile.required(element, "valueReference", self.where)
+        vr = xmlfile.integer(element, "valueReference", 0, self.where)
+        if not 0 <= vr <= MAX_VR:
+            raise self.error(element, f"valueReference {vr}; valid: 0 … {MAX_VR}")
+        return vr
+
+    def _choice(self, element: Element, name: str, valid: tuple[str, ...], default: str) -> str:
+        text = element.get(name, default)
+        if text not in valid:
+            raise self.error(element, f"{name}='{xmlfile.shortened(text)}'; valid: {', '.join(valid)}")
+        return text
+
+    def error(self, element: Element, message: str) -> InputError:
+        """`message` with the element's line, and the name of the variable where the element has one."""
+        return InputError(self._at(element, message))
+
+    def _at(self, element: Element | None, message: str) -> str:
+        if element is None:
+            return f"{self.where}: {message}"
+        holder = element if element.get("name") else element.getparent()
+        name = None if holder is None else holder.get("name")
+        of = f" variable '{name}':" if name else ""
+        return f"{self.where} line {element.sourceline}:{of} {message}"
+
+
+def _hexadecimal(text: str) -> bytes | None:
+    try:
+        return bytes.fromhex(text)
+    except ValueError:
+        return None
