@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 from specs import keys, limits
 from specs.errors import InputError, nearest
+from specs.faults import Change, Fault, by_tick, read_changes, read_faults
 from specs.schema import ROOT, STRICT, read_toml, validate
 
 FOLDER = ROOT / "scenarios"
@@ -90,12 +91,18 @@ class Scenario:
     targets: tuple[Target, ...]
     load: Load
     tolerances_m: tuple[float, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    changes: tuple[Change, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.targets:
             raise InputError("targets: at least one")
         if abs(self.interval_s / TICK_S - self.interval_ticks) > 1e-9 or self.interval_ticks < 1:
             raise InputError(f"interval_s = {self.interval_s:g}: not a multiple of {TICK_S:g} s")
+        self._check_slews()
+        self._check_times()
+
+    def _check_slews(self) -> None:
         slews = [self.start.slew_deg, *(target.slew_deg for target in self.targets)]
         low, high = SLEW_STEP_DEG
         for number, (a, b) in enumerate(pairwise(slews), 1):
@@ -103,6 +110,18 @@ class Scenario:
                 raise InputError(
                     f"targets.{number}: {abs(b - a):g}° from the one before, not {low:g}–{high:g}°"
                 )
+
+    def _check_times(self) -> None:
+        """Whole ticks, and before the end: what never happens is a mistake."""
+        end_s = self.duration_ticks * TICK_S
+        for group, key in (("faults", "start_s"), ("changes", "at_s")):
+            for number, entry in enumerate(getattr(self, group), 1):
+                try:
+                    entry.ticks(TICK_S)
+                except InputError as error:
+                    raise InputError(f"{group}.{number}: {error}") from error
+                if (time_s := getattr(entry, key)) >= end_s:
+                    raise InputError(f"{group}.{number}: {key} = {time_s:g}: the run ends at {end_s:g} s")
 
     @property
     def name(self) -> str:
@@ -141,6 +160,10 @@ class Scenario:
         }
         changes[0] |= {"load_told": self.load.told_kg, "pace": pace}
         return changes
+
+    def parameter_changes(self) -> dict[int, dict[str, float | bool | str]]:
+        """Parameters that change during the run: tick -> {"component.parameter": value}."""
+        return by_tick(self.changes, TICK_S)
 
     def schedule(self) -> list[dict[str, float]]:
         """The targets as a record's metadata lists them: time [s] and x, y, z [m] of each."""
@@ -206,6 +229,10 @@ def build(base: str, load_name: str, data: Mapping[str, Any], where: str) -> Sce
         parts["targets"] = tuple(
             validate(Target, entry, f"{where}: targets.{i}") for i, entry in enumerate(rest["targets"], 1)
         )
+    if "faults" in rest:
+        parts["faults"] = read_faults(rest["faults"], f"{where}: faults")
+    if "changes" in rest:
+        parts["changes"] = read_changes(rest["changes"], f"{where}: changes")
     return validate(Scenario, {"base": base, **rest, **parts}, where)
 
 
