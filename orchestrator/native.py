@@ -47,7 +47,7 @@ def source_hash() -> str:
 def build(folder: Path, target: str | None = None, extra: Sequence[str] = ()) -> Binaries:
     """Compile the core into `folder` for a platform of fmus.compiler.TARGETS (default: this one).
 
-    `extra` are further compiler flags (sanitizers).  Raises InputError without a compiler, RunError if C fails.
+    `extra`: further compiler flags (sanitizers).  Raises InputError without a compiler, RunError if C fails.
     """
     name = target or compiler.host().name
     kind = compiler.target(name)

@@ -24,8 +24,9 @@ const char *slw_core_error(const slw_core *core);
 /* ---- building the plan ---- */
 
 /* An FMU that steps once in `multiple` ticks; returns its block number. Blocks step in the order they are added;
- * `event_mode`: it was loaded so. */
-bool slw_core_block(slw_core *core, slw_fmu *fmu, uint32_t multiple, bool event_mode, uint32_t *block);
+ * `event_mode`, `early_return`: it was loaded so. */
+bool slw_core_block(slw_core *core, slw_fmu *fmu, uint32_t multiple, bool event_mode, bool early_return,
+                    uint32_t *block);
 
 typedef enum { SLW_SET, SLW_GET } slw_direction;
 /* Variables of one type that a block sets before, or gets after, a step; their cells are consecutive. */
@@ -58,6 +59,9 @@ typedef enum {
 bool slw_core_fault(slw_core *core, uint32_t block, uint32_t cell, slw_fault_kind kind, int64_t from, int64_t to,
                     double a, double b, uint64_t seed);
 
+/* From tick `tick` on this block's steps fail, as if its FMU had returned an error. */
+bool slw_core_fail(slw_core *core, uint32_t block, int64_t tick);
+
 /* From tick `tick` on: cells[cell] = value (a system input). */
 bool slw_core_stimulus(slw_core *core, int64_t tick, uint32_t cell, slw_cell value);
 /* At tick `tick`: set a tunable parameter of a block. */
@@ -69,6 +73,8 @@ bool slw_core_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, 
 typedef enum { SLW_JACOBI, SLW_GAUSS_SEIDEL, SLW_ITERATE, SLW_ADAPTIVE } slw_algorithm;
 bool slw_core_algorithm(slw_core *core, slw_algorithm algorithm, double tolerance, uint32_t max_iterations,
                         uint32_t max_halvings);
+/* The magnitude that a real output's change is compared with, at least (default 1). */
+bool slw_core_nominal(slw_core *core, uint32_t cell, double nominal);
 /* Order in which initial outputs are propagated (all blocks once), and the groups of it that form a loop:
  * loop[i] is 0, or the number of the algebraic loop that block order[i] belongs to. */
 bool slw_core_order(slw_core *core, const uint32_t *order, const uint32_t *loop);
@@ -91,8 +97,10 @@ slw_outcome slw_core_initialise(slw_core *core);
 /* Up to tick `until`; the row of every tick is logged when it begins. Waits while the ring is full. */
 slw_outcome slw_core_run(slw_core *core, int64_t until);
 int64_t slw_core_tick(const slw_core *core);
-/* Logs the row of the present tick: the last one of a run. */
-void slw_core_log_last(slw_core *core);
+/* Applies the changes of the present tick and logs its row: the last one of a run. False: see the failure. */
+bool slw_core_log_last(slw_core *core);
+/* No row follows: a waiting slw_core_take returns. */
+void slw_core_log_finish(slw_core *core);
 
 /* What failed. */
 typedef enum {
@@ -103,6 +111,7 @@ typedef enum {
   SLW_STEP_TOO_SMALL,  /* the smallest step still misses the tolerance */
   SLW_RETURNED_EARLY,  /* without being allowed to */
   SLW_NO_PROGRESS,     /* an FMU that returns early without advancing, or iterates events without end */
+  SLW_INJECTED,        /* the failure that slw_core_fail asked for */
 } slw_what;
 typedef struct {
   slw_what what;

@@ -88,6 +88,7 @@ typedef struct {
   slw_status (*set)(slw_fmu *, const slw_group *);
   slw_status (*get)(slw_fmu *, const slw_group *);
   slw_status (*step)(slw_fmu *, double time, double h, slw_step_result *);
+  slw_status (*after_discard)(slw_fmu *, slw_step_result *); /* FMI 2: how far the step that was discarded got */
   slw_status (*enter_event)(slw_fmu *);
   slw_status (*update_discrete)(slw_fmu *, slw_event_result *);
   slw_status (*enter_step)(slw_fmu *);

@@ -1,0 +1,188 @@
+/* The lowered plan: what core.h builds and the algorithms walk through. Internal to the core. */
+#ifndef SLW_PLAN_H
+#define SLW_PLAN_H
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core.h"
+#include "fault.h"
+#include "ring.h"
+
+#define SLW_NEVER INT64_MAX
+#define SLW_EXPONENT 0x7ff0000000000000ULL /* all ones in a double that is infinite or no number */
+
+/* cells[first + i] = scale[i] * cells[source[i]] + offset[i]; scale NULL: the cell unchanged. */
+typedef struct {
+  uint32_t first, n;
+  uint32_t *source;
+  double *scale, *offset;
+} slw_move;
+
+typedef struct {
+  uint32_t source, target;
+  size_t n;
+  int64_t *from, *to;
+  bool strict;
+} slw_table;
+
+typedef struct {
+  uint32_t source, target;
+} slw_copy;
+
+typedef struct {
+  uint32_t cell;
+  int64_t tick; /* of the exchange that `raw` is from; one tick may take several */
+  double raw;   /* what arrived first in that tick, before the fault */
+  slw_fault *fault;
+} slw_injection;
+
+/* All that brings the inputs of one block up to date, in this order. */
+typedef struct {
+  slw_move *moves;
+  slw_table *tables;
+  slw_copy *copies;
+  slw_injection *injections;
+  uint32_t n_moves, n_tables, n_copies, n_injections;
+} slw_exchange;
+
+typedef struct {
+  uint32_t vr;
+  int64_t shift, interval;
+} slw_periodic;
+
+typedef enum {
+  SLW_GENERAL, /* through the FMU's function table */
+  SLW_FAST2,   /* FMI 2, here, at most one group of reals each way, nothing special */
+  SLW_FAST3,   /* the same of FMI 3 */
+} slw_path;
+
+typedef struct {
+  slw_fmu *fmu;
+  slw_path path;
+  bool event_mode, early_return;
+  uint32_t multiple;
+  slw_group *sets, *gets;
+  uint32_t n_sets, n_gets;
+  slw_exchange in;
+  slw_periodic *clocks;
+  uint32_t n_clocks;
+  int64_t fails_at;
+  void *state[2]; /* of a rollback: at the begin of the step, and of the better half */
+  slw_block_statistics count;
+} slw_block;
+
+/* Something that happens once, at the begin of a tick: a stimulus (block SLW_SINK) or a parameter set. */
+typedef struct {
+  int64_t tick;
+  uint32_t block, target; /* cell, or value reference */
+  slw_type type;
+  slw_cell value;
+  uint32_t number; /* in the order given: what comes later wins */
+} slw_change;
+
+#define SLW_BUCKETS 1024 /* of lateness: 32 per power of two, from 1 us */
+
+typedef struct {
+  double factor, start_s;
+  int64_t start_tick;
+  uint64_t histogram[SLW_BUCKETS], late;
+  double max_s;
+} slw_pacing;
+
+struct slw_core {
+  slw_cell *cells;
+  slw_blob *blobs;
+  double *nominal; /* of each cell */
+  uint32_t n_cells, n_blobs;
+  double step_s;
+  int64_t tick;
+  slw_block *blocks;
+  uint32_t n_blocks;
+  slw_exchange sink;
+  slw_exchange whole; /* plain systems: the moves of all blocks, joined */
+  bool plain;         /* every block steps every tick, exchanges by moves alone */
+  slw_change *changes;
+  size_t n_changes, next_change;
+  int64_t next_change_tick;
+  uint32_t *order, *loop;
+  slw_algorithm algorithm;
+  double tolerance;
+  uint32_t max_iterations, max_halvings;
+  bool (*advance)(slw_core *);
+  uint32_t *log_cells;
+  size_t n_log;
+  slw_ring ring;
+  bool logs;
+  slw_pacing *pace;
+  bool timing, ended, initialised;
+  uint64_t size; /* of the adaptive step, in units of step_s / 2^(max_halvings + 1) */
+  slw_cell *scratch; /* 4 arenas: copies of the cells that a rollback needs */
+  slw_statistics count;
+  slw_failure failure;
+  char error[256];
+};
+
+/* plan.c */
+void slw_finish_plan(slw_core *core);
+
+/* run.c */
+bool slw_apply_changes(slw_core *core, int64_t tick, bool parameters);
+
+/* exchange.c: false: slw_core_failure says why. `now`: tick whose faults apply. */
+bool slw_exchange_run(slw_core *core, uint32_t block, slw_exchange *e);
+/* For the faults, once a tick: the values that the first exchange of it brought. */
+void slw_exchange_accept(slw_core *core, slw_exchange *e);
+
+static inline void slw_move_run(slw_cell *cells, const slw_move *m) {
+  slw_cell *to = cells + m->first;
+  if (!m->scale) {
+    for (uint32_t i = 0; i < m->n; i++) to[i] = cells[m->source[i]];
+    return;
+  }
+  for (uint32_t i = 0; i < m->n; i++) to[i].real = m->scale[i] * cells[m->source[i]].real + m->offset[i];
+}
+
+/* block.c: one block. */
+bool slw_block_set(slw_core *core, slw_block *b);
+bool slw_block_get(slw_core *core, slw_block *b);
+bool slw_block_step(slw_core *core, slw_block *b, double t, double h);
+bool slw_block_continue(slw_core *core, slw_block *b, double t, double reached);
+bool slw_block_finish_discarded(slw_core *core, slw_block *b, double t); /* FMI 2 */
+bool slw_block_initial_events(slw_core *core, slw_block *b);
+bool slw_block_tick_clocks(slw_core *core, slw_block *b);
+bool slw_block_save(slw_core *core, slw_block *b, int slot);
+bool slw_block_restore(slw_core *core, slw_block *b, int slot);
+bool slw_check_finite(slw_core *core, const slw_block *b);
+
+/* step.c, rollback.c: one tick. */
+bool slw_jacobi_plain(slw_core *core);
+bool slw_jacobi(slw_core *core);
+bool slw_gauss_seidel(slw_core *core);
+bool slw_iterate(slw_core *core);
+bool slw_adaptive(slw_core *core);
+/* Steps of the blocks that step less often than every tick, around one tick of the others. */
+bool slw_slow_begin(slw_core *core);
+bool slw_slow_end(slw_core *core);
+static inline bool slw_due(const slw_core *core, const slw_block *b) { return core->tick % b->multiple == 0; }
+static inline bool slw_ready(const slw_core *core, const slw_block *b) {
+  return (core->tick + 1) % b->multiple == 0;
+}
+
+static inline double slw_max(double a, double b) { return a > b ? a : b; }
+static inline double slw_abs(double a) { return a < 0.0 ? -a : a; }
+
+/* Change of a real cell against the tolerance: <= 1 is within it. */
+static inline double slw_distance(const slw_core *core, uint32_t cell, double a, double b) {
+  const double magnitude = slw_max(slw_max(slw_abs(a), slw_abs(b)), core->nominal[cell]);
+  return slw_abs(a - b) / (core->tolerance * magnitude);
+}
+
+/* pace.c */
+void slw_pace_wait(slw_core *core);
+double slw_clock_s(void);
+
+/* Sets slw_core_failure; returns false. */
+bool slw_fail(slw_core *core, slw_what what, slw_status status, const slw_block *b, uint32_t cell);
+
+#endif

@@ -1,0 +1,139 @@
+/* One tick of the explicit algorithms.
+ *
+ * Jacobi: all inputs from the outputs of the last tick, then every FMU steps.
+ * Gauss-Seidel: in order of dependency, each FMU on the newest outputs.
+ * An FMU that steps once in m ticks takes its inputs at the begin of its step and shows its outputs at the end. */
+#include "plan.h"
+
+/* ---- the fast path: nothing but set, step and get of real variables of FMUs in this process ---- */
+
+/* What a status other than OK comes to. */
+static bool note(slw_core *core, slw_block *b, int status, slw_what doing) {
+  if (status != SLW_WARNING) return slw_fail(core, doing, (slw_status)status, b, 0);
+  b->count.warnings++;
+  return true;
+}
+
+static inline bool all_finite(const slw_group *g) {
+  uint64_t infinite = 0;
+  for (size_t i = 0; i < g->n; i++)
+    infinite |= ((uint64_t)g->cells[i].integer & SLW_EXPONENT) == SLW_EXPONENT;
+  return !infinite;
+}
+
+static inline bool fast2(slw_core *core, slw_block *b, double t) {
+  const slw_fmu *f = b->fmu;
+  int status;
+  if (b->n_sets) {
+    const slw_group *g = b->sets;
+    status = f->fast.fmi2.set_real(f->instance, g->vr, g->n_vr, &g->cells->real);
+    if (status != SLW_OK && !note(core, b, status, SLW_DOING_SET)) return false;
+  }
+  status = f->fast.fmi2.do_step(f->instance, t, core->step_s, 1);
+  if (status == SLW_DISCARD) {
+    if (!slw_block_finish_discarded(core, b, t)) return false;
+  } else if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) {
+    return false;
+  }
+  if (!b->n_gets) return true;
+  const slw_group *g = b->gets;
+  status = f->fast.fmi2.get_real(f->instance, g->vr, g->n_vr, &g->cells->real);
+  if (status != SLW_OK && !note(core, b, status, SLW_DOING_GET)) return false;
+  return all_finite(g) || slw_check_finite(core, b);
+}
+
+static inline bool fast3(slw_core *core, slw_block *b, double t) {
+  const slw_fmu *f = b->fmu;
+  int status;
+  if (b->n_sets) {
+    const slw_group *g = b->sets;
+    status = f->fast.fmi3.set(f->instance, g->vr, g->n_vr, &g->cells->real, g->n);
+    if (status != SLW_OK && !note(core, b, status, SLW_DOING_SET)) return false;
+  }
+  bool event = false, terminate = false, early = false;
+  double reached = t;
+  status = f->fast.fmi3.do_step(f->instance, t, core->step_s, true, &event, &terminate, &early, &reached);
+  if (terminate) {
+    core->ended = true;
+  } else if (status == SLW_DISCARD) {
+    if (!slw_block_continue(core, b, t, reached)) return false;
+  } else if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) {
+    return false;
+  } else if (early) {
+    return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
+  }
+  if (!b->n_gets) return true;
+  const slw_group *g = b->gets;
+  status = f->fast.fmi3.get(f->instance, g->vr, g->n_vr, &g->cells->real, g->n);
+  if (status != SLW_OK && !note(core, b, status, SLW_DOING_GET)) return false;
+  return all_finite(g) || slw_check_finite(core, b);
+}
+
+bool slw_jacobi_plain(slw_core *core) {
+  const double t = (double)core->tick * core->step_s;
+  slw_block *const end = core->blocks + core->n_blocks;
+  for (uint32_t i = 0; i < core->whole.n_moves; i++) slw_move_run(core->cells, &core->whole.moves[i]);
+  for (slw_block *b = core->blocks; b < end; b++)
+    if (!(b->path == SLW_FAST2 ? fast2(core, b, t) : fast3(core, b, t))) return false;
+  return true;
+}
+
+/* ---- the general path ---- */
+
+/* Inputs and step of a block that begins one in this tick; faults see every tick. */
+static bool begin(slw_core *core, slw_block *b) {
+  const bool due = slw_due(core, b);
+  if (!due && !b->in.n_injections) return true;
+  if (!slw_exchange_run(core, (uint32_t)(b - core->blocks), &b->in)) return false;
+  slw_exchange_accept(core, &b->in);
+  return true;
+}
+
+static bool advance(slw_core *core, slw_block *b) {
+  const double t = (double)core->tick * core->step_s;
+  if (b->path == SLW_FAST2) return fast2(core, b, t);
+  if (b->path == SLW_FAST3) return fast3(core, b, t);
+  if (slw_due(core, b)) {
+    const double h = core->step_s * b->multiple;
+    if (!slw_block_set(core, b) || !slw_block_tick_clocks(core, b) || !slw_block_step(core, b, t, h)) return false;
+  }
+  return !slw_ready(core, b) || slw_block_get(core, b);
+}
+
+static bool timed_advance(slw_core *core, slw_block *b) {
+  if (!core->timing) return advance(core, b);
+  const double before = slw_clock_s();
+  const bool done = advance(core, b);
+  b->count.seconds += slw_clock_s() - before;
+  return done;
+}
+
+bool slw_jacobi(slw_core *core) {
+  for (uint32_t i = 0; i < core->n_blocks; i++)
+    if (!begin(core, &core->blocks[i])) return false;
+  for (uint32_t i = 0; i < core->n_blocks; i++)
+    if (!timed_advance(core, &core->blocks[i])) return false;
+  return true;
+}
+
+bool slw_gauss_seidel(slw_core *core) {
+  for (uint32_t i = 0; i < core->n_blocks; i++) {
+    slw_block *b = &core->blocks[core->order[i]];
+    if (!begin(core, b) || !timed_advance(core, b)) return false;
+  }
+  return true;
+}
+
+/* ---- blocks of other rates beside the implicit algorithms: explicit, as in Jacobi ---- */
+
+bool slw_slow_begin(slw_core *core) {
+  for (uint32_t i = 0; i < core->n_blocks; i++)
+    if (core->blocks[i].multiple != 1 && !begin(core, &core->blocks[i])) return false;
+  return true;
+}
+
+bool slw_slow_end(slw_core *core) {
+  for (uint32_t i = 0; i < core->n_blocks; i++)
+    if (core->blocks[i].multiple != 1 && !timed_advance(core, &core->blocks[i])) return false;
+  return true;
+}
