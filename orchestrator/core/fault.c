@@ -61,7 +61,7 @@ static double delayed(const slw_fault *f, int64_t tick, double x) {
   return f->state->line[(tick / f->interval + 1) % f->length]; /* the oldest one */
 }
 
-/* Gilbert's channel: a loss begins with probability a and lasts b ticks on average; b 0: ticks are independent. */
+/* Gilbert's channel: losses begin with probability a and last b ticks on average; b 0: each tick alone. */
 static bool is_lost(const slw_fault *f, int64_t tick) {
   const double goes_on = f->b > 0.0 ? 1.0 - 1.0 / f->b : f->a;
   return uniform(f, tick, 0) < (f->state->lost ? goes_on : f->a);

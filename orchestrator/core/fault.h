@@ -13,8 +13,8 @@
 
 typedef struct slw_fault slw_fault;
 
-/* A fault that acts from tick `from` on, before tick `to`.  It is called at multiples of `interval` ticks: 1, or
- * the multiple of a block that steps less often; a delay must be a multiple of it.
+/* A fault that acts from tick `from` on, before tick `to`.  It is called at multiples of `interval` ticks: 1,
+ * or the multiple of a block that steps less often; a delay must be a multiple of it.
  * NULL for values that make no sense (is_valid in fault.c), or without memory. */
 slw_fault *slw_fault_new(slw_fault_kind kind, int64_t from, int64_t to, double a, double b, uint64_t seed,
                          double step_s, uint32_t interval);

@@ -93,7 +93,7 @@ static void copy_rows(const slw_ring *ring, size_t first, size_t n, slw_cell *ro
 
 size_t slw_ring_take(slw_ring *ring, slw_cell *rows, size_t at_least, size_t max, int wait_ms) {
   const size_t first = atomic_load_explicit(&ring->taken, memory_order_relaxed);
-  const size_t half = ring->rows / 2, least = at_least < half ? at_least : half; /* before the producer waits */
+  const size_t half = ring->rows / 2, least = at_least < half ? at_least : half; /* or the producer waits */
   size_t n = wait_for(ring, least < max ? least : max, wait_ms * 1000L);
   if (n > max) n = max;
   copy_rows(ring, first, n, rows);

@@ -50,8 +50,8 @@ slw_cell *slw_ring_wait_row(slw_ring *ring);
 /* Producer: no row follows, so that the consumer need not wait for more; false: that was not the end. */
 void slw_ring_finish(slw_ring *ring, bool finished);
 
-/* Consumer: at most `max` rows into `rows`, oldest first; waits up to about `wait_ms` for `at_least` (or half a
- * ring), less if the producer has finished.  Returns how many. */
+/* Consumer: at most `max` rows into `rows`, oldest first; waits up to about `wait_ms` for `at_least` (or half
+ * a ring), less if the producer has finished.  Returns how many. */
 size_t slw_ring_take(slw_ring *ring, slw_cell *rows, size_t at_least, size_t max, int wait_ms);
 
 #endif
