@@ -7,14 +7,11 @@ from pathlib import Path
 from orchestrator.archive import Scratch
 from orchestrator.conversion import Conversion
 from orchestrator.modeldescription import NOT_NUMBERS, REALS, ModelDescription, Variable
+from orchestrator.variable import Value
 from specs.errors import InputError, nearest
 from specs.units import Unit
 
 ALGORITHMS = ("jacobi", "gauss-seidel", "iterate", "adaptive")
-
-# The value of a variable in its own unit; arrays are flat tuples in row-major order.
-Scalar = float | int | bool | str | bytes
-Value = Scalar | tuple[Scalar, ...]
 
 
 @dataclass(frozen=True)
