@@ -7,7 +7,7 @@ from pathlib import Path
 from orchestrator.archive import Scratch
 from orchestrator.conversion import Conversion
 from orchestrator.modeldescription import NOT_NUMBERS, REALS, ModelDescription, Variable
-from orchestrator.variable import Value
+from orchestrator.variable import Value, size_of
 from specs.errors import InputError, nearest
 from specs.units import Unit
 
@@ -46,6 +46,11 @@ class Component:
     start: Mapping[str, Value]
     multiple: int = 1  # it steps once in so many steps of the system
     line: int = 0  # in the SSD; 0: there is none
+
+    def size(self, variable: Variable) -> int:
+        """Number of elements of one of its variables, with the structural parameters it starts with."""
+        model = self.model.structural()
+        return size_of(variable, {name: int(self.start.get(name, model[name])) for name in model})  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
