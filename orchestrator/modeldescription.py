@@ -1,14 +1,20 @@
-"""What an FMU says of itself: `modelDescription.xml` of FMI 2.0 and 3.0, co-simulation."""
+"""What an FMU says of itself: `modelDescription.xml` of FMI 2.0 and 3.0, co-simulation.
 
-from dataclasses import dataclass
+Variables are read by modelvariables.py, judged by modelchecks.py; modelstructure.py reads dependencies.
+Source: FMI 2.0.4, chapters 2.2 and 4.3; FMI 3.0.2, 2.4 and 4.4, Modelica Association.
+"""
 
-from orchestrator import xmlfile
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from orchestrator import modelchecks, xmlfile
+from orchestrator.modelstructure import Dependencies, StructureReader
 from orchestrator.modelvariables import VariableReader
 from orchestrator.units import parse_units
 from orchestrator.variable import FMI2_TYPES, FMI3_TYPES, NOT_NUMBERS, REALS, ClockInfo, Variable, size_of
-from orchestrator.xmlfile import Element
+from orchestrator.xmlfile import Element, local
 from specs.errors import InputError, nearest
-from specs.units import Unit
 
 __all__ = (
     "FMI2_TYPES",
@@ -22,10 +28,41 @@ __all__ = (
     "size_of",
 )
 
+VERSION = re.compile(r"(2)\.0(\.[0-9]+)?|(3)\.([0-9]+)(\.[0-9]+)?")
+# The library's file name; a C identifier by the standard, but nothing that leaves the folder.
+IDENTIFIER = re.compile(r"[\w][\w.\- +]{0,199}", re.ASCII)
+# Parts that are read, or that say nothing about a co-simulation.
+PARTS = (
+    "CoSimulation",
+    "UnitDefinitions",
+    "TypeDefinitions",
+    "DefaultExperiment",
+    "ModelVariables",
+    "ModelStructure",
+    "ModelExchange",
+    "ScheduledExecution",
+    "LogCategories",
+    "VendorAnnotations",
+    "Annotations",
+)
+
 
 @dataclass(frozen=True)
 class ModelDescription:
-    """FMI version (2 or 3), identifiers, variables by name and what the FMU is capable of."""
+    """FMI version (2 or 3), identifiers, variables by name and what the FMU is capable of.
+
+    can_get_set_state, can_serialize_state, provides_directional  as the standard's flags
+    has_event_mode         FMI 3: it can be instantiated with event mode
+    can_return_early       FMI 3: a step may end before its communication point
+    variable_step          canHandleVariableCommunicationStepSize
+    fixed_internal_step_s  FMI 3: steps must be a multiple of it; None: not stated
+    only_once_per_process  a second instance needs a process of its own
+    default_*              DefaultExperiment, None where it says nothing
+    dependencies           output to the inputs on which it depends directly at a communication point;
+                           None: not stated, it may be all
+    initial_dependencies   the same during initialisation
+    warnings               sentences on what is not honoured or not as it should be
+    """
 
     fmi_version: int
     model_name: str
@@ -35,6 +72,20 @@ class ModelDescription:
     can_get_set_state: bool
     can_serialize_state: bool
     provides_directional: bool
+    has_event_mode: bool = False
+    can_return_early: bool = False
+    variable_step: bool = False
+    fixed_internal_step_s: float | None = None
+    only_once_per_process: bool = False
+    default_start_s: float | None = None
+    default_stop_s: float | None = None
+    default_step_s: float | None = None
+    default_tolerance: float | None = None
+    dependencies: Dependencies = field(default_factory=dict)
+    initial_dependencies: Dependencies = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    version_text: str = ""
+    generation_tool: str = ""
 
     def variable(self, name: str, shown: str) -> Variable:
         """The variable `name`; InputError with the nearest names, starting with `shown`."""
@@ -42,43 +93,126 @@ class ModelDescription:
             raise InputError(f"{shown}: no variable '{name}'; {nearest(name, self.variables)}")
         return self.variables[name]
 
+    def structural(self) -> dict[str, int]:
+        """Default values of the structural parameters that are whole numbers, for `size_of`."""
+        return {
+            v.name: v.start
+            for v in self.variables.values()
+            if v.causality == "structuralParameter" and isinstance(v.start, int)
+        }
+
 
 def parse(content: bytes, shown: str) -> ModelDescription:
-    """Parse modelDescription.xml; `shown` names the FMU in messages (InputError)."""
+    """Parse and check modelDescription.xml; `shown` names the FMU in messages (InputError, with the line)."""
     root = xmlfile.parse(content, shown)
     version = _version(root, shown)
     interface = root.find("CoSimulation")
     if interface is None:
         raise InputError(f"{shown} offers no co-simulation")
-    if interface.get("needsExecutionTool") == "true":
+    where = f"{shown}, modelDescription.xml"
+    if xmlfile.boolean(interface, "needsExecutionTool", False, where):
         raise InputError(f"{shown} needs an execution tool; only self-contained FMUs are accepted")
-    units = parse_units(root.find("UnitDefinitions"), shown)
-    state = "canGetAndSetFMU" + ("state" if version == 2 else "State")
-    serialize = "canSerializeFMU" + ("state" if version == 2 else "State")
-    directional = "providesDirectionalDerivative" + ("" if version == 2 else "s")
+    _check_parts(root, where)
+    reader = VariableReader(root, version, parse_units(root.find("UnitDefinitions"), where), where)
+    variables = modelchecks.check(reader.variables(), version, where)
+    structure = StructureReader(root, version, variables, where)
+    experiment = _experiment(root.find("DefaultExperiment"), where)
+    warnings = [
+        *_version_warnings(root),
+        *modelchecks.warnings(variables.values(), reader.undefined_units),
+        *structure.warnings(),
+    ]
     return ModelDescription(
-        version,
-        root.get("modelName", ""),
-        xmlfile.required(interface, "modelIdentifier", shown),
-        xmlfile.required(root, "guid" if version == 2 else "instantiationToken", shown),
-        _variables(root, version, units, shown),
-        interface.get(state) == "true",
-        interface.get(serialize) == "true",
-        interface.get(directional) == "true",
+        fmi_version=version,
+        model_name=root.get("modelName", ""),
+        model_identifier=_identifier(interface, where),
+        token=xmlfile.required(root, "guid" if version == 2 else "instantiationToken", where),
+        variables=variables,
+        dependencies=structure.outputs,
+        initial_dependencies=structure.initial,
+        warnings=tuple(f"{shown}: {warning}" for warning in warnings),
+        version_text=root.get("fmiVersion", "").strip(),
+        generation_tool=root.get("generationTool", ""),
+        fixed_internal_step_s=_positive(interface, "fixedInternalStepSize", where) if version == 3 else None,
+        **_capabilities(interface, version, where),
+        default_start_s=experiment[0],
+        default_stop_s=experiment[1],
+        default_step_s=experiment[2],
+        default_tolerance=experiment[3],
     )
 
 
 def _version(root: Element, shown: str) -> int:
-    text = root.get("fmiVersion", "")
-    if xmlfile.local(root) != "fmiModelDescription" or text.split(".")[0] not in ("2", "3"):
-        raise InputError(f"{shown} has FMI version '{text}'; valid: 2.0, 3.0")
-    return int(text.split(".")[0])
+    text = root.get("fmiVersion", "").strip()
+    found = VERSION.fullmatch(text)
+    if root.tag != "fmiModelDescription" or found is None:
+        raise InputError(f"{shown} has FMI version '{xmlfile.shortened(text)}'; valid: 2.0, 3.0")
+    return int(found[1] or found[3])
 
 
-def _variables(root: Element, version: int, units: dict[str, Unit | None], shown: str) -> dict[str, Variable]:
-    found: dict[str, Variable] = {}
-    for variable in VariableReader(root, version, units, shown).variables():
-        if variable.name in found:
-            raise InputError(f"{shown} line {variable.line}: has two variables '{variable.name}'")
-        found[variable.name] = variable
-    return found
+def _version_warnings(root: Element) -> Iterator[str]:
+    """A minor version may only add what an importer can do without (FMI 3.0.2, 2.6)."""
+    text = root.get("fmiVersion", "").strip()
+    if not text.startswith(("2.0", "3.0")):
+        yield f"FMI version {text} is read as 3.0; what it adds is not used"
+
+
+def _check_parts(root: Element, where: str) -> None:
+    for element in root:
+        name = local(element)
+        if element.tag not in PARTS:
+            raise InputError(
+                f"{where} line {element.sourceline}: unknown element <{name}>; {nearest(name, PARTS)}"
+            )
+        if sum(other.tag == element.tag for other in root) > 1:
+            raise InputError(f"{where} line {element.sourceline}: second element <{name}>")
+
+
+def _identifier(interface: Element, where: str) -> str:
+    name = xmlfile.required(interface, "modelIdentifier", where)
+    if not IDENTIFIER.fullmatch(name):
+        raise InputError(
+            f"{where} line {interface.sourceline}: '{xmlfile.shortened(name)}' is no modelIdentifier"
+        )
+    return name
+
+
+def _capabilities(interface: Element, version: int, where: str) -> Mapping[str, bool]:
+    """The flags that an importer must or may follow; those it needs not know are passed over.
+
+    Passed over: interpolation of inputs, output derivatives, asynchronous runs, memory callbacks,
+    intermediate update, adjoint derivatives, dependencies per element, evaluation of discrete states.
+    """
+    state, plural = ("state", "") if version == 2 else ("State", "s")
+    names = {
+        "can_get_set_state": f"canGetAndSetFMU{state}",
+        "can_serialize_state": f"canSerializeFMU{state}",
+        "provides_directional": f"providesDirectionalDerivative{plural}",
+        "variable_step": "canHandleVariableCommunicationStepSize",
+        "only_once_per_process": "canBeInstantiatedOnlyOncePerProcess",
+    }
+    if version == 3:
+        names |= {"has_event_mode": "hasEventMode", "can_return_early": "mightReturnEarlyFromDoStep"}
+    return {key: xmlfile.boolean(interface, name, False, where) for key, name in names.items()}
+
+
+def _experiment(element: Element | None, where: str) -> tuple[float | None, ...]:
+    """(start, stop, step, tolerance), None where it is not stated."""
+    if element is None:
+        return (None,) * 4
+    start, stop = (
+        None if element.get(name) is None else xmlfile.number(element, name, 0.0, where)
+        for name in ("startTime", "stopTime")
+    )
+    if stop is not None and stop < (start or 0.0):
+        raise InputError(f"{where} line {element.sourceline}: stopTime {stop} s is before the start time")
+    return start, stop, *(_positive(element, name, where) for name in ("stepSize", "tolerance"))
+
+
+def _positive(element: Element, name: str, where: str) -> float | None:
+    if element.get(name) is None:
+        return None
+    value = xmlfile.number(element, name, 0.0, where)
+    if not value > 0.0:
+        raise InputError(f"{where} line {element.sourceline}: {name}={value} must be positive")
+    return value

@@ -8,10 +8,10 @@ Source: FMI 2.0.4, 2.2.3 and 2.2.7; FMI 3.0.2, 2.4.4 and 2.4.7, Modelica Associa
 
 import math
 from collections.abc import Iterator, Mapping
-from fractions import Fraction
 
 from orchestrator import xmlfile
-from orchestrator.variable import FMI2_TYPES, FMI3_TYPES, RANGES, REALS, ClockInfo, Scalar, Value, Variable
+from orchestrator.modelclocks import clock_info
+from orchestrator.variable import FMI2_TYPES, FMI3_TYPES, RANGES, REALS, Scalar, Value, Variable
 from orchestrator.xmlfile import Element, local
 from specs.errors import InputError, nearest
 from specs.units import Unit
@@ -21,7 +21,6 @@ MAX_VR = 2**32 - 1
 CAUSALITIES = ("input", "output", "parameter", "calculatedParameter", "local", "independent")
 VARIABILITIES = ("constant", "fixed", "tunable", "discrete", "continuous")
 INITIALS = ("exact", "approx", "calculated")
-INTERVALS = ("constant", "fixed", "tunable", "changing", "countdown", "triggered")
 # Children of a variable element that are read (Alias, Dimension, Start) or carry nothing for the run.
 CHILDREN = ("Alias", "Annotations", "Dimension", "Start")
 
@@ -87,7 +86,7 @@ class VariableReader:
             items=self._items(declared) if type_name == "Enumeration" else {},
             initial=self._initial(outer, typed, causality, variability),
             clocks=tuple(self._clocks(outer)),
-            clock=self._clock(typed, declared) if type_name == "Clock" else None,
+            clock=clock_info(typed, declared, self.where) if type_name == "Clock" else None,
             max_size=self._max_size(typed, declared) if type_name == "Binary" else None,
             multiple_set_per_instant=xmlfile.boolean(
                 outer, "canHandleMultipleSetPerTimeInstant", True, self.where
@@ -210,12 +209,16 @@ class VariableReader:
         """Default size that the variable with this value reference gives a dimension."""
         name, given = self.names.get(vr, ("", None))
         if given is None:
-            raise InputError(self._at(element, f"dimension refers to value reference {vr}; there is none"))
+            raise InputError(
+                xmlfile.at(element, f"dimension refers to value reference {vr}; there is none", self.where)
+            )
         constant = given.get("variability") == "constant"
         if local(given) != "UInt64" or not (constant or given.get("causality") == "structuralParameter"):
             raise InputError(
-                self._at(
-                    element, f"dimension refers to '{name}', which is no structural parameter of type UInt64"
+                xmlfile.at(
+                    element,
+                    f"dimension refers to '{name}', which is no structural parameter of type UInt64",
+                    self.where,
                 )
             )
         size = xmlfile.integer(given, "start", 0, self.where)
@@ -225,56 +228,13 @@ class VariableReader:
 
     def _clocks(self, outer: Element) -> Iterator[str]:
         for text in outer.get("clocks", "").split():
-            name, clock = self.names.get(xmlfile.as_integer(text) or 0, ("", None))
+            vr = xmlfile.as_integer(text)
+            name, clock = ("", None) if vr is None else self.names.get(vr, ("", None))
             if clock is None or local(clock) != "Clock":
                 raise self.error(
                     outer, f"clocks='{xmlfile.shortened(text)}' is not the value reference of a clock"
                 )
             yield name
-
-    def _clock(self, typed: Element, declared: Element) -> ClockInfo:
-        variability = typed.get("intervalVariability", declared.get("intervalVariability"))
-        if variability not in INTERVALS:
-            raise self.error(
-                typed, f"intervalVariability='{variability}' of a clock; valid: {', '.join(INTERVALS)}"
-            )
-        fraction = self._inherited(typed, declared, "supportsFraction")
-        info = ClockInfo(
-            variability,
-            supports_fraction=fraction,
-            can_be_deactivated=self._inherited(typed, declared, "canBeDeactivated"),
-        )
-        if not info.periodic:
-            return info
-        interval, shift = (self._clock_time(typed, declared, name) for name in ("interval", "shift"))
-        if (interval is not None and interval <= 0) or (shift is not None and shift < 0):
-            raise self.error(typed, "a clock's interval must be positive and its shift not negative")
-        if interval is None and variability != "tunable":
-            raise self.error(typed, f"clock with {variability} interval, but without intervalDecimal")
-        return ClockInfo(variability, interval, shift or Fraction(0), fraction, info.can_be_deactivated)
-
-    def _clock_time(self, typed: Element, declared: Element, name: str) -> Fraction | None:
-        """Interval or shift in s: the exact fraction if both its parts are given, else the decimal."""
-        texts = [
-            typed.get(key, declared.get(key)) for key in (f"{name}Counter", "resolution", f"{name}Decimal")
-        ]
-        if texts[0] is not None and texts[1] is not None:
-            counter, resolution = (xmlfile.as_integer(text or "") for text in texts[:2])
-            if counter is None or resolution is None or resolution <= 0:
-                raise self.error(typed, f"{name}Counter and resolution of a clock must be positive integers")
-            return Fraction(counter, resolution)
-        if texts[2] is None:
-            return None
-        return self._decimal(typed, f"{name}Decimal", texts[2].strip())
-
-    def _decimal(self, typed: Element, name: str, text: str) -> Fraction:
-        """Exactly what is written; its range is limited, so that the fraction stays short."""
-        value = xmlfile.as_number(text)
-        if value == 0.0:
-            return Fraction(0)
-        if value is None or len(text) > 40 or not 1e-15 < abs(value) < 1e15:
-            raise self.error(typed, f"{name}='{xmlfile.shortened(text)}' of a clock is no time in s")
-        return Fraction(text)
 
     # ---- elements ----
 
@@ -341,15 +301,7 @@ class VariableReader:
 
     def error(self, element: Element, message: str) -> InputError:
         """`message` with the element's line, and the name of the variable where the element has one."""
-        return InputError(self._at(element, message))
-
-    def _at(self, element: Element | None, message: str) -> str:
-        if element is None:
-            return f"{self.where}: {message}"
-        holder = element if element.get("name") else element.getparent()
-        name = None if holder is None else holder.get("name")
-        of = f" variable '{name}':" if name else ""
-        return f"{self.where} line {element.sourceline}:{of} {message}"
+        return InputError(xmlfile.at(element, message, self.where))
 
 
 def _hexadecimal(text: str) -> bytes | None:

@@ -115,6 +115,16 @@ def required(element: Element, name: str, where: str) -> str:
     return text
 
 
+def at(element: Element | None, message: str, where: str) -> str:
+    """`message` with the line of `element`, and the name of the element or of the one around it."""
+    if element is None:
+        return f"{where}: {message}"
+    holder = element if element.get("name") else element.getparent()
+    name = None if holder is None else holder.get("name")
+    of = f" {local(holder)} '{shortened(name)}':" if holder is not None and name else ""
+    return f"{where} line {element.sourceline}:{of} {message}"
+
+
 def shortened(text: str, limit: int = 60) -> str:
     """`text` as it fits into a message: one line, at most `limit` characters."""
     text = _one_line(text)
