@@ -20,6 +20,8 @@ void slw_core_free(slw_core *core);
 slw_cell *slw_core_cells(slw_core *core);
 slw_blob *slw_core_blobs(slw_core *core);
 const char *slw_core_error(const slw_core *core);
+/* The content of the string or binary in `cell`. */
+bool slw_core_write_blob(slw_core *core, uint32_t cell, const char *data, size_t size);
 
 /* ---- building the plan ---- */
 
