@@ -1,22 +1,51 @@
-"""FMU and SSP archives (zip) unpacked without trusting them: no path escape, no link, bounded size."""
+"""FMU and SSP archives (zip) unpacked without trusting them: no path escape, no link, bounded size.
+
+What is refused, by name: entries that leave the folder, links and devices, encryption, compression other
+than deflate, names that are not UTF-8 or do not fit a file system, two entries of one name (or of names
+that differ only in case), a name that is both file and folder, entries that share bytes of the archive,
+and more entries or bytes than any FMU needs.
+"""
 
 import errno
 import hashlib
 import shutil
 import stat
+import struct
 import tempfile
+import unicodedata
 import weakref
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
+from orchestrator.xmlfile import shortened
 from specs.errors import InputError, RunError
 
 MAX_ENTRIES = 20_000
+MAX_DIRECTORY = 8 * 1024**2  # bytes of the zip's directory, which is read whole before it is judged
+MAX_BYTES = 4 * 1024**3  # unpacked; a network's weights may be large, a zip bomb is larger
+# An archive may unpack to SMALL bytes however well it is compressed, beyond that to MAX_RATIO times its size.
+SMALL, MAX_RATIO = 256 * 1024**2, 200
+MAX_NAME, MAX_PATH = 255, 1024  # bytes
 # What the place to unpack to refuses, however sound the archive is.
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES)
-MAX_BYTES = 4 * 1024**3  # unpacked; a network's weights may be large, a zip bomb is larger
+# What zipfile raises on a damaged file, depending on where the damage is.
+DAMAGE = (
+    zipfile.BadZipFile,
+    EOFError,
+    NotImplementedError,
+    OverflowError,
+    RuntimeError,
+    ValueError,
+    struct.error,
+    zlib.error,
+    IndexError,
+)
+METHODS = {zipfile.ZIP_STORED: "stored", zipfile.ZIP_DEFLATED: "deflate"}
+UTF8_NAME, ENCRYPTED = 0x800, 0x1  # flags of an entry
+LOCAL_HEADER = 30  # bytes, without name and extra field
 
 
 class Scratch:
@@ -28,24 +57,33 @@ class Scratch:
 
 
 def unpack(path: Path, folder: Path, shown: str) -> None:
-    """Unpack the archive `path` into `folder`; `shown` names it in messages.
+    """Unpack the archive `path` into the new folder `folder`, whole or not at all; `shown` names it.
 
-    Raises InputError naming the file when it is missing, truncated or damaged, or when an entry is a link,
-    leaves the folder, or the whole is larger than MAX_BYTES; RunError when there is no room for it.
+    Raises InputError naming archive and entry when it is missing, truncated, damaged or refused (see above);
+    RunError when there is no room for it.
     """
     with opened(path, shown) as archive:
         entries = archive.infolist()
-        _check_size(entries, shown)
+        _check_size(entries, path.stat().st_size, shown)
+        _check_overlap(entries, shown)
+        names = _Names(shown)
         for entry in entries:
             _check_entry(entry, shown)
+            names.add(entry)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix="part-", dir=folder.parent))
         try:
-            archive.extractall(folder)
+            for entry in entries:
+                _extract(archive, entry, part)
+            part.replace(folder)
         except OSError as error:
             if error.errno in DISK_ERRORS:
                 raise RunError(f"{shown} cannot be unpacked into {folder}: {error.strerror}") from None
             raise InputError(f"{shown} is damaged: {error}") from None
-        except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
-            raise InputError(f"{shown} is damaged: {error}") from None
+        except DAMAGE as error:
+            raise InputError(f"{shown} is damaged: {shortened(str(error), 200)}") from None
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
 
 
 @contextmanager
@@ -54,9 +92,16 @@ def opened(path: Path, shown: str) -> Iterator[zipfile.ZipFile]:
     if not path.is_file():
         raise InputError(f"{shown} does not exist")
     try:
+        size = _directory_size(path)
+        if size > MAX_DIRECTORY:
+            raise InputError(f"{shown} has a directory of {size} bytes; accepted: {MAX_DIRECTORY}")
         archive = zipfile.ZipFile(path)
-    except (zipfile.BadZipFile, OSError) as error:
-        raise InputError(f"{shown} is truncated or not a zip archive ({error})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{shown} has an entry whose name is not UTF-8") from None
+    except (OSError, *DAMAGE) as error:
+        raise InputError(
+            f"{shown} is truncated or not a zip archive ({shortened(str(error), 120)})"
+        ) from None
     with archive:
         yield archive
 
@@ -67,18 +112,127 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _check_size(entries: list[zipfile.ZipInfo], shown: str) -> None:
+class _Names:
+    """The paths of an archive so far: each spelt one way, and either a file or a folder."""
+
+    def __init__(self, shown: str) -> None:
+        self.shown = shown
+        self.spelt: dict[str, str] = {}  # as a file system without case would have it -> as it is written
+        self.files: set[str] = set()
+        self.folders: set[str] = set()
+
+    def add(self, entry: zipfile.ZipInfo) -> None:
+        """Add an entry and the folders above it (InputError)."""
+        path = PurePosixPath(entry.filename)
+        for folder in (*list(path.parents)[-2::-1], *([path] if entry.is_dir() else [])):
+            if self._spelling(folder, entry) in self.files:
+                raise self._error(entry, "is inside of what is a file elsewhere in the archive")
+            self.folders.add(str(folder))
+        if not entry.is_dir():
+            name = self._spelling(path, entry)
+            if name in self.files:
+                raise self._error(entry, "is in the archive twice")
+            if name in self.folders:
+                raise self._error(entry, "is both a file and a folder")
+            self.files.add(name)
+
+    def _spelling(self, path: PurePosixPath, entry: zipfile.ZipInfo) -> str:
+        name = str(path)
+        other = self.spelt.setdefault(unicodedata.normalize("NFC", name).casefold(), name)
+        if other != name:
+            raise self._error(entry, f"differs from '{shortened(other)}' only in case")
+        return name
+
+    def _error(self, entry: zipfile.ZipInfo, message: str) -> InputError:
+        return InputError(f"{self.shown}: entry '{shortened(entry.filename)}' {message}")
+
+
+def _check_size(entries: list[zipfile.ZipInfo], archive_size: int, shown: str) -> None:
     size = sum(entry.file_size for entry in entries)
     if len(entries) > MAX_ENTRIES or size > MAX_BYTES:
         raise InputError(
             f"{shown} has {len(entries)} entries of {size} bytes; "
             f"accepted: {MAX_ENTRIES} entries, {MAX_BYTES} bytes"
         )
+    if size > max(SMALL, MAX_RATIO * archive_size):
+        raise InputError(
+            f"{shown} of {archive_size} bytes unpacks to {size} bytes; accepted: {MAX_RATIO} times as much"
+        )
+
+
+def _check_overlap(entries: list[zipfile.ZipInfo], shown: str) -> None:
+    """Entries that share their bytes make a small archive unpack to a large one."""
+    end, before = 0, ""
+    for entry in sorted(entries, key=lambda entry: entry.header_offset):
+        if entry.header_offset < 0:
+            raise InputError(f"{shown} is damaged: entry '{shortened(entry.filename)}' begins before it")
+        if entry.header_offset < end:
+            raise InputError(
+                f"{shown}: entries '{shortened(before)}' and '{shortened(entry.filename)}' share their bytes"
+            )
+        end, before = entry.header_offset + LOCAL_HEADER + entry.compress_size, entry.filename
 
 
 def _check_entry(entry: zipfile.ZipInfo, shown: str) -> None:
-    name = PurePosixPath(entry.filename.replace("\\", "/"))
-    if name.is_absolute() or ".." in name.parts or ":" in entry.filename:
-        raise InputError(f"{shown}: entry '{entry.filename}' leaves the archive")
-    if stat.S_ISLNK(entry.external_attr >> 16):
-        raise InputError(f"{shown}: entry '{entry.filename}' is a link")
+    reason = _unfit_name(entry) or _unfit_content(entry)
+    if reason:
+        raise InputError(f"{shown}: entry '{shortened(entry.filename)}' {reason}")
+
+
+def _unfit_name(entry: zipfile.ZipInfo) -> str:
+    """Why a name is refused, or ""."""
+    name = entry.orig_filename
+    path = PurePosixPath(name.replace("\\", "/"))
+    if path.is_absolute() or ".." in path.parts or ":" in name:
+        return "leaves the archive"
+    if not path.parts or "\\" in name or not name.isprintable():
+        return "has a name with characters that no file name may have"
+    if not entry.flag_bits & UTF8_NAME and not name.isascii():
+        return "has a name that is not UTF-8"
+    if len(name.encode()) > MAX_PATH or any(len(part.encode()) > MAX_NAME for part in path.parts):
+        return "has too long a name"
+    return ""
+
+
+def _unfit_content(entry: zipfile.ZipInfo) -> str:
+    """Why the kind of an entry is refused, or ""."""
+    kind = stat.S_IFMT(entry.external_attr >> 16)
+    if kind == stat.S_IFLNK:
+        return "is a link"
+    if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
+        return "is neither a file nor a folder"
+    if entry.flag_bits & ENCRYPTED:
+        return "is encrypted"
+    if entry.compress_type not in METHODS:
+        return f"is compressed by method {entry.compress_type}; valid: {', '.join(METHODS.values())}"
+    return ""
+
+
+def _extract(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:
+    target = folder / PurePosixPath(entry.filename)
+    if entry.is_dir():
+        target.mkdir(parents=True, exist_ok=True)
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with archive.open(entry) as source, target.open("xb") as file:
+        shutil.copyfileobj(source, file)
+
+
+def _directory_size(path: Path) -> int:
+    """Bytes of the zip's directory as its end record states them; 0 where there is none to be found."""
+    with path.open("rb") as file:
+        end = file.seek(0, 2)
+        start = file.seek(max(0, end - 66_000))
+        tail = file.read()
+        at = tail.rfind(b"PK\x05\x06")
+        if at < 0 or len(tail) < at + 22:
+            return 0
+        (size,) = struct.unpack_from("<L", tail, at + 12)
+        if size != 0xFFFFFFFF or at < 20 or not tail.startswith(b"PK\x06\x07", at - 20):
+            return min(size, start + at)
+        (record,) = struct.unpack_from("<Q", tail, at - 12)
+        if record + 56 > end:
+            return 0
+        file.seek(record)
+        (long_size,) = struct.unpack_from("<Q", file.read(56), 40)
+        return min(long_size, end)

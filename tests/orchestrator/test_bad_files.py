@@ -1,10 +1,12 @@
 """Archives, FMUs and libraries that are damaged, foreign or hostile; and what the command makes of it."""
 
 import errno
+import shutil
 import signal
 import subprocess
 import sys
 import time
+import warnings
 import zipfile
 from pathlib import Path
 
@@ -12,6 +14,8 @@ import numpy as np
 import pytest
 
 from fmus.compiler import host
+from orchestrator import archive
+from orchestrator.archive import unpack
 from orchestrator.check import load_system
 from records.record import read, recording_path
 from specs.errors import InputError, RunError
@@ -116,24 +120,144 @@ def test_a_library_that_is_none_and_one_that_refuses(tmp_path: Path) -> None:
         simulate(system, 1)
 
 
-@pytest.mark.parametrize("name", ["../evil", "/evil", "a/../../evil", "c:evil"])
+Entry = tuple[str | zipfile.ZipInfo, bytes]
+
+
+def archived(folder: Path, *entries: Entry, name: str = "odd.ssp") -> Path:
+    """A deflated archive of entries, written as they are."""
+    path = folder / name
+    with warnings.catch_warnings(), zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        warnings.simplefilter("ignore")  # zipfile warns of second entries
+        for entry, content in entries:
+            archive.writestr(entry, content)
+    return path
+
+
+def unpacking(path: Path) -> str:
+    """With what message an archive is refused; nothing is left of it."""
+    target = path.parent / "unpacked" / "here"
+    with pytest.raises(InputError) as caught:
+        unpack(path, target, "archive x")
+    assert not target.parent.exists() or not list(target.parent.iterdir())
+    message = str(caught.value)
+    assert len(message.splitlines()) == 1
+    return message
+
+
+def special(name: str, mode: int) -> zipfile.ZipInfo:
+    """An entry with a Unix mode."""
+    entry = zipfile.ZipInfo(name)
+    entry.external_attr = mode << 16
+    return entry
+
+
+@pytest.mark.parametrize("name", ["../evil", "/evil", "a/../../evil", "c:evil", "..\\evil"])
 def test_archives_that_leave_their_folder(tmp_path: Path, name: str) -> None:
-    path = tmp_path / "evil.ssp"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr(name, b"x")
+    path = archived(tmp_path, (name, b"x"))
     with pytest.raises(InputError, match="leaves the archive"):
         load_system(path)
     assert not (tmp_path.parent / "evil").exists()
 
 
-def test_links_in_archives(tmp_path: Path) -> None:
-    path = tmp_path / "link.ssp"
-    entry = zipfile.ZipInfo("SystemStructure.ssd")
-    entry.external_attr = 0o120777 << 16
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr(entry, "/etc/passwd")
-    with pytest.raises(InputError, match="is a link"):
-        load_system(path)
+LONG = "n" * 256
+
+
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        ([(special("SystemStructure.ssd", 0o120777), b"/etc/passwd")], "'SystemStructure.ssd' is a link"),
+        ([(special("pipe", 0o010644), b"")], "entry 'pipe' is neither a file nor a folder"),
+        ([(special("disk", 0o060644), b"")], "entry 'disk' is neither a file nor a folder"),
+        ([("a", b"1"), ("a", b"2")], "entry 'a' is in the archive twice"),
+        ([("a/b", b"1"), ("a//b", b"2")], "is in the archive twice"),
+        ([("a/b", b"1"), ("./a/b", b"2")], "is in the archive twice"),
+        ([("a", b"1"), ("A", b"2")], "entry 'A' differs from 'a' only in case"),
+        ([("a/x", b"1"), ("A/y", b"2")], "entry 'A/y' differs from 'a' only in case"),
+        ([("a\u0308", b"1"), ("ä", b"2")], "differs from"),
+        ([("a", b"1"), ("a/b", b"2")], "entry 'a/b' is inside of what is a file elsewhere"),
+        ([("a/b", b"1"), ("a", b"2")], "entry 'a' is both a file and a folder"),
+        ([("a/", b""), ("a", b"2")], "entry 'a' is both a file and a folder"),
+        ([(LONG, b"")], "has too long a name"),
+        ([("/".join("abcd" * 300), b"")], "has too long a name"),
+        ([("a\nb", b"")], "has a name with characters that no file name may have"),
+        ([("a\\b", b"")], "has a name with characters that no file name may have"),
+        ([("./", b"")], "has a name with characters"),
+    ],
+)
+def test_entries_that_are_refused(tmp_path: Path, entries: list[Entry], words: str) -> None:
+    message = unpacking(archived(tmp_path, *entries))
+    assert words in message
+    assert message.startswith("archive x: entry ")
+
+
+def patched(path: Path, *changes: tuple[bytes, int, bytes]) -> Path:
+    """Overwrite bytes in an archive, each at an offset from the last place of a signature."""
+    content = bytearray(path.read_bytes())
+    for signature, offset, new in changes:
+        at = content.rindex(signature) + offset
+        content[at : at + len(new)] = new
+    path.write_bytes(content)
+    return path
+
+
+LOCAL, CENTRAL, END = b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ([(CENTRAL, 8, b"\x01"), (LOCAL, 6, b"\x01")], "entry 'name' is encrypted"),
+        ([(CENTRAL, 10, b"\x0c"), (LOCAL, 8, b"\x0c")], "is compressed by method 12; valid: stored"),
+        ([(CENTRAL, 46, b"n\xe4me"), (LOCAL, 30, b"n\xe4me")], "has a name that is not UTF-8"),
+        ([(CENTRAL, 46, b"n\xe4me"), (CENTRAL, 9, b"\x08")], "has an entry whose name is not UTF-8"),
+        ([(CENTRAL, 46, b"n\x00me")], "has a name with characters that no file name may have"),
+        ([(CENTRAL, 46, b"came")], "is damaged: File name in directory"),
+        ([(CENTRAL, 16, b"\x00\x00")], "is damaged: Bad CRC-32"),
+        ([(CENTRAL, 24, b"\x02\x00\x00\x00")], "is damaged: Bad CRC-32"),  # longer than it says
+        ([(CENTRAL, 24, b"\xff\xff\xff\x7f")], "bytes unpacks to 2147483647 bytes; accepted: 200 times"),
+        ([(CENTRAL, 24, b"\xff\xff\xff\xff")], "unpacks to 4294967295 bytes"),  # zip64 without sizes
+        ([(CENTRAL, 42, b"\xf0\xff\xff\x7f")], "is damaged"),
+        ([(END, 12, b"\xff\xff\xff\x7f")], "is truncated or not a zip archive"),
+        ([(END, 16, b"\xff\xff\xff\x7f")], "is damaged: entry 'name' begins before it"),
+        ([(LOCAL, 30 + 4, b"\xff\xff")], "is damaged"),  # no deflate stream
+    ],
+)  # fmt: skip
+def test_archives_that_lie(tmp_path: Path, changes: list[tuple[bytes, int, bytes]], words: str) -> None:
+    path = patched(archived(tmp_path, ("name", b"content" * 5)), *changes)
+    assert words in unpacking(path)
+
+
+def test_entries_that_share_their_bytes(tmp_path: Path) -> None:
+    path = archived(tmp_path, ("a", b"x" * 50), ("b", b"x" * 50))
+    patched(path, (CENTRAL, 42, b"\x00\x00"))
+    assert "entries 'a' and 'b' share their bytes" in unpacking(path)
+
+
+def test_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    many = archived(tmp_path, *((f"{i}", b"") for i in range(30)))
+    monkeypatch.setattr(archive, "MAX_ENTRIES", 29)
+    assert "has 30 entries of 0 bytes; accepted: 29 entries" in unpacking(many)
+    monkeypatch.setattr(archive, "MAX_DIRECTORY", 100)
+    assert "has a directory of" in unpacking(many)
+    monkeypatch.undo()
+    large = archived(tmp_path, ("zeros", bytes(2_000_000)))
+    unpack(large, tmp_path / "fine", "archive x")
+    monkeypatch.setattr(archive, "SMALL", 1_000_000)
+    assert "unpacks to 2000000 bytes; accepted: 200 times as much" in unpacking(large)
+    monkeypatch.setattr(archive, "MAX_BYTES", 1_999_999)
+    assert "accepted: 20000 entries, 1999999 bytes" in unpacking(large)
+
+
+def test_entities_in_xml(tmp_path: Path) -> None:
+    lol = "".join(f'<!ENTITY l{i + 1} "{f"&l{i};" * 10}">' for i in range(9))
+    head = f'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY l0 "ha">{lol}]>'
+    outside = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY l9 SYSTEM "file:///etc/passwd">]>'
+    for text in (head, outside, '<!DOCTYPE x SYSTEM "http://localhost/x.dtd">'):
+        xml = text + '<fmiModelDescription fmiVersion="2.0" modelName="&l9;"/>'
+        broken = repacked(tmp_path, fmu("speed"), {"modelDescription.xml": xml.encode()})
+        message = refused(tmp_path, OSCILLATOR, {"position": fmu("position"), "speed": broken})
+        assert "component speed" in message
+        assert "document type" in message or "is not valid XML" in message
 
 
 # ---- through the command ----
@@ -200,6 +324,6 @@ def test_no_room_to_unpack_is_no_damage(tmp_path: Path, monkeypatch: pytest.Monk
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(zipfile.ZipFile, "extractall", full)
+    monkeypatch.setattr(shutil, "copyfileobj", full)
     with pytest.raises(RunError, match=r"cannot be unpacked into .*: No space left on device"):
         load(tmp_path, OSCILLATOR, NAMES)
