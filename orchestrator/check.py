@@ -6,6 +6,7 @@ from pathlib import Path
 from orchestrator import archive
 from orchestrator.components import load_components
 from orchestrator.description import SYSTEM, Description
+from orchestrator.single import system_of_fmu
 from orchestrator.ssd import read_ssd
 from orchestrator.system import ALGORITHMS, Component, Settings, Source, System, SystemInput
 from orchestrator.units import conversion
@@ -18,11 +19,13 @@ SSD_NAME = "SystemStructure.ssd"
 
 
 def load_system(path: Path | str) -> System:
-    """Read and check a system: `.ssp`, or `.ssd` with its FMUs beside it.
+    """Read and check a system: `.ssp`, `.ssd` with its FMUs beside it, or a bare `.fmu`.
 
     Raises InputError, naming element and line, for whatever could not be simulated as described.
     """
     path = Path(path)
+    if path.suffix == ".fmu":
+        return system_of_fmu(path)
     files = archive.Scratch()
     ssd = path if path.suffix == ".ssd" else files.path / "ssp" / SSD_NAME
     if ssd != path:

@@ -12,7 +12,7 @@ from specs.errors import InputError
 
 
 def simulate(
-    system: Annotated[Path, typer.Argument(metavar="FILE.ssp", help="The system to run.")],
+    system: Annotated[Path, typer.Argument(metavar="FILE", help="The system to run: .ssp, .ssd or .fmu.")],
     out: Annotated[
         Path,
         typer.Option("--out", metavar="FILE.parquet", callback=check_target, help="The record to write."),
@@ -20,6 +20,10 @@ def simulate(
     stop: Annotated[
         float | None,
         typer.Option("--stop", metavar="S", min=0.0, help="Simulated time in s (default: the system's)."),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option("--step", metavar="S", help="Step in s of a bare FMU (default: the one it asks for)."),
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the sensor noise.")] = None,
     algorithm: Annotated[
@@ -29,8 +33,11 @@ def simulate(
     """Run a system with its start values and record it."""
     from orchestrator.check import load_system
     from orchestrator.simulate import simulate as run
+    from orchestrator.single import system_of_fmu
 
-    loaded = load_system(system)
+    if step is not None and system.suffix != ".fmu":
+        raise InputError(f"--step is for a bare .fmu; {system} states its step itself")
+    loaded = load_system(system) if step is None else system_of_fmu(system, step)
     for warning in loaded.warnings:
         typer.echo(f"slewright: warning: {warning}", err=True)
     stop = loaded.stop_s if stop is None else stop

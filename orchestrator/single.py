@@ -1,0 +1,99 @@
+"""A bare FMU as a system of one component: its inputs and outputs are those of the system."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from orchestrator import archive
+from orchestrator.components import find_library
+from orchestrator.conversion import UNCHANGED
+from orchestrator.modeldescription import ModelDescription, Variable, parse, size_of
+from orchestrator.system import Component, Link, Settings, Source, System, SystemInput, SystemOutput
+from specs.errors import InputError
+
+DEFAULT_STEP_S = 0.02
+
+
+def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
+    """Read and check an FMU; its step is `step_s`, else that of its default experiment, else 20 ms.
+
+    Raises InputError for an FMU that is damaged, wrong, not for this platform, or that cannot take the step.
+    """
+    path = Path(path)
+    files = archive.Scratch()
+    shown = f"FMU {path}"
+    component = _component(path, files.path / "fmu", shown)
+    model, name = component.model, component.name
+    step = _step(model, step_s, shown)
+    structural = model.structural()
+    inputs = [v for v in _by_reference(model, "input") if v.type != "Clock"]
+    outputs = [v for v in model.variables.values() if v.causality == "output" and v.type != "Clock"]
+    return System(
+        name=model.model_name or name,
+        step_s=step,
+        stop_s=model.default_stop_s,
+        settings=Settings(),
+        components={name: component},
+        links=tuple(Link(Source("", v.name), name, v.name, UNCHANGED, v.line) for v in inputs),
+        inputs={v.name: _input(v, size_of(v, structural)) for v in inputs},
+        outputs={
+            v.name: SystemOutput(
+                v.name, v.unit_name, Source(name, v.name), UNCHANGED, v.type, size_of(v, structural), v.line
+            )
+            for v in outputs
+        },
+        warnings=tuple(_warnings(model, step_s, step, shown)),
+        files=files,
+    )
+
+
+def _component(path: Path, folder: Path, shown: str) -> Component:
+    archive.unpack(path, folder, shown)
+    xml = folder / "modelDescription.xml"
+    if not xml.is_file():
+        raise InputError(f"{shown} holds no modelDescription.xml")
+    model = parse(xml.read_bytes(), shown)
+    library = find_library(folder, model, shown)
+    return Component(model.model_identifier, model, folder, library, archive.sha256(path), {})
+
+
+def _by_reference(model: ModelDescription, causality: str) -> Iterator[Variable]:
+    """Variables of a causality, of those that are aliases only the first: an input is set once."""
+    seen: set[tuple[str, int]] = set()
+    for v in model.variables.values():
+        key = (v.type if model.fmi_version == 2 else "", v.vr)
+        if v.causality == causality and key not in seen:
+            seen.add(key)
+            yield v
+
+
+def _input(v: Variable, size: int) -> SystemInput:
+    start = 0.0 if v.start is None else v.start  # every input has one: modelchecks.py
+    return SystemInput(v.name, v.unit_name, v.unit, start, v.type, size)
+
+
+def _step(model: ModelDescription, given: float | None, shown: str) -> float:
+    if given is not None and not (given > 0.0 and math.isfinite(given)):
+        raise InputError(f"{shown}: a step must be a positive time in s, not {given}")
+    internal = model.fixed_internal_step_s
+    step = given or model.default_step_s
+    if step is None:
+        step = DEFAULT_STEP_S if internal is None else internal * max(1, round(DEFAULT_STEP_S / internal))
+    if internal is not None:
+        ratio = step / internal
+        if not 0.5 < ratio < 2**53 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+            raise InputError(
+                f"{shown}: a step of {step:g} s is no multiple of its fixed internal step, {internal:g} s"
+            )
+    return step
+
+
+def _warnings(model: ModelDescription, given: float | None, step: float, shown: str) -> Iterator[str]:
+    yield from model.warnings
+    if given is None and model.default_step_s is None:
+        yield f"{shown} names no step; it is run with {step:g} s"
+    if model.default_start_s:
+        yield f"{shown} wants to start at {model.default_start_s:g} s; it is started at 0 s"
+    for v in model.variables.values():
+        if v.clock and v.causality == "input" and not (v.clock.periodic and v.clock.interval_s):
+            yield f"{shown}: input clock {v.name} has no fixed period and never ticks"
