@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from slewright.commands import build, calibrate, dossier, fit, generate, simulate, tune, verify
+from slewright.commands import build, calibrate, check, dossier, fit, generate, simulate, tune, verify
 from specs.version import VERSION
 
 ROOMS = ("specs", "records", "fmus", "orchestrator", "runtime", "baselines", "slewright")
@@ -52,6 +52,7 @@ def options(
 
 app.command()(verify.verify)
 app.command()(simulate.simulate)
+app.command()(check.check)
 app.command()(build.build)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
