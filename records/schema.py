@@ -1,10 +1,15 @@
-"""Form of a record: columns with unit and description, and the file metadata, as Arrow schema metadata."""
+"""Form of a record: columns with type, unit and description, and the file metadata, as Arrow schema metadata.
+
+Rows arrive as cells of 8 bytes, a float64 matrix: a column of whole numbers or Booleans holds the bits of an
+int64 (uint64: of a uint64) in it.  Strings and binaries have no cell, so they are not recorded.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from specs.errors import InputError
@@ -13,13 +18,23 @@ META_KEY = b"slewright"
 FORMAT = 1  # raised when a reader of the old form could misread a new file
 
 
+# Column type -> how Arrow stores it, and as what its cells are read.
+TYPES: dict[str, tuple[pa.DataType, type]] = {
+    "float64": (pa.float64(), np.float64),
+    "int64": (pa.int64(), np.int64),
+    "uint64": (pa.uint64(), np.uint64),
+    "bool": (pa.bool_(), np.int64),
+}
+
+
 @dataclass(frozen=True)
 class Column:
-    """One recorded variable; `unit` as in specs/units.py."""
+    """One recorded variable; `unit` as in specs/units.py, `type` one of TYPES."""
 
     name: str
     unit: str
     description: str
+    type: str = "float64"
 
 
 TIME = Column("time", "s", "Time since the start of the run: tick times step")
@@ -28,7 +43,8 @@ TIME = Column("time", "s", "Time since the start of the run: tick times step")
 def resolve_columns(columns: Sequence[Column | str]) -> list[Column]:
     """Return the columns with unit and description; a name is looked up in specs/signals.toml.
 
-    Raises InputError when the first column is not `time`, a name is unknown or a name comes twice.
+    Raises InputError when the first column is not `time`, a name is unknown or comes twice, or a type cannot
+    be recorded.
     """
     resolved = [c if isinstance(c, Column) else _of_signal(c) for c in columns]
     names = [c.name for c in resolved]
@@ -37,6 +53,11 @@ def resolve_columns(columns: Sequence[Column | str]) -> list[Column]:
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
         raise InputError(f"a record has each column once; given twice: {', '.join(twice)}")
+    for column in resolved:
+        if column.type not in TYPES:
+            raise InputError(
+                f"column {column.name} of type {column.type} cannot be recorded; valid: {', '.join(TYPES)}"
+            )
     return resolved
 
 
@@ -50,10 +71,13 @@ def _of_signal(name: str) -> Column:
 
 
 def make_schema(columns: Sequence[Column], meta: Mapping[str, Any]) -> pa.Schema:
-    """Return the Arrow schema (float64 columns) that carries units, descriptions and `meta`."""
+    """Return the Arrow schema that carries units, descriptions and `meta`."""
     fields = [
         pa.field(
-            c.name, pa.float64(), False, {b"unit": c.unit.encode(), b"description": c.description.encode()}
+            c.name,
+            TYPES[c.type][0],
+            False,
+            {b"unit": c.unit.encode(), b"description": c.description.encode()},
         )
         for c in columns
     ]
@@ -81,8 +105,28 @@ def decode_meta(schema: pa.Schema, path: object) -> dict[str, Any]:
 
 
 def columns_of(schema: pa.Schema) -> list[Column]:
-    """Return the columns of a record's schema."""
-    return [Column(f.name, _text(f, b"unit"), _text(f, b"description")) for f in schema]
+    """Return the columns of a record's schema; of a type that is none of TYPES, Arrow's name of it."""
+    names = {arrow: name for name, (arrow, _) in TYPES.items()}
+    return [
+        Column(f.name, _text(f, b"unit"), _text(f, b"description"), names.get(f.type, str(f.type)))
+        for f in schema
+    ]
+
+
+def arrays(columns: Sequence[Column], cells: np.ndarray, rows: slice = slice(None)) -> list[pa.Array]:
+    """Arrow arrays of the `rows` of cells [columns, n], C-contiguous; numbers are not copied."""
+    whole = pa.py_buffer(cells)
+    first, stop, _ = rows.indices(cells.shape[1])
+    width = cells.shape[1] * cells.itemsize
+    n, size, offset = stop - first, (stop - first) * cells.itemsize, first * cells.itemsize
+    made = []
+    for i, column in enumerate(columns):
+        if column.type == "bool":
+            made.append(pa.array(cells[i, first:stop].view(np.int64) != 0))
+        else:
+            part = whole.slice(i * width + offset, size)
+            made.append(pa.Array.from_buffers(TYPES[column.type][0], n, [None, part]))
+    return made
 
 
 def _text(field: pa.Field, key: bytes) -> str:

@@ -1,5 +1,6 @@
 """What is recorded stays: through closing, a killed process, a full disk, an interrupt."""
 
+import hashlib
 import resource
 import signal as signals
 import subprocess
@@ -8,6 +9,7 @@ import textwrap
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -35,7 +37,13 @@ def test_what_was_written_is_read(tmp_path):
     assert np.array_equal(np.column_stack([record.column(c.name) for c in COLUMNS]), rows(1000))
     assert record.names == ["time", "slew", "p"]
     assert record.units == {"time": "s", "slew": "rad", "p": "Pa"}
-    assert record.meta == {**META, "complete": True, "reason": "", "format": 1}
+    assert record.meta == {
+        **META,
+        "complete": True,
+        "reason": "",
+        "format": 1,
+        "run_hash": record.computed_hash(),
+    }
     assert (len(record), record.complete, record.reason) == (1000, True, "")
     assert not recording_path(tmp_path / "run.parquet").exists()
     assert "slew" in record
@@ -126,7 +134,8 @@ def test_a_killed_process_loses_less_than_a_batch(tmp_path):
         import os, signal
         from tests.records.test_record import COLUMNS, META, RecordWriter, rows
         writer = RecordWriter({str(path)!r}, COLUMNS, META)
-        writer.append(rows({2 * BATCH_ROWS + 17}))
+        writer.append(rows({2 * BATCH_ROWS}))
+        writer.append(rows(17))
         os.kill(os.getpid(), signal.SIGKILL)
     """
     done = subprocess.run([sys.executable, "-c", textwrap.dedent(script)], check=False)
@@ -142,7 +151,8 @@ def test_a_killed_process_loses_less_than_a_batch(tmp_path):
 @pytest.mark.parametrize("cut", [1, 100, 2000, 5000])
 def test_a_recording_cut_off_anywhere_gives_its_whole_batches(tmp_path, cut):
     writer = RecordWriter(tmp_path / "run.parquet", COLUMNS, META)
-    writer.append(rows(4 * BATCH_ROWS))
+    for batch in np.split(rows(4 * BATCH_ROWS), 4):
+        writer.append(batch)
     recording = recording_path(tmp_path / "run.parquet")
     whole = recording.read_bytes()
     recording.write_bytes(whole[:-cut])
@@ -256,3 +266,147 @@ def test_a_recording_without_a_head_is_named(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(InputError, match="damaged or not a run record"):
         read(tmp_path / "run.parquet")
+
+
+# ---- types, and the run hash ----
+
+TYPED = [
+    Column("time", "s", ""),
+    Column("motor.mode", "1", "Mode", "int64"),
+    Column("big", "1", "", "uint64"),
+    Column("tool.on", "1", "", "bool"),
+    Column("x", "m", ""),
+]
+
+
+def typed_rows(n: int) -> np.ndarray:
+    cells = np.zeros((n, 5))
+    cells[:, 0] = np.arange(n) * 0.02
+    bits = cells.view(np.int64)
+    bits[:, 1] = np.arange(n) - 2**62
+    cells.view(np.uint64)[:, 2] = 2**64 - 1 - np.arange(n, dtype=np.uint64)
+    bits[:, 3] = np.arange(n) % 3 == 0
+    cells[:, 4] = np.where(np.arange(n) % 2, np.nan, -0.0)
+    return cells
+
+
+def write_typed(path: Path, n: int = 700) -> Record:
+    with RecordWriter(path, TYPED, META) as writer:
+        writer.append(typed_rows(n))
+    return read(path)
+
+
+def test_whole_numbers_and_booleans_keep_every_bit(tmp_path):
+    record, n = write_typed(tmp_path / "run.parquet"), np.arange(700)
+    for found in (record, Record.from_rows(TYPED, typed_rows(700), META)):
+        assert np.array_equal(found.column("motor.mode"), n - 2**62)
+        assert np.array_equal(found.column("big"), 2**64 - 1 - n.astype(np.uint64))
+        assert np.array_equal(found.column("tool.on"), n % 3 == 0)
+        kinds = [found.column(c.name).dtype for c in TYPED]
+        assert kinds == [np.float64, np.int64, np.uint64, np.bool_, np.float64]
+    assert record.table.schema.field("motor.mode").metadata[b"description"] == b"Mode"
+
+
+def test_a_recording_keeps_the_types(tmp_path):
+    writer = RecordWriter(tmp_path / "run.parquet", TYPED, META)
+    writer.append(typed_rows(BATCH_ROWS))
+    assert np.array_equal(read(tmp_path / "run.parquet").column("motor.mode"), np.arange(BATCH_ROWS) - 2**62)
+    writer.close()
+
+
+def test_a_type_that_has_no_cell_is_refused(tmp_path):
+    with pytest.raises(
+        InputError, match=r"column text of type String cannot be recorded; valid: float64, int64"
+    ):
+        RecordWriter(tmp_path / "run.parquet", [*COLUMNS, Column("text", "", "", "String")], META)
+
+
+def test_the_run_hash_is_that_of_its_definition(tmp_path):
+    """Computed here a second time, from what records/hashing.py says."""
+    record = write_typed(tmp_path / "run.parquet")
+    head = (
+        '{"columns":[["time","float64","s"],["motor.mode","int64","1"],["big","uint64","1"],'
+        '["tool.on","bool","1"],["x","float64","m"]],"meta":{"complete":true,"reason":"","seed":3,'
+        '"step_s":0.02,"system":"reference"},"rows":700}'
+    )
+    values = [typed_rows(700)[:, i].tobytes() for i in range(5)]
+    whole = hashlib.sha256(head.encode() + b"".join(hashlib.sha256(v).digest() for v in values))
+    assert record.run_hash == whole.hexdigest() == record.computed_hash()
+
+
+def test_the_run_hash_depends_on_what_was_run_only(tmp_path):
+    one = read(write(tmp_path / "one.parquet")).run_hash
+    assert len(one) == 64
+    assert read(write(tmp_path / "two.parquet", pieces=99)).run_hash == one
+    assert Record.from_rows(COLUMNS, rows(1000), META).run_hash == one
+    assert read(write(tmp_path / "clock.parquet", measured={"seconds": 1.2})).run_hash == one
+    table = read(write(tmp_path / "plain.parquet")).table
+    pq.write_table(table, tmp_path / "plain.parquet", compression="none", row_group_size=77)
+    assert read(tmp_path / "plain.parquet").computed_hash() == one
+
+
+def test_the_run_hash_is_another_for_anything_else(tmp_path):
+    one = Record.from_rows(COLUMNS, rows(1000), META).run_hash
+    changed = rows(1000)
+    changed[-1, -1] = np.nextafter(changed[-1, -1], 0.0)
+    others = [
+        Record.from_rows(COLUMNS, changed, META),
+        Record.from_rows(COLUMNS, rows(999), META),
+        Record.from_rows(COLUMNS, rows(1000), {**META, "seed": 4}),
+        Record.from_rows(COLUMNS, rows(1000), {**META, "complete": False}),
+        Record.from_rows([*COLUMNS[:2], Column("q", "Pa", "")], rows(1000), META),
+        Record.from_rows([*COLUMNS[:2], Column("p", "bar", "")], rows(1000), META),
+        Record.from_rows([*COLUMNS[:2], Column("p", "Pa", "", "int64")], rows(1000), META),
+    ]
+    hashes = [record.run_hash for record in others]
+    assert len({one, *hashes}) == 1 + len(others)
+
+
+def test_a_changed_record_is_told_by_its_hash(tmp_path):
+    path = write(tmp_path / "run.parquet")
+    table = read(path).table
+    higher = table.set_column(1, table.schema.field(1), pa.array(table.column(1).to_numpy() + 1e-9))
+    pq.write_table(higher, path)
+    assert read(path).computed_hash() != read(path).run_hash
+
+
+def test_wide_records_have_smaller_row_groups(tmp_path):
+    columns = [COLUMNS[0], *(Column(f"c{i}", "1", "") for i in range(600))]
+    with RecordWriter(tmp_path / "run.parquet", columns, {}) as writer:
+        writer.append(np.arange(8000.0 * 601).reshape(8000, 601))
+    file = pq.ParquetFile(tmp_path / "run.parquet")
+    groups = [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)]
+    assert groups == [6750, 1250]
+    assert np.array_equal(read(tmp_path / "run.parquet").column("c599"), np.arange(8000) * 601.0 + 600)
+
+
+def test_a_disk_that_fills_up_in_a_long_run_leaves_the_recording_whole(tmp_path, small_disk):
+    """The Parquet file grows beside it: when that cannot go on, it makes room."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_600_000, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+    writer = RecordWriter(tmp_path / "run.parquet", COLUMNS, META)
+
+    def run():
+        for block in np.array_split(rows(100_000), 200):
+            writer.append(block)
+
+    with pytest.raises(RunError, match="the disk is full"):
+        run()
+    writer.close(complete=False, reason="disk full")
+    assert [p.name for p in tmp_path.iterdir()] == ["run.parquet.recording"]
+    record = read(tmp_path / "run.parquet")
+    assert len(record) > 32_000
+    assert np.array_equal(record.time, np.arange(len(record)) * 0.02)
+
+
+def test_an_interrupt_while_a_group_is_written_loses_and_doubles_nothing(tmp_path, monkeypatch):
+    writer = RecordWriter(tmp_path / "run.parquet", COLUMNS, META)
+    with monkeypatch.context() as patch:
+        patch.setattr("pyarrow.parquet.ParquetWriter.write_table", _interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            writer.append(rows(33_000))
+    writer.close(complete=False, reason="interrupted")
+    assert np.array_equal(read(tmp_path / "run.parquet").time, rows(32_000)[:, 0])
+
+
+def _interrupted(*_args: object, **_more: object) -> None:
+    raise KeyboardInterrupt
