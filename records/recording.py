@@ -114,7 +114,7 @@ class RecordWriter:
 
     @contextlib.contextmanager
     def _noticing(self) -> Iterator[None]:
-        """What the disk refuses becomes a RunError; after it, or an interrupt here, nothing more is written."""
+        """What the disk refuses becomes a RunError; after it, or an interrupt, nothing more is written."""
         try:
             yield
         except KeyboardInterrupt:
