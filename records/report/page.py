@@ -13,6 +13,7 @@ from records.metrics import Verdict
 from records.report import curves, response, tables, views
 from records.report.figures import Figure, Pair
 from records.results import Results, Runs, accepted, evaluate
+from specs.faults import read_faults
 
 # Nothing may be loaded from anywhere: the page is complete, and a reader's browser holds it to that.
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -152,11 +153,20 @@ def _scenario(name: str, pair: Pair, results: Results, drawn: list[Figure]) -> s
     )
     load = next((r.meta["load_kg"] for r in pair.values() if r.meta.get("load_kg") is not None), None)
     said = f"<p class='soft'>Load in the grab: {load:.0f} kg.</p>" if load is not None else ""
+    said += "".join(f"<p class='incomplete'>{escape(line)}</p>" for line in _provoked(pair))
     return (
         f"<h2 id='{escape(name)}'>{escape(tables.readable(name))}</h2>{said}{broken}"
         f"<div class='scroll'>{tables.per_target(results[name])}</div>"
         f"<div class='figures'>{''.join(map(_figure, made))}</div>"
     )
+
+
+def _provoked(pair: Pair) -> list[str]:
+    """What the scenario did to its runs beside driving them, each in words: faults, changed parameters."""
+    meta = next((record.meta for record in pair.values()), {})
+    found = [f"Fault: {fault}" for fault in read_faults(meta.get("faults", []), "record: faults")]
+    changes = meta.get("changes", [])
+    return found + [f"Parameter: {c['parameter']} = {c['value']} from {c['at_s']:g} s on" for c in changes]
 
 
 def _drawable(pair: Pair) -> Pair:

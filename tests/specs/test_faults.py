@@ -8,7 +8,17 @@ import pytest
 
 from specs import scenario
 from specs.errors import InputError
-from specs.faults import FOR_EVER, KINDS, Change, Fault, by_tick, from_attributes, read_faults, seed_of
+from specs.faults import (
+    FOR_EVER,
+    KINDS,
+    Change,
+    Fault,
+    by_tick,
+    from_attributes,
+    in_metadata,
+    read_faults,
+    seed_of,
+)
 from specs.schema import ROOT, read_toml
 
 # One of each kind: the keys of its own, and what the core is to know it by.
@@ -117,6 +127,17 @@ def test_changes_by_tick() -> None:
     }
     with pytest.raises(InputError, match=r"at_s = 0\.05"):
         by_tick([Change(parameter="a.b", at_s=0.05, value=1.0)], 0.02)
+
+
+def test_what_metadata_says_of_a_run_can_be_read_again() -> None:
+    made = [Fault(**entry("spike")), Fault(**entry("fail"))]
+    meta = in_metadata(made, {100: {"b.q": 2.0}, 50: {"a.p": 1.0}}, 0.02)
+    assert list(read_faults(meta["faults"], "record")) == made
+    assert meta["changes"] == [
+        {"parameter": "a.p", "at_s": 1.0, "value": 1.0},
+        {"parameter": "b.q", "at_s": 2.0, "value": 2.0},
+    ]
+    assert in_metadata([], {}, 0.02) == {}
 
 
 def test_every_fault_of_every_run_has_a_seed_of_its_own() -> None:

@@ -147,3 +147,17 @@ def test_every_plotted_column_is_a_signal():
 
 def test_the_same_runs_give_the_same_page(page):
     assert render(runs(), verdicts(), CONTEXT) == page
+
+
+def test_faults_and_changed_parameters_of_a_run_are_shown():
+    fault = {"target": "pi.q_<slew>", "kind": "bias", "start_s": 10.0, "end_s": 20.0, "value": 0.05}
+    change = {"parameter": "machine.load_mass", "at_s": 30.0, "value": 0.0}
+    broken = make(
+        {name: plausible().column(name) for name in plausible().names}, faults=[fault], changes=[change]
+    )
+    text = without_scripts(render({"four_targets_2t": {"reference": broken}}, [], Context()))
+    assert "Fault: bias on pi.q_&lt;slew&gt;, 10 s to 20 s: value 0.05" in text
+    assert "Parameter: machine.load_mass = 0.0 from 30 s on" in text
+    assert "Fault:" not in without_scripts(
+        render({"four_targets_2t": {"reference": plausible()}}, [], Context())
+    )
