@@ -9,6 +9,7 @@ from orchestrator.conversion import Conversion
 from orchestrator.modeldescription import NOT_NUMBERS, REALS, ModelDescription, Variable
 from orchestrator.variable import Value, size_of
 from specs.errors import InputError, nearest
+from specs.faults import Fault
 from specs.units import Unit
 
 ALGORITHMS = ("jacobi", "gauss-seidel", "iterate", "adaptive")
@@ -116,6 +117,7 @@ class System:
     inputs: Mapping[str, SystemInput]
     outputs: Mapping[str, SystemOutput]
     warnings: tuple[str, ...]
+    faults: tuple[Fault, ...] = ()
     files: Scratch | None = field(default=None, repr=False, compare=False)
 
     def component(self, name: str) -> Component:
