@@ -13,18 +13,19 @@
 
 /* One block of memory, so that a snapshot is one copy. */
 typedef struct {
-  int64_t known;  /* `held` holds a value */
-  int64_t lost;   /* the last accepted tick was lost */
-  double held;    /* stuck: the value kept; dropout: the last good one */
-  double line[];  /* delay: what was sent at call k stands at k % length */
+  int64_t accepted;          /* the last accepted tick + 1; 0: none yet */
+  int64_t lost, lost_before; /* dropout: whether that tick was lost, and the one before it */
+  int64_t holds;             /* there is a value in `held` */
+  double held;               /* stuck: the value kept; dropout: the last good one */
+  double line[];             /* delay: what was sent at tick k stands at k % length */
 } state;
 
 struct slw_fault {
   slw_fault_kind kind;
-  int64_t from, to, interval;
+  int64_t from, to;
   double a, b, step_s;
   uint64_t seed;
-  int64_t length; /* of the delay line: calls of delay + 1 */
+  int64_t length; /* of the delay line: ticks of delay + 1 */
   size_t size;    /* of the state */
   state *state;
 };
@@ -53,22 +54,23 @@ static double normal(const slw_fault *f, int64_t tick) {
 
 static double stuck(const slw_fault *f, double x) {
   if (f->b == 1.0) return f->a;
-  return f->state->known ? f->state->held : x;
+  return f->state->holds ? f->state->held : x;
 }
 
 static double delayed(const slw_fault *f, int64_t tick, double x) {
-  if (!f->state->known) return x;
-  return f->state->line[(tick / f->interval + 1) % f->length]; /* the oldest one */
+  if (!f->state->accepted) return x;
+  return f->state->line[(tick + 1) % f->length]; /* the oldest one */
 }
 
 /* Gilbert's channel: losses begin with probability a and last b ticks on average; b 0: each tick alone. */
 static bool is_lost(const slw_fault *f, int64_t tick) {
+  const bool accepted = tick < f->state->accepted;
   const double goes_on = f->b > 0.0 ? 1.0 - 1.0 / f->b : f->a;
-  return uniform(f, tick, 0) < (f->state->lost ? goes_on : f->a);
+  return uniform(f, tick, 0) < ((accepted ? f->state->lost_before : f->state->lost) ? goes_on : f->a);
 }
 
 static double with_dropout(const slw_fault *f, int64_t tick, double x) {
-  return f->state->known && is_lost(f, tick) ? f->state->held : x;
+  return f->state->holds && is_lost(f, tick) ? f->state->held : x;
 }
 
 static double with_spike(const slw_fault *f, int64_t tick, double x) {
@@ -111,25 +113,28 @@ double slw_fault_apply(const slw_fault *f, int64_t tick, double x) {
 
 static void keep(state *s, double x) {
   s->held = x;
-  s->known = 1;
+  s->holds = 1;
 }
 
 static void put_in_line(slw_fault *f, int64_t tick, double x) {
-  if (!f->state->known)
+  if (!f->state->accepted)
     for (int64_t i = 0; i < f->length; i++) f->state->line[i] = x;
-  f->state->line[tick / f->interval % f->length] = x;
-  f->state->known = 1;
+  f->state->line[tick % f->length] = x;
+}
+
+static void pass_or_lose(slw_fault *f, int64_t tick, double x) {
+  const bool lost = acts(f, tick) && is_lost(f, tick);
+  f->state->lost_before = f->state->lost;
+  f->state->lost = lost;
+  if (!lost || !f->state->holds) keep(f->state, x);
 }
 
 void slw_fault_accept(slw_fault *f, int64_t tick, double x) {
-  if (f->kind == SLW_STUCK) {
-    if (acts(f, tick) && !f->state->known) keep(f->state, x);
-  } else if (f->kind == SLW_DELAY) {
-    put_in_line(f, tick, x);
-  } else if (f->kind == SLW_DROPOUT) {
-    f->state->lost = acts(f, tick) && is_lost(f, tick);
-    if (!f->state->lost || !f->state->known) keep(f->state, x);
-  }
+  if (!f->state || tick < f->state->accepted) return;
+  if (f->kind == SLW_STUCK && acts(f, tick) && !f->state->holds) keep(f->state, x);
+  if (f->kind == SLW_DELAY) put_in_line(f, tick, x);
+  if (f->kind == SLW_DROPOUT) pass_or_lose(f, tick, x);
+  f->state->accepted = tick + 1;
 }
 
 bool slw_fault_remembers(const slw_fault *f) { return f->size > 0; }
@@ -164,19 +169,18 @@ static bool is_valid(slw_fault_kind kind, double a, double b) {
   }
 }
 
-/* Calls of delay, or -1 where that is no whole number or too many. */
-static int64_t calls_of(double delay_s, double step_s, uint32_t interval) {
-  const double calls = delay_s / (step_s * (double)interval);
-  const double whole = slw_floor(calls + 0.5);
-  if (!(whole < SLW_FAULT_MAX_DELAY) || slw_fabs(calls - whole) > 1e-6) return -1;
+/* Ticks of delay, or -1 where that is no whole number or too many. */
+static int64_t whole_ticks(double delay_s, double step_s) {
+  const double ticks = delay_s / step_s, whole = slw_floor(ticks + 0.5);
+  if (!(whole < SLW_FAULT_MAX_DELAY) || slw_fabs(ticks - whole) > 1e-6) return -1;
   return (int64_t)whole;
 }
 
 static bool make_room(slw_fault *f) {
   if (f->kind == SLW_DELAY) {
-    const int64_t calls = calls_of(f->a, f->step_s, (uint32_t)f->interval);
-    if (calls < 0) return false;
-    f->length = calls + 1;
+    const int64_t ticks = whole_ticks(f->a, f->step_s);
+    if (ticks < 0) return false;
+    f->length = ticks + 1;
   }
   if (f->kind == SLW_STUCK || f->kind == SLW_DELAY || f->kind == SLW_DROPOUT)
     f->size = sizeof(state) + (size_t)f->length * sizeof(double);
@@ -185,13 +189,12 @@ static bool make_room(slw_fault *f) {
 }
 
 slw_fault *slw_fault_new(slw_fault_kind kind, int64_t from, int64_t to, double a, double b, uint64_t seed,
-                         double step_s, uint32_t interval) {
+                         double step_s) {
   slw_fault *f;
-  if (!is_valid(kind, a, b) || from < 0 || to <= from || !(step_s > 0.0) || interval < 1) return NULL;
+  if (!is_valid(kind, a, b) || from < 0 || to <= from || !(step_s > 0.0)) return NULL;
   f = calloc(1, sizeof *f);
   if (!f) return NULL;
-  *f = (slw_fault){.kind = kind, .from = from, .to = to, .interval = interval, .a = a, .b = b,
-                   .step_s = step_s, .seed = seed};
+  *f = (slw_fault){.kind = kind, .from = from, .to = to, .a = a, .b = b, .step_s = step_s, .seed = seed};
   if (make_room(f)) return f;
   slw_fault_free(f);
   return NULL;

@@ -200,7 +200,7 @@ bool slw_core_fault(slw_core *core, uint32_t block, uint32_t cell, slw_fault_kin
   APPEND(core, e->injections, e->n_injections);
   slw_injection *i = &e->injections[e->n_injections - 1];
   i->cell = cell, i->tick = -1;
-  i->fault = slw_fault_new(kind, from, to, a, b, seed, core->step_s, 1);
+  i->fault = slw_fault_new(kind, from, to, a, b, seed, core->step_s);
   return i->fault || refuse(core, "no memory for a fault", cell);
 }
 

@@ -112,6 +112,18 @@ def test_a_look_ahead_changes_nothing(of: Fault) -> None:
 
 
 @each
+def test_a_tick_accepted_twice_counts_once_and_looks_the_same_afterwards(of: Fault) -> None:
+    once, twice = CFault(of), CFault(of)
+    for tick in range(0, N, 7):
+        part = slice(tick, tick + 7)
+        y = once.run(X[part], tick)
+        assert np.array_equal(twice.run(X[part], tick), y)
+        last = np.array([X[part][-1]])
+        end = tick + len(y) - 1
+        assert twice.run(last, end)[0] == y[-1]
+
+
+@each
 @pytest.mark.parametrize("at", [0, 90, 250, 600])
 def test_a_restored_state_goes_on_the_same(of: Fault, at: int) -> None:
     first = CFault(of)
