@@ -20,7 +20,7 @@ POINTER, INT64, SIZE, DOUBLE = ctypes.c_void_p, ctypes.c_int64, ctypes.c_size_t,
 FUNCTIONS: dict[str, tuple[object, Sequence[object]]] = {
     "slw_fault_new": (
         POINTER,
-        [ctypes.c_int, INT64, INT64, DOUBLE, DOUBLE, ctypes.c_uint64, DOUBLE, ctypes.c_uint32],
+        [ctypes.c_int, INT64, INT64, DOUBLE, DOUBLE, ctypes.c_uint64, DOUBLE],
     ),
     "slw_fault_free": (None, [POINTER]),
     "slw_fault_reset": (None, [POINTER]),
@@ -58,15 +58,13 @@ def library() -> ctypes.CDLL:
 class CFault:
     """One fault of the core, from its specification."""
 
-    def __init__(
-        self, fault: Fault, seed: int | None = None, step_s: float = 0.02, interval: int = 1
-    ) -> None:
+    def __init__(self, fault: Fault, seed: int | None = None, step_s: float = 0.02) -> None:
         start, end = fault.ticks(step_s)
         a, b = fault.values()
         kind = list(KINDS).index(fault.kind)
         number = seed_of(fault, 1, 0) if seed is None else seed
         self.c = library()
-        self.pointer = self.c.slw_fault_new(kind, start, end, a, b, number, step_s, interval)
+        self.pointer = self.c.slw_fault_new(kind, start, end, a, b, number, step_s)
         if not self.pointer:
             raise ValueError(f"refused: {fault}")
 

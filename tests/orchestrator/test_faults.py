@@ -73,14 +73,6 @@ def test_delay_from_the_beginning_gives_the_first_value() -> None:
     assert np.array_equal(y[5:500], X[:495])
 
 
-def test_a_delay_of_a_block_that_steps_every_fifth_tick() -> None:
-    of = CFault(fault("delay", start_s=0.0, end_s=None, delay_s=0.4), interval=5)
-    y = [of.run(X[tick : tick + 1], tick)[0] for tick in range(0, 500, 5)]
-    assert np.array_equal(y[4:], X[0:480:5])
-    with pytest.raises(ValueError, match="refused"):
-        CFault(fault("delay", delay_s=0.02), interval=5)
-
-
 def test_quantise_takes_halves_to_the_even_multiple_and_leaves_large_numbers() -> None:
     x = np.array([0.25, 0.75, -0.25, -0.75, 1.25, 1e300, -0.0, 3.0])
     y = CFault(fault("quantise", start_s=0.0, step=0.5)).run(x)
@@ -274,4 +266,4 @@ def test_spikes() -> None:
     ],
 )
 def test_the_core_refuses(kind: int, a: float, b: float) -> None:
-    assert library().slw_fault_new(kind, 0, 10, a, b, 0, STEP, 1) is None
+    assert library().slw_fault_new(kind, 0, 10, a, b, 0, STEP) is None
