@@ -1,0 +1,50 @@
+"""Every case of the fuzzer's corpus, once more: accepted or refused, and nothing else."""
+
+import pytest
+
+from orchestrator.variable import FMI3_TYPES
+from tests.orchestrator.fuzz.case import Case, read_corpus
+from tests.orchestrator.fuzz.edges import Edge
+from tests.orchestrator.fuzz.judge import judge
+from tests.orchestrator.fuzz.mutate import Mutator
+from tests.orchestrator.fuzz.seeds import seeds
+
+CASES = read_corpus()
+
+
+def test_the_corpus_is_there() -> None:
+    assert len(CASES) > 50
+
+
+@pytest.mark.parametrize("part", range(8))
+def test_cases_of_the_corpus(part: int) -> None:
+    accepted = 0
+    for number, case in enumerate(CASES[part::8]):
+        verdict = judge(case)
+        assert not verdict.problem, f"case {part + 8 * number}: {verdict.problem}"
+        accepted += verdict.accepted
+    assert accepted < len(CASES[part::8])
+
+
+def test_seeds_are_mostly_accepted() -> None:
+    """A corpus of refusals would test little: the seeds must get through to the end."""
+    verdicts = [judge(case) for case in seeds()]
+    assert sum(v.accepted for v in verdicts) > len(verdicts) / 2, [v.message for v in verdicts]
+
+
+def test_edges_are_counted_per_line() -> None:
+    good, bad = (set[Edge](), set[Edge]())
+    case = next(seeds())
+    judge(case, good)
+    judge(Case("ssp", {"SystemStructure.ssd": "<x/>"}), bad)
+    assert len(good) > 5 * len(bad) > 0
+    assert all(name.partition(":")[0].endswith(".py") for name, *_ in good)
+
+
+def test_mutations_can_be_repeated_and_change_something() -> None:
+    cases = list(seeds())
+    first, second = (Mutator(3), Mutator(3))
+    mutated = [first.mutate(case, cases) for case in cases]
+    assert mutated == [second.mutate(case, cases) for case in cases]
+    assert sum(a != b for a, b in zip(mutated, cases, strict=True)) > len(cases) / 2
+    assert set(FMI3_TYPES) <= set(first.words)
