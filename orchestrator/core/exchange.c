@@ -56,3 +56,10 @@ void slw_exchange_accept(slw_core *core, slw_exchange *e) {
   for (uint32_t i = 0; i < e->n_injections; i++)
     slw_fault_accept(e->injections[i].fault, core->tick, e->injections[i].raw);
 }
+
+void slw_exchange_forget(slw_core *core) {
+  for (uint32_t i = 0; i <= core->n_blocks; i++) {
+    slw_exchange *e = i < core->n_blocks ? &core->blocks[i].in : &core->sink;
+    for (uint32_t k = 0; k < e->n_injections; k++) e->injections[k].tick = -1;
+  }
+}

@@ -187,5 +187,6 @@ slw_outcome slw_core_initialise(slw_core *core) {
   slw_finish_plan(core);
   if (!core->order || !core->loop) return slw_fail(core, SLW_DOING_INITIALISE, SLW_ERROR, NULL, 0), SLW_FAILED;
   if (!slw_apply_changes(core, 0, false) || !propagate(core) || !leave(core)) return SLW_FAILED;
+  slw_exchange_forget(core);
   return core->ended ? SLW_ENDED : SLW_DONE;
 }

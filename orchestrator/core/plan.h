@@ -133,6 +133,8 @@ bool slw_apply_changes(slw_core *core, int64_t tick, bool parameters);
 bool slw_exchange_run(slw_core *core, uint32_t block, slw_exchange *e);
 /* For the faults, once a tick: the values that the first exchange of it brought. */
 void slw_exchange_accept(slw_core *core, slw_exchange *e);
+/* The exchanges so far were none of a tick: those of the initialisation, or of before a restored state. */
+void slw_exchange_forget(slw_core *core);
 
 static inline void slw_move_run(slw_cell *cells, const slw_move *m) {
   slw_cell *to = cells + m->first;

@@ -138,6 +138,7 @@ static bool read_all(slw_core *core, slw_stream *s) {
   if (!take_faults(core, s)) return false;
   for (uint32_t i = 0; i < core->n_blocks; i++)
     if (!take_fmu(&core->blocks[i], s)) return false;
+  slw_exchange_forget(core);
   core->tick = h.tick, core->size = h.size, core->next_change = 0;
   while (core->next_change < core->n_changes && core->changes[core->next_change].tick < h.tick) core->next_change++;
   core->next_change_tick =
