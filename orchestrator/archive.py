@@ -48,12 +48,21 @@ UTF8_NAME, ENCRYPTED = 0x800, 0x1  # flags of an entry
 LOCAL_HEADER = 30  # bytes, without name and extra field
 
 
+# Bytes unpacked so far beside each other: packages hold packages, and each may be a bomb.
+_unpacked: dict[Path, int] = {}
+
+
 class Scratch:
-    """A temporary folder that goes with this object."""
+    """A temporary folder that goes with this object; all that is unpacked into it shares MAX_BYTES."""
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="slewright-"))
-        self._finalizer = weakref.finalize(self, shutil.rmtree, self.path, True)
+        self._finalizer = weakref.finalize(self, _remove, self.path)
+
+
+def _remove(folder: Path) -> None:
+    _unpacked.pop(folder, None)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def unpack(path: Path, folder: Path, shown: str) -> None:
@@ -64,7 +73,8 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
     """
     with opened(path, shown) as archive:
         entries = archive.infolist()
-        _check_size(entries, path.stat().st_size, shown)
+        before = _unpacked.get(folder.parent, 0)
+        size = _checked_size(entries, path.stat().st_size, before, shown)
         _check_overlap(entries, shown)
         names = _Names(shown)
         for entry in entries:
@@ -76,6 +86,7 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
             for entry in entries:
                 _extract(archive, entry, part)
             part.replace(folder)
+            _unpacked[folder.parent] = before + size
         except OSError as error:
             if error.errno in DISK_ERRORS:
                 raise RunError(f"{shown} cannot be unpacked into {folder}: {error.strerror}") from None
@@ -147,17 +158,20 @@ class _Names:
         return InputError(f"{self.shown}: entry '{shortened(entry.filename)}' {message}")
 
 
-def _check_size(entries: list[zipfile.ZipInfo], archive_size: int, shown: str) -> None:
+def _checked_size(entries: list[zipfile.ZipInfo], archive_size: int, before: int, shown: str) -> int:
+    """Bytes that the archive unpacks to, `before` having been unpacked beside it."""
     size = sum(entry.file_size for entry in entries)
-    if len(entries) > MAX_ENTRIES or size > MAX_BYTES:
+    if len(entries) > MAX_ENTRIES or before + size > MAX_BYTES:
+        beside = f" beside {before} bytes of the same package" if before else ""
         raise InputError(
-            f"{shown} has {len(entries)} entries of {size} bytes; "
+            f"{shown} has {len(entries)} entries of {size} bytes{beside}; "
             f"accepted: {MAX_ENTRIES} entries, {MAX_BYTES} bytes"
         )
     if size > max(SMALL, MAX_RATIO * archive_size):
         raise InputError(
             f"{shown} of {archive_size} bytes unpacks to {size} bytes; accepted: {MAX_RATIO} times as much"
         )
+    return size
 
 
 def _check_overlap(entries: list[zipfile.ZipInfo], shown: str) -> None:

@@ -244,6 +244,13 @@ def test_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     unpack(large, tmp_path / "fine", "archive x")
     monkeypatch.setattr(archive, "SMALL", 1_000_000)
     assert "unpacks to 2000000 bytes; accepted: 200 times as much" in unpacking(large)
+    monkeypatch.setattr(archive, "MAX_BYTES", 3_000_000)
+    monkeypatch.setattr(archive, "SMALL", 2_000_000)
+    first = archive.Scratch()
+    unpack(large, first.path / "a", "archive x")
+    with pytest.raises(InputError, match="2000000 bytes beside 2000000 bytes of the same package; accepted"):
+        unpack(large, first.path / "b", "archive x")  # packages in a package share the limit
+    unpack(large, archive.Scratch().path / "b", "archive x")
     monkeypatch.setattr(archive, "MAX_BYTES", 1_999_999)
     assert "accepted: 20000 entries, 1999999 bytes" in unpacking(large)
 

@@ -18,7 +18,7 @@ from slewright.app import ROOMS, app
 from specs.errors import InputError, RunError
 from tests.conftest import ROOT, Command
 
-COMMANDS = ("verify", "simulate", "build", "generate", "dossier", "fit", "tune", "calibrate")
+COMMANDS = ("verify", "simulate", "check", "build", "generate", "dossier", "fit", "tune", "calibrate")
 
 
 @pytest.fixture
