@@ -1,14 +1,23 @@
 """Faults: each kind against its closed form, its statistics, and a step computed any number of times."""
 
 import math
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from fmus import compiler
+from fmus.build import SHIM
+from orchestrator.native import SOURCES
+from specs.errors import RunError
 from specs.faults import Fault
 from tests.orchestrator.core_probe import CFault, library
 
+CROSS_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 STEP = 0.02
 N = 1000
 T = np.arange(N) * STEP
@@ -267,3 +276,36 @@ def test_spikes() -> None:
 )
 def test_the_core_refuses(kind: int, a: float, b: float) -> None:
     assert library().slw_fault_new(kind, 0, 10, a, b, 0, STEP) is None
+
+
+# ---- the same bits everywhere, and nothing that a sanitizer finds ----
+
+
+def bits_of(folder: Path, platform: str, run: Sequence[str] = (), extra: Sequence[str] = ()) -> list[str]:
+    """What fault_bits.c prints, compiled for `platform`."""
+    flags = [f"-I{SHIM}", f"-I{SOURCES}", *extra]
+    sources = [SOURCES / "fault.c", Path(__file__).parent / "fault_bits.c"]
+    objects = [
+        compiler.compile_object(s, folder / f"{s.stem}-{platform}.o", platform, flags) for s in sources
+    ]
+    program = compiler.link_program(objects, folder / f"bits-{platform}", platform, extra)
+    done = subprocess.run([*run, str(program)], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()
+
+
+@pytest.mark.qemu
+@pytest.mark.skipif(shutil.which("qemu-aarch64") is None, reason="qemu-user is not installed")
+@pytest.mark.skipif(not CROSS_LIBRARIES.is_dir(), reason="libc6-arm64-cross is not installed")
+def test_aarch64_gives_the_same_bits(tmp_path: Path) -> None:
+    here = bits_of(tmp_path, compiler.host().name)
+    assert len(here) == 5000
+    assert bits_of(tmp_path, "aarch64-linux", ["qemu-aarch64", "-L", str(CROSS_LIBRARIES)]) == here
+
+
+def test_sanitizers_find_nothing(tmp_path: Path) -> None:
+    checks = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    try:
+        found = bits_of(tmp_path, compiler.host().name, extra=checks)
+    except RunError as missing:  # a compiler without sanitizer run-time libraries
+        pytest.skip(f"no sanitizers here: {str(missing).splitlines()[-1]}")
+    assert found == bits_of(tmp_path, compiler.host().name)
