@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from orchestrator import xmlfile
 from orchestrator.xmlfile import Element
+from specs.errors import InputError
 from specs.units import Unit
 
 BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
@@ -66,6 +67,8 @@ def _base_unit(unit: Element, where: str) -> Unit | None:
     if base is None:
         return None
     exponents = {key: xmlfile.integer(base, key, 0, where) for key in BASES}
+    if xmlfile.number(base, "factor", 1.0, where) == 0.0:
+        raise InputError(f"{where} line {base.sourceline}: unit '{unit.get('name')}' has the factor 0")
     return Unit(
         {key: value for key, value in exponents.items() if value},
         xmlfile.number(base, "factor", 1.0, where),

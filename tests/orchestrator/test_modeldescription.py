@@ -422,3 +422,10 @@ def test_versions(version: str, accepted: bool) -> None:
     warnings = parse(text, "FMU x").warnings
     more = ("FMU x: FMI version 3.1 is read as 3.0; what it adds is not used",)
     assert warnings == (more + usual if version == "3.1" else usual)
+
+
+def test_a_unit_that_would_drop_every_value() -> None:
+    with pytest.raises(InputError, match="line 1: unit 'odd' has the factor 0"):
+        fmi3(
+            "", more='<UnitDefinitions><Unit name="odd"><BaseUnit m="1" factor="0"/></Unit></UnitDefinitions>'
+        )
