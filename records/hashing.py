@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from records.schema import Column, columns_of
+from records.schema import Column, columns_of, values
 
 RUN_HASH = "run_hash"
 MEASURED = "measured"  # metadata of clocks: how long it took, how late it was
@@ -32,13 +32,13 @@ class Hasher:
     def take(self, cells: np.ndarray) -> None:
         """More rows as cells [columns, n]; each column contiguous."""
         self._rows += cells.shape[1]
-        for digest, values in zip(self._digests, cells, strict=True):
-            digest.update(_bytes(values))
+        for digest, column in zip(self._digests, cells, strict=True):
+            digest.update(_bytes(column))
 
-    def take_column(self, number: int, values: np.ndarray) -> None:
-        """More of one column, whose rows are counted with those of the first."""
-        self._rows += len(values) if number == 0 else 0
-        self._digests[number].update(_bytes(values))
+    def take_column(self, number: int, column: np.ndarray) -> None:
+        """More of one column; rows are counted with the first."""
+        self._rows += len(column) if number == 0 else 0
+        self._digests[number].update(_bytes(column))
 
     def finish(self, meta: Mapping[str, Any]) -> str:
         """The hash of what was taken, run as `meta` says."""
@@ -58,12 +58,11 @@ def hash_of(table: pa.Table, meta: Mapping[str, Any]) -> str:
     """The run hash of a record's table and metadata, computed anew."""
     hasher = Hasher(columns_of(table.schema))
     for number, column in enumerate(table.columns):
-        for chunk in column.chunks:
-            hasher.take_column(number, chunk.to_numpy(zero_copy_only=False))
+        hasher.take_column(number, values(column))
     return hasher.finish(meta)
 
 
-def _bytes(values: np.ndarray) -> memoryview:
+def _bytes(column: np.ndarray) -> memoryview:
     """Eight bytes a value, little end first."""
-    whole = values.astype(np.int64) if values.dtype == bool else values
+    whole = column.astype(np.int64) if column.dtype == bool else column
     return np.ascontiguousarray(whole, dtype=whole.dtype.newbyteorder("<")).data

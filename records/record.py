@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from records.hashing import RUN_HASH, hash_of
 from records.recording import BATCH_ROWS, RecordWriter, as_rows, first_line, recording_path
-from records.schema import Column, arrays, columns_of, decode_meta, make_schema, resolve_columns
+from records.schema import Column, arrays, columns_of, decode_meta, make_schema, resolve_columns, values
 from specs.errors import InputError, nearest
 
 __all__ = ["BATCH_ROWS", "Column", "Record", "RecordWriter", "read", "recording_path"]
@@ -81,7 +81,7 @@ class Record:
         """Return a column, shape (n,), in its unit; raise InputError when there is none of that name."""
         if name not in self.table.column_names:
             raise InputError(f"the record has no column '{name}'; {nearest(name, self.names)}")
-        return self.table.column(name).to_numpy()
+        return values(self.table.column(name))
 
     def __contains__(self, name: str) -> bool:
         return name in self.table.column_names
@@ -103,7 +103,8 @@ def read(path: Path | str) -> Record:
     if not path.is_file():
         raise InputError(f"no run record at {path}")
     try:
-        table = pq.read_table(path, page_checksum_verification=True)
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            table = file.read()
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path} is damaged or not a run record: {first_line(error)}") from None
     return Record(table, decode_meta(table.schema, path))

@@ -114,7 +114,10 @@ def columns_of(schema: pa.Schema) -> list[Column]:
 
 
 def arrays(columns: Sequence[Column], cells: np.ndarray, rows: slice = slice(None)) -> list[pa.Array]:
-    """Arrow arrays of the `rows` of cells [columns, n], C-contiguous; numbers are not copied."""
+    """Arrow arrays of the `rows` of cells [columns, n], C-contiguous; numbers are not copied.
+
+    Here and in `values` pyarrow's own conversions are avoided, which import pandas: a second of a process.
+    """
     whole = pa.py_buffer(cells)
     first, stop, _ = rows.indices(cells.shape[1])
     width = cells.shape[1] * cells.itemsize
@@ -122,7 +125,8 @@ def arrays(columns: Sequence[Column], cells: np.ndarray, rows: slice = slice(Non
     made = []
     for i, column in enumerate(columns):
         if column.type == "bool":
-            made.append(pa.array(cells[i, first:stop].view(np.int64) != 0))
+            bits = np.packbits(cells[i, first:stop].view(np.int64) != 0, bitorder="little")
+            made.append(pa.Array.from_buffers(pa.bool_(), n, [None, pa.py_buffer(bits)]))
         else:
             part = whole.slice(i * width + offset, size)
             made.append(pa.Array.from_buffers(TYPES[column.type][0], n, [None, part]))
@@ -131,3 +135,19 @@ def arrays(columns: Sequence[Column], cells: np.ndarray, rows: slice = slice(Non
 
 def _text(field: pa.Field, key: bytes) -> str:
     return (field.metadata or {}).get(key, b"").decode()
+
+
+def values(column: pa.ChunkedArray) -> np.ndarray:
+    """The values of a table's column, shape (n,), read-only and not copied where they lie in one piece."""
+    parts = [_part(chunk) for chunk in column.chunks]
+    made = parts[0] if len(parts) == 1 else np.concatenate(parts or [_part(pa.array([], column.type))])
+    made.flags.writeable = False
+    return made
+
+
+def _part(chunk: pa.Array) -> np.ndarray:
+    if pa.types.is_boolean(chunk.type):
+        return np.from_dlpack(chunk.cast(pa.uint8())).astype(bool)
+    if pa.types.is_primitive(chunk.type) and not chunk.null_count:
+        return np.from_dlpack(chunk)
+    return chunk.to_numpy(zero_copy_only=False)  # of a file that is not ours

@@ -410,3 +410,18 @@ def test_an_interrupt_while_a_group_is_written_loses_and_doubles_nothing(tmp_pat
 
 def _interrupted(*_args: object, **_more: object) -> None:
     raise KeyboardInterrupt
+
+
+def test_recording_and_reading_need_no_pandas(tmp_path):
+    """Which pyarrow imports when it converts for numpy: a second of every process of a campaign."""
+    script = f"""
+        import sys
+        from pathlib import Path
+        from tests.records.test_record import TYPED, META, Record, read, typed_rows, write_typed
+        record = write_typed(Path({str(tmp_path)!r}) / "run.parquet")
+        again = Record.from_rows(TYPED, typed_rows(700), META)
+        assert all((again.column(c.name) == record.column(c.name)).any() for c in TYPED)
+        assert again.run_hash == record.computed_hash()
+        assert "pandas" not in sys.modules
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(script)], check=True)
