@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from orchestrator.bench.masters import Ends
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
 from tests.conftest import ROOT
-from tests.orchestrator.other_masters import START, Case, Ends
+from tests.orchestrator.other_masters import SEED, START, outputs, project_system, seeded
 
 TICKS = 150
 CASES = [
@@ -24,10 +25,10 @@ CASES = [
 
 def by_us(name: str, fmi_version: int, folder: Path) -> Ends:
     """The same case run by our master: noise off, Jacobi exchange."""
-    case = Case(name, fmi_version, TICKS, folder)
-    names = [f"{component}.{variable}" for component, variable in case.outputs]
-    quiet = {f"{component}.noise_seed": 0.0 for component in case.seeds}
-    record = simulate(case.system, TICKS, Stimuli({0: START}), quiet, algorithm="jacobi", record=names)
+    system = project_system(name, fmi_version, folder)
+    names = [f"{component}.{variable}" for component, variable in outputs(system)]
+    quiet = {f"{component}.{SEED}": 0.0 for component in seeded(system)}
+    record = simulate(system, TICKS, Stimuli({0: START}), quiet, algorithm="jacobi", record=names)
     return {n: float(record.column(n)[-1]) for n in names}
 
 

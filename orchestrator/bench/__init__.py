@@ -1,0 +1,1 @@
+"""Measures the orchestrator against a hand-written loop and other masters, each in its own process."""

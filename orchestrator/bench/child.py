@@ -1,0 +1,125 @@
+"""A contestant in a process of its own: other people's libraries may end it, and it is survived.
+
+    python -m orchestrator.bench.child KEY FMI_VERSION
+
+reads a number of steps a line and answers with a line of JSON: {"seconds"}, or {"reason"} and the end.
+"""
+
+import contextlib
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any, Self, TextIO, cast
+
+from orchestrator.bench.contestants import NotMeasured
+
+CHECK_STEPS = 100  # after which all contestants show the same values
+PATIENCE_S = 60.0
+ROOT = Path(__file__).parents[2]
+
+
+class Child:
+    """The parent's side of one contestant."""
+
+    def __init__(self, key: str, fmi_version: int) -> None:
+        """Start it and check its first steps; raises NotMeasured if it cannot run the chain."""
+        self.key, self.fmi_version = key, fmi_version
+        self.said = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed with the child)
+        command = [sys.executable, "-m", "orchestrator.bench.child", key, str(fmi_version)]
+        self.process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self.said,
+            text=True,
+            bufsize=1,
+        )
+        self.orders, self.answers = cast(IO[str], self.process.stdin), cast(IO[str], self.process.stdout)
+        try:
+            self.values: list[float] = self._answer()["values"]
+        except NotMeasured:
+            self.close()
+            raise
+
+    def run(self, steps: int) -> float:
+        """Seconds of `steps` further steps."""
+        with contextlib.suppress(BrokenPipeError):  # the answer says why
+            self.orders.write(f"{steps}\n")
+        return self._answer()["seconds"]
+
+    def _answer(self) -> dict[str, Any]:
+        if not select.select([self.answers], [], [], PATIENCE_S)[0]:
+            self.process.kill()
+            raise NotMeasured(f"no answer within {PATIENCE_S:.0f} s")
+        line = self.answers.readline()
+        if not line:
+            raise NotMeasured(self._end())
+        answer = json.loads(line)
+        if "reason" in answer:
+            raise NotMeasured(answer["reason"])
+        return answer
+
+    def _end(self) -> str:
+        """How the process ended, with the last line it said."""
+        code = self.process.wait(PATIENCE_S)
+        self.said.seek(0)
+        last = self.said.read().split("\n")[-2:]
+        how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+        return f"the process {how}" + (f": {' '.join(last).strip()[:200]}" if any(last) else "")
+
+    def close(self) -> None:
+        """End the process."""
+        self.process.kill()
+        self.process.communicate()
+        self.said.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _own_output() -> TextIO:
+    """Standard output for the answers alone: whatever a library prints goes to standard error."""
+    ours = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)
+    return ours
+
+
+def _answers(key: str, fmi_version: int, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
+    from orchestrator.bench import chain as chains
+    from orchestrator.bench.contestants import CONTESTANTS
+
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            contestant = CONTESTANTS[key](chains.build(fmi_version), Path(folder))
+            contestant.run(CHECK_STEPS)
+            yield {"values": contestant.values()}
+            for line in lines:
+                yield {"seconds": contestant.run(int(line))}
+        except NotMeasured as why:
+            yield {"reason": str(why)}
+        except ModuleNotFoundError as error:
+            yield {"reason": f"{error.name} is not installed"}
+        except Exception as error:  # noqa: BLE001 (it is handed to the parent)
+            yield {"reason": f"{type(error).__name__}: {error}"}
+
+
+def main(key: str, fmi_version: str) -> None:
+    """The child's side."""
+    out = _own_output()
+    for answer in _answers(key, int(fmi_version), iter(sys.stdin.readline, "")):
+        print(json.dumps(answer), file=out, flush=True)
+    os._exit(0)  # no library's clean-up may turn a measured result into a crash
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

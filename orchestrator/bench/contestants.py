@@ -1,0 +1,177 @@
+"""The masters that run the chain; each is made in a child process (see child.py) and asked for short runs.
+
+A contestant's constructor loads and initialises the chain.  `run(steps)` goes on for that many steps and
+returns the seconds that they took, `values()` the four logged signals as they stand.
+What cannot be measured raises NotMeasured with the reason.
+"""
+
+import ctypes
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Protocol
+
+from orchestrator.bench import masters
+from orchestrator.bench.chain import LOGGED, SIGNALS, STEP_S, Chain, case
+
+MAX_STEPS = 50_000  # of one run: rows that a log in memory holds
+
+
+class NotMeasured(Exception):
+    """Why a master has no figure."""
+
+
+class Contestant(Protocol):
+    """A master with the chain loaded."""
+
+    def run(self, steps: int) -> float: ...
+
+    def values(self) -> list[float]: ...
+
+
+class _Driven:
+    """One of the C loops of c/drive.c."""
+
+    handle: int
+
+    def __init__(self, chain: Chain) -> None:
+        self.library = ctypes.CDLL(str(chain.driver))
+        for name in ("chain", "box", "values"):
+            getattr(self.library, f"slw_drive_{name}").restype = ctypes.c_void_p
+        self.library.slw_drive_run.restype = ctypes.c_double
+        self.library.slw_drive_run.argtypes = [ctypes.c_void_p, ctypes.c_int64]
+
+    def run(self, steps: int) -> float:
+        seconds = self.library.slw_drive_run(self.handle, steps)
+        if seconds < 0.0:
+            raise NotMeasured("the FMU failed in a step")
+        return seconds
+
+    def values(self) -> list[float]:
+        where = self.library.slw_drive_values(ctypes.c_void_p(self.handle))
+        return list((ctypes.c_double * len(LOGGED)).from_address(where))
+
+
+class Floor(_Driven):
+    """The hand-written loop."""
+
+    def __init__(self, chain: Chain, _: Path) -> None:
+        super().__init__(chain)
+        paths = (ctypes.c_char_p * 3)(*(str(p).encode() for p in chain.libraries))
+        step, rows = ctypes.c_double(STEP_S), ctypes.c_size_t(MAX_STEPS)
+        self.handle = self.library.slw_drive_chain(chain.fmi_version, paths, step, rows)
+        if not self.handle:
+            raise NotMeasured("the libraries do not load")
+
+
+class FmuContainer(_Driven):
+    """The container of fmu-manipulation-toolbox, driven by a C loop."""
+
+    def __init__(self, chain: Chain, folder: Path) -> None:
+        from fmpy import extract, read_model_description
+
+        super().__init__(chain)
+        box = masters.container(case(chain, folder))
+        model = read_model_description(str(box))
+        root = Path(extract(str(box), unzipdir=str(folder / "box")))
+        references = {v.name: v.valueReference for v in model.modelVariables}
+        vr = (ctypes.c_uint * 4)(*(references[f"{c}_{v}"] for c, v in SIGNALS))
+        resources = root / "resources"
+        self.handle = self.library.slw_drive_box(
+            chain.fmi_version,
+            str(next((root / "binaries").rglob("*.so"))).encode(),
+            str(model.guid).encode(),  # FMPy puts the instantiation token there too
+            (resources.as_uri() if chain.fmi_version == 2 else f"{resources}/").encode(),
+            vr,
+            ctypes.c_double(STEP_S),
+            ctypes.c_size_t(MAX_STEPS),
+        )
+        if not self.handle:
+            raise NotMeasured("the container does not initialise")
+
+
+class Slewright:
+    """This project's own, every status checked."""
+
+    def __init__(self, chain: Chain, _: Path) -> None:
+        from orchestrator.check import load_system
+
+        self.system, self.steps = load_system(chain.ssp), 0
+
+    def run(self, steps: int) -> float:
+        from orchestrator.simulate import simulate
+
+        begin = time.perf_counter()
+        self.record = simulate(self.system, steps, record=LOGGED)
+        return time.perf_counter() - begin
+
+    def values(self) -> list[float]:
+        return [float(self.record.column(name)[-1]) for name in LOGGED]
+
+
+class Ecos:
+    """Ecos: its own loop over many steps, nothing recorded (which is to its favour)."""
+
+    def __init__(self, chain: Chain, folder: Path) -> None:
+        self.simulation = masters.ecos_simulation(case(chain, folder))
+
+    def run(self, steps: int) -> float:
+        begin = time.perf_counter()
+        self.simulation.step(steps)
+        return time.perf_counter() - begin
+
+    def values(self) -> list[float]:
+        return [self.simulation.get_real(f"{c}::{v}") for c, v in SIGNALS]
+
+
+class FmpySsp:
+    """FMPy's simulate_ssp, which loads anew each time: the least time of a run of one step is taken off."""
+
+    def __init__(self, chain: Chain, _: Path) -> None:
+        if chain.fmi_version == 3:
+            raise NotMeasured("simulate_ssp knows FMI 1 and FMI 2 only")
+        self.path, self.result = str(chain.ssp), {}
+        self.loading = self._whole(1)
+
+    def run(self, steps: int) -> float:
+        self.loading = min(self.loading, self._whole(1))
+        return (self._whole(steps) - self.loading) * steps / (steps - 1)
+
+    def _whole(self, steps: int) -> float:
+        from fmpy.ssp.simulation import simulate_ssp
+
+        begin = time.perf_counter()
+        # Time is summed up there: half a step less makes the number of steps certain.
+        self.result = simulate_ssp(self.path, stop_time=(steps - 0.5) * STEP_S, step_size=STEP_S)
+        return time.perf_counter() - begin
+
+    def values(self) -> list[float]:
+        return [float(self.result[name][-1]) for name in LOGGED]
+
+
+class Libcosim:
+    """libcosim through libcosimpy: many steps a call, the last values observed."""
+
+    def __init__(self, chain: Chain, folder: Path) -> None:
+        from libcosimpy.CosimObserver import CosimObserver
+
+        self.simulation = masters.Libcosim(case(chain, folder), CosimObserver.create_last_value())
+
+    def run(self, steps: int) -> float:
+        begin = time.perf_counter()
+        self.simulation.execution.step(steps)
+        return time.perf_counter() - begin
+
+    def values(self) -> list[float]:
+        return [self.simulation.value(name) for name in SIGNALS]
+
+
+# By the key of its figure.
+CONTESTANTS: Mapping[str, Callable[[Chain, Path], Contestant]] = {
+    "floor_us": Floor,
+    "slewright_us": Slewright,
+    "fmucontainer_us": FmuContainer,
+    "ecos_us": Ecos,
+    "fmpy_ssp_us": FmpySsp,
+    "libcosim_us": Libcosim,
+}
