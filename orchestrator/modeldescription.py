@@ -1,6 +1,7 @@
 """What an FMU says of itself: `modelDescription.xml` of FMI 2.0 and 3.0, co-simulation.
 
-Variables are read by modelvariables.py, judged by modelchecks.py; modelstructure.py reads dependencies.
+Variables are read by modelvariables.py, judged by modelchecks.py; modelstructure.py reads dependencies,
+modelattributes.py knows which attributes there are.
 Source: FMI 2.0.4, chapters 2.2 and 4.3; FMI 3.0.2, 2.4 and 4.4, Modelica Association.
 """
 
@@ -8,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from orchestrator import modelchecks, xmlfile
+from orchestrator import modelattributes, modelchecks, xmlfile
 from orchestrator.modelstructure import Dependencies, StructureReader
 from orchestrator.modelvariables import VariableReader
 from orchestrator.units import parse_units
@@ -119,6 +120,7 @@ def parse(content: bytes, shown: str) -> ModelDescription:
     experiment = _experiment(root.find("DefaultExperiment"), where)
     warnings = [
         *_version_warnings(root),
+        *modelattributes.warnings(root, version),
         *modelchecks.warnings(variables.values(), reader.undefined_units),
         *structure.warnings(),
     ]

@@ -9,9 +9,9 @@ Source: FMI 2.0.4, 2.2.3 and 2.2.7; FMI 3.0.2, 2.4.4 and 2.4.7, Modelica Associa
 import math
 from collections.abc import Iterator, Mapping
 
-from orchestrator import xmlfile
+from orchestrator import modelvalues, xmlfile
 from orchestrator.modelclocks import clock_info
-from orchestrator.variable import FMI2_TYPES, FMI3_TYPES, RANGES, REALS, Scalar, Value, Variable
+from orchestrator.variable import FMI2_TYPES, FMI3_TYPES, REALS, Value, Variable
 from orchestrator.xmlfile import Element, local
 from specs.errors import InputError, nearest
 from specs.units import Unit
@@ -67,6 +67,7 @@ class VariableReader:
         )
         dimensions = tuple(self._dimension(d) for d in outer.iterfind("Dimension"))
         unit_name = typed.get("unit", declared.get("unit", "")) if type_name in REALS else ""
+        self._check_references(outer, typed)
         if unit_name and unit_name not in self.units:
             self.undefined_units.add(unit_name)
         return Variable(
@@ -78,12 +79,12 @@ class VariableReader:
             unit_name=unit_name,
             unit=self.units.get(unit_name),
             start=self._start(typed, type_name, dimensions),
-            min=self._bound(typed, declared, "min", type_name),
-            max=self._bound(typed, declared, "max", type_name),
+            min=modelvalues.bound(typed, declared, "min", self.where),
+            max=modelvalues.bound(typed, declared, "max", self.where),
             description=outer.get("description", ""),
             dimensions=tuple(self.names[d][0] if by_vr else d for by_vr, d in dimensions),
             relative=self._inherited(typed, declared, "relativeQuantity"),
-            items=self._items(declared) if type_name == "Enumeration" else {},
+            items=modelvalues.items(declared, self.version, self.where) if type_name == "Enumeration" else {},
             initial=self._initial(outer, typed, causality, variability),
             clocks=tuple(self._clocks(outer)),
             clock=clock_info(typed, declared, self.where) if type_name == "Clock" else None,
@@ -115,7 +116,7 @@ class VariableReader:
         self, typed: Element, type_name: str, dimensions: tuple[tuple[bool, int], ...]
     ) -> Value | None:
         """One value for a scalar, all of them for an array, of which one value given fills all (2.4.7.5)."""
-        texts = self._start_texts(typed, type_name)
+        texts = modelvalues.start_texts(typed, type_name, self.version)
         size = math.prod(self._structural(d) if by_vr else d for by_vr, d in dimensions)
         self.total += size
         if self.total > MAX_ELEMENTS:
@@ -124,50 +125,10 @@ class VariableReader:
             return None
         if len(texts) not in (1, size):
             raise self.error(typed, f"start has {len(texts)} values, but the variable has {size}")
-        values = tuple(self._scalar(typed, type_name, text) for text in texts)
+        values = tuple(modelvalues.scalar(typed, type_name, text, self.where) for text in texts)
         if not dimensions:
             return values[0]
         return values * size if len(values) == 1 else values
-
-    def _start_texts(self, typed: Element, type_name: str) -> list[str] | None:
-        """The start values as written; None: there is none."""
-        if self.version == 3 and type_name in ("String", "Binary"):
-            found = [element.get("value", "") for element in typed.iterfind("Start")]
-            return found or None
-        text = typed.get("start")
-        if text is None or type_name == "Clock":
-            return None
-        return [text] if self.version == 2 else text.split()
-
-    def _scalar(self, typed: Element, type_name: str, text: str) -> Scalar:
-        value: Scalar | None
-        if type_name == "String":
-            value = text
-        elif type_name == "Binary":
-            value = _hexadecimal(text)
-        elif type_name == "Boolean":
-            value = xmlfile.as_boolean(text)
-        elif type_name in REALS:
-            value = xmlfile.as_number(text)
-        else:
-            value = xmlfile.as_integer(text)
-            low, high = RANGES[type_name]
-            value = value if value is not None and low <= value <= high else None
-        if value is None:
-            raise self.error(typed, f"start='{xmlfile.shortened(text)}' is not a number of type {type_name}"
-                             if type_name not in ("Boolean", "Binary")
-                             else f"start='{xmlfile.shortened(text)}' is no {type_name}")  # fmt: skip
-        return value
-
-    def _bound(self, typed: Element, declared: Element, name: str, type_name: str) -> float | int | None:
-        text = typed.get(name, declared.get(name))
-        if text is None or not (type_name in REALS or type_name in RANGES):
-            return None
-        value = xmlfile.as_number(text) if type_name in REALS else xmlfile.as_integer(text)
-        if value is None or math.isnan(value):
-            kind = "a number" if type_name in REALS else "an integer"
-            raise self.error(typed, f"{name}='{xmlfile.shortened(text)}' is not {kind}")
-        return None if math.isinf(value) else value
 
     def _inherited(self, typed: Element, declared: Element, name: str) -> bool:
         return xmlfile.boolean(typed if typed.get(name) is not None else declared, name, False, self.where)
@@ -176,17 +137,6 @@ class VariableReader:
         holder = typed if typed.get("maxSize") is not None else declared
         size = xmlfile.integer(holder, "maxSize", -1, self.where)
         return None if size < 0 else size
-
-    def _items(self, declared: Element) -> dict[str, int]:
-        items: dict[str, int] = {}
-        for item in declared.iterfind("Item"):
-            name = xmlfile.required(item, "name", self.where)
-            xmlfile.required(item, "value", self.where)
-            value = xmlfile.integer(item, "value", 0, self.where)
-            if name in items:
-                raise self.error(item, f"second item '{name}' of an enumeration")
-            items[name] = value
-        return items
 
     # ---- references ----
 
@@ -225,6 +175,15 @@ class VariableReader:
         if not 0 < size <= MAX_ELEMENTS:
             raise self.error(given, f"'{name}' gives a dimension the size {size}; valid: 1 … {MAX_ELEMENTS}")
         return size
+
+    def _check_references(self, outer: Element, typed: Element) -> None:
+        """`derivative` and `previous` do not matter to a co-simulation, but what they name must exist."""
+        for name in ("derivative", "previous"):
+            text = typed.get(name)
+            number = None if text is None else xmlfile.as_integer(text)
+            there = number in self.names if self.version == 3 else 0 < (number or 0) <= len(self.elements)
+            if text is not None and not there:
+                raise self.error(outer, f"{name}='{xmlfile.shortened(text)}' names no variable")
 
     def _clocks(self, outer: Element) -> Iterator[str]:
         for text in outer.get("clocks", "").split():
@@ -302,10 +261,3 @@ class VariableReader:
     def error(self, element: Element, message: str) -> InputError:
         """`message` with the element's line, and the name of the variable where the element has one."""
         return InputError(xmlfile.at(element, message, self.where))
-
-
-def _hexadecimal(text: str) -> bytes | None:
-    try:
-        return bytes.fromhex(text)
-    except ValueError:
-        return None

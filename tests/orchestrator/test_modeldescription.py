@@ -209,6 +209,18 @@ def test_deviations_without_effect_are_warned_about() -> None:
     ]
 
 
+def test_attributes_that_the_standard_does_not_know_are_warned_about() -> None:
+    model = fmi3(
+        '<Float64 name="y" valueReference="1" Start="1" xmlns:x="urn:x" x:foreign="1">'
+        '<Annotations><Annotation odd="1"/></Annotations></Float64>',
+        interface='fixedInternalStepsize="1"',
+    )
+    assert model.warnings == (
+        "FMU x: attributes that FMI 3.0 does not know are ignored: "
+        "CoSimulation.fixedInternalStepsize (line 1), Float64.Start (line 2)",
+    )
+
+
 def test_foreign_annotations_and_parts_of_other_interfaces_are_passed_over() -> None:
     model = fmi3(
         '<Float64 name="y" valueReference="1" causality="output"><Annotations><Annotation type="a.b">'
@@ -275,7 +287,7 @@ F64 = '<Float64 name="v" valueReference="1" {}/>'
         (F64.format('causality="input"'), "is input and has no start value"),
         (F64.format('causality="parameter"'), "is parameter and has no start value"),
         (F64.format('causality="input" start="INF"'), "starts at inf, which is not finite"),
-        (F64.format('causality="input" start="1,5"'), "start='1,5' is not a number of type Float64"),
+        (F64.format('causality="input" start="1,5"'), "start='1,5' is no number of type Float64"),
         (F64.format('causality="input" start="1 2"'), "start has 2 values, but the variable has 1"),
         (F64.format('causality="input" start=""'), "start has 0 values"),
         (F64.format('causality="input" start="2" max="1"'), "starts at 2.0, out of its bounds None … 1.0"),
@@ -283,8 +295,8 @@ F64 = '<Float64 name="v" valueReference="1" {}/>'
         (F64.format('min="low"'), "min='low' is not a number"),
         (F64.format('max="NaN"'), "max='NaN' is not a number"),
         ('<UInt8 name="v" valueReference="1" causality="input" start="256"/>',
-         "is not a number of type UInt8"),
-        ('<Int8 name="v" valueReference="1" causality="input" start="1.0"/>', "is not a number of type Int8"),
+         "is no number of type UInt8"),
+        ('<Int8 name="v" valueReference="1" causality="input" start="1.0"/>', "is no number of type Int8"),
         ('<Boolean name="v" valueReference="1" causality="input" start="yes"/>', "start='yes' is no Boolean"),
         ('<Binary name="v" valueReference="1" causality="input"><Start value="0g"/></Binary>',
          "is no Binary"),
@@ -307,6 +319,8 @@ F64 = '<Float64 name="v" valueReference="1" {}/>'
          "'n' gives a dimension the size 0"),
         ('<UInt64 name="n" valueReference="1" causality="structuralParameter" start="1">'
          '<Dimension start="1"/></UInt64>', "is a structural parameter with dimensions"),
+        (F64.format('derivative="2"'), "derivative='2' names no variable"),
+        (F64.format('previous="x"'), "previous='x' names no variable"),
         (F64.format('clocks="1"'), "clocks='1' is not the value reference of a clock"),
         (CLOCK.format("triggered", "") + '<Float64 name="v" valueReference="2" clocks="1"/>',
          "belongs to a clock, but is continuous"),

@@ -78,7 +78,7 @@ def _systems() -> Iterator[Case]:
         "</ssd:Component>", inline.format(ssv.format("start", "mm")) + "</ssd:Component>", 1), both,
         more={"a.ssv": ssv.format("first", "m"), "m.ssm": ssm})  # fmt: skip
     linear = '<ssc:LinearTransformation factor="2" offset="100"/>'
-    yield _case(chain(linear, unit="mm", suppressUnitConversion="true"), [("decay", 2), ("position", 2)])
+    yield _case(chain(linear, suppressUnitConversion="true"), [("decay", 2), ("position", 2)])
     mapping = (
         "<ssc:{0}MappingTransformation><ssc:MapEntry source='1' target='2'/>"
         "<ssc:MapEntry source='0' target='1'/></ssc:{0}MappingTransformation>"

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import asdict
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -164,9 +165,10 @@ def _step(case: Case) -> str:
     from orchestrator.simulate import simulate
 
     run: Any = simulate
+    trust = {"trust": True} if "trust" in signature(simulate).parameters else {}
     with tempfile.TemporaryDirectory(prefix="slewright-fuzz-") as folder:
         try:
-            run(load_system(case.write(Path(folder), real=True)), TICKS, trust=True)
+            run(load_system(case.write(Path(folder), real=True)), TICKS, **trust)
         except (InputError, RunError) as error:
             lines = len(str(error).splitlines())
             return f"a message of {lines} lines: {error}" if lines > 2 else ""
