@@ -1,21 +1,23 @@
 """From a file to a checked System: what could be wrong with the description is found before the run."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import archive
-from orchestrator.components import load_components
-from orchestrator.description import SYSTEM, Description
+from orchestrator.clocks import timed
+from orchestrator.description import Description
+from orchestrator.flatten import SSD_NAME, Flattener
+from orchestrator.net import Net
+from orchestrator.parameters import Parameters
 from orchestrator.single import system_of_fmu
 from orchestrator.ssd import read_ssd
-from orchestrator.system import ALGORITHMS, Component, Settings, Source, System, SystemInput
-from orchestrator.units import conversion
-from orchestrator.wiring import Wiring
+from orchestrator.system import Component, System
+from orchestrator.wiring import Wiring, checked_sizes
 from specs.errors import InputError, nearest
 from specs.signals import signals
 
 DEFAULT_STEP_S = 0.02
-SSD_NAME = "SystemStructure.ssd"
 
 
 def load_system(path: Path | str) -> System:
@@ -26,74 +28,83 @@ def load_system(path: Path | str) -> System:
     path = Path(path)
     if path.suffix == ".fmu":
         return system_of_fmu(path)
-    files = archive.Scratch()
-    ssd = path if path.suffix == ".ssd" else files.path / "ssp" / SSD_NAME
-    if ssd != path:
-        archive.unpack(path, files.path / "ssp", f"system {path}")
+    files, warnings = archive.Scratch(), []
+    ssd = path
+    if path.suffix != ".ssd":
+        ssd = files.path / "ssp" / SSD_NAME
+        archive.unpack(path, ssd.parent, f"system {path}")
         if not ssd.is_file():
             raise InputError(f"system {path} holds no {SSD_NAME}")
-    return _checked(read_ssd(ssd), ssd.parent, files)
+        warnings += _variants(ssd.parent)
+    root = ssd.resolve().parent
+    return _checked(read_ssd(root / ssd.name, root, ssd.name, warnings), root, files, warnings)
 
 
-def _checked(text: Description, base: Path, files: archive.Scratch) -> System:
-    if not text.components:
+def _checked(text: Description, root: Path, files: archive.Scratch, warnings: list[str]) -> System:
+    net = Flattener(root, files.path, warnings).flatten(text)
+    if not net.components:
         raise InputError(f"system {text.name} has no component")
-    algorithm = text.algorithm or ALGORITHMS[0]
-    if algorithm not in ALGORITHMS:
-        raise InputError(
-            f"system {text.name}: unknown algorithm '{algorithm}'; {nearest(algorithm, ALGORITHMS)}"
-        )
-    components = load_components(text, base, files.path)
-    wiring = Wiring(text, components)
-    return System(
+    parameters = Parameters(net)
+    step_s = text.simulation.step_s or DEFAULT_STEP_S
+    started = {n: replace(c, start=parameters.of(n)) for n, c in net.components.items()}
+    components = timed(net, started, text.simulation, step_s)
+    wiring = Wiring(net, parameters, components)
+    checked_sizes(wiring, parameters)
+    system = System(
         name=text.name,
-        step_s=text.step_s or DEFAULT_STEP_S,
+        step_s=step_s,
         stop_s=text.stop_s,
-        settings=Settings(algorithm),
+        settings=text.simulation.settings,
         components=components,
-        links=tuple(wiring.links),
-        inputs=_inputs(text, wiring),
+        links=wiring.links,
+        inputs=wiring.inputs,
         outputs=wiring.outputs,
-        warnings=tuple(_warnings(text, components, wiring)),
+        warnings=(*_warnings(text, net, wiring), *net.warnings, *_of_fmus(components)),
+        parameters=wiring.settable,
+        faults=text.simulation.faults,
         files=files,
     )
+    system.check_algorithm(system.settings.algorithm)
+    return system
 
 
-def _inputs(text: Description, wiring: Wiring) -> dict[str, SystemInput]:
-    """System inputs; one without a value from a binding starts as the first FMU variable it drives does."""
-    given = {v.name: v for v in text.parameters if not isinstance(v.value, str)}
-    inputs: dict[str, SystemInput] = {}
-    for connector in (c for c in text.connectors.values() if c.kind == "input"):
-        driven = [link for link in wiring.links if link.source == Source(SYSTEM, connector.name)]
-        first = wiring.variable((driven[0].component, driven[0].name)) if driven else None
-        unit = connector.unit or (first.unit if first else None)
-        start = 0.0
-        if connector.name in given:
-            value = given[connector.name]
-            start = conversion(value.unit, unit)(float(value.value))
-        elif first is not None and first.start is not None:
-            start = driven[0].conversion.affine.inverse(first.start)
-        unit_name = connector.unit_name or (first.unit_name if first else "")
-        inputs[connector.name] = SystemInput(connector.name, unit_name, unit, start)
-    return inputs
+def _variants(folder: Path) -> Iterator[str]:
+    """A package may hold further descriptions beside the default one (SSP 2.0, 3)."""
+    others = sorted(p.name for p in folder.glob("*.ssd") if p.name != SSD_NAME)
+    if others:
+        yield f"the package also holds {', '.join(others)}; {SSD_NAME} is used"
 
 
-def _warnings(text: Description, components: dict[str, Component], wiring: Wiring) -> Iterator[str]:
+def _of_fmus(components: Mapping[str, Component]) -> Iterator[str]:
+    """What the FMUs' own descriptions are warned about, once for each FMU."""
+    yield from dict.fromkeys(w for c in components.values() for w in c.model.warnings)
+
+
+def _warnings(text: Description, net: Net, wiring: Wiring) -> Iterator[str]:
     """What is accepted, but may not be meant."""
-    if text.step_s is None:
+    if text.simulation.step_s is None:
         yield f"system {text.name} states no step size; {DEFAULT_STEP_S} s is used"
     known = signals()
-    for name in (n for n, c in text.connectors.items() if c.kind in ("input", "output") and n not in known):
+    connectors = text.system.connectors.values()
+    for name in (c.name for c in connectors if c.kind in ("input", "output") and c.name not in known):
         yield f"system connector {name} is no signal of specs/signals.toml; {nearest(name, known)}"
-    driven = {(link.component, link.name) for link in wiring.links}
-    sources = {link.source for link in wiring.links} | {o.source for o in wiring.outputs.values()}
-    for connector in text.connectors.values():
-        used = Source(SYSTEM, connector.name) in sources or connector.name in wiring.outputs
-        if connector.kind in ("input", "output") and not used:
-            yield f"system {connector.kind} {connector.name} is not connected"
-    for component in components.values():
-        for variable in component.model.variables.values():
-            if variable.causality == "input" and (component.name, variable.name) not in driven:
-                value = component.start.get(variable.name, variable.start)
-                name = f"{component.name}.{variable.name}"
-                yield f"input {name} is not connected and keeps its start value {value}"
+    for node in net.nodes.values():
+        own = not node.port.owner and node.port.side == ""
+        if own and node.port not in net.outgoing and node.port not in net.incoming:
+            yield f"system {node.kind} {node.port.name} is not connected"
+    yield from wiring.loose_ends()
+    yield from _unconnected(wiring)
+
+
+def _unconnected(wiring: Wiring) -> Iterator[str]:
+    """Inputs of FMUs that keep their start value; an alias of one that is driven is driven too."""
+    ends = {(path.target.owner, path.target.name) for path in wiring.paths}
+    for component in wiring.components.values():
+        variables = component.model.variables
+        driven = {variables[name].vr for owner, name in ends if owner == component.name}
+        for variable in variables.values():
+            if variable.causality != "input" or variable.type == "Clock" or variable.vr in driven:
+                continue
+            value = component.start.get(variable.name, variable.start)
+            name = f"{component.name}.{variable.name}"
+            yield f"input {name} is not connected and keeps its start value {value}"

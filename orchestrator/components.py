@@ -1,35 +1,57 @@
-"""From the components of a system structure to unpacked FMUs that fit their connectors and parameters."""
+"""From the components of a system structure to unpacked FMUs that fit their connectors."""
 
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from fmus.compiler import host
 from orchestrator import archive, description
-from orchestrator.description import Connector, Description, ParameterValue
-from orchestrator.modeldescription import REALS, ModelDescription, parse
-from orchestrator.system import Component, checked_value
-from orchestrator.units import compatible, conversion
+from orchestrator.conversion import kind_of
+from orchestrator.description import Connector
+from orchestrator.modeldescription import ModelDescription, parse
+from orchestrator.system import Component
+from orchestrator.units import compatible
+from orchestrator.variable import Variable
 from specs.errors import InputError, nearest
 
+__all__ = ("Fmus", "check_connector", "find_library", "kind_of")
 
-def load_components(text: Description, base: Path, folder: Path) -> dict[str, Component]:
-    """Unpack and check the FMU of every component; FMUs are looked up below `base`, unpacked into `folder`.
+# Types of SSP 1.0 stand for all of their kind; those of SSP 2.0 must be the variable's own.
+ANY_OF_KIND = ("Real", "Integer")
 
-    Raises InputError for an FMU that is missing, damaged or not for this platform, a connector that does not
-    match its variable, and a parameter that is unknown or out of bounds.
-    """
-    unpacked: dict[str, Component] = {}  # by source: one FMU may be in the system several times
-    components: dict[str, Component] = {}
-    for component in text.components.values():
-        if component.source not in unpacked:
-            unpacked[component.source] = _fmu(component, base, folder / f"fmu{len(unpacked)}")
-        fmu = replace(unpacked[component.source], name=component.name)
-        for connector in component.connectors.values():
-            _check_connector(component.name, connector, fmu.model)
-        values = [*component.parameters, *_from_system(text, component.name)]
-        components[component.name] = replace(fmu, start=dict(_start_values(fmu, values)))
-    return components
+
+class Fmus:
+    """FMUs unpacked once each into `folder`, however often a system uses them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.known: dict[Path, Component] = {}
+
+    def load(self, file: Path, component: description.Component, path: str, base: Path) -> Component:
+        """The FMU `file` of a component with the path `path`; `base`: the folder to list if it is missing.
+
+        Raises InputError for an FMU that is missing, damaged or not for this platform.
+        """
+        if file not in self.known:
+            self.known[file] = self._unpacked(file, component, path, base)
+        place = component.place
+        return replace(self.known[file], name=path, line=place.line, file=place.file)
+
+    def _unpacked(self, file: Path, component: description.Component, path: str, base: Path) -> Component:
+        if not file.is_file():
+            there = sorted(p.relative_to(base).as_posix() for p in base.rglob("*.fmu"))
+            raise InputError(
+                f"{component.place}: FMU '{component.source}' of component '{path}' is missing; "
+                f"there is: {', '.join(there) or 'none'}"
+            )
+        shown = f"FMU {component.source} of component {path}"
+        folder = self.folder / f"fmu{len(self.known)}"
+        archive.unpack(file, folder, shown)
+        xml = folder / "modelDescription.xml"
+        if not xml.is_file():
+            raise InputError(f"{shown} holds no modelDescription.xml")
+        model = parse(xml.read_bytes(), shown)
+        library = find_library(folder, model, shown)
+        return Component(path, model, folder, library, archive.sha256(file), {})
 
 
 def find_library(folder: Path, model: ModelDescription, shown: str) -> Path:
@@ -45,87 +67,44 @@ def find_library(folder: Path, model: ModelDescription, shown: str) -> Path:
     )
 
 
-def kind_of(type_name: str) -> str:
-    """Which types fit each other: real, integer, boolean, enumeration, …"""
-    if type_name in REALS:
-        return "real"
-    return "integer" if type_name.startswith(("Int", "UInt")) else type_name.lower()
-
-
-def _fmu(component: description.Component, base: Path, folder: Path) -> Component:
-    path = _fmu_path(component, base)
-    shown = f"FMU {component.source} of component {component.name}"
-    archive.unpack(path, folder, shown)
-    xml = folder / "modelDescription.xml"
-    if not xml.is_file():
-        raise InputError(f"{shown} holds no modelDescription.xml")
-    model = parse(xml.read_bytes(), shown)
-    library = find_library(folder, model, shown)
-    return Component(component.name, model, folder, library, archive.sha256(path), {})
-
-
-def _fmu_path(component: description.Component, base: Path) -> Path:
-    source = PurePosixPath(component.source)
-    where = f"SSD line {component.line}"
-    if source.is_absolute() or ".." in source.parts or ":" in component.source:
-        raise InputError(
-            f"{where}: source '{component.source}' of component '{component.name}' is not inside the package"
-        )
-    path = base / source
-    if not path.is_file():
-        there = sorted(p.relative_to(base).as_posix() for p in base.rglob("*.fmu"))
-        raise InputError(
-            f"{where}: FMU '{component.source}' of component '{component.name}' is missing; "
-            f"there is: {', '.join(there) or 'none'}"
-        )
-    return path
-
-
-def _check_connector(owner: str, connector: Connector, model: ModelDescription) -> None:
-    shown = f"SSD line {connector.line}: {owner}.{connector.name}"
-    variable = model.variables.get(connector.name)
+def check_connector(path: str, connector: Connector, component: Component) -> Variable:
+    """The variable behind a connector of an FMU; InputError, with the line, if it does not match."""
+    shown = f"{connector.place}: {path}.{connector.name}"
+    variables = component.model.variables
+    variable = variables.get(connector.name)
     if variable is None:
-        raise InputError(f"{shown}: the FMU has no such variable; {nearest(connector.name, model.variables)}")
-    if connector.kind != variable.causality:
+        raise InputError(f"{shown}: the FMU has no such variable; {nearest(connector.name, variables)}")
+    if not _kind_fits(connector.kind, variable):
         raise InputError(
             f"{shown} is declared {connector.kind}, but its causality in the FMU is {variable.causality}"
         )
-    if connector.type and kind_of(connector.type) != kind_of(variable.type):
-        raise InputError(f"{shown} is declared {connector.type}, but its type in the FMU is {variable.type}")
-    if not compatible(connector.unit, variable.unit):
+    _check_type(connector, variable, shown)
+    return variable
+
+
+def _kind_fits(kind: str, variable: Variable) -> bool:
+    """SSP 2.0, 5.2.1; a constant is a variability in FMI, with the causality output or local."""
+    if kind == "constant":
+        return variable.variability == "constant"
+    return kind in ("unspecified", variable.causality)
+
+
+def _check_type(connector: Connector, variable: Variable, shown: str) -> None:
+    typed = connector.typed
+    fitting = typed.type in ANY_OF_KIND or typed.type == variable.type or variable.type in ANY_OF_KIND
+    if typed.type and (kind_of(typed.type) != kind_of(variable.type) or not fitting):
+        raise InputError(f"{shown} is declared {typed.type}, but its type in the FMU is {variable.type}")
+    if not compatible(typed.unit, variable.unit):
         raise InputError(
-            f"{shown} is declared in {connector.unit_name}, but its unit in the FMU is {variable.unit_name}"
+            f"{shown} is declared in {typed.unit_name}, but its unit in the FMU is {variable.unit_name}"
         )
-
-
-def _from_system(text: Description, owner: str) -> Iterator[ParameterValue]:
-    """Bindings of the system ("component.parameter") that are meant for `owner`; they win over its own."""
-    for value in text.parameters:
-        element, dot, name = value.name.partition(".")
-        if not dot and value.name not in text.connectors:
-            raise InputError(f"{value.where}: parameter '{value.name}' names no connector of the system")
-        if dot and element not in text.components:
+    for name, value in typed.items.items():
+        if variable.items.get(name, value) != value:
             raise InputError(
-                f"{value.where}: parameter '{value.name}' names no component; "
-                f"{nearest(element, text.components)}"
+                f"{shown}: item '{name}' is declared as {value}, but is {variable.items[name]} in the FMU"
             )
-        if dot and element == owner:
-            yield replace(value, name=name)
-
-
-def _start_values(component: Component, values: Iterable[ParameterValue]) -> Iterator[tuple[str, float]]:
-    variables = component.model.variables
-    for value in values:
-        variable = variables.get(value.name)
-        if variable is None or variable.causality not in ("parameter", "input"):
-            valid = [v.name for v in variables.values() if v.causality == "parameter"]
-            raise InputError(
-                f"{value.where}: component {component.name} has no parameter '{value.name}'; "
-                f"{nearest(value.name, valid)}"
-            )
-        shown = f"{value.where}: parameter {component.name}.{value.name}"
-        if isinstance(value.value, str):
-            raise InputError(f"{shown}: values of type {value.type} are not supported")
-        if not compatible(value.unit, variable.unit):
-            raise InputError(f"{shown} is given in a unit that does not fit {variable.unit_name}")
-        yield value.name, checked_value(variable, conversion(value.unit, variable.unit)(value.value), shown)
+    stated = variable.clock.interval_variability if variable.clock else ""
+    if typed.interval_variability and typed.interval_variability != stated:
+        raise InputError(
+            f"{shown} is declared {typed.interval_variability}, but its interval is {stated} in the FMU"
+        )

@@ -1,45 +1,41 @@
-"""The content of a system structure description (SSD) as plain data, each part with its line."""
+"""The content of a system structure description (SSD) as plain data, each part with its place in the file."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 
-from orchestrator.units import Affine
-from specs.units import Unit
+from orchestrator.bindings import Binding
+from orchestrator.conversion import Transformation
+from orchestrator.ssc import Typed
+from orchestrator.ssptext import Place
+from orchestrator.system import Settings
+from specs.faults import Fault
+
+__all__ = (
+    "SYSTEM",
+    "Component",
+    "Connection",
+    "Connector",
+    "Description",
+    "Dictionary",
+    "Element",
+    "Reference",
+    "Simulation",
+    "SystemElement",
+    "Typed",
+)
 
 SYSTEM = ""  # element name of the system itself in a connection
 
 
 @dataclass(frozen=True)
 class Connector:
-    """A connector of the system or of a component; type and unit are empty where the SSD leaves them out."""
+    """A connector of a system, a component or a signal dictionary reference."""
 
     name: str
     kind: str
-    type: str
-    unit_name: str
-    unit: Unit | None
-    line: int
-
-
-@dataclass(frozen=True)
-class ParameterValue:
-    """A start value from a parameter set; `unit` None: given in the unit of the variable."""
-
-    name: str
-    value: float | str
-    type: str
-    unit: Unit | None
-    where: str
-
-
-@dataclass(frozen=True)
-class Component:
-    """An FMU in the system, its connectors by name and its parameter values in ascending precedence."""
-
-    name: str
-    source: str
-    connectors: dict[str, Connector]
-    parameters: tuple[ParameterValue, ...]
-    line: int
+    typed: Typed
+    place: Place
 
 
 @dataclass(frozen=True)
@@ -48,21 +44,74 @@ class Connection:
 
     start: tuple[str, str]
     end: tuple[str, str]
-    transformation: Affine
-    suppress_unit_conversion: bool
-    line: int
+    transformation: Transformation | None
+    suppress: bool
+    place: Place
+
+
+@dataclass(frozen=True)
+class Element:
+    """What systems and their elements have in common; bindings stand in ascending precedence."""
+
+    name: str
+    connectors: Mapping[str, Connector]
+    bindings: tuple[Binding, ...]
+    place: Place
+
+
+@dataclass(frozen=True)
+class Component(Element):
+    """An FMU, or another system description, by its source; None: there is no implementation."""
+
+    source: str | None = None
+    type: str = ""
+
+
+@dataclass(frozen=True)
+class Reference(Element):
+    """The place of a signal dictionary in a system; its connectors are signals of the dictionary."""
+
+    dictionary: str = ""
+
+
+@dataclass(frozen=True)
+class Dictionary:
+    """A signal dictionary: its signals by name."""
+
+    name: str
+    entries: Mapping[str, Typed]
+    place: Place
+
+
+@dataclass(frozen=True)
+class SystemElement(Element):
+    """A system with its elements by name."""
+
+    elements: Mapping[str, Element] = field(default_factory=dict)
+    connections: tuple[Connection, ...] = ()
+    dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Our annotation: step and settings, None where it does not state them; steps of components by path."""
+
+    step_s: float | None = None
+    settings: Settings = field(default_factory=Settings)
+    steps: Mapping[str, tuple[float, Place]] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = ()
+    place: Place | None = None
 
 
 @dataclass(frozen=True)
 class Description:
-    """One SSD: `step_s` and `algorithm` come from our annotation, None where it is absent."""
+    """One SSD file: `ids` are its systems by their id, for components that refer to them."""
 
+    path: Path
     name: str
     version: str
-    connectors: dict[str, Connector]
-    components: dict[str, Component]
-    connections: tuple[Connection, ...]
-    parameters: tuple[ParameterValue, ...]
-    stop_s: float | None = None
-    step_s: float | None = None
-    algorithm: str | None = None
+    system: SystemElement
+    ids: Mapping[str, SystemElement]
+    start_s: float
+    stop_s: float | None
+    simulation: Simulation

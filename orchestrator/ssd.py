@@ -1,213 +1,238 @@
 """Reads a system structure description, SSP 1.0 or 2.0; what it cannot honour it refuses, by name and line.
 
-Elements without influence on the result (geometry, notes, metadata, foreign annotations) are passed over.
-Source: System Structure and Parameterization 1.0 (chapter 5) and 2.0, Modelica Association.
+What becomes of every element and attribute stands in `sspforms`.
+Source: System Structure and Parameterization 1.0 and 2.0 (chapter 5), Modelica Association.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
-from orchestrator import xmlfile
-from orchestrator.description import SYSTEM, Component, Connection, Connector, Description, ParameterValue
-from orchestrator.ssv import read_bindings
-from orchestrator.units import IDENTITY, Affine, parse_units
-from orchestrator.xmlfile import Element
-from specs.errors import InputError, nearest
-from specs.ssd import ANNOTATION, SIMULATION
-from specs.units import Unit
+from orchestrator import description as parts, xmlfile
+from orchestrator.annotation import read_simulation
+from orchestrator.bindings import Binding, read_bindings
+from orchestrator.description import Connection, Connector, Description, Dictionary, Element, SystemElement
+from orchestrator.paths import inside
+from orchestrator.ssb import read_dictionary
+from orchestrator.ssc import Definitions, read_definitions, read_transformation, read_type
+from orchestrator.sspforms import KINDS, NEW_KINDS
+from orchestrator.ssptext import Text
+from specs.errors import InputError
 
-T = TypeVar("T", Component, Connector)
+T = TypeVar("T", Connector, Element, Dictionary)
+Xml = xmlfile.Element
 
 FMU_TYPES = ("application/x-fmu-sharedlibrary",)
-TYPES = (
-    "Real",
-    "Integer",
-    "Boolean",
-    "Enumeration",
-    "Float64",
-    "Float32",
-    "Int8",
-    "UInt8",
-    "Int16",
-    "UInt16",
-    "Int32",
-    "UInt32",
-    "Int64",
-    "UInt64",
-)
-KINDS = ("input", "output", "parameter", "calculatedParameter")
-PASSED_OVER = (
-    "ElementGeometry",
-    "ConnectorGeometry",
-    "ConnectionGeometry",
-    "SystemGeometry",
-    "GraphicalElements",
-    "Annotations",
-    "MetaData",
-    "Signature",
-)
-# Children that are read; anything else is refused.
-CHILDREN = {
-    "SystemStructureDescription": ("System", "Enumerations", "Units", "DefaultExperiment"),
-    "System": ("Connectors", "ParameterBindings", "Elements", "Connections"),
-    "Component": ("Connectors", "ParameterBindings"),
-    "Connectors": ("Connector",),
-    "Connector": TYPES,
-    "Elements": ("Component",),
-    "Connections": ("Connection",),
-    "Connection": ("LinearTransformation",),
-}
+SSD_TYPE, SSP_TYPE = "application/x-ssp-definition", "application/x-ssp-package"
+COMPONENT_TYPES = (*FMU_TYPES, SSD_TYPE, SSP_TYPE)
+SSB_TYPE = "application/x-ssp-signal-dictionary"
+IMPLEMENTATIONS = ("any", "CoSimulation")
+MAX_DEPTH = 64  # of systems in systems
 
 
-def read_ssd(path: Path) -> Description:
-    """Parse and check the form of an SSD; parameter files are looked up beside it.
+def read_ssd(path: Path, root: Path, shown: str, warnings: list[str]) -> Description:
+    """Parse and check the form of an SSD; files that it names are looked up beside it.
+
+    root      folder of the package, which no file name may leave
+    shown     what messages call the file
+    warnings  takes sentences on what is read, but may not be meant
 
     Raises InputError naming the file, the element and its line.
     """
-    root = xmlfile.read(path, path.name)
-    version = root.get("version", "")
-    if xmlfile.local(root) != "SystemStructureDescription":
-        raise InputError(f"{path.name}: <{xmlfile.local(root)}> is not a system structure description")
-    if version.split(".")[0] not in ("1", "2"):
-        raise InputError(f"{path.name}: SSP version '{version}' is not supported; valid: 1.0, 2.0")
-    return _Reader(path, parse_units(root.find("{*}Units"), path.name)).description(root, version)
+    element = xmlfile.read(path, shown)
+    if xmlfile.local(element) != "SystemStructureDescription":
+        raise InputError(f"{shown}: <{xmlfile.local(element)}> is not a system structure description")
+    text = Text(shown, element.get("version", ""), warnings)
+    return _Reader(path, root, text).description(element)
 
 
 class _Reader:
-    """One file: its path for messages and its unit definitions."""
+    """One file: its path, and its definitions once they are read."""
 
-    def __init__(self, path: Path, units: dict[str, Unit | None]) -> None:
-        self.path, self.units = path, units
-        self.where = path.name
+    def __init__(self, path: Path, root: Path, text: Text) -> None:
+        self.path, self.root, self.text = path, root, text
+        self.definitions = Definitions()
+        self.ids: dict[str, SystemElement] = {}
+        self.depth = 0
 
-    def description(self, root: Element, version: str) -> Description:
-        children = self.children(root)
-        system = children.get("System")
-        if not system:
-            raise InputError(f"{self.where} has no <System>")
-        parts = self.children(system[0])
-        elements = [
-            e for holder in parts.get("Elements", []) for e in self.children(holder).get("Component", [])
-        ]
-        experiment = children.get("DefaultExperiment")
+    def description(self, root: Xml) -> Description:
+        groups = self.text.children(root, "ssd:SystemStructureDescription")
+        system = self.text.single(groups, "System")
+        if system is None:
+            raise InputError(f"{self.text.shown} has no <System>")
+        self.definitions = read_definitions(self.text, groups)
+        self.variant(self.text.single(groups, "SSDVariant"))
+        start_s, stop_s = self.experiment(self.text.single(groups, "DefaultExperiment"))
         return Description(
+            self.path,
             root.get("name", self.path.stem),
-            version,
-            self.connectors(system[0]),
-            self.unique((self.component(e) for e in elements), "component"),
-            tuple(self.connections(parts.get("Connections", []))),
-            self.bindings(system[0]),
-            xmlfile.number(experiment[0], "stopTime", 0.0, self.where) or None if experiment else None,
-            *self.simulation(root),
+            self.text.version,
+            self.system(system),
+            self.ids,
+            start_s,
+            stop_s,
+            read_simulation(self.text, root),
         )
 
-    def component(self, element: Element) -> Component:
-        name = xmlfile.required(element, "name", self.where)
-        self.children(element)
+    def variant(self, element: Xml | None) -> None:
+        if element is not None:
+            self.text.children(element, "ssd:SSDVariant")
+            base = element.get("baseSSD", "")
+            self.text.warn(element, f"this is a variant of '{base}'; it is simulated as it stands")
+
+    def experiment(self, element: Xml | None) -> tuple[float, float | None]:
+        """(start, stop) in s; a run always begins at 0, so that another start is warned about."""
+        if element is None:
+            return 0.0, None
+        self.text.children(element, "ssd:DefaultExperiment")
+        start = xmlfile.number(element, "startTime", 0.0, self.text.shown)
+        stop = xmlfile.number(element, "stopTime", start, self.text.shown)
+        if stop < start:
+            raise self.text.error(element, f"stopTime {stop:g} is before startTime {start:g}")
+        if start != 0.0:
+            self.text.warn(element, f"startTime {start:g} is not honoured: runs begin at 0 and last as long")
+        return start, stop - start or None
+
+    # ---- elements ----
+
+    def system(self, element: Xml) -> SystemElement:
+        self.depth += 1
+        if self.depth > MAX_DEPTH:
+            raise self.text.error(element, f"systems are nested more than {MAX_DEPTH} deep")
+        groups = self.text.children(element, "ssd:System")
+        system = SystemElement(
+            element.get("name", ""),
+            self.connectors(groups, KINDS),
+            read_bindings(
+                self.text, groups.get("ParameterBindings", []), self.root, self.path.parent, self.definitions
+            ),
+            self.text.place(element),
+            self.elements(groups.get("Elements", [])),
+            tuple(
+                self.connection(e)
+                for e in self.text.items(groups.get("Connections", []), "ssd:Connections", "Connection")
+            ),
+            self.dictionaries(groups.get("SignalDictionaries", [])),
+        )
+        self.depth -= 1
+        if (name := element.get("id")) is not None:
+            if name in self.ids:
+                raise self.text.error(element, f"second system with the id '{name}'")
+            self.ids[name] = system
+        return system
+
+    def elements(self, holders: list[Xml]) -> dict[str, Element]:
+        found: list[Element] = []
+        for holder in holders:
+            self.text.children(holder, "ssd:Elements")
+            for element in holder:
+                read = {
+                    "System": self.system,
+                    "Component": self.component,
+                    "SignalDictionaryReference": self.reference,
+                }[xmlfile.local(element)]
+                self.text.name(element)
+                found.append(read(element))
+        return self.unique(found, "component")
+
+    def component(self, element: Xml) -> Element:
+        name = self.text.name(element)
+        groups = self.text.children(element, "ssd:Component")
         kind = element.get("type", FMU_TYPES[0])
-        if kind not in FMU_TYPES:
-            raise self.error(element, f"component '{name}' has type '{kind}'; valid: {', '.join(FMU_TYPES)}")
-        if element.get("implementation", "any") not in ("any", "CoSimulation"):
-            raise self.error(
-                element, f"component '{name}' asks for {element.get('implementation')}; valid: CoSimulation"
+        if kind not in COMPONENT_TYPES:
+            raise self.text.error(
+                element, f"component '{name}' has type '{kind}'; valid: {', '.join(COMPONENT_TYPES)}"
             )
-        return Component(
+        if element.get("implementation", "any") not in IMPLEMENTATIONS:
+            asked = element.get("implementation")
+            raise self.text.error(element, f"component '{name}' asks for {asked}; valid: CoSimulation")
+        source = element.get("source")
+        if source is None:
+            if self.text.version.startswith("1"):
+                raise self.text.error(element, "<Component> has no 'source'")
+            self.text.warn(element, f"component '{name}' has no implementation: it is left out")
+        return parts.Component(
             name,
-            xmlfile.required(element, "source", self.where),
-            self.connectors(element),
-            self.bindings(element),
-            element.sourceline or 0,
-        )
-
-    def connectors(self, owner: Element) -> dict[str, Connector]:
-        holders = owner.findall("{*}Connectors")
-        found = [c for holder in holders for c in self.children(holder).get("Connector", [])]
-        return self.unique((self.connector(element) for element in found), "connector")
-
-    def connector(self, element: Element) -> Connector:
-        name, kind = (xmlfile.required(element, key, self.where) for key in ("name", "kind"))
-        if kind not in KINDS:
-            raise self.error(element, f"connector '{name}' has kind '{kind}'; valid: {', '.join(KINDS)}")
-        typed = [t for group in self.children(element).values() for t in group]
-        unit_name = typed[0].get("unit", "") if typed else ""
-        if unit_name and unit_name not in self.units:
-            raise self.error(
-                typed[0],
-                f"connector '{name}' has the undefined unit '{unit_name}'; {nearest(unit_name, self.units)}",
-            )
-        return Connector(
-            name,
+            self.connectors(groups, [k for k in KINDS if k != "inout"]),
+            read_bindings(
+                self.text, groups.get("ParameterBindings", []), self.root, self.path.parent, self.definitions
+            ),
+            self.text.place(element),
+            source,
             kind,
-            xmlfile.local(typed[0]) if typed else "",
-            unit_name,
-            self.units.get(unit_name),
-            element.sourceline or 0,
         )
 
-    def connections(self, holders: list[Element]) -> Iterator[Connection]:
-        for element in (c for holder in holders for c in self.children(holder).get("Connection", [])):
-            ends = [
-                (
-                    element.get(f"{end}Element", SYSTEM),
-                    xmlfile.required(element, f"{end}Connector", self.where),
-                )
-                for end in ("start", "end")
-            ]
-            yield Connection(
-                ends[0],
-                ends[1],
-                self.transformation(element),
-                element.get("suppressUnitConversion") in ("true", "1"),
-                element.sourceline or 0,
+    def reference(self, element: Xml) -> Element:
+        groups = self.text.children(element, "ssd:SignalDictionaryReference")
+        kinds = ("input", "output", "inout")
+        connectors = self.connectors(groups, kinds)
+        return parts.Reference(
+            self.text.name(element),
+            connectors,
+            (),
+            self.text.place(element),
+            self.text.name(element, "dictionary"),
+        )
+
+    # ---- parts of elements ----
+
+    def bindings(self, groups: dict[str, list[Xml]]) -> tuple[Binding, ...]:
+        holders = groups.get("ParameterBindings", [])
+        return read_bindings(self.text, holders, self.root, self.path.parent, self.definitions)
+
+    def connectors(self, groups: dict[str, list[Xml]], kinds: Iterable[str]) -> dict[str, Connector]:
+        found = self.text.items(groups.get("Connectors", []), "ssd:Connectors", "Connector")
+        return self.unique((self.connector(element, list(kinds)) for element in found), "connector")
+
+    def connector(self, element: Xml, kinds: list[str]) -> Connector:
+        name, kind = (self.text.name(element, key) for key in ("name", "kind"))
+        if kind not in kinds:
+            raise self.text.error(element, f"connector '{name}' has kind '{kind}'; valid: {', '.join(kinds)}")
+        if kind in NEW_KINDS:
+            self.text.new_in_2(element, f"a connector of kind {kind}")
+        groups = self.text.children(element, "ssd:Connector")
+        typed = read_type(self.text, groups, self.definitions, f"connector '{name}'")
+        return Connector(name, kind, typed, self.text.place(element))
+
+    def connection(self, element: Xml) -> Connection:
+        groups = self.text.children(element, "ssd:Connection")
+        start, end = (
+            (element.get(f"{side}Element", parts.SYSTEM), self.text.name(element, f"{side}Connector"))
+            for side in ("start", "end")
+        )
+        return Connection(
+            start,
+            end,
+            read_transformation(self.text, groups),
+            self.text.flag(element, "suppressUnitConversion"),
+            self.text.place(element),
+        )
+
+    def dictionaries(self, holders: list[Xml]) -> dict[str, Dictionary]:
+        found = self.text.items(holders, "ssd:SignalDictionaries", "SignalDictionary")
+        return self.unique((self.dictionary(element) for element in found), "signal dictionary")
+
+    def dictionary(self, element: Xml) -> Dictionary:
+        groups = self.text.children(element, "ssd:SignalDictionary")
+        name, inner = self.text.name(element), self.text.single(groups, "SignalDictionary")
+        source = element.get("source")
+        if element.get("type", SSB_TYPE) != SSB_TYPE:
+            raise self.text.error(
+                element, f"signal dictionary '{name}' has type '{element.get('type')}'; valid: {SSB_TYPE}"
             )
+        if (source is None) == (inner is None):
+            raise self.text.error(element, f"signal dictionary '{name}' needs either 'source' or its content")
+        shown = self.text.shown if source is None else source
+        if inner is None:
+            path = inside(self.text.place(element), self.root, self.path.parent, shown)
+            inner = xmlfile.read(path, shown)
+        entries = read_dictionary(inner, shown, self.text.warnings)
+        return Dictionary(name, entries, self.text.place(element))
 
-    def transformation(self, element: Element) -> Affine:
-        linear = self.children(element).get("LinearTransformation")
-        if not linear:
-            return IDENTITY
-        factor = xmlfile.number(linear[0], "factor", 1.0, self.where)
-        if factor == 0.0:
-            raise self.error(linear[0], "LinearTransformation with factor 0 would drop the signal")
-        return Affine(factor, xmlfile.number(linear[0], "offset", 0.0, self.where))
-
-    def bindings(self, owner: Element) -> tuple[ParameterValue, ...]:
-        holder = owner.find("{*}ParameterBindings")
-        return () if holder is None else tuple(read_bindings(holder, self.path, self.units))
-
-    def simulation(self, root: Element) -> tuple[float | None, str | None]:
-        """(step in s, algorithm) from our annotation."""
-        for annotation in root.iterfind("{*}Annotations/{*}Annotation"):
-            ours = annotation.find(f"{{{SIMULATION}}}Simulation")
-            if annotation.get("type") == ANNOTATION and ours is not None:
-                step = xmlfile.number(ours, "stepSize", 0.0, self.where)
-                if not step > 0.0:
-                    raise self.error(ours, f"stepSize must be positive, not {ours.get('stepSize')}")
-                return step, ours.get("algorithm")
-        return None, None
-
-    def children(self, element: Element) -> dict[str, list[Element]]:
-        """Children that are read, by name; an element that is neither read nor harmless is refused."""
-        groups: dict[str, list[Element]] = {}
-        valid = CHILDREN[xmlfile.local(element)]
-        for child in element:
-            name = xmlfile.local(child)
-            if name in valid:
-                groups.setdefault(name, []).append(child)
-            elif name not in PASSED_OVER:
-                raise self.error(
-                    child,
-                    f"<{name}> inside <{xmlfile.local(element)}> is not supported; {nearest(name, valid)}",
-                )
-        return groups
-
-    def unique(self, items: Iterator[T], kind: str) -> dict[str, T]:
+    def unique(self, items: Iterable[T], kind: str) -> dict[str, T]:
         found: dict[str, T] = {}
         for item in items:
             if item.name in found:
-                raise InputError(f"{self.where} line {item.line}: second {kind} named '{item.name}'")
+                raise InputError(f"{item.place}: second {kind} named '{item.name}'")
             found[item.name] = item
         return found
-
-    def error(self, element: Element, text: str) -> InputError:
-        return InputError(f"{self.where} line {element.sourceline}: {text}")

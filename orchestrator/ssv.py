@@ -1,77 +1,155 @@
-"""Parameter bindings of an SSD: values given inline or in a parameter file (SSV)."""
+"""Reads a parameter set (SSV), inline or a file of its own: names, typed values, units (SSP 2.0, 6)."""
 
-from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import prod
 
 from orchestrator import xmlfile
-from orchestrator.description import ParameterValue
-from orchestrator.units import parse_units
+from orchestrator.conversion import Transformation
+from orchestrator.ssc import Definitions, read_definitions, read_type_dimensions
+from orchestrator.sspforms import VALUE_TYPES
+from orchestrator.ssptext import Place, Text
+from orchestrator.variable import RANGES, REALS, Scalar, Value
 from orchestrator.xmlfile import Element
-from specs.errors import InputError
+from specs.errors import InputError, nearest
 from specs.units import Unit
 
-SSV_TYPE = "application/x-ssp-parameter-set"
-IGNORED = ("Annotations", "MetaData", "Signature")
 
+@dataclass(frozen=True)
+class ParameterValue:
+    """A value for the parameter, or other variable, `name` of the element that a binding belongs to.
 
-def read_bindings(holder: Element, ssd: Path, units: dict[str, Unit | None]) -> Iterator[ParameterValue]:
-    """Values of all bindings under `holder` in their order (the later one wins).
-
-    Raises InputError for what is not honoured (a mapping, a foreign type), naming file and line.
+    value           in `unit` (None: in that of the variable); enumerations by item name; arrays flat
+    dimensions      () for a scalar
+    items           of the enumeration that the set names, if it does
+    transformation  of a parameter mapping, applied after the conversion of units, unless `suppress`
+    shared          from a file, which may hold more than one element needs (SSP 2.0, 6.2)
     """
-    for binding in holder:
-        where = f"{ssd.name} line {binding.sourceline}"
-        if binding.get("type", SSV_TYPE) != SSV_TYPE:
-            raise InputError(f"{where}: parameter binding of type '{binding.get('type')}'; valid: {SSV_TYPE}")
-        parts = {xmlfile.local(child): child for child in binding if xmlfile.local(child) not in IGNORED}
-        unknown = sorted(set(parts) - {"ParameterValues"})
-        if unknown:
-            raise InputError(f"{where}: <{unknown[0]}> is not supported; valid: ParameterValues")
-        prefix = binding.get("prefix", "")
-        for value in _values(binding, parts.get("ParameterValues"), ssd, units):
-            yield ParameterValue(prefix + value.name, value.value, value.type, value.unit, value.where)
+
+    name: str
+    value: Value
+    type: str
+    unit: Unit | None
+    unit_name: str
+    place: Place
+    dimensions: tuple[int, ...] = ()
+    items: Mapping[str, int] = field(default_factory=dict)
+    transformation: Transformation | None = None
+    suppress: bool = False
+    shared: bool = False
 
 
-def _values(
-    binding: Element, inline: Element | None, ssd: Path, units: dict[str, Unit | None]
-) -> Iterator[ParameterValue]:
-    source = binding.get("source")
-    if source:
-        path = _beside(ssd, source, binding)
-        yield from _parameter_set(xmlfile.read(path, source), source, {})
-    for parameter_set in () if inline is None else inline:
-        yield from _parameter_set(parameter_set, ssd.name, units)
+def read_parameter_set(
+    root: Element, shown: str, warnings: list[str], shared: bool, outer: Definitions
+) -> list[ParameterValue]:
+    """All values of a <ParameterSet>; InputError, naming `shown` and line, for what is wrong or twice.
 
-
-def _beside(ssd: Path, source: str, binding: Element) -> Path:
-    """The file a relative URI names; one that leaves the folder of the SSD is refused."""
-    parts = PurePosixPath(source)
-    if parts.is_absolute() or ".." in parts.parts or ":" in source:
-        raise InputError(f"{ssd.name} line {binding.sourceline}: source '{source}' is not inside the package")
-    return ssd.parent / parts
-
-
-def _parameter_set(root: Element, shown: str, outer: dict[str, Unit | None]) -> Iterator[ParameterValue]:
+    `outer`: definitions of the file around an inline set, which count where it has none of its own.
+    """
     if xmlfile.local(root) != "ParameterSet":
         raise InputError(f"{shown} line {root.sourceline}: <{xmlfile.local(root)}> is not a ParameterSet")
-    units = outer | parse_units(root.find("{*}Units"), shown)
-    for parameter in root.iterfind("{*}Parameters/{*}Parameter"):
-        typed = [child for child in parameter if xmlfile.local(child) not in IGNORED]
-        if len(typed) != 1:
-            raise InputError(f"{shown} line {parameter.sourceline}: a parameter has exactly one value")
-        yield _value(xmlfile.required(parameter, "name", shown), typed[0], shown, units)
+    text = Text(shown, root.get("version", "1.0"), warnings)
+    groups = text.children(root, "ssv:ParameterSet")
+    own = read_definitions(text, groups)
+    definitions = Definitions(outer.units | own.units, outer.enumerations | own.enumerations)
+    found: dict[str, ParameterValue] = {}
+    for parameter in text.items(groups.get("Parameters", []), "ssv:Parameters", "Parameter"):
+        value = _parameter(text, parameter, definitions, shared)
+        if value.name in found:
+            raise text.error(parameter, f"second parameter '{value.name}' in the set")
+        found[value.name] = value
+    return list(found.values())
 
 
-def _value(name: str, typed: Element, shown: str, units: dict[str, Unit | None]) -> ParameterValue:
-    where = f"{shown} line {typed.sourceline}"
-    unit = typed.get("unit")
-    if unit and unit not in units:
-        raise InputError(f"{where}: parameter '{name}' has the undefined unit '{unit}'")
-    text, kind = xmlfile.required(typed, "value", shown), xmlfile.local(typed)
-    if kind in ("String", "Enumeration", "Binary"):
-        return ParameterValue(name, text, kind, None, where)
-    if text in ("true", "false"):
-        return ParameterValue(name, float(text == "true"), kind, None, where)
+def _parameter(text: Text, element: Element, definitions: Definitions, shared: bool) -> ParameterValue:
+    name = text.name(element)
+    groups = text.children(element, "ssv:Parameter")
+    typed = [e for kind in VALUE_TYPES.split() for e in groups.get(kind, [])]
+    if len(typed) != 1:
+        raise text.error(element, f"parameter '{name}' has {len(typed)} values; a parameter has exactly one")
+    given = typed[0]
+    values = text.children(given, f"ssv:{xmlfile.local(given)}").get("Value", [])
+    unit_name = given.get("unit", "")
+    if unit_name and unit_name not in definitions.units:
+        raise text.error(
+            given,
+            f"parameter '{name}' has the undefined unit '{unit_name}'; "
+            f"{nearest(unit_name, definitions.units)}",
+        )
+    dimensions = read_type_dimensions(text, groups, f"parameter '{name}'")
     return ParameterValue(
-        name, xmlfile.number(typed, "value", 0.0, shown), kind, units.get(unit or ""), where
+        name,
+        _value(text, given, values, dimensions, name),
+        xmlfile.local(given),
+        definitions.units.get(unit_name),
+        unit_name,
+        text.place(given),
+        dimensions,
+        _items(text, given, definitions),
+        shared=shared,
     )
+
+
+def _items(text: Text, given: Element, definitions: Definitions) -> Mapping[str, int]:
+    name = given.get("name") if xmlfile.local(given) == "Enumeration" else None
+    if name is None:
+        return {}
+    if name not in definitions.enumerations:
+        raise text.error(
+            given, f"the enumeration '{name}' is not defined; {nearest(name, definitions.enumerations)}"
+        )
+    return definitions.enumerations[name]
+
+
+def _value(
+    text: Text, given: Element, values: list[Element], dimensions: tuple[int, ...], name: str
+) -> Value:
+    texts = list(_texts(text, given, values, bool(dimensions)))
+    size = prod(dimensions)
+    if len(texts) != size:
+        raise text.error(given, f"parameter '{name}' has {len(texts)} values for {size} elements")
+    scalars = tuple(_scalar(text, given, t) for t in texts)
+    return scalars if dimensions else scalars[0]
+
+
+def _texts(text: Text, given: Element, values: list[Element], array: bool) -> Iterator[str]:
+    """The values as written: one attribute, a list of numbers in one, or <Value> elements."""
+    whole = given.get("value")
+    if whole is not None and values:
+        raise text.error(given, "'value' and <Value> exclude each other")
+    if whole is None and not values:
+        raise text.error(given, f"<{xmlfile.local(given)}> has no 'value'")
+    if whole is None:
+        for element in values:
+            text.children(element, "ssv:Value")
+            yield element.get("value", element.text or "")
+    elif array and xmlfile.local(given) not in ("String", "Enumeration", "Binary"):
+        yield from whole.split()
+    else:
+        yield whole
+
+
+def _scalar(text: Text, given: Element, written: str) -> Scalar:
+    kind, value = xmlfile.local(given), None
+    if kind in ("String", "Enumeration"):
+        return written
+    if kind in REALS:
+        value, wanted = xmlfile.as_number(written), "a number"
+    elif kind == "Boolean":
+        value, wanted = xmlfile.as_boolean(written), "true or false"
+    elif kind == "Binary":
+        value, wanted = _binary(written), "a hexadecimal number of whole bytes"
+    else:
+        low, high = RANGES[kind]
+        value, wanted = xmlfile.as_integer(written), f"an integer from {low} to {high}"
+        value = value if value is not None and low <= value <= high else None
+    if value is None:
+        raise text.error(given, f"value='{xmlfile.shortened(written)}' is not {wanted}")
+    return value
+
+
+def _binary(written: str) -> bytes | None:
+    try:
+        return bytes.fromhex(written)
+    except ValueError:
+        return None

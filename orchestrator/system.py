@@ -1,18 +1,35 @@
 """A checked system: all that the stepping needs, and nothing that could still be wrong with it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from orchestrator.archive import Scratch
-from orchestrator.conversion import Conversion
-from orchestrator.modeldescription import NOT_NUMBERS, REALS, ModelDescription, Variable
+from orchestrator.conversion import Conversion, apply
+from orchestrator.modeldescription import ModelDescription, Variable
+from orchestrator.values import checked_value
 from orchestrator.variable import Value, size_of
 from specs.errors import InputError, nearest
 from specs.faults import Fault
 from specs.units import Unit
 
+__all__ = (
+    "ALGORITHMS",
+    "Component",
+    "Link",
+    "Settings",
+    "Source",
+    "System",
+    "SystemInput",
+    "SystemOutput",
+    "SystemParameter",
+    "Value",
+    "checked_value",
+    "parameter",
+)
+
 ALGORITHMS = ("jacobi", "gauss-seidel", "iterate", "adaptive")
+ROLLING_BACK = ("iterate", "adaptive")  # they take FMUs back to an earlier state
 
 
 @dataclass(frozen=True)
@@ -37,6 +54,11 @@ class Component:
     """An FMU unpacked in `folder`, with the binary for this platform and its start values by variable.
 
     The name of a component in a nested system is its path, `outer.inner`.
+
+    multiple  it steps once in so many steps of the system
+    clocks    its periodic input clocks by name: (shift, interval) in ticks of the system
+    line      in the SSD; 0: there is none
+    file      the SSD, as messages call it
     """
 
     name: str
@@ -45,8 +67,15 @@ class Component:
     library: Path
     sha256: str
     start: Mapping[str, Value]
-    multiple: int = 1  # it steps once in so many steps of the system
-    line: int = 0  # in the SSD; 0: there is none
+    multiple: int = 1
+    line: int = 0
+    clocks: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    file: str = ""
+
+    def __str__(self) -> str:
+        """How messages call it: with file and line, where it has some."""
+        where = f"{self.file or 'SSD'} line {self.line}: " if self.line else ""
+        return f"{where}component {self.name}"
 
     def size(self, variable: Variable) -> int:
         """Number of elements of one of its variables, with the structural parameters it starts with."""
@@ -86,6 +115,21 @@ class SystemInput:
     start: Value
     type: str = "Real"
     size: int = 1
+    items: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SystemParameter:
+    """A parameter connector of the system: setting it sets the variables that `links` lead to.
+
+    `start`: the value bound to it, in its own unit, already in the components' start values; None: none.
+    """
+
+    name: str
+    unit_name: str
+    start: Value | None
+    type: str
+    links: tuple[Link, ...]
 
 
 @dataclass(frozen=True)
@@ -118,6 +162,7 @@ class System:
     outputs: Mapping[str, SystemOutput]
     warnings: tuple[str, ...]
     faults: tuple[Fault, ...] = ()
+    parameters: Mapping[str, SystemParameter] = field(default_factory=dict)
     files: Scratch | None = field(default=None, repr=False, compare=False)
 
     def component(self, name: str) -> Component:
@@ -128,47 +173,81 @@ class System:
             )
         return self.components[name]
 
-    def start_values(self, parameters: Mapping[str, Value]) -> dict[str, dict[str, Value]]:
-        """Start values of every component, `parameters` ("component.parameter": value) included.
+    def split(self, name: str) -> tuple[Component, str]:
+        """Component and variable name of "component.variable"; of component names the longest counts.
 
-        Raises InputError for an unknown name or a value out of bounds.
+        Raises InputError for a name that begins with no component.
+        """
+        fitting = [owner for owner in self.components if name.startswith(f"{owner}.")]
+        owner = max(fitting, key=len) if fitting else name.partition(".")[0]
+        return self.component(owner), name[len(owner) + 1 :]
+
+    def start_values(self, parameters: Mapping[str, Value]) -> dict[str, dict[str, Value]]:
+        """Start values of every component, `parameters` included: "component.parameter", or a system's own.
+
+        Raises InputError for an unknown name, or a value that does not suit type, bounds or size.
         """
         values = {name: dict(component.start) for name, component in self.components.items()}
         for key, value in parameters.items():
-            owner, dot, name = key.partition(".")
-            if not dot:
+            if key in self.parameters:
+                self._set_system_parameter(values, self.parameters[key], value)
+                continue
+            if "." not in key:
                 raise InputError(
                     f"parameter '{key}' is not of the form component.parameter; "
                     f"components: {', '.join(self.components)}"
+                    + (f"; parameters of the system: {', '.join(self.parameters)}" if self.parameters else "")
                 )
-            variable = parameter(self.component(owner), name)
-            values[owner][name] = checked_value(variable, value, f"parameter {key}")
+            component, name = self.split(key)
+            variable = parameter(component, name)
+            size = component.size(variable)
+            values[component.name][name] = checked_value(variable, value, f"parameter {key}", size)
         return values
 
+    def _set_system_parameter(
+        self, values: Mapping[str, dict[str, Value]], own: SystemParameter, value: Value
+    ) -> None:
+        for link in own.links:
+            component = self.components[link.component]
+            variable = parameter(component, link.name, ("input",))
+            shown = f"parameter {own.name} for {link.component}.{link.name}"
+            converted = apply(value, link.conversion)
+            values[component.name][link.name] = checked_value(
+                variable, converted, shown, component.size(variable)
+            )
 
-def parameter(component: Component, name: str) -> Variable:
-    """The parameter `name` of a component; InputError with the nearest parameters."""
-    found = component.model.variables.get(name)
-    if found is not None and found.causality != "parameter":
-        raise InputError(f"{component.name}.{name} is of causality {found.causality}, not a parameter")
+    def check_algorithm(self, algorithm: str) -> None:
+        """InputError for an unknown algorithm, and one that a component is not able to take part in."""
+        if algorithm not in ALGORITHMS:
+            raise InputError(f"unknown algorithm '{algorithm}'; {nearest(algorithm, ALGORITHMS)}")
+        for component in self.components.values():
+            if algorithm in ROLLING_BACK and not component.model.can_get_set_state:
+                raise InputError(
+                    f"{component}: algorithm '{algorithm}' takes steps back, but its FMU cannot get and set "
+                    f"its state; valid: {', '.join(a for a in ALGORITHMS if a not in ROLLING_BACK)}"
+                )
+            if algorithm == "adaptive" and not component.model.variable_step:
+                raise InputError(
+                    f"{component}: algorithm 'adaptive' changes the step, but its FMU cannot handle that "
+                    "(canHandleVariableCommunicationStepSize)"
+                )
+
+
+def parameter(component: Component, name: str, also: Iterable[str] = ()) -> Variable:
+    """The parameter `name` of a component; InputError with the nearest parameters.
+
+    `also`: further causalities that will do.  Structural parameters that give arrays their size are refused:
+    the sizes of what is connected were checked with the values of the description.
+    """
+    variables = component.model.variables
+    found = variables.get(name)
     if found is None:
-        valid = [v.name for v in component.model.variables.values() if v.causality == "parameter"]
+        valid = [v.name for v in variables.values() if v.causality == "parameter"]
         raise InputError(f"component {component.name} has no parameter '{name}'; {nearest(name, valid)}")
-    return found
-
-
-def checked_value(variable: Variable, value: Value, where: str) -> float:
-    """`value` if it suits the variable's type and bounds; InputError, starting with `where`, if not."""
-    if variable.array or variable.type in NOT_NUMBERS:
+    if found.causality not in ("parameter", "structuralParameter", *also):
+        raise InputError(f"{component.name}.{name} is of causality {found.causality}, not a parameter")
+    if any(name in v.dimensions for v in variables.values()):
         raise InputError(
-            f"{where}: variables of type {variable.type}{' array' * variable.array} cannot be set"
+            f"{component.name}.{name} gives arrays their size; it can only be set in the system description"
         )
-    number = float(value)  # type: ignore[arg-type]
-    unit = f" {variable.unit_name}" if variable.unit_name else ""
-    low = float("-inf") if variable.min is None else variable.min
-    high = float("inf") if variable.max is None else variable.max
-    if not low <= number <= high or number in (float("inf"), float("-inf")):
-        raise InputError(f"{where} = {number:g}{unit} is out of bounds; valid: {low:g} … {high:g}{unit}")
-    if variable.type not in REALS and number != int(number):
-        raise InputError(f"{where} = {number:g}, but its type is {variable.type}")
-    return number
+    return found

@@ -1,124 +1,300 @@
-"""The connections of a system: direction, types and units checked, conversions folded into one map each."""
+"""The connections of a system: chains through its hierarchy folded into one link each, sizes checked."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
-from orchestrator.components import kind_of
-from orchestrator.conversion import Conversion
-from orchestrator.description import SYSTEM, Connection, Connector, Description
-from orchestrator.modeldescription import NOT_NUMBERS, Variable
-from orchestrator.system import Component, Link, Source, SystemOutput
-from orchestrator.units import IDENTITY, Affine, compatible, conversion
-from specs.errors import InputError, nearest
-from specs.units import Unit
+from orchestrator.conversion import undo
+from orchestrator.flatten import GIVES, TAKES
+from orchestrator.net import INNER, SIGNAL, Edge, Net, Node, Port
+from orchestrator.parameters import Parameters, in_form
+from orchestrator.signals import Form, Path, follow, form_of
+from orchestrator.system import Component, Link, Source, SystemInput, SystemOutput, SystemParameter
+from orchestrator.values import checked_value
+from orchestrator.variable import Value, Variable
+from specs.errors import InputError
 
-End = tuple[str, str]  # (element, connector)
+Dimensions = tuple[int | None, ...]
+ZERO: Mapping[str, Value] = {
+    "real": 0.0,
+    "integer": 0,
+    "enumeration": 0,
+    "boolean": False,
+    "string": "",
+    "binary": b"",
+}
 
 
 class Wiring:
-    """`links` to component inputs and the system's `outputs`, in declared order.
+    """`links` to component inputs, and the system's own inputs, outputs and parameters, in declared order.
 
-    Raises InputError, naming the line, for an unknown element or connector, two sources or two targets
-    joined, a second source for a target, and types or units that do not fit.
+    Raises InputError, naming the line, for types, units and sizes that do not fit, and an end that nothing
+    gives a value.
     """
 
-    def __init__(self, text: Description, components: Mapping[str, Component]) -> None:
-        self.text, self.components = text, components
-        self.links: list[Link] = []
-        outputs: dict[str, SystemOutput] = {}
-        lines: dict[End, int] = {}
-        for connection in text.connections:
-            source, target = self._direction(connection)
-            if target in lines:
+    def __init__(self, net: Net, parameters: Parameters, components: Mapping[str, Component]) -> None:
+        self.net, self.parameters, self.components = net, parameters, components
+        self.paths: list[Path] = []  # with a target that is an input or parameter of an FMU
+        self.roots: dict[Port, Form] = {}
+        for node in net.nodes.values():
+            self._check_dimensions(node)
+        for port in net.incoming:
+            self._target(net.nodes[port])
+        self.links = tuple(self._link(path) for path in self.paths if self._linked(path))
+        self.inputs = {n.port.name: self._input(n) for n in net.system_ports(("input",))}
+        self.outputs = {
+            n.port.name: self._output(n) for n in net.system_ports(GIVES) if n.port in net.incoming
+        }
+        settable = ("parameter", "structuralParameter")
+        self.settable = {n.port.name: self._parameter(n) for n in net.system_ports(settable)}
+
+    # ---- chains ----
+
+    def _target(self, node: Node) -> None:
+        """Follow the chain into a variable of an FMU, if this is one and something gives it a value."""
+        if node.variable is None or node.variable.type == "Clock":
+            return
+        edges = self.net.chain(node.port)
+        root = self.net.nodes[edges[0].source]
+        self._check_root(root, edges)
+        path = follow(self.net, edges, self.roots.get(root.port))
+        self._check_sizes(edges)
+        if _of_system(root) and root.port in self.roots and root.typed.unit is None:
+            self._check_common_unit(root, path)
+        self.roots.setdefault(root.port, path.start)
+        self.paths.append(path)
+
+    def _check_root(self, root: Node, edges: list[Edge]) -> None:
+        """A connector inside which nothing gives it a value cannot feed anything."""
+        inside = root.port.owner and root.port.side == INNER and root.kind in GIVES
+        if inside and root.variable is None and self._is_system(root.port.owner):
+            raise InputError(
+                f"{edges[0].place}: {root.port} is connected to {edges[-1].target}, "
+                "but nothing inside of it gives it a value"
+            )
+
+    def _is_system(self, path: str) -> bool:
+        scope = self.net.scope
+        while scope.path != path:
+            inner = [s for s in scope.systems.values() if path == s.path or path.startswith(f"{s.path}.")]
+            if not inner:
+                return False
+            scope = inner[0]
+        return True
+
+    def _check_common_unit(self, root: Node, path: Path) -> None:
+        last = self.net.nodes[path.target]
+        unit_name = last.typed.unit_name or (last.variable.unit_name if last.variable else "")
+        settled = self.roots[root.port].unit_name
+        if settled and unit_name and unit_name != settled:
+            self.net.warnings.append(
+                f"{root.place}: {root.port} states no unit; it is taken in {settled}, "
+                f"and converted to {unit_name} for {path.target}"
+            )
+
+    def _linked(self, path: Path) -> bool:
+        """Whether values move while the system runs: to an input, from an FMU or an input of the system."""
+        target, source = self.net.nodes[path.target], self.net.nodes[path.source]
+        moving = source.variable is not None or (_of_system(source) and source.kind == "input")
+        return moving and target.kind == "input"
+
+    def _link(self, path: Path) -> Link:
+        variable = self._variable(path.target)
+        return Link(
+            Source(path.source.owner, path.source.name),
+            path.target.owner,
+            variable.name,
+            path.conversion,
+            path.place.line,
+        )
+
+    def _variable(self, port: Port) -> Variable:
+        variable = self.net.nodes[port].variable
+        if variable is None:
+            raise InputError(f"{port} is no variable of an FMU")
+        return variable
+
+    # ---- connectors of the system ----
+
+    def _input(self, node: Node) -> SystemInput:
+        """One without a value from a binding starts as the first FMU variable that it drives does."""
+        driven = [path for path in self.paths if path.source == node.port]
+        form = driven[0].start if driven else form_of(node)
+        size = self._size(node, driven)
+        kind = form.value.kind or "real"
+        start = self._bound(node.port, form)
+        if start is None and driven:
+            start = self._driven_start(driven[0])
+        if start is None:
+            start = ZERO[kind]
+        if size > 1 and not isinstance(start, tuple):
+            start = (start,) * size
+        if isinstance(start, tuple) and len(start) != size:
+            raise InputError(f"{node.place}: {node.port} has {len(start)} values for {size} elements")
+        return SystemInput(
+            node.port.name, form.unit_name, form.unit, start, _type(form), size, dict(form.value.items)
+        )
+
+    def _bound(self, port: Port, form: Form) -> Value | None:
+        value = self.parameters.ports.get(port)
+        return None if value is None else in_form(value, form, f"{value.place}: {port}")
+
+    def _driven_start(self, path: Path) -> Value | None:
+        variable = self._variable(path.target)
+        start = self.components[path.target.owner].start.get(variable.name, variable.start)
+        return None if start is None else undo(start, path.conversion)
+
+    def _output(self, node: Node) -> SystemOutput:
+        edges = self.net.chain(node.port)
+        root = self.net.nodes[edges[0].source]
+        self._check_root(root, edges)
+        if root.variable is None and not (_of_system(root) and root.kind == "input"):
+            raise InputError(
+                f"{edges[-1].place}: {node.port} gets no value: {root.port} is neither an output of an FMU "
+                "nor an input of the system"
+            )
+        path = follow(self.net, edges, self.roots.get(root.port))
+        self._check_sizes(edges)
+        source = Source(root.port.owner, root.port.name)
+        size = self._size(root, []) if root.variable is not None else self._size(root, [], edges)
+        form = path.end
+        return SystemOutput(
+            node.port.name, form.unit_name, source, path.conversion, _type(form), size, path.place.line
+        )
+
+    def _parameter(self, node: Node) -> SystemParameter:
+        paths = [path for path in self.paths if path.source == node.port]
+        form = paths[0].start if paths else form_of(node)
+        return SystemParameter(
+            node.port.name,
+            form.unit_name,
+            self._bound(node.port, form),
+            _type(form),
+            tuple(self._link(path) for path in paths),
+        )
+
+    # ---- sizes ----
+
+    def _size(self, node: Node, driven: list[Path], edges: list[Edge] | None = None) -> int:
+        """Number of elements: as stated, or as of the first connected variable."""
+        ports = [node.port, *(p.target for p in driven), *(e.target for e in edges or ())]
+        for port in ports:
+            dimensions = self._dimensions(self.net.nodes[port])
+            if dimensions is not None and None not in dimensions:
+                return _product(dimensions)
+        return 1
+
+    def _dimensions(self, node: Node) -> Dimensions | None:
+        """Sizes of all dimensions; None for a connector that states none, which then says nothing."""
+        if node.variable is not None:
+            return self.variable_dimensions(node.port.owner, node.variable)
+        if not node.typed.dimensions:
+            return None
+        return tuple(self._dimension(node, d) for d in node.typed.dimensions)
+
+    def variable_dimensions(self, owner: str, variable: Variable) -> Dimensions:
+        """Sizes of all dimensions of a variable, with the structural parameters that it starts with."""
+        component = self.components[owner]
+        model = component.model.structural()
+        sizes: list[int | None] = []
+        for dimension in variable.dimensions:
+            value = (
+                component.start.get(dimension, model.get(dimension))
+                if isinstance(dimension, str)
+                else dimension
+            )
+            sizes.append(int(value) if isinstance(value, int | float) else None)
+        return tuple(sizes)
+
+    def _dimension(self, node: Node, dimension: int | str | None) -> int | None:
+        if not isinstance(dimension, str):
+            return dimension
+        port = Port(node.port.owner, dimension)
+        giver = self.net.nodes.get(port)
+        if giver is None:
+            raise InputError(
+                f"{node.place}: sizeConnector '{dimension}' of '{node.port.name}' is no connector"
+            )
+        if giver.variable is not None:
+            start = self.components[port.owner].start.get(dimension, giver.variable.start)
+            return start if isinstance(start, int) else None
+        bound = self.parameters.ports.get(port)
+        return bound.value if bound is not None and isinstance(bound.value, int) else None
+
+    def _check_dimensions(self, node: Node) -> None:
+        """Of an FMU's connector: as its variable has them."""
+        if node.variable is None or not node.typed.dimensions:
+            return
+        declared = tuple(self._dimension(node, d) for d in node.typed.dimensions)
+        own = self.variable_dimensions(node.port.owner, node.variable)
+        if not _fit(declared, own):
+            raise InputError(
+                f"{node.place}: {node.port} is declared as {_show(declared)}, but is {_show(own)} in the FMU"
+            )
+
+    def _check_sizes(self, edges: list[Edge]) -> None:
+        """Arrays are connected whole: all that say their size must say the same."""
+        at, known = edges[0].source, self._dimensions(self.net.nodes[edges[0].source])
+        for edge in edges:
+            node = self.net.nodes[edge.target]
+            wanted = self._dimensions(node)
+            if known is not None and wanted is not None and not _fit(known, wanted):
                 raise InputError(
-                    f"SSD line {connection.line}: {show(target)} has a second source; "
-                    f"the first is connected in line {lines[target]}"
+                    f"{edge.place}: {at} ({_show(known)}) does not fit {node.port} ({_show(wanted)})"
                 )
-            lines[target] = connection.line
-            total = Conversion(self._conversion(connection, source, target))
-            if target[0] == SYSTEM:
-                unit_name = self._unit(target)[0] or self._unit(source)[0]
-                outputs[target[1]] = SystemOutput(target[1], unit_name, Source(*source), total)
-            else:
-                self.links.append(Link(Source(*source), *target, total))
-        self.outputs = {name: outputs[name] for name in text.connectors if name in outputs}
+            if wanted is not None:
+                at, known = node.port, wanted
 
-    def variable(self, end: End) -> Variable | None:
-        """The FMU variable behind an end; None for a connector of the system."""
-        return None if end[0] == SYSTEM else self.components[end[0]].model.variables[end[1]]
+    # ---- what may not be meant ----
 
-    def _direction(self, connection: Connection) -> tuple[End, End]:
-        """(source, target) of a connection, whichever way round it is written."""
-        start, end = connection.start, connection.end
-        roles = [self._role(e, connection.line) for e in (start, end)]
-        if roles[0] == roles[1]:
-            raise InputError(
-                f"SSD line {connection.line}: {show(start)} and {show(end)} are both {roles[0]}s; "
-                "a connection goes from an output to an input"
-            )
-        return (start, end) if roles[0] == "source" else (end, start)
-
-    def _role(self, end: End, line: int) -> str:
-        connector = self._connector(end, line)
-        if connector.kind not in ("input", "output"):
-            raise InputError(
-                f"SSD line {line}: connections of kind {connector.kind} ({show(end)}) are not supported; "
-                "valid: input, output"
-            )
-        return "source" if (connector.kind == "input") == (end[0] == SYSTEM) else "target"
-
-    def _connector(self, end: End, line: int) -> Connector:
-        element, name = end
-        if element != SYSTEM and element not in self.text.components:
-            raise InputError(
-                f"SSD line {line}: unknown element '{element}'; {nearest(element, self.text.components)}"
-            )
-        known = self.text.connectors if element == SYSTEM else self.text.components[element].connectors
-        if name not in known:
-            owner = element or "the system"
-            raise InputError(f"SSD line {line}: {owner} has no connector '{name}'; {nearest(name, known)}")
-        return known[name]
-
-    def _unit(self, end: End) -> tuple[str, Unit | None]:
-        """Name and unit of a connector: its own, or else its variable's."""
-        connector, variable = self._connector(end, 0), self.variable(end)
-        if connector.unit_name or variable is None:
-            return connector.unit_name, connector.unit
-        return variable.unit_name, variable.unit
-
-    def _conversion(self, connection: Connection, source: End, target: End) -> Affine:
-        """FMU unit -> connector units -> transformation -> FMU unit, as one map."""
-        self._check_types(connection, source, target)
-        (from_name, from_unit), (to_name, to_unit) = self._unit(source), self._unit(target)
-        between = IDENTITY
-        if not connection.suppress_unit_conversion:
-            if not compatible(from_unit, to_unit):
-                raise InputError(
-                    f"SSD line {connection.line}: {show(source)} [{from_name}] does not fit "
-                    f"{show(target)} [{to_name}]"
-                )
-            between = conversion(from_unit, to_unit)
-        origin, destination = self.variable(source), self.variable(target)
-        out = conversion(origin.unit, from_unit) if origin else IDENTITY
-        into = conversion(to_unit, destination.unit) if destination else IDENTITY
-        return out.then(between).then(connection.transformation).then(into)
-
-    def _check_types(self, connection: Connection, source: End, target: End) -> None:
-        where = f"SSD line {connection.line}"
-        kinds = []
-        for end in (source, target):
-            variable = self.variable(end)
-            if variable and (variable.array or variable.type in NOT_NUMBERS):
-                what = "arrays" if variable.array else f"variables of type {variable.type}"
-                raise InputError(f"{where}: {show(end)}: {what} cannot be connected")
-            kinds.append(kind_of(variable.type if variable else self._connector(end, 0).type or "Real"))
-        if kinds[0] != kinds[1]:
-            raise InputError(f"{where}: {show(source)} ({kinds[0]}) does not fit {show(target)} ({kinds[1]})")
-        if connection.transformation != IDENTITY and kinds[0] != "real":
-            raise InputError(
-                f"{where}: LinearTransformation needs real signals, but {show(source)} is {kinds[0]}"
-            )
+    def loose_ends(self) -> Iterator[str]:
+        """Sentences on connectors of inner systems and dictionaries that lead nowhere, and lost values."""
+        for node in self.net.nodes.values():
+            port = node.port
+            ends = port in self.net.incoming and port not in self.net.outgoing and node.variable is None
+            if ends and (port.side == SIGNAL or (port.owner and self._is_system(port.owner))):
+                yield f"{node.place}: what is connected to {port} leads nowhere"
+        for port, value in self.parameters.ports.items():
+            if port in self.net.incoming:
+                yield f"{value.place}: the value for {port} is overridden by what is connected to it"
+            elif self.net.nodes[port].kind not in TAKES or port not in self.net.outgoing:
+                yield f"{value.place}: the value for {port} leads nowhere"
 
 
-def show(end: End) -> str:
-    """An end of a connection as the user writes it."""
-    return f"{end[0]}.{end[1]}" if end[0] else f"system connector {end[1]}"
+def _of_system(node: Node) -> bool:
+    return not node.port.owner and node.port.side == INNER
+
+
+def _type(form: Form) -> str:
+    """Type of a connector of the system, as FMI calls it."""
+    if form.value.type:
+        return form.value.type
+    return "Integer" if form.value.generic == "integer" else "Real"
+
+
+def _fit(one: Dimensions, other: Dimensions) -> bool:
+    """Whether two shapes are the same; an open size fits every other."""
+    return len(one) == len(other) and all(
+        a is None or b is None or a == b for a, b in zip(one, other, strict=True)
+    )
+
+
+def _product(dimensions: Dimensions) -> int:
+    size = 1
+    for dimension in dimensions:
+        size *= dimension or 1
+    return size
+
+
+def _show(dimensions: Dimensions) -> str:
+    """E.g. `scalar`, `size 3`, `size 2 × 3`."""
+    if not dimensions:
+        return "scalar"
+    return "size " + " × ".join("?" if d is None else str(d) for d in dimensions)
+
+
+def checked_sizes(wiring: Wiring, parameters: Parameters) -> None:
+    """Start values of arrays against their sizes; InputError names place and sizes."""
+    for (owner, name), value in parameters.start.items():
+        variable = wiring.components[owner].model.variables[name]
+        size = _product(wiring.variable_dimensions(owner, variable))
+        where = f"{parameters.places[owner, name]}: parameter {owner}.{name}"
+        checked_value(variable, value, where, size)

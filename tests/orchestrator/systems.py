@@ -37,10 +37,21 @@ def fmu(name: str, fmi_version: int = 2) -> Path:
     return build_fmu(HERE / "models" / name, fmi_version, out=OUT / f"fmi{fmi_version}")
 
 
-def connector(name: str, kind: str, type_: str = "Real", unit: str = "") -> str:
-    """A connector element."""
-    unit = f' unit="{unit}"' if unit else ""
-    return f'<ssd:Connector name="{name}" kind="{kind}"><ssc:{type_}{unit}/></ssd:Connector>'
+def connector(
+    name: str,
+    kind: str,
+    type_: str = "Real",
+    unit: str = "",
+    dimensions: Iterable[int] = (),
+    **attributes: str,
+) -> str:
+    """A connector element; type_ "": of no stated type, `attributes`: further ones of the type."""
+    more = {**({"unit": unit} if unit else {}), **attributes}
+    inner = (
+        f"<ssc:{type_}{''.join(f' {k}={chr(34)}{v}{chr(34)}' for k, v in more.items())}/>" if type_ else ""
+    )
+    sizes = "".join(f'<ssc:Dimension size="{size}"/>' for size in dimensions)
+    return f'<ssd:Connector name="{name}" kind="{kind}">{inner}{sizes}</ssd:Connector>'
 
 
 def component(name: str, source: str, *connectors: str, inner: str = "") -> str:

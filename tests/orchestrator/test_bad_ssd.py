@@ -82,10 +82,7 @@ def test_transformations_that_cannot_be_honoured(tmp_path: Path) -> None:
     for inner, words in (
         ('<ssc:LinearTransformation factor="0"/>', "factor 0"),
         ('<ssc:LinearTransformation factor="two"/>', "factor='two' is not a number"),
-        (
-            "<ssc:BooleanMappingTransformation/>",
-            "<BooleanMappingTransformation> inside <Connection> is not supported",
-        ),
+        ("<ssc:BooleanMappingTransformation/>", "BooleanMappingTransformation has no <MapEntry>"),
     ):
         assert words in refused(tmp_path, chain(inner), ["decay", "position"])
 
@@ -100,17 +97,21 @@ def test_types_that_do_not_fit(tmp_path: Path) -> None:
     assert "LinearTransformation needs real signals" in refused(tmp_path, text.replace(old, scaled), files)
 
 
-def test_strings_and_arrays_are_not_connected(tmp_path: Path) -> None:
-    for version, name, kind, words in (
-        (2, "label", "String", "inside <Connector> is not supported"),
-        (3, "row", "Float64", "arrays cannot be connected"),
-    ):
+def test_strings_and_arrays_do_not_fit_other_types_and_sizes(tmp_path: Path) -> None:
+    for version, name, kind, seen, words in (
+        (2, "label", "String", connector("seen", "output"), "liar.label (string) does not fit system"),
+        (3, "row", "Float64", connector("seen", "output", "Float64", dimensions=(4,)),
+         "liar.row (size 3) does not fit system connector seen (size 4)"),
+    ):  # fmt: skip
         text = ssd(
             [component("liar", "liar", connector(name, "output", kind))],
             [connection(f"liar.{name}", "seen")],
-            [connector("seen", "output")],
+            [seen],
+            version="1.0" if version == 2 else "2.0",
         )
-        assert words in refused(tmp_path, text, {"liar": liar(version, tmp_path)})
+        message = refused(tmp_path, text, {"liar": liar(version, tmp_path)})
+        assert words in message
+        assert f"line {line_of(text, 'endConnector')}:" in message
 
 
 def test_not_a_system_at_all(tmp_path: Path) -> None:
@@ -129,13 +130,6 @@ def test_not_a_system_at_all(tmp_path: Path) -> None:
         (ssd([]), "has no component"),
     ):
         assert words in refused(tmp_path, text)
-
-
-def test_nested_systems_are_refused_by_name(tmp_path: Path) -> None:
-    text = OSCILLATOR.replace("<ssd:Elements>", '<ssd:Elements><ssd:System name="inner"/>', 1)
-    message = refused(tmp_path, text)
-    assert f"line {line_of(text, 'inner')}" in message
-    assert "<System> inside <Elements> is not supported; valid: Component" in message
 
 
 def test_geometry_and_foreign_annotations_are_passed_over(tmp_path: Path) -> None:

@@ -65,14 +65,15 @@ def test_wrong_parameter_bindings_of_the_system(tmp_path: Path, name: str, words
     assert words in refused(tmp_path, text, ["decay", "position"])
 
 
-def test_mappings_and_foreign_parameter_sets_are_refused(tmp_path: Path) -> None:
+def test_files_outside_of_the_package_are_refused(tmp_path: Path) -> None:
     text = chain()
     end = "</ssd:Connectors></ssd:Component>"
-    for inner, words in (
-        ("<ssd:ParameterMapping/>", "<ParameterMapping> is not supported; valid: ParameterValues"),
-        ("", "source '../x.ssv' is not inside the package"),
+    for attributes, inner, words in (
+        ('source="../x.ssv"', "", "source '../x.ssv' is not inside the package"),
+        ('source="a.ssv" type="text/csv"', "", "binding of type 'text/csv'; valid: application/x-ssp-par"),
+        ("", "<ssd:ParameterMapping/>", "neither 'source' nor <ParameterSet> is there"),
     ):
-        binding = f'<ssd:ParameterBinding source="../x.ssv">{inner}</ssd:ParameterBinding>'
+        binding = f"<ssd:ParameterBinding {attributes}>{inner}</ssd:ParameterBinding>"
         holder = f"</ssd:Connectors><ssd:ParameterBindings>{binding}</ssd:ParameterBindings></ssd:Component>"
         assert words in refused(tmp_path, text.replace(end, holder, 1), ["decay", "position"])
 

@@ -1,0 +1,229 @@
+"""Start values from parameter bindings: hierarchical names, precedence, and values that connections carry on.
+
+Of two values for the same variable the one bound at the higher level of the hierarchy counts, at the same
+level the later one; a name that fits several variables sets them all (SSP 2.0, 5.2.4).  Values of system
+connectors go where their connections lead.
+"""
+
+from collections.abc import Iterator
+
+from orchestrator.conversion import ENUMERATION, Transformation, ValueType, apply, apply_one, transform
+from orchestrator.net import Net, Node, Port, Scope
+from orchestrator.signals import Form, Path, follow
+from orchestrator.ssv import ParameterValue
+from orchestrator.units import IDENTITY, Affine, compatible, conversion as between_units
+from orchestrator.values import checked_value
+from orchestrator.variable import Scalar, Value, Variable
+from specs.errors import InputError, nearest
+
+Variables = tuple[str, str]  # path of a component, name of its variable
+
+
+class Parameters:
+    """Values by variable, `start`, and by connector of a system, `ports`, the most important ones."""
+
+    def __init__(self, net: Net) -> None:
+        self.net = net
+        self.start: dict[Variables, Value] = {}
+        self.places: dict[Variables, str] = {}
+        self.ports: dict[Port, ParameterValue] = {}
+        self._assign(net.scope)
+        self._carry()
+
+    def of(self, component: str) -> dict[str, Value]:
+        """Start values of one component."""
+        return {name: value for (path, name), value in self.start.items() if path == component}
+
+    # ---- what a name means ----
+
+    def _assign(self, scope: Scope) -> None:
+        """Lower levels first, so that higher ones overwrite them."""
+        for inner in scope.systems.values():
+            self._assign(inner)
+        for path in scope.fmus.values():
+            for value in self.net.values[path]:
+                self._set_variable(path, value.name, value)
+        for value in scope.values:
+            targets = list(self._targets(scope, value.name))
+            for target in targets:
+                if isinstance(target, Port):
+                    self.ports[target] = value
+                else:
+                    self._set_variable(*target, value)
+            if not targets:
+                self._unknown(value, _no_target(scope, value.name, self.net))
+
+    def _targets(self, scope: Scope, name: str) -> Iterator[Port | Variables]:
+        """Connectors and variables of the system `scope` that have this hierarchical name."""
+        if name in scope.connectors:
+            yield Port(scope.path, name)
+        for element, inner in scope.systems.items():
+            if name.startswith(f"{element}."):
+                yield from self._targets(inner, name[len(element) + 1 :])
+        for element, path in scope.fmus.items():
+            rest = name[len(element) + 1 :]
+            if name.startswith(f"{element}.") and self._settable(path, rest):
+                yield path, rest
+
+    def _settable(self, path: str, name: str) -> bool:
+        """Parameters, inputs, and what else has a start value that may be changed."""
+        variable = self.net.components[path].model.variables.get(name)
+        return (
+            variable is not None
+            and variable.variability != "constant"
+            and variable.initial in ("exact", "approx")
+            and variable.type != "Clock"
+        )
+
+    def _set_variable(self, path: str, name: str, value: ParameterValue) -> None:
+        component = self.net.components[path]
+        if not self._settable(path, name):
+            known = nearest(name, _valid(self.net, path))
+            self._unknown(value, f"component {path} has no parameter '{name}'; {known}")
+            return
+        variable = component.model.variables[name]
+        shown = f"{value.place}: parameter {path}.{name}"
+        self.start[path, name] = checked_value(variable, fitted(value, variable, shown), shown)
+        self.places[path, name] = str(value.place)
+
+    def _unknown(self, value: ParameterValue, text: str) -> None:
+        """A file may hold more than is needed here (SSP 2.0, 6.2); what is written for this place may not."""
+        if not value.shared:
+            raise InputError(f"{value.place}: {text}")
+        self.net.warnings.append(f"{value.place}: ignored: {text}")
+
+    # ---- connections that carry values ----
+
+    def _carry(self) -> None:
+        """Values of connectors without a source of their own, and constants, go along their connections."""
+        for port, edge in self.net.incoming.items():
+            node = self.net.nodes[port]
+            if node.variable is None or node.variable.type == "Clock":
+                continue
+            edges = self.net.chain(port)
+            root = self.net.nodes[edges[0].source]
+            if root.variable is not None and root.kind == "constant":
+                self._carry_constant(root, node, follow(self.net, edges))
+            elif root.port in self.ports and (root.port.owner or root.kind != "input"):
+                self._carry_value(root, node, follow(self.net, edges))
+            elif node.kind != "input" and root.variable is not None:
+                raise InputError(
+                    f"{edge.place}: {root.port} is calculated by its FMU; connections to parameters, like "
+                    f"{port}, are supported from system parameters and constants only"
+                )
+
+    def _carry_constant(self, root: Node, node: Node, path: Path) -> None:
+        if node.kind != "input" and root.variable is not None and root.variable.start is not None:
+            self._carry_on(root.variable.start, node, path)
+
+    def _carry_value(self, root: Node, node: Node, path: Path) -> None:
+        value = self.ports[root.port]
+        self._carry_on(in_form(value, path.start, f"{value.place}: {root.port}"), node, path)
+
+    def _carry_on(self, value: Value, node: Node, path: Path) -> None:
+        variable, port = node.variable, node.port
+        if variable is None:
+            return
+        key, shown = (port.owner, variable.name), f"{path.place}: parameter {port}"
+        if key in self.start:
+            self.net.warnings.append(
+                f"{self.places[key]}: the value of {port} is overridden by the connection from {path.source}"
+            )
+        self.start[key] = checked_value(variable, apply(value, path.conversion), shown)
+        self.places[key] = str(path.place)
+
+
+def _valid(net: Net, path: str) -> list[str]:
+    variables = net.components[path].model.variables.values()
+    return [v.name for v in variables if v.causality == "parameter"]
+
+
+def _no_target(scope: Scope, name: str, net: Net) -> str:
+    """Why a hierarchical name means nothing."""
+    element, dot, rest = name.partition(".")
+    if not dot:
+        return f"parameter '{name}' names no connector of the system; {nearest(name, scope.connectors)}"
+    for known, path in scope.fmus.items():
+        if name.startswith(f"{known}."):
+            rest = name[len(known) + 1 :]
+            valid = [
+                v.name for v in net.components[path].model.variables.values() if v.causality == "parameter"
+            ]
+            return f"component {path} has no parameter '{rest}'; {nearest(rest, valid)}"
+    if element in scope.systems:
+        return _no_target(scope.systems[element], rest, net)
+    return f"parameter '{name}' names no component; {nearest(element, [*scope.fmus, *scope.systems])}"
+
+
+# ---- values ----
+
+
+def fitted(value: ParameterValue, variable: Variable, shown: str) -> Value:
+    """A bound value in the type and unit of a variable; InputError for what does not fit."""
+    kind = ValueType(variable.type, "", variable.items)
+    form = Form(kind, variable.unit_name, variable.unit, variable.relative)
+    if bool(value.dimensions) != variable.array:
+        one, other = ("an array", "a scalar") if value.dimensions else ("a scalar", "an array")
+        raise InputError(f"{shown} is given as {one}, but the variable is {other}")
+    return in_form(value, form, shown)
+
+
+def in_form(value: ParameterValue, form: Form, shown: str) -> Value:
+    """A bound value in type and unit of a form: units first, the transformation of a mapping after them."""
+    _check_kind(value, form.value, shown)
+    if not value.suppress and not compatible(value.unit, form.unit):
+        raise InputError(f"{shown} is given in a unit that does not fit {form.unit_name}")
+    between = between_units(value.unit, form.unit)
+    if value.suppress or form.unit is None:
+        between = IDENTITY
+    elif form.relative:
+        between = Affine(between.scale)
+
+    def one(scalar: Scalar) -> Scalar:
+        if form.value.kind == "real" and isinstance(scalar, int | float):
+            scalar = between(float(scalar))
+        if value.transformation is not None:
+            return _transformed(scalar, value, value.transformation, form)
+        return _item(scalar, value, form, shown)
+
+    return tuple(one(v) for v in value.value) if isinstance(value.value, tuple) else one(value.value)
+
+
+# Kinds of values -> kinds of variables that take them: an integer is a number and the number of an item.
+_TAKEN = {
+    "real": ("real",),
+    "integer": ("integer", "real", "enumeration", "boolean"),
+    "boolean": ("boolean",),
+    "string": ("string",),
+    "enumeration": ("enumeration", "integer"),
+    "binary": ("binary",),
+}
+
+
+def _check_kind(value: ParameterValue, target: ValueType, shown: str) -> None:
+    kind = ValueType(value.type).kind
+    if target.kind and target.kind not in _TAKEN[kind]:
+        raise InputError(
+            f"{shown}: values of type {value.type} are not supported for "
+            f"its type, {target.type or target.kind}"
+        )
+
+
+def _transformed(scalar: Scalar, value: ParameterValue, transformation: Transformation, form: Form) -> Scalar:
+    """Enumerations by name are mapped by name; all else as on a connection."""
+    place = str(transformation.place)
+    if transformation.kind == ENUMERATION and isinstance(scalar, str):
+        names = dict(transformation.entries)
+        return _item(str(names.get(scalar, scalar)), value, form, place)
+    own = ValueType(value.type, "", value.items or form.value.items)
+    return apply_one(_item(scalar, value, form, place), transform(transformation, own, form.value))
+
+
+def _item(scalar: Scalar, value: ParameterValue, form: Form, shown: str) -> Scalar:
+    """The number of an enumeration's item: by the variable's own definition, or else the set's."""
+    if value.type != "Enumeration" or not isinstance(scalar, str):
+        return scalar
+    items = form.value.items if form.value.kind == "enumeration" and form.value.items else value.items
+    if scalar not in items:
+        raise InputError(f"{shown}: the enumeration has no item '{scalar}'; {nearest(scalar, items)}")
+    return items[scalar]

@@ -1,0 +1,162 @@
+"""Reads what all SSP files share: units, enumerations, types, transformations (SSP 2.0, chapter 4)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from orchestrator import xmlfile
+from orchestrator.conversion import ENUMERATION, INTEGER, LINEAR, Transformation
+from orchestrator.modelvariables import MAX_ELEMENTS
+from orchestrator.sspforms import TRANSFORMATIONS, TYPES
+from orchestrator.ssptext import Text
+from orchestrator.units import Affine, parse_units
+from orchestrator.xmlfile import Element
+from specs.errors import nearest
+from specs.units import Unit
+
+
+@dataclass(frozen=True)
+class Typed:
+    """Type of a connector or dictionary entry, as far as it is stated.
+
+    type         name of FMI or SSP; "": not stated
+    items        of an enumeration, from the file's definitions
+    dimensions   sizes, names of the connectors that give them, or None where the file leaves a size open
+    """
+
+    type: str = ""
+    unit_name: str = ""
+    unit: Unit | None = None
+    items: Mapping[str, int] = field(default_factory=dict)
+    dimensions: tuple[int | str | None, ...] = ()
+    mime_type: str = ""
+    interval_variability: str = ""
+
+
+@dataclass
+class Definitions:
+    """Units and enumerations of one file; a file's definitions hold in it alone (SSP 2.0, 4.4)."""
+
+    units: dict[str, Unit | None] = field(default_factory=dict)
+    enumerations: dict[str, Mapping[str, int]] = field(default_factory=dict)
+
+
+def read_definitions(text: Text, groups: Mapping[str, list[Element]]) -> Definitions:
+    """From the children `Units` and `Enumerations` of a root element; InputError for a name defined twice."""
+    found = Definitions()
+    for unit in text.items(groups.get("Units", []), "ssc:Units", "Unit"):
+        for base in text.children(unit, "ssc:Unit").get("BaseUnit", []):
+            text.children(base, "ssc:BaseUnit")
+            if xmlfile.number(base, "factor", 1.0, text.shown) == 0.0:
+                raise text.error(base, f"unit '{text.name(unit)}' has factor 0")
+        if text.name(unit) in found.units:
+            raise text.error(unit, f"second unit '{text.name(unit)}'")
+        found.units[text.name(unit)] = None
+    for holder in groups.get("Units", []):
+        found.units |= parse_units(holder, text.shown)
+    for enumeration in text.items(groups.get("Enumerations", []), "ssc:Enumerations", "Enumeration"):
+        if text.name(enumeration) in found.enumerations:
+            raise text.error(enumeration, f"second enumeration '{text.name(enumeration)}'")
+        found.enumerations[text.name(enumeration)] = _items(text, enumeration)
+    return found
+
+
+def read_type(text: Text, groups: Mapping[str, list[Element]], definitions: Definitions, owner: str) -> Typed:
+    """Type and dimensions among the children of a connector or dictionary entry; `owner` names it."""
+    typed = [element for name in TYPES.split() for element in groups.get(name, [])]
+    dimensions = tuple(_dimension(text, element) for element in groups.get("Dimension", []))
+    clocks = [e for e in typed if xmlfile.local(e) == "Clock"]
+    if len(typed) > 1 and clocks:  # SSP after 2.0: beside a type, <Clock> is what the connector belongs to
+        raise text.error(clocks[0], f"{owner}: a connector that belongs to a clock is not supported")
+    if len(typed) > 1:
+        raise text.error(typed[1], f"{owner} has a second type")
+    if not typed:
+        return Typed(dimensions=dimensions)
+    element, name = typed[0], xmlfile.local(typed[0])
+    text.children(element, "ssc:Enumeration type" if name == "Enumeration" else f"ssc:{name}")
+    unit_name = element.get("unit", "")
+    if unit_name and unit_name not in definitions.units:
+        raise text.error(
+            element, f"{owner} has the undefined unit '{unit_name}'; {nearest(unit_name, definitions.units)}"
+        )
+    return Typed(
+        name,
+        unit_name,
+        definitions.units.get(unit_name),
+        _enumeration(text, element, definitions) if name == "Enumeration" else {},
+        dimensions,
+        element.get("mime-type", ""),
+        element.get("intervalVariability", ""),
+    )
+
+
+def read_type_dimensions(text: Text, groups: Mapping[str, list[Element]], owner: str) -> tuple[int, ...]:
+    """Fixed dimensions, as parameter values have them."""
+    found = tuple(_dimension(text, element) for element in groups.get("Dimension", []))
+    for element, dimension in zip(groups.get("Dimension", []), found, strict=True):
+        if not isinstance(dimension, int):
+            raise text.error(element, f"{owner} has a dimension without 'size'")
+    return tuple(d for d in found if isinstance(d, int))
+
+
+def read_transformation(text: Text, groups: Mapping[str, list[Element]]) -> Transformation | None:
+    """The one transformation among the children of a connection or mapping entry; factor 0 is refused."""
+    found = [element for name in TRANSFORMATIONS.split() for element in groups.get(name, [])]
+    if not found:
+        return None
+    if len(found) > 1:
+        raise text.error(found[1], "second transformation")
+    element, name = found[0], xmlfile.local(found[0])
+    entries = text.children(element, f"ssc:{name}").get("MapEntry", [])
+    place = text.place(element)
+    if name != LINEAR:
+        if not entries:
+            raise text.error(element, f"{name} has no <MapEntry>")
+        return Transformation(name, place, entries=tuple(_entry(text, e, name) for e in entries))
+    factor = xmlfile.number(element, "factor", 1.0, text.shown)
+    if factor == 0.0:
+        raise text.error(element, "LinearTransformation with factor 0 would drop the signal")
+    return Transformation(name, place, Affine(factor, xmlfile.number(element, "offset", 0.0, text.shown)))
+
+
+def _entry(text: Text, element: Element, name: str) -> tuple[int | str, int | str]:
+    text.children(element, "ssc:MapEntry")
+    if name == ENUMERATION:
+        return element.get("source", ""), element.get("target", "")
+    if name == INTEGER:
+        source, target = (xmlfile.integer(element, key, 0, text.shown) for key in ("source", "target"))
+    else:
+        source, target = (
+            int(xmlfile.boolean(element, key, False, text.shown)) for key in ("source", "target")
+        )
+    return source, target
+
+
+def _items(text: Text, enumeration: Element) -> dict[str, int]:
+    items: dict[str, int] = {}
+    for item in text.children(enumeration, "ssc:Enumeration").get("Item", []):
+        text.children(item, "ssc:Item")
+        if (name := text.name(item)) in items:
+            raise text.error(item, f"second item '{name}'")
+        items[name] = xmlfile.integer(item, "value", 0, text.shown)
+    return items
+
+
+def _enumeration(text: Text, element: Element, definitions: Definitions) -> Mapping[str, int]:
+    name = text.name(element)
+    if name not in definitions.enumerations:
+        raise text.error(
+            element, f"the enumeration '{name}' is not defined; {nearest(name, definitions.enumerations)}"
+        )
+    return definitions.enumerations[name]
+
+
+def _dimension(text: Text, element: Element) -> int | str | None:
+    text.children(element, "ssc:Dimension")
+    if element.get("size") is None:
+        return element.get("sizeConnector")
+    if element.get("sizeConnector") is not None:
+        raise text.error(element, "<Dimension> has both 'size' and 'sizeConnector'")
+    size = xmlfile.integer(element, "size", 0, text.shown)
+    if not 0 < size <= MAX_ELEMENTS:
+        raise text.error(element, f"dimension of size {size}; valid: 1 … {MAX_ELEMENTS}")
+    return size
