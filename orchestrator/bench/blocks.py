@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orchestrator.bench.child import Child
-from orchestrator.bench.contestants import MAX_STEPS, NotMeasured
+from orchestrator.bench.contestants import CONTESTANTS, MAX_STEPS, NotMeasured
 
-RUN_S = 0.008  # how long one run is to take
-MIN_STEPS = 2000
+RUN_S = 0.002  # how long one run is to take: less than a time slice of the scheduler
+MIN_STEPS = 200
 AGREEMENT = 1e-9
 REFERENCE = "floor_us"
 Progress = Callable[[int, int], None]
@@ -104,7 +104,7 @@ def _check_agreement(children: Mapping[str, Child], reasons: dict[str, str]) -> 
 
 def _calibrate(child: Child, reasons: dict[str, str]) -> int:
     """Steps of one run; 0 if the contestant is out."""
-    steps = MIN_STEPS
+    steps = least = getattr(CONTESTANTS[child.key], "min_steps", MIN_STEPS)
     while child.key not in reasons:
         try:
             seconds = child.run(steps)
@@ -112,7 +112,7 @@ def _calibrate(child: Child, reasons: dict[str, str]) -> int:
             reasons[child.key] = str(why)
             break
         if seconds > 0.25 * RUN_S or steps == MAX_STEPS:
-            return int(np.clip(steps * RUN_S / max(seconds, 1e-9), MIN_STEPS, MAX_STEPS))
+            return int(np.clip(steps * RUN_S / max(seconds, 1e-9), least, MAX_STEPS))
         steps = min(4 * steps, MAX_STEPS)
     return 0
 

@@ -125,17 +125,18 @@ class Ecos:
 
 
 class FmpySsp:
-    """FMPy's simulate_ssp, which loads anew each time: the least time of a run of one step is taken off."""
+    """FMPy's simulate_ssp, which loads anew each time: the time of a run of one step is taken off."""
+
+    min_steps = 2000
 
     def __init__(self, chain: Chain, _: Path) -> None:
         if chain.fmi_version == 3:
             raise NotMeasured("simulate_ssp knows FMI 1 and FMI 2 only")
         self.path, self.result = str(chain.ssp), {}
-        self.loading = self._whole(1)
 
     def run(self, steps: int) -> float:
-        self.loading = min(self.loading, self._whole(1))
-        return (self._whole(steps) - self.loading) * steps / (steps - 1)
+        loading = self._whole(1)
+        return (self._whole(steps) - loading) * steps / (steps - 1)
 
     def _whole(self, steps: int) -> float:
         from fmpy.ssp.simulation import simulate_ssp
