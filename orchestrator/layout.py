@@ -1,156 +1,259 @@
-"""A checked system laid out flat: which number stands where, and which index feeds which input.
+"""A checked system laid out flat: which cell holds which value, and what moves where before a step.
 
-    values   float64: system inputs, then the outputs of each component that anyone reads
-    inputs   float64: the connected inputs of each component;  inputs = scale * values[source] + offset
+    cells   system inputs | outputs of each component that anyone reads | connected inputs of each component |
+            recorded system outputs
 
+A cell is 8 bytes (orchestrator/core/fmu.h); an array takes as many side by side as it has elements.
 Pure data: the stepping, whatever does it, needs nothing else of the system description.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
 
-import numpy as np
-
-from orchestrator.modeldescription import NOT_NUMBERS, Variable
+from orchestrator.conversion import Conversion
+from orchestrator.modeldescription import NOT_NUMBERS, REALS
+from orchestrator.order import Order, dependency_order
 from orchestrator.stimuli import explain
-from orchestrator.system import Link, Source, System
-from orchestrator.units import IDENTITY, Affine
-from records.record import Column
+from orchestrator.system import Component, Source, System
+from orchestrator.wire import BLOBS, BOOLEANS, WIRE
+from records.schema import Column
 from specs.errors import InputError
 from specs.signals import signals as known_signals
+
+SINK = -1  # as owner: the system outputs
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A value in the cells: its first cell, number of elements and FMI type."""
+
+    first: int
+    size: int
+    type: str
+
+    @property
+    def cells(self) -> range:
+        return range(self.first, self.first + self.size)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Variables of one type that one FMI call moves: slw_type, value references, cells."""
+
+    wire: int
+    references: tuple[int, ...]
+    first: int
+    size: int
 
 
 @dataclass(frozen=True)
 class Block:
-    """The part of one component: its variables in order, and where they stand in `values` and `inputs`."""
+    """The part of one component: where its connected inputs and its outputs that are read stand."""
 
     component: str
-    inputs: tuple[Variable, ...]
-    outputs: tuple[Variable, ...]
-    input_slice: slice
-    output_slice: slice
+    inputs: dict[str, Slot]
+    outputs: dict[str, Slot]
+    sets: tuple[Group, ...]
+    gets: tuple[Group, ...]
 
 
 @dataclass(frozen=True)
-class Exchange:
-    """inputs = scale * values[source] + offset; `affine` (scale, offset), None where all are 1 and 0."""
+class Move:
+    """target = conversion(source), for all elements; `owner`: a position in `blocks`, or SINK."""
 
-    source: np.ndarray
-    affine: tuple[np.ndarray, np.ndarray] | None
+    owner: int
+    source: Slot
+    target: Slot
+    conversion: Conversion
+
+
+@dataclass(frozen=True)
+class Logged:
+    """A recorded column and its cell."""
+
+    column: Column
+    cell: int
+    type: str
 
 
 @dataclass(frozen=True)
 class Layout:
-    """See the module docstring; `order` are positions in `blocks` in order of dependency."""
+    """See the module docstring."""
 
-    n_values: int
-    n_inputs: int
-    system_inputs: dict[str, int]
+    n_cells: int
+    system_inputs: dict[str, Slot]
+    system_outputs: dict[str, Slot]
     blocks: tuple[Block, ...]
-    exchange: Exchange
-    columns: tuple[Column, ...]
-    recorded: Exchange
-    order: tuple[int, ...]
+    moves: tuple[Move, ...]
+    logged: tuple[Logged, ...]
+    order: Order
+    blobs: tuple[int, ...] = field(repr=False)  # cells that hold strings and binaries
 
-    def part(self, block: Block) -> Exchange:
-        """The exchange of one component's inputs."""
-        part, whole = block.input_slice, self.exchange
-        affine = None if whole.affine is None else (whole.affine[0][part], whole.affine[1][part])
-        return Exchange(whole.source[part], affine)
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        return tuple(logged.column for logged in self.logged)
+
+    def block(self, component: str) -> int:
+        """Position of a component."""
+        return next(i for i, b in enumerate(self.blocks) if b.component == component)
 
 
-def lay_out(system: System, record: Sequence[str] | None = None) -> Layout:
-    """Lay out `system`, recording the signals `record` (default: all system inputs and outputs).
+def lay_out(system: System, record: Sequence[str] | str | None = None) -> Layout:
+    """Lay out `system`, recording the signals `record`: system connectors or `component.variable`.
 
-    A recorded name is a system connector or `component.variable`; InputError names what is neither.
+    None: all system connectors; "all": these and every variable of every component that is not a parameter.
+    Strings and binaries are not recorded.  InputError names what is neither, or cannot be recorded.
     """
-    names = [*system.inputs, *system.outputs] if record is None else list(dict.fromkeys(record))
-    recorded = [_recorded(system, name) for name in names]
-    read = [s for s, _, _ in recorded] + [link.source for link in system.links]
-    position = {Source("", name): i for i, name in enumerate(system.inputs)}
-    blocks: list[Block] = []
-    inputs = 0
-    for name in system.components:
-        block = _block(system, name, read, inputs, len(position))
-        inputs = block.input_slice.stop
-        position |= {Source(name, v.name): block.output_slice.start + i for i, v in enumerate(block.outputs)}
-        blocks.append(block)
-    links = {(link.component, link.name): link for link in system.links}
-    ordered = [links[b.component, v.name] for b in blocks for v in b.inputs]
-    return Layout(
-        len(position),
-        inputs,
-        {name: position[Source("", name)] for name in system.inputs},
-        tuple(blocks),
-        _exchange([position[link.source] for link in ordered], [link.conversion.affine for link in ordered]),
-        tuple(column for _, _, column in recorded),
-        _exchange(
-            [position[source] for source, _, _ in recorded], [conversion for _, conversion, _ in recorded]
-        ),
-        dependency_order(list(system.components), system.links),
-    )
+    return _Builder(system, recorded_names(system, record)).layout()
 
 
-def dependency_order(names: Sequence[str], links: Iterable[Link]) -> tuple[int, ...]:
-    """Positions in `names` so that sources come before what they feed.
-
-    In a loop the component with the fewest inputs still missing goes first; the declared order decides ties.
-    """
-    needs = {name: {k.source.component for k in links if k.component == name} - {"", name} for name in names}
-    left, order = list(names), []
-    while left:
-        first = min(left, key=lambda name: len(needs[name] & set(left)))
-        left.remove(first)
-        order.append(names.index(first))
-    return tuple(order)
-
-
-def _block(system: System, name: str, read: Iterable[Source], first_input: int, first_output: int) -> Block:
-    variables = system.components[name].model.variables
-    inputs = _by_type(variables[link.name] for link in system.links if link.component == name)
-    outputs = _by_type(variables[s.name] for s in dict.fromkeys(read) if s.component == name)
-    return Block(
-        name,
-        inputs,
-        outputs,
-        slice(first_input, first_input + len(inputs)),
-        slice(first_output, first_output + len(outputs)),
-    )
+def recorded_names(system: System, record: Sequence[str] | str | None) -> list[str]:
+    """The names that `record` stands for."""
+    if record is not None and record != "all":
+        return list(dict.fromkeys([record] if isinstance(record, str) else record))
+    connectors = [n for n, c in {**system.inputs, **system.outputs}.items() if c.type not in NOT_NUMBERS]
+    if record is None:
+        return connectors
+    return connectors + [
+        f"{component.name}.{v.name}"
+        for component in system.components.values()
+        for v in component.model.variables.values()
+        if v.causality in ("input", "output", "local") and v.type not in NOT_NUMBERS
+    ]
 
 
-def _by_type(variables: Iterable[Variable]) -> tuple[Variable, ...]:
-    """Variables of one type side by side, so that one FMI call moves them all."""
-    return tuple(sorted(variables, key=lambda v: (v.type, v.vr)))
+class _Builder:
+    """Hands out cells from left to right."""
 
+    def __init__(self, system: System, names: Sequence[str]) -> None:
+        self.system, self.names, self.used = system, names, 0
+        self.inputs = {n: self._slot(i.size, i.type) for n, i in system.inputs.items()}
+        self.outputs: dict[tuple[str, str], Slot] = {}
+        self.connected: dict[tuple[str, str], Slot] = {}
+        self.sink: dict[str, Slot] = {}
 
-def _exchange(source: list[int], conversions: list[Affine]) -> Exchange:
-    index = np.array(source, dtype=np.intp)
-    if all(c == IDENTITY for c in conversions):
-        return Exchange(index, None)
-    scale, offset = (np.array([getattr(c, key) for c in conversions]) for key in ("scale", "offset"))
-    return Exchange(index, (scale, offset))
-
-
-def _recorded(system: System, name: str) -> tuple[Source, Affine, Column]:
-    if name in system.outputs:
-        output = system.outputs[name]
-        return output.source, output.conversion.affine, Column(name, output.unit_name, _describe(name, ""))
-    if name in system.inputs:
-        return Source("", name), IDENTITY, Column(name, system.inputs[name].unit_name, _describe(name, ""))
-    owner, dot, variable_name = name.partition(".")
-    if not dot:
-        raise InputError(
-            f"system {system.name} cannot record '{name}'{explain(name, {**system.outputs, **system.inputs})}"
+    def layout(self) -> Layout:
+        outputs = [self._outputs(c) for c in self.system.components.values()]
+        inputs = [self._inputs(c) for c in self.system.components.values()]
+        self.sink = {n: self._slot(o.size, o.type) for n, o in self.system.outputs.items() if n in self.names}
+        blocks = tuple(
+            Block(c.name, dict(i), dict(o), _groups(c, i), _groups(c, o))
+            for c, i, o in zip(self.system.components.values(), inputs, outputs, strict=True)
         )
-    component = system.component(owner)
-    variable = component.model.variable(variable_name, f"component {owner}")
-    if variable.array or variable.type in NOT_NUMBERS:
-        raise InputError(
-            f"'{name}' cannot be recorded: it is {'an array' if variable.array else variable.type}"
+        logged = tuple(logged for name in self.names for logged in self._logged(name))
+        slots = [*self.inputs.values(), *self.outputs.values(), *self.connected.values(), *self.sink.values()]
+        return Layout(
+            self.used,
+            self.inputs,
+            self.sink,
+            blocks,
+            tuple(self._moves()),
+            logged,
+            dependency_order(list(self.system.components), self.system.links),
+            tuple(cell for slot in slots if slot.type in BLOBS for cell in slot.cells),
         )
-    return Source(owner, variable_name), IDENTITY, Column(name, variable.unit_name, variable.description)
+
+    def _slot(self, size: int, kind: str) -> Slot:
+        slot = Slot(self.used, size, kind)
+        self.used += size
+        return slot
+
+    def _outputs(self, component: Component) -> list[tuple[str, Slot]]:
+        """Variables of a component that a link, an output of the system or the record reads."""
+        sources = [
+            *self.system.links,
+            *(self.system.outputs[n] for n in self.names if n in self.system.outputs),
+        ]
+        read = [s.source.name for s in sources if s.source.component == component.name]
+        resolved = [self._resolve(name) for name in self.names if self._is_variable(name)]
+        read += [variable for owner, variable in resolved if owner == component.name]
+        return self._place(component, dict.fromkeys(read), self.outputs)
+
+    def _inputs(self, component: Component) -> list[tuple[str, Slot]]:
+        linked = [link.name for link in self.system.links if link.component == component.name]
+        return self._place(component, linked, self.connected)
+
+    def _place(
+        self, component: Component, names: Iterable[str], known: dict[tuple[str, str], Slot]
+    ) -> list[tuple[str, Slot]]:
+        """Variables of one type side by side, so that one FMI call moves them all."""
+        wire = WIRE[component.model.fmi_version]
+        variables = [component.model.variables[name] for name in names]
+        placed = []
+        for v in sorted(variables, key=lambda v: (wire[v.type], v.vr)):
+            slot = self._slot(component.size(v), v.type)
+            known[component.name, v.name] = slot
+            placed.append((v.name, slot))
+        return placed
+
+    def _source(self, source: Source) -> Slot:
+        return self.outputs[source.component, source.name] if source.component else self.inputs[source.name]
+
+    def _moves(self) -> Iterator[Move]:
+        position = {name: i for i, name in enumerate(self.system.components)}
+        for (component, name), slot in self.connected.items():
+            link = next(k for k in self.system.links if (k.component, k.name) == (component, name))
+            yield Move(position[component], self._source(link.source), slot, link.conversion)
+        for name, slot in self.sink.items():
+            output = self.system.outputs[name]
+            yield Move(SINK, self._source(output.source), slot, output.conversion)
+
+    # ---- what is recorded ----
+
+    def _is_variable(self, name: str) -> bool:
+        return name not in self.system.outputs and name not in self.system.inputs
+
+    def _resolve(self, name: str) -> tuple[str, str]:
+        """Component and variable of a recorded name; the longest component name that fits wins."""
+        owners = [c for c in self.system.components if name.startswith(f"{c}.")]
+        if not owners and "." not in name:
+            choices = {**self.system.outputs, **self.system.inputs}
+            raise InputError(f"system {self.system.name} cannot record '{name}'{explain(name, choices)}")
+        owner = max(owners, key=len) if owners else name.partition(".")[0]
+        component = self.system.component(owner)
+        variable = component.model.variable(name[len(owner) + 1 :], f"component {owner}")
+        if variable.type in NOT_NUMBERS:
+            raise InputError(f"'{name}' cannot be recorded: it is of type {variable.type}")
+        return owner, variable.name
+
+    def _logged(self, name: str) -> Iterator[Logged]:
+        if self._is_variable(name):
+            owner, variable_name = self._resolve(name)
+            variable = self.system.components[owner].model.variables[variable_name]
+            slot, text = self.outputs[owner, variable_name], variable.description
+            unit = variable.unit_name
+        else:
+            output = name in self.system.outputs
+            slot = self.sink[name] if output else self.inputs[name]
+            unit = (self.system.outputs if output else self.system.inputs)[name].unit_name
+            text = _describe(name)
+        if slot.type in NOT_NUMBERS:
+            raise InputError(f"'{name}' cannot be recorded: it is of type {slot.type}")
+        for number, cell in enumerate(slot.cells, 1):
+            label = name if slot.size == 1 else f"{name}[{number}]"
+            yield Logged(Column(label, unit, text, _column_type(slot.type)), cell, slot.type)
 
 
-def _describe(name: str, fallback: str) -> str:
+def _groups(component: Component, placed: Sequence[tuple[str, Slot]]) -> tuple[Group, ...]:
+    wire = WIRE[component.model.fmi_version]
+    groups = []
+    for kind, run in groupby(placed, key=lambda item: wire[item[1].type]):
+        members = list(run)
+        references = tuple(component.model.variables[name].vr for name, _ in members)
+        size = sum(slot.size for _, slot in members)
+        groups.append(Group(kind, references, members[0][1].first, size))
+    return tuple(groups)
+
+
+def _column_type(kind: str) -> str:
+    if kind in REALS:
+        return "float64"
+    if kind in BOOLEANS:
+        return "bool"
+    return "uint64" if kind == "UInt64" else "int64"
+
+
+def _describe(name: str) -> str:
     known = known_signals()
-    return known[name].description if name in known else fallback
+    return known[name].description if name in known else ""

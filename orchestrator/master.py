@@ -1,54 +1,99 @@
-"""Steps the FMUs of a system: Jacobi or Gauss-Seidel exchange at a fixed step, over flat buffers.
-
-All C calls of a step are bound beforehand; a step is a gather by index and a row of calls without arguments.
-This class is all that the rest knows of the stepping: `values`, `initialise`, `step`, and freeing.
-"""
+"""Runs the FMUs of a laid-out system on the compiled core: configures it, starts it, reads the outcome."""
 
 import ctypes
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
 
-from orchestrator.fmu import WARNING, Instance, instantiate
-from orchestrator.layout import Block, Exchange, Layout
-from orchestrator.system import System
+from orchestrator import binding
+from orchestrator.binding import BlockStatistics, Statistics
+from orchestrator.instance import LIMIT_S, Instance, instantiate
+from orchestrator.layout import Layout, Slot
+from orchestrator.lowering import Plan, scalars, to_bits
+from orchestrator.modeldescription import REALS
+from orchestrator.system import Component, Settings, System
+from orchestrator.trust import runs_here
+from orchestrator.variable import Scalar, Value
 from specs.errors import RunError
+from specs.faults import Fault
 
-BoundCall = tuple[Callable[[], int], Block]
-Stage = tuple[Callable[[], Any], tuple[BoundCall, ...]]  # gather the inputs, then these calls
-
-FATAL = 4
 SHOWN_INPUTS = 12  # in an error message
 
 
-class Master:
-    """The running system; use as a context, which frees the FMUs.
+@dataclass(frozen=True)
+class Options:
+    """How a system is run, beside what its description says.
 
-    values  float64 [layout.n_values]: set the system inputs here, read all outputs here
+    settings    algorithm and its numbers
+    faults      on connections, outputs and components
+    stimuli     tick -> system input -> value, held from then on
+    parameters  tick -> component -> tunable parameter -> value
+    seed        of the faults' random numbers
+    pace        simulated seconds per second; 0: as fast as it goes
+    timing      measure the time inside each FMU
+    trust       run foreign FMUs in this process
+    limit_s     how long one call of an FMU in a process of its own may take
+    ring_rows   rows that recording may lag behind
     """
 
+    settings: Settings = field(default_factory=Settings)
+    faults: Sequence[Fault] = ()
+    stimuli: Mapping[int, Mapping[str, Value]] = field(default_factory=dict)
+    parameters: Mapping[int, Mapping[str, Mapping[str, Scalar]]] = field(default_factory=dict)
+    seed: int | None = None
+    pace: float = 0.0
+    timing: bool = False
+    trust: bool = False
+    limit_s: float = LIMIT_S
+    ring_rows: int = 4096
+
+
+class Master:
+    """The running system; use as a context, which frees the FMUs."""
+
     def __init__(
-        self, system: System, layout: Layout, start: Mapping[str, Mapping[str, Any]], algorithm: str
+        self,
+        system: System,
+        layout: Layout,
+        start: Mapping[str, Mapping[str, Value]],
+        options: Options | None = None,
     ) -> None:
         """Instantiate all FMUs and set their `start` values (component -> variable -> value)."""
-        self.step_s, self.layout = system.step_s, layout
-        self.values = np.zeros(layout.n_values)
-        for name, position in layout.system_inputs.items():
-            self.values[position] = system.inputs[name].start
-        self.inputs = np.zeros(layout.n_inputs)
-        self.time = ctypes.c_double(0.0)
+        self.system, self.layout, self.options = system, layout, options or Options()
         self.instances: list[Instance] = []
-        self.fatal = False
+        self.plan = Plan(system, layout)
+        self.library, self.core = self.plan.library, self.plan.core
         try:
-            for component in system.components.values():
-                self.instances.append(instantiate(component))
-                self.instances[-1].set(**start[component.name])
+            self._instantiate(start)
+            self._lower()
         except BaseException:
             self.free()
             raise
-        self.step: Callable[[int], None] = self._jacobi() if algorithm == "jacobi" else self._gauss_seidel()
+
+    def _instantiate(self, start: Mapping[str, Mapping[str, Value]]) -> None:
+        for component in self.system.components.values():
+            isolated = not runs_here(component, self.options.trust)
+            instance = instantiate(component, isolated=isolated, limit_s=self.options.limit_s)
+            self.instances.append(instance)
+            instance.set_values(start[component.name])
+
+    def _lower(self) -> None:
+        plan, options = self.plan, self.options
+        for position, instance in enumerate(self.instances):
+            plan.block(position, instance.pointer, instance.event_mode, instance.early_return)
+            for vr, shift, interval in clocks(self.system, instance.component):
+                plan.call("clock", position, vr, shift, interval)
+        plan.moves()
+        plan.settings(options.settings)
+        plan.stimuli(options.stimuli)
+        plan.parameters(options.parameters)
+        plan.faults(options.faults, options.seed)
+        plan.call("pace", options.pace)
+        plan.call("timing", options.timing)
+        for name, given in self.system.inputs.items():
+            self.set_input(name, given.start)
 
     def __enter__(self) -> Self:
         return self
@@ -57,131 +102,186 @@ class Master:
         self.free()
 
     def free(self) -> None:
-        """Free all instances; after a fatal error none of them may be called again, so they are left."""
-        while self.instances and not self.fatal:
+        """Free core and instances."""
+        self.plan.free()
+        while self.instances:
             self.instances.pop().free()
 
+    # ---- values ----
+
+    def set_input(self, name: str, value: Value) -> None:
+        """Set a system input; it holds until a stimulus changes it."""
+        slot = self.layout.system_inputs[name]
+        for cell, scalar in zip(slot.cells, scalars(value, slot), strict=True):
+            self._write(cell, slot, scalar)
+
+    def _write(self, cell: int, slot: Slot, scalar: Scalar) -> None:
+        if isinstance(scalar, str | bytes):
+            data = scalar.encode() if isinstance(scalar, str) else scalar
+            self.library.slw_core_write_blob(self.core, cell, data, len(data))
+        else:
+            self.plan.integers[cell] = to_bits(scalar, slot.type)
+
+    # ---- running ----
+
     def initialise(self) -> None:
-        """Bring all FMUs to time 0, outputs propagated through the connections until they stand still."""
+        """Bring all FMUs to time 0, outputs propagated and loops solved; RunError naming what failed."""
         for instance in self.instances:
             instance.enter_initialisation()
-        for _ in range(len(self.instances) + 1):
-            before = self.values.copy()
-            self._propagate()
-            if np.array_equal(before, self.values):
-                break
-        for instance in self.instances:
-            instance.exit_initialisation()
-        for block, instance in zip(self.layout.blocks, self.instances, strict=True):
-            self._check(self._get(block, instance), block, -1)
-        self._check_finite(-1)
+        self._check(self.library.slw_core_initialise(self.core))
 
-    def _propagate(self) -> None:
-        """Outputs to inputs, once round, in order of dependency."""
-        for i in self.layout.order:
-            block, instance = self.layout.blocks[i], self.instances[i]
-            if block.inputs:
-                _gather(self.layout.part(block), self.values, self.inputs[block.input_slice])()
-                instance.check(
-                    instance.setter(block.inputs, self.inputs[block.input_slice])(), "setting inputs"
-                )
-            self._check(self._get(block, instance), block, -1)
+    def run(self, until: int) -> bool:
+        """Step up to tick `until`; False when an FMU asked to end the simulation before.
 
-    def _get(self, block: Block, instance: Instance) -> int:
-        return instance.getter(block.outputs, self.values[block.output_slice])() if block.outputs else 0
+        Raises RunError naming the component, the time and its last inputs.
+        """
+        return self._check(self.library.slw_core_run(self.core, until))
 
-    # ---- the two algorithms ----
+    def ended_by(self) -> str:
+        """The component that asked to end the simulation."""
+        return self.instances[self.library.slw_core_failure(self.core).contents.block].name
 
-    def _jacobi(self) -> Callable[[int], None]:
-        """One stage: all inputs from the last tick, all steps, then all outputs."""
-        steps, gets = [], []
-        for block, instance in zip(self.layout.blocks, self.instances, strict=True):
-            steps += self._step_calls(block, instance)
-            gets += self._get_calls(block, instance)
-        gather = _gather(self.layout.exchange, self.values, self.inputs)
-        return self._advance([(gather, tuple(steps + gets))])
+    def log_last(self) -> None:
+        """Log the row of the present tick, the last one."""
+        if not self.library.slw_core_log_last(self.core):
+            raise self._failure()
 
-    def _gauss_seidel(self) -> Callable[[int], None]:
-        """One stage a component, in order of dependency, each on the newest values."""
-        stages = []
-        for i in self.layout.order:
-            block, instance = self.layout.blocks[i], self.instances[i]
-            gather = _gather(self.layout.part(block), self.values, self.inputs[block.input_slice])
-            stages.append((gather, (*self._step_calls(block, instance), *self._get_calls(block, instance))))
-        return self._advance(stages)
+    def log_finish(self) -> None:
+        """No row follows."""
+        self.library.slw_core_log_finish(self.core)
 
-    def _step_calls(self, block: Block, instance: Instance) -> list[BoundCall]:
-        calls = [(instance.stepper(self.time, self.step_s), block)]
-        if block.inputs:
-            calls.insert(0, (instance.setter(block.inputs, self.inputs[block.input_slice]), block))
-        return calls
+    @property
+    def tick(self) -> int:
+        """The tick the system has reached."""
+        return self.library.slw_core_tick(self.core)
 
-    def _get_calls(self, block: Block, instance: Instance) -> list[BoundCall]:
-        if not block.outputs:
-            return []
-        return [(instance.getter(block.outputs, self.values[block.output_slice]), block)]
+    def take(self, at_least: int, most: int, wait_ms: int) -> np.ndarray:
+        """Rows out of the ring, cells as float64 [n, 1 + columns], the first one the tick (an int64)."""
+        rows = np.empty((most, 1 + len(self.layout.logged)))
+        taken = self.library.slw_core_take(self.core, rows.ctypes.data, at_least, most, wait_ms)
+        return rows[:taken]
 
-    def _advance(self, stages: list[Stage]) -> Callable[[int], None]:
-        """The step function, which is the hot path, closed over all that it touches."""
-        time, step_s, dot, values = self.time, self.step_s, np.dot, self.values
-        zeros, fixed = np.zeros(self.layout.n_values), tuple(stages)
+    # ---- state ----
 
-        def advance(tick: int) -> None:
-            time.value = tick * step_s
-            for gather, calls in fixed:
-                gather()
-                for call, block in calls:
-                    status = call()
-                    if status > WARNING:
-                        raise self.failure(status, block, tick)
-            if dot(values, zeros) != 0.0:  # 0 * inf and 0 * nan are nan, which differs from 0
-                self.not_finite(tick)
+    def snapshot(self) -> bytes:
+        """The whole system's state at the present tick; RunError when an FMU cannot serialise its own."""
+        size = self.library.slw_core_snapshot_size(self.core)
+        data = ctypes.create_string_buffer(max(size, 1))
+        if size == 0 or not self.library.slw_core_snapshot(self.core, data, size):
+            raise RunError(f"system {self.system.name}: {self._state_error()}")
+        return data.raw[:size]
 
-        return advance
+    def restore(self, data: bytes) -> None:
+        """Go to the state of a snapshot of the same system; RunError when the bytes are not of one."""
+        if not self.library.slw_core_restore(self.core, data, len(data)):
+            raise RunError(f"system {self.system.name}: {self._state_error()}")
 
-    # ---- failures ----
+    def _state_error(self) -> str:
+        text = self.library.slw_core_error(self.core).decode()
+        number = text.partition("block ")[2].partition(" ")[0]
+        return f"component {self.instances[int(number)].name} cannot give its state" if number else text
 
-    def _check(self, status: int, block: Block, tick: int) -> None:
-        if status > WARNING:
-            raise self.failure(status, block, tick)
+    # ---- what came of it ----
 
-    def failure(self, status: int, block: Block, tick: int) -> RunError:
-        """What to raise when a call for `block` returned `status` in the step from `tick`."""
-        instance = self.instances[[b.component for b in self.layout.blocks].index(block.component)]
-        self.fatal = status == FATAL
-        return self._error(block, f"the FMU returned {instance.said(status)}", tick)
+    def statistics(self) -> dict[str, Any]:
+        """Counts and times: of the system, and under "components" of each component."""
+        whole, part = Statistics(), BlockStatistics()
+        self.library.slw_core_statistics(self.core, ctypes.byref(whole))
+        components = {}
+        for number, instance in enumerate(self.instances):
+            self.library.slw_core_block_statistics(self.core, number, ctypes.byref(part))
+            components[instance.name] = _as_dict(part)
+        return {**_as_dict(whole), "components": components}
 
-    def _check_finite(self, tick: int) -> None:
-        if not np.isfinite(self.values).all():
-            self.not_finite(tick)
+    def _check(self, outcome: int) -> bool:
+        if outcome == binding.FAILED:
+            raise self._failure()
+        return outcome == binding.DONE
 
-    def not_finite(self, tick: int) -> None:
-        """Raise RunError for the first component, in order of execution, with an output that is no number."""
-        for i in self.layout.order:
-            block = self.layout.blocks[i]
-            for variable, value in zip(block.outputs, self.values[block.output_slice], strict=True):
-                if not np.isfinite(value):
-                    raise self._error(block, f"output {variable.name} became {value}", tick)
-
-    def _error(self, block: Block, what: str, tick: int) -> RunError:
-        when = "during initialisation" if tick < 0 else f"in the step from t = {tick * self.step_s:.6g} s"
-        pairs = zip(block.inputs, self.inputs[block.input_slice], strict=True)
-        shown = [f"{v.name} = {value:.6g}" for v, value in pairs][:SHOWN_INPUTS]
-        more = "" if len(block.inputs) <= SHOWN_INPUTS else ", …"
+    def _failure(self) -> RunError:
+        failure = self.library.slw_core_failure(self.core).contents
+        when = "during initialisation" if failure.tick < 0 else f"in the step from t = {failure.time:.6g} s"
+        if failure.block == binding.SINK:
+            return RunError(f"system {self.system.name} failed {when}: {self._why(failure, None)}")
+        instance = self.instances[failure.block]
+        why = self._why(failure, instance)
         return RunError(
-            f"component {block.component} failed {when}: {what}\n"
-            f"last inputs: {', '.join(shown) or 'none'}{more}"
+            f"component {instance.name} failed {when}: {why}\nlast inputs: {self._inputs(failure.block)}"
         )
 
+    def _why(self, failure: Any, instance: Instance | None) -> str:
+        tolerance = self.options.settings.tolerance
+        words = {
+            binding.NOT_FINITE: f"output {self._cell(failure.cell)} became {self.plan.reals[failure.cell]}",
+            binding.NOT_IN_TABLE: f"{self._cell(failure.cell)} = {self.plan.integers[failure.cell]} "
+            "is in no entry of its mapping",
+            binding.STEP_TOO_SMALL: f"{self._cell(failure.cell)} misses the tolerance {tolerance:g} with the "
+            "smallest step",
+            binding.RETURNED_EARLY: "it returned early, unasked",
+            binding.NO_PROGRESS: "the FMU does not advance: it returns early or iterates events without end",
+            binding.INJECTED: "a fault of the scenario made it fail",
+        }
+        if failure.what == binding.NO_CONVERGENCE:
+            return self._not_converged(failure)
+        if failure.what in words:
+            return words[failure.what]
+        return f"the FMU returned {instance.said(failure.status)}" if instance else "no memory"
 
-def _gather(exchange: Exchange, values: np.ndarray, inputs: np.ndarray) -> Callable[[], Any]:
-    """inputs = scale * values[source] + offset, bound to its buffers."""
-    # The index is known to be in range; "clip" spares numpy the copy it makes to be able to raise.
-    take = partial(values.take, exchange.source, None, inputs, "clip")
-    return take if exchange.affine is None else partial(_convert, take, inputs, *exchange.affine)
+    def _not_converged(self, failure: Any) -> str:
+        settings = self.options.settings
+        if failure.tick >= 0:
+            return (
+                f"{self._cell(failure.cell)} still changes after {settings.max_iterations} iterations "
+                f"(tolerance {settings.tolerance:g})"
+            )
+        order = self.layout.order
+        members = [
+            self.layout.blocks[p].component
+            for p, loop in zip(order.positions, order.loop, strict=True)
+            if loop == failure.loop
+        ]
+        return (
+            f"the algebraic loop of {', '.join(members)} has no solution that iteration or Newton's method "
+            f"finds (tolerance {settings.tolerance:g})"
+        )
+
+    def _cell(self, cell: int) -> str:
+        """The name of what stands in a cell."""
+        for block in self.layout.blocks:
+            for name, slot in {**block.inputs, **block.outputs}.items():
+                if cell in slot.cells:
+                    index = f"[{cell - slot.first + 1}]" if slot.size > 1 else ""
+                    return (
+                        f"{name}{index}"
+                        if len(self.layout.blocks) == 1
+                        else f"{block.component}.{name}{index}"
+                    )
+        return next((n for n, s in self.layout.system_inputs.items() if cell in s.cells), f"value {cell}")
+
+    def _inputs(self, block: int) -> str:
+        slots = self.layout.blocks[block].inputs
+        shown = [f"{name} = {self._number(slot)}" for name, slot in slots.items()]
+        more = ", …" if len(shown) > SHOWN_INPUTS else ""
+        return (", ".join(shown[:SHOWN_INPUTS]) or "none") + more
+
+    def _number(self, slot: Slot) -> str:
+        if slot.type in REALS:
+            values = [f"{x:.6g}" for x in self.plan.reals[slot.first : slot.first + slot.size]]
+        else:
+            values = [str(x) for x in self.plan.integers[slot.first : slot.first + slot.size]]
+        return values[0] if slot.size == 1 else f"({', '.join(values)})"
 
 
-def _convert(take: Callable[[], Any], inputs: np.ndarray, scale: np.ndarray, offset: np.ndarray) -> None:
-    take()
-    np.multiply(inputs, scale, out=inputs)
-    np.add(inputs, offset, out=inputs)
+def clocks(system: System, component: Component) -> list[tuple[int, int, int]]:
+    """Value reference, shift and interval [ticks] of a component's periodic input clocks."""
+    found = []
+    for variable in component.model.variables.values():
+        clock = variable.clock
+        if clock and clock.periodic and variable.causality == "input" and clock.interval_s is not None:
+            shift, interval = (round(float(t) / system.step_s) for t in (clock.shift_s, clock.interval_s))
+            found.append((variable.vr, shift, interval))
+    return found
+
+
+def _as_dict(structure: ctypes.Structure) -> dict[str, Any]:
+    return {name: getattr(structure, name) for name, _ in structure._fields_}  # type: ignore[misc]

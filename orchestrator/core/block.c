@@ -15,6 +15,11 @@ bool slw_fail(slw_core *core, slw_what what, slw_status status, const slw_block 
   return false;
 }
 
+void slw_end(slw_core *core, const slw_block *b) {
+  if (!core->ended) core->failure.block = (uint32_t)(b - core->blocks);
+  core->ended = true;
+}
+
 /* Whether a status lets the run go on; warnings are counted. */
 static inline bool passes(slw_core *core, slw_block *b, slw_status status, slw_what doing) {
   if (status == SLW_OK) return true;
@@ -54,7 +59,7 @@ static bool update_discrete(slw_core *core, slw_block *b) {
   for (int i = 0; i < MAX_EVENT_ITERATIONS; i++) {
     slw_event_result result = {false, false, false, 0.0};
     if (!passes(core, b, b->fmu->call->update_discrete(b->fmu, &result), SLW_DOING_EVENT)) return false;
-    if (result.terminate) core->ended = true;
+    if (result.terminate) slw_end(core, b);
     if (!result.more) return true;
   }
   return slw_fail(core, SLW_NO_PROGRESS, SLW_OK, b, 0);
@@ -115,7 +120,7 @@ static bool try_step(slw_core *core, slw_block *b, double t, double *h, double *
   b->count.steps++;
   *reached = r.early || status == SLW_DISCARD ? r.reached : t + *h;
   if (r.terminate) {
-    core->ended = true;
+    slw_end(core, b);
     return status <= SLW_DISCARD || slw_fail(core, SLW_DOING_STEP, status, b, 0);
   }
   if (status == SLW_DISCARD) return discarded(core, b, t, h, *reached);
@@ -157,7 +162,7 @@ bool slw_block_finish_discarded(slw_core *core, slw_block *b, double t) {
   slw_step_result r = {t, false, false, false};
   const slw_status status = b->fmu->call->after_discard(b->fmu, &r);
   if (!passes(core, b, status, SLW_DOING_STEP)) return false;
-  if (r.terminate) core->ended = true;
+  if (r.terminate) slw_end(core, b);
   return r.terminate || slw_block_continue(core, b, t, r.reached);
 }
 

@@ -64,10 +64,10 @@ bool slw_core_fault(slw_core *core, uint32_t block, uint32_t cell, slw_fault_kin
 /* From tick `tick` on this block's steps fail, as if its FMU had returned an error. */
 bool slw_core_fail(slw_core *core, uint32_t block, int64_t tick);
 
-/* From tick `tick` on: cells[cell] = value (a system input). */
-bool slw_core_stimulus(slw_core *core, int64_t tick, uint32_t cell, slw_cell value);
+/* From tick `tick` on: cells[cell] = the cell with these bits (a system input). */
+bool slw_core_stimulus(slw_core *core, int64_t tick, uint32_t cell, int64_t bits);
 /* At tick `tick`: set a tunable parameter of a block. */
-bool slw_core_parameter(slw_core *core, int64_t tick, uint32_t block, slw_type type, uint32_t vr, slw_cell value);
+bool slw_core_parameter(slw_core *core, int64_t tick, uint32_t block, slw_type type, uint32_t vr, int64_t bits);
 /* A time-based input clock: active at ticks shift, shift + interval, ...; its cells are set before it ticks and
  * read after it. */
 bool slw_core_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, int64_t interval);
@@ -122,6 +122,7 @@ typedef struct {
   int64_t tick;        /* of the step's begin; -1: initialisation */
   double time;         /* s */
 } slw_failure;
+/* After SLW_ENDED: `block` says whose FMU asked. */
 const slw_failure *slw_core_failure(const slw_core *core);
 
 /* ---- beside a run, from another thread ---- */

@@ -144,6 +144,9 @@ const char *slw_fmu_message(const slw_fmu *fmu, unsigned k);
 /* Append a message (cut to SLW_MESSAGE_SIZE). */
 void slw_fmu_log(slw_fmu *fmu, const char *message);
 
+/* Give back what a blob of the caller's own holds. */
+void slw_blob_release(slw_blob *blob);
+
 /* Space for `native` of a group of that type and FMI version; 0 where the cells are the native form. */
 size_t slw_native_size(int fmi_version, slw_type type);
 

@@ -34,14 +34,17 @@ static double change(slw_core *core, uint32_t first, uint32_t end, const slw_cel
   return worst;
 }
 
+/* Without direct feedthrough values stand still, to the bit, after as many sweeps as there are members. */
 static bool sweeps(slw_core *core, uint32_t first, uint32_t end, bool *converged) {
   slw_cell *old = core->scratch;
+  const size_t size = core->n_cells * sizeof *old;
   *converged = false;
   for (uint32_t n = 0; n < core->max_iterations && !*converged; n++) {
-    memcpy(old, core->cells, core->n_cells * sizeof *old);
+    memcpy(old, core->cells, size);
     for (uint32_t p = first; p < end; p++)
       if (!refresh(core, p)) return false;
-    *converged = n > 0 && change(core, first, end, old) <= 1.0;
+    const bool enough = n > end - first && change(core, first, end, old) <= 1.0;
+    *converged = enough || memcmp(old, core->cells, size) == 0;
   }
   return true;
 }

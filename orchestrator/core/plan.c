@@ -218,14 +218,15 @@ static bool add_change(slw_core *core, slw_change change) {
   return true;
 }
 
-bool slw_core_stimulus(slw_core *core, int64_t tick, uint32_t cell, slw_cell value) {
-  return inside(core, cell, 1) && add_change(core, (slw_change){tick, SLW_SINK, cell, SLW_FLOAT64, value, 0});
+bool slw_core_stimulus(slw_core *core, int64_t tick, uint32_t cell, int64_t bits) {
+  return inside(core, cell, 1) &&
+         add_change(core, (slw_change){tick, SLW_SINK, cell, SLW_FLOAT64, {.integer = bits}, 0});
 }
 
-bool slw_core_parameter(slw_core *core, int64_t tick, uint32_t block, slw_type type, uint32_t vr, slw_cell value) {
+bool slw_core_parameter(slw_core *core, int64_t tick, uint32_t block, slw_type type, uint32_t vr, int64_t bits) {
   if (!known(core, block)) return false;
   if ((unsigned)type > SLW_BOOLEAN) return refuse(core, "only numbers change during a run", vr);
-  return add_change(core, (slw_change){tick, block, vr, type, value, 0});
+  return add_change(core, (slw_change){tick, block, vr, type, {.integer = bits}, 0});
 }
 
 bool slw_core_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, int64_t interval) {

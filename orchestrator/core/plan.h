@@ -184,6 +184,8 @@ static inline double slw_distance(const slw_core *core, uint32_t cell, double a,
 void slw_pace_wait(slw_core *core);
 double slw_clock_s(void);
 
+/* Its FMU asks to end the simulation. */
+void slw_end(slw_core *core, const slw_block *b);
 /* Sets slw_core_failure; returns false. */
 bool slw_fail(slw_core *core, slw_what what, slw_status status, const slw_block *b, uint32_t cell);
 

@@ -29,7 +29,7 @@ static inline bool fast2(slw_core *core, slw_block *b, double t) {
     status = f->fast.fmi2.set_real(f->instance, g->vr, g->n_vr, &g->cells->real);
     if (status != SLW_OK && !note(core, b, status, SLW_DOING_SET)) return false;
   }
-  status = f->fast.fmi2.do_step(f->instance, t, core->step_s, 1);
+  status = f->fast.fmi2.do_step(f->instance, t, core->step_s, 0);
   if (status == SLW_DISCARD) {
     if (!slw_block_finish_discarded(core, b, t)) return false;
   } else if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) {
@@ -52,9 +52,9 @@ static inline bool fast3(slw_core *core, slw_block *b, double t) {
   }
   bool event = false, terminate = false, early = false;
   double reached = t;
-  status = f->fast.fmi3.do_step(f->instance, t, core->step_s, true, &event, &terminate, &early, &reached);
+  status = f->fast.fmi3.do_step(f->instance, t, core->step_s, false, &event, &terminate, &early, &reached);
   if (terminate) {
-    core->ended = true;
+    slw_end(core, b);
   } else if (status == SLW_DISCARD) {
     if (!slw_block_continue(core, b, t, reached)) return false;
   } else if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) {

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.layout import dependency_order, lay_out
+from orchestrator.layout import lay_out
+from orchestrator.order import dependency_order
 from orchestrator.simulate import simulate
 from orchestrator.system import Link, Source
 from orchestrator.units import IDENTITY
@@ -67,7 +68,7 @@ def test_a_loop_is_opened_where_fewest_inputs_are_missing() -> None:
     names = ["controller", "drive", "tool", "source"]
     links = [link("drive", "controller"), link("tool", "controller"), link("controller", "drive")]
     links += [link("drive", "tool"), link("source", "drive"), link("", "source")]
-    order = [names[i] for i in dependency_order(names, links)]
+    order = [names[i] for i in dependency_order(names, links).positions]
     assert order == ["source", "drive", "tool", "controller"]
 
 
@@ -91,10 +92,7 @@ def test_an_unknown_algorithm_is_refused(tmp_path: Path) -> None:
 
 def test_layout_gathers_each_input_from_its_source(tmp_path: Path) -> None:
     layout = lay_out(load(tmp_path, OSCILLATOR, ["position", "speed"]))
-    names = [(b.component, v.name) for b in layout.blocks for v in b.outputs]
-    feeds = {
-        (b.component, v.name): names[layout.exchange.source[b.input_slice.start + i]]
-        for b in layout.blocks
-        for i, v in enumerate(b.inputs)
-    }
+    inputs = {slot.first: (b.component, name) for b in layout.blocks for name, slot in b.inputs.items()}
+    outputs = {slot.first: (b.component, name) for b in layout.blocks for name, slot in b.outputs.items()}
+    feeds = {inputs[m.target.first]: outputs[m.source.first] for m in layout.moves if m.owner >= 0}
     assert feeds == {("position", "v"): ("speed", "speed"), ("speed", "x"): ("position", "position")}

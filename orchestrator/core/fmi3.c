@@ -1,0 +1,220 @@
+/* FMI 3.0 co-simulation in this process. Source of the interface: FMI 3.0.2, chapters 2.2 and 4. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "binding.h"
+#include "fmi/fmi3FunctionTypes.h"
+
+#define NUMBERS(X)                                                                                \
+  X(Float64) X(Float32) X(Int8) X(UInt8) X(Int16) X(UInt16) X(Int32) X(UInt32) X(Int64) X(UInt64) \
+  X(Boolean) X(String)
+#define REQUIRED(X)                                                                                   \
+  X(InstantiateCoSimulation) X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode)     \
+  X(DoStep)
+#define OPTIONAL(X)                                                                                   \
+  X(Terminate) X(Reset) X(EnterConfigurationMode) X(ExitConfigurationMode) X(EnterEventMode) X(UpdateDiscreteStates) \
+  X(EnterStepMode) X(GetFMUState) X(SetFMUState) X(FreeFMUState) X(SerializedFMUStateSize)            \
+  X(SerializeFMUState) X(DeserializeFMUState) X(GetDirectionalDerivative) X(GetBinary) X(SetBinary)   \
+  X(GetClock) X(SetClock)
+#define DECLARE(name) fmi3##name##TYPE *name;
+#define DECLARE_BOTH(name) fmi3Get##name##TYPE *Get##name; fmi3Set##name##TYPE *Set##name;
+
+typedef struct {
+  slw_fmu fmu; /* first: a pointer to one is a pointer to the other */
+  void *library;
+  bool fatal; /* after a fatal error nothing may be called */
+  REQUIRED(DECLARE)
+  OPTIONAL(DECLARE)
+  NUMBERS(DECLARE_BOTH)
+} slw_fmi3;
+
+static slw_fmi3 *self(slw_fmu *fmu) { return (slw_fmi3 *)fmu; }
+
+static slw_status status_of(slw_fmi3 *f, int status, const char *function) {
+  const slw_status known = slw_status_of(&f->fmu, status, function);
+  if (known == SLW_FATAL) f->fatal = true;
+  return known;
+}
+
+/* Calls a function of the FMU if it is there and still may be called. */
+#define CALL(f, name, ...)                                                                   \
+  ((f)->fatal ? SLW_FATAL                                                                    \
+   : (f)->name ? status_of((f), (int)(f)->name((f)->fmu.instance, __VA_ARGS__), "fmi3" #name) \
+               : slw_missing(&(f)->fmu, "fmi3" #name))
+#define CALL0(f, name)                                                           \
+  ((f)->fatal ? SLW_FATAL                                                        \
+   : (f)->name ? status_of((f), (int)(f)->name((f)->fmu.instance), "fmi3" #name) \
+               : slw_missing(&(f)->fmu, "fmi3" #name))
+
+static void logger(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String message) {
+  (void)status, (void)category;
+  slw_fmu_log(environment, message);
+}
+
+static slw_status enter_configuration(slw_fmu *fmu) { return CALL0(self(fmu), EnterConfigurationMode); }
+static slw_status exit_configuration(slw_fmu *fmu) { return CALL0(self(fmu), ExitConfigurationMode); }
+
+static slw_status enter_initialisation(slw_fmu *fmu, double start, bool stop_defined, double stop, double tolerance) {
+  return CALL(self(fmu), EnterInitializationMode, tolerance > 0.0, tolerance, start, stop_defined, stop);
+}
+
+static slw_status exit_initialisation(slw_fmu *fmu) { return CALL0(self(fmu), ExitInitializationMode); }
+
+#define SET_CASE(wire, name, type)                                                                        \
+  case wire:                                                                                              \
+    return CALL(f, Set##name, g->vr, g->n_vr, (const fmi3##type *)(g->native ? g->native : (void *)g->cells), g->n);
+#define GET_CASE(wire, name, type)                                                                               \
+  case wire:                                                                                                     \
+    status = CALL(f, Get##name, g->vr, g->n_vr, (fmi3##type *)(g->native ? g->native : (void *)g->cells), g->n); \
+    break;
+#define CASES(X)                                                                                             \
+  X(SLW_FLOAT64, Float64, Float64) X(SLW_FLOAT32, Float32, Float32) X(SLW_INT8, Int8, Int8)                  \
+  X(SLW_UINT8, UInt8, UInt8) X(SLW_INT16, Int16, Int16) X(SLW_UINT16, UInt16, UInt16)                        \
+  X(SLW_INT32, Int32, Int32) X(SLW_UINT32, UInt32, UInt32) X(SLW_INT64, Int64, Int64)                        \
+  X(SLW_UINT64, UInt64, UInt64) X(SLW_BOOLEAN, Boolean, Boolean) X(SLW_STRING, String, String)
+
+static size_t *sizes(const slw_group *g) { return (size_t *)((void **)g->native + g->n); }
+
+static slw_status set(slw_fmu *fmu, const slw_group *g) {
+  slw_fmi3 *f = self(fmu);
+  slw_to_native(3, g);
+  switch (g->type) {
+    CASES(SET_CASE)
+    case SLW_BINARY: return CALL(f, SetBinary, g->vr, g->n_vr, sizes(g), (const fmi3Binary *)g->native, g->n);
+    case SLW_CLOCK: return CALL(f, SetClock, g->vr, g->n_vr, (const fmi3Clock *)g->native);
+    default: return SLW_ERROR;
+  }
+}
+
+static slw_status get(slw_fmu *fmu, const slw_group *g) {
+  slw_fmi3 *f = self(fmu);
+  slw_status status;
+  switch (g->type) {
+    CASES(GET_CASE)
+    case SLW_BINARY: status = CALL(f, GetBinary, g->vr, g->n_vr, sizes(g), (fmi3Binary *)g->native, g->n); break;
+    case SLW_CLOCK: status = CALL(f, GetClock, g->vr, g->n_vr, (fmi3Clock *)g->native); break;
+    default: status = SLW_ERROR;
+  }
+  if (status > SLW_WARNING) return status;
+  const slw_status copied = slw_from_native(3, g);
+  return copied > status ? copied : status;
+}
+
+static slw_status step(slw_fmu *fmu, double time, double h, slw_step_result *result) {
+  slw_fmi3 *f = self(fmu);
+  result->event = result->terminate = result->early = false;
+  result->reached = time;
+  /* True only where no step is taken back; nobody knows that here. */
+  const slw_status status = CALL(f, DoStep, time, h, fmi3False, &result->event, &result->terminate, &result->early,
+                                 &result->reached);
+  if (status <= SLW_WARNING && !result->early) result->reached = time + h;
+  return status;
+}
+
+static slw_status after_discard(slw_fmu *fmu, slw_step_result *result) {
+  (void)fmu, (void)result; /* FMI 3 tells with the step itself */
+  return SLW_OK;
+}
+
+static slw_status enter_event(slw_fmu *fmu) { return CALL0(self(fmu), EnterEventMode); }
+static slw_status enter_step(slw_fmu *fmu) { return CALL0(self(fmu), EnterStepMode); }
+
+static slw_status update_discrete(slw_fmu *fmu, slw_event_result *result) {
+  bool nominals = false, values = false;
+  memset(result, 0, sizeof *result);
+  return CALL(self(fmu), UpdateDiscreteStates, &result->more, &result->terminate, &nominals, &values,
+              &result->next_event_defined, &result->next_event);
+}
+
+static slw_status get_state(slw_fmu *fmu, void **state) { return CALL(self(fmu), GetFMUState, state); }
+static slw_status set_state(slw_fmu *fmu, void *state) { return CALL(self(fmu), SetFMUState, state); }
+static slw_status free_state(slw_fmu *fmu, void **state) {
+  const slw_status status = CALL(self(fmu), FreeFMUState, state);
+  *state = NULL;
+  return status;
+}
+static slw_status serialized_size(slw_fmu *fmu, void *state, size_t *size) {
+  return CALL(self(fmu), SerializedFMUStateSize, state, size);
+}
+static slw_status serialize(slw_fmu *fmu, void *state, char *bytes, size_t size) {
+  return CALL(self(fmu), SerializeFMUState, state, (fmi3Byte *)bytes, size);
+}
+static slw_status deserialize(slw_fmu *fmu, const char *bytes, size_t size, void **state) {
+  return CALL(self(fmu), DeserializeFMUState, (const fmi3Byte *)bytes, size, state);
+}
+
+static slw_status directional(slw_fmu *fmu, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns,
+                              size_t n_knowns, const double *seed, size_t n_seed, double *result, size_t n_result) {
+  return CALL(self(fmu), GetDirectionalDerivative, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed, result,
+              n_result);
+}
+
+static slw_status terminate(slw_fmu *fmu) { return CALL0(self(fmu), Terminate); }
+static slw_status reset(slw_fmu *fmu) { return CALL0(self(fmu), Reset); }
+
+/* After a fatal error the library stays, since nothing in it may run any more, its own clean-up included. */
+static void free_fmu(slw_fmu *fmu) {
+  slw_fmi3 *f = self(fmu);
+  if (fmu->instance && !f->fatal) f->FreeInstance(fmu->instance);
+  if (f->library && !f->fatal) slw_library_close(f->library);
+  free(f);
+}
+
+static const slw_fmu_functions functions = {
+    .enter_configuration = enter_configuration, .exit_configuration = exit_configuration,
+    .enter_initialisation = enter_initialisation, .exit_initialisation = exit_initialisation,
+    .set = set, .get = get, .step = step, .after_discard = after_discard,
+    .enter_event = enter_event, .update_discrete = update_discrete, .enter_step = enter_step,
+    .get_state = get_state, .set_state = set_state, .free_state = free_state,
+    .serialized_size = serialized_size, .serialize = serialize, .deserialize = deserialize,
+    .directional = directional, .terminate = terminate, .reset = reset, .free = free_fmu};
+
+/* ---- loading ---- */
+
+static bool bind(slw_fmi3 *f, char *error, size_t error_size) {
+#define NEED(name)                                                            \
+  if (!slw_library_symbol(f->library, "fmi3" #name, &f->name)) {              \
+    snprintf(error, error_size, "its library lacks the function fmi3" #name); \
+    return false;                                                             \
+  }
+#define MAY(name) (void)slw_library_symbol(f->library, "fmi3" #name, &f->name);
+#define MAY_BOTH(name) MAY(Get##name) MAY(Set##name)
+  REQUIRED(NEED)
+  OPTIONAL(MAY)
+  NUMBERS(MAY_BOTH)
+  fmi3GetVersionTYPE *version;
+  if (slw_library_symbol(f->library, "fmi3GetVersion", &version) && version()[0] != '3') {
+    snprintf(error, error_size, "its library says it is of FMI %.40s, its description 3.0", version());
+    return false;
+  }
+  return true;
+}
+
+static slw_fmu *refused(slw_fmi3 *f) {
+  free_fmu(&f->fmu);
+  return NULL;
+}
+
+slw_fmu *slw_fmi3_load(const slw_fmu_options *o, char *error, size_t error_size) {
+  slw_fmi3 *f = calloc(1, sizeof *f);
+  if (!f) {
+    snprintf(error, error_size, "no memory");
+    return NULL;
+  }
+  f->fmu.call = &functions, f->fmu.fmi_version = 3, f->fmu.local = true;
+  f->library = slw_library_open(o->library, error, error_size);
+  if (!f->library || !bind(f, error, error_size)) return refused(f);
+  f->fmu.instance = f->InstantiateCoSimulation(o->name, o->token, o->resources, fmi3False, fmi3False, o->event_mode,
+                                               o->early_return, NULL, 0, &f->fmu, logger, NULL);
+  if (!f->fmu.instance) {
+    snprintf(error, error_size, "%s", f->fmu.n_messages ? slw_fmu_message(&f->fmu, 0) : "it gave no reason");
+    return refused(f);
+  }
+  if (f->GetFloat64 && f->SetFloat64) {
+    f->fmu.fast.fmi3.get = (slw_fmi3_get_float64)f->GetFloat64;
+    f->fmu.fast.fmi3.set = (slw_fmi3_set_float64)f->SetFloat64;
+    f->fmu.fast.fmi3.do_step = (slw_fmi3_do_step)f->DoStep;
+  }
+  return &f->fmu;
+}

@@ -1,0 +1,86 @@
+"""What a scenario does to a running system: faults and parameter changes, checked against the system."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from orchestrator.modeldescription import NOT_NUMBERS, REALS
+from orchestrator.system import System, checked_value
+from orchestrator.variable import Scalar, Value
+from specs.errors import InputError, nearest
+from specs.faults import FAIL, Fault
+
+Changes = Mapping[int, Mapping[str, Value]]
+
+
+def resolve(system: System, name: str, what: str) -> tuple[str, str]:
+    """Component and variable of "component.variable"; the longest component name that fits wins.
+
+    Raises InputError, starting with `what`, when there is no such component or variable.
+    """
+    owners = [c for c in system.components if name.startswith(f"{c}.")]
+    if not owners:
+        raise InputError(
+            f"{what} '{name}' is not of the form component.variable; "
+            f"{nearest(name.partition('.')[0], system.components)}"
+        )
+    owner = max(owners, key=len)
+    variable = system.components[owner].model.variable(name[len(owner) + 1 :], f"{what} {name}")
+    return owner, variable.name
+
+
+def check_faults(system: System, faults: Sequence[Fault]) -> None:
+    """InputError for a fault on what is not there, not connected or no real number, or at no whole tick."""
+    for fault in faults:
+        where = f"fault '{fault.kind}' on {fault.target}"
+        try:
+            fault.ticks(system.step_s)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        if fault.kind == FAIL:
+            if fault.target not in system.components:
+                raise InputError(f"{where}: no such component; {nearest(fault.target, system.components)}")
+        elif fault.target in system.inputs or fault.target in system.outputs:
+            connector = {**system.inputs, **system.outputs}[fault.target]
+            _check_real(connector.type, connector.size, where)
+        else:
+            _check_input(system, fault, where)
+
+
+def _check_input(system: System, fault: Fault, where: str) -> None:
+    linked = [f"{k.component}.{k.name}" for k in system.links]
+    if fault.target not in linked:
+        choices = [*linked, *system.inputs, *system.outputs]
+        raise InputError(f"{where}: no connected input and no connector; {nearest(fault.target, choices)}")
+    owner, name = resolve(system, fault.target, "fault on")
+    component = system.components[owner]
+    variable = component.model.variables[name]
+    _check_real(variable.type, component.size(variable), where)
+
+
+def _check_real(kind: str, size: int, where: str) -> None:
+    if kind not in REALS or size != 1:
+        raise InputError(f"{where}: faults act on single real values, this is {kind}{' array' * (size > 1)}")
+
+
+def check_changes(system: System, changes: Changes) -> dict[int, dict[str, dict[str, Scalar]]]:
+    """Parameter changes by tick, component and variable; InputError for what cannot change in a run."""
+    found: dict[int, dict[str, dict[str, Scalar]]] = {}
+    for tick, values in changes.items():
+        for name, value in values.items():
+            owner, variable_name = resolve(system, name, "parameter change")
+            variable = system.components[owner].model.variables[variable_name]
+            if variable.causality != "parameter" or variable.variability != "tunable":
+                tunable = _tunable(system, owner)
+                raise InputError(
+                    f"{name} cannot change during a run: it is {variable.variability} {variable.causality}; "
+                    f"{nearest(variable_name, tunable) if tunable else f'{owner} has no tunable parameter'}"
+                )
+            if variable.type in NOT_NUMBERS or variable.array:
+                raise InputError(f"{name} cannot change during a run: only single numbers do")
+            checked = checked_value(variable, value, f"parameter {name}")
+            found.setdefault(tick, {}).setdefault(owner, {})[variable_name] = checked
+    return found
+
+
+def _tunable(system: System, owner: str) -> Iterable[str]:
+    variables = system.components[owner].model.variables.values()
+    return [v.name for v in variables if v.causality == "parameter" and v.variability == "tunable"]
