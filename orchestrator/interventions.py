@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from orchestrator.modeldescription import NOT_NUMBERS, REALS
-from orchestrator.system import System, checked_value
+from orchestrator.system import Source, System, checked_value
 from orchestrator.variable import Scalar, Value
 from specs.errors import InputError, nearest
 from specs.faults import FAIL, Fault
@@ -41,6 +41,7 @@ def check_faults(system: System, faults: Sequence[Fault]) -> None:
         elif fault.target in system.inputs or fault.target in system.outputs:
             connector = {**system.inputs, **system.outputs}[fault.target]
             _check_real(connector.type, connector.size, where)
+            _check_unconverted(system, fault, where)
         else:
             _check_input(system, fault, where)
 
@@ -54,6 +55,14 @@ def _check_input(system: System, fault: Fault, where: str) -> None:
     component = system.components[owner]
     variable = component.model.variables[name]
     _check_real(variable.type, component.size(variable), where)
+
+
+def _check_unconverted(system: System, fault: Fault, where: str) -> None:
+    """A fault on a system input acts where it arrives, so it must arrive in the input's own unit."""
+    for link in system.links:
+        if link.source == Source("", fault.target) and not link.conversion.is_identity:
+            end = f"{link.component}.{link.name}"
+            raise InputError(f"{where}: it is converted on its way to {end}; state the fault on {end}")
 
 
 def _check_real(kind: str, size: int, where: str) -> None:

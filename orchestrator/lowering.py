@@ -153,6 +153,8 @@ class Plan:
     def _targets(self, target: str) -> list[tuple[int, int]]:
         if target in self.layout.system_outputs:
             return [(SINK, self.layout.system_outputs[target].first)]
+        if target in self.system.outputs:
+            return []  # nobody looks at it
         if target in self.layout.system_inputs:
             source = self.layout.system_inputs[target]
             fed = [m for m in self.layout.moves if m.source == source]

@@ -205,19 +205,6 @@ def by_tick(changes: Sequence[Change], step_s: float) -> dict[int, dict[str, flo
     return found
 
 
-def in_metadata(
-    faults: Sequence[Fault], changes: Mapping[int, Mapping[str, Any]], step_s: float
-) -> dict[str, list[dict[str, Any]]]:
-    """What metadata says of the faults and the parameter changes (by tick) of a run; {} if there are none."""
-    changed = [
-        {"parameter": name, "at_s": tick * step_s, "value": value}
-        for tick in sorted(changes)
-        for name, value in sorted(changes[tick].items())
-    ]
-    found = {"faults": [fault.as_dict() for fault in faults], "changes": changed}
-    return {key: entries for key, entries in found.items() if entries}
-
-
 def seed_of(fault: Fault, run_seed: int | None, number: int) -> int:
     """Seed (64 bits) of fault `number` of a run: another run seed, target or number gives another noise."""
     key = f"fault/{run_seed or 0}/{fault.target}/{fault.kind}/{number}"

@@ -165,8 +165,10 @@ def _provoked(pair: Pair) -> list[str]:
     """What the scenario did to its runs beside driving them, each in words: faults, changed parameters."""
     meta = next((record.meta for record in pair.values()), {})
     found = [f"Fault: {fault}" for fault in read_faults(meta.get("faults", []), "record: faults")]
-    changes = meta.get("changes", [])
-    return found + [f"Parameter: {c['parameter']} = {c['value']} from {c['at_s']:g} s on" for c in changes]
+    for tick, values in sorted(meta.get("changes", {}).items(), key=lambda item: int(item[0])):
+        since = f"from {int(tick) * meta['step_s']:g} s on"
+        found += [f"Parameter: {name} = {value} {since}" for name, value in values.items()]
+    return found
 
 
 def _drawable(pair: Pair) -> Pair:

@@ -15,7 +15,6 @@ from specs.faults import (
     Fault,
     by_tick,
     from_attributes,
-    in_metadata,
     read_faults,
     seed_of,
 )
@@ -127,17 +126,6 @@ def test_changes_by_tick() -> None:
     }
     with pytest.raises(InputError, match=r"at_s = 0\.05"):
         by_tick([Change(parameter="a.b", at_s=0.05, value=1.0)], 0.02)
-
-
-def test_what_metadata_says_of_a_run_can_be_read_again() -> None:
-    made = [Fault(**entry("spike")), Fault(**entry("fail"))]
-    meta = in_metadata(made, {100: {"b.q": 2.0}, 50: {"a.p": 1.0}}, 0.02)
-    assert list(read_faults(meta["faults"], "record")) == made
-    assert meta["changes"] == [
-        {"parameter": "a.p", "at_s": 1.0, "value": 1.0},
-        {"parameter": "b.q", "at_s": 2.0, "value": 2.0},
-    ]
-    assert in_metadata([], {}, 0.02) == {}
 
 
 def test_every_fault_of_every_run_has_a_seed_of_its_own() -> None:

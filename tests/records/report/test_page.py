@@ -151,9 +151,9 @@ def test_the_same_runs_give_the_same_page(page):
 
 def test_faults_and_changed_parameters_of_a_run_are_shown():
     fault = {"target": "pi.q_<slew>", "kind": "bias", "start_s": 10.0, "end_s": 20.0, "value": 0.05}
-    change = {"parameter": "machine.load_mass", "at_s": 30.0, "value": 0.0}
+    changes = {"1500": {"machine.load_mass": 0.0}}
     broken = make(
-        {name: plausible().column(name) for name in plausible().names}, faults=[fault], changes=[change]
+        {name: plausible().column(name) for name in plausible().names}, faults=[fault], changes=changes
     )
     text = without_scripts(render({"four_targets_2t": {"reference": broken}}, [], Context()))
     assert "Fault: bias on pi.q_&lt;slew&gt;, 10 s to 20 s: value 0.05" in text
