@@ -138,7 +138,7 @@ def _exact(kind: str) -> str:
 
 
 def _start(name: str) -> str:
-    return "1" if name == "u" else "0"
+    return "0.5" if name == "u" else "0"
 
 
 def _ssd(fmi_version: int, whole: bool) -> str:

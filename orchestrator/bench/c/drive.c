@@ -30,7 +30,7 @@ typedef struct {
 
 typedef struct drive {
   fmu_t fmu[3];
-  double (*loop)(struct drive *, int64_t);
+  bool (*loop)(struct drive *, int64_t); /* false: the FMU failed */
   double h;
   int64_t tick;
   double y[SIGNALS]; /* of the chain: y of the three links, rate of the last */
@@ -94,7 +94,7 @@ static inline void write_row(const drive_t *d, double *row, const double *y) {
 
 static const unsigned input[] = {LINK_U}, output[] = {LINK_Y, LINK_RATE};
 
-static double floor2(drive_t *d, int64_t steps) {
+static bool floor2(drive_t *d, int64_t steps) {
   const fmu_t a = d->fmu[0], b = d->fmu[1], c = d->fmu[2];
   const double h = d->h;
   double *y = d->y;
@@ -110,10 +110,10 @@ static double floor2(drive_t *d, int64_t steps) {
     b.get2(b.instance, output, 1, &y[1]);
     c.get2(c.instance, output, 2, &y[2]);
   }
-  return y[2];
+  return true;
 }
 
-static double floor3(drive_t *d, int64_t steps) {
+static bool floor3(drive_t *d, int64_t steps) {
   const fmu_t a = d->fmu[0], b = d->fmu[1], c = d->fmu[2];
   const double h = d->h;
   double *y = d->y;
@@ -131,21 +131,21 @@ static double floor3(drive_t *d, int64_t steps) {
     b.get3(b.instance, output, 1, &y[1], 1);
     c.get3(c.instance, output, 2, &y[2], 2);
   }
-  return y[2];
+  return true;
 }
 
-static double box2(drive_t *d, int64_t steps) {
+static bool box2(drive_t *d, int64_t steps) {
   const fmu_t f = d->fmu[0];
   const double h = d->h;
   for (int64_t k = 0; k < steps; k++, d->tick++) {
     write_row(d, d->log + k * ROW, d->y);
-    if (f.step2(f.instance, (double)d->tick * h, h, fmi2True) != fmi2OK) return -1.0;
-    if (f.get2(f.instance, d->vr, SIGNALS, d->y) != fmi2OK) return -1.0;
+    if (f.step2(f.instance, (double)d->tick * h, h, fmi2True) != fmi2OK) return false;
+    if (f.get2(f.instance, d->vr, SIGNALS, d->y) != fmi2OK) return false;
   }
-  return d->y[2];
+  return true;
 }
 
-static double box3(drive_t *d, int64_t steps) {
+static bool box3(drive_t *d, int64_t steps) {
   const fmu_t f = d->fmu[0];
   const double h = d->h;
   bool event, terminate, early;
@@ -153,10 +153,10 @@ static double box3(drive_t *d, int64_t steps) {
   for (int64_t k = 0; k < steps; k++, d->tick++) {
     write_row(d, d->log + k * ROW, d->y);
     if (f.step3(f.instance, (double)d->tick * h, h, true, &event, &terminate, &early, &reached) != fmi3OK)
-      return -1.0;
-    if (f.get3(f.instance, d->vr, SIGNALS, d->y, SIGNALS) != fmi3OK) return -1.0;
+      return false;
+    if (f.get3(f.instance, d->vr, SIGNALS, d->y, SIGNALS) != fmi3OK) return false;
   }
-  return d->y[2];
+  return true;
 }
 
 static drive_t *new_drive(double h, size_t rows) {
@@ -199,9 +199,9 @@ static double now(void) {
 EXPORT double slw_drive_run(drive_t *d, int64_t steps);
 EXPORT double slw_drive_run(drive_t *d, int64_t steps) {
   const double before = now();
-  const double end = d->loop(d, steps);
+  const bool done = d->loop(d, steps);
   const double after = now();
-  return end < 0.0 ? -1.0 : after - before;
+  return done ? after - before : -1.0;
 }
 
 /* The four signals as they stand. */
