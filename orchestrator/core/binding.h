@@ -9,21 +9,24 @@ void *slw_library_open(const char *path, char *error, size_t error_size);
 void slw_library_close(void *library);
 /* Copies the address of a function into `function` (a pointer to a function pointer); false: not there. */
 bool slw_library_symbol(void *library, const char *name, void *function);
+/* Whether a library's version (NULL: none told) starts with `expected`; else says so in `error`. */
+bool slw_version_is(const char *expected, const char *version, char *error, size_t error_size);
 
-/* cells -> group->native, and back. */
-void slw_to_native(int fmi_version, const slw_group *group);
-slw_status slw_from_native(int fmi_version, const slw_group *group);
+/* cells -> group->native; false, and said, when a number does not fit the FMU's type. */
+bool slw_to_native(slw_fmu *fmu, const slw_group *group);
+/* group->native -> cells; false, and said, without memory for a string or binary. */
+bool slw_from_native(slw_fmu *fmu, const slw_group *group);
 
 /* Set a blob's content; false: no memory. */
 bool slw_blob_write(slw_blob *blob, const void *data, size_t size);
 
-/* "<name> returned ..." etc.: append a formatted message. */
+/* Append a formatted message. */
 void slw_fmu_logf(slw_fmu *fmu, const char *format, ...);
 
 /* Where a function that the FMU lacks is called. */
 slw_status slw_missing(slw_fmu *fmu, const char *name);
 
-/* FMI's numbers to ours; what is none of them is an error, and said. */
+/* FMI's numbers to ours; what is none of them is an error, and said. Notes what is fatal. */
 slw_status slw_status_of(slw_fmu *fmu, int status, const char *function);
 
 slw_fmu *slw_fmi2_load(const slw_fmu_options *options, char *error, size_t error_size);

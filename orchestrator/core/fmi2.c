@@ -7,52 +7,44 @@
 #include "binding.h"
 #include "fmi/fmi2FunctionTypes.h"
 
-/* The standard demands more than the first list; what a run does not need may be missing. */
-#define OPTIONAL(X)                                                                       \
-  X(Terminate) X(Reset) X(GetReal) X(GetInteger) X(GetBoolean) X(GetString) X(SetReal) X(SetInteger)     \
-  X(SetBoolean) X(SetString) X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate) \
-  X(DeSerializeFMUstate) X(GetDirectionalDerivative) X(GetRealStatus) X(GetBooleanStatus) X(CancelStep)
-#define REQUIRED(X)                                                                        \
+/* The standard demands more than REQUIRED; what a run does not need may be missing. */
+#define REQUIRED(X)                                                                                    \
   X(Instantiate) X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) \
   X(DoStep)
+#define OPTIONAL(X)                                                                         \
+  X(Terminate) X(Reset) X(GetReal) X(GetInteger) X(GetBoolean) X(GetString)                 \
+  X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(GetFMUstate) X(SetFMUstate)         \
+  X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate)     \
+  X(GetDirectionalDerivative) X(GetRealStatus) X(GetBooleanStatus)
 #define DECLARE(name) fmi2##name##TYPE *name;
 
 typedef struct {
   slw_fmu fmu; /* first: a pointer to one is a pointer to the other */
   void *library;
   fmi2CallbackFunctions callbacks;
-  bool fatal; /* after a fatal error nothing may be called */
   REQUIRED(DECLARE)
   OPTIONAL(DECLARE)
 } slw_fmi2;
 
 static slw_fmi2 *self(slw_fmu *fmu) { return (slw_fmi2 *)fmu; }
 
-static slw_status status_of(slw_fmi2 *f, int status, const char *function) {
-  const slw_status known = slw_status_of(&f->fmu, status, function);
-  if (known == SLW_FATAL) f->fatal = true;
-  return known;
-}
-
 /* Calls a function of the FMU if it is there and still may be called. */
-#define CALL(f, name, ...)                                                                     \
-  ((f)->fatal ? SLW_FATAL                                                                      \
-   : (f)->name ? status_of((f), (int)(f)->name((f)->fmu.instance, ##__VA_ARGS__), "fmi2" #name) \
-               : slw_missing(&(f)->fmu, "fmi2" #name))
-#define CALL0(f, name)                                                               \
-  ((f)->fatal ? SLW_FATAL                                                            \
-   : (f)->name ? status_of((f), (int)(f)->name((f)->fmu.instance), "fmi2" #name)     \
-               : slw_missing(&(f)->fmu, "fmi2" #name))
+#define GUARDED(f, name, call)                                        \
+  ((f)->fmu.fatal ? SLW_FATAL                                         \
+   : (f)->name    ? slw_status_of(&(f)->fmu, (int)(call), "fmi2" #name) \
+                  : slw_missing(&(f)->fmu, "fmi2" #name))
+#define CALL(f, name, ...) GUARDED(f, name, (f)->name((f)->fmu.instance, __VA_ARGS__))
+#define CALL0(f, name) GUARDED(f, name, (f)->name((f)->fmu.instance))
 
-static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
-                   fmi2String format, ...) {
+static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
+                   fmi2String category, fmi2String format, ...) {
   char text[SLW_MESSAGE_SIZE];
   va_list arguments;
   (void)name, (void)status, (void)category;
   va_start(arguments, format);
   vsnprintf(text, sizeof text, format ? format : "", arguments);
   va_end(arguments);
-  slw_fmu_log(environment, text);
+  if (environment) slw_fmu_log(environment, text); /* some FMUs forget it */
 }
 
 static slw_status not_in_fmi2(slw_fmu *fmu) {
@@ -60,18 +52,21 @@ static slw_status not_in_fmi2(slw_fmu *fmu) {
   return SLW_ERROR;
 }
 
-static slw_status enter_initialisation(slw_fmu *fmu, double start, bool stop_defined, double stop, double tolerance) {
+static slw_status enter_initialisation(slw_fmu *fmu, double start, bool stop_defined, double stop,
+                                       double tolerance) {
   slw_fmi2 *f = self(fmu);
   const slw_status status =
       CALL(f, SetupExperiment, tolerance > 0.0, tolerance, start, stop_defined, stop);
-  return status > SLW_WARNING ? status : CALL0(f, EnterInitializationMode);
+  if (status > SLW_WARNING) return status;
+  const slw_status entered = CALL0(f, EnterInitializationMode);
+  return entered > status ? entered : status;
 }
 
 static slw_status exit_initialisation(slw_fmu *fmu) { return CALL0(self(fmu), ExitInitializationMode); }
 
 static slw_status set(slw_fmu *fmu, const slw_group *g) {
   slw_fmi2 *f = self(fmu);
-  slw_to_native(2, g);
+  if (!slw_to_native(fmu, g)) return SLW_ERROR;
   switch (g->type) {
     case SLW_FLOAT64: return CALL(f, SetReal, g->vr, g->n_vr, &g->cells->real);
     case SLW_BOOLEAN: return CALL(f, SetBoolean, g->vr, g->n_vr, (const fmi2Boolean *)g->native);
@@ -89,9 +84,7 @@ static slw_status get(slw_fmu *fmu, const slw_group *g) {
     case SLW_STRING: status = CALL(f, GetString, g->vr, g->n_vr, (fmi2String *)g->native); break;
     default: status = CALL(f, GetInteger, g->vr, g->n_vr, (fmi2Integer *)g->native);
   }
-  if (status > SLW_WARNING) return status;
-  const slw_status copied = slw_from_native(2, g);
-  return copied > status ? copied : status;
+  return status > SLW_WARNING || slw_from_native(fmu, g) ? status : SLW_ERROR;
 }
 
 /* Without these functions a discarded step got nowhere. */
@@ -139,8 +132,9 @@ static slw_status deserialize(slw_fmu *fmu, const char *bytes, size_t size, void
   return CALL(self(fmu), DeSerializeFMUstate, bytes, size, state);
 }
 
-static slw_status directional(slw_fmu *fmu, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns,
-                              size_t n_knowns, const double *seed, size_t n_seed, double *result, size_t n_result) {
+static slw_status directional(slw_fmu *fmu, const uint32_t *unknowns, size_t n_unknowns,
+                              const uint32_t *knowns, size_t n_knowns, const double *seed, size_t n_seed,
+                              double *result, size_t n_result) {
   (void)n_seed, (void)n_result;
   return CALL(self(fmu), GetDirectionalDerivative, unknowns, n_unknowns, knowns, n_knowns, seed, result);
 }
@@ -148,11 +142,13 @@ static slw_status directional(slw_fmu *fmu, const uint32_t *unknowns, size_t n_u
 static slw_status terminate(slw_fmu *fmu) { return CALL0(self(fmu), Terminate); }
 static slw_status reset(slw_fmu *fmu) { return CALL0(self(fmu), Reset); }
 
-/* After a fatal error the library stays, since nothing in it may run any more, its own clean-up included. */
+/* After a fatal error all stays: nothing in the library may run, its own clean-up included, and what of it
+ * runs in a thread may still log. */
 static void free_fmu(slw_fmu *fmu) {
   slw_fmi2 *f = self(fmu);
-  if (fmu->instance && !f->fatal) f->FreeInstance(fmu->instance);
-  if (f->library && !f->fatal) slw_library_close(f->library);
+  if (fmu->fatal) return;
+  if (fmu->instance) f->FreeInstance(fmu->instance);
+  if (f->library) slw_library_close(f->library);
   free(f);
 }
 
@@ -182,16 +178,15 @@ static bool bind(slw_fmi2 *f, char *error, size_t error_size) {
 static bool check_version(slw_fmi2 *f, char *error, size_t error_size) {
   fmi2GetVersionTYPE *version;
   fmi2GetTypesPlatformTYPE *platform;
-  if (slw_library_symbol(f->library, "fmi2GetVersion", &version) && strncmp(version(), "2.0", 3) != 0) {
-    snprintf(error, error_size, "its library says it is of FMI %.40s, its description 2.0", version());
+  if (slw_library_symbol(f->library, "fmi2GetVersion", &version) &&
+      !slw_version_is("2.", version(), error, error_size))
     return false;
-  }
-  if (slw_library_symbol(f->library, "fmi2GetTypesPlatform", &platform) &&
-      strcmp(platform(), fmi2TypesPlatform) != 0) {
-    snprintf(error, error_size, "its library uses the types '%.40s', not '%s'", platform(), fmi2TypesPlatform);
-    return false;
-  }
-  return true;
+  if (!slw_library_symbol(f->library, "fmi2GetTypesPlatform", &platform)) return true;
+  const char *found = platform();
+  if (found && strcmp(found, fmi2TypesPlatform) == 0) return true;
+  snprintf(error, error_size, "its library uses the types '%.40s', not '%s'", found ? found : "",
+           fmi2TypesPlatform);
+  return false;
 }
 
 static slw_fmu *refused(slw_fmi2 *f) {

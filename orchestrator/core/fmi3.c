@@ -6,24 +6,24 @@
 #include "binding.h"
 #include "fmi/fmi3FunctionTypes.h"
 
+/* The standard demands more than REQUIRED; what a run does not need may be missing. */
+#define REQUIRED(X)                                                                               \
+  X(InstantiateCoSimulation) X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode) \
+  X(DoStep)
+#define OPTIONAL(X)                                                                               \
+  X(Terminate) X(Reset) X(EnterConfigurationMode) X(ExitConfigurationMode) X(EnterEventMode)      \
+  X(UpdateDiscreteStates) X(EnterStepMode) X(GetFMUState) X(SetFMUState) X(FreeFMUState)          \
+  X(SerializedFMUStateSize) X(SerializeFMUState) X(DeserializeFMUState)                           \
+  X(GetDirectionalDerivative) X(GetBinary) X(SetBinary) X(GetClock) X(SetClock)
 #define NUMBERS(X)                                                                                \
   X(Float64) X(Float32) X(Int8) X(UInt8) X(Int16) X(UInt16) X(Int32) X(UInt32) X(Int64) X(UInt64) \
   X(Boolean) X(String)
-#define REQUIRED(X)                                                                                   \
-  X(InstantiateCoSimulation) X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode)     \
-  X(DoStep)
-#define OPTIONAL(X)                                                                                   \
-  X(Terminate) X(Reset) X(EnterConfigurationMode) X(ExitConfigurationMode) X(EnterEventMode) X(UpdateDiscreteStates) \
-  X(EnterStepMode) X(GetFMUState) X(SetFMUState) X(FreeFMUState) X(SerializedFMUStateSize)            \
-  X(SerializeFMUState) X(DeserializeFMUState) X(GetDirectionalDerivative) X(GetBinary) X(SetBinary)   \
-  X(GetClock) X(SetClock)
 #define DECLARE(name) fmi3##name##TYPE *name;
 #define DECLARE_BOTH(name) fmi3Get##name##TYPE *Get##name; fmi3Set##name##TYPE *Set##name;
 
 typedef struct {
   slw_fmu fmu; /* first: a pointer to one is a pointer to the other */
   void *library;
-  bool fatal; /* after a fatal error nothing may be called */
   REQUIRED(DECLARE)
   OPTIONAL(DECLARE)
   NUMBERS(DECLARE_BOTH)
@@ -31,54 +31,47 @@ typedef struct {
 
 static slw_fmi3 *self(slw_fmu *fmu) { return (slw_fmi3 *)fmu; }
 
-static slw_status status_of(slw_fmi3 *f, int status, const char *function) {
-  const slw_status known = slw_status_of(&f->fmu, status, function);
-  if (known == SLW_FATAL) f->fatal = true;
-  return known;
-}
-
 /* Calls a function of the FMU if it is there and still may be called. */
-#define CALL(f, name, ...)                                                                   \
-  ((f)->fatal ? SLW_FATAL                                                                    \
-   : (f)->name ? status_of((f), (int)(f)->name((f)->fmu.instance, __VA_ARGS__), "fmi3" #name) \
-               : slw_missing(&(f)->fmu, "fmi3" #name))
-#define CALL0(f, name)                                                           \
-  ((f)->fatal ? SLW_FATAL                                                        \
-   : (f)->name ? status_of((f), (int)(f)->name((f)->fmu.instance), "fmi3" #name) \
-               : slw_missing(&(f)->fmu, "fmi3" #name))
+#define GUARDED(f, name, call)                                        \
+  ((f)->fmu.fatal ? SLW_FATAL                                         \
+   : (f)->name    ? slw_status_of(&(f)->fmu, (int)(call), "fmi3" #name) \
+                  : slw_missing(&(f)->fmu, "fmi3" #name))
+#define CALL(f, name, ...) GUARDED(f, name, (f)->name((f)->fmu.instance, __VA_ARGS__))
+#define CALL0(f, name) GUARDED(f, name, (f)->name((f)->fmu.instance))
 
-static void logger(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String message) {
+static void logger(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category,
+                   fmi3String message) {
   (void)status, (void)category;
-  slw_fmu_log(environment, message);
+  if (environment) slw_fmu_log(environment, message); /* some FMUs forget it */
 }
 
 static slw_status enter_configuration(slw_fmu *fmu) { return CALL0(self(fmu), EnterConfigurationMode); }
 static slw_status exit_configuration(slw_fmu *fmu) { return CALL0(self(fmu), ExitConfigurationMode); }
 
-static slw_status enter_initialisation(slw_fmu *fmu, double start, bool stop_defined, double stop, double tolerance) {
+static slw_status enter_initialisation(slw_fmu *fmu, double start, bool stop_defined, double stop,
+                                       double tolerance) {
   return CALL(self(fmu), EnterInitializationMode, tolerance > 0.0, tolerance, start, stop_defined, stop);
 }
 
 static slw_status exit_initialisation(slw_fmu *fmu) { return CALL0(self(fmu), ExitInitializationMode); }
 
-#define SET_CASE(wire, name, type)                                                                        \
-  case wire:                                                                                              \
-    return CALL(f, Set##name, g->vr, g->n_vr, (const fmi3##type *)(g->native ? g->native : (void *)g->cells), g->n);
-#define GET_CASE(wire, name, type)                                                                               \
-  case wire:                                                                                                     \
-    status = CALL(f, Get##name, g->vr, g->n_vr, (fmi3##type *)(g->native ? g->native : (void *)g->cells), g->n); \
-    break;
-#define CASES(X)                                                                                             \
-  X(SLW_FLOAT64, Float64, Float64) X(SLW_FLOAT32, Float32, Float32) X(SLW_INT8, Int8, Int8)                  \
-  X(SLW_UINT8, UInt8, UInt8) X(SLW_INT16, Int16, Int16) X(SLW_UINT16, UInt16, UInt16)                        \
-  X(SLW_INT32, Int32, Int32) X(SLW_UINT32, UInt32, UInt32) X(SLW_INT64, Int64, Int64)                        \
-  X(SLW_UINT64, UInt64, UInt64) X(SLW_BOOLEAN, Boolean, Boolean) X(SLW_STRING, String, String)
+/* Where the cells are the FMU's own form, they are passed themselves. */
+static void *values_of(const slw_group *g) { return g->native ? g->native : (void *)g->cells; }
+
+#define SET_CASE(wire, name) \
+  case wire: return CALL(f, Set##name, g->vr, g->n_vr, (const fmi3##name *)values_of(g), g->n);
+#define GET_CASE(wire, name) \
+  case wire: status = CALL(f, Get##name, g->vr, g->n_vr, (fmi3##name *)values_of(g), g->n); break;
+#define CASES(X)                                                                                         \
+  X(SLW_FLOAT64, Float64) X(SLW_FLOAT32, Float32) X(SLW_INT8, Int8) X(SLW_UINT8, UInt8)                  \
+  X(SLW_INT16, Int16) X(SLW_UINT16, UInt16) X(SLW_INT32, Int32) X(SLW_UINT32, UInt32)                    \
+  X(SLW_INT64, Int64) X(SLW_UINT64, UInt64) X(SLW_BOOLEAN, Boolean) X(SLW_STRING, String)
 
 static size_t *sizes(const slw_group *g) { return (size_t *)((void **)g->native + g->n); }
 
 static slw_status set(slw_fmu *fmu, const slw_group *g) {
   slw_fmi3 *f = self(fmu);
-  slw_to_native(3, g);
+  if (!slw_to_native(fmu, g)) return SLW_ERROR;
   switch (g->type) {
     CASES(SET_CASE)
     case SLW_BINARY: return CALL(f, SetBinary, g->vr, g->n_vr, sizes(g), (const fmi3Binary *)g->native, g->n);
@@ -92,13 +85,13 @@ static slw_status get(slw_fmu *fmu, const slw_group *g) {
   slw_status status;
   switch (g->type) {
     CASES(GET_CASE)
-    case SLW_BINARY: status = CALL(f, GetBinary, g->vr, g->n_vr, sizes(g), (fmi3Binary *)g->native, g->n); break;
+    case SLW_BINARY:
+      status = CALL(f, GetBinary, g->vr, g->n_vr, sizes(g), (fmi3Binary *)g->native, g->n);
+      break;
     case SLW_CLOCK: status = CALL(f, GetClock, g->vr, g->n_vr, (fmi3Clock *)g->native); break;
     default: status = SLW_ERROR;
   }
-  if (status > SLW_WARNING) return status;
-  const slw_status copied = slw_from_native(3, g);
-  return copied > status ? copied : status;
+  return status > SLW_WARNING || slw_from_native(fmu, g) ? status : SLW_ERROR;
 }
 
 static slw_status step(slw_fmu *fmu, double time, double h, slw_step_result *result) {
@@ -106,8 +99,8 @@ static slw_status step(slw_fmu *fmu, double time, double h, slw_step_result *res
   result->event = result->terminate = result->early = false;
   result->reached = time;
   /* True only where no step is taken back; nobody knows that here. */
-  const slw_status status = CALL(f, DoStep, time, h, fmi3False, &result->event, &result->terminate, &result->early,
-                                 &result->reached);
+  const slw_status status = CALL(f, DoStep, time, h, fmi3False, &result->event, &result->terminate,
+                                 &result->early, &result->reached);
   if (status <= SLW_WARNING && !result->early) result->reached = time + h;
   return status;
 }
@@ -144,20 +137,23 @@ static slw_status deserialize(slw_fmu *fmu, const char *bytes, size_t size, void
   return CALL(self(fmu), DeserializeFMUState, (const fmi3Byte *)bytes, size, state);
 }
 
-static slw_status directional(slw_fmu *fmu, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns,
-                              size_t n_knowns, const double *seed, size_t n_seed, double *result, size_t n_result) {
-  return CALL(self(fmu), GetDirectionalDerivative, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed, result,
-              n_result);
+static slw_status directional(slw_fmu *fmu, const uint32_t *unknowns, size_t n_unknowns,
+                              const uint32_t *knowns, size_t n_knowns, const double *seed, size_t n_seed,
+                              double *result, size_t n_result) {
+  return CALL(self(fmu), GetDirectionalDerivative, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,
+              result, n_result);
 }
 
 static slw_status terminate(slw_fmu *fmu) { return CALL0(self(fmu), Terminate); }
 static slw_status reset(slw_fmu *fmu) { return CALL0(self(fmu), Reset); }
 
-/* After a fatal error the library stays, since nothing in it may run any more, its own clean-up included. */
+/* After a fatal error all stays: nothing in the library may run, its own clean-up included, and what of it
+ * runs in a thread may still log. */
 static void free_fmu(slw_fmu *fmu) {
   slw_fmi3 *f = self(fmu);
-  if (fmu->instance && !f->fatal) f->FreeInstance(fmu->instance);
-  if (f->library && !f->fatal) slw_library_close(f->library);
+  if (fmu->fatal) return;
+  if (fmu->instance) f->FreeInstance(fmu->instance);
+  if (f->library) slw_library_close(f->library);
   free(f);
 }
 
@@ -184,11 +180,8 @@ static bool bind(slw_fmi3 *f, char *error, size_t error_size) {
   OPTIONAL(MAY)
   NUMBERS(MAY_BOTH)
   fmi3GetVersionTYPE *version;
-  if (slw_library_symbol(f->library, "fmi3GetVersion", &version) && version()[0] != '3') {
-    snprintf(error, error_size, "its library says it is of FMI %.40s, its description 3.0", version());
-    return false;
-  }
-  return true;
+  return !slw_library_symbol(f->library, "fmi3GetVersion", &version) ||
+         slw_version_is("3.", version(), error, error_size);
 }
 
 static slw_fmu *refused(slw_fmi3 *f) {
@@ -205,8 +198,9 @@ slw_fmu *slw_fmi3_load(const slw_fmu_options *o, char *error, size_t error_size)
   f->fmu.call = &functions, f->fmu.fmi_version = 3, f->fmu.local = true;
   f->library = slw_library_open(o->library, error, error_size);
   if (!f->library || !bind(f, error, error_size)) return refused(f);
-  f->fmu.instance = f->InstantiateCoSimulation(o->name, o->token, o->resources, fmi3False, fmi3False, o->event_mode,
-                                               o->early_return, NULL, 0, &f->fmu, logger, NULL);
+  f->fmu.instance = f->InstantiateCoSimulation(o->name, o->token, o->resources, fmi3False, fmi3False,
+                                               o->event_mode, o->early_return, NULL, 0, &f->fmu, logger,
+                                               NULL);
   if (!f->fmu.instance) {
     snprintf(error, error_size, "%s", f->fmu.n_messages ? slw_fmu_message(&f->fmu, 0) : "it gave no reason");
     return refused(f);

@@ -83,12 +83,14 @@ typedef struct slw_fmu slw_fmu;
 typedef struct {
   slw_status (*enter_configuration)(slw_fmu *);
   slw_status (*exit_configuration)(slw_fmu *);
-  slw_status (*enter_initialisation)(slw_fmu *, double start, bool stop_defined, double stop, double tolerance); /* tolerance 0: none */
+  /* tolerance 0: none is told */
+  slw_status (*enter_initialisation)(slw_fmu *, double start, bool stop_defined, double stop,
+                                     double tolerance);
   slw_status (*exit_initialisation)(slw_fmu *);
   slw_status (*set)(slw_fmu *, const slw_group *);
   slw_status (*get)(slw_fmu *, const slw_group *);
   slw_status (*step)(slw_fmu *, double time, double h, slw_step_result *);
-  slw_status (*after_discard)(slw_fmu *, slw_step_result *); /* FMI 2: how far the step that was discarded got */
+  slw_status (*after_discard)(slw_fmu *, slw_step_result *); /* FMI 2: how far a discarded step got */
   slw_status (*enter_event)(slw_fmu *);
   slw_status (*update_discrete)(slw_fmu *, slw_event_result *);
   slw_status (*enter_step)(slw_fmu *);
@@ -100,7 +102,8 @@ typedef struct {
   slw_status (*deserialize)(slw_fmu *, const char *bytes, size_t size, void **state);
   /* d unknowns / d knowns times seed at the present point */
   slw_status (*directional)(slw_fmu *, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns,
-                            size_t n_knowns, const double *seed, size_t n_seed, double *result, size_t n_result);
+                            size_t n_knowns, const double *seed, size_t n_seed, double *result,
+                            size_t n_result);
   slw_status (*terminate)(slw_fmu *);
   slw_status (*reset)(slw_fmu *);
   void (*free)(slw_fmu *);                               /* frees instance and library, and the slw_fmu */
@@ -121,6 +124,7 @@ struct slw_fmu {
   const slw_fmu_functions *call;
   int fmi_version;
   bool local;                           /* in this process */
+  bool fatal;                           /* nothing of it may be called any more; it is left as it is */
   void *instance;                       /* the FMU's own */
   union {
     struct { slw_fmi2_get_real get_real; slw_fmi2_set_real set_real; slw_fmi2_do_step do_step; } fmi2;

@@ -9,6 +9,7 @@
 
 /* What a status other than OK comes to. */
 static bool note(slw_core *core, slw_block *b, int status, slw_what doing) {
+  if (status > SLW_ERROR) b->fmu->fatal = true; /* also Pending: its step still runs */
   if (status != SLW_WARNING) return slw_fail(core, doing, (slw_status)status, b, 0);
   b->count.warnings++;
   return true;
