@@ -21,6 +21,7 @@ import pyarrow as pa
 from fmus.equations import kinematics
 from fmus.loader import load_model, model_folders
 from orchestrator.check import load_system
+from orchestrator.interventions import check_changes, check_faults
 from orchestrator.pack import SYSTEMS, pack_system
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
@@ -98,6 +99,7 @@ def verify(
         report(f"building {name}")
         folder = SYSTEMS if model is None else out / "systems"
         packed[name] = pack_system(name, out=folder, models=replaced)
+        check_interventions(chosen, packed[name])
     controller = CONTROLLER if model is None else model.resolve().name
     jobs_list = [
         Job(s, name, seed, packed[name], controller, out / "records" / f"{s.name}-{name}.parquet")
@@ -124,6 +126,20 @@ def check_reach(scenario: Scenario) -> None:
     for number, target in enumerate(scenario.targets, 1):
         if (reason := kinematics.reachable(*target.xyz)) is not None:
             raise InputError(f"scenario {scenario.name}, target {number}: {reason}")
+
+
+def check_interventions(chosen: Sequence[Scenario], ssp: Path) -> None:
+    """Raise InputError for the first fault or parameter change of `chosen` that system `ssp` has not."""
+    provoked = [s for s in chosen if s.faults or s.changes]
+    if not provoked:
+        return
+    system = load_system(ssp)
+    for scenario in provoked:
+        try:
+            check_faults(system, scenario.faults)
+            check_changes(system, scenario.parameter_changes())
+        except InputError as error:
+            raise InputError(f"scenario {scenario.name}, system {system.name}: {error}") from None
 
 
 def replacement(model: Path, systems: Sequence[str]) -> dict[str, Path]:
@@ -159,6 +175,8 @@ def run(job: Job) -> float:
         plant_parameters(system, job.system, scenario.parameters(job.seed)),
         record_path=job.record,
         seed=job.seed,
+        faults=scenario.faults,
+        changes=scenario.parameter_changes(),
         meta={
             "scenario": scenario.name,
             "controller": job.controller,

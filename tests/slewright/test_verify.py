@@ -190,6 +190,52 @@ def test_a_target_file_of_the_user_runs(slewright: Command, tmp_path: Path) -> N
     assert list(json.loads((tmp_path / "f.json").read_text())["scenarios"]) == ["mine_empty"]
 
 
+PROVOKED = """
+[[faults]]
+target = "TARGET"
+kind = "bias"
+start_s = 1.0
+value = 0.3
+[[changes]]
+parameter = "tool.load_mass"
+at_s = 10.0
+value = 0.0
+"""
+
+
+def test_faults_and_changed_parameters_of_a_target_file_are_in_the_run(
+    slewright: Command, tmp_path: Path
+) -> None:
+    text = TARGET_FILE.replace("RADIUS", "10.0")
+    (tmp_path / "plain.toml").write_text(text)
+    (tmp_path / "bent.toml").write_text(text + PROVOKED.replace("TARGET", "pi.q_slew"))
+    for name in ("plain", "bent"):
+        line = ("--scenario", tmp_path / f"{name}.toml", "--system", "nominal", "--out", tmp_path / name)
+        assert slewright("verify", *line).returncode in (0, 1)
+    plain, bent = (read(tmp_path / n / "records" / f"{n}_empty-nominal.parquet") for n in ("plain", "bent"))
+    assert bent.meta["faults"] == [{"target": "pi.q_slew", "kind": "bias", "start_s": 1.0, "value": 0.3}]
+    assert bent.meta["changes"] == {"500": {"tool.load_mass": 0.0}}
+    assert plain.column("u_slew")[:51].tolist() == bent.column("u_slew")[:51].tolist()
+    # the controller turns the slew to where its sensor tells the target, about 0.3 rad too far to the right
+    assert -0.5 < bent.column("q_slew")[-1] - plain.column("q_slew")[-1] < -0.2
+    assert (
+        "Fault: bias on pi.q_slew, 1 s to the end: value 0.3" in (tmp_path / "bent/report.html").read_text()
+    )
+
+
+def test_a_fault_on_what_a_system_lacks_is_refused_before_anything_runs(
+    slewright: Command, tmp_path: Path
+) -> None:
+    text = TARGET_FILE.replace("RADIUS", "10.0") + PROVOKED.replace("TARGET", "pi.q_slow")
+    (tmp_path / "bent.toml").write_text(text)
+    line = ("--scenario", tmp_path / "bent.toml", "--system", "nominal", "--out", tmp_path / "o")
+    done = slewright("verify", *line)
+    assert done.returncode == 2
+    assert "scenario bent_empty, system nominal: fault 'bias' on pi.q_slow" in done.stderr
+    assert "did you mean" in done.stderr
+    assert not list((tmp_path / "o" / "records").iterdir())
+
+
 def test_target_out_of_reach(slewright: Command, tmp_path: Path) -> None:
     (tmp_path / "far.toml").write_text(TARGET_FILE.replace("RADIUS", "25.0"))
     done = slewright("verify", "--scenario", tmp_path / "far.toml", "--out", tmp_path / "o")
