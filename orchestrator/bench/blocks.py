@@ -5,14 +5,15 @@ is the median over the blocks, with the quartiles as its spread.  All must first
 """
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from orchestrator.bench.child import Child
-from orchestrator.bench.contestants import CONTESTANTS, MAX_STEPS, NotMeasured
+from orchestrator.bench.child import Child, Run
+from orchestrator.bench.contestants import MAX_STEPS, NotMeasured
+from orchestrator.bench.registry import REGISTRY
 
 RUN_S = 0.002  # how long one run is to take: less than a time slice of the scheduler
 MIN_STEPS = 200
@@ -36,18 +37,23 @@ class Spread:
 
 @dataclass
 class Measured:
-    """µs a step of every contestant in every block [blocks], and why the others have none."""
+    """The runs of every contestant, one a block, and why the others have none."""
 
     fmi_version: int
-    us: dict[str, np.ndarray] = field(default_factory=dict)
+    runs: dict[str, list[Run]] = field(default_factory=dict)
     reasons: dict[str, str] = field(default_factory=dict)
 
+    def us(self, key: str) -> np.ndarray:
+        """µs a step in every block."""
+        return np.array([run.seconds / run.steps * 1e6 for run in self.runs[key]])
+
     def figure(self, key: str) -> Spread | None:
-        return spread(self.us[key]) if key in self.us else None
+        """µs a step."""
+        return spread(self.us(key)) if key in self.runs else None
 
     def ratio(self, key: str, to: str) -> Spread | None:
-        """Of two contestants in the same block."""
-        return spread(self.us[key] / self.us[to]) if key in self.us and to in self.us else None
+        """Time a step of one contestant over that of another in the same block."""
+        return spread(self.us(key) / self.us(to)) if key in self.runs and to in self.runs else None
 
 
 def spread(values: np.ndarray) -> Spread:
@@ -59,77 +65,77 @@ def spread(values: np.ndarray) -> Spread:
 def measure(
     keys: Iterable[str], fmi_version: int, blocks: int, budget_s: float, progress: Progress | None = None
 ) -> Measured:
-    """Measure the contestants `keys` in at most `blocks` blocks and, begun with the last one, `budget_s`.
+    """Measure the contestants `keys` in at most `blocks` blocks; none begins after `budget_s`, but the first.
 
     A contestant that fails, disagrees or crashes is left out from then on, with the reason.
     """
     measured = Measured(fmi_version)
     with ExitStack() as stack:
-        children = _start(keys, fmi_version, stack, measured.reasons)
-        _check_agreement(children, measured.reasons)
-        steps = {key: n for key, child in children.items() if (n := _calibrate(child, measured.reasons))}
-        rows: list[dict[str, float]] = []
+        masters = _Field(measured.reasons)
+        for key in keys:
+            masters.start(key, fmi_version, stack)
+        masters.check_agreement()
+        for key in masters.children:
+            masters.calibrate(key)
+        rows: list[dict[str, Run]] = []
         end = time.monotonic() + budget_s
         while len(rows) < blocks and (not rows or time.monotonic() < end):
-            rows.append(_block(children, steps, len(rows), measured.reasons))
+            rows.append(masters.block(len(rows)))
             if progress:
                 progress(len(rows), blocks)
-    for key in steps:
-        if key not in measured.reasons:
-            measured.us[key] = np.array([row[key] for row in rows])
+    measured.runs = {k: [row[k] for row in rows] for k in masters.steps if k not in measured.reasons}
     return measured
 
 
-def _start(
-    keys: Iterable[str], fmi_version: int, stack: ExitStack, reasons: dict[str, str]
-) -> dict[str, Child]:
-    children = {}
-    for key in keys:
+class _Field:
+    """All contestants, started; those in `reasons` are out."""
+
+    def __init__(self, reasons: dict[str, str]) -> None:
+        self.reasons = reasons
+        self.children: dict[str, Child] = {}
+        self.steps: dict[str, int] = {}  # of one run
+
+    def start(self, key: str, fmi_version: int, stack: ExitStack) -> None:
         try:
-            children[key] = stack.enter_context(Child(key, fmi_version))
+            self.children[key] = stack.enter_context(Child(key, fmi_version))
         except NotMeasured as why:
-            reasons[key] = str(why)
-    return children
+            self.reasons[key] = str(why)
 
-
-def _check_agreement(children: Mapping[str, Child], reasons: dict[str, str]) -> None:
-    """What does not compute the same is not compared."""
-    if REFERENCE not in children:
-        return
-    wanted = children[REFERENCE].values
-    for key, child in children.items():
-        if not np.allclose(child.values, wanted, rtol=AGREEMENT, atol=0.0):
-            reasons[key] = f"computes {child.values} where the hand-written loop computes {wanted}"
-
-
-def _calibrate(child: Child, reasons: dict[str, str]) -> int:
-    """Steps of one run; 0 if the contestant is out."""
-    steps = least = getattr(CONTESTANTS[child.key], "min_steps", MIN_STEPS)
-    while child.key not in reasons:
+    def run(self, key: str, steps: int) -> Run | None:
         try:
-            seconds = child.run(steps)
+            return self.children[key].run(steps)
         except NotMeasured as why:
-            reasons[child.key] = str(why)
-            break
-        if seconds > 0.25 * RUN_S or steps == MAX_STEPS:
-            return int(np.clip(steps * RUN_S / max(seconds, 1e-9), least, MAX_STEPS))
-        steps = min(4 * steps, MAX_STEPS)
-    return 0
+            self.reasons[key] = str(why)
+            return None
 
+    def check_agreement(self) -> None:
+        """What does not compute the same is not compared."""
+        reference = self.children.get(REFERENCE)
+        for key, child in self.children.items() if reference else ():
+            wanted = reference.values if reference else []
+            if not np.allclose(child.values, wanted, rtol=AGREEMENT, atol=0.0):
+                self.reasons[key] = f"computes {child.values} where the floor computes {wanted}"
 
-def _block(
-    children: Mapping[str, Child], steps: Mapping[str, int], number: int, reasons: dict[str, str]
-) -> dict[str, float]:
-    """One run of each, in an order that turns with the blocks: µs a step."""
-    row = {}
-    for key in _turned([k for k in steps if k not in reasons], number):
-        try:
-            row[key] = children[key].run(steps[key]) / steps[key] * 1e6
-        except NotMeasured as why:
-            reasons[key] = str(why)
-    return row
+    def calibrate(self, key: str) -> None:
+        """Find how many steps take RUN_S, where the contestant does not say how many it wants."""
+        if key in self.reasons:
+            return
+        self.steps[key] = getattr(REGISTRY[key], "steps", 0) or self._fitting(key)
 
+    def _fitting(self, key: str) -> int:
+        steps = MIN_STEPS
+        while run := self.run(key, steps):
+            if run.seconds > 0.25 * RUN_S or steps == MAX_STEPS:
+                return int(np.clip(steps * RUN_S / max(run.seconds, 1e-9), MIN_STEPS, MAX_STEPS))
+            steps = min(4 * steps, MAX_STEPS)
+        return 0
 
-def _turned(keys: Sequence[str], by: int) -> list[str]:
-    cut = by % len(keys) if keys else 0
-    return [*keys[cut:], *keys[:cut]]
+    def block(self, number: int) -> dict[str, Run]:
+        """One run of each, in an order that turns with the blocks."""
+        runs = {key: self.run(key, self.steps[key]) for key in self._turned(number)}
+        return {key: run for key, run in runs.items() if run}
+
+    def _turned(self, by: int) -> list[str]:
+        keys = [key for key in self.steps if key not in self.reasons]
+        cut = by % len(keys) if keys else 0
+        return [*keys[cut:], *keys[:cut]]

@@ -2,7 +2,7 @@
 
     python -m orchestrator.bench.child KEY FMI_VERSION
 
-reads a number of steps a line and answers with a line of JSON: {"seconds", "busy"}, or {"reason"} and the end.
+reads a number of steps a line and answers with a line of JSON: a Run, or {"reason"} and the end.
 """
 
 import contextlib
@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Any, Self, TextIO, cast
 
@@ -25,6 +26,17 @@ PATIENCE_S = 60.0
 UNDISTURBED = 0.9  # processor time in time, of a run that nobody disturbed
 TOO_LONG_S, TRIES = 0.01, 3  # a long run is always disturbed, if little
 ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run came to: time a contestant says it took, share of it on a processor, and what it wrote."""
+
+    steps: int
+    seconds: float
+    busy: float
+    bytes: int  # 0 where nothing is written
+    inside: float  # s inside the FMUs, 0 where this is not measured
 
 
 class Child:
@@ -51,16 +63,18 @@ class Child:
             self.close()
             raise
 
-    def run(self, steps: int) -> float:
-        """Seconds of `steps` further steps; a run during which others had its processor is tried again."""
-        answer: dict[str, Any] = {}
-        for _ in range(TRIES):
-            with contextlib.suppress(BrokenPipeError):  # the answer says why
-                self.orders.write(f"{steps}\n")
-            answer = self._answer()
-            if answer["busy"] > UNDISTURBED or answer["seconds"] > TOO_LONG_S:
-                break
-        return answer["seconds"]
+    def run(self, steps: int) -> Run:
+        """`steps` further steps; a run during which others had its processor is tried again."""
+        for _ in range(TRIES - 1):
+            run = self._try(steps)
+            if run.busy > UNDISTURBED or run.seconds > TOO_LONG_S:
+                return run
+        return self._try(steps)
+
+    def _try(self, steps: int) -> Run:
+        with contextlib.suppress(BrokenPipeError):  # the answer says why
+            self.orders.write(f"{steps}\n")
+        return Run(**self._answer())
 
     def _answer(self) -> dict[str, Any]:
         if not select.select([self.answers], [], [], PATIENCE_S)[0]:
@@ -102,24 +116,25 @@ def _own_output() -> TextIO:
     return ours
 
 
-def _timed(contestant: Contestant, steps: int) -> dict[str, float]:
+def _timed(contestant: Contestant, steps: int) -> Run:
     wall, cpu = time.perf_counter(), time.process_time()
     seconds = contestant.run(steps)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    return {"seconds": seconds, "busy": cpu / wall}
+    written, inside = getattr(contestant, "bytes", 0), getattr(contestant, "inside", 0.0)
+    return Run(steps, seconds, cpu / wall, written, inside)
 
 
 def _answers(key: str, fmi_version: int, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
     from orchestrator.bench import chain as chains
-    from orchestrator.bench.contestants import CONTESTANTS
+    from orchestrator.bench.registry import REGISTRY
 
     with tempfile.TemporaryDirectory() as folder:
         try:
-            contestant = CONTESTANTS[key](chains.build(fmi_version), Path(folder))
+            contestant = REGISTRY[key](chains.build(fmi_version), Path(folder))
             contestant.run(CHECK_STEPS)
             yield {"values": contestant.values()}
             for line in lines:
-                yield _timed(contestant, int(line))
+                yield asdict(_timed(contestant, int(line)))
         except NotMeasured as why:
             yield {"reason": str(why)}
         except ModuleNotFoundError as error:

@@ -7,7 +7,6 @@ What cannot be measured raises NotMeasured with the reason.
 
 import ctypes
 import time
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -22,7 +21,10 @@ class NotMeasured(Exception):
 
 
 class Contestant(Protocol):
-    """A master with the chain loaded."""
+    """A master with the chain loaded.
+
+    A class may state `steps`, the length of its runs; else they are made as long as blocks.RUN_S.
+    """
 
     def run(self, steps: int) -> float: ...
 
@@ -91,7 +93,12 @@ class FmuContainer(_Driven):
 
 
 class Slewright:
-    """This project's own, every status and output checked; its ring holds the rows of a run."""
+    """This project's own, every status and output checked; its ring holds the rows of a run.
+
+    In this process, as all the others: what is measured is the stepping.
+    """
+
+    trust = True
 
     def __init__(self, chain: Chain, _: Path) -> None:
         from orchestrator.check import load_system
@@ -100,8 +107,7 @@ class Slewright:
 
         system = load_system(chain.ssp)
         self.layout = lay_out(system, LOGGED)
-        # In this process, as all of them: what is measured is the stepping.
-        self.master = Master(system, self.layout, system.start_values({}), Options(trust=True))
+        self.master = Master(system, self.layout, system.start_values({}), Options(trust=self.trust))
         self.master.plan.log(MAX_STEPS)
         self.master.initialise()
 
@@ -117,6 +123,20 @@ class Slewright:
 
     def values(self) -> list[float]:
         return [float(self.master.plan.reals[logged.cell]) for logged in self.layout.logged]
+
+
+class Isolated(Slewright):
+    """The same with each FMU in a process of its own, as foreign ones run by default."""
+
+    trust = False
+
+    def __init__(self, chain: Chain, folder: Path) -> None:
+        from orchestrator.check import load_system
+        from orchestrator.trust import runs_here
+
+        if all(runs_here(c, trust=False) for c in load_system(chain.ssp).components.values()):
+            raise NotMeasured("FMUs run in this process")
+        super().__init__(chain, folder)
 
 
 class Ecos:
@@ -137,7 +157,7 @@ class Ecos:
 class FmpySsp:
     """FMPy's simulate_ssp, which loads anew each time: the time of a run of one step is taken off."""
 
-    min_steps = 2000
+    steps = 2000
 
     def __init__(self, chain: Chain, _: Path) -> None:
         if chain.fmi_version == 3:
@@ -175,14 +195,3 @@ class Libcosim:
 
     def values(self) -> list[float]:
         return [self.simulation.value(name) for name in SIGNALS]
-
-
-# By the key of its figure.
-CONTESTANTS: Mapping[str, Callable[[Chain, Path], Contestant]] = {
-    "floor_us": Floor,
-    "slewright_us": Slewright,
-    "fmucontainer_us": FmuContainer,
-    "ecos_us": Ecos,
-    "fmpy_ssp_us": FmpySsp,
-    "libcosim_us": Libcosim,
-}

@@ -1,0 +1,47 @@
+"""What orchestration costs on top of the FMUs' own functions, in the material handler's nominal system."""
+
+import time
+from pathlib import Path
+
+from orchestrator.bench.chain import Chain
+
+TARGETS = {"target_x": -3.0, "target_y": 9.0, "target_z": 4.0, "pace": 1.0}
+MAX_ROWS = 5_000
+
+
+class Nominal:
+    """The nominal system with its default record into memory, each FMU's time measured by the core.
+
+    The clock readings themselves count as orchestration.
+    """
+
+    steps = 500
+
+    def __init__(self, chain: Chain, folder: Path) -> None:
+        from orchestrator.check import load_system
+        from orchestrator.layout import lay_out
+        from orchestrator.master import Master, Options
+        from orchestrator.pack import pack_system
+
+        system = load_system(pack_system("nominal", chain.fmi_version, folder))  # type: ignore[arg-type]
+        options = Options(stimuli={0: TARGETS}, timing=True, trust=True)
+        self.master = Master(system, lay_out(system), system.start_values({}), options)
+        self.master.plan.log(MAX_ROWS)
+        self.master.initialise()
+        self.inside = 0.0
+
+    def run(self, steps: int) -> float:
+        self.master.take(0, MAX_ROWS, 0)
+        before = self._inside()
+        begin = time.perf_counter()
+        self.master.run(self.master.tick + steps)
+        seconds = time.perf_counter() - begin
+        self.inside = self._inside() - before
+        return seconds
+
+    def _inside(self) -> float:
+        components = self.master.statistics()["components"]
+        return sum(part["seconds"] for part in components.values())
+
+    def values(self) -> list[float]:
+        return []
