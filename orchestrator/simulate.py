@@ -28,7 +28,8 @@ RING_CELLS = 1 << 20  # 8 MB of recorded values on their way to the file
 SLICE_S = 0.1  # how long the core runs before it looks for Ctrl-C
 FIRST_SLICE = 64  # ticks
 MOST_TAKEN = 4096  # rows at once, and the longest slice
-WAIT_MS = 5  # that the recording thread sleeps for rows
+LEAST_TAKEN = 1024  # rows that the recording thread waits for, up to
+WAIT_MS = 5
 Progress = Callable[[int], None]
 
 
@@ -179,7 +180,7 @@ def _open(
 ) -> _Sink:
     if path is None:
         return _Memory(columns, meta, master)
-    return ThreadedWriter(path, columns, meta, lambda most: _rows(master, 1, most, WAIT_MS))
+    return ThreadedWriter(path, columns, meta, lambda most: _rows(master, LEAST_TAKEN, most, WAIT_MS))
 
 
 def _close_incomplete(sink: _Sink, error: BaseException) -> None:
