@@ -20,6 +20,7 @@ from fmus.loader import ROOT, load_model, model_folders
 from specs.errors import InputError
 
 BUILD = ROOT / "build"
+BUILT_HERE = BUILD / "built-here"  # an empty file for every FMU, named by its SHA-256
 SHIM = ROOT / "fmus" / "shim"
 FMI_VERSIONS = (2, 3)
 SHIM_FILES = ("core.h", "core.c", "integrator.c", "slw_math.h")
@@ -54,6 +55,7 @@ def build_fmu(
         stamped.get("quick") == quick
         and result.is_file()
         and stamped["sha256"] == _sha256(result.read_bytes())
+        and built_here(stamped["sha256"])
     ):
         return result
     if not targets:
@@ -63,6 +65,7 @@ def build_fmu(
     codegen.check_no_feedthrough(model)
     archive = _archive(model, path, fmi_version, names)
     _write(result, archive)
+    _write(BUILT_HERE / _sha256(archive), b"")
     _write(stamp, json.dumps({"quick": quick, "targets": names, "sha256": _sha256(archive)}).encode())
     return result
 
@@ -86,6 +89,11 @@ def build_all(
                 {"model": name, "fmi": version, "targets": names, "path": str(path), "sha256": digest}
             )
     return results
+
+
+def built_here(sha256: str) -> bool:
+    """Whether `build_fmu` made the FMU of this content, so that its machine code is no stranger's."""
+    return (BUILT_HERE / sha256).is_file()
 
 
 def generate_sources(model: Model, directory: Path) -> str:

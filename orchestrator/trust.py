@@ -1,8 +1,12 @@
-"""Which FMUs may run in this process: those that were built here, and all others when the user says so."""
+"""Which FMUs may run in this process: an FMU is foreign machine code, unless it was built here.
 
+Others run in a process of their own (orchestrator/core/remote.c), where a crash or a hang ends in a report.
+"""
+
+from fmus.build import built_here
 from orchestrator.system import Component
 
 
 def runs_here(component: Component, trust: bool) -> bool:
-    """Whether the FMU of a component runs in this process."""
-    return True
+    """Whether the FMU of a component runs in this process: it was built here, or the user trusts it."""
+    return trust or built_here(component.sha256)

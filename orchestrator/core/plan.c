@@ -301,9 +301,12 @@ static int by_tick(const void *left, const void *right) {
 
 static slw_path path_of(const slw_core *core, const slw_block *b) {
   const slw_fmu *f = b->fmu;
-  const bool special = !f->local || b->event_mode || b->n_clocks || b->n_sets > 1 || b->n_gets > 1 || core->timing ||
-                       b->fails_at != SLW_NEVER || core->algorithm >= SLW_ITERATE || b->multiple != 1;
-  if (special || (b->n_sets && b->sets[0].type != SLW_FLOAT64) || (b->n_gets && b->gets[0].type != SLW_FLOAT64))
+  if (b->event_mode || b->early_return || b->n_clocks || core->timing || b->fails_at != SLW_NEVER ||
+      core->algorithm >= SLW_ITERATE || b->multiple != 1)
+    return SLW_GENERAL;
+  if (!f->local) return SLW_APART;
+  if (b->n_sets > 1 || b->n_gets > 1 || (b->n_sets && b->sets[0].type != SLW_FLOAT64) ||
+      (b->n_gets && b->gets[0].type != SLW_FLOAT64))
     return SLW_GENERAL;
   if (f->fmi_version == 2) return f->fast.fmi2.do_step ? SLW_FAST2 : SLW_GENERAL;
   return f->fast.fmi3.do_step ? SLW_FAST3 : SLW_GENERAL;
@@ -314,7 +317,7 @@ static bool only_moves(const slw_exchange *e) { return !e->n_tables && !e->n_cop
 /* Whether all blocks are plain: then their exchanges are done at once, and their moves point into one list. */
 static bool is_plain(const slw_core *core) {
   for (uint32_t i = 0; i < core->n_blocks; i++)
-    if (core->blocks[i].path == SLW_GENERAL || !only_moves(&core->blocks[i].in)) return false;
+    if (core->blocks[i].path == SLW_GENERAL || core->blocks[i].path == SLW_APART || !only_moves(&core->blocks[i].in)) return false;
   return core->algorithm == SLW_JACOBI;
 }
 

@@ -55,6 +55,7 @@ typedef enum {
   SLW_GENERAL, /* through the FMU's function table */
   SLW_FAST2,   /* FMI 2, here, at most one group of reals each way, nothing special */
   SLW_FAST3,   /* the same of FMI 3 */
+  SLW_APART,   /* in a process of its own: set, step and get in one round trip */
 } slw_path;
 
 typedef struct {

@@ -4,6 +4,7 @@
  * Gauss-Seidel: in order of dependency, each FMU on the newest outputs.
  * An FMU that steps once in m ticks takes its inputs at the begin of its step and shows its outputs at the end. */
 #include "plan.h"
+#include "remote.h"
 
 /* ---- the fast path: nothing but set, step and get of real variables of FMUs in this process ---- */
 
@@ -90,6 +91,32 @@ static bool begin(slw_core *core, slw_block *b) {
   return true;
 }
 
+/* ---- FMUs in processes of their own ---- */
+
+static bool begin_apart(slw_core *core, slw_block *b) {
+  const double t = (double)core->tick * core->step_s;
+  const slw_status status =
+      slw_remote_begin(b->fmu, b->sets, b->n_sets, t, core->step_s, b->gets, b->n_gets);
+  return status == SLW_OK || note(core, b, (int)status, SLW_DOING_STEP);
+}
+
+static bool finish_apart(slw_core *core, slw_block *b) {
+  const double t = (double)core->tick * core->step_s;
+  slw_step_result r = {t, false, false, false};
+  bool stepped;
+  const slw_status status = slw_remote_finish(b->fmu, b->gets, b->n_gets, &r, &stepped);
+  if (status != SLW_OK && status != SLW_DISCARD && !note(core, b, (int)status, SLW_DOING_STEP)) return false;
+  if (stepped) return slw_check_finite(core, b);
+  if (r.terminate) {
+    slw_end(core, b);
+  } else if (status == SLW_DISCARD) {
+    if (!slw_block_continue(core, b, t, r.reached)) return false;
+  } else if (r.early) {
+    return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
+  }
+  return slw_block_get(core, b);
+}
+
 static bool advance(slw_core *core, slw_block *b) {
   const double t = (double)core->tick * core->step_s;
   if (b->path == SLW_FAST2) return fast2(core, b, t);
@@ -110,17 +137,24 @@ static bool timed_advance(slw_core *core, slw_block *b) {
 }
 
 bool slw_jacobi(slw_core *core) {
-  for (uint32_t i = 0; i < core->n_blocks; i++)
-    if (!begin(core, &core->blocks[i])) return false;
-  for (uint32_t i = 0; i < core->n_blocks; i++)
-    if (!timed_advance(core, &core->blocks[i])) return false;
+  slw_block *const end = core->blocks + core->n_blocks;
+  for (slw_block *b = core->blocks; b < end; b++)
+    if (!begin(core, b)) return false;
+  for (slw_block *b = core->blocks; b < end; b++)
+    if (b->path == SLW_APART && !begin_apart(core, b)) return false;
+  for (slw_block *b = core->blocks; b < end; b++)
+    if (b->path != SLW_APART && !timed_advance(core, b)) return false;
+  for (slw_block *b = core->blocks; b < end; b++)
+    if (b->path == SLW_APART && !finish_apart(core, b)) return false;
   return true;
 }
 
 bool slw_gauss_seidel(slw_core *core) {
   for (uint32_t i = 0; i < core->n_blocks; i++) {
     slw_block *b = &core->blocks[core->order[i]];
-    if (!begin(core, b) || !timed_advance(core, b)) return false;
+    if (!begin(core, b)) return false;
+    if (b->path == SLW_APART ? !begin_apart(core, b) || !finish_apart(core, b) : !timed_advance(core, b))
+      return false;
   }
   return true;
 }
