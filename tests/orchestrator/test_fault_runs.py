@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from orchestrator.layout import lay_out
+from orchestrator.master import Master, Options
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
 from orchestrator.system import ALGORITHMS, System
@@ -196,3 +198,46 @@ def test_a_fault_on_a_converted_input_of_the_system_must_name_where_it_arrives(t
         InputError, match=r"on v: it is converted .* position\.v; state the fault on position\.v"
     ):
         simulate(load(tmp_path, text, ["position"]), 1, faults=[fault("bias", "v", value=1.0)])
+
+
+@each
+def test_a_restored_snapshot_goes_on_with_what_the_fault_remembers(system: System, of: Fault) -> None:
+    layout = lay_out(system, ["place"])
+    options = Options(faults=[of], stimuli=DRIVE.changes, seed=SEED)
+
+    def master() -> Master:
+        return Master(system, layout, system.start_values({}), options)
+
+    def go_on(run: Master) -> np.ndarray:
+        run.run(N)
+        return run.plan.reals.copy()
+
+    with master() as first, master() as other:
+        first.initialise()
+        first.run(60)  # while the fault acts
+        state = first.snapshot()
+        end = go_on(first)
+        first.restore(state)
+        assert np.array_equal(go_on(first), end)
+        other.initialise()
+        other.run(7)
+        other.restore(state)
+        assert np.array_equal(go_on(other), end)
+
+
+def test_a_delay_before_a_component_of_another_rate_counts_ticks_of_the_system(tmp_path: Path) -> None:
+    """position steps every fifth tick: what was sent seven ticks before arrives then, and holds."""
+    text = ssd(
+        [component("position", "position", connector("v", "input"), connector("position", "output"))],
+        [connection("v", "position.v"), connection("position.position", "place")],
+        [connector("v", "input"), connector("place", "output")],
+        step=str(STEP),
+    ).replace(
+        f'stepSize="{STEP}"/>',
+        f'stepSize="{STEP}"><slw:Component name="position" stepSize="{5 * STEP}"/></slw:Simulation>',
+    )
+    of = fault("delay", start_s=0.0, end_s=None, delay_s=7 * STEP)
+    record = simulate(load(tmp_path, text, ["position"]), N, DRIVE, faults=[of])
+    steps = np.diff(record.column("place")[::5]) / (5 * STEP)
+    assert np.allclose(steps[2:], V[3 : N - 7 : 5][: len(steps) - 2], atol=1e-9)
+    assert np.allclose(steps[:2], V[0], atol=1e-9)
