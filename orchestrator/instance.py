@@ -5,125 +5,30 @@ Every call raises RunError, with the FMU's own last words, when its status is wo
 
 import ctypes
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import POINTER, Structure, c_bool, c_char_p, c_double, c_int, c_size_t, c_void_p
-from functools import cache
+from ctypes import POINTER, c_size_t, c_void_p
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from orchestrator import native
-from orchestrator.binding import Blob, Cell
-from orchestrator.modeldescription import REALS, Variable
+from orchestrator.fmubinding import FUNCTIONS, MESSAGES, TYPES, EventResult, Options, StepResult, library
+from orchestrator.fmuvalues import Values, flat
+from orchestrator.modeldescription import Variable
 from orchestrator.system import Component
-from orchestrator.variable import Scalar, Value
-from orchestrator.wire import BLOBS, BOOLEANS, STATUS, WARNING, WIRE
+from orchestrator.variable import Value
+from orchestrator.wire import BLOBS, STATUS, WARNING, WIRE
 from specs.errors import InputError, RunError
 
 LIMIT_S = 60.0  # for one call of an FMU in a process of its own
 ERROR_SIZE = 1024
-FATAL = 4
-
-
-class Options(Structure):
-    """slw_fmu_options."""
-
-    _fields_ = (
-        ("fmi_version", c_int),
-        ("library", c_char_p),
-        ("name", c_char_p),
-        ("token", c_char_p),
-        ("resources", c_char_p),
-        ("event_mode", c_bool),
-        ("early_return", c_bool),
-    )
-
-
-class Group(Structure):
-    """slw_group."""
-
-    _fields_ = (
-        ("type", c_int),
-        ("n_vr", c_size_t),
-        ("n", c_size_t),
-        ("vr", c_void_p),
-        ("cells", c_void_p),
-        ("native", c_void_p),
-        ("blobs", c_void_p),
-    )
-
-
-class StepResult(Structure):
-    """slw_step_result."""
-
-    _fields_ = (("reached", c_double), ("event", c_bool), ("terminate", c_bool), ("early", c_bool))
-
-
-class EventResult(Structure):
-    """slw_event_result."""
-
-    _fields_ = (
-        ("more", c_bool),
-        ("terminate", c_bool),
-        ("next_event_defined", c_bool),
-        ("next_event", c_double),
-    )
-
-
-FMU = c_void_p
-REFERENCES = c_void_p
-# slw_fmu_functions, in its order: arguments after the instance.
-FUNCTIONS: dict[str, tuple[Any, ...]] = {
-    "enter_configuration": (),
-    "exit_configuration": (),
-    "enter_initialisation": (c_double, c_bool, c_double, c_double),
-    "exit_initialisation": (),
-    "set": (POINTER(Group),),
-    "get": (POINTER(Group),),
-    "step": (c_double, c_double, POINTER(StepResult)),
-    "after_discard": (POINTER(StepResult),),
-    "enter_event": (),
-    "update_discrete": (POINTER(EventResult),),
-    "enter_step": (),
-    "get_state": (POINTER(c_void_p),),
-    "set_state": (c_void_p,),
-    "free_state": (POINTER(c_void_p),),
-    "serialized_size": (c_void_p, POINTER(c_size_t)),
-    "serialize": (c_void_p, c_void_p, c_size_t),
-    "deserialize": (c_char_p, c_size_t, POINTER(c_void_p)),
-    "directional": (
-        *(REFERENCES, c_size_t, REFERENCES, c_size_t),
-        *(c_void_p, c_size_t, c_void_p, c_size_t),
-    ),
-    "terminate": (),
-    "reset": (),
-    "free": (),
-}
-TYPES = {
-    name: ctypes.CFUNCTYPE(None if name == "free" else c_int, FMU, *arguments)
-    for name, arguments in FUNCTIONS.items()
-}
-
-
-@cache
-def _library() -> ctypes.CDLL:
-    loaded = native.library()
-    loaded.slw_fmu_load.restype = c_void_p
-    loaded.slw_fmu_load.argtypes = (POINTER(Options), c_char_p, c_size_t)
-    loaded.slw_fmu_message.restype = c_char_p
-    loaded.slw_fmu_message.argtypes = (FMU, ctypes.c_uint)
-    loaded.slw_native_size.restype = c_size_t
-    loaded.slw_native_size.argtypes = (c_int, c_int)
-    if hasattr(loaded, "slw_fmu_spawn"):
-        loaded.slw_fmu_spawn.restype = c_void_p
-        loaded.slw_fmu_spawn.argtypes = (POINTER(Options), c_char_p, c_double, c_char_p, c_size_t)
-    return loaded
 
 
 class Instance:
     """One instance, here or in a process of its own; use `instantiate`, and `free` it.
 
+    It is a context manager, which frees it.
     `pointer` is the core's slw_fmu; `event_mode` and `early_return`: how it was instantiated.
     """
 
@@ -132,8 +37,7 @@ class Instance:
         self.event_mode = self.model.has_event_mode
         self.early_return = self.event_mode or self.model.can_return_early
         self.wire = WIRE[self.model.fmi_version]
-        self.fatal = False
-        self.library = _library()
+        self.library = library()
         self.pointer = c_void_p(self._load(isolated, limit_s))
 
     def _load(self, isolated: bool, limit_s: float) -> int:
@@ -177,29 +81,58 @@ class Instance:
         self.call("step", time, h, ctypes.byref(result))
         return result
 
+    def enter_event(self) -> None:
+        """FMI 3: enter event mode, where clocks tick and discrete states change."""
+        self.call("enter_event")
+
+    def update_discrete(self) -> EventResult:
+        """FMI 3, event mode: one event iteration."""
+        result = EventResult()
+        self.call("update_discrete", ctypes.byref(result))
+        return result
+
+    def enter_step(self) -> None:
+        """FMI 3: leave event mode for steps."""
+        self.call("enter_step")
+
+    def reset(self) -> None:
+        """Back to how it was after instantiation."""
+        self.call("reset")
+
     def terminate(self) -> None:
         """End the simulation of this instance; its state stays readable."""
         self.call("terminate")
 
     def free(self) -> None:
-        """Release the instance; further calls are not allowed."""
+        """Release the instance; further calls raise RunError."""
         if self.pointer.value:
             self._function("free")(self.pointer)
             self.pointer = c_void_p()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.free()
 
     # ---- values ----
 
     def get(self, *names: str) -> np.ndarray:
         """Present values of numeric variables by name, float64 [n]; arrays one element after the other."""
-        return np.array([float(x) for value in self.values(names).values() for x in _flat(value)])  # type: ignore[arg-type]
+        for name in names:
+            if self.variable(name).type in BLOBS:
+                raise InputError(
+                    f"component {self.name}: {name} is no number but a {self.variable(name).type}"
+                )
+        return np.array([float(x) for value in self.values(names).values() for x in flat(value)])
 
     def values(self, names: Iterable[str]) -> dict[str, Value]:
         """Present values of variables of any type: float, int, bool, str, bytes, or a tuple of them."""
         found: dict[str, Value] = {}
         for variables in self._by_type(names):
-            group = _Group(self, variables)
-            self.call("get", ctypes.byref(group.structure))
-            found |= group.read()
+            values = Values(self.component, variables)
+            self.call("get", ctypes.byref(values.structure))
+            found |= values.read()
         return {name: found[name] for name in dict.fromkeys(names)}
 
     def set(self, **values: Value) -> None:
@@ -217,9 +150,9 @@ class Instance:
 
     def _set(self, names: Sequence[str], values: Mapping[str, Value]) -> None:
         for variables in self._by_type(names):
-            group = _Group(self, variables)
-            group.write({v.name: values[v.name] for v in variables})
-            self.call("set", ctypes.byref(group.structure))
+            told = Values(self.component, variables)
+            told.write({v.name: values[v.name] for v in variables})
+            self.call("set", ctypes.byref(told.structure))
 
     def variable(self, name: str) -> Variable:
         """The variable `name`; InputError with the nearest names."""
@@ -262,12 +195,18 @@ class Instance:
     def directional_derivative(
         self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]
     ) -> np.ndarray:
-        """d unknowns / d knowns times `seed` [n knowns] at the present point, float64 [n unknowns]."""
+        """d unknowns / d knowns times `seed` [n knowns] at the present point, float64 [n unknowns].
+
+        Of arrays every element counts.
+        """
         groups = [self._references(names) for names in (unknowns, knowns)]
-        result, direction = np.zeros(len(unknowns)), np.array(seed, float)
-        sizes = [part for group in groups for part in (group.ctypes.data, len(group))]
+        sizes = [sum(self.component.size(self.variable(n)) for n in names) for names in (unknowns, knowns)]
+        result, direction = np.zeros(sizes[0]), np.array(seed, float)
+        if len(direction) != sizes[1]:
+            raise InputError(f"component {self.name}: {len(direction)} seeds are given for {sizes[1]} knowns")
+        references = [part for group in groups for part in (group.ctypes.data, len(group))]
         ends = (direction.ctypes.data, len(direction), result.ctypes.data, len(result))
-        self.call("directional", *sizes, *ends)
+        self.call("directional", *references, *ends)
         return result
 
     def _references(self, names: Sequence[str]) -> np.ndarray:
@@ -298,90 +237,20 @@ class Instance:
         return f"{word} ({words})" if words else word
 
     def last_words(self) -> str:
-        """The FMU's last log message, "" if there is none."""
-        return self.library.slw_fmu_message(self.pointer, 0).decode("utf-8", "replace").strip()
+        """The FMU's last log message on one line, "" if there is none."""
+        return self._message(0)
 
     @property
     def messages(self) -> list[str]:
         """Its log messages that are kept, oldest first."""
-        kept = [self.library.slw_fmu_message(self.pointer, k).decode("utf-8", "replace") for k in range(20)]
-        return [text for text in reversed(kept) if text]
+        return [text for k in reversed(range(MESSAGES)) if (text := self._message(k))]
 
-
-class _Group:
-    """Variables of one type for one call, with buffers of their own."""
-
-    def __init__(self, instance: Instance, variables: Sequence[Variable]) -> None:
-        self.variables = variables
-        self.sizes = [instance.component.size(v) for v in variables]
-        total = sum(self.sizes)
-        wire = instance.wire[variables[0].type]
-        self.cells = (Cell * max(total, 1))()
-        self.blobs = (Blob * max(total, 1))()
-        self.references = np.array([v.vr for v in variables], dtype=np.uint32)
-        size = instance.library.slw_native_size(instance.model.fmi_version, wire)
-        self.native = ctypes.create_string_buffer(max(size * total, 1)) if size else None
-        self.texts: list[Any] = []
-        is_blob = variables[0].type in BLOBS
-        for i in range(total if is_blob else 0):
-            self.cells[i].integer = i
-        self.structure = Group(
-            wire,
-            len(variables),
-            total,
-            self.references.ctypes.data,
-            ctypes.addressof(self.cells),
-            ctypes.addressof(self.native) if self.native else None,
-            ctypes.addressof(self.blobs) if is_blob else None,
-        )
-
-    def write(self, values: Mapping[str, Value]) -> None:
-        position = 0
-        for variable, size in zip(self.variables, self.sizes, strict=True):
-            scalars = _flat(values[variable.name])
-            if len(scalars) != size:
-                raise InputError(f"{variable.name} has {size} elements, not {len(scalars)}")
-            for scalar in scalars:
-                self._write(position, variable, scalar)
-                position += 1
-
-    def _write(self, position: int, variable: Variable, scalar: Scalar) -> None:
-        if isinstance(scalar, str | bytes):
-            data = scalar.encode() if isinstance(scalar, str) else scalar
-            self.texts.append(ctypes.create_string_buffer(data, len(data) + 1))
-            self.blobs[position] = Blob(ctypes.addressof(self.texts[-1]), len(data), len(data) + 1)
-        elif variable.type in REALS:
-            self.cells[position].real = float(scalar)
-        else:
-            self.cells[position].integer = int(scalar)
-
-    def read(self) -> dict[str, Value]:
-        found: dict[str, Value] = {}
-        position = 0
-        for variable, size in zip(self.variables, self.sizes, strict=True):
-            scalars = tuple(self._read(position + i, variable) for i in range(size))
-            found[variable.name] = scalars if variable.array else scalars[0]
-            position += size
-        self._release()
-        return found
-
-    def _read(self, position: int, variable: Variable) -> Scalar:
-        if variable.type in BLOBS:
-            blob = self.blobs[position]
-            data = ctypes.string_at(blob.data, blob.size) if blob.data else b""
-            return data.decode("utf-8", "replace") if variable.type == "String" else data
-        if variable.type in REALS:
-            return self.cells[position].real
-        number = self.cells[position].integer
-        if variable.type in BOOLEANS:
-            return bool(number)
-        return number % 2**64 if variable.type == "UInt64" else number
-
-    def _release(self) -> None:
-        """Blobs that the binding filled are malloc's."""
-        for blob in self.blobs:
-            if blob.data and not self.texts:
-                native.library().slw_blob_release(ctypes.byref(blob))
+    def _message(self, k: int) -> str:
+        """The k-th last message without what would move the cursor of a terminal."""
+        if not self.pointer.value:
+            return ""
+        text = self.library.slw_fmu_message(self.pointer, k).decode("utf-8", "replace")
+        return "".join(c if c.isprintable() else " " for c in " ".join(text.split()))
 
 
 def resources(component: Component) -> bytes | None:
@@ -400,7 +269,3 @@ def instantiate(component: Component, isolated: bool = False, limit_s: float = L
     Raises InputError when the library cannot be loaded or refuses to make an instance.
     """
     return Instance(component, isolated, limit_s)
-
-
-def _flat(value: Value) -> tuple[Scalar, ...]:
-    return tuple(value) if isinstance(value, tuple | list) else (value,)
