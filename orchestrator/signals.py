@@ -181,7 +181,7 @@ class _Walk:
         if not (mine.items and wanted.items):
             return
         for name, value in mine.items.items():
-            if value not in wanted.items.values() or wanted.items.get(name, value) != value:
+            if wanted.items.get(name) != value:
                 self.net.warnings.append(
                     f"{place}: {self.port} can be {value} ({name}), which {port} knows otherwise or not; "
                     f"its items: {', '.join(f'{v} ({n})' for n, v in wanted.items.items())}"

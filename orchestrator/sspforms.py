@@ -44,7 +44,8 @@ REALS = "Real Float64 Float32"
 INTEGERS = "Integer Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64"
 VALUE_TYPES = f"{REALS} {INTEGERS} Boolean String Enumeration Binary"
 TYPES = f"{VALUE_TYPES} Clock"
-NEW_TYPES = "Float64 Float32 Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64 Clock Dimension"
+NEW_VALUE_TYPES = "Float64 Float32 Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64 Dimension"
+NEW_TYPES = f"{NEW_VALUE_TYPES} Clock"
 TRANSFORMATIONS = (
     "LinearTransformation BooleanMappingTransformation IntegerMappingTransformation "
     "EnumerationMappingTransformation"
@@ -141,7 +142,7 @@ FORMS: dict[str, Form] = {
         new="MetaData Signature",
     ),
     "ssv:Parameters": Form(children="Parameter"),
-    "ssv:Parameter": Form("name!", f"id {_BASE}", f"{VALUE_TYPES} Dimension", _EXTRA, new=NEW_TYPES),
+    "ssv:Parameter": Form("name!", f"id {_BASE}", f"{VALUE_TYPES} Dimension", _EXTRA, new=NEW_VALUE_TYPES),
     **{f"ssv:{name}": Form("value! unit") for name in REALS.split()},
     **{f"ssv:{name}": Form("value!") for name in f"{INTEGERS} Boolean".split()},
     "ssv:String": Form("value", "", "Value", new="Value"),

@@ -57,6 +57,8 @@ class Wiring:
         self._check_root(root, edges)
         path = follow(self.net, edges, self.roots.get(root.port))
         self._check_sizes(edges)
+        if root.variable is None and not _of_system(root) and root.port not in self.parameters.ports:
+            return  # nothing is connected to it from outside: the variable keeps its start value
         if _of_system(root) and root.port in self.roots and root.typed.unit is None:
             self._check_common_unit(root, path)
         self.roots.setdefault(root.port, path.start)
@@ -122,7 +124,7 @@ class Wiring:
         kind = form.value.kind or "real"
         start = self._bound(node.port, form)
         if start is None and driven:
-            start = self._driven_start(driven[0])
+            start = self._driven_start(driven[0], size)
         if start is None:
             start = ZERO[kind]
         if size > 1 and not isinstance(start, tuple):
@@ -137,10 +139,13 @@ class Wiring:
         value = self.parameters.ports.get(port)
         return None if value is None else in_form(value, form, f"{value.place}: {port}")
 
-    def _driven_start(self, path: Path) -> Value | None:
+    def _driven_start(self, path: Path, size: int) -> Value | None:
+        """None where an array has been given another size than that which its start values are for."""
         variable = self._variable(path.target)
         start = self.components[path.target.owner].start.get(variable.name, variable.start)
-        return None if start is None else undo(start, path.conversion)
+        if start is None or (isinstance(start, tuple) and len(start) != size):
+            return None
+        return undo(start, path.conversion)
 
     def _output(self, node: Node) -> SystemOutput:
         edges = self.net.chain(node.port)
@@ -249,14 +254,24 @@ class Wiring:
         """Sentences on connectors of inner systems and dictionaries that lead nowhere, and lost values."""
         for node in self.net.nodes.values():
             port = node.port
-            ends = port in self.net.incoming and port not in self.net.outgoing and node.variable is None
-            if ends and (port.side == SIGNAL or (port.owner and self._is_system(port.owner))):
+            if port in self.net.incoming and self._is_passed(node) and not self._arrives(port):
                 yield f"{node.place}: what is connected to {port} leads nowhere"
         for port, value in self.parameters.ports.items():
             if port in self.net.incoming:
                 yield f"{value.place}: the value for {port} is overridden by what is connected to it"
             elif self.net.nodes[port].kind not in TAKES or port not in self.net.outgoing:
                 yield f"{value.place}: the value for {port} leads nowhere"
+
+    def _is_passed(self, node: Node) -> bool:
+        """Whether signals only pass here: in a dictionary, or into an inner system."""
+        port = node.port
+        taken = port.owner and port.side == INNER and node.kind in TAKES and self._is_system(port.owner)
+        return port.side == SIGNAL or bool(taken)
+
+    def _arrives(self, port: Port) -> bool:
+        """Whether any way from here ends at a variable of an FMU or an output of the whole system."""
+        ends = [self.net.nodes[leaf] for leaf in self.net.leaves(port)]
+        return any(end.variable is not None or _of_system(end) for end in ends)
 
 
 def _of_system(node: Node) -> bool:
