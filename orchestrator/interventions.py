@@ -74,6 +74,8 @@ def check_changes(system: System, changes: Changes) -> dict[int, dict[str, dict[
     """Parameter changes by tick, component and variable; InputError for what cannot change in a run."""
     found: dict[int, dict[str, dict[str, Scalar]]] = {}
     for tick, values in changes.items():
+        if not isinstance(tick, int) or tick < 0:
+            raise InputError(f"parameters change at whole ticks from 0 on, not at {tick!r}")
         for name, value in values.items():
             owner, variable_name = resolve(system, name, "parameter change")
             variable = system.components[owner].model.variables[variable_name]
