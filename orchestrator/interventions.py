@@ -85,9 +85,9 @@ def check_changes(system: System, changes: Changes) -> dict[int, dict[str, dict[
                     f"{name} cannot change during a run: it is {variable.variability} {variable.causality}; "
                     f"{nearest(variable_name, tunable) if tunable else f'{owner} has no tunable parameter'}"
                 )
-            if variable.type in NOT_NUMBERS or variable.array:
-                raise InputError(f"{name} cannot change during a run: only single numbers do")
             checked = checked_value(variable, value, f"parameter {name}")
+            if variable.type in NOT_NUMBERS or variable.array or isinstance(checked, tuple):
+                raise InputError(f"{name} cannot change during a run: only single numbers do")
             found.setdefault(tick, {}).setdefault(owner, {})[variable_name] = checked
     return found
 
