@@ -55,6 +55,8 @@ def figures(system: "System") -> dict[str, Any]:
 
 
 def _component(component: "Component", step_s: float) -> dict[str, Any]:
+    from orchestrator.trust import runs_here
+
     variables = component.model.variables.values()
     causalities = Counter(v.causality for v in variables)
     return {
@@ -68,17 +70,10 @@ def _component(component: "Component", step_s: float) -> dict[str, Any]:
         "types": dict(Counter(v.type for v in variables)),
         "arrays": sum(v.array for v in variables),
         "isolation": "in process: built here"
-        if _built_here(component.sha256)
+        if runs_here(component, False)
         else "process of its own: foreign",
         "sha256": component.sha256,
     }
-
-
-def _built_here(sha256: str) -> bool:
-    from fmus import build
-
-    known = getattr(build, "built_here", None)
-    return bool(known and known(sha256))
 
 
 def _row(component: dict[str, Any]) -> list[object]:

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from orchestrator.check import load_system
+from orchestrator.trust import runs_here
 from tests.conftest import Command
 from tests.orchestrator.systems import OSCILLATOR, connection, fmu, write_ssp
 
@@ -15,10 +17,13 @@ def test_a_system(tmp_path: Path, slewright: Command) -> None:
     path = write_ssp(tmp_path, OSCILLATOR, NAMES)
     done = slewright("check", path, "--json", tmp_path / "c.json")
     assert done.returncode == 0, done.stderr
-    for words in ("System test", "position", "2.0", "5 Real", "jacobi", "0.01", "process of its own"):
+    for words in ("System test", "position", "2.0", "5 Real", "jacobi", "0.01"):
         assert words in done.stdout
     found = json.loads((tmp_path / "c.json").read_text())
     assert (found["system"], found["step_s"], found["algorithm"]) == ("test", 0.01, "jacobi")
+    for c in found["components"]:
+        own = not runs_here(load_system(path).components[c["name"]], False)
+        assert c["isolation"] == ("process of its own: foreign" if own else "in process: built here")
     assert (found["connections"], found["inputs"], found["outputs"]) == (2, 0, 2)
     assert [c["name"] for c in found["components"]] == NAMES
     assert found["components"][0]["types"] == {"Real": 5}

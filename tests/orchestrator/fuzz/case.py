@@ -1,8 +1,11 @@
 """One input of the fuzzer: the files of a system as text, and damage done to the archives made of them."""
 
 import gzip
+import hashlib
 import io
 import json
+import re
+import tempfile
 import warnings
 import zipfile
 from collections.abc import Iterable
@@ -10,17 +13,20 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.orchestrator.systems import fmu
+from fmus import compiler
+from fmus.build import BUILD, SHIM
 
 CORPUS = Path(__file__).parent / "corpus.json.gz"
-LIBRARY = "library"  # key of an FMU's entry that says whose binary it has: "model/FMI version"
+LIBRARY = "library"  # key of an FMU's part that says for which FMI version it has a binary: "2" or "3"
+SPONGES = BUILD / "fuzz" / "sponges"
+IDENTIFIER = re.compile(r'<CoSimulation[^>]*?modelIdentifier="([^"]*)"')
 
 
 @dataclass(frozen=True)
 class Case:
     """`files`: path in the SSP to content (bytes as Latin-1); `fmus`: path in the SSP to its parts.
 
-    The parts of an FMU are its files, and LIBRARY: which of the tests' FMUs lends it the binaries.
+    The parts of an FMU are its files, and LIBRARY.
     kind     ssp, ssd (a folder) or fmu (the first FMU alone)
     entries  (archive, name, content) added to an archive as they are, even if the name is there already
     patches  (archive, place from 0 to 1, bytes) written over an archive; archive "" is the SSP
@@ -55,11 +61,9 @@ class Case:
 
     def _fmu(self, path: str, parts: dict[str, str], real: bool) -> bytes:
         contents = {n: text.encode("latin-1", "replace") for n, text in parts.items() if n != LIBRARY}
-        name, _, version = parts.get(LIBRARY, "").partition("/")
-        if name:
-            contents |= (
-                binaries(name, int(version)) if real else dict.fromkeys(binaries(name, int(version)), b"")
-            )
+        version = parts.get(LIBRARY, "")[-1:]
+        if version:
+            contents |= binaries(parts.get("modelDescription.xml", ""), version, real)
         return self._damaged(path, contents)
 
     def _damaged(self, archive: str, contents: dict[str, bytes]) -> bytes:
@@ -88,17 +92,29 @@ def write_corpus(cases: Iterable[Case], path: Path = CORPUS) -> None:
     path.write_bytes(gzip.compress(text.encode(), 9, mtime=0))
 
 
-_lent: dict[tuple[str, int], dict[str, bytes]] = {}
+def binaries(description: str, version: str, real: bool) -> dict[str, bytes]:
+    """The binary of an FMU, by its place: a sponge, which runs whatever its description says."""
+    found = IDENTIFIER.search(description)
+    name = found[1] if found else "none"
+    target = compiler.host()
+    folder = target.fmi2_folder if version == "2" else target.name
+    return {f"binaries/{folder}/{name}{target.suffix}": sponge(version).read_bytes() if real else b""}
 
 
-def binaries(name: str, version: int) -> dict[str, bytes]:
-    """The binaries of one of the tests' FMUs, by their place in it."""
-    if (name, version) not in _lent:
-        with zipfile.ZipFile(fmu(name, version)) as archive:
-            _lent[name, version] = {
-                n: archive.read(n) for n in archive.namelist() if n.startswith("binaries/")
-            }
-    return _lent[name, version]
+def sponge(version: str) -> Path:
+    """The compiled library of sponge2.c or sponge3.c, kept by the hash of its source."""
+    source = Path(__file__).with_name(f"sponge{version}.c")
+    digest = hashlib.sha256(source.read_bytes()).hexdigest()[:16]
+    library = SPONGES / f"sponge{version}-{digest}{compiler.host().suffix}"
+    if not library.exists():
+        SPONGES.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=SPONGES) as scratch:
+            thing = Path(scratch) / "sponge.o"
+            compiler.compile_object(
+                source, thing, compiler.host().name, [f"-I{SHIM}", "-fvisibility=default"]
+            )
+            compiler.link_shared([thing], Path(scratch) / library.name, compiler.host().name).rename(library)
+    return library
 
 
 def _case(entry: dict[str, Any]) -> Case:

@@ -6,6 +6,7 @@ from io import BytesIO
 from pathlib import Path
 
 from fmus.build import BUILD
+from tests.orchestrator.fuzz import rich
 from tests.orchestrator.fuzz.case import LIBRARY, Case
 from tests.orchestrator.systems import (
     LIAR2,
@@ -22,6 +23,7 @@ from tests.orchestrator.systems import (
 from tests.orchestrator.test_modeldescription import ARRAYS, CLOCK, HEAD3, TYPES3
 
 MODELS = ("position", "speed", "decay", "compass", "turn", "burst")
+LIARS = {"Integer": "count", "Boolean": "flag"}  # what the liar's variables are called
 LARGE = 300_000  # bytes of text: larger packages teach little and cost much
 
 
@@ -37,7 +39,7 @@ def seeds() -> Iterator[Case]:
 
 
 def package(path: Path) -> Case | None:
-    """A package as a case, its FMUs with a borrowed binary's place; None if it is large or damaged."""
+    """A package as a case, its FMUs with other binaries; None if it is large or damaged."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = [n for n in archive.namelist() if not n.endswith("/")]
@@ -80,17 +82,18 @@ def _systems() -> Iterator[Case]:
     linear = '<ssc:LinearTransformation factor="2" offset="100"/>'
     yield _case(chain(linear, suppressUnitConversion="true"), [("decay", 2), ("position", 2)])
     mapping = (
-        "<ssc:{0}MappingTransformation><ssc:MapEntry source='1' target='2'/>"
+        "<ssc:{0}MappingTransformation><ssc:MapEntry source='1' target='0'/>"
         "<ssc:MapEntry source='0' target='1'/></ssc:{0}MappingTransformation>"
     )
-    for kind, type_ in (("Integer", "Integer"), ("Boolean", "Boolean"), ("Enumeration", "Enumeration")):
+    for kind, type_ in (("Integer", "Integer"), ("Boolean", "Boolean")):
         text = ssd(
-            [component("liar", "liar", connector("count_in", "input", type_)),
-             component("other", "liar", connector("count_out", "output", type_))],
-            [connection("other.count_out", "liar.count_in", mapping.format(kind))],
+            [component("liar", "liar", connector(f"{LIARS[kind]}_in", "input", type_)),
+             component("other", "liar", connector(f"{LIARS[kind]}_out", "output", type_))],
+            [connection(f"other.{LIARS[kind]}_out", f"liar.{LIARS[kind]}_in", mapping.format(kind))],
         )  # fmt: skip
         yield _case(text, [("liar", 2)])
     yield _case(_nested(), both)
+    yield from rich.cases(_described)
 
 
 def _nested() -> str:
@@ -111,7 +114,7 @@ def _descriptions() -> Iterator[Case]:
     """FMUs alone: all of FMI 3 that the models of the tests do not have."""
     for name in MODELS:
         for version in (2, 3):
-            yield Case("fmu", {}, {"x.fmu": _parts(fmu(name, version).read_bytes(), f"{name}/{version}")})
+            yield Case("fmu", {}, {"x.fmu": _parts(fmu(name, version).read_bytes())})
     kinds = ("constant", 'intervalDecimal="0.1"'), ("tunable", ""), ("triggered", ""), ("countdown", "")
     clocks = "".join(
         CLOCK.format(*kind).replace('"c"', f'"c{i}"').replace('"1"', f'"{20 + i}"')
@@ -131,41 +134,28 @@ def _descriptions() -> Iterator[Case]:
         '<ModelStructure><Output valueReference="31" dependencies="3 30"/>'
         '<InitialUnknown valueReference="31" dependencies=""/></ModelStructure></fmiModelDescription>'
     )
-    yield Case("fmu", {}, {"x.fmu": {"modelDescription.xml": text, LIBRARY: "position/3"}})
-    for text, version in ((LIAR2, 2), (LIAR3, 3)):
-        yield Case("fmu", {}, {"x.fmu": _liar(text, version)})
-
-
-def _liar(text: str, version: int) -> dict[str, str]:
-    """A description with the binary's name of a model that is there."""
-    text = text.replace('modelIdentifier="liar"', 'modelIdentifier="position"')
-    return {"modelDescription.xml": text, LIBRARY: f"position/{version}"}
+    yield Case("fmu", {}, {"x.fmu": _described(text)})
+    for text in (LIAR2, LIAR3):
+        yield Case("fmu", {}, {"x.fmu": _described(text)})
 
 
 def _case(
     text: str, fmus: list[tuple[str, int]], kind: str = "ssp", more: dict[str, str] | None = None
 ) -> Case:
     parts = {
-        f"resources/{name}.fmu": _liar(LIAR2, 2)
+        f"resources/{name}.fmu": _described(LIAR2)
         if name == "liar"
-        else _parts(fmu(name, version).read_bytes(), f"{name}/{version}")
+        else _parts(fmu(name, version).read_bytes())
         for name, version in fmus
     }
     return Case(kind, {"SystemStructure.ssd": text, **(more or {})}, parts)
 
 
-def _parts(content: bytes, library: str = "") -> dict[str, str]:
-    """The text of an FMU; what cannot be borrowed (sources, binaries) is left out."""
+def _parts(content: bytes) -> dict[str, str]:
+    """The description of an FMU; its binary is a sponge, its other files are left out."""
     with zipfile.ZipFile(BytesIO(content)) as archive:
-        xml = archive.read("modelDescription.xml").decode("latin-1")
-    version = 2 if 'fmiVersion="2' in xml else 3
-    if not library:
-        xml, library = _borrowing(xml, version)
-    return {"modelDescription.xml": xml, LIBRARY: library}
+        return _described(archive.read("modelDescription.xml").decode("latin-1"))
 
 
-def _borrowing(xml: str, version: int) -> tuple[str, str]:
-    """The description of a foreign FMU, with the name of a binary that the tests have."""
-    before, _, rest = xml.partition('modelIdentifier="')
-    _, _, after = rest.partition('"')
-    return f'{before}modelIdentifier="position"{after}', f"position/{version}"
+def _described(xml: str) -> dict[str, str]:
+    return {"modelDescription.xml": xml, LIBRARY: "2" if 'fmiVersion="2' in xml else "3"}

@@ -122,10 +122,12 @@ def build() -> Path:
     """The library that counts edges, and the sanitized core (kept by the hash of its sources)."""
     folder = SANITIZED / native.source_hash()[:16]
     cover = folder / "cover.so"
-    if not cover.exists():
-        native.build(folder, extra=(*FLAGS, COVERAGE))
+    if not (folder / "complete").exists():
+        folder.mkdir(parents=True, exist_ok=True)
         source = Path(__file__).with_name("cover.c")
         subprocess.run(["cc", "-O2", "-shared", "-fPIC", str(source), "-o", str(cover)], check=True)
+        native.build(folder, extra=(*FLAGS, COVERAGE, f"-Wl,{cover}"))
+        (folder / "complete").touch()
     return cover
 
 

@@ -8,6 +8,7 @@ from tests.orchestrator.fuzz.edges import Edge
 from tests.orchestrator.fuzz.judge import judge
 from tests.orchestrator.fuzz.mutate import Mutator
 from tests.orchestrator.fuzz.seeds import seeds
+from tests.orchestrator.fuzz.stepper import Stepper, available
 
 CASES = read_corpus()
 
@@ -24,6 +25,36 @@ def test_cases_of_the_corpus(part: int) -> None:
         assert not verdict.problem, f"case {part + 8 * number}: {verdict.problem}"
         accepted += verdict.accepted
     assert accepted < len(CASES[part::8])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not available(), reason="the compiler has no sanitizers")
+def test_accepted_cases_are_stepped_in_a_sanitized_core() -> None:
+    stepper = Stepper()
+    try:
+        accepted = [case for case in CASES if judge(case).accepted]
+        assert len(accepted) > 10
+        for case in accepted:
+            problem, _ = stepper.step(case)
+            assert not problem, f"case {CASES.index(case)}: {problem}"
+    finally:
+        stepper.close()
+
+
+def test_a_crash_of_the_stepping_process_is_reported() -> None:
+    """Without this the test above could pass because nothing ran."""
+    if not available():
+        pytest.skip("the compiler has no sanitizers")
+    stepper = Stepper()
+    good = next(case for case in seeds() if judge(case).accepted)
+    assert stepper.step(good)[0] == ""
+    assert stepper.child is not None
+    stepper.child.kill()
+    stepper.child.wait()
+    assert stepper.step(good)[0] == ""  # it is started again
+    broken = Case("ssp", {"SystemStructure.ssd": 7})  # type: ignore[dict-item]
+    assert "AttributeError" in stepper.step(broken)[0]
+    stepper.close()
 
 
 def test_seeds_are_mostly_accepted() -> None:
