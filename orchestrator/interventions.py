@@ -12,19 +12,10 @@ Changes = Mapping[int, Mapping[str, Value]]
 
 
 def resolve(system: System, name: str, what: str) -> tuple[str, str]:
-    """Component and variable of "component.variable"; the longest component name that fits wins.
-
-    Raises InputError, starting with `what`, when there is no such component or variable.
-    """
-    owners = [c for c in system.components if name.startswith(f"{c}.")]
-    if not owners:
-        raise InputError(
-            f"{what} '{name}' is not of the form component.variable; "
-            f"{nearest(name.partition('.')[0], system.components)}"
-        )
-    owner = max(owners, key=len)
-    variable = system.components[owner].model.variable(name[len(owner) + 1 :], f"{what} {name}")
-    return owner, variable.name
+    """Component and variable of "component.variable"; InputError, naming `what`, when there is none."""
+    component, variable_name = system.split(name)
+    variable = component.model.variable(variable_name, f"{what} {name}")
+    return component.name, variable.name
 
 
 def check_faults(system: System, faults: Sequence[Fault]) -> None:

@@ -205,17 +205,15 @@ class _Builder:
         return name not in self.system.outputs and name not in self.system.inputs
 
     def _resolve(self, name: str) -> tuple[str, str]:
-        """Component and variable of a recorded name; the longest component name that fits wins."""
-        owners = [c for c in self.system.components if name.startswith(f"{c}.")]
-        if not owners and "." not in name:
+        """Component and variable of a recorded name."""
+        if "." not in name:
             choices = {**self.system.outputs, **self.system.inputs}
             raise InputError(f"system {self.system.name} cannot record '{name}'{explain(name, choices)}")
-        owner = max(owners, key=len) if owners else name.partition(".")[0]
-        component = self.system.component(owner)
-        variable = component.model.variable(name[len(owner) + 1 :], f"component {owner}")
+        component, variable_name = self.system.split(name)
+        variable = component.model.variable(variable_name, f"component {component.name}")
         if variable.type in NOT_NUMBERS:
             raise InputError(f"'{name}' cannot be recorded: it is of type {variable.type}")
-        return owner, variable.name
+        return component.name, variable.name
 
     def _logged(self, name: str) -> Iterator[Logged]:
         if self._is_variable(name):

@@ -94,9 +94,10 @@ class Plan:
     def _tables(self, block: int, move: Move) -> None:
         table = move.conversion.table
         source, target = (np.array(list(side), dtype=np.int64) for side in (table.keys(), table.values()))
-        strict = move.target.type in ("Boolean", "Enumeration")
         for a, b in zip(move.source.cells, move.target.cells, strict=True):
-            self.call("table", block, a, b, len(source), pointer(source), pointer(target), strict)
+            self.call(
+                "table", block, a, b, len(source), pointer(source), pointer(target), move.conversion.strict
+            )
 
     def _copies(self, block: int, move: Move) -> None:
         for a, b in zip(move.source.cells, move.target.cells, strict=True):

@@ -13,7 +13,7 @@ from orchestrator.instance import LIMIT_S, Instance, instantiate
 from orchestrator.layout import Layout, Slot
 from orchestrator.lowering import Plan, scalars, to_bits
 from orchestrator.modeldescription import REALS
-from orchestrator.system import Component, Settings, System
+from orchestrator.system import Settings, System
 from orchestrator.trust import runs_here
 from orchestrator.variable import Scalar, Value
 from specs.errors import RunError
@@ -83,8 +83,8 @@ class Master:
         plan, options = self.plan, self.options
         for position, instance in enumerate(self.instances):
             plan.block(position, instance.pointer, instance.event_mode, instance.early_return)
-            for vr, shift, interval in clocks(self.system, instance.component):
-                plan.call("clock", position, vr, shift, interval)
+            for name, (shift, interval) in instance.component.clocks.items():
+                plan.call("clock", position, instance.variable(name).vr, shift, interval)
         plan.moves()
         plan.settings(options.settings)
         plan.stimuli(options.stimuli)
@@ -270,17 +270,6 @@ class Master:
         else:
             values = [str(x) for x in self.plan.integers[slot.first : slot.first + slot.size]]
         return values[0] if slot.size == 1 else f"({', '.join(values)})"
-
-
-def clocks(system: System, component: Component) -> list[tuple[int, int, int]]:
-    """Value reference, shift and interval [ticks] of a component's periodic input clocks."""
-    found = []
-    for variable in component.model.variables.values():
-        clock = variable.clock
-        if clock and clock.periodic and variable.causality == "input" and clock.interval_s is not None:
-            shift, interval = (round(float(t) / system.step_s) for t in (clock.shift_s, clock.interval_s))
-            found.append((variable.vr, shift, interval))
-    return found
 
 
 def _as_dict(structure: ctypes.Structure) -> dict[str, Any]:
