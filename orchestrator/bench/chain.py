@@ -21,6 +21,7 @@ SIGNALS = [("a", "y"), ("b", "y"), ("c", "y"), ("c", "rate")]
 LOGGED = [f"{component}.{variable}" for component, variable in SIGNALS]
 LINKS = (("a", "b"), ("b", "c"))  # y to u
 VARIABLES = {"u": (0, "input"), "y": (1, "output"), "rate": (2, "output")}
+COLUMNS = 1 + len(NAMES) * len(VARIABLES)  # time and all variables
 LINUX_LIBRARIES = ("-Wl,--no-as-needed", "-ldl")
 
 
@@ -48,7 +49,7 @@ class Chain:
 
     @property
     def whole_ssp(self) -> Path:
-        """Every variable of every FMU is a connector."""
+        """Every variable of every FMU but the first input is a connector."""
         return self.folder / "whole.ssp"
 
 
@@ -142,13 +143,17 @@ def _start(name: str) -> str:
 
 
 def _ssd(fmi_version: int, whole: bool) -> str:
-    connected = {"a": ("y",), "b": ("u", "y"), "c": ("u", "y", "rate")}
+    # FMPy wants every input that is a connector to be connected, so a.u is none.
+    if whole:
+        shown = {"a": ("y", "rate"), "b": ("u", "y", "rate"), "c": ("u", "y", "rate")}
+    else:
+        shown = {"a": ("y",), "b": ("u", "y"), "c": ("u", "y", "rate")}
     real = "Real" if fmi_version == 2 else "Float64"
     components = []
     for name in NAMES:
         connectors = "".join(
             f'<ssd:Connector name="{v}" kind="{VARIABLES[v][1]}"><ssc:{real}/></ssd:Connector>'
-            for v in (VARIABLES if whole else connected[name])
+            for v in shown[name]
         )
         components.append(
             f'<ssd:Component name="{name}" source="resources/{name}.fmu">'

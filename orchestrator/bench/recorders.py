@@ -8,10 +8,8 @@ import time
 from pathlib import Path
 
 from orchestrator.bench import masters
-from orchestrator.bench.chain import NAMES, STEP_S, VARIABLES, Chain, case
+from orchestrator.bench.chain import STEP_S, Chain, case
 from orchestrator.bench.contestants import NotMeasured
-
-COLUMNS = 1 + len(NAMES) * len(VARIABLES)  # with time
 
 
 class _Recorder:

@@ -1,0 +1,81 @@
+"""`slewright bench`: how fast it is, against others, in the same minute on the same machine."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from slewright.figures import JsonOption, write
+from slewright.progress import progress
+from slewright.tables import show
+
+if TYPE_CHECKING:
+    from orchestrator.bench.blocks import Spread
+    from orchestrator.bench.orchestrator import Result
+
+app = typer.Typer(help="Measure how fast it is, against others.", no_args_is_help=True)
+
+
+@app.callback()
+def bench() -> None:
+    """Measure how fast it is, against others."""
+
+
+@app.command()
+def orchestrator(
+    blocks: Annotated[
+        int, typer.Option(min=1, help="Blocks of interleaved runs: more are surer and slower.")
+    ] = 60,
+    json: JsonOption = None,
+) -> None:
+    """Compare the orchestrator with a hand-written loop and other masters, on one chain of three FMUs."""
+    from orchestrator.bench.orchestrator import run
+
+    with progress("bench orchestrator") as report:
+        result = run(blocks, report)
+    _show(result)
+    write(json, result.figures())
+    missed = [must for must in result.musts() if must.missed]
+    for must in missed:
+        typer.echo(f"slewright: missed: {must}", err=True)
+    if missed:
+        raise typer.Exit(1)
+
+
+def _show(result: "Result") -> None:
+    from orchestrator.bench.orchestrator import MASTERS, VERSIONS
+
+    columns = ["", *(f"FMI {version}" for version in VERSIONS)]
+    masters = [
+        (key[:-3], *(_figure(m.figure(key), m.reasons.get(key)) for m in result.chain.values()))
+        for key in MASTERS
+    ]
+    show(
+        "three trivial FMUs in a chain, four signals logged: µs a step, median (quartiles)", columns, masters
+    )
+    figures = result.figures()
+    ratios = {name: figures[name] for name in ("ratio_to_floor", "ratio_to_fmucontainer", "nominal_overhead")}
+    ratios |= {name: figures[name] for name in figures if name.startswith("recording_ratio")}
+    ratios["isolated FMU, µs a step"] = figures["isolated_fmu_us"]
+    show("ratios", columns, [(name, *map(_number, by.values())) for name, by in ratios.items()])
+    rows = {name: [_rate(r) for r in by.values()] for name, by in figures["recording"].items()}
+    show(
+        "all variables recorded: rows a second",
+        columns,
+        [(n, *r) for n, r in rows.items()],
+    )
+
+
+def _figure(spread: "Spread | None", reason: str | None) -> str:
+    return (
+        f"{spread.median:.4g} [{spread.low:.4g} … {spread.high:.4g}]"
+        if spread
+        else f"— {(reason or '')[:60]}"
+    )
+
+
+def _number(value: float | None) -> str:
+    return "—" if value is None else f"{value:.3g}"
+
+
+def _rate(figures: dict[str, float] | None) -> str:
+    return "—" if figures is None else f"{figures['rows_per_s']:,.0f}"
