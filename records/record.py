@@ -6,6 +6,7 @@ batch of its `.recording` and says that the record is incomplete.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,7 +19,7 @@ from records.recording import BATCH_ROWS, RecordWriter, as_rows, first_line, rec
 from records.schema import Column, arrays, columns_of, decode_meta, make_schema, resolve_columns, values
 from specs.errors import InputError, nearest
 
-__all__ = ["BATCH_ROWS", "Column", "Record", "RecordWriter", "read", "recording_path"]
+__all__ = ["BATCH_ROWS", "Column", "Record", "RecordWriter", "read", "recording_path", "stored"]
 
 NOT_CLOSED = "the recording was not closed: the process ended or the disk was full"
 
@@ -90,6 +91,23 @@ class Record:
         return self.table.num_rows
 
 
+class _Stored(Record):
+    """A record on the disk whose rows are read when somebody asks for them."""
+
+    def __init__(self, path: Path, meta: dict[str, Any]) -> None:
+        self.__dict__.update(_path=path, meta=meta)
+
+    @cached_property
+    def table(self) -> pa.Table:  # type: ignore[override]
+        return _read_table(self.__dict__["_path"])
+
+
+def stored(path: Path | str) -> Record:
+    """The record at `path`, which was closed just now: as `read`, but its rows wait until they are needed."""
+    path = Path(path)
+    return _Stored(path, decode_meta(pq.read_schema(path), path))
+
+
 def read(path: Path | str) -> Record:
     """Read a record from `path`, or from its `.recording` when only that is there.
 
@@ -102,12 +120,16 @@ def read(path: Path | str) -> Record:
         return _recover(recording_path(path))
     if not path.is_file():
         raise InputError(f"no run record at {path}")
+    table = _read_table(path)
+    return Record(table, decode_meta(table.schema, path))
+
+
+def _read_table(path: Path) -> pa.Table:
     try:
         with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            table = file.read()
+            return file.read()
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path} is damaged or not a run record: {first_line(error)}") from None
-    return Record(table, decode_meta(table.schema, path))
 
 
 def _recover(path: Path) -> Record:

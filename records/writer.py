@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from records.record import Column, Record, RecordWriter, read
+from records.record import Column, Record, RecordWriter, stored
 from records.recording import reason_of
 from records.schema import resolve_columns
 from specs.errors import RunError
@@ -80,19 +80,29 @@ class ThreadedWriter:
         if self._closed:
             return
         self._closed = True
-        self._last.set()
         try:
-            self._thread.join()
+            self._end()
         finally:
-            self._thread.join()  # where the first one was interrupted
             if self._error is not None:
                 complete, reason = False, reason or reason_of(self._error)
             self._sink.close(complete, reason, more)
         self.check()
 
+    def _end(self) -> None:
+        """Wait for the thread, come what may: what it takes rows from is freed after this."""
+        self._last.set()
+        interrupt = None
+        while self._thread.is_alive():
+            try:
+                self._thread.join()
+            except KeyboardInterrupt as error:
+                interrupt = error
+        if interrupt is not None:
+            raise interrupt
+
     def record(self) -> Record:
         """The record, once closed."""
-        return read(self._sink.path) if isinstance(self._sink, RecordWriter) else self._sink.record()
+        return stored(self._sink.path) if isinstance(self._sink, RecordWriter) else self._sink.record()
 
     def _run(self) -> None:
         flushed = time.monotonic()

@@ -1,6 +1,7 @@
 """What is recorded stays: through closing, a killed process, a full disk, an interrupt."""
 
 import hashlib
+import pickle
 import resource
 import signal as signals
 import subprocess
@@ -13,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from records.record import BATCH_ROWS, Column, Record, RecordWriter, read, recording_path
+from records.record import BATCH_ROWS, Column, Record, RecordWriter, read, recording_path, stored
 from specs.errors import InputError, RunError
 
 COLUMNS = [Column("time", "s", "Time"), Column("slew", "rad", "Slew angle"), Column("p", "Pa", "Pressure")]
@@ -425,3 +426,17 @@ def test_recording_and_reading_need_no_pandas(tmp_path):
         assert "pandas" not in sys.modules
     """
     subprocess.run([sys.executable, "-c", textwrap.dedent(script)], check=True)
+
+
+def test_a_record_just_written_is_read_when_it_is_needed(tmp_path):
+    path = write(tmp_path / "run.parquet")
+    whole, late = read(path), stored(path)
+    assert late.meta == whole.meta
+    moved = path.rename(tmp_path / "elsewhere.parquet")
+    with pytest.raises(InputError, match=r"run\.parquet is damaged"):
+        late.column("slew")
+    moved.rename(path)
+    assert np.array_equal(late.column("slew"), whole.column("slew"))
+    assert (len(late), late.names, late.units) == (len(whole), whole.names, whole.units)
+    path.unlink()
+    assert late.computed_hash() == late.run_hash == pickle.loads(pickle.dumps(late)).run_hash

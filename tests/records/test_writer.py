@@ -159,3 +159,25 @@ def test_an_empty_record_in_memory() -> None:
         pass
     record: Record = writer.record()
     assert (len(record), record.complete, record.names) == (0, True, ["time", "x", "n"])
+
+
+def test_an_interrupt_while_closing_waits_for_the_thread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else the rows' memory could be freed under it."""
+    ring, waits = Ring(), []
+    writer = ThreadedWriter(tmp_path / "run.parquet", COLUMNS, META, ring.take)
+    ring.blocks.put(rows(777))
+    join = writer._thread.join
+
+    def interrupted() -> None:
+        waits.append(1)
+        if len(waits) <= 2:
+            raise KeyboardInterrupt
+        join()
+
+    monkeypatch.setattr(writer._thread, "join", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        writer.close()
+    assert not writer._thread.is_alive()
+    assert (len(read(tmp_path / "run.parquet")), read(tmp_path / "run.parquet").complete) == (777, True)
