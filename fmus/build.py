@@ -16,12 +16,10 @@ from typing import Any
 
 from fmus import codegen, compiler, description
 from fmus.definition import Model
-from fmus.loader import ROOT, load_model, model_folders
+from fmus.loader import load_model, model_folders
+from fmus.paths import BUILD, BUILT_HERE, ROOT, SHIM, built_here
 from specs.errors import InputError
 
-BUILD = ROOT / "build"
-BUILT_HERE = BUILD / "built-here"  # an empty file for every FMU, named by its SHA-256
-SHIM = ROOT / "fmus" / "shim"
 FMI_VERSIONS = (2, 3)
 SHIM_FILES = ("core.h", "core.c", "integrator.c", "slw_math.h")
 HEADERS = {
@@ -89,11 +87,6 @@ def build_all(
                 {"model": name, "fmi": version, "targets": names, "path": str(path), "sha256": digest}
             )
     return results
-
-
-def built_here(sha256: str) -> bool:
-    """Whether `build_fmu` made the FMU of this content, so that its machine code is no stranger's."""
-    return (BUILT_HERE / sha256).is_file()
 
 
 def generate_sources(model: Model, directory: Path) -> str:

@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 
 from fmus.definition import Model
+from fmus.paths import ROOT
 from specs.errors import InputError, nearest
 
-ROOT = Path(__file__).resolve().parent.parent
 ROOMS = ("fmus", "baselines")  # the rooms that hold model folders
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fmus import compiler
-from fmus.build import BUILD, SHIM
+from fmus.paths import BUILD, SHIM
 from specs.errors import InputError, RunError
 
 SOURCES = Path(__file__).parent / "core"

@@ -3,7 +3,7 @@
 Others run in a process of their own (orchestrator/core/remote.c), where a crash or a hang ends in a report.
 """
 
-from fmus.build import built_here
+from fmus.paths import built_here
 from orchestrator.system import Component
 
 

@@ -66,11 +66,9 @@ def _show(result: "Result") -> None:
 
 
 def _figure(spread: "Spread | None", reason: str | None) -> str:
-    return (
-        f"{spread.median:.4g} [{spread.low:.4g} … {spread.high:.4g}]"
-        if spread
-        else f"— {(reason or '')[:60]}"
-    )
+    if spread is None:
+        return "—" if reason is None else f"— ({reason.partition(':')[0]})"
+    return f"{spread.median:.4g} ({spread.low:.4g} … {spread.high:.4g})"
 
 
 def _number(value: float | None) -> str:
