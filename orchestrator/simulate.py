@@ -13,13 +13,13 @@ from orchestrator.interventions import Changes, check_changes, check_faults
 from orchestrator.layout import lay_out
 from orchestrator.master import LIMIT_S, Master, Options
 from orchestrator.stimuli import Stimuli
-from orchestrator.system import ALGORITHMS, Settings, System
+from orchestrator.system import Settings, System
 from orchestrator.variable import Value
 from records.record import Column, Record
 from records.recording import reason_of
 from records.schema import TIME
 from records.writer import MemoryWriter, ThreadedWriter
-from specs.errors import InputError, RunError, nearest
+from specs.errors import InputError, RunError
 from specs.faults import Fault
 from specs.version import VERSION
 
@@ -87,7 +87,8 @@ def simulate(
     stimuli = stimuli or Stimuli()
     stimuli.check(system)
     chosen = settings or system.settings
-    chosen = replace(chosen, algorithm=_algorithm(algorithm or chosen.algorithm))
+    chosen = replace(chosen, algorithm=algorithm or chosen.algorithm)
+    system.check_algorithm(chosen.algorithm)
     if stop_ticks < 0:
         raise InputError(f"a run has 0 or more ticks, not {stop_ticks}")
     layout = lay_out(system, record)
@@ -189,12 +190,6 @@ def _close_incomplete(sink: _Sink, error: BaseException) -> None:
         sink.close(complete=False, reason=reason_of(error))
     except RunError as second:
         error.add_note(str(second))
-
-
-def _algorithm(name: str) -> str:
-    if name not in ALGORITHMS:
-        raise InputError(f"unknown algorithm '{name}'; {nearest(name, ALGORITHMS)}")
-    return name
 
 
 def _seeds(system: System, seed: int | None) -> dict[str, float]:

@@ -29,6 +29,7 @@ __all__ = (
 )
 
 ALGORITHMS = ("jacobi", "gauss-seidel", "iterate", "adaptive")
+SLACK = 1e-9  # relative, of step sizes
 ROLLING_BACK = ("iterate", "adaptive")  # they take FMUs back to an earlier state
 
 
@@ -230,6 +231,12 @@ class System:
                 raise InputError(
                     f"{component}: algorithm 'adaptive' changes the step, but its FMU cannot handle that "
                     "(canHandleVariableCommunicationStepSize)"
+                )
+            internal = component.model.fixed_internal_step_s
+            if algorithm == "adaptive" and internal and self.step_s < 2.0 * internal * (1.0 - SLACK):
+                raise InputError(
+                    f"{component}: algorithm 'adaptive' halves the step of {self.step_s:g} s, but its FMU steps "
+                    f"{internal:g} s at least (fixedInternalStepSize)"
                 )
 
 
