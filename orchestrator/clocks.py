@@ -29,7 +29,7 @@ def timed(
     found = {}
     for component in components.values():
         multiple = _multiple(component, simulation, step_s)
-        clocks = dict(_clocks(component, multiple, step_s, net.warnings))
+        clocks = dict(ticking(component, multiple, step_s, net.warnings))
         found[component.name] = replace(component, multiple=multiple, clocks=clocks)
     return found
 
@@ -58,10 +58,14 @@ def _multiple(component: Component, simulation: Simulation, step_s: float) -> in
     return multiple
 
 
-def _clocks(
+def ticking(
     component: Component, multiple: int, step_s: float, warnings: list[str]
 ) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Name, and (shift, interval) in ticks of the system, of each input clock that ticks."""
+    """Name, and (shift, interval) in ticks of the system, of each input clock that ticks.
+
+    `multiple`: the component steps once in so many ticks of `step_s`.  Raises InputError for a clock whose
+    times are no whole steps; one that nobody ticks is added to `warnings`.
+    """
     for variable in component.model.variables.values():
         clock = variable.clock
         if clock is None or variable.causality != "input":

@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import archive
+from orchestrator.clocks import ticking, whole
 from orchestrator.components import find_library
 from orchestrator.conversion import UNCHANGED
 from orchestrator.modeldescription import ModelDescription, Variable, parse, size_of
@@ -25,6 +27,8 @@ def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
     component = _component(path, files.path / "fmu", shown)
     model, name = component.model, component.name
     step = _step(model, step_s, shown)
+    warnings = list(_warnings(model, step_s, step, shown))
+    component = replace(component, clocks=dict(ticking(component, 1, step, warnings)))
     structural = model.structural()
     inputs = [v for v in _by_reference(model, "input") if v.type != "Clock"]
     outputs = [v for v in model.variables.values() if v.causality == "output" and v.type != "Clock"]
@@ -42,7 +46,7 @@ def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
             )
             for v in outputs
         },
-        warnings=tuple(_warnings(model, step_s, step, shown)),
+        warnings=tuple(warnings),
         files=files,
     )
 
@@ -79,12 +83,10 @@ def _step(model: ModelDescription, given: float | None, shown: str) -> float:
     step = given or model.default_step_s
     if step is None:
         step = DEFAULT_STEP_S if internal is None else internal * max(1, round(DEFAULT_STEP_S / internal))
-    if internal is not None:
-        ratio = step / internal
-        if not 0.5 < ratio < 2**53 or abs(ratio - round(ratio)) > 1e-9 * ratio:
-            raise InputError(
-                f"{shown}: a step of {step:g} s is no multiple of its fixed internal step, {internal:g} s"
-            )
+    if internal is not None and not whole(step, internal):
+        raise InputError(
+            f"{shown}: a step of {step:g} s is no multiple of its fixed internal step, {internal:g} s"
+        )
     return step
 
 
@@ -94,6 +96,3 @@ def _warnings(model: ModelDescription, given: float | None, step: float, shown: 
         yield f"{shown} names no step; it is run with {step:g} s"
     if model.default_start_s:
         yield f"{shown} wants to start at {model.default_start_s:g} s; it is started at 0 s"
-    for v in model.variables.values():
-        if v.clock and v.causality == "input" and not (v.clock.periodic and v.clock.interval_s):
-            yield f"{shown}: input clock {v.name} has no fixed period and never ticks"

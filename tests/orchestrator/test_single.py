@@ -78,6 +78,24 @@ def test_the_step(tmp_path: Path) -> None:
     ]
 
 
+def test_clocks_tick_on_its_steps(tmp_path: Path) -> None:
+    clocks = (
+        '<Clock name="beat" valueReference="901" causality="input" intervalVariability="constant" '
+        'intervalDecimal="0.1" shiftDecimal="0.05"/>'
+        '<Clock name="bang" valueReference="902" causality="input" intervalVariability="triggered"/>'
+    )
+    path = described(
+        tmp_path, fmu("position", 3), ("<ModelVariables>", f"<ModelVariables>{clocks}"),
+        ("<CoSimulation ", '<CoSimulation hasEventMode="true" '),
+    )  # fmt: skip
+    system = system_of_fmu(path, 0.05)
+    assert system.components["position"].clocks == {"beat": (1, 2)}
+    assert list(system.inputs) == ["v"]  # a clock is no signal
+    assert "triggered clock bang is not connected and never ticks" in " ".join(system.warnings)
+    with pytest.raises(InputError, match="clock beat ticks every 0.1 s from 0.05 s on: no whole multiples"):
+        system_of_fmu(path, 0.02)
+
+
 def test_files_that_are_no_fmu(tmp_path: Path) -> None:
     (tmp_path / "x.fmu").write_bytes(b"no zip")
     with pytest.raises(InputError, match=r"FMU .*x\.fmu is truncated or not a zip archive"):

@@ -52,12 +52,20 @@ class Case:
             target = folder / "case.fmu"
             target.write_bytes(next(iter(archives.values())))
             return target
-        contents = {name: text.encode("latin-1", "replace") for name, text in self.files.items()} | archives
         if self.kind == "ssd":
+            contents = {
+                name: text.encode("latin-1", "replace") for name, text in self.files.items()
+            } | archives
             return _folder(folder, contents)
         target = folder / "case.ssp"
-        target.write_bytes(self._damaged("", contents))
+        target.write_bytes(self.archive(real))
         return target
+
+    def archive(self, real: bool = True) -> bytes:
+        """The case as a package, to be put into another one."""
+        archives = {path: self._fmu(path, parts, real) for path, parts in self.fmus.items()}
+        contents = {name: text.encode("latin-1", "replace") for name, text in self.files.items()}
+        return self._damaged("", contents | archives)
 
     def _fmu(self, path: str, parts: dict[str, str], real: bool) -> bytes:
         contents = {n: text.encode("latin-1", "replace") for n, text in parts.items() if n != LIBRARY}

@@ -34,6 +34,102 @@ def cases(described: Callable[[str], dict[str, str]]) -> Iterator[Case]:
         ssd = _structure(algorithm)
         yield Case("ssp", {"SystemStructure.ssd": ssd, **files}, {"resources/all.fmu": fmu})
     yield Case("fmu", {}, {"all.fmu": fmu})
+    yield Case("ssp", {"SystemStructure.ssd": _parameters()}, {"all.fmu": fmu})
+    part = _part("all.fmu")
+    inner = Case("ssp", {"SystemStructure.ssd": part, "odd name.ssd": part}, {"all.fmu": fmu})
+    packed = inner.archive(False).decode("latin-1")
+    others = {"SystemStructure.ssd": _files(), "sub/other.ssd": _part("../all.fmu"), "pack.ssp": packed}
+    yield Case("ssp", others, {"all.fmu": fmu})
+
+
+def _system(inner: str, more: str = "") -> str:
+    return (
+        f'<?xml version="1.0"?><ssd:SystemStructureDescription {SPACES} version="2.0" name="part">'
+        f'<ssd:System name="part">{inner}</ssd:System>{GEAR}{UNITS}{more}</ssd:SystemStructureDescription>'
+    )
+
+
+def _part(source: str) -> str:
+    """A system with an input, an output and a parameter of its own."""
+    kinds = {
+        "float64_in": "input",
+        "float64_out": "output",
+        "float64": "parameter",
+        "n": "structuralParameter",
+    }
+    types = {"n": "UInt64"}
+    own = "".join(_connector(name, kind, types.get(name, "Float64")) for name, kind in kinds.items())
+    links = "".join(
+        f'<ssd:Connection startConnector="{name}" endElement="all" endConnector="{name}"/>'
+        if kind != "output"
+        else f'<ssd:Connection startElement="all" startConnector="{name}" endConnector="{name}"/>'
+        for name, kind in kinds.items()
+    )
+    size = '<ssc:Dimension sizeConnector="n"/>'
+    row = f'<ssd:Connector name="row_in" kind="input"><ssc:Float64/>{size}</ssd:Connector>'
+    return _system(
+        f"<ssd:Connectors>{own}</ssd:Connectors>{_inline('n', 'UInt64', '3')}<ssd:Elements>"
+        f'<ssd:Component name="all" source="{source}"><ssd:Connectors>{own}{row}</ssd:Connectors>'
+        "</ssd:Component>"
+        f"</ssd:Elements><ssd:Connections>{links}</ssd:Connections>"
+    )
+
+
+def _inline(name: str, kind: str, value: str) -> str:
+    """A binding with one value written in place."""
+    return (
+        "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>"
+        '<ssv:ParameterSet version="2.0" name="p">'
+        f'<ssv:Parameters><ssv:Parameter name="{name}"><ssv:{kind} value="{value}"/></ssv:Parameter>'
+        "</ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues>"
+        "</ssd:ParameterBinding></ssd:ParameterBindings>"
+    )
+
+
+def _parameters() -> str:
+    """Values that travel along connections, a component without a source, and a constant."""
+    system = "".join(
+        _connector(name, kind, "Float64") for name, kind in (("gain", "parameter"), ("shared", "input"))
+    )
+    own = "".join(
+        _connector(name, kind, "Float64")
+        for name, kind in (("float64", "parameter"), ("float64_in", "input"), ("float64_out", "output"))
+    )
+    halve = '<ssc:LinearTransformation factor="0.5"/>'
+    return _system(
+        f"<ssd:Connectors>{system}</ssd:Connectors>{_inline('gain', 'Float64', '3')}<ssd:Elements>"
+        f'<ssd:Component name="a" source="all.fmu"><ssd:Connectors>{own}</ssd:Connectors></ssd:Component>'
+        f'<ssd:Component name="b" source="all.fmu" implementation="CoSimulation"><ssd:Connectors>{own}'
+        f"</ssd:Connectors></ssd:Component></ssd:Elements><ssd:Connections>"
+        f'<ssd:Connection startConnector="gain" endElement="a" endConnector="float64">{halve}'
+        "</ssd:Connection>"
+        '<ssd:Connection startConnector="shared" endElement="a" endConnector="float64_in"/>'
+        '<ssd:Connection startElement="a" startConnector="float64_out" endElement="b" '
+        f'endConnector="float64_in">{halve}</ssd:Connection></ssd:Connections>',
+        '<ssd:DefaultExperiment startTime="1" stopTime="2"/><ssd:SSDVariant baseSSD="x.ssd"/>',
+    )
+
+
+def _files() -> str:
+    """Systems of other files: an SSD in a folder, a package, and one of this file by its id."""
+    outer = _connector("float64_in", "input", "Float64") + _connector("float64_out", "output", "Float64")
+    component = (
+        '<ssd:Component name="{}" type="application/x-ssp-{}" source="{}">'
+        "<ssd:Connectors>{}</ssd:Connectors></ssd:Component>"
+    )
+    named = _part("all.fmu")
+    system = named[named.index("<ssd:System ") : named.index("</ssd:System>")] + "</ssd:System>"
+    return _system(
+        "<ssd:Elements>"
+        + component.format("sub", "definition", "sub/other.ssd", outer)
+        + component.format("pack", "package", "pack.ssp", outer)
+        + component.format("odd", "package", "pack.ssp#odd%20name.ssd", outer)
+        + component.format("again", "definition", "#mine", outer)
+        + system.replace("<ssd:System ", '<ssd:System id="mine" ')
+        + "</ssd:Elements><ssd:Connections>"
+        '<ssd:Connection startElement="sub" startConnector="float64_out" endElement="pack" '
+        'endConnector="float64_in"/></ssd:Connections>'
+    )
 
 
 def _description() -> str:
