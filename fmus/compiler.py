@@ -5,6 +5,7 @@ Results must be the same bits everywhere, so contraction and fast-math are off a
 
 import functools
 import importlib.util
+import os
 import platform
 import shutil
 import subprocess
@@ -42,6 +43,7 @@ TARGETS = {
     )
 }
 
+ALWAYS_ZIG = "SLEWRIGHT_ZIG"  # environment variable: ziglang even beside a cc; the result runs on older Linux
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden"]
 WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Werror"]
 GENERATED_WARNINGS = ["-w"]  # generated code is checked by what it computes
@@ -68,7 +70,7 @@ def command(name: str) -> tuple[str, ...]:
 
     Raises InputError when neither is there.
     """
-    if name == host().name and (cc := shutil.which("cc")):
+    if name == host().name and not os.environ.get(ALWAYS_ZIG) and (cc := shutil.which("cc")):
         return (cc,)
     if importlib.util.find_spec("ziglang") is None:
         raise InputError(f"no C compiler for {name}: install one as `cc`, or `pip install ziglang`")
