@@ -56,7 +56,10 @@ class Scratch:
     """A temporary folder that goes with this object; all that is unpacked into it shares MAX_BYTES."""
 
     def __init__(self) -> None:
-        self.path = Path(tempfile.mkdtemp(prefix="slewright-"))
+        try:
+            self.path = Path(tempfile.mkdtemp(prefix="slewright-"))
+        except OSError as error:
+            raise RunError(f"no temporary folder can be made: {error.strerror}") from None
         self._finalizer = weakref.finalize(self, _remove, self.path)
 
 
@@ -80,21 +83,15 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
         for entry in entries:
             _check_entry(entry, shown)
             names.add(entry)
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix="part-", dir=folder.parent))
         try:
-            for entry in entries:
-                _extract(archive, entry, part)
-            part.replace(folder)
-            _unpacked[folder.parent] = before + size
+            _extract_all(archive, entries, folder)
         except OSError as error:
             if error.errno in DISK_ERRORS:
                 raise RunError(f"{shown} cannot be unpacked into {folder}: {error.strerror}") from None
             raise InputError(f"{shown} is damaged: {error}") from None
         except DAMAGE as error:
             raise InputError(f"{shown} is damaged: {shortened(str(error), 200)}") from None
-        finally:
-            shutil.rmtree(part, ignore_errors=True)
+        _unpacked[folder.parent] = before + size
 
 
 @contextmanager
@@ -109,7 +106,9 @@ def opened(path: Path, shown: str) -> Iterator[zipfile.ZipFile]:
         archive = zipfile.ZipFile(path)
     except UnicodeDecodeError:
         raise InputError(f"{shown} has an entry whose name is not UTF-8") from None
-    except (OSError, *DAMAGE) as error:
+    except OSError as error:
+        raise InputError(f"{shown} cannot be read: {error.strerror or error}") from None
+    except DAMAGE as error:
         raise InputError(
             f"{shown} is truncated or not a zip archive ({shortened(str(error), 120)})"
         ) from None
@@ -220,6 +219,18 @@ def _unfit_content(entry: zipfile.ZipInfo) -> str:
     if entry.compress_type not in METHODS:
         return f"is compressed by method {entry.compress_type}; valid: {', '.join(METHODS.values())}"
     return ""
+
+
+def _extract_all(archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo], folder: Path) -> None:
+    """Beside `folder`, which takes its name when all is there: a failure leaves nothing behind."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    part = Path(tempfile.mkdtemp(prefix="part-", dir=folder.parent))
+    try:
+        for entry in entries:
+            _extract(archive, entry, part)
+        part.replace(folder)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
 
 
 def _extract(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:

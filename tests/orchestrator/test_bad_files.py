@@ -5,6 +5,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 import zipfile
@@ -328,9 +329,14 @@ def test_ctrl_c_ends_with_130_and_a_readable_record(tmp_path: Path) -> None:
 def test_no_room_to_unpack_is_no_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A full disk is told apart from a damaged archive: exit code 3, not 2."""
 
-    def full(*_: object) -> None:
+    def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(shutil, "copyfileobj", full)
     with pytest.raises(RunError, match=r"cannot be unpacked into .*: No space left on device"):
         load(tmp_path, OSCILLATOR, NAMES)
+    monkeypatch.undo()
+    path = write_ssp(tmp_path, OSCILLATOR, NAMES)
+    monkeypatch.setattr(tempfile, "mkdtemp", full)
+    with pytest.raises(RunError, match=r"no temporary folder can be made: No space left on device"):
+        load_system(path)
