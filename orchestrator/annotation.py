@@ -85,10 +85,11 @@ def _steps(text: Text, element: Element) -> dict[str, tuple[float, Place]]:
     return steps
 
 
-def _faults(text: Text, element: Element) -> list[Fault]:
+def _faults(text: Text, element: Element) -> list[tuple[Fault, Place]]:
     return [
-        from_attributes({str(k): str(v) for k, v in child.attrib.items()}, f"{text.place(child)}: <Fault>")
+        (from_attributes({str(k): str(v) for k, v in child.attrib.items()}, f"{place}: <Fault>"), place)
         for child in element.iterfind(f"{{{SIMULATION}}}Fault")
+        for place in [text.place(child)]
     ]
 
 

@@ -8,13 +8,16 @@ from orchestrator import archive
 from orchestrator.clocks import timed
 from orchestrator.description import Description
 from orchestrator.flatten import SSD_NAME, Flattener
+from orchestrator.interventions import check_faults
 from orchestrator.net import Net
 from orchestrator.parameters import Parameters
 from orchestrator.single import system_of_fmu
 from orchestrator.ssd import read_ssd
+from orchestrator.ssptext import Place
 from orchestrator.system import Component, System
-from orchestrator.wiring import Wiring, checked_sizes
+from orchestrator.wiring import Wiring
 from specs.errors import InputError, nearest
+from specs.faults import Fault
 from specs.signals import signals
 
 DEFAULT_STEP_S = 0.02
@@ -46,10 +49,10 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
         raise InputError(f"system {text.name} has no component")
     parameters = Parameters(net)
     step_s = text.simulation.step_s or DEFAULT_STEP_S
-    started = {n: replace(c, start=parameters.of(n)) for n, c in net.components.items()}
+    start = parameters.by_component()
+    started = {n: replace(c, start=start[n]) for n, c in net.components.items()}
     components = timed(net, started, text.simulation, step_s)
     wiring = Wiring(net, parameters, components)
-    checked_sizes(wiring, parameters)
     system = System(
         name=text.name,
         step_s=step_s,
@@ -61,11 +64,20 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
         outputs=wiring.outputs,
         warnings=(*_warnings(text, net, wiring), *net.warnings, *_of_fmus(components)),
         parameters=wiring.settable,
-        faults=text.simulation.faults,
+        faults=tuple(fault for fault, _ in text.simulation.faults),
         files=files,
     )
     system.check_algorithm(system.settings.algorithm)
+    for fault, place in text.simulation.faults:
+        _check_fault(system, fault, place)
     return system
+
+
+def _check_fault(system: System, fault: Fault, place: Place) -> None:
+    try:
+        check_faults(system, [fault])
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from None
 
 
 def _variants(folder: Path) -> Iterator[str]:
@@ -98,10 +110,12 @@ def _warnings(text: Description, net: Net, wiring: Wiring) -> Iterator[str]:
 
 def _unconnected(wiring: Wiring) -> Iterator[str]:
     """Inputs of FMUs that keep their start value; an alias of one that is driven is driven too."""
-    ends = {(path.target.owner, path.target.name) for path in wiring.paths}
+    ends: dict[str, set[int]] = {}
+    for path in wiring.paths:
+        variable = wiring.components[path.target.owner].model.variables[path.target.name]
+        ends.setdefault(path.target.owner, set()).add(variable.vr)
     for component in wiring.components.values():
-        variables = component.model.variables
-        driven = {variables[name].vr for owner, name in ends if owner == component.name}
+        variables, driven = component.model.variables, ends.get(component.name, set())
         for variable in variables.values():
             if variable.causality != "input" or variable.type == "Clock" or variable.vr in driven:
                 continue

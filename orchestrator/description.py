@@ -99,7 +99,7 @@ class Simulation:
     step_s: float | None = None
     settings: Settings = field(default_factory=Settings)
     steps: Mapping[str, tuple[float, Place]] = field(default_factory=dict)
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[tuple[Fault, Place], ...] = ()
     place: Place | None = None
 
 

@@ -30,9 +30,12 @@ class Parameters:
         self._assign(net.scope)
         self._carry()
 
-    def of(self, component: str) -> dict[str, Value]:
-        """Start values of one component."""
-        return {name: value for (path, name), value in self.start.items() if path == component}
+    def by_component(self) -> dict[str, dict[str, Value]]:
+        """Start values of every component."""
+        found: dict[str, dict[str, Value]] = {path: {} for path in self.net.components}
+        for (path, name), value in self.start.items():
+            found[path][name] = value
+        return found
 
     # ---- what a name means ----
 

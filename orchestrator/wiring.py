@@ -3,16 +3,15 @@
 from collections.abc import Iterator, Mapping
 
 from orchestrator.conversion import undo
-from orchestrator.flatten import GIVES, TAKES
+from orchestrator.ends import GIVES, TAKES
 from orchestrator.net import INNER, SIGNAL, Edge, Net, Node, Port
 from orchestrator.parameters import Parameters, in_form
 from orchestrator.signals import Form, Path, follow, form_of
+from orchestrator.sizes import Sizes
 from orchestrator.system import Component, Link, Source, SystemInput, SystemOutput, SystemParameter
-from orchestrator.values import checked_value
 from orchestrator.variable import Value, Variable
 from specs.errors import InputError
 
-Dimensions = tuple[int | None, ...]
 ZERO: Mapping[str, Value] = {
     "real": 0.0,
     "integer": 0,
@@ -34,11 +33,14 @@ class Wiring:
         self.net, self.parameters, self.components = net, parameters, components
         self.paths: list[Path] = []  # with a target that is an input or parameter of an FMU
         self.roots: dict[Port, Form] = {}
+        self.sizes = Sizes(net, parameters, components)
+        self.sizes.check_start()
         for node in net.nodes.values():
-            self._check_dimensions(node)
+            self.sizes.check_declared(node)
         for port in net.incoming:
             self._target(net.nodes[port])
         self.links = tuple(self._link(path) for path in self.paths if self._linked(path))
+        self._check_aliases()
         self.inputs = {n.port.name: self._input(n) for n in net.system_ports(("input",))}
         self.outputs = {
             n.port.name: self._output(n) for n in net.system_ports(GIVES) if n.port in net.incoming
@@ -56,7 +58,7 @@ class Wiring:
         root = self.net.nodes[edges[0].source]
         self._check_root(root, edges)
         path = follow(self.net, edges, self.roots.get(root.port))
-        self._check_sizes(edges)
+        self.sizes.check_chain(edges)
         if root.variable is None and not _of_system(root) and root.port not in self.parameters.ports:
             return  # nothing is connected to it from outside: the variable keeps its start value
         if _of_system(root) and root.port in self.roots and root.typed.unit is None:
@@ -98,6 +100,21 @@ class Wiring:
         moving = source.variable is not None or (_of_system(source) and source.kind == "input")
         return moving and target.kind == "input"
 
+    def _check_aliases(self) -> None:
+        """One variable under two names has one source."""
+        seen: dict[tuple[str, str, int], Link] = {}
+        for link in self.links:
+            model = self.components[link.component].model
+            variable = model.variables[link.name]
+            key = (link.component, variable.type if model.fmi_version == 2 else "", variable.vr)
+            other = seen.setdefault(key, link)
+            if other is not link:
+                place = self.net.incoming[Port(link.component, link.name)].place
+                raise InputError(
+                    f"{place}: {link.component}.{link.name} has a second source: it is an alias of "
+                    f"{other.name}, which is connected in line {other.line}"
+                )
+
     def _link(self, path: Path) -> Link:
         variable = self._variable(path.target)
         return Link(
@@ -120,7 +137,7 @@ class Wiring:
         """One without a value from a binding starts as the first FMU variable that it drives does."""
         driven = [path for path in self.paths if path.source == node.port]
         form = driven[0].start if driven else form_of(node)
-        size = self._size(node, driven)
+        size = self.sizes.of([node.port, *(path.target for path in driven)])
         kind = form.value.kind or "real"
         start = self._bound(node.port, form)
         if start is None and driven:
@@ -157,9 +174,9 @@ class Wiring:
                 "nor an input of the system"
             )
         path = follow(self.net, edges, self.roots.get(root.port))
-        self._check_sizes(edges)
+        self.sizes.check_chain(edges)
         source = Source(root.port.owner, root.port.name)
-        size = self._size(root, []) if root.variable is not None else self._size(root, [], edges)
+        size = self.sizes.of([root.port, *(edge.target for edge in edges)])
         form = path.end
         return SystemOutput(
             node.port.name, form.unit_name, source, path.conversion, _type(form), size, path.place.line
@@ -175,78 +192,6 @@ class Wiring:
             _type(form),
             tuple(self._link(path) for path in paths),
         )
-
-    # ---- sizes ----
-
-    def _size(self, node: Node, driven: list[Path], edges: list[Edge] | None = None) -> int:
-        """Number of elements: as stated, or as of the first connected variable."""
-        ports = [node.port, *(p.target for p in driven), *(e.target for e in edges or ())]
-        for port in ports:
-            dimensions = self._dimensions(self.net.nodes[port])
-            if dimensions is not None and None not in dimensions:
-                return _product(dimensions)
-        return 1
-
-    def _dimensions(self, node: Node) -> Dimensions | None:
-        """Sizes of all dimensions; None for a connector that states none, which then says nothing."""
-        if node.variable is not None:
-            return self.variable_dimensions(node.port.owner, node.variable)
-        if not node.typed.dimensions:
-            return None
-        return tuple(self._dimension(node, d) for d in node.typed.dimensions)
-
-    def variable_dimensions(self, owner: str, variable: Variable) -> Dimensions:
-        """Sizes of all dimensions of a variable, with the structural parameters that it starts with."""
-        component = self.components[owner]
-        model = component.model.structural()
-        sizes: list[int | None] = []
-        for dimension in variable.dimensions:
-            value = (
-                component.start.get(dimension, model.get(dimension))
-                if isinstance(dimension, str)
-                else dimension
-            )
-            sizes.append(int(value) if isinstance(value, int | float) else None)
-        return tuple(sizes)
-
-    def _dimension(self, node: Node, dimension: int | str | None) -> int | None:
-        if not isinstance(dimension, str):
-            return dimension
-        port = Port(node.port.owner, dimension)
-        giver = self.net.nodes.get(port)
-        if giver is None:
-            raise InputError(
-                f"{node.place}: sizeConnector '{dimension}' of '{node.port.name}' is no connector"
-            )
-        if giver.variable is not None:
-            start = self.components[port.owner].start.get(dimension, giver.variable.start)
-            return start if isinstance(start, int) else None
-        bound = self.parameters.ports.get(port)
-        return bound.value if bound is not None and isinstance(bound.value, int) else None
-
-    def _check_dimensions(self, node: Node) -> None:
-        """Of an FMU's connector: as its variable has them."""
-        if node.variable is None or not node.typed.dimensions:
-            return
-        declared = tuple(self._dimension(node, d) for d in node.typed.dimensions)
-        own = self.variable_dimensions(node.port.owner, node.variable)
-        if not _fit(declared, own):
-            raise InputError(
-                f"{node.place}: {node.port} is declared as {_show(declared)}, but is {_show(own)} in the FMU"
-            )
-
-    def _check_sizes(self, edges: list[Edge]) -> None:
-        """Arrays are connected whole: all that say their size must say the same."""
-        at, known = edges[0].source, self._dimensions(self.net.nodes[edges[0].source])
-        for edge in edges:
-            node = self.net.nodes[edge.target]
-            wanted = self._dimensions(node)
-            if known is not None and wanted is not None and not _fit(known, wanted):
-                raise InputError(
-                    f"{edge.place}: {at} ({_show(known)}) does not fit {node.port} ({_show(wanted)})"
-                )
-            if wanted is not None:
-                at, known = node.port, wanted
 
     # ---- what may not be meant ----
 
@@ -283,33 +228,3 @@ def _type(form: Form) -> str:
     if form.value.type:
         return form.value.type
     return "Integer" if form.value.generic == "integer" else "Real"
-
-
-def _fit(one: Dimensions, other: Dimensions) -> bool:
-    """Whether two shapes are the same; an open size fits every other."""
-    return len(one) == len(other) and all(
-        a is None or b is None or a == b for a, b in zip(one, other, strict=True)
-    )
-
-
-def _product(dimensions: Dimensions) -> int:
-    size = 1
-    for dimension in dimensions:
-        size *= dimension or 1
-    return size
-
-
-def _show(dimensions: Dimensions) -> str:
-    """E.g. `scalar`, `size 3`, `size 2 × 3`."""
-    if not dimensions:
-        return "scalar"
-    return "size " + " × ".join("?" if d is None else str(d) for d in dimensions)
-
-
-def checked_sizes(wiring: Wiring, parameters: Parameters) -> None:
-    """Start values of arrays against their sizes; InputError names place and sizes."""
-    for (owner, name), value in parameters.start.items():
-        variable = wiring.components[owner].model.variables[name]
-        size = _product(wiring.variable_dimensions(owner, variable))
-        where = f"{parameters.places[owner, name]}: parameter {owner}.{name}"
-        checked_value(variable, value, where, size)

@@ -38,8 +38,9 @@ def paper(
     version: int = 3,
     flags: str = "",
     files: dict[str, str] | None = None,
+    library: bytes = b"",
 ) -> Path:
-    """An FMU with these variables (XML) and capability flags, and a library that nobody loads."""
+    """An FMU with these variables (XML), capability flags and, if it is to run, a library."""
     target = host()
     binaries = target.fmi2_folder if version == 2 else target.name
     token = "guid" if version == 2 else "instantiationToken"
@@ -52,7 +53,7 @@ def paper(
             f'<CoSimulation modelIdentifier="{name}" {flags}/>{UNITS}{TYPES2 if version == 2 else TYPES3}'
             f"<ModelVariables>{variables}</ModelVariables><ModelStructure/></fmiModelDescription>",
         )
-        archive.writestr(f"binaries/{binaries}/{name}{target.suffix}", b"")
+        archive.writestr(f"binaries/{binaries}/{name}{target.suffix}", library)
         for file, content in (files or {}).items():
             archive.writestr(file, content)
     return path
