@@ -2,8 +2,10 @@
 
 import argparse
 import json
+import os
 import re
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -21,6 +23,7 @@ from tests.orchestrator.fuzz.stepper import Stepper, available
 WORK = BUILD / "fuzz"
 MAX_SIZE = 120_000  # characters of a case; larger ones are dropped
 REPORT_S = 30.0
+MEMORY = Path("/dev/shm")
 ADDRESS = re.compile(r"0x[0-9a-f]+|==[0-9]+==")
 
 
@@ -106,6 +109,8 @@ def main() -> int:
         "--keep", type=Path, metavar="FILE", help=f"write the corpus here, e.g. {CORPUS.name}"
     )
     options = parser.parse_args()
+    if MEMORY.is_dir():  # thousands of small folders are made and removed
+        os.environ["TMPDIR"] = tempfile.tempdir = str(MEMORY)
     stepper = None if options.no_step or not available() else Stepper()
     if stepper is None:
         print(
