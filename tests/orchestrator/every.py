@@ -1,6 +1,8 @@
 """Builds the FMUs of every2.c and every3.c, which have variables of every type, and says what they are."""
 
+import functools
 import os
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,13 +47,14 @@ class Every:
         return self.system.components["every"]
 
 
-def library(fmi_version: int, folder: Path, *flags: str) -> Path:
-    """The shared library alone."""
-    host = compiler.host()
-    compiled = compiler.compile_object(
-        HERE / f"every{fmi_version}.c", folder / "every.o", host.name, [f"-I{SHIM}", *FLAGS, *flags]
-    )
-    return compiler.link_shared([compiled], folder / f"every{host.suffix}", host.name, FLAGS)
+@functools.cache
+def library(fmi_version: int, *flags: str) -> bytes:
+    """The shared library."""
+    host, source = compiler.host(), HERE / f"every{fmi_version}.c"
+    with tempfile.TemporaryDirectory() as scratch:
+        compiled, linked = Path(scratch) / "every.o", Path(scratch) / f"every{host.suffix}"
+        compiler.compile_object(source, compiled, host.name, [f"-I{SHIM}", "-O0", *FLAGS, *flags])
+        return compiler.link_shared([compiled], linked, host.name, FLAGS).read_bytes()
 
 
 def every(fmi_version: int, folder: Path, *flags: str, modes: bool = True, token: str = "every") -> Every:
@@ -62,7 +65,7 @@ def every(fmi_version: int, folder: Path, *flags: str, modes: bool = True, token
     path = folder / "every.fmu"
     content = {
         "modelDescription.xml": description.encode(),
-        f"binaries/{binaries}/every{host.suffix}": library(fmi_version, folder, *flags).read_bytes(),
+        f"binaries/{binaries}/every{host.suffix}": library(fmi_version, *flags),
     }
     path.write_bytes(pack(content))
     return Every(path, system_of_fmu(path, 0.1))

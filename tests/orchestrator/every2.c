@@ -48,7 +48,7 @@ const char *fmi2GetVersion(void) { return VERSION; }
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible,
                               fmi2Boolean logging) {
-  (void)visible, (void)logging;
+  (void)name, (void)visible, (void)logging;
   if (strcmp(guid, "every") != 0 || type != fmi2CoSimulation || strncmp(resources, "file:", 5) != 0) {
 #ifndef MUTE
     callbacks->logger(callbacks->componentEnvironment, name, fmi2Error, "", "wrong token '%s'", guid);
