@@ -105,10 +105,10 @@ class VariableReader:
         return "continuous" if type_name in REALS else "discrete"
 
     def _initial(self, outer: Element, typed: Element, causality: str, variability: str) -> str:
-        """As given, or the standard's default for this causality and variability."""
-        if causality == "independent":
-            return ""
-        exact = causality in ("input", "parameter", "structuralParameter") or variability == "constant"
+        """As given, or the standard's default for this causality and variability; an input has no choice."""
+        if causality in ("independent", "input"):
+            return "exact" if causality == "input" else ""
+        exact = causality in ("parameter", "structuralParameter") or variability == "constant"
         holder = outer if self.version == 2 else typed
         return self._choice(holder, "initial", INITIALS, "exact" if exact else "calculated")
 

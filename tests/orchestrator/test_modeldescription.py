@@ -87,6 +87,26 @@ def test_types_of_fmi_2_with_their_start_values() -> None:
     assert found.variables["v1"].variability == "discrete"
 
 
+@pytest.mark.parametrize(
+    ("attributes", "initial"),
+    [
+        ('causality="input" start="0" initial="calculated"', "exact"),
+        ('causality="output"', "calculated"),
+        ('causality="output" initial="approx" start="0"', "approx"),
+        ('causality="output" variability="constant" start="0"', "exact"),
+        ('causality="parameter" start="0"', "exact"),
+        ('causality="calculatedParameter"', "calculated"),
+        ('causality="independent"', ""),
+        ("", "calculated"),
+    ],
+)
+def test_how_a_variable_is_initialised(attributes: str, initial: str) -> None:
+    variable = fmi3(f'<Float64 name="v" valueReference="1" {attributes}/>').variables["v"]
+    assert variable.initial == initial
+    fixed = variable.causality in ("parameter", "calculatedParameter")
+    assert (variable.variability == "fixed") == fixed
+
+
 ARRAYS = """<UInt64 name="n" valueReference="1" causality="structuralParameter" start="2"/>
 <UInt64 name="three" valueReference="2" variability="constant" start="3"/>
 <Float64 name="a" valueReference="3" causality="input" start="1 2 3 4 5 6">
