@@ -180,8 +180,17 @@ class System:
         Raises InputError for a name that begins with no component.
         """
         fitting = [owner for owner in self.components if name.startswith(f"{owner}.")]
-        owner = max(fitting, key=len) if fitting else name.partition(".")[0]
-        return self.component(owner), name[len(owner) + 1 :]
+        if fitting:
+            owner = max(fitting, key=len)
+            return self.components[owner], name[len(owner) + 1 :]
+        owner, dot, _ = name.partition(".")
+        if not dot:
+            raise InputError(
+                f"'{name}' is not of the form component.variable; {nearest(owner, self.components)}"
+            )
+        raise InputError(
+            f"'{name}': system {self.name} has no component '{owner}'; {nearest(owner, self.components)}"
+        )
 
     def start_values(self, parameters: Mapping[str, Value]) -> dict[str, dict[str, Value]]:
         """Start values of every component, `parameters` included: "component.parameter", or a system's own.
