@@ -94,6 +94,7 @@ void slw_core_free(slw_core *core) {
   for (uint32_t i = 0; core->blobs && i < core->n_blobs; i++) free(core->blobs[i].data);
   if (core->logs) slw_ring_close(&core->ring);
   free(core->blocks);
+  free(core->fast);
   free(core->changes);
   free(core->order);
   free(core->loop);
@@ -271,6 +272,9 @@ bool slw_core_log(slw_core *core, size_t n, const uint32_t *cells, size_t rows) 
   if (core->logs) return refuse(core, "there is one log", 0);
   core->log_cells = copied(cells, n * sizeof *cells);
   core->n_log = n;
+  core->log_run = n ? core->cells + cells[0] : NULL;
+  for (size_t i = 0; i < n; i++)
+    if (cells[i] != cells[0] + i) core->log_run = NULL;
   core->logs = core->log_cells && slw_ring_open(&core->ring, n + 1, rows);
   return core->logs || refuse(core, "no memory", 0);
 }
@@ -310,6 +314,25 @@ static slw_path path_of(const slw_core *core, const slw_block *b) {
     return SLW_GENERAL;
   if (f->fmi_version == 2) return f->fast.fmi2.do_step ? SLW_FAST2 : SLW_GENERAL;
   return f->fast.fmi3.do_step ? SLW_FAST3 : SLW_GENERAL;
+}
+
+static void fill_fast(slw_fast *f, slw_block *b) {
+  f->block = b, f->path = b->path, f->instance = b->fmu->instance;
+  if (b->path == SLW_FAST2) {
+    f->fmi2.set_real = b->fmu->fast.fmi2.set_real, f->fmi2.get_real = b->fmu->fast.fmi2.get_real;
+    f->fmi2.do_step = b->fmu->fast.fmi2.do_step;
+  } else if (b->path == SLW_FAST3) {
+    f->fmi3.set = b->fmu->fast.fmi3.set, f->fmi3.get = b->fmu->fast.fmi3.get;
+    f->fmi3.do_step = b->fmu->fast.fmi3.do_step;
+  }
+  if (b->n_sets) {
+    const slw_group *g = b->sets;
+    f->set_vr = g->vr, f->n_set_vr = g->n_vr, f->n_set = g->n, f->set_cells = g->cells;
+  }
+  if (b->n_gets) {
+    const slw_group *g = b->gets;
+    f->get_vr = g->vr, f->n_get_vr = g->n_vr, f->n_get = g->n, f->get_cells = g->cells;
+  }
 }
 
 static bool only_moves(const slw_exchange *e) { return !e->n_tables && !e->n_copies && !e->n_injections; }
@@ -355,13 +378,19 @@ void slw_finish_plan(slw_core *core) {
     qsort(core->changes, core->n_changes, sizeof *core->changes, by_tick);
     core->next_change_tick = core->changes[0].tick;
   }
-  for (uint32_t i = 0; i < core->n_blocks; i++) core->blocks[i].path = path_of(core, &core->blocks[i]);
+  core->fast = calloc(core->n_blocks + 1u, sizeof *core->fast);
+  for (uint32_t i = 0; i < core->n_blocks; i++) {
+    slw_block *b = &core->blocks[i];
+    b->path = core->fast ? path_of(core, b) : SLW_GENERAL;
+    if (core->fast) fill_fast(&core->fast[i], b);
+  }
   core->plain = is_plain(core) && join(core);
+  core->sink_works = core->sink.n_moves || !only_moves(&core->sink);
   core->size = (uint64_t)2 << core->max_halvings;
   switch (core->algorithm) {
     case SLW_GAUSS_SEIDEL: core->advance = slw_gauss_seidel; break;
     case SLW_ITERATE: core->advance = slw_iterate; break;
     case SLW_ADAPTIVE: core->advance = slw_adaptive; break;
-    default: core->advance = core->plain ? slw_jacobi_plain : slw_jacobi;
+    default: core->advance = slw_jacobi;
   }
 }

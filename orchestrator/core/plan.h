@@ -11,6 +11,7 @@
 
 #define SLW_NEVER INT64_MAX
 #define SLW_EXPONENT 0x7ff0000000000000ULL /* all ones in a double that is infinite or no number */
+#define SLW_EXPONENT_ONE 0x0010000000000000ULL
 
 /* cells[first + i] = scale[i] * cells[source[i]] + offset[i]; scale NULL: the cell unchanged. */
 typedef struct {
@@ -73,6 +74,20 @@ typedef struct {
   slw_block_statistics count;
 } slw_block;
 
+/* What the fast path needs of a block, side by side. */
+typedef struct {
+  union {
+    struct { slw_fmi2_set_real set_real; slw_fmi2_do_step do_step; slw_fmi2_get_real get_real; } fmi2;
+    struct { slw_fmi3_set_float64 set; slw_fmi3_do_step do_step; slw_fmi3_get_float64 get; } fmi3;
+  };
+  void *instance;
+  const uint32_t *set_vr, *get_vr;
+  slw_cell *set_cells, *get_cells;
+  size_t n_set_vr, n_set, n_get_vr, n_get;
+  slw_path path;
+  slw_block *block;
+} slw_fast;
+
 /* Something that happens once, at the begin of a tick: a stimulus (block SLW_SINK) or a parameter set. */
 typedef struct {
   int64_t tick;
@@ -99,8 +114,10 @@ struct slw_core {
   double step_s;
   int64_t tick;
   slw_block *blocks;
+  slw_fast *fast; /* of each block; meaningful where its path says so */
   uint32_t n_blocks;
   slw_exchange sink;
+  bool sink_works; /* there is something to do for it */
   slw_exchange whole; /* plain systems: the moves of all blocks, joined */
   bool plain;         /* every block steps every tick, exchanges by moves alone */
   slw_change *changes;
@@ -112,6 +129,7 @@ struct slw_core {
   uint32_t max_iterations, max_halvings;
   bool (*advance)(slw_core *);
   uint32_t *log_cells;
+  const slw_cell *log_run; /* where these cells stand side by side: the first; else NULL */
   size_t n_log;
   slw_ring ring;
   bool logs;
@@ -128,6 +146,9 @@ struct slw_core {
 void slw_finish_plan(slw_core *core);
 
 /* run.c */
+bool slw_run_sink(slw_core *core);
+/* step.c: slw_core_run of plain systems. */
+slw_outcome slw_run_plain(slw_core *core, int64_t until);
 bool slw_apply_changes(slw_core *core, int64_t tick, bool parameters);
 
 /* exchange.c: false: slw_core_failure says why. `now`: tick whose faults apply. */
@@ -159,7 +180,6 @@ bool slw_block_restore(slw_core *core, slw_block *b, int slot);
 bool slw_check_finite(slw_core *core, const slw_block *b);
 
 /* step.c, rollback.c: one tick. */
-bool slw_jacobi_plain(slw_core *core);
 bool slw_jacobi(slw_core *core);
 bool slw_gauss_seidel(slw_core *core);
 bool slw_iterate(slw_core *core);
@@ -189,5 +209,24 @@ double slw_clock_s(void);
 void slw_end(slw_core *core, const slw_block *b);
 /* Sets slw_core_failure; returns false. */
 bool slw_fail(slw_core *core, slw_what what, slw_status status, const slw_block *b, uint32_t cell);
+
+/* The begin of every tick: changes, pace, system outputs, and the logged row, which waits while the ring is full. */
+static inline bool slw_begin_tick(slw_core *core) {
+  core->failure.tick = core->tick;
+  if (core->tick >= core->next_change_tick && !slw_apply_changes(core, core->tick, true)) return false;
+  if (core->pace) slw_pace_wait(core);
+  if (core->sink_works && !slw_run_sink(core)) return false;
+  if (!core->logs) return true;
+  slw_cell *row = slw_ring_row(&core->ring);
+  if (!row) row = slw_ring_wait_row(&core->ring);
+  row[0].integer = core->tick;
+  if (core->log_run) { /* often what is recorded stands side by side */
+    for (size_t i = 0; i < core->n_log; i++) row[1 + i] = core->log_run[i];
+  } else {
+    for (size_t i = 0; i < core->n_log; i++) row[1 + i] = core->cells[core->log_cells[i]];
+  }
+  slw_ring_commit(&core->ring);
+  return true;
+}
 
 #endif

@@ -27,33 +27,16 @@ bool slw_apply_changes(slw_core *core, int64_t tick, bool parameters) {
   return true;
 }
 
-static inline void write_row(slw_core *core, slw_cell *row) {
-  row[0].integer = core->tick;
-  for (size_t i = 0; i < core->n_log; i++) row[1 + i] = core->cells[core->log_cells[i]];
-  slw_ring_commit(&core->ring);
-}
-
-/* The row of the present tick; waits while the ring is full. */
-static inline void log_row(slw_core *core) {
-  slw_cell *row = slw_ring_row(&core->ring);
-  write_row(core, row ? row : slw_ring_wait_row(&core->ring));
-}
-
-static inline bool begin_tick(slw_core *core) {
-  core->failure.tick = core->tick;
-  if (core->tick >= core->next_change_tick && !slw_apply_changes(core, core->tick, true)) return false;
-  if (core->pace) slw_pace_wait(core);
-  if (core->sink.n_moves | core->sink.n_tables | core->sink.n_copies | core->sink.n_injections) {
-    if (!slw_exchange_run(core, SLW_SINK, &core->sink)) return false;
-    slw_exchange_accept(core, &core->sink);
-  }
+bool slw_run_sink(slw_core *core) {
+  if (!slw_exchange_run(core, SLW_SINK, &core->sink)) return false;
+  slw_exchange_accept(core, &core->sink);
   return true;
 }
 
 slw_outcome slw_core_run(slw_core *core, int64_t until) {
+  if (core->plain) return slw_run_plain(core, until);
   while (core->tick < until) {
-    if (!begin_tick(core)) return SLW_FAILED;
-    if (core->logs) log_row(core);
+    if (!slw_begin_tick(core)) return SLW_FAILED;
     if (!core->advance(core)) return SLW_FAILED;
     core->tick++;
     if (core->ended) return SLW_ENDED;
@@ -62,9 +45,7 @@ slw_outcome slw_core_run(slw_core *core, int64_t until) {
 }
 
 bool slw_core_log_last(slw_core *core) {
-  if (!begin_tick(core)) return false;
-  if (core->logs) log_row(core);
-  return true;
+  return slw_begin_tick(core);
 }
 
 void slw_core_log_finish(slw_core *core) {

@@ -8,6 +8,9 @@
 
 /* ---- the fast path: nothing but set, step and get of real variables of FMUs in this process ---- */
 
+#define ALWAYS_INLINE inline __attribute__((always_inline))
+#define LIKELY(x) __builtin_expect(!!(x), 1)
+
 /* What a status other than OK comes to. */
 static bool note(slw_core *core, slw_block *b, int status, slw_what doing) {
   if (status > SLW_ERROR) b->fmu->fatal = true; /* also Pending: its step still runs */
@@ -16,68 +19,71 @@ static bool note(slw_core *core, slw_block *b, int status, slw_what doing) {
   return true;
 }
 
-static inline bool all_finite(const slw_group *g) {
-  uint64_t infinite = 0;
-  for (size_t i = 0; i < g->n; i++)
-    infinite |= ((uint64_t)g->cells[i].integer & SLW_EXPONENT) == SLW_EXPONENT;
-  return !infinite;
+/* An exponent of all ones, with its lowest bit added once more, carries into the sign. */
+static ALWAYS_INLINE bool all_finite(const slw_cell *cells, size_t n) {
+  uint64_t carried = 0;
+  for (size_t i = 0; i < n; i++) carried |= ((uint64_t)cells[i].integer & SLW_EXPONENT) + SLW_EXPONENT_ONE;
+  return (int64_t)carried >= 0;
 }
 
-static inline bool fast2(slw_core *core, slw_block *b, double t) {
-  const slw_fmu *f = b->fmu;
+static ALWAYS_INLINE bool fast2(slw_core *core, const slw_fast *f, double t) {
+  slw_block *b = f->block;
   int status;
-  if (b->n_sets) {
-    const slw_group *g = b->sets;
-    status = f->fast.fmi2.set_real(f->instance, g->vr, g->n_vr, &g->cells->real);
-    if (status != SLW_OK && !note(core, b, status, SLW_DOING_SET)) return false;
+  if (LIKELY(f->n_set)) {
+    status = f->fmi2.set_real(f->instance, f->set_vr, f->n_set, &f->set_cells->real);
+    if (!LIKELY(status == SLW_OK) && !note(core, b, status, SLW_DOING_SET)) return false;
   }
-  status = f->fast.fmi2.do_step(f->instance, t, core->step_s, 0);
-  if (status == SLW_DISCARD) {
-    if (!slw_block_finish_discarded(core, b, t)) return false;
-  } else if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) {
-    return false;
+  status = f->fmi2.do_step(f->instance, t, core->step_s, 0);
+  if (!LIKELY(status == SLW_OK)) {
+    if (status == SLW_DISCARD ? !slw_block_finish_discarded(core, b, t) : !note(core, b, status, SLW_DOING_STEP))
+      return false;
   }
-  if (!b->n_gets) return true;
-  const slw_group *g = b->gets;
-  status = f->fast.fmi2.get_real(f->instance, g->vr, g->n_vr, &g->cells->real);
-  if (status != SLW_OK && !note(core, b, status, SLW_DOING_GET)) return false;
-  return all_finite(g) || slw_check_finite(core, b);
+  if (!f->n_get) return true;
+  status = f->fmi2.get_real(f->instance, f->get_vr, f->n_get, &f->get_cells->real);
+  if (!LIKELY(status == SLW_OK) && !note(core, b, status, SLW_DOING_GET)) return false;
+  return LIKELY(all_finite(f->get_cells, f->n_get)) || slw_check_finite(core, b);
 }
 
-static inline bool fast3(slw_core *core, slw_block *b, double t) {
-  const slw_fmu *f = b->fmu;
+static ALWAYS_INLINE bool fast3(slw_core *core, const slw_fast *f, double t) {
+  slw_block *b = f->block;
   int status;
-  if (b->n_sets) {
-    const slw_group *g = b->sets;
-    status = f->fast.fmi3.set(f->instance, g->vr, g->n_vr, &g->cells->real, g->n);
-    if (status != SLW_OK && !note(core, b, status, SLW_DOING_SET)) return false;
+  if (LIKELY(f->n_set)) {
+    status = f->fmi3.set(f->instance, f->set_vr, f->n_set_vr, &f->set_cells->real, f->n_set);
+    if (!LIKELY(status == SLW_OK) && !note(core, b, status, SLW_DOING_SET)) return false;
   }
   bool event = false, terminate = false, early = false;
   double reached = t;
-  status = f->fast.fmi3.do_step(f->instance, t, core->step_s, false, &event, &terminate, &early, &reached);
-  if (terminate) {
-    slw_end(core, b);
-  } else if (status == SLW_DISCARD) {
-    if (!slw_block_continue(core, b, t, reached)) return false;
-  } else if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) {
-    return false;
-  } else if (early) {
-    return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
+  status = f->fmi3.do_step(f->instance, t, core->step_s, false, &event, &terminate, &early, &reached);
+  if (!LIKELY(status == SLW_OK && !terminate && !early)) {
+    if (terminate && status <= SLW_DISCARD) {
+      slw_end(core, b);
+    } else if (status == SLW_DISCARD) {
+      if (!slw_block_continue(core, b, t, reached)) return false;
+    } else if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) {
+      return false;
+    } else if (early) {
+      return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
+    }
   }
-  if (!b->n_gets) return true;
-  const slw_group *g = b->gets;
-  status = f->fast.fmi3.get(f->instance, g->vr, g->n_vr, &g->cells->real, g->n);
-  if (status != SLW_OK && !note(core, b, status, SLW_DOING_GET)) return false;
-  return all_finite(g) || slw_check_finite(core, b);
+  if (!f->n_get) return true;
+  status = f->fmi3.get(f->instance, f->get_vr, f->n_get_vr, &f->get_cells->real, f->n_get);
+  if (!LIKELY(status == SLW_OK) && !note(core, b, status, SLW_DOING_GET)) return false;
+  return LIKELY(all_finite(f->get_cells, f->n_get)) || slw_check_finite(core, b);
 }
 
-bool slw_jacobi_plain(slw_core *core) {
-  const double t = (double)core->tick * core->step_s;
-  slw_block *const end = core->blocks + core->n_blocks;
-  for (uint32_t i = 0; i < core->whole.n_moves; i++) slw_move_run(core->cells, &core->whole.moves[i]);
-  for (slw_block *b = core->blocks; b < end; b++)
-    if (!(b->path == SLW_FAST2 ? fast2(core, b, t) : fast3(core, b, t))) return false;
-  return true;
+/* slw_core_run for systems that need nothing else: the same in one loop, so that all of it is inlined. */
+slw_outcome slw_run_plain(slw_core *core, int64_t until) {
+  const slw_fast *const end = core->fast + core->n_blocks;
+  while (core->tick < until) {
+    if (!slw_begin_tick(core)) return SLW_FAILED;
+    const double t = (double)core->tick * core->step_s;
+    for (uint32_t i = 0; i < core->whole.n_moves; i++) slw_move_run(core->cells, &core->whole.moves[i]);
+    for (const slw_fast *f = core->fast; f < end; f++)
+      if (!(f->path == SLW_FAST2 ? fast2(core, f, t) : fast3(core, f, t))) return SLW_FAILED;
+    core->tick++;
+    if (core->ended) return SLW_ENDED;
+  }
+  return SLW_DONE;
 }
 
 /* ---- the general path ---- */
@@ -119,8 +125,9 @@ static bool finish_apart(slw_core *core, slw_block *b) {
 
 static bool advance(slw_core *core, slw_block *b) {
   const double t = (double)core->tick * core->step_s;
-  if (b->path == SLW_FAST2) return fast2(core, b, t);
-  if (b->path == SLW_FAST3) return fast3(core, b, t);
+  const slw_fast *f = &core->fast[b - core->blocks];
+  if (b->path == SLW_FAST2) return fast2(core, f, t);
+  if (b->path == SLW_FAST3) return fast3(core, f, t);
   if (slw_due(core, b)) {
     const double h = core->step_s * b->multiple;
     if (!slw_block_set(core, b) || !slw_block_tick_clocks(core, b) || !slw_block_step(core, b, t, h)) return false;
