@@ -48,16 +48,27 @@ class Every:
 
 
 @functools.cache
-def library(fmi_version: int, *flags: str) -> bytes:
-    """The shared library."""
+def library(fmi_version: int, *flags: str, stubs: tuple[str, ...] = ()) -> bytes:
+    """The shared library; `stubs`: functions that it has even if the source lacks them."""
     host, source = compiler.host(), HERE / f"every{fmi_version}.c"
     with tempfile.TemporaryDirectory() as scratch:
-        compiled, linked = Path(scratch) / "every.o", Path(scratch) / f"every{host.suffix}"
-        compiler.compile_object(source, compiled, host.name, [f"-I{SHIM}", "-O0", *FLAGS, *flags])
-        return compiler.link_shared([compiled], linked, host.name, FLAGS).read_bytes()
+        folder = Path(scratch)
+        objects, flags = [folder / "every.o", folder / "stubs.o"], (f"-I{SHIM}", "-O0", *FLAGS, *flags)
+        compiler.compile_object(source, objects[0], host.name, flags)
+        weak = '__attribute__((weak, visibility("default")))'
+        (folder / "stubs.c").write_text("\n".join(f"{weak} int {n}(void) {{ return 3; }}" for n in stubs))
+        compiler.compile_object(folder / "stubs.c", objects[1], host.name, FLAGS, generated=True)
+        return compiler.link_shared(objects, folder / f"every{host.suffix}", host.name, FLAGS).read_bytes()
 
 
-def every(fmi_version: int, folder: Path, *flags: str, modes: bool = True, token: str = "every") -> Every:
+def every(
+    fmi_version: int,
+    folder: Path,
+    *flags: str,
+    modes: bool = True,
+    token: str = "every",
+    stubs: tuple[str, ...] = (),
+) -> Every:
     """The FMU, compiled with `flags`; `modes`: FMI 3 with event mode, clocks and early return."""
     host = compiler.host()
     binaries = host.fmi2_folder if fmi_version == 2 else host.name
@@ -65,7 +76,7 @@ def every(fmi_version: int, folder: Path, *flags: str, modes: bool = True, token
     path = folder / "every.fmu"
     content = {
         "modelDescription.xml": description.encode(),
-        f"binaries/{binaries}/every{host.suffix}": library(fmi_version, *flags),
+        f"binaries/{binaries}/every{host.suffix}": library(fmi_version, *flags, stubs=stubs),
     }
     path.write_bytes(pack(content))
     return Every(path, system_of_fmu(path, 0.1))
