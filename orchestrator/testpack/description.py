@@ -162,7 +162,8 @@ def _variable3(fmu: Fmu, v: Variable, reference: int) -> str:
     if v.clock:
         values["clocks"] = vr[v.clock]
     if v.type == "Clock":
-        values |= {"intervalVariability": "constant", "intervalDecimal": v.interval}
+        values["intervalVariability"] = "constant" if v.interval else "triggered"
+        values["intervalDecimal"] = v.interval
     inner = ""
     if isinstance(v.size, str):
         inner = f'<Dimension valueReference="{vr[v.size]}"/>'

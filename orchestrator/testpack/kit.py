@@ -8,7 +8,7 @@ from pathlib import Path
 from fmus import compiler
 from fmus.build import BUILD, SHIM, pack as pack_zip
 from orchestrator.testpack.description import description, token
-from orchestrator.testpack.models import NAMES, Fmu, Start, Variable, fmu as fmu_named
+from orchestrator.testpack.models import NAMES, Fmu, Variable, fmu as fmu_named
 
 SOURCES = Path(__file__).parent / "c"
 OUT = BUILD / "testpack"
@@ -83,7 +83,9 @@ def variables_header(fmu: Fmu, fmi_version: int) -> str:
         for v in fmu.variables
     ]
     starts = [line for v in fmu.variables for line in _starts(v, first[v.name])]
-    text_starts = [f'"{_escaped(v.start)}"' for v in fmu.variables if v.type in TEXTS] or ['""']
+    text_starts = [
+        f'{{{len(_content(v))}, "{_escaped(_content(v))}"}}' for v in fmu.variables if v.type in TEXTS
+    ] or ['{0, ""}']
     vector = next((i for i, v in enumerate(fmu.variables) if v.name == "y"), 0)
     rows.append(f"  {{FLOAT64, {cells}, 1, -1}},")
     return "\n".join(
@@ -97,7 +99,7 @@ def variables_header(fmu: Fmu, fmi_version: int) -> str:
             "static const kit_variable kit_variables[] = {",
             *rows,
             "};",
-            f"static const char *const kit_texts[] = {{{', '.join(text_starts)}}};",
+            f"static const kit_text kit_texts[] = {{{', '.join(text_starts)}}};",
             "static inline void kit_defaults(kit_cell *v) {",
             "  (void)v, (void)kit_texts;",
             *starts,
@@ -128,10 +130,22 @@ def _starts(v: Variable, first: int) -> Iterator[str]:
     if v.type in TEXTS or v.start is None:
         return
     values = v.start if isinstance(v.start, tuple) else (v.start,)
-    member = "real" if v.type in ("Real", "Float32") else "whole"
+    member = "real" if v.type in ("Real", "Float32") else "natural" if v.type == "UInt64" else "whole"
     for i, value in enumerate(values):
-        yield f"  v[{first + i}].{member} = {float(value) if member == 'real' else int(value)};"
+        yield f"  v[{first + i}].{member} = {_literal(value, v.type)};"
 
 
-def _escaped(start: Start) -> str:
-    return "".join(f"\\{byte:03o}" for byte in str(start or "").encode())
+def _literal(value: float | int | bool | str, type_name: str) -> str:
+    if type_name in ("Real", "Float32"):
+        return repr(float(value))
+    return f"{int(value)}u" if type_name == "UInt64" else f"{int(value)}"
+
+
+def _content(v: Variable) -> bytes:
+    """What a string or binary starts with; binaries are written as hexadecimal numbers."""
+    text = str(v.start or "")
+    return bytes.fromhex(text) if v.type == "Binary" else text.encode()
+
+
+def _escaped(content: bytes) -> str:
+    return "".join(f"\\{byte:03o}" for byte in content)

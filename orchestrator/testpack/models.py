@@ -1,4 +1,4 @@
-"""The FMUs of the pack as data: which model of c/models.c, its variables, and what modelDescription.xml says."""
+"""The FMUs of the pack as data: the model of c/models.c, its variables, its capabilities."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -103,11 +103,11 @@ def _output(name: str, type: str = "Real", depends: tuple[str, ...] = ()) -> Var
 
 GAIN = (Variable("u"), _parameter("k", 1.0), _parameter("b", 0.0), _output("y", depends=("u",)))
 SUM = (Variable("u1"), Variable("u2"), _output("y", depends=("u1", "u2")))
-INTEGRATOR = (Variable("u"), _parameter("x0", 0.0), _output("y"))
+INTEGRATOR = (Variable("u"), _parameter("x0", 0.0), _parameter("k", 1.0), _output("y"))
 SOURCE = (
-    _parameter("offset", 0.0),
-    _parameter("slope", 0.0),
-    _parameter("period", 1.0),
+    _parameter("offset", 5.0),
+    _parameter("slope", 0.1),
+    _parameter("period", 0.3),
     _output("y"),
     _output("count", "Integer"),
     _output("on", "Boolean"),
@@ -152,6 +152,24 @@ SAMPLER = (
     replace(_output("count", "Integer"), clock="tick"),
     replace(_output("sampled"), clock="tick"),
 )
+RELAY = (
+    Variable("tick", "Clock", "input", None),
+    Variable("tock", "Clock", "output", None),
+    Variable("u"),
+    _output("count", "Integer"),
+    replace(_output("sampled"), discrete=True),
+)
+TRICKS = (
+    "none",
+    "warns",
+    "discards",
+    "terminates",
+    "fails",
+    "no_number",
+    "crashes",
+    "hangs",
+    "refuses",
+)  # as in c/models.c
 TROUBLE = (
     _parameter("trick", 0, "Integer"),
     _parameter("at", 0.35),
@@ -162,6 +180,29 @@ TROUBLE = (
 
 def _changed(variables: tuple[Variable, ...], name: str, **changes: object) -> tuple[Variable, ...]:
     return tuple(replace(v, **changes) if v.name == name else v for v in variables)  # type: ignore[arg-type]
+
+
+def _starting(variables: tuple[Variable, ...], **starts: Start) -> tuple[Variable, ...]:
+    return tuple(replace(v, start=starts[v.name]) if v.name in starts else v for v in variables)
+
+
+# Values that a conversion to another type on the way would change.
+SET: Mapping[str, Start] = {
+    "real_in": 1.5,
+    "integer_in": -7,
+    "boolean_in": True,
+    "mode_in": 2,
+    "string_in": "Größe",
+    "float32_in": 0.25,
+    "int8_in": -100,
+    "uint8_in": 200,
+    "int16_in": -30_000,
+    "uint16_in": 60_000,
+    "uint32_in": 4_000_000_000,
+    "int64_in": -(2**53) - 2,
+    "uint64_in": 2**63 + 1,
+    "binary_in": "00ff10",
+}
 
 
 def _in_units(u: str, y: str) -> tuple[Variable, ...]:
@@ -180,23 +221,21 @@ _ALL = (
     Fmu("gain_rad", "gain", _in_units("rad", "rad")),
     Fmu("gain_degC", "gain", _in_units("degC", "degC")),
     Fmu("gain_K", "gain", _in_units("K", "K")),
-    Fmu(
-        "gain_dK",
-        "gain",
-        _changed(_changed(_in_units("K", "K"), "u", relative=True), "y", relative=True),
-    ),
-    Fmu(
-        "gain_ddegC",
-        "gain",
-        _changed(_changed(_in_units("degC", "degC"), "u", relative=True), "y", relative=True),
-    ),
+    Fmu("gain_ddegC", "gain", _changed(GAIN, "y", unit="degC", relative=True)),
+    Fmu("gain_dK", "gain", _changed(GAIN, "u", unit="K", relative=True)),
     Fmu("gain_m", "gain", _in_units("m", "m")),
     Fmu("gain_mm", "gain", _changed(_in_units("mm", "mm"), "b", unit="mm")),
     Fmu("gain_bounded", "gain", _changed(GAIN, "k", min=-10.0, max=10.0)),
     Fmu("gain_stateless", "gain", GAIN, flags=_STATELESS),
     Fmu("verstärker", "gain", GAIN, names={"u": "größe", "y": "grösse·k", "k": "k₁"}),
     Fmu("sum", "sum", SUM),
+    Fmu("gain_half", "gain", _starting(GAIN, k=0.5, b=1.0)),
+    Fmu("gain_minus", "gain", _starting(GAIN, k=-1.0)),
+    Fmu("gain_steep", "gain", _starting(GAIN, k=-3.0)),
+    Fmu("gain_plus", "gain", _starting(GAIN, b=1.0)),
     Fmu("integrator", "integrator", INTEGRATOR),
+    Fmu("integrator_one", "integrator", _starting(INTEGRATOR, x0=1.0)),
+    Fmu("integrator_back", "integrator", _starting(INTEGRATOR, k=-1.0)),
     Fmu("source", "source", SOURCE, experiment='startTime="0" stopTime="1" stepSize="0.1"'),
     Fmu("echo", "echo", ECHO2, (2,)),
     Fmu("echo", "echo", ECHO3, (3,)),
@@ -212,6 +251,8 @@ _ALL = (
         _changed(_changed(ECHO3, "mode_in", enumeration="Gear", start=10), "mode_out", enumeration="Gear"),
         (3,),
     ),
+    Fmu("echo_set", "echo", _starting(ECHO2, **SET), (2,)),
+    Fmu("echo_set", "echo", _starting(ECHO3, **SET), (3,)),
     Fmu("vector3", "vector", _vector(3), (3,)),
     Fmu(
         "vector_n",
@@ -229,7 +270,8 @@ _ALL = (
         (3,),
         {"hasEventMode": "true"},
     ),
-    Fmu("trouble", "trouble", TROUBLE),
+    Fmu("relay", "sampler", RELAY, (3,), {"hasEventMode": "true"}),
+    *(Fmu(f"trouble_{n}", "trouble", _starting(TROUBLE, trick=i)) for i, n in enumerate(TRICKS)),
 )
 
 

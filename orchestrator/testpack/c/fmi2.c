@@ -27,10 +27,7 @@ void fmi2FreeInstance(fmi2Component c) { free(c); }
 fmi2Status fmi2Reset(fmi2Component c) {
   memset(c, 0, sizeof(kit_instance));
   kit_defaults((kit_cell *)of(c)->v);
-  for (int i = 0; i < KIT_TEXTS; i++) {
-    strcpy(of(c)->text[i].data, kit_texts[i]);
-    of(c)->text[i].size = strlen(kit_texts[i]);
-  }
+  for (int i = 0; i < KIT_TEXTS; i++) of(c)->text[i] = kit_texts[i];
   return fmi2OK;
 }
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean with_tolerance, fmi2Real tolerance, fmi2Real start,

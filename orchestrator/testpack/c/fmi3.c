@@ -34,10 +34,7 @@ fmi3Status fmi3Reset(fmi3Instance c) {
   memset(c, 0, sizeof(kit_instance));
   of(c)->events = events, of(c)->early = early;
   kit_defaults((kit_cell *)of(c)->v);
-  for (int i = 0; i < KIT_TEXTS; i++) {
-    strcpy(of(c)->text[i].data, kit_texts[i]);
-    of(c)->text[i].size = strlen(kit_texts[i]);
-  }
+  for (int i = 0; i < KIT_TEXTS; i++) of(c)->text[i] = kit_texts[i];
   return fmi3OK;
 }
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance c) { return c ? fmi3OK : fmi3Error; }

@@ -24,13 +24,13 @@ void kit_outputs(kit_instance *m) { R(y) = R(u1) + R(u2); }
 kit_status kit_step(kit_instance *m, double t, double h, kit_result *result) { return done(m, t, h, result); }
 void kit_event(kit_instance *m) { (void)m; }
 
-#elif defined(KIT_integrator) /* x' = u, y = x: exact for an input that is held */
+#elif defined(KIT_integrator) /* x' = k u, y = x: exact for an input that is held */
 void kit_outputs(kit_instance *m) {
   if (m->initialising) m->x = R(x0);
   R(y) = m->x;
 }
 kit_status kit_step(kit_instance *m, double t, double h, kit_result *result) {
-  m->x += h * R(u);
+  m->x += h * R(k) * R(u);
   return done(m, t, h, result);
 }
 void kit_event(kit_instance *m) { (void)m; }

@@ -1,0 +1,29 @@
+"""All cases of the pack, by subject."""
+
+from orchestrator.testpack.case import Case
+from orchestrator.testpack.cases import (
+    connections,
+    failures,
+    files,
+    models,
+    parameters,
+    refusals,
+    stepping,
+    structure,
+    types,
+    units,
+)
+
+SUBJECTS: dict[str, tuple[Case, ...]] = {
+    "connections and transformations": connections.CASES,
+    "units": units.CASES,
+    "parameters": parameters.CASES,
+    "structure": structure.CASES,
+    "types and arrays": types.CASES,
+    "stepping": stepping.CASES,
+    "errors: description": refusals.CASES,
+    "errors: archives and files": files.CASES,
+    "errors: FMUs": models.CASES,
+    "errors in a run": failures.CASES,
+}
+CASES: tuple[Case, ...] = tuple(case for group in SUBJECTS.values() for case in group)

@@ -1,0 +1,186 @@
+"""How systems are stepped: exchange of values, rates, loops, events, clocks, steps that go otherwise."""
+
+from orchestrator.testpack.case import Case, cases
+from orchestrator.testpack.cases.common import HOP, U, gain, source, whole
+from orchestrator.testpack.render import annotation, component, connection, gives, takes
+
+
+def _integrator(name: str, fmu: str) -> str:
+    return component(name, fmu, takes("u"), gives("y"))
+
+
+def _oscillator(step: float = 0.1, stop: float = 0.8, inner: str = "", **more: str) -> str:
+    """x' = v, v' = -x from x = 1: two FMUs, each exact for an input that is held."""
+    return whole(
+        [_integrator("x", "integrator_one"), _integrator("v", "integrator_back")],
+        [connection("v.y", "x.u"), connection("x.y", "v.u")],
+        {"x.y": "Real"},
+        stop=stop,
+        annotated=annotation(step, inner, **more),
+    )
+
+
+def _loop(first: str, second: str, stop: float = 2.0, **more: str) -> str:
+    """y1 = k1 y2 + b1, y2 = k2 y1 + b2: an algebraic loop."""
+    return whole(
+        [gain("a", first), gain("b", second)],
+        [connection("a.y", "b.u"), connection("b.y", "a.u")],
+        {"a.y": "Real"},
+        stop=stop,
+        **more,
+    )
+
+
+def _alone(fmu: str, *outputs: tuple[str, str], step: float = 0.1, connectors: tuple[str, ...] = ()) -> str:
+    shown = [gives(name, type) for name, type in outputs]
+    return whole(
+        [component("b", fmu, *connectors, *shown)],
+        [],
+        {f"b.{name}": type for name, type in outputs},
+        step=step,
+    )
+
+
+SAMPLER = whole(
+    [source(), component("b", "sampler", takes("u"), gives("count", "Integer"), gives("sampled"))],
+    [connection("a.y", "b.u")],
+    {"b.count": "Integer", "b.sampled": "Real"},
+)
+COUNTS = (("count", "Integer"), ("last", "Real"))
+SLOW = whole(
+    [source(), _integrator("b", "integrator")],
+    [connection("a.y", "b.u")],
+    {"b.y": "Real"},
+    annotated=annotation(0.1, '<slw:Component name="b" stepSize="0.4"/>'),
+)
+N = "(t/0.1)"
+PHI = "acos(1 - 0.005)"
+
+CASES: tuple[Case, ...] = (
+    *cases(
+        "oscillator",
+        "two FMUs that drive each other, with steps of 0.01 s",
+        _oscillator(0.01),
+        expect={"x.y": "cos(t)"},
+        tolerance=0.02,
+        step_s=0.01,
+    ),
+    *cases(
+        "jacobi",
+        "all components step on the values of the step's begin",
+        _oscillator(algorithm="jacobi"),
+        expect={"x.y": f"1.01**({N}/2)*cos({N}*atan(0.1))"},
+        own=True,
+    ),
+    *cases(
+        "gauss-seidel",
+        "components step one after the other, on the newest values",
+        _oscillator(algorithm="gauss-seidel"),
+        expect={"x.y": f"cos({N}*{PHI}) + tan({PHI}/2)*sin({N}*{PHI})"},
+        own=True,
+    ),
+    *cases(
+        "iterate",
+        "steps are repeated until inputs and outputs agree: the trapezoidal rule",
+        _oscillator(algorithm="iterate", tolerance="1e-12"),
+        expect={"x.y": f"cos({N}*2*atan(0.05))"},
+        own=True,
+    ),
+    *cases(
+        "adaptive",
+        "steps are halved until their error is small",
+        _oscillator(algorithm="adaptive", tolerance="1e-5"),
+        expect={"x.y": "cos(t)"},
+        tolerance=2e-3,
+        own=True,
+    ),
+    *cases(
+        "two-rates",
+        "a component that steps once in four steps",
+        SLOW,
+        expect={"b.y": "pick(whole(t/0.4), 0, 2, 4.016)"},
+        own=True,
+    ),
+    *cases(
+        "loop",
+        "an algebraic loop that repetition solves",
+        _loop("gain_half", "gain_minus"),
+        expect={"a.y": "2/3 + 0*t"},
+        tolerance=1e-3,
+        stop_s=2.0,
+        times=(2.0,),
+    ),
+    *cases(
+        "loop-initial",
+        "the same loop, solved at the start",
+        _loop("gain_half", "gain_minus", 0.1),
+        expect={"a.y": "2/3 + 0*t"},
+        tolerance=1e-5,
+        times=(0.0,),
+        stop_s=0.1,
+    ),
+    *cases(
+        "loop-steep",
+        "an algebraic loop that repetition does not solve, at the start",
+        _loop("gain_half", "gain_steep", 0.1),
+        expect={"a.y": "0.4 + 0*t"},
+        tolerance=1e-5,
+        times=(0.0,),
+        stop_s=0.1,
+    ),
+    *cases(
+        "counter",
+        "an FMU that counts by itself",
+        _alone("counter", COUNTS[0]),
+        (2,),
+        expect={"b.count": "whole(t/0.25)"},
+    ),
+    *cases(
+        "events",
+        "FMI 3 event mode: events between the steps are counted",
+        _alone("counter", COUNTS[0]),
+        (3,),
+        expect={"b.count": "whole(t/0.25)"},
+    ),
+    *cases(
+        "early-return",
+        "an FMU returns early at each event, which then has its exact time",
+        _alone("counter", *COUNTS),
+        (3,),
+        expect={"b.last": "0.25*whole(t/0.25)"},
+    ),
+    *cases(
+        "clock",
+        "a periodic input clock ticks in every second step",
+        SAMPLER,
+        (3,),
+        expect={"b.count": "whole(t/0.2) + 1", "b.sampled": U},
+        tolerance=HOP,
+        times=(0.1, 0.3, 0.5, 0.7),
+    ),
+    *cases(
+        "warnings",
+        "an FMU that returns Warning goes on",
+        _alone("trouble_warns", ("y", "Real")),
+        expect={"b.y": "t"},
+    ),
+    *cases(
+        "discarded-half",
+        "an FMU discards steps of which it did a half: the rest is done from the last successful time",
+        _alone("trouble_discards", ("y", "Real")),
+        expect={"b.y": "t"},
+    ),
+    *cases(
+        "discarded-whole",
+        "an FMU discards steps that are too long without beginning them: shorter ones are tried",
+        _alone("trouble_refuses", ("y", "Real")),
+        expect={"b.y": "t"},
+    ),
+    *cases(
+        "terminates",
+        "an FMU asks to end the simulation",
+        _alone("trouble_terminates", ("y", "Real")),
+        kind="ends",
+        names=("b",),
+    ),
+)
