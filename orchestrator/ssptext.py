@@ -10,6 +10,8 @@ from orchestrator.sspforms import FORMS, NAMESPACES, SCHEMA_INSTANCE, Form
 from orchestrator.xmlfile import Element
 from specs.errors import InputError, nearest
 
+VERSIONS = ("1.0", "2.0")
+
 
 @dataclass(frozen=True, order=True)
 class Place:
@@ -30,6 +32,8 @@ class Text:
         self._told: set[str] = set()
         if version.split(".")[0] not in ("1", "2"):
             raise InputError(f"{shown}: SSP version '{version}' is not supported; valid: 1.0, 2.0")
+        if version not in VERSIONS:
+            warnings.append(f"{shown}: SSP version '{version}' is read as {version[0]}.0")
 
     def children(self, element: Element, form_name: str) -> dict[str, list[Element]]:
         """Children that are read, by name, after a check of all attributes and children against the form."""

@@ -4,11 +4,15 @@ from pathlib import Path
 
 import pytest
 
+from orchestrator import xmlfile
+from orchestrator.annotation import read_simulation
+from orchestrator.ssptext import Text
 from orchestrator.system import Settings, System
 from specs.errors import InputError
 from specs.faults import Fault
+from tests.conftest import ROOT
 from tests.orchestrator.paper import paper, scalar
-from tests.orchestrator.systems import component, connection, connector, load, refused, ssd
+from tests.orchestrator.systems import NAMESPACES, component, connection, connector, load, refused, ssd
 
 STATE = 'canGetAndSetFMUState="true" canHandleVariableCommunicationStepSize="true"'
 REAL = scalar("u", 1, "input", '<Real start="0"/>') + scalar("y", 2, "output", "<Real/>")
@@ -183,3 +187,13 @@ def test_the_fixed_internal_step_is_respected(tmp_path: Path) -> None:
         in message
     )
     load(tmp_path, ssd([component("c", "c")], step="0.03"), fmus)
+
+
+def test_the_documented_annotation_is_read() -> None:
+    text = (ROOT / "docs" / "ssp.md").read_text()
+    example = text.split("```xml\n")[1].split("```")[0]
+    root = xmlfile.parse(f"<r {NAMESPACES}>{example}</r>".encode(), "docs/ssp.md")
+    found = read_simulation(Text("docs/ssp.md", "2.0", []), root)
+    assert (found.step_s, found.settings) == (0.02, Settings("iterate", 1e-6, 50, 16))
+    assert found.steps["plant.valve"][0] == 0.1
+    assert [str(fault) for fault, _ in found.faults] == ["bias on plant.valve.u, 10 s to the end: value 0.05"]
