@@ -57,7 +57,7 @@ class Instance:
         else:
             made = self.library.slw_fmu_load(ctypes.byref(options), error, ERROR_SIZE)
         if not made:
-            why = error.value.decode("utf-8", "replace")
+            why = _one_line(error.value)
             # The system's loader starts with the path, which the user does not know.
             why = why.removeprefix(f"{self.component.library}: ")
             raise InputError(
@@ -246,11 +246,13 @@ class Instance:
         return [text for k in reversed(range(MESSAGES)) if (text := self._message(k))]
 
     def _message(self, k: int) -> str:
-        """The k-th last message without what would move the cursor of a terminal."""
-        if not self.pointer.value:
-            return ""
-        text = self.library.slw_fmu_message(self.pointer, k).decode("utf-8", "replace")
-        return "".join(c if c.isprintable() else " " for c in " ".join(text.split()))
+        return _one_line(self.library.slw_fmu_message(self.pointer, k)) if self.pointer.value else ""
+
+
+def _one_line(message: bytes) -> str:
+    """A foreign message without what would break lines or move the cursor of a terminal."""
+    text = " ".join(message.decode("utf-8", "replace").split())
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def resources(component: Component) -> bytes | None:

@@ -51,7 +51,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   (void)name, (void)visible, (void)logging;
   if (strcmp(guid, "every") != 0 || type != fmi2CoSimulation || strncmp(resources, "file:", 5) != 0) {
 #ifndef MUTE
-    callbacks->logger(callbacks->componentEnvironment, name, fmi2Error, "", "wrong token '%s'", guid);
+    callbacks->logger(callbacks->componentEnvironment, name, fmi2Error, "", "wrong\ttoken\n'%s'", guid);
 #endif
     return NULL;
   }

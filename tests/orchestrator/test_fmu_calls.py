@@ -1,4 +1,7 @@
-"""Steps, statuses, messages, events and states through the binding, on FMUs that misbehave when told to."""
+"""Steps, statuses, messages, events and states through the binding, on FMUs that misbehave when told to.
+
+With the FMU in this process, and in one of its own.
+"""
 
 import ctypes
 from collections.abc import Iterator
@@ -26,9 +29,14 @@ def built3(tmp_path_factory: pytest.TempPathFactory) -> Every:
     return every(3, tmp_path_factory.mktemp("every"))
 
 
+@pytest.fixture(scope="module", params=[False, True], ids=["here", "apart"])
+def apart(request: pytest.FixtureRequest) -> bool:
+    return request.param
+
+
 @pytest.fixture
-def instance(built: Every) -> Iterator[Instance]:
-    with started(built) as made:
+def instance(built: Every, apart: bool) -> Iterator[Instance]:
+    with started(built, apart) as made:
         yield made
 
 
@@ -75,8 +83,8 @@ def test_an_fmu_may_end_the_simulation(instance: Instance) -> None:
     assert status == (2 if instance.model.fmi_version == 2 else 0)
 
 
-def test_a_step_may_return_early(built3: Every) -> None:
-    with started(built3) as instance:
+def test_a_step_may_return_early(built3: Every, apart: bool) -> None:
+    with started(built3, apart) as instance:
         instance.set(trick=tricks.EARLY)
         result = instance.step(1.0, H)
         assert (result.early, result.reached) == (True, 1.0 + H / 2)
@@ -199,8 +207,8 @@ def test_messages_cannot_move_the_cursor(instance: Instance) -> None:
 # ---- events ----
 
 
-def test_events_are_iterated(built3: Every) -> None:
-    with started(built3) as instance:
+def test_events_are_iterated(built3: Every, apart: bool) -> None:
+    with started(built3, apart) as instance:
         instance.set(trick=tricks.EVENT)
         assert instance.step(0.0, H).event
         instance.enter_event()
@@ -211,8 +219,8 @@ def test_events_are_iterated(built3: Every) -> None:
         assert instance.values(["events"]) == {"events": 1}
 
 
-def test_clocks_tick_in_event_mode(built3: Every) -> None:
-    with started(built3) as instance:
+def test_clocks_tick_in_event_mode(built3: Every, apart: bool) -> None:
+    with started(built3, apart) as instance:
         with pytest.raises(RunError, match="clocks tick in event mode"):
             instance.set_values({"Clock.in": True})
         for ticks in (1, 2):
@@ -266,8 +274,8 @@ def test_bytes_of_another_size_are_no_state(instance: Instance, size: int) -> No
         instance.deserialize_state(b"s" * size)
 
 
-def test_derivatives_of_arrays_have_one_number_for_each_element(built3: Every) -> None:
-    with started(built3) as instance:
+def test_derivatives_of_arrays_have_one_number_for_each_element(built3: Every, apart: bool) -> None:
+    with started(built3, apart) as instance:
         found = instance.directional_derivative(["Float64.array_out"], ["Float64.array_in"], [1.0, -2.0, 0.5])
         assert found.tolist() == [1.0, -2.0, 0.5]
         with pytest.raises(InputError, match="1 seeds are given for 3 knowns"):

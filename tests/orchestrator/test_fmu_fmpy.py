@@ -83,7 +83,7 @@ def test_the_small_models(name: str, version: int) -> None:
 @contextmanager
 def slave(path: Path) -> Iterator[Any]:
     """FMPy's instance in step mode."""
-    description = fmpy.read_model_description(str(path), validate=False)
+    description: Any = fmpy.read_model_description(str(path), validate=False)
     version = int(description.fmiVersion[0])
     made: Any = (FMU2Slave if version == 2 else FMU3Slave)(
         guid=description.guid,

@@ -20,7 +20,7 @@ def refused(built: Every, component: Component | None = None) -> str:
     with pytest.raises(InputError) as caught:
         instantiate(component)
     message = str(caught.value)
-    assert len(message.splitlines()) == 1
+    assert message.isprintable()
     start = f"FMU of component every ({component.library.name}) cannot be instantiated: "
     assert message.startswith(start)
     return message.removeprefix(start)

@@ -1,4 +1,7 @@
-"""Values of every type, arrays, strings and binaries through the binding, in both FMI versions."""
+"""Values of every type, arrays, strings and binaries through the binding, in both FMI versions.
+
+With the FMU in this process, and in one of its own.
+"""
 
 import ctypes
 import gc
@@ -8,6 +11,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from orchestrator import native
 from orchestrator.instance import Instance, instantiate
 from orchestrator.variable import RANGES, Scalar, Value
 from specs.errors import InputError, RunError
@@ -48,15 +52,22 @@ def built3(tmp_path_factory: pytest.TempPathFactory) -> Every:
     return every(3, tmp_path_factory.mktemp("every"))
 
 
+@pytest.fixture(scope="module", params=[False, True], ids=["here", "apart"])
+def apart(request: pytest.FixtureRequest) -> bool:
+    return request.param
+
+
 @pytest.fixture
-def instance(built: Every) -> Iterator[Instance]:
-    with started(built) as made:
+def instance(built: Every, apart: bool) -> Iterator[Instance]:
+    with started(built, apart) as made:
         yield made
 
 
-def started(built: Every, **start: int) -> Instance:
-    """In step mode."""
-    instance = instantiate(replace(built.component, start=start))
+def started(built: Every, apart: bool = False, **start: int) -> Instance:
+    """In step mode; `apart`: in a process of its own."""
+    if apart and native.binaries().host is None:
+        pytest.skip("FMUs in processes of their own are not supported here")
+    instance = instantiate(replace(built.component, start=start), isolated=apart, limit_s=20.0)
     instance.set_values(start)
     instance.enter_initialisation()
     instance.exit_initialisation()
@@ -93,8 +104,8 @@ def test_all_at_once(instance: Instance) -> None:
         assert same(found[name.replace(".in", ".out")], value)
 
 
-def test_arrays_come_back_element_by_element(built3: Every) -> None:
-    with started(built3) as instance:
+def test_arrays_come_back_element_by_element(built3: Every, apart: bool) -> None:
+    with started(built3, apart) as instance:
         for type_ in {t for t, _ in references(3).values() if t != "Clock"}:
             told = (samples(type_) * 3)[:3]
             instance.set_values({f"{type_}.array_in": told})
@@ -106,13 +117,13 @@ def test_arrays_come_back_element_by_element(built3: Every) -> None:
 
 
 @pytest.mark.parametrize("size", [1, 2, 8])
-def test_a_structural_parameter_sizes_arrays(built3: Every, size: int) -> None:
+def test_a_structural_parameter_sizes_arrays(built3: Every, apart: bool, size: int) -> None:
     told = {
         "Int16.array_in": tuple(range(size)),
         "Float64.array_in": tuple(0.5 + k for k in range(size)),
         "Binary.array_in": tuple(b"x" * k for k in range(size)),
     }
-    with started(built3, size=size) as instance:
+    with started(built3, apart, size=size) as instance:
         instance.set_values(told)
         instance.step(0.0, 0.1)
         assert instance.values(["size"])["size"] == size
@@ -122,8 +133,8 @@ def test_a_structural_parameter_sizes_arrays(built3: Every, size: int) -> None:
         assert instance.get("Float64.array_out", "Int16.out").shape == (size + 1,)
 
 
-def test_a_structural_parameter_is_refused_after_configuration(built3: Every) -> None:
-    with started(built3) as instance, pytest.raises(RunError, match="not instantiated just now"):
+def test_a_structural_parameter_is_refused_after_configuration(built3: Every, apart: bool) -> None:
+    with started(built3, apart) as instance, pytest.raises(RunError, match="not instantiated just now"):
         instance.set(size=2)
 
 
@@ -136,7 +147,7 @@ def test_a_structural_parameter_is_refused_after_configuration(built3: Every) ->
 )  # fmt: skip
 @settings(deadline=None, max_examples=50)
 def test_any_value_comes_back(
-    built3: Every, reals: list[float], texts: list[str], data: list[bytes], wide: list[int]
+    built3: Every, apart: bool, reals: list[float], texts: list[str], data: list[bytes], wide: list[int]
 ) -> None:
     lists: dict[str, list[float] | list[str] | list[bytes] | list[int]] = {
         "Float64": reals,
@@ -145,7 +156,7 @@ def test_any_value_comes_back(
         "UInt64": wide,
     }
     told: dict[str, Value] = {f"{type_}.array_in": tuple(values) for type_, values in lists.items()}
-    with started(built3) as instance:
+    with started(built3, apart) as instance:
         instance.set_values(told)
         instance.step(0.0, 0.1)
         found = instance.values([name.replace("_in", "_out") for name in told])
@@ -174,20 +185,20 @@ def test_numbers_pass_through_infinity_and_nan(instance: Instance) -> None:
         ("Float64.in", "1.0"),
     ],
 )
-def test_what_a_type_cannot_hold_is_refused(built3: Every, name: str, value: Value) -> None:
+def test_what_a_type_cannot_hold_is_refused(built3: Every, apart: bool, name: str, value: Value) -> None:
     with (
-        started(built3) as instance,
+        started(built3, apart) as instance,
         pytest.raises(InputError, match=rf"component every: .* is no value of {name}"),
     ):
         instance.set_values({name: value})
 
 
-def test_the_core_cannot_tell_an_fmu_what_its_type_does_not_hold(built3: Every) -> None:
+def test_the_core_cannot_tell_an_fmu_what_its_type_does_not_hold(built3: Every, apart: bool) -> None:
     """A connection or mapping may bring any number; it is never cut without a word."""
     from orchestrator.fmuvalues import Values
 
     cases = (("UInt8.in", 256), ("Int16.in", -40000), ("UInt32.in", 2**32), ("Float32.in", 1e300))
-    with started(built3) as instance:
+    with started(built3, apart) as instance:
         for name, number in cases:
             values = Values(instance.component, [instance.variable(name)])
             if name == "Float32.in":
@@ -199,8 +210,8 @@ def test_the_core_cannot_tell_an_fmu_what_its_type_does_not_hold(built3: Every) 
             assert instance.get(name)[0] == 0.0
 
 
-def test_an_array_of_another_size_is_refused(built3: Every) -> None:
-    with started(built3) as instance:
+def test_an_array_of_another_size_is_refused(built3: Every, apart: bool) -> None:
+    with started(built3, apart) as instance:
         with pytest.raises(InputError, match=r"Int8.array_in has 3 elements, 2 values are given"):
             instance.set_values({"Int8.array_in": (1, 2)})
         with pytest.raises(InputError, match=r"Int8.in has 1 elements, 2 values are given"):
