@@ -239,6 +239,35 @@ def test_structural_parameters_size_what_is_connected(tmp_path: Path) -> None:
     assert "m.wave is declared as size 4, but is size 3 in the FMU" in message
 
 
+def test_sizes_that_another_connector_gives(tmp_path: Path) -> None:
+    """On the FMU's side a structural parameter, on the system's one that has a value bound to it."""
+    wave = connector("wave", "input", "Float64").replace(
+        "</ssd:C", '<ssc:Dimension sizeConnector="n"/></ssd:C'
+    )
+    tide = wave.replace("wave", "tide").replace('"n"', '"many"')
+    ends = (wave, connector("n", "structuralParameter", "UInt64"))
+    model = component("m", "model", *ends, inner=bindings(inline(value("n", "UInt64", "3"))))
+    own = [tide, connector("many", "structuralParameter", "UInt64")]
+    for size in (3, 4):
+        given = bindings(inline(value("many", "UInt64", str(size))))
+        text = ssd([model], [connection("tide", "m.wave")], own, given, version="2.0")
+        if size == 3:
+            assert loaded(tmp_path, text).inputs["tide"].size == 3
+        else:
+            assert "system connector tide (size 4) does not fit m.wave (size 3)" in no(tmp_path, text)
+    text = ssd([model], [connection("tide", "m.wave")], own[:1], version="2.0")
+    assert "sizeConnector 'many' of 'tide' is no connector" in no(tmp_path, text)
+
+
+def test_a_structural_parameter_may_come_through_a_connection(tmp_path: Path) -> None:
+    model = component("m", "model", connector("n", "structuralParameter", "UInt64"))
+    own = [connector("many", "structuralParameter", "UInt64")]
+    given = bindings(inline(value("many", "UInt64", "4")))
+    found = loaded(tmp_path, ssd([model], [connection("many", "m.n")], own, given, version="2.0"))
+    assert found.components["m"].start == {"n": 4}
+    assert found.components["m"].size(found.components["m"].model.variables["row"]) == 4
+
+
 # ---- values that connections carry ----
 
 CONNECTORS = (connector("gain", "parameter", "Float64"), connector("heat", "parameter", "Float64", "K"))

@@ -167,3 +167,64 @@ def test_an_input_and_its_alias_have_one_source(tmp_path: Path) -> None:
     )
     one = load(tmp_path, text.replace(links[0], ""), {"alias": fmu})
     assert not [w for w in one.warnings if "is not connected" in w]
+
+
+# ---- what would not arrive as it is ----
+
+
+def between(source: str, target: str) -> str:
+    """Two FMUs, an output of the one connected to an input of the other, nothing said of types."""
+    parts = [
+        component("a", "one", connector(source, "output", "")),
+        component("b", "two", connector(target, "input", "")),
+    ]
+    return ssd(parts, [connection(f"a.{source}", f"b.{target}")], version="2.0")
+
+
+def plain(folder: Path) -> dict[str, Path]:
+    """FMUs with an output and an input of some types."""
+    fmus = {}
+    for name, causality, extra in (("one", "output", ""), ("two", "input", ' start="0"')):
+        elements = "".join(
+            f'<{t} name="{t.lower()}" valueReference="{i}" causality="{causality}"{extra}/>'
+            for i, t in enumerate(("Float64", "Float32", "Int8", "UInt8", "Int64"))
+        )
+        if name == "one":
+            elements += '<Int64 name="few" valueReference="9" causality="output" min="-3" max="100"/>'
+        fmus[name] = paper(folder, name, elements)
+    return fmus
+
+
+def test_integers_need_room(tmp_path: Path) -> None:
+    fmus = plain(tmp_path)
+    for source, target in (("int8", "int64"), ("uint8", "int64"), ("few", "int8")):
+        assert load(tmp_path, between(source, target), fmus).links
+    for source, target, words in (
+        (
+            "int64",
+            "int8",
+            "… 9223372036854775807) does not fit b.int8 (Int8, -128 … 127)",
+        ),
+        ("int8", "uint8", "a.int8 (Int8, -128 … 127) does not fit b.uint8 (UInt8, 0 … 255)"),
+        ("few", "uint8", "a.few (Int64, -3 … 100) does not fit b.uint8"),
+        ("int8", "float64", "a.int8 (integer) does not fit b.float64 (real)"),
+    ):
+        assert words in refused(tmp_path, between(source, target), fmus)
+
+
+def test_rounding_is_warned_of(tmp_path: Path) -> None:
+    fmus = plain(tmp_path)
+    assert any("a.float64 is rounded to single precision for b.float32" in w
+               for w in load(tmp_path, between("float64", "float32"), fmus).warnings)  # fmt: skip
+    assert not [w for w in load(tmp_path, between("float32", "float64"), fmus).warnings if "rounded" in w]
+
+
+def test_media_types_that_differ_are_warned_of(tmp_path: Path, echo: Path) -> None:
+    text = ssd(
+        [component(n, "echo", connector(f"binary_{e}", kind, "Binary", "", (), **{"mime-type": t}))
+         for n, e, kind, t in (("a", "shown", "output", "image/png"), ("b", "in", "input", "text/plain"))],
+        [connection("a.binary_shown", "b.binary_in")],
+        version="2.0",
+    )  # fmt: skip
+    assert any("a.binary_shown is image/png, but b.binary_in is text/plain" in w
+               for w in load(tmp_path, text, {"echo": echo}).warnings)  # fmt: skip
