@@ -192,12 +192,13 @@ def in_form(value: ParameterValue, form: Form, shown: str) -> Value:
     return tuple(one(v) for v in value.value) if isinstance(value.value, tuple) else one(value.value)
 
 
-# Kinds of values -> kinds of variables that take them: an integer is a number and the number of an item.
+# Kinds of values -> kinds of variables that take them.  Many tools write every number as Real and items of
+# enumerations as String or Integer; what does not suit the variable then is refused by `checked_value`.
 _TAKEN = {
-    "real": ("real",),
+    "real": ("real", "integer"),
     "integer": ("integer", "real", "enumeration", "boolean"),
     "boolean": ("boolean",),
-    "string": ("string",),
+    "string": ("string", "enumeration"),
     "enumeration": ("enumeration", "integer"),
     "binary": ("binary",),
 }
