@@ -9,7 +9,19 @@ from typing import Annotated
 
 import typer
 
-from slewright.commands import bench, build, calibrate, check, dossier, fit, generate, simulate, tune, verify
+from slewright.commands import (
+    bench,
+    build,
+    calibrate,
+    check,
+    dossier,
+    fit,
+    generate,
+    simulate,
+    testpack,
+    tune,
+    verify,
+)
 from specs.version import VERSION
 
 ROOMS = ("specs", "records", "fmus", "orchestrator", "runtime", "baselines", "slewright")
@@ -56,6 +68,7 @@ app.command()(check.check)
 app.command()(build.build)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
+app.command("testpack")(testpack.write_pack)
 app.add_typer(bench.app, name="bench")
 app.add_typer(fit.app, name="fit")
 app.add_typer(tune.app, name="tune")

@@ -34,7 +34,7 @@ class Case:
     tolerance  absolute; wide enough for either exchange of values (a step's delay), unless `own`
     names      what a refusal or error must name
     at         text of the line of the description that it must name
-    own        it is about this project's annotation, which other importers may ignore
+    own        it is about what other importers need not do: this project's annotation, optional capabilities
     times      at which `expect` holds; (): always
     damage     what is done to the finished package: see pack.py
     isolated   its FMU takes the process down with it

@@ -12,9 +12,14 @@ STATE = {
 }
 
 
+def token_begin(fmu: Fmu, fmi_version: int) -> str:
+    """What the tokens of all FMUs with the same library begin with."""
+    return f"slewright-testpack-{fmu.model}-{fmi_version}-"
+
+
 def token(fmu: Fmu, fmi_version: int) -> str:
-    """GUID or instantiation token."""
-    return f"slewright-testpack-{fmu.model}-{fmi_version}"
+    """GUID or instantiation token: some importers take two FMUs with the same one for one."""
+    return f"{token_begin(fmu, fmi_version)}{fmu.name.encode().hex()}"
 
 
 def description(fmu: Fmu, fmi_version: int) -> str:
@@ -82,7 +87,7 @@ def _common(fmu: Fmu, v: Variable, reference: int) -> dict[str, object]:
         "valueReference": reference,
         "causality": v.causality,
         "variability": _variability(v),
-        "initial": initial.get(v.causality, ""),
+        "initial": initial.get(v.causality, "") if v.type != "Clock" else "",
     }
 
 

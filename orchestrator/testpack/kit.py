@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fmus import compiler
 from fmus.build import BUILD, SHIM, pack as pack_zip
-from orchestrator.testpack.description import description, token
+from orchestrator.testpack.description import description, token_begin
 from orchestrator.testpack.models import NAMES, Fmu, Variable, fmu as fmu_named
 
 SOURCES = Path(__file__).parent / "c"
@@ -53,7 +53,7 @@ def _compile(fmu: Fmu, fmi_version: int, target: compiler.Target, header: str, p
         folder = Path(scratch)
         (folder / "variables.h").write_text(header)
         flags = [f"-I{SHIM}", f"-I{folder}", f"-DKIT_{fmu.model}", f"-DKIT_FMI{fmi_version}"]
-        flags.append(f'-DKIT_TOKEN="{token(fmu, fmi_version)}"')
+        flags.append(f'-DKIT_TOKEN="{token_begin(fmu, fmi_version)}"')
         objects = [
             compiler.compile_object(SOURCES / f"{n}.c", folder / f"{n}.o", target.name, flags)
             for n in FILES[fmi_version]

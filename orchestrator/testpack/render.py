@@ -15,6 +15,7 @@ NAMESPACES = (
     f' xmlns:ssm="{SSP}ParameterMapping" xmlns:ssb="{SSP}SignalDictionary"'
 )
 VERSION = "@SSP@"  # stands for the version of SSP
+PARAMETER_SET = "values"  # the name of all of them: some importers apply one by its name
 XML = '<?xml version="1.0" encoding="UTF-8"?>'
 TYPES = {"Real": "Float64", "Integer": "Int32"}
 TYPE = re.compile(r"<(ssc|ssv):(Real|Integer)\b")
@@ -131,7 +132,7 @@ def value(name: str, type: str, value: object, inner: str = "", **more: str) -> 
 def parameter_set(*values: str, units: bool = False) -> str:
     """A parameter set, to stand inline or (behind XML) in a file."""
     return lines(
-        f'<ssv:ParameterSet {NAMESPACES} version="{VERSION}" name="values">',
+        f'<ssv:ParameterSet {NAMESPACES} version="{VERSION}" name="{PARAMETER_SET}">',
         "<ssv:Parameters>",
         *values,
         "</ssv:Parameters>",

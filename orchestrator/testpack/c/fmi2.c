@@ -17,7 +17,7 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
   (void)name, (void)resources, (void)functions, (void)visible, (void)logging;
-  if (type != fmi2CoSimulation || strcmp(guid, KIT_TOKEN) != 0) return NULL;
+  if (type != fmi2CoSimulation || strncmp(guid, KIT_TOKEN, sizeof KIT_TOKEN - 1) != 0) return NULL;
   kit_instance *m = calloc(1, sizeof *m);
   if (m) fmi2Reset(m);
   return m;

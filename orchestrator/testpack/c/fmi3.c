@@ -20,7 +20,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update) {
   (void)name, (void)resources, (void)visible, (void)logging, (void)intermediate, (void)environment, (void)log;
   (void)update;
-  if (strcmp(token, KIT_TOKEN) != 0 || n_intermediate) return NULL;
+  if (strncmp(token, KIT_TOKEN, sizeof KIT_TOKEN - 1) != 0 || n_intermediate) return NULL;
   kit_instance *m = calloc(1, sizeof *m);
   if (!m) return NULL;
   m->events = event_mode, m->early = early_return;

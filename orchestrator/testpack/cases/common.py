@@ -9,12 +9,20 @@ HOP = 0.05  # more than a step's delay of it, and of what is made of it
 
 
 def watched(outputs: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Connectors of the system and connections that show variables: "b.y" as b_y; by type."""
+    """Connectors of the system and connections that show variables: "b.y" as b_y; by type.
+
+    The type of an enumeration is "Enumeration NAME".
+    """
     names = {end: end.replace(".", "_") for end in outputs}
     return (
-        [gives(names[end], type) for end, type in outputs.items()],
+        [_shown(names[end], type) for end, type in outputs.items()],
         [connection(end, names[end]) for end in outputs],
     )
+
+
+def _shown(connector: str, type: str) -> str:
+    kind, _, name = type.partition(" ")
+    return gives(connector, kind, **({"name": name} if name else {}))
 
 
 def whole(

@@ -24,18 +24,23 @@ def _echo(variable: str, type: str, inner: str, enumeration: tuple[str, str] = (
             ),
         ],
         [connection(f"a.{given}", f"b.{variable}_in", inner)],
-        {f"b.{variable}_out": "Integer" if type == "Integer" else type} if type != "Enumeration" else {},
+        {f"b.{variable}_out": f"Enumeration {enumeration[1]}" if type == "Enumeration" else type},
     )
 
 
 BOOLEAN = mapping("Boolean", {"true": "false", "false": "true"})
 INTEGER = mapping("Integer", {0: 10, 1: 20, 2: 30})
 ENUMERATION = mapping("Enumeration", {"off": "off", "slow": "slow", "fast": "fast"})
-TWICE = whole(
-    [source(), component("b", "sum", takes("u1"), takes("u2"), gives("y"))],
-    [connection("a.y", "b.u1"), connection("a.y", "b.u2", linear(10))],
-    {"b.y": "Real"},
-)
+
+
+def _fan_out(inner: str = "") -> str:
+    return whole(
+        [source(), component("b", "sum", takes("u1"), takes("u2"), gives("y"))],
+        [connection("a.y", "b.u1"), connection("a.y", "b.u2", inner)],
+        {"b.y": "Real"},
+    )
+
+
 OUTSIDE = whole([source()], [connection("a.y", "out", linear(2, 100))], {}, connectors=[gives("out")])
 CHAIN = whole(
     [gain("d"), gain("c"), gain("b"), source()],
@@ -75,8 +80,15 @@ CASES: tuple[Case, ...] = (
     ),
     *cases(
         "fan-out",
+        "one output to two inputs",
+        _fan_out(),
+        expect={"b.y": f"2*{U}"},
+        tolerance=0.1,
+    ),
+    *cases(
+        "fan-out-linear",
         "one output to two inputs, with a transformation on one of the connections",
-        TWICE,
+        _fan_out(linear(10)),
         expect={"b.y": f"11*{U}"},
         tolerance=0.2,
     ),

@@ -2,24 +2,26 @@
 
 from orchestrator.testpack.case import Case, cases
 from orchestrator.testpack.cases.common import whole
-from orchestrator.testpack.cases.stepping import _loop
+from orchestrator.testpack.cases.stepping import loop
 from orchestrator.testpack.render import component, gives
 
 
 def _trouble(name: str) -> str:
-    return whole([component("b", f"trouble_{name}", gives("y"))], [], {"b.y": "Real"})
+    return whole([component("culprit", f"trouble_{name}", gives("y"))], [], {"culprit.y": "Real"})
 
 
-B = ("b", "0.4")
+CULPRIT = ("culprit", "0.4")
 CASES: tuple[Case, ...] = (
-    *cases("error", "an FMU returns Error", _trouble("fails"), kind="fails", names=B),
-    *cases("not-a-number", "an output becomes NaN", _trouble("no_number"), kind="fails", names=B),
-    *cases("crash", "an FMU crashes its process", _trouble("crashes"), kind="fails", names=B, isolated=True),
-    *cases("hang", "an FMU does not return", _trouble("hangs"), kind="fails", names=B, isolated=True),
+    *cases("error", "an FMU returns Error", _trouble("fails"), kind="fails", names=CULPRIT),
+    *cases("not-a-number", "an output becomes NaN", _trouble("no_number"), kind="fails", names=CULPRIT),
+    *cases(
+        "crash", "an FMU crashes its process", _trouble("crashes"), kind="fails", names=CULPRIT, isolated=True
+    ),
+    *cases("hang", "an FMU does not return", _trouble("hangs"), kind="fails", names=CULPRIT, isolated=True),
     *cases(
         "loop-unsolvable",
         "an algebraic loop without a solution",
-        _loop("gain_plus", "gain", 0.8),
+        loop("gain_plus", "gain", 0.8),
         kind="fails",
         names=("a", "b"),
     ),

@@ -3,7 +3,7 @@
 from orchestrator.testpack.case import Case, Package, cases
 from orchestrator.testpack.cases.common import gain, whole
 
-GAIN = Package(whole([gain("b")], [], {"b.y": "Real"}))
+GAIN = Package(whole([gain("culprit")], [], {"culprit.y": "Real"}))
 NAME = ("gain.fmu",)
 
 
@@ -35,7 +35,7 @@ CASES: tuple[Case, ...] = (
         (2,),
         kind="fails",
         damage="FMU's library is text",
-        names=("b",),
+        names=("culprit",),
     ),
     *cases(
         "fmu-token",
@@ -44,6 +44,6 @@ CASES: tuple[Case, ...] = (
         (2,),
         kind="fails",
         damage="FMU's token is another",
-        names=("b",),
+        names=("culprit",),
     ),
 )

@@ -22,9 +22,9 @@ VALUE = "<ssv:Real"
 
 
 def _bad(
-    name: str, about: str, text: str, *names: str, at: str = "", fmi: tuple[int, ...] = (2, 3)
+    name: str, about: str, text: str, *names: str, fmi: tuple[int, ...] = (2, 3), **more: object
 ) -> list[Case]:
-    return cases(name, about, text, fmi, kind="refused", names=names, at=at)
+    return cases(name, about, text, fmi, kind="refused", names=names, **more)
 
 
 def _parameter(*values: str, fmu: str = "gain") -> str:
@@ -129,6 +129,7 @@ CASES: tuple[Case, ...] = (
         _stepped('<slw:Component name="b" stepSize="0.15"/>'),
         "'b'",
         at="<slw:Component",
+        own=True,
     ),
     *_bad(
         "step-negative",
@@ -136,6 +137,7 @@ CASES: tuple[Case, ...] = (
         _stepped("", "-0.1"),
         "stepSize",
         at="<slw:Simulation",
+        own=True,
     ),
     *_bad(
         "step-of-nobody",
@@ -143,9 +145,15 @@ CASES: tuple[Case, ...] = (
         _stepped('<slw:Component name="c" stepSize="0.2"/>'),
         "'c'",
         at="<slw:Component",
+        own=True,
     ),
     *_bad(
-        "algorithm", "an unknown algorithm", _stepped("", algorithm="jacoby"), "jacoby", at="<slw:Simulation"
+        "algorithm",
+        "an unknown algorithm",
+        _stepped("", algorithm="jacoby"),
+        "jacoby",
+        at="<slw:Simulation",
+        own=True,
     ),
     *_bad(
         "no-rollback",
@@ -153,6 +161,7 @@ CASES: tuple[Case, ...] = (
         STATELESS,
         "component b",
         at='<ssd:Component name="b"',
+        own=True,
     ),
     *_bad("clock-cycle", "clocks that form a cycle", CLOCKS, "a.tock", "b.tick", fmi=(3,)),
     *_bad(

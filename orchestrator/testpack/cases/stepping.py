@@ -20,7 +20,7 @@ def _oscillator(step: float = 0.1, stop: float = 0.8, inner: str = "", **more: s
     )
 
 
-def _loop(first: str, second: str, stop: float = 2.0, **more: str) -> str:
+def loop(first: str, second: str, stop: float = 2.0, **more: str) -> str:
     """y1 = k1 y2 + b1, y2 = k2 y1 + b2: an algebraic loop."""
     return whole(
         [gain("a", first), gain("b", second)],
@@ -52,6 +52,10 @@ SLOW = whole(
     [connection("a.y", "b.u")],
     {"b.y": "Real"},
     annotated=annotation(0.1, '<slw:Component name="b" stepSize="0.4"/>'),
+)
+BIAS = '<slw:Fault target="b.u" kind="bias" start_s="0.4" value="10"/>'
+FAULT = whole(
+    [source(), gain()], [connection("a.y", "b.u")], {"b.y": "Real"}, annotated=annotation(0.1, BIAS)
 )
 N = "(t/0.1)"
 PHI = "acos(1 - 0.005)"
@@ -104,7 +108,7 @@ CASES: tuple[Case, ...] = (
     *cases(
         "loop",
         "an algebraic loop that repetition solves",
-        _loop("gain_half", "gain_minus"),
+        loop("gain_half", "gain_minus"),
         expect={"a.y": "2/3 + 0*t"},
         tolerance=1e-3,
         stop_s=2.0,
@@ -113,7 +117,7 @@ CASES: tuple[Case, ...] = (
     *cases(
         "loop-initial",
         "the same loop, solved at the start",
-        _loop("gain_half", "gain_minus", 0.1),
+        loop("gain_half", "gain_minus", 0.1),
         expect={"a.y": "2/3 + 0*t"},
         tolerance=1e-5,
         times=(0.0,),
@@ -122,7 +126,7 @@ CASES: tuple[Case, ...] = (
     *cases(
         "loop-steep",
         "an algebraic loop that repetition does not solve, at the start",
-        _loop("gain_half", "gain_steep", 0.1),
+        loop("gain_half", "gain_steep", 0.1),
         expect={"a.y": "0.4 + 0*t"},
         tolerance=1e-5,
         times=(0.0,),
@@ -144,10 +148,11 @@ CASES: tuple[Case, ...] = (
     ),
     *cases(
         "early-return",
-        "an FMU returns early at each event, which then has its exact time",
+        "an FMU returns early at each event, which then has its exact time (importers need not allow it)",
         _alone("counter", *COUNTS),
         (3,),
         expect={"b.last": "0.25*whole(t/0.25)"},
+        own=True,
     ),
     *cases(
         "clock",
@@ -181,6 +186,14 @@ CASES: tuple[Case, ...] = (
         "an FMU asks to end the simulation",
         _alone("trouble_terminates", ("y", "Real")),
         kind="ends",
-        names=("b",),
+        names=("component b", "0.5 s"),
+    ),
+    *cases(
+        "fault",
+        "a bias on a connection from 0.4 s on",
+        FAULT,
+        expect={"b.y": f"{U} + 10*(t > 0.45)"},
+        tolerance=HOP,
+        own=True,
     ),
 )

@@ -27,7 +27,7 @@ def _through(name: str, type: str, seen: str, seen_type: str, /, **more: str) ->
             component("b", "echo", takes(f"{name}_in", type, **more), *shown),
         ],
         [connection(f"a.{name}_out", f"b.{name}_in")],
-        {f"b.{seen}": seen_type} if seen_type != "Enumeration" else {},
+        {f"b.{seen}": f"Enumeration {more['name']}" if seen_type == "Enumeration" else seen_type},
     )
 
 
