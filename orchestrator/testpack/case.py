@@ -56,6 +56,9 @@ class Case:
     stop_s: float = 0.8
     isolated: bool = False
 
+    def __str__(self) -> str:
+        return self.name
+
     @property
     def ticks(self) -> int:
         """Steps of the run."""
