@@ -53,16 +53,22 @@ people as that master: its column says that it does what the pack states, not th
 | unseen | it runs, but the master's interface does not show the values |
 | — | not asked: optional, or initial values, or errors where no system of that FMI version is taken |
 
+Not all that is called wrong here is against a standard: whether an importer has to refuse a value out of its
+bounds, an entity in an XML file, a link in an archive (which it may well unpack harmlessly) or an output that
+is no number is a matter of opinion. This pack holds that it has to; that a signal is off by a factor is no
+matter of opinion.
+
 How they are driven:
 
-- FMPy: `fmpy.ssp.simulation.simulate_ssp`. It knows FMI 1 and 2 only, and parameter sets only as an argument.
+- FMPy: `fmpy.ssp.simulation.simulate_ssp`. It knows FMI 1 and 2 only, and takes parameter values as an
+  argument only: it reads past those of the description.
 - fmucontainer: `Assembly(FILE.ssp).make_fmu()` of fmu-manipulation-toolbox, which calls its import of SSP an
   alpha version; the container is then stepped by FMPy. That it refuses or crashes can therefore also be
   FMPy's part.
 - Ecos: `EcosSimulation(ssp_path=FILE.ssp)` of ecospy, started with the parameter set of the case by its name,
-  where there is one. It imports SSP 1.0 only, so that all its FMI 3 cases,
-  which are SSP 2.0, are refused for that; by its own interface it runs FMI 3. Connectors of the system that
-  only show a variable are taken out of the files for it.
+  where there is one. It imports SSP 1.0 only, so that all FMI 3 cases, which are SSP 2.0, are refused for
+  that; by its own interface it runs FMI 3. Connectors of the system that only show a variable are taken out
+  of the files for it.
 - libcosim: `CosimExecution.from_ssp_file` of libcosimpy, with the same connectors taken out. It has no FMI 3.
 - OMSimulator is not here: its package on the index does not install without fetching more from elsewhere.
 """
