@@ -97,9 +97,9 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
 @contextmanager
 def opened(path: Path, shown: str) -> Iterator[zipfile.ZipFile]:
     """Open an archive; InputError names it when it is missing or not a whole zip file."""
-    if not path.is_file():
-        raise InputError(f"{shown} does not exist")
     try:
+        if not path.is_file():
+            raise InputError(f"{shown} does not exist")
         size = _directory_size(path)
         if size > MAX_DIRECTORY:
             raise InputError(f"{shown} has a directory of {size} bytes; accepted: {MAX_DIRECTORY}")

@@ -4,7 +4,9 @@ import os
 from pathlib import Path
 from urllib.parse import unquote
 
+from orchestrator.archive import MAX_NAME
 from orchestrator.ssptext import Place
+from orchestrator.xmlfile import shortened
 from specs.errors import InputError
 
 
@@ -13,6 +15,8 @@ def inside(place: Place, root: Path, folder: Path, source: str, of: str = "") ->
     name = unquote(source)
     path = Path(os.path.normpath(folder / name))
     foreign = ":" in source or "\\" in name or "\0" in name or name.startswith("/")
+    if any(len(os.fsencode(part)) > MAX_NAME for part in path.parts):
+        raise InputError(f"{place}: source '{shortened(source)}'{of} has too long a name")
     if not name or foreign or not path.is_relative_to(root):
         raise InputError(f"{place}: source '{source}'{of} is not inside the package")
     return path

@@ -1,6 +1,7 @@
 """Archives, FMUs and libraries that are damaged, foreign or hostile; and what the command makes of it."""
 
 import errno
+import re
 import shutil
 import signal
 import subprocess
@@ -266,6 +267,15 @@ def test_entities_in_xml(tmp_path: Path) -> None:
         message = refused(tmp_path, OSCILLATOR, {"position": fmu("position"), "speed": broken})
         assert "component speed" in message
         assert "document type" in message or "is not valid XML" in message
+
+
+def test_names_that_no_file_can_have(tmp_path: Path) -> None:
+    text = OSCILLATOR.replace("resources/speed.fmu", f"resources/{LONG}.fmu")
+    assert re.search(
+        r"line 10: source 'resources/n+…' of component 'speed' has too long a name", refused(tmp_path, text)
+    )
+    with pytest.raises(InputError, match="cannot be read: File name too long"):
+        load_system(tmp_path / f"{LONG}.ssp")
 
 
 # ---- through the command ----

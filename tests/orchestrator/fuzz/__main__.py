@@ -92,7 +92,8 @@ class Fuzzer:
 
 def _beginning() -> Iterator[Case]:
     yield from read_corpus()
-    yield from read_corpus(WORK / "corpus.json.gz")
+    for path in sorted(WORK.glob("*.json.gz")):
+        yield from read_corpus(path)
     yield from seeds()
 
 

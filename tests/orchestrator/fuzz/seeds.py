@@ -6,6 +6,7 @@ from io import BytesIO
 from pathlib import Path
 
 from fmus.build import BUILD
+from orchestrator.archive import DAMAGE
 from tests.orchestrator.fuzz import rich
 from tests.orchestrator.fuzz.case import LIBRARY, Case
 from tests.orchestrator.systems import (
@@ -45,7 +46,7 @@ def package(path: Path) -> Case | None:
             names = [n for n in archive.namelist() if not n.endswith("/")]
             fmus = {n: _parts(archive.read(n)) for n in names if n.endswith(".fmu")}
             files = {n: archive.read(n).decode("latin-1") for n in names if n not in fmus}
-    except (zipfile.BadZipFile, ValueError, KeyError, NotImplementedError, RuntimeError):
+    except (*DAMAGE, OSError, KeyError):
         return None
     case = Case("ssp", files, fmus)
     return case if case.size < LARGE else None
