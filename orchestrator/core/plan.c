@@ -95,6 +95,7 @@ void slw_core_free(slw_core *core) {
   if (core->logs) slw_ring_close(&core->ring);
   free(core->blocks);
   free(core->fast);
+  free(core->copies);
   free(core->changes);
   free(core->order);
   free(core->loop);
@@ -371,6 +372,46 @@ static bool join(slw_core *core) {
   return true;
 }
 
+/* Of the joined moves those without conversion, as single copies. */
+static bool part_copies(slw_core *core) {
+  slw_exchange *whole = &core->whole;
+  uint32_t kept = 0;
+  core->copies = calloc(core->n_cells + 1u, sizeof *core->copies);
+  if (!core->copies) return false;
+  for (uint32_t i = 0; i < whole->n_moves; i++) {
+    slw_move *m = &whole->moves[i];
+    if (m->scale) {
+      whole->moves[kept++] = *m;
+      continue;
+    }
+    for (uint32_t k = 0; k < m->n; k++) core->copies[core->n_copies++] = (slw_copy){m->source[k], m->first + k};
+    free(m->source);
+  }
+  whole->n_moves = kept;
+  return true;
+}
+
+/* Whether the outputs of all blocks stand side by side: then they are looked at all at once. */
+static bool join_outputs(slw_core *core) {
+  size_t n = 0;
+  for (const slw_fast *f = core->fast; f < core->fast + core->n_blocks; f++) {
+    if (!f->n_get) continue;
+    if (!n) core->outputs = f->get_cells;
+    if (f->get_cells != core->outputs + n) return false;
+    n += f->n_get;
+  }
+  core->n_outputs = n;
+  return true;
+}
+
+/* The FMI version of all blocks, or 0. */
+static int common_version(const slw_core *core) {
+  const int version = core->n_blocks ? core->blocks[0].fmu->fmi_version : 0;
+  for (uint32_t i = 0; i < core->n_blocks; i++)
+    if (core->blocks[i].fmu->fmi_version != version) return 0;
+  return version;
+}
+
 void slw_finish_plan(slw_core *core) {
   if (core->initialised) return;
   core->initialised = true;
@@ -384,7 +425,8 @@ void slw_finish_plan(slw_core *core) {
     b->path = core->fast ? path_of(core, b) : SLW_GENERAL;
     if (core->fast) fill_fast(&core->fast[i], b);
   }
-  core->plain = is_plain(core) && join(core);
+  core->plain = is_plain(core) && join(core) && join_outputs(core) && part_copies(core);
+  core->fmi_version = common_version(core);
   core->sink_works = core->sink.n_moves || !only_moves(&core->sink);
   core->size = (uint64_t)2 << core->max_halvings;
   switch (core->algorithm) {

@@ -116,6 +116,11 @@ struct slw_core {
   slw_block *blocks;
   slw_fast *fast; /* of each block; meaningful where its path says so */
   uint32_t n_blocks;
+  int fmi_version;         /* of all blocks; 0: both */
+  slw_copy *copies;        /* plain systems: moves without conversion */
+  size_t n_copies;
+  const slw_cell *outputs; /* plain systems: of all blocks, side by side */
+  size_t n_outputs;
   slw_exchange sink;
   bool sink_works; /* there is something to do for it */
   slw_exchange whole; /* plain systems: the moves of all blocks, joined */
@@ -210,6 +215,23 @@ void slw_end(slw_core *core, const slw_block *b);
 /* Sets slw_core_failure; returns false. */
 bool slw_fail(slw_core *core, slw_what what, slw_status status, const slw_block *b, uint32_t cell);
 
+/* Cells that stand side by side, four at a time: most rows are that short. */
+static inline void slw_copy_cells(slw_cell *to, const slw_cell *from, size_t n) {
+  size_t i = 0;
+  for (; i + 4 <= n; i += 4)
+    to[i] = from[i], to[i + 1] = from[i + 1], to[i + 2] = from[i + 2], to[i + 3] = from[i + 3];
+  for (; i < n; i++) to[i] = from[i];
+}
+
+static inline void slw_write_row(const slw_core *core, slw_cell *row) {
+  row[0].integer = core->tick;
+  if (core->log_run) { /* often what is recorded stands side by side */
+    slw_copy_cells(row + 1, core->log_run, core->n_log);
+  } else {
+    for (size_t i = 0; i < core->n_log; i++) row[1 + i] = core->cells[core->log_cells[i]];
+  }
+}
+
 /* The begin of every tick: changes, pace, system outputs, and the logged row, which waits while the ring is full. */
 static inline bool slw_begin_tick(slw_core *core) {
   core->failure.tick = core->tick;
@@ -219,12 +241,7 @@ static inline bool slw_begin_tick(slw_core *core) {
   if (!core->logs) return true;
   slw_cell *row = slw_ring_row(&core->ring);
   if (!row) row = slw_ring_wait_row(&core->ring);
-  row[0].integer = core->tick;
-  if (core->log_run) { /* often what is recorded stands side by side */
-    for (size_t i = 0; i < core->n_log; i++) row[1 + i] = core->log_run[i];
-  } else {
-    for (size_t i = 0; i < core->n_log; i++) row[1 + i] = core->cells[core->log_cells[i]];
-  }
+  slw_write_row(core, row);
   slw_ring_commit(&core->ring);
   return true;
 }

@@ -38,6 +38,13 @@ static inline slw_cell *slw_ring_row(slw_ring *ring) {
   return ring->cells + (row & (ring->rows - 1)) * ring->width;
 }
 
+/* Producer: how many rows from the next one on may be written one behind the other without looking again. */
+static inline size_t slw_ring_straight(const slw_ring *ring) {
+  const size_t row = atomic_load_explicit(&ring->written, memory_order_relaxed);
+  const size_t room = ring->room_until - row, straight = ring->rows - (row & (ring->rows - 1));
+  return room < straight ? room : straight;
+}
+
 /* Producer: the row is filled; from now on it is the consumer's. */
 static inline void slw_ring_commit(slw_ring *ring) {
   const size_t row = atomic_load_explicit(&ring->written, memory_order_relaxed);

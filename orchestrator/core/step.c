@@ -20,70 +20,147 @@ static bool note(slw_core *core, slw_block *b, int status, slw_what doing) {
 }
 
 /* An exponent of all ones, with its lowest bit added once more, carries into the sign. */
+static ALWAYS_INLINE uint64_t carry(slw_cell c) {
+  return ((uint64_t)c.integer & SLW_EXPONENT) + SLW_EXPONENT_ONE;
+}
+
 static ALWAYS_INLINE bool all_finite(const slw_cell *cells, size_t n) {
   uint64_t carried = 0;
-  for (size_t i = 0; i < n; i++) carried |= ((uint64_t)cells[i].integer & SLW_EXPONENT) + SLW_EXPONENT_ONE;
+  size_t i = 0;
+  for (; i + 4 <= n; i += 4)
+    carried |= (carry(cells[i]) | carry(cells[i + 1])) | (carry(cells[i + 2]) | carry(cells[i + 3]));
+  for (; i < n; i++) carried |= carry(cells[i]);
   return (int64_t)carried >= 0;
 }
 
-static ALWAYS_INLINE bool fast2(slw_core *core, const slw_fast *f, double t) {
-  slw_block *b = f->block;
+/* The same, off the fast path. */
+static __attribute__((noinline)) bool unusual(slw_core *core, const slw_fast *f, int status, slw_what doing) {
+  return note(core, f->block, status, doing);
+}
+
+static bool unusual_step2(slw_core *core, const slw_fast *f, double t, int status) {
+  if (status == SLW_DISCARD) return slw_block_finish_discarded(core, f->block, t);
+  return note(core, f->block, status, SLW_DOING_STEP);
+}
+
+/* Set, step and get. */
+static ALWAYS_INLINE bool fast2(slw_core *core, const slw_fast *f, double t, double h) {
   int status;
   if (LIKELY(f->n_set)) {
     status = f->fmi2.set_real(f->instance, f->set_vr, f->n_set, &f->set_cells->real);
-    if (!LIKELY(status == SLW_OK) && !note(core, b, status, SLW_DOING_SET)) return false;
+    if (!LIKELY(status == SLW_OK) && !unusual(core, f, status, SLW_DOING_SET)) return false;
   }
-  status = f->fmi2.do_step(f->instance, t, core->step_s, 0);
-  if (!LIKELY(status == SLW_OK)) {
-    if (status == SLW_DISCARD ? !slw_block_finish_discarded(core, b, t) : !note(core, b, status, SLW_DOING_STEP))
-      return false;
-  }
-  if (!f->n_get) return true;
+  status = f->fmi2.do_step(f->instance, t, h, 0);
+  if (!LIKELY(status == SLW_OK) && !unusual_step2(core, f, t, status)) return false;
+  if (!LIKELY(f->n_get)) return true;
   status = f->fmi2.get_real(f->instance, f->get_vr, f->n_get, &f->get_cells->real);
-  if (!LIKELY(status == SLW_OK) && !note(core, b, status, SLW_DOING_GET)) return false;
-  return LIKELY(all_finite(f->get_cells, f->n_get)) || slw_check_finite(core, b);
+  return LIKELY(status == SLW_OK) || unusual(core, f, status, SLW_DOING_GET);
 }
 
-static ALWAYS_INLINE bool fast3(slw_core *core, const slw_fast *f, double t) {
+/* What an FMI 3 step says; all false before every call. */
+typedef struct {
+  bool event, terminate, early;
+} slw_flags;
+
+/* A step that is not just done. */
+static bool unusual_step3(slw_core *core, const slw_fast *f, double t, double reached, int status,
+                          slw_flags *flags) {
   slw_block *b = f->block;
+  const slw_flags said = *flags;
+  *flags = (slw_flags){false, false, false};
+  if (said.terminate && status <= SLW_DISCARD) {
+    slw_end(core, b);
+    return true;
+  }
+  if (status == SLW_DISCARD) return slw_block_continue(core, b, t, reached);
+  if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) return false;
+  return !said.early || slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
+}
+
+static ALWAYS_INLINE bool fast3(slw_core *core, const slw_fast *f, double t, double h, slw_flags *flags) {
   int status;
   if (LIKELY(f->n_set)) {
     status = f->fmi3.set(f->instance, f->set_vr, f->n_set_vr, &f->set_cells->real, f->n_set);
-    if (!LIKELY(status == SLW_OK) && !note(core, b, status, SLW_DOING_SET)) return false;
+    if (!LIKELY(status == SLW_OK) && !unusual(core, f, status, SLW_DOING_SET)) return false;
   }
-  bool event = false, terminate = false, early = false;
   double reached = t;
-  status = f->fmi3.do_step(f->instance, t, core->step_s, false, &event, &terminate, &early, &reached);
-  if (!LIKELY(status == SLW_OK && !terminate && !early)) {
-    if (terminate && status <= SLW_DISCARD) {
-      slw_end(core, b);
-    } else if (status == SLW_DISCARD) {
-      if (!slw_block_continue(core, b, t, reached)) return false;
-    } else if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) {
+  status = f->fmi3.do_step(f->instance, t, h, false, &flags->event, &flags->terminate, &flags->early,
+                           &reached);
+  if (!LIKELY(status == SLW_OK && !flags->terminate && !flags->early) &&
+      !unusual_step3(core, f, t, reached, status, flags))
+    return false;
+  if (!LIKELY(f->n_get)) return true;
+  status = f->fmi3.get(f->instance, f->get_vr, f->n_get_vr, &f->get_cells->real, f->n_get);
+  return LIKELY(status == SLW_OK) || unusual(core, f, status, SLW_DOING_GET);
+}
+
+static ALWAYS_INLINE bool finite(slw_core *core, const slw_fast *f) {
+  return LIKELY(all_finite(f->get_cells, f->n_get)) || slw_check_finite(core, f->block);
+}
+
+/* Ticks from here on that need nothing but rows and steps. */
+static int64_t plain_ticks(const slw_core *core, int64_t until) {
+  if (core->pace || core->sink_works || core->tick >= core->next_change_tick) return 0;
+  const int64_t ticks = (until < core->next_change_tick ? until : core->next_change_tick) - core->tick;
+  const int64_t room = core->logs ? (int64_t)slw_ring_straight(&core->ring) : ticks;
+  return ticks < room ? ticks : room;
+}
+
+/* The begin of one of these (`straight`: its row goes behind the last one), or of one that needs more. */
+static ALWAYS_INLINE bool plain_begin(slw_core *core, bool straight, slw_cell **row) {
+  if (!straight) return slw_begin_tick(core);
+  core->failure.tick = core->tick;
+  if (!*row) return true;
+  slw_write_row(core, *row);
+  slw_ring_commit(&core->ring);
+  *row += core->ring.width;
+  return true;
+}
+
+static bool find_infinite(slw_core *core) {
+  for (uint32_t i = 0; i < core->n_blocks; i++)
+    if (!slw_check_finite(core, &core->blocks[i])) return false;
+  return true;
+}
+
+/* `fmi_version`: of all blocks; 0: mixed. */
+static ALWAYS_INLINE bool plain_tick(slw_core *core, slw_flags *flags, int fmi_version) {
+  const slw_fast *const end = core->fast + core->n_blocks;
+  const double h = core->step_s, t = (double)core->tick * h;
+  slw_cell *const cells = core->cells;
+  const slw_copy *const copies_end = core->copies + core->n_copies;
+  for (const slw_copy *c = core->copies; c < copies_end; c++) cells[c->target] = cells[c->source];
+  for (uint32_t i = 0; i < core->whole.n_moves; i++) slw_move_run(cells, &core->whole.moves[i]);
+  for (const slw_fast *f = core->fast; f < end; f++) {
+    if (fmi_version == 2 || (!fmi_version && f->path == SLW_FAST2)) {
+      if (!fast2(core, f, t, h)) return false;
+    } else if (!fast3(core, f, t, h, flags)) {
       return false;
-    } else if (early) {
-      return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
     }
   }
-  if (!f->n_get) return true;
-  status = f->fmi3.get(f->instance, f->get_vr, f->n_get_vr, &f->get_cells->real, f->n_get);
-  if (!LIKELY(status == SLW_OK) && !note(core, b, status, SLW_DOING_GET)) return false;
-  return LIKELY(all_finite(f->get_cells, f->n_get)) || slw_check_finite(core, b);
+  return LIKELY(all_finite(core->outputs, core->n_outputs)) || find_infinite(core);
+}
+
+static ALWAYS_INLINE slw_outcome run_plain(slw_core *core, int64_t until, int fmi_version) {
+  slw_flags flags = {false, false, false};
+  while (core->tick < until) {
+    int64_t n = plain_ticks(core, until);
+    const bool straight = n > 0;
+    slw_cell *row = straight && core->logs ? slw_ring_row(&core->ring) : NULL;
+    do {
+      if (!plain_begin(core, straight, &row) || !plain_tick(core, &flags, fmi_version)) return SLW_FAILED;
+      core->tick++;
+      if (core->ended) return SLW_ENDED;
+    } while (--n > 0);
+  }
+  return SLW_DONE;
 }
 
 /* slw_core_run for systems that need nothing else: the same in one loop, so that all of it is inlined. */
 slw_outcome slw_run_plain(slw_core *core, int64_t until) {
-  const slw_fast *const end = core->fast + core->n_blocks;
-  while (core->tick < until) {
-    if (!slw_begin_tick(core)) return SLW_FAILED;
-    const double t = (double)core->tick * core->step_s;
-    for (uint32_t i = 0; i < core->whole.n_moves; i++) slw_move_run(core->cells, &core->whole.moves[i]);
-    for (const slw_fast *f = core->fast; f < end; f++)
-      if (!(f->path == SLW_FAST2 ? fast2(core, f, t) : fast3(core, f, t))) return SLW_FAILED;
-    core->tick++;
-    if (core->ended) return SLW_ENDED;
-  }
-  return SLW_DONE;
+  if (core->fmi_version == 2) return run_plain(core, until, 2);
+  if (core->fmi_version == 3) return run_plain(core, until, 3);
+  return run_plain(core, until, 0);
 }
 
 /* ---- the general path ---- */
@@ -126,8 +203,9 @@ static bool finish_apart(slw_core *core, slw_block *b) {
 static bool advance(slw_core *core, slw_block *b) {
   const double t = (double)core->tick * core->step_s;
   const slw_fast *f = &core->fast[b - core->blocks];
-  if (b->path == SLW_FAST2) return fast2(core, f, t);
-  if (b->path == SLW_FAST3) return fast3(core, f, t);
+  slw_flags flags = {false, false, false};
+  if (b->path == SLW_FAST2) return fast2(core, f, t, core->step_s) && finite(core, f);
+  if (b->path == SLW_FAST3) return fast3(core, f, t, core->step_s, &flags) && finite(core, f);
   if (slw_due(core, b)) {
     const double h = core->step_s * b->multiple;
     if (!slw_block_set(core, b) || !slw_block_tick_clocks(core, b) || !slw_block_step(core, b, t, h)) return false;
