@@ -1,6 +1,7 @@
 """`python -m tests.orchestrator.fuzz --minutes N [--until-quiet MIN]`: fuzz, then keep the smaller corpus."""
 
 import argparse
+import contextlib
 import json
 import os
 import re
@@ -17,7 +18,7 @@ from tests.orchestrator.fuzz.case import CORPUS, Case, read_corpus, write_corpus
 from tests.orchestrator.fuzz.edges import Edge
 from tests.orchestrator.fuzz.judge import Verdict, judge, limit_memory
 from tests.orchestrator.fuzz.mutate import Mutator
-from tests.orchestrator.fuzz.seeds import seeds
+from tests.orchestrator.fuzz.seeds import packages, seeds
 from tests.orchestrator.fuzz.stepper import Stepper, available
 
 WORK = BUILD / "fuzz"
@@ -95,6 +96,7 @@ def _beginning() -> Iterator[Case]:
     for path in sorted(WORK.glob("*.json.gz")):
         yield from read_corpus(path)
     yield from seeds()
+    yield from packages()
 
 
 def main() -> int:
@@ -122,7 +124,10 @@ def main() -> int:
     for case in _beginning():
         fuzzer.run(case)
     print(f"begin: {fuzzer.runs} cases, {len(fuzzer.seen)} edges, {fuzzer.accepted} accepted", flush=True)
-    quiet = _loop(fuzzer, 60.0 * options.minutes, 60.0 * (options.until_quiet or 1e9))
+    begin = time.monotonic()
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C ends it early, and keeps what it has
+        _loop(fuzzer, 60.0 * options.minutes, 60.0 * (options.until_quiet or 1e9))
+    quiet = time.monotonic() - max(fuzzer.last_new, begin)
     if stepper is not None:
         stepper.close()
     kept = fuzzer.smallest()
@@ -133,8 +138,7 @@ def main() -> int:
     return 1 if fuzzer.problems else 0
 
 
-def _loop(fuzzer: Fuzzer, limit_s: float, quiet_s: float) -> float:
-    """Fuzz; returns the seconds since the last new edge."""
+def _loop(fuzzer: Fuzzer, limit_s: float, quiet_s: float) -> None:
     begin = fuzzer.last_new = reported = time.monotonic()
     while (now := time.monotonic()) - begin < limit_s and now - fuzzer.last_new < quiet_s:
         fuzzer.step()
@@ -142,7 +146,6 @@ def _loop(fuzzer: Fuzzer, limit_s: float, quiet_s: float) -> float:
             reported = now
             print(f"{(now - begin) / 60.0:6.1f} min: {_state(fuzzer)}", flush=True)
             write_corpus((case for case, _ in fuzzer.cases), WORK / "corpus.json.gz")
-    return time.monotonic() - fuzzer.last_new
 
 
 def _state(fuzzer: Fuzzer) -> str:

@@ -29,9 +29,13 @@ LARGE = 300_000  # bytes of text: larger packages teach little and cost much
 
 
 def seeds() -> Iterator[Case]:
-    """Every seed; packages that are not built are left out."""
+    """The systems of the tests: nearly all of them are accepted."""
     yield from _systems()
     yield from _descriptions()
+
+
+def packages() -> Iterator[Case]:
+    """Packages of the project and the test pack, right and wrong ones, as far as they are built."""
     for folder in (BUILD / "systems", BUILD / "testpack"):
         for path in sorted(folder.rglob("*.ssp")) if folder.exists() else ():
             case = package(path)
