@@ -13,7 +13,7 @@ from orchestrator.bench.contestants import NotMeasured
 
 
 class _Recorder:
-    steps = 5_000
+    steps = 10_000
     bytes = 0
 
     def __init__(self, chain: Chain, folder: Path) -> None:

@@ -1,10 +1,11 @@
 """`slewright bench`: how fast it is, against others, in the same minute on the same machine."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slewright.figures import JsonOption, write
+from slewright.figures import JsonOption, check_target, write, write_text
 from slewright.progress import progress
 from slewright.tables import show
 
@@ -26,14 +27,21 @@ def orchestrator(
         int, typer.Option(min=1, help="Blocks of interleaved runs: more are surer and slower.")
     ] = 60,
     json: JsonOption = None,
+    markdown: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", callback=check_target, help="Write the figures as a page here."),
+    ] = None,
 ) -> None:
     """Compare the orchestrator with a hand-written loop and other masters, on one chain of three FMUs."""
+    from orchestrator.bench.document import page
     from orchestrator.bench.orchestrator import run
 
     with progress("bench orchestrator") as report:
         result = run(blocks, report)
     _show(result)
     write(json, result.figures())
+    if markdown:
+        write_text(markdown, page(result))
     missed = [must for must in result.musts() if must.missed]
     for must in missed:
         typer.echo(f"slewright: missed: {must}", err=True)

@@ -102,7 +102,9 @@ def test_a_slow_orchestrator_misses_its_musts():
 @pytest.mark.slow
 def test_the_command_writes_every_figure_or_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "bench.json"
-    code = run(["bench", "orchestrator", "--blocks", "1", "--json", str(out)])
+    page = tmp_path / "bench.md"
+    code = run(["bench", "orchestrator", "--blocks", "1", "--json", str(out), "--markdown", str(page)])
+    assert page.read_text().count("Slewright / ") == 2
     figures = json.loads(out.read_text())
     missed = [must["must"] for must in figures["musts"] if must["missed"]]
     assert code == (1 if missed else 0)
