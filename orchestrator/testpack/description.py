@@ -168,10 +168,12 @@ def _variable3(fmu: Fmu, v: Variable, reference: int) -> str:
         values["clocks"] = vr[v.clock]
     if v.type == "Clock":
         values["intervalVariability"] = "constant" if v.interval else "triggered"
-        values["intervalDecimal"] = v.interval
+        values |= {"intervalDecimal": v.interval, "shiftDecimal": v.shift}
     inner = ""
     if isinstance(v.size, str):
         inner = f'<Dimension valueReference="{vr[v.size]}"/>'
+    elif v.shape:
+        inner = "".join(f'<Dimension start="{n}"/>' for n in v.shape)
     elif v.size is not None:
         inner = f'<Dimension start="{v.size}"/>'
     if kind in ("String", "Binary") and v.start is not None:

@@ -45,10 +45,11 @@ class Variable:
     type     Real, Integer, Boolean, String, Enumeration, or one of FMI 3
     depends  inputs on which an output depends at once
     size     elements of an array: a number, or the name of a structural parameter (with `most` at most)
+    shape    sizes of the dimensions, where there is more than one
     most     elements that the C code holds at most
     discrete a real that changes at events only
     clock    name of the clock that an output belongs to
-    interval of a clock, in s
+    interval, shift  of a clock, in s
     """
 
     name: str
@@ -62,10 +63,12 @@ class Variable:
     max: float | None = None
     relative: bool = False
     size: int | str | None = None
+    shape: tuple[int, ...] = ()
     most: int = 1
     discrete: bool = False
     clock: str = ""
     interval: str = ""
+    shift: str = ""
 
     @property
     def continuous(self) -> bool:
@@ -131,6 +134,8 @@ ECHO3 = (
     *ECHO2,
     *(v for n, t in FMI3_TYPES.items() for v in _pair(n, t, {"float32": 0.0, "binary": ""}.get(n, 0))),
     _output("binary_sum", "Integer", ("binary_in",)),
+    _output("int64_rest", "Integer", ("int64_in",)),
+    _output("uint64_rest", "Integer", ("uint64_in",)),
 )
 
 
@@ -142,6 +147,13 @@ def _vector(size: int | str, *first: Variable) -> tuple[Variable, ...]:
         _parameter("k", 1.0),
         replace(array, name="y", causality="output", start=None, depends=("u",)),
         _output("total", depends=("u",)),
+    )
+
+
+def _matrix(*shape: int) -> tuple[Variable, ...]:
+    start = tuple(float(i) for i in range(6))
+    return tuple(
+        replace(v, shape=shape, start=start if v.name == "u" else None) if v.size else v for v in _vector(6)
     )
 
 
@@ -186,7 +198,7 @@ def _starting(variables: tuple[Variable, ...], **starts: Start) -> tuple[Variabl
     return tuple(replace(v, start=starts[v.name]) if v.name in starts else v for v in variables)
 
 
-# Values that a conversion to another type on the way would change.
+# Values that a conversion to another type on the way would change; for 64 bits the next one is no double.
 SET: Mapping[str, Start] = {
     "real_in": 1.5,
     "integer_in": -7,
@@ -261,6 +273,8 @@ _ALL = (
         _vector("n", Variable("n", "UInt64", "structuralParameter", 3)),
         (3,),
     ),
+    Fmu("matrix", "vector", _matrix(2, 3), (3,)),
+    Fmu("matrix_turned", "vector", _matrix(3, 2), (3,)),
     Fmu("counter", "counter", COUNTER, (2,)),
     Fmu("counter", "counter", COUNTER, (3,), {"hasEventMode": "true", "mightReturnEarlyFromDoStep": "true"}),
     Fmu("sampler", "sampler", SAMPLER, (3,), {"hasEventMode": "true"}),
@@ -268,6 +282,13 @@ _ALL = (
         "sampler_odd",
         "sampler",
         _changed(SAMPLER, "tick", interval="0.25"),
+        (3,),
+        {"hasEventMode": "true"},
+    ),
+    Fmu(
+        "sampler_later",
+        "sampler",
+        _changed(SAMPLER, "tick", shift="0.1"),
         (3,),
         {"hasEventMode": "true"},
     ),

@@ -62,6 +62,8 @@ void kit_outputs(kit_instance *m) {
   N(uint16_out) = N(uint16_in) + 1;
   N(uint32_out) = N(uint32_in) + 1;
   N(uint64_out) = N(uint64_in) + 1;
+  W(int64_rest) = W(int64_in) % 1000; /* which shows whether a double was on the way */
+  W(uint64_rest) = (int64_t)(N(uint64_in) % 1000);
   m->text[binary_out] = m->text[binary_in];
   W(binary_sum) = 0;
   for (size_t i = 0; i < m->text[binary_in].size; i++)

@@ -15,6 +15,7 @@ from orchestrator.testpack.render import (
     lines,
     parameter_mapping,
     parameter_set,
+    system,
     takes,
     value,
 )
@@ -86,6 +87,47 @@ ECHO = whole(
     [],
     {"b.integer_out": "Integer", "b.boolean_out": "Boolean", "b.string_size": "Integer"},
 )
+CONNECTED_LINEAR = CONNECTED.replace(
+    connection("strength", "b.k"), connection("strength", "b.k", linear(2, 1))
+)
+NESTED = whole(
+    [
+        source(),
+        system(
+            "inner",
+            [component("c", "gain", takes("u"), connector(K, "parameter"), gives("y"))],
+            [connection("strength", "c.k"), connection("in", "c.u"), connection("c.y", "out")],
+            [connector("strength", "parameter"), takes("in"), gives("out")],
+        ),
+        gain(),
+    ],
+    [
+        connection("strength", "inner.strength"),
+        connection("a.y", "inner.in"),
+        connection("inner.out", "b.u"),
+    ],
+    {"b.y": "Real"},
+    connectors=[connector("strength", "parameter")],
+    bindings=bindings(binding(_k(3, "strength"))),
+)
+TO_BOTH = parameter_mapping(entry("factor", K, linear(2)), entry("factor", "b"))
+LENGTH = value("length", "Real", 2, unit="m")
+AS_IT_IS = parameter_mapping(entry("length", "b", suppressUnitConversion="true"))
+
+
+def _started(name: str, type: str, given: str, seen: str = "", seen_type: str = "") -> str:
+    """echo b with a value for one of its inputs."""
+    more = {"name": "Mode"} if type == "Enumeration" else {}
+    inner = component(
+        "b",
+        "echo",
+        takes(f"{name}_in", type, **more),
+        gives(seen or f"{name}_out", seen_type or type, **more),
+        bindings=bindings(binding(given)),
+    )
+    return whole([inner], [], {f"b.{seen or f'{name}_out'}": f"{type} Mode" if more else seen_type or type})
+
+
 TRIPLE = {"expect": {"b.y": f"3*{U}"}, "tolerance": HOP}
 
 CASES: tuple[Case, ...] = (
@@ -174,6 +216,50 @@ CASES: tuple[Case, ...] = (
         "an input of the system that nobody drives keeps its value",
         START,
         expect={"b.y": "7 + 0*t"},
+    ),
+    *cases(
+        "parameter-linear",
+        "a LinearTransformation between a parameter of the system and that of a component",
+        CONNECTED_LINEAR,
+        expect={"b.y": f"7*{U}"},
+        tolerance=0.1,
+    ),
+    *cases(
+        "parameter-nested",
+        "a parameter of the system through an inner system to a component",
+        NESTED,
+        expect={"b.y": f"3*{U}"},
+        tolerance=0.15,
+    ),
+    *cases(
+        "mapped-twice",
+        "one value for two parameters, by a mapping",
+        _system(bindings(binding(FACTOR, mapping=_mapped(TO_BOTH)))),
+        expect={"b.y": f"3*{U} + 1.5"},
+        tolerance=HOP,
+    ),
+    *cases(
+        "mapped-suppressed",
+        "a mapping that suppresses the conversion of units",
+        whole(
+            [gain("b", "gain_mm", unit="mm", bindings=bindings(binding(LENGTH, mapping=_mapped(AS_IT_IS))))],
+            [],
+            {"b.y": "Real"},
+        ),
+        expect={"b.y": "2 + 0*t"},
+    ),
+    *cases(
+        "value-item",
+        "a value for an enumeration, by the name of its item",
+        _started("mode", "Enumeration", value("mode_in", "Enumeration", "fast")),
+        expect={"b.mode_out": "3 + 0*t"},
+    ),
+    *cases(
+        "value-large",
+        "a value for an Int64 that is no double",
+        _started("int64", "Int64", value("int64_in", "Int64", 2**53 + 1), "int64_rest", "Integer"),
+        (3,),
+        expect={"b.int64_rest": f"{(2**53 + 1) % 1000} + 0*t"},
     ),
     *cases(
         "value-types",

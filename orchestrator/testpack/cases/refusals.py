@@ -86,6 +86,14 @@ SIZES = whole(
     [connection("a.y", "b.u")],
     {"b.total": "Real"},
 )
+TURNED = whole(
+    [
+        component("a", "matrix", gives("y", "Real", size(2) + size(3))),
+        component("b", "matrix_turned", takes("u", "Real", size(3) + size(2)), gives("total")),
+    ],
+    [connection("a.y", "b.u")],
+    {"b.total": "Real"},
+)
 STATELESS = whole(
     [source(), gain("b", "gain_stateless")],
     [connection("a.y", "b.u")],
@@ -123,6 +131,7 @@ CASES: tuple[Case, ...] = (
     *_bad("cycle", "connections that form a cycle", CYCLE, "inner.in", "inner.out"),
     *_bad("two-sources", "two sources for one input", TWO_SOURCES, "b.u", at='startElement="c"'),
     *_bad("sizes", "arrays of different sizes", SIZES, "a.y", "b.u", "3", "2", at=SINK, fmi=(3,)),
+    *_bad("shapes", "a matrix to one of as many elements, turned", TURNED, "a.y", "b.u", at=SINK, fmi=(3,)),
     *_bad(
         "step-multiple",
         "a component's step is no whole multiple of the system's",

@@ -31,13 +31,13 @@ def loop(first: str, second: str, stop: float = 2.0, **more: str) -> str:
     )
 
 
-def _alone(fmu: str, *outputs: tuple[str, str], step: float = 0.1, connectors: tuple[str, ...] = ()) -> str:
+def _alone(fmu: str, *outputs: tuple[str, str], inner: str = "", **more: str) -> str:
     shown = [gives(name, type) for name, type in outputs]
     return whole(
-        [component("b", fmu, *connectors, *shown)],
+        [component("b", fmu, *shown)],
         [],
         {f"b.{name}": type for name, type in outputs},
-        step=step,
+        annotated=annotation(0.1, inner, **more),
     )
 
 
@@ -47,12 +47,22 @@ SAMPLER = whole(
     {"b.count": "Integer", "b.sampled": "Real"},
 )
 COUNTS = (("count", "Integer"), ("last", "Real"))
-SLOW = whole(
-    [source(), _integrator("b", "integrator")],
-    [connection("a.y", "b.u")],
-    {"b.y": "Real"},
-    annotated=annotation(0.1, '<slw:Component name="b" stepSize="0.4"/>'),
-)
+ALGORITHMS = ("gauss-seidel", "iterate", "adaptive")
+
+
+def _sampler(algorithm: str) -> str:
+    return SAMPLER.replace('stepSize="0.1"', f'stepSize="0.1" algorithm="{algorithm}"')
+
+
+def _slow(**more: str) -> str:
+    return whole(
+        [source(), _integrator("b", "integrator")],
+        [connection("a.y", "b.u")],
+        {"b.y": "Real"},
+        annotated=annotation(0.1, '<slw:Component name="b" stepSize="0.4"/>', **more),
+    )
+
+
 BIAS = '<slw:Fault target="b.u" kind="bias" start_s="0.4" value="10"/>'
 FAULT = whole(
     [source(), gain()], [connection("a.y", "b.u")], {"b.y": "Real"}, annotated=annotation(0.1, BIAS)
@@ -101,7 +111,7 @@ CASES: tuple[Case, ...] = (
     *cases(
         "two-rates",
         "a component that steps once in four steps",
-        SLOW,
+        _slow(),
         expect={"b.y": "pick(whole(t/0.4), 0, 2, 4.016)"},
         own=True,
     ),
@@ -187,6 +197,61 @@ CASES: tuple[Case, ...] = (
         _alone("trouble_terminates", ("y", "Real")),
         kind="ends",
         names=("component b", "0.5 s"),
+    ),
+    *cases(
+        "clock-shift",
+        "a periodic input clock that ticks for the first time in the second step",
+        SAMPLER.replace("sampler.fmu", "sampler_later.fmu"),
+        (3,),
+        expect={"b.count": "whole((t + 0.1)/0.2)", "b.sampled": f"{U}*(t > 0.15)"},
+        tolerance=HOP,
+        times=(0.2, 0.4, 0.6, 0.8),
+    ),
+    *(
+        case
+        for algorithm in ALGORITHMS
+        for case in (
+            *cases(
+                f"events-{algorithm}",
+                f"events are counted once each, under the algorithm {algorithm}",
+                _alone("counter", COUNTS[0], algorithm=algorithm),
+                (3,),
+                expect={"b.count": "whole(t/0.25)"},
+                own=True,
+            ),
+            *cases(
+                f"clock-{algorithm}",
+                f"a clock ticks once each time, under the algorithm {algorithm}",
+                _sampler(algorithm),
+                (3,),
+                expect={"b.count": "whole(t/0.2) + 1", "b.sampled": U},
+                tolerance=HOP,
+                times=(0.1, 0.3, 0.5, 0.7),
+                own=True,
+            ),
+            *cases(
+                f"discarded-{algorithm}",
+                f"an FMU discards half of its steps, under the algorithm {algorithm}",
+                _alone("trouble_discards", ("y", "Real"), algorithm=algorithm),
+                expect={"b.y": "t"},
+                own=True,
+            ),
+            *cases(
+                f"two-rates-{algorithm}",
+                f"a component that steps once in four steps, under the algorithm {algorithm}",
+                _slow(algorithm=algorithm),
+                expect={"b.y": "pick(whole(t/0.4), 0, 2, 4.016)"},
+                tolerance=0.02,
+                own=True,
+            ),
+        )
+    ),
+    *cases(
+        "events-slow",
+        "events of a component that steps once in four steps",
+        _alone("counter", COUNTS[0], inner='<slw:Component name="b" stepSize="0.4"/>'),
+        expect={"b.count": "pick(whole(t/0.4), 0, 1, 3)"},
+        own=True,
     ),
     *cases(
         "fault",

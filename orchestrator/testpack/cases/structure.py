@@ -11,6 +11,7 @@ from orchestrator.testpack.render import (
     component,
     connection,
     gives,
+    linear,
     lines,
     ssd,
     system,
@@ -37,6 +38,22 @@ def _around(element: str, outer: str = "") -> str:
     )
 
 
+PASSED_ON = _around(system("inner", [gain("b")], [connection("in", "out")], [takes("in"), gives("out")]))
+UNITS_NESTED = whole(
+    [
+        source(),
+        gain("d", "gain_m", unit="m"),
+        system(
+            "inner",
+            [gain("b", "gain_m", unit="m")],
+            [connection("in", "b.u"), connection("b.y", "out", linear(1, 2000))],
+            [takes("in", unit="mm"), gives("out", unit="mm")],
+        ),
+        gain("c", "gain_m", unit="m"),
+    ],
+    [connection("a.y", "d.u"), connection("d.y", "inner.in"), connection("inner.out", "c.u")],
+    {"c.y": "Real"},
+)
 DOUBLE = {"expect": {"c.y": f"2*{U}"}, "tolerance": HOP}
 DEEP = system(
     "inner",
@@ -173,6 +190,16 @@ CASES: tuple[Case, ...] = (
         "a value for a parameter whose name is not ASCII",
         _names(bindings(binding(value("Verstärker.k₁", "Real", 4)))),
         expect={"Verstärker.grösse·k": f"4*{U}"},
+        tolerance=HOP,
+    ),
+    *cases(
+        "passed-on", "an inner system that passes its input on", PASSED_ON, expect={"c.y": U}, tolerance=HOP
+    ),
+    *cases(
+        "units-nested",
+        "a system between two FMUs in metres, whose own connectors are in millimetres",
+        UNITS_NESTED,
+        expect={"c.y": f"{U} + 2"},
         tolerance=HOP,
     ),
     *cases(

@@ -10,6 +10,7 @@ from orchestrator.testpack.render import (
     connection,
     connector,
     gives,
+    linear,
     size,
     takes,
     value,
@@ -39,13 +40,25 @@ def _number(name: str, type: str, fmi: tuple[int, ...]) -> list[Case]:
         _through(name, type, f"{name}_out", type),
         fmi,
         expect={f"b.{name}_out": f"{SET[f'{name}_in']} + 2 + 0*t"},
-        tolerance=1e-9 if type != "UInt64" else 2048.0,
+    )
+
+
+def _long(name: str, type: str) -> list[Case]:
+    """Of 64 bits: what they leave when divided by 1000 shows each of them (the sign is that of C)."""
+    sent = int(str(SET[f"{name}_in"])) + 1
+    rest = abs(sent) % 1000 * (1 if sent > 0 else -1)
+    return cases(
+        f"type-{name}",
+        f"{type} from one FMU to the next, with all its bits",
+        _through(name, type, f"{name}_rest", "Integer"),
+        (3,),
+        expect={f"b.{name}_rest": f"{rest} + 0*t"},
     )
 
 
 LENGTH = len(str(SET["string_in"]).encode())
 SUM = sum(bytes.fromhex(str(SET["binary_in"])))
-NUMBERS = [n for n in FMI3_TYPES if n != "binary"]
+NUMBERS = [n for n in FMI3_TYPES if n not in ("binary", "int64", "uint64")]
 
 
 def _vectors(second: str, more: str = "", dimension: int | str = 3) -> str:
@@ -81,6 +94,36 @@ ALONE = whole(
     {"b.total": "Real"},
 )
 
+
+def _matrices(second: str) -> str:
+    """A matrix of 2 × 3 to another one."""
+    rows, columns = (2, 3) if second == "matrix" else (3, 2)
+    return whole(
+        [
+            component("a", "matrix", gives("y", "Real", size(2) + size(3))),
+            component("b", second, takes("u", "Real", size(rows) + size(columns)), gives("total")),
+        ],
+        [connection("a.y", "b.u")],
+        {"b.total": "Real"},
+    )
+
+
+LINEAR = _vectors("vector3").replace('endConnector="u">', f'endConnector="u">{linear(2, 1)}')
+UNSAID = whole(
+    [
+        component("a", "vector3", gives("y")),
+        component("b", "vector3", takes("u"), gives("total")),
+    ],
+    [connection("a.y", "b.u")],
+    {"b.total": "Real"},
+)
+ELEMENTS = whole(
+    [component("b", "vector3", gives("y", "Real", size(3)), gives("total"))],
+    [connection("b.y", "all")],
+    {"b.total": "Real"},
+    connectors=[gives("all", "Real", size(3))],
+)
+
 CASES: tuple[Case, ...] = (
     *_number("real", "Real", (2, 3)),
     *_number("integer", "Integer", (2, 3)),
@@ -103,6 +146,8 @@ CASES: tuple[Case, ...] = (
         expect={"b.string_size": f"{LENGTH} + 0*t"},
     ),
     *[case for name in NUMBERS for case in _number(name, FMI3_TYPES[name], (3,))],
+    *_long("int64", "Int64"),
+    *_long("uint64", "UInt64"),
     *cases(
         "type-binary",
         "Binary from one FMU to the next, with a zero byte: the sum of its bytes",
@@ -123,6 +168,34 @@ CASES: tuple[Case, ...] = (
         _vectors("vector_n"),
         (3,),
         expect={"b.total": "12 + 0*t"},
+    ),
+    *cases(
+        "array-linear",
+        "a LinearTransformation for each element of an array",
+        LINEAR,
+        (3,),
+        expect={"b.total": "24 + 0*t"},
+    ),
+    *cases(
+        "array-unsaid",
+        "arrays whose connectors do not state a size",
+        UNSAID,
+        (3,),
+        expect={"b.total": "12 + 0*t"},
+    ),
+    *cases(
+        "array-outside",
+        "an array that is an output of the system",
+        ELEMENTS,
+        (3,),
+        expect={"b.total": "9 + 0*t"},
+    ),
+    *cases(
+        "matrix",
+        "an array of two dimensions",
+        _matrices("matrix"),
+        (3,),
+        expect={"b.total": "45 + 0*t"},
     ),
     *cases(
         "array-values",
