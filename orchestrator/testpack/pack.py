@@ -1,6 +1,7 @@
 """The pack on disk: a folder for each case, with its .ssp and what must come of it; a README of all."""
 
 import re
+import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -14,7 +15,8 @@ FMU = re.compile(r'"resources/([^"/]+)\.fmu"')
 HEADER = """# A test pack for SSP importers
 
 Small FMUs and systems: one for each feature of SSP and FMI co-simulation, and one for each error.
-Made by `slewright testpack`; the FMUs are compiled from C sources that come with it.
+Made by `slewright testpack`; `sources` holds the C code that all FMUs are compiled from (the table of
+variables, `variables.h`, is generated for each).
 
 Each folder holds `NAME.ssp` and what must come of it:
 
@@ -36,6 +38,7 @@ def write(folder: Path, cases: Iterable[Case], targets: Sequence[str] = ()) -> l
     """Write the pack; returns the paths of all its .ssp files.  `targets`: platforms, as in fmus.compiler."""
     folder.mkdir(parents=True, exist_ok=True)
     chosen = list(cases)
+    shutil.copytree(kit.SOURCES, folder / "sources", dirs_exist_ok=True)
     (folder / "README.md").write_text(readme(chosen), encoding="utf-8")
     return [write_case(folder / case.name, case, targets) for case in chosen]
 

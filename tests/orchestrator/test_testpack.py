@@ -133,6 +133,7 @@ def test_the_pack_is_written_whole_and_the_same_twice(tmp_path: Path) -> None:
     assert [p.read_bytes() for p in paths] == [p.read_bytes() for p in again]
     rows = list(csv.DictReader((tmp_path / "a" / "linear-fmi2" / "expected.csv").open()))
     assert [float(row["b.y"]) for row in rows] == pytest.approx([110 + 0.02 * i for i in range(9)])
+    assert (tmp_path / "a" / "sources" / "models.c").is_file()
     said = (tmp_path / "a" / "factor-zero-fmi3" / "expected.txt").read_text()
     assert "must be refused before the first step" in said
     assert f"SystemStructure.ssd line {BY_NAME['factor-zero-fmi3'].line}" in said
