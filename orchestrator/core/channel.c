@@ -10,7 +10,11 @@
 #include <time.h>
 #include <unistd.h>
 
-#define SPINS 2000
+/* How long a wait spins before it sleeps: it learns whether that pays. Where there are more processes than
+ * processors it does not, since who spins keeps the other from running. */
+#define LEAST_SPINS 16
+#define MOST_SPINS 1024
+static atomic_int spins = LEAST_SPINS;
 
 #if defined(__x86_64__)
 #define RELAX() __builtin_ia32_pause()
@@ -19,10 +23,15 @@
 #endif
 
 void slw_wait_word(_Atomic uint32_t *word, uint32_t seen, _Atomic uint32_t *sleeps, long wait_ns) {
-  for (int i = 0; i < SPINS; i++) {
-    if (atomic_load_explicit(word, memory_order_acquire) != seen) return;
+  const int most = atomic_load_explicit(&spins, memory_order_relaxed);
+  for (int i = 0; i < most; i++) {
+    if (atomic_load_explicit(word, memory_order_acquire) != seen) {
+      if (most < MOST_SPINS) atomic_store_explicit(&spins, most + most / LEAST_SPINS, memory_order_relaxed);
+      return;
+    }
     RELAX();
   }
+  if (most > LEAST_SPINS) atomic_store_explicit(&spins, most / 2, memory_order_relaxed);
   const struct timespec limit = {wait_ns / 1000000000L, wait_ns % 1000000000L};
   atomic_store(sleeps, 1u);
   if (atomic_load(word) == seen) syscall(SYS_futex, word, FUTEX_WAIT, seen, &limit, NULL, 0);
