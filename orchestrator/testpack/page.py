@@ -54,9 +54,9 @@ people as that master: its column says that it does what the pack states, not th
 | — | not asked: optional, or initial values, or errors where no system of that FMI version is taken |
 
 Not all that is called wrong here is against a standard: whether an importer has to refuse a value out of its
-bounds, an entity in an XML file, a link in an archive (which it may well unpack harmlessly), an algebraic loop
-without a solution or an output that is no number is a matter of opinion. This pack holds that it has to; that
-a signal is off by a factor is no matter of opinion.
+bounds, an entity in an XML file, a link in an archive (which it may well unpack harmlessly), a loop without
+a solution or an output that is no number is a matter of opinion. This pack holds that it has to; that a
+signal is off by a factor is no matter of opinion.
 
 How they are driven:
 
