@@ -12,6 +12,7 @@ from orchestrator.interventions import check_faults
 from orchestrator.net import Net
 from orchestrator.parameters import Parameters
 from orchestrator.single import system_of_fmu
+from orchestrator.sizes import check_total
 from orchestrator.ssd import read_ssd
 from orchestrator.ssptext import Place
 from orchestrator.system import Component, System
@@ -52,6 +53,7 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
     step_s = text.simulation.step_s or DEFAULT_STEP_S
     start = parameters.by_component()
     started = {n: replace(c, start=start[n]) for n, c in net.components.items()}
+    check_total(started.values())
     components = timed(net, started, text.simulation, step_s)
     wiring = Wiring(net, parameters, components)
     system = System(

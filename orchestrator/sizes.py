@@ -10,6 +10,7 @@ from orchestrator.variable import Variable
 from specs.errors import InputError
 
 Dimensions = tuple[int | None, ...]  # None: left open
+MAX_VALUES = 2**24  # of all arrays of a system
 
 
 class Sizes:
@@ -115,3 +116,15 @@ def _show(dimensions: Dimensions) -> str:
     if not dimensions:
         return "scalar"
     return "size " + " × ".join("?" if d is None else str(d) for d in dimensions)
+
+
+def check_total(components: Iterable[Component]) -> None:
+    """InputError where structural parameters of the system make its arrays larger than MAX_VALUES."""
+    total = 0
+    for component in components:
+        size = sum(component.size(v) for v in component.model.variables.values() if v.array)
+        total += size
+        if total > MAX_VALUES:
+            raise InputError(
+                f"{component}: its arrays have {size} elements; accepted: {MAX_VALUES} in the whole system"
+            )
