@@ -33,6 +33,10 @@ def cases(described: Callable[[str], dict[str, str]]) -> Iterator[Case]:
     for algorithm in ("jacobi", "gauss-seidel", "iterate", "adaptive"):
         ssd = _structure(algorithm)
         yield Case("ssp", {"SystemStructure.ssd": ssd, **files}, {"resources/all.fmu": fmu})
+    # arrays whose size a parameter set decides, without bounds
+    free = described(_description().replace(' min="0" max="5"', ""))
+    loose = _structure("jacobi").replace('<ssc:Dimension size="2"/></ssd:Connector>', "</ssd:Connector>")
+    yield Case("ssp", {"SystemStructure.ssd": loose, **files}, {"resources/all.fmu": free})
     yield Case("fmu", {}, {"all.fmu": fmu})
     yield Case("ssp", {"SystemStructure.ssd": _parameters()}, {"all.fmu": fmu})
     part = _part("all.fmu")
