@@ -323,6 +323,7 @@ static void free_fmu(slw_fmu *fmu) {
       pid_t found = 0;
       while ((found = waitpid(r->host, &status, WNOHANG)) == 0 && clock_s() < until) usleep(200);
       if (found == 0) end_host(r);
+      kill(-r->host, SIGKILL); /* what it may have started */
     }
   }
   if (r->channel) munmap(r->channel, sizeof *r->channel + SLW_DATA_SIZE);
