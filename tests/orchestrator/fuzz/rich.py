@@ -35,7 +35,8 @@ def cases(described: Callable[[str], dict[str, str]]) -> Iterator[Case]:
         yield Case("ssp", {"SystemStructure.ssd": ssd, **files}, {"resources/all.fmu": fmu})
     # arrays whose size a parameter set decides, without bounds
     free = described(_description().replace(' min="0" max="5"', ""))
-    loose = _structure("jacobi").replace('<ssc:Dimension size="2"/></ssd:Connector>', "</ssd:Connector>")
+    row, end = "<ssc:Float64/>", "</ssd:Connector>"
+    loose = _structure("jacobi").replace(f'{row}<ssc:Dimension size="2"/>{end}', row + end)
     yield Case("ssp", {"SystemStructure.ssd": loose, **files}, {"resources/all.fmu": free})
     yield Case("fmu", {}, {"all.fmu": fmu})
     yield Case("ssp", {"SystemStructure.ssd": _parameters()}, {"all.fmu": fmu})

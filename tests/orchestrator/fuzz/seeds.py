@@ -120,7 +120,8 @@ def _descriptions() -> Iterator[Case]:
     for name in MODELS:
         for version in (2, 3):
             yield Case("fmu", {}, {"x.fmu": _parts(fmu(name, version).read_bytes())})
-    kinds = ("constant", 'intervalDecimal="0.1"'), ("tunable", ""), ("triggered", ""), ("countdown", "")
+    decimal = 'intervalDecimal="0.1"'
+    kinds = ("constant", decimal), ("tunable", decimal), ("triggered", ""), ("fixed", decimal)
     clocks = "".join(
         CLOCK.format(*kind).replace('"c"', f'"c{i}"').replace('"1"', f'"{20 + i}"')
         for i, kind in enumerate(kinds)
