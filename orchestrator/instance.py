@@ -29,11 +29,12 @@ class Instance:
     """One instance, here or in a process of its own; use `instantiate`, and `free` it.
 
     It is a context manager, which frees it.
-    `pointer` is the core's slw_fmu; `event_mode` and `early_return`: how it was instantiated.
+    `pointer` is the core's slw_fmu; `isolated`, `event_mode`, `early_return`: how it was instantiated.
     """
 
     def __init__(self, component: Component, isolated: bool = False, limit_s: float = LIMIT_S) -> None:
         self.component, self.name, self.model = component, component.name, component.model
+        self.isolated = isolated
         self.event_mode = self.model.has_event_mode
         self.early_return = self.event_mode or self.model.can_return_early
         self.wire = WIRE[self.model.fmi_version]

@@ -73,8 +73,11 @@ class Master:
             raise
 
     def _instantiate(self, start: Mapping[str, Mapping[str, Value]]) -> None:
+        here: set[str] = set()  # FMUs that allow one instance in this process, and have one
         for component in self.system.components.values():
-            isolated = not runs_here(component, self.options.trust)
+            isolated = not runs_here(component, self.options.trust) or component.sha256 in here
+            if component.model.only_once_per_process and not isolated:
+                here.add(component.sha256)
             instance = instantiate(component, isolated=isolated, limit_s=self.options.limit_s)
             self.instances.append(instance)
             instance.set_values(start[component.name])

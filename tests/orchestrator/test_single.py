@@ -7,12 +7,14 @@ import pytest
 from fmpy import simulate_fmu
 
 from orchestrator.check import load_system
+from orchestrator.layout import lay_out
+from orchestrator.master import Master, Options
 from orchestrator.simulate import simulate
 from orchestrator.single import system_of_fmu
 from records.record import read
 from specs.errors import InputError
 from tests.conftest import Command
-from tests.orchestrator.systems import fmu, liar
+from tests.orchestrator.systems import component, connector, fmu, liar, load, ssd
 from tests.orchestrator.test_bad_files import repacked
 
 
@@ -96,6 +98,17 @@ def test_clocks_tick_on_its_steps(tmp_path: Path) -> None:
         InputError, match=r"clock beat ticks every 0\.1 s from 0\.05 s on: no whole multiples"
     ):
         system_of_fmu(path, 0.02)
+
+
+@pytest.mark.parametrize("once", [False, True])
+def test_a_second_instance_gets_a_process_where_one_allows_no_other(tmp_path: Path, once: bool) -> None:
+    flag = 'canBeInstantiatedOnlyOncePerProcess="true" ' if once else ""
+    path = described(tmp_path, fmu("position"), ("<CoSimulation ", f"<CoSimulation {flag}"))
+    ends = (connector("v", "input"), connector("position", "output"))
+    system = load(tmp_path, ssd([component(n, "p", *ends) for n in ("a", "b", "c")]), {"p": path})
+    with Master(system, lay_out(system), system.start_values({}), Options(trust=True)) as master:
+        local = [not instance.isolated for instance in master.instances]
+    assert local == [True, not once, not once]
 
 
 def test_files_that_are_no_fmu(tmp_path: Path) -> None:
