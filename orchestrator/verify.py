@@ -5,24 +5,20 @@ same bytes whatever their number.  DIR/records/SCENARIO-SYSTEM.parquet, DIR/metr
 """
 
 import os
-import signal
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Protocol
-
-import numpy as np
-import pyarrow as pa
 
 from fmus.equations import kinematics
 from fmus.loader import load_model, model_folders
 from orchestrator.check import load_system
 from orchestrator.interventions import check_changes, check_faults
 from orchestrator.pack import SYSTEMS, pack_system
+from orchestrator.processes import interrupts_held, warm_up
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
 from orchestrator.system import System
@@ -214,9 +210,9 @@ def _run_all(jobs_list: Sequence[Job], workers: int, report: Report) -> dict[Pat
     rates: dict[Path, float] = {}
     failures: list[str] = []
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_warm_up) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=warm_up) as pool:
         try:
-            with _interrupts_held():  # the processes start with the first submit, and inherit it
+            with interrupts_held():  # the processes start with the first submit, and inherit it
                 waiting = {pool.submit(_run_job, job): job for job in sorted(jobs_list, key=_longest_first)}
             for done in as_completed(waiting):
                 job = waiting[done]
@@ -233,31 +229,10 @@ def _run_all(jobs_list: Sequence[Job], workers: int, report: Report) -> dict[Pat
     return rates
 
 
-@contextmanager
-def _interrupts_held(how: str = "SIG_BLOCK") -> Iterator[None]:
-    """Keep Ctrl-C waiting (or with SIG_UNBLOCK let it through) until the end of the block.
-
-    Ctrl-C reaches all processes of a terminal; one that still imports would answer with a traceback.
-    """
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    before = signal.pthread_sigmask(getattr(signal, how), {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _run_job(job: Job) -> float:
     """`run` in a process of the pool: only here may Ctrl-C interrupt it, for only here is a record open."""
-    with _interrupts_held("SIG_UNBLOCK"):
+    with interrupts_held("SIG_UNBLOCK"):
         return run(job)
-
-
-def _warm_up() -> None:
-    """Import what a first record imports (pyarrow asks for pandas): no part of a simulation's time."""
-    pa.array(np.zeros(1))
 
 
 def _longest_first(job: Job) -> tuple[bool, str]:

@@ -13,6 +13,7 @@ from slewright.commands import (
     bench,
     build,
     calibrate,
+    campaign,
     check,
     dossier,
     fit,
@@ -65,6 +66,7 @@ def options(
 app.command()(verify.verify)
 app.command()(simulate.simulate)
 app.command()(check.check)
+app.command()(campaign.campaign)
 app.command()(build.build)
 app.command()(generate.generate)
 app.command()(dossier.dossier)

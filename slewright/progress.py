@@ -1,11 +1,21 @@
 """Progress of anything that takes more than two seconds, on stderr: the tables on stdout stay clean."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+LINE_S = 15.0  # between lines on the same thing
 
 
 class Report(Protocol):
@@ -16,12 +26,18 @@ class Report(Protocol):
 
 @contextmanager
 def progress(title: str) -> Iterator[Report]:
-    """Show a bar on a terminal, a line for each new thing elsewhere (logs of continuous integration)."""
+    """Show a bar on a terminal; elsewhere a line for each new thing, and now and then how far it is."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _lines(console, title)
         return
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(title, total=None)
 
@@ -32,13 +48,13 @@ def progress(title: str) -> Iterator[Report]:
 
 
 def _lines(console: Console, title: str) -> Report:
-    last = ""
+    last, shown = "", 0.0
 
     def report(what: str, done: float | None = None, total: float | None = None) -> None:
-        nonlocal last
-        if what != last:
+        nonlocal last, shown
+        if what != last or time.monotonic() - shown > LINE_S:
             count = "" if done is None or total is None else f" ({done:g}/{total:g})"
             console.print(f"{title}: {what}{count}", highlight=False, soft_wrap=True, markup=False)
-            last = what
+            last, shown = what, time.monotonic()
 
     return report

@@ -21,6 +21,7 @@ from tests.conftest import ROOT, Command
 COMMANDS = (
     "verify",
     "simulate",
+    "campaign",
     "check",
     "build",
     "generate",

@@ -1,0 +1,125 @@
+"""One run of a campaign, in whatever process it is given to; systems that were loaded are kept."""
+
+import functools
+import math
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orchestrator.check import load_system
+from orchestrator.simulate import simulate
+from orchestrator.stimuli import Stimuli
+from orchestrator.system import System
+from orchestrator.verify import plant_parameters
+from records.metrics import check_limits, compute
+from records.record import Record
+from specs import scenario as scenarios_spec
+from specs.errors import InputError, RunError
+from specs.faults import Fault
+from specs.scenario import Scenario
+
+METRICS = ("speed", "overshoot", "overshoot_max", "error", "slew_error", "tool", "missed")
+NEEDED = ("true_q_slew", "true_qd_tool_x", "true_qd_tool_y", "true_tool_x", "true_tool_y", "true_tool_z")
+Task = dict[str, Any]  # key, digest, spec, ssp, record
+Result = dict[str, Any]
+
+
+def work(tasks: Sequence[Task]) -> list[Result]:
+    """Do runs one after the other; a failure is a result too.  KeyboardInterrupt passes."""
+    return [_one(task) for task in tasks]
+
+
+def _one(task: Task) -> Result:
+    began = time.perf_counter()
+    result: Result = {
+        "key": task["key"],
+        "digest": task["digest"],
+        "failed": "",
+        "figures": {},
+        "missed_limits": [],
+    }
+    try:
+        record, result["figures"], result["missed_limits"] = _run(task)
+        result["run_hash"] = record.run_hash
+        if not record.complete:
+            result["failed"] = record.reason
+    except (RunError, InputError) as error:
+        result["failed"] = str(error)
+    except MemoryError:
+        result["failed"] = "no memory"
+    result["seconds"] = time.perf_counter() - began  # kept apart from what the content hash covers
+    return result
+
+
+def _run(task: Task) -> tuple[Record, dict[str, Any], list[str]]:
+    spec, system = task["spec"], _system(task["ssp"])
+    more = {
+        "faults": [Fault(**f) for f in spec["faults"]],
+        "record_path": task.get("record"),
+        "seed": spec["seed"],
+    }
+    if "scenario" in spec:
+        return _scenario(_find(spec["source"], spec["scenario"]), spec, system, more)
+    names = list(spec["record"]) or None
+    ticks = round(spec["stop_s"] / system.step_s)
+    record = simulate(system, ticks, parameters=spec["parameters"], record=names, trust=spec["trust"], **more)
+    return record, _statistics(record), []
+
+
+def _scenario(
+    scenario: Scenario, spec: Mapping[str, Any], system: System, more: Mapping[str, Any]
+) -> tuple[Record, dict[str, Any], list[str]]:
+    values = {**scenario.parameters(spec["seed"]), **spec["machine"]}
+    ticks = scenario.duration_ticks
+    if spec["stop_s"] is not None:
+        ticks = min(ticks, round(spec["stop_s"] / system.step_s))
+    record = simulate(
+        system,
+        ticks,
+        Stimuli({t: v for t, v in scenario.stimuli().items() if t <= ticks}),
+        plant_parameters(system, spec["system"], values) | dict(spec["parameters"]),
+        record=None if more["record_path"] else [n for n in NEEDED if n in system.outputs],
+        changes={t: v for t, v in scenario.parameter_changes().items() if t <= ticks},
+        meta={
+            "scenario": scenario.name,
+            "controller": spec["controller"],
+            "targets": scenario.schedule(),
+            "target_interval_s": scenario.interval_s,
+            "load_kg": scenario.true_load(spec["seed"]),
+            "load_told_kg": scenario.load.told_kg,
+        },
+        **{**more, "faults": [*scenario.faults, *more["faults"]]},
+    )
+    found = compute(record)
+    figures = {name: _plain(getattr(found, name)) for name in METRICS}
+    verdicts = []
+    if ticks == scenario.duration_ticks and spec["draw"] == "nominal" and spec["fault"] == "no-fault":
+        limits = scenario.limits(spec["controller"], spec["system"])
+        verdicts = check_limits(found, limits, scenario.name, spec["system"])
+    return record, figures, [v.metric for v in verdicts if not v.passed]
+
+
+def _statistics(record: Record) -> dict[str, Any]:
+    figures: dict[str, Any] = {}
+    for name in record.names[1:]:
+        values = np.asarray(record.column(name), float)
+        found = {"min": values.min(), "max": values.max(), "mean": values.mean(), "end": values[-1]}
+        figures |= {f"{name} {kind}": _plain(float(value)) for kind, value in found.items()}
+    return figures
+
+
+def _plain(value: float) -> float | None:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@functools.lru_cache(maxsize=8)
+def _system(path: str) -> System:
+    return load_system(Path(path))
+
+
+@functools.cache
+def _find(source: str, name: str) -> Scenario:
+    return next(s for s in scenarios_spec.find(source) if s.name == name)

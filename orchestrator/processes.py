@@ -1,0 +1,29 @@
+"""Pools of worker processes: Ctrl-C without tracebacks, and imports before the first job."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pyarrow as pa
+
+
+@contextmanager
+def interrupts_held(how: str = "SIG_BLOCK") -> Iterator[None]:
+    """Keep Ctrl-C waiting (or with SIG_UNBLOCK let it through) until the end of the block.
+
+    Ctrl-C reaches all processes of a terminal; one that still imports would answer with a traceback.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(getattr(signal, how), {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def warm_up() -> None:
+    """Import what a first record imports (pyarrow asks for pandas): no part of a simulation's time."""
+    pa.array(np.zeros(1))
