@@ -244,8 +244,8 @@ class System:
             internal = component.model.fixed_internal_step_s
             if algorithm == "adaptive" and internal and self.step_s < 2.0 * internal * (1.0 - SLACK):
                 raise InputError(
-                    f"{component}: algorithm 'adaptive' halves the step of {self.step_s:g} s, but its FMU steps "
-                    f"{internal:g} s at least (fixedInternalStepSize)"
+                    f"{component}: algorithm 'adaptive' halves the step of {self.step_s:g} s, but its FMU "
+                    f"steps {internal:g} s at least (fixedInternalStepSize)"
                 )
 
 

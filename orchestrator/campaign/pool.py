@@ -115,7 +115,7 @@ def cluster(tasks: Sequence[Task], address: str, do: Work = work) -> Iterator[li
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(f"no Dask scheduler answers at {address} ({type(error).__name__})") from None
     with client:
-        workers = max(1, sum(client.nthreads().values()))
+        workers = max(1, len(client.scheduler_info()["workers"]))
         batches = {
             client.submit(do, batch, pure=False): batch for batch in reversed(_batches(tasks, workers))
         }

@@ -49,6 +49,46 @@ def orchestrator(
         raise typer.Exit(1)
 
 
+@app.command()
+def campaign(
+    blocks: Annotated[int, typer.Option(min=1, help="Blocks of interleaved campaigns.")] = 5,
+    runs: Annotated[int, typer.Option(min=16, help="Runs of each.")] = 200,
+    json: JsonOption = None,
+) -> None:
+    """Compare a campaign's scaling with independent processes'; what a run costs beside stepping."""
+    from orchestrator.campaign.bench import measure, missed
+
+    with progress("bench campaign") as report:
+        figures = measure(blocks, runs, report)
+    rates = figures["runs_per_second"]
+    show(
+        "runs a second, median",
+        ["", "1 process", "2 processes", "scaling"],
+        [
+            (
+                "campaign",
+                f"{rates['campaign_1']:.1f}",
+                f"{rates['campaign_2']:.1f}",
+                f"{figures['scaling']:.2f}",
+            ),
+            (
+                "independent",
+                f"{rates['independent_1']:.1f}",
+                f"{rates['independent_2']:.1f}",
+                f"{figures['scaling_independent']:.2f}",
+            ),
+        ],
+    )
+    typer.echo(
+        f"ratio of scalings {figures['scaling_ratio']:.3f}, overhead {figures['overhead_ms']:.2f} ms a run"
+    )
+    write(json, figures)
+    for must in (found := missed(figures)):
+        typer.echo(f"slewright: missed: {must}", err=True)
+    if found:
+        raise typer.Exit(1)
+
+
 def _show(result: "Result") -> None:
     from orchestrator.bench.orchestrator import MASTERS, VERSIONS
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from orchestrator.conversion import UNCHANGED
 from orchestrator.layout import lay_out
 from orchestrator.order import dependency_order
 from orchestrator.simulate import simulate
 from orchestrator.system import Link, Source
-from orchestrator.units import IDENTITY
 from specs.errors import InputError
 from tests.orchestrator.systems import OSCILLATOR, chain, load
 
@@ -63,7 +63,7 @@ def test_a_chain_is_stepped_in_order_of_dependency_whatever_the_declared_order(t
 
 def test_a_loop_is_opened_where_fewest_inputs_are_missing() -> None:
     def link(source: str, target: str) -> Link:
-        return Link(Source(source, "y"), target, "u", IDENTITY)
+        return Link(Source(source, "y"), target, "u", UNCHANGED)
 
     names = ["controller", "drive", "tool", "source"]
     links = [link("drive", "controller"), link("tool", "controller"), link("controller", "drive")]

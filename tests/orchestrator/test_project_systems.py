@@ -51,7 +51,7 @@ def by_fmpy(system: System, fmi_version: FmiVersion, ticks: int) -> dict[str, np
             if k.component == name and not k.source.component
         }
         seed = 0 if f"{name}.noise_seed" in QUIET else None
-        fmus[name] = Imported(build_fmu(name, fmi_version), seed, **starts)
+        fmus[name] = Imported(build_fmu(name, fmi_version), seed, **starts)  # type: ignore[arg-type]
 
     def read() -> dict[tuple[str, str], float]:
         names = {k.source for k in system.links} | {o.source for o in system.outputs.values()}
@@ -65,7 +65,7 @@ def by_fmpy(system: System, fmi_version: FmiVersion, ticks: int) -> dict[str, np
         for link in system.links:
             source = link.source
             value = values[source.component, source.name] if source.component else driven[source.name]
-            fmus[link.component].set(**{link.name: value})
+            fmus[link.component].set(**{link.name: value})  # type: ignore[arg-type]
         for fmu in fmus.values():
             fmu.step(system.step_s)
     for fmu in fmus.values():

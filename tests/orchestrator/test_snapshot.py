@@ -12,7 +12,10 @@ from specs.errors import RunError
 from specs.faults import Fault
 from tests.orchestrator.systems import OSCILLATOR, chain, load
 
-FAULTS = (Fault(target="speed.x", kind="delay", delay_s=0.03), Fault(target="position.v", kind="noise", std=0.1))
+FAULTS = (
+    Fault(target="speed.x", kind="delay", delay_s=0.03),
+    Fault(target="position.v", kind="noise", std=0.1),
+)
 
 
 def started(system: System, faults: tuple[Fault, ...] = FAULTS) -> Master:
