@@ -10,6 +10,7 @@ from orchestrator.description import Description
 from orchestrator.flatten import SSD_NAME, Flattener
 from orchestrator.interventions import check_faults
 from orchestrator.net import Net
+from orchestrator.order import algebraic_loops
 from orchestrator.parameters import Parameters
 from orchestrator.single import system_of_fmu
 from orchestrator.sizes import check_total
@@ -73,7 +74,18 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
     system.check_algorithm(system.settings.algorithm)
     for fault, place in text.simulation.faults:
         _check_fault(system, fault, place)
-    return system
+    return replace(system, warnings=(*system.warnings, *_loops(system)))
+
+
+def _loops(system: System) -> Iterator[str]:
+    """Algebraic loops, with their members: solved at the start, and what becomes of them in steps."""
+    algorithm = system.settings.algorithm
+    in_steps = {
+        "iterate": "and in every step",
+        "adaptive": "opened in steps, which are halved until that does no harm",
+    }.get(algorithm, f"opened in steps, in which {algorithm} takes values of the last one")
+    for members in algebraic_loops(system):
+        yield f"algebraic loop of {', '.join(members)}: solved at the start, {in_steps}"
 
 
 def _check_fault(system: System, fault: Fault, place: Place) -> None:

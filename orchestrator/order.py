@@ -43,7 +43,7 @@ def dependency_order(names: Sequence[str], links: Iterable[Link]) -> Order:
 
 
 def algebraic_loops(system: System) -> list[list[str]]:
-    """Closed chains of direct feedthrough, each as its signals `component.output` in order of effect.
+    """Closed chains of direct feedthrough, each as its signals `component.output`.
 
     An FMU that does not state its dependencies is taken to have none: what is listed is certain.
     """
