@@ -17,6 +17,16 @@ static bool restore_all(slw_core *core, int slot) {
   return true;
 }
 
+/* Strings and binaries, which no copy of the cells holds, as they were at the restored state. */
+static bool reread_texts(slw_core *core) {
+  EACH(b) for (uint32_t i = 0; i < b->n_gets; i++)
+    if (b->gets[i].blobs) {
+      const slw_status status = b->fmu->call->get(b->fmu, &b->gets[i]);
+      if (status > SLW_WARNING) return slw_fail(core, SLW_DOING_GET, status, b, 0);
+    }
+  return true;
+}
+
 static bool exchange_all(slw_core *core) {
   EACH(b) if (!slw_exchange_run(core, (uint32_t)(b - core->blocks), &b->in)) return false;
   return true;
@@ -104,7 +114,8 @@ static bool attempt(slw_core *core, uint64_t at, uint64_t size, double unit, dou
   if (!save_all(core, 0) || !part(core, t, h, at == 0)) return false;
   memcpy(whole, core->cells, arena(core));
   memcpy(core->cells, start, arena(core));
-  if (!restore_all(core, 0) || !part(core, t, 0.5 * h, at == 0) || !part(core, t + 0.5 * h, 0.5 * h, false))
+  if (!restore_all(core, 0) || !reread_texts(core) || !part(core, t, 0.5 * h, at == 0) ||
+      !part(core, t + 0.5 * h, 0.5 * h, false))
     return false;
   *error = distance(core, whole, worst);
   return true;
@@ -113,7 +124,7 @@ static bool attempt(slw_core *core, uint64_t at, uint64_t size, double unit, dou
 static bool take_back(slw_core *core) {
   core->count.rejected++;
   memcpy(core->cells, scratch(core, 0), arena(core));
-  return restore_all(core, 0);
+  return restore_all(core, 0) && reread_texts(core);
 }
 
 bool slw_adaptive(slw_core *core) {

@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from orchestrator.layout import lay_out
+from orchestrator.master import Master, Options
 from orchestrator.simulate import simulate
 from orchestrator.system import System
+from orchestrator.testpack import kit
 from specs.errors import RunError
 from tests.orchestrator.systems import component, connection, connector, load, ssd
 
@@ -116,3 +119,34 @@ def test_a_smallest_step_that_misses_the_tolerance_is_a_failure(tmp_path: Path) 
     settings = replace(system.settings, algorithm="adaptive", tolerance=1e-9, max_halvings=2)
     with pytest.raises(RunError, match=r"misses the tolerance 1e-09 with the smallest step"):
         simulate(system, 4, settings=settings)
+
+
+def test_strings_are_taken_back_with_the_steps(tmp_path: Path) -> None:
+    """A change of string travels through as many FMUs in a step as one of a whole number does."""
+    names, kinds = ("a", "b", "c"), (("string", "String"), ("integer", "Integer"))
+    text = ssd(
+        [
+            component(
+                name,
+                "echo",
+                *(connector(f"{k}_{way}", f"{way}put", type_) for k, type_ in kinds for way in ("in", "out")),
+            )
+            for name in names
+        ],
+        [connection(kind, f"a.{kind}_in") for kind, _ in kinds]
+        + [connection(f"{x}.{k}_out", f"{y}.{k}_in") for x, y in pairwise(names) for k, _ in kinds],
+        [connector(kind, "input", type_) for kind, type_ in kinds],
+    )
+    system = load(tmp_path, text, {"echo": kit.build("echo", 2)})
+    settings = replace(system.settings, algorithm="adaptive")
+    with Master(system, lay_out(system), system.start_values({}), Options(settings=settings)) as master:
+        master.initialise()
+        for name, value in (("string", "new"), ("integer", 5)):
+            master.set_input(name, value)
+        found = []
+        for _ in range(4):
+            master.run(master.tick + 1)
+            values = master.instances[2].values(["string_out", "integer_out"])
+            found.append((values["string_out"], values["integer_out"]))
+    changes = [[now != then for now, then in zip(row, found[0], strict=True)] for row in found]
+    assert changes == [[False, False], [True, True], [True, True], [True, True]], found
