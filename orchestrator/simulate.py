@@ -26,7 +26,7 @@ from specs.version import VERSION
 NOISE_SEED = "noise_seed"  # integer parameter of FMUs with random numbers
 RING_CELLS = 1 << 20  # 8 MB of recorded values on their way to the file
 SLICE_S = 0.1  # how long the core runs before it looks for Ctrl-C
-FIRST_SLICE = 64  # ticks
+FIRST_SLICE = 1  # ticks: one may take long
 MOST_TAKEN = 4096  # rows at once, and the longest slice
 LEAST_TAKEN = 1024  # rows that the recording thread waits for, up to
 WAIT_MS = 5

@@ -22,6 +22,8 @@ def check_target(path: Path | None) -> Path | None:
         return None
     if path.is_dir():
         raise InputError(f"{path} is a folder; name a file")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path} is a device or pipe, which a file would replace; name a file")
     folder = path.parent
     if not folder.is_dir():
         raise InputError(f"{path}: there is no folder {folder}")

@@ -60,11 +60,15 @@ def simulate(
 
     if step is not None and system.suffix != ".fmu":
         raise InputError(f"--step is for a bare .fmu; {system} states its step itself")
+    if system.resolve() in (path.resolve() for path in (out, json) if path):
+        raise InputError(f"{system} is to be read; the results need a file of another name")
     loaded = load_system(system) if step is None else system_of_fmu(system, step)
     for warning in loaded.warnings:
         typer.echo(f"slewright: warning: {warning}", err=True)
     stop = loaded.stop_s if stop is None else stop
-    if stop is None or not math.isfinite(stop):
+    if stop is None:
+        raise InputError(f"system {loaded.name} states no stop time; give one with --stop S")
+    if not math.isfinite(stop):
         raise InputError(f"system {loaded.name}: --stop must be a finite time in s, not {stop}")
     ticks, statistics = round(stop / loaded.step_s), {}
     with progress("simulate") as report:

@@ -1,6 +1,7 @@
 """Archives, FMUs and libraries that are damaged, foreign or hostile; and what the command makes of it."""
 
 import errno
+import os
 import re
 import shutil
 import signal
@@ -350,3 +351,38 @@ def test_no_room_to_unpack_is_no_damage(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(tempfile, "mkdtemp", full)
     with pytest.raises(RunError, match=r"no temporary folder can be made: No space left on device"):
         load_system(path)
+
+
+def test_results_do_not_replace_what_is_read_nor_devices(tmp_path: Path, slewright: Command) -> None:
+    path, out = write_ssp(tmp_path, OSCILLATOR, NAMES), tmp_path / "r.parquet"
+    before = path.read_bytes()
+    for options in (("--out", path), ("--out", out, "--json", path)):
+        done = slewright("simulate", path, *options, "--stop", "0.1")
+        assert (done.returncode, path.read_bytes()) == (2, before)
+        assert "is to be read" in done.stderr
+    os.mkfifo(tmp_path / "pipe")
+    done = slewright("simulate", path, "--out", tmp_path / "pipe", "--stop", "0.1")
+    assert done.returncode == 2
+    assert "device or pipe" in done.stderr
+    done = slewright("simulate", path, "--out", out)
+    assert done.returncode == 2
+    assert "states no stop time; give one with --stop" in done.stderr
+
+
+def test_ctrl_c_is_heard_in_a_slow_paced_run(tmp_path: Path) -> None:
+    path, out = write_ssp(tmp_path, OSCILLATOR, NAMES), tmp_path / "r.parquet"
+    command = [sys.executable, "-m", "slewright", "simulate", str(path), "--out", str(out)]
+    command += ["--stop", "1", "--realtime", "0.01"]  # a tick takes a second
+    running = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60.0
+    while not recording_path(out).exists():
+        assert running.poll() is None, "it ended by itself"
+        assert time.monotonic() < deadline, "nothing was recorded"
+        time.sleep(0.05)
+    time.sleep(0.5)
+    running.send_signal(signal.SIGINT)
+    try:
+        assert running.wait(timeout=15) == 130
+    finally:
+        running.kill()
+    assert read(out).reason == "interrupted"
