@@ -7,7 +7,8 @@ typedef struct {
   char magic[8];
   uint32_t n_cells, n_blobs, n_blocks, reserved;
   int64_t tick;
-  uint64_t size; /* of the adaptive step */
+  uint64_t size;  /* of the adaptive step */
+  uint64_t check; /* over plan and bytes, this number being 0 */
 } slw_header;
 
 static const char magic[8] = "SLWSNAP";
@@ -29,6 +30,35 @@ static bool take(slw_stream *s, void *data, size_t size) {
   memcpy(data, s->in + s->used, size);
   s->used += size;
   return true;
+}
+
+/* FNV-1a: tells damage and mistakes, not intent. */
+static uint64_t hashed(uint64_t hash, const void *data, size_t size) {
+  const unsigned char *bytes = data;
+  for (size_t i = 0; i < size; i++) hash = (hash ^ bytes[i]) * UINT64_C(0x100000001b3);
+  return hash;
+}
+
+static uint64_t hashed_groups(uint64_t hash, const slw_group *groups, uint32_t n) {
+  for (uint32_t i = 0; i < n; i++) {
+    const uint64_t head[3] = {(uint64_t)groups[i].type, groups[i].n_vr, groups[i].n};
+    hash = hashed(hashed(hash, head, sizeof head), groups[i].vr, groups[i].n_vr * sizeof *groups[i].vr);
+  }
+  return hash;
+}
+
+/* What the bytes, `size` of them and at least a header, must have as `check` to be of this plan. */
+static uint64_t check_of(const slw_core *core, const char *bytes, size_t size) {
+  slw_header header;
+  uint64_t hash = hashed(UINT64_C(0xcbf29ce484222325), &core->step_s, sizeof core->step_s);
+  for (const slw_block *b = core->blocks; b < core->blocks + core->n_blocks; b++) {
+    hash = hashed(hash, &b->multiple, sizeof b->multiple);
+    hash = hashed_groups(hashed_groups(hash, b->sets, b->n_sets), b->gets, b->n_gets);
+  }
+  hash = hashed(hash, &core->max_halvings, sizeof core->max_halvings);
+  memcpy(&header, bytes, sizeof header);
+  header.check = 0;
+  return hashed(hashed(hash, &header, sizeof header), bytes + sizeof header, size - sizeof header);
 }
 
 static slw_exchange *exchange_at(slw_core *core, uint32_t i) {
@@ -111,7 +141,10 @@ size_t slw_core_snapshot_size(slw_core *core) {
 
 bool slw_core_snapshot(slw_core *core, char *bytes, size_t size) {
   slw_stream s = {bytes, NULL, 0, size};
-  return write_all(core, &s) && s.used == size;
+  if (!write_all(core, &s) || s.used != size) return false;
+  const uint64_t check = check_of(core, bytes, size);
+  memcpy(bytes + offsetof(slw_header, check), &check, sizeof check);
+  return true;
 }
 
 static bool take_blobs(slw_core *core, slw_stream *s) {
@@ -134,6 +167,7 @@ static bool read_all(slw_core *core, slw_stream *s) {
   slw_header h;
   if (!take(s, &h, sizeof h) || memcmp(h.magic, magic, sizeof magic) != 0) return false;
   if (h.n_cells != core->n_cells || h.n_blobs != core->n_blobs || h.n_blocks != core->n_blocks) return false;
+  if (h.check != check_of(core, s->in, s->size)) return false;
   if (!take(s, core->cells, core->n_cells * sizeof *core->cells) || !take_blobs(core, s)) return false;
   if (!take_faults(core, s)) return false;
   for (uint32_t i = 0; i < core->n_blocks; i++)

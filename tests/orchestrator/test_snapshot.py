@@ -59,3 +59,16 @@ def test_bytes_of_another_system_are_refused(tmp_path: Path) -> None:
         for wrong in (b"", data[:-1], data + b"x", b"x" + data[1:], stranger.snapshot()):
             with pytest.raises(RunError, match="no snapshot of this system"):
                 master.restore(wrong)
+
+
+def test_damaged_bytes_are_refused_and_change_nothing(tmp_path: Path) -> None:
+    system = load(tmp_path, OSCILLATOR, ["position", "speed"])
+    with started(system) as master, started(system) as other:
+        places(master, 30)
+        data = master.snapshot()
+        for at in (24, 32, 40, len(data) // 2, len(data) - 1):  # tick, size, check, cells and states
+            with pytest.raises(RunError, match="no snapshot of this system"):
+                other.restore(data[:at] + bytes([data[at] ^ 0xFF]) + data[at + 1 :])
+        assert other.tick == 0
+        other.restore(data)
+        assert places(other, 5) == places(master, 5)
