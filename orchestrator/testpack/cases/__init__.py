@@ -10,8 +10,8 @@ from orchestrator.testpack.cases import (
     refusals,
     stepping,
     structure,
-    types,
     units,
+    value_types,
 )
 
 SUBJECTS: dict[str, tuple[Case, ...]] = {
@@ -19,7 +19,7 @@ SUBJECTS: dict[str, tuple[Case, ...]] = {
     "units": units.CASES,
     "parameters": parameters.CASES,
     "structure": structure.CASES,
-    "types and arrays": types.CASES,
+    "types and arrays": value_types.CASES,
     "stepping": stepping.CASES,
     "errors: description": refusals.CASES,
     "errors: archives and files": files.CASES,
