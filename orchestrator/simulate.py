@@ -91,6 +91,10 @@ def simulate(
     system.check_algorithm(chosen.algorithm)
     if stop_ticks < 0:
         raise InputError(f"a run has 0 or more ticks, not {stop_ticks}")
+    if not realtime >= 0.0:
+        raise InputError(f"realtime is a factor of 0 or more, not {realtime:g}")
+    if not limit_s > 0.0:
+        raise InputError(f"limit_s is a positive time, not {limit_s:g}")
     layout = lay_out(system, record)
     start = system.start_values({**_seeds(system, seed), **(parameters or {})})
     every_fault = (*system.faults, *faults)

@@ -1,5 +1,6 @@
 """Runs that end well and runs that do not: what is raised, and what is left on the disk."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -255,3 +256,16 @@ def test_progress_is_reported(tmp_path: Path) -> None:
     simulate(driven(tmp_path), 1000, progress=ticks.append)
     assert ticks == sorted(ticks)
     assert len(ticks) >= 3
+
+
+@pytest.mark.parametrize("name", ["realtime", "limit_s"])
+@pytest.mark.parametrize("value", [-1.0, math.nan])
+def test_wrong_pace_and_limit_are_refused(tmp_path: Path, name: str, value: float) -> None:
+    with pytest.raises(InputError, match=f"{name} is a .*, not {value:g}"):
+        simulate(
+            load(tmp_path, OSCILLATOR, ["position", "speed"]),
+            5,
+            record_path=tmp_path / "r.parquet",
+            **{name: value},
+        )  # type: ignore[arg-type]
+    assert not list(tmp_path.glob("r.parquet*"))
