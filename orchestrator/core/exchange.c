@@ -1,4 +1,5 @@
 /* Bringing the inputs of a block up to date: moves, tables, strings, faults. */
+#include "binding.h"
 #include "plan.h"
 
 static bool run_table(slw_core *core, uint32_t block, const slw_table *t) {
@@ -14,27 +15,15 @@ static bool run_table(slw_core *core, uint32_t block, const slw_table *t) {
 }
 
 /* The one place where a step may allocate: a string that grew. */
-static bool write_blob(slw_blob *to, const char *data, size_t size) {
-  if (to->capacity < size + 1) {
-    char *grown = realloc(to->data, 2 * size + 1);
-    if (!grown) return false;
-    to->data = grown, to->capacity = 2 * size + 1;
-  }
-  if (size) memcpy(to->data, data, size);
-  to->data[size] = 0;
-  to->size = size;
-  return true;
-}
-
 static bool run_copy(slw_core *core, const slw_copy *c) {
   const slw_blob *from = &core->blobs[core->cells[c->source].integer];
   slw_blob *to = &core->blobs[core->cells[c->target].integer];
-  return write_blob(to, from->data, from->size) || slw_fail(core, SLW_DOING_SET, SLW_ERROR, NULL, c->target);
+  return slw_blob_write(to, from->data, from->size) || slw_fail(core, SLW_DOING_SET, SLW_ERROR, NULL, c->target);
 }
 
 bool slw_core_write_blob(slw_core *core, uint32_t cell, const char *data, size_t size) {
   if (cell >= core->n_cells || (uint64_t)core->cells[cell].integer >= core->n_blobs) return false;
-  return write_blob(&core->blobs[core->cells[cell].integer], data, size);
+  return slw_blob_write(&core->blobs[core->cells[cell].integer], data, size);
 }
 
 bool slw_exchange_run(slw_core *core, uint32_t block, slw_exchange *e) {
