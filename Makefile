@@ -2,6 +2,7 @@
 # make test     the tests, two processes
 # make check    format, lint, types, import layers, generated files up to date
 # make soak     the long tests (not part of the others)
+# make fuzz     feeds damaged descriptions and archives to the orchestrator until 10 min bring nothing new
 # make generated  regenerates the files under specs/generated from the specs
 # make lock     resolves the dependencies anew
 #
@@ -10,7 +11,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help verify test check soak generated lock clean
+.PHONY: help verify test check soak fuzz generated lock clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -32,6 +33,9 @@ test: $(VENV)/.test-ready
 
 soak: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -m soak --timeout 0 $(ARGS)
+
+fuzz: $(VENV)/.test-ready
+	$(BIN)/python -m tests.orchestrator.fuzz --minutes 60 --until-quiet 10 $(ARGS)
 
 # All steps run, so that one go shows everything that is wrong.
 check: $(VENV)/.test-ready
