@@ -16,6 +16,7 @@ from orchestrator.modeldescription import REALS
 from orchestrator.system import Settings, System
 from orchestrator.trust import runs_here
 from orchestrator.variable import Scalar, Value
+from orchestrator.wire import BLOBS
 from specs.errors import RunError
 from specs.faults import Fault
 
@@ -268,6 +269,8 @@ class Master:
         return (", ".join(shown[:SHOWN_INPUTS]) or "none") + more
 
     def _number(self, slot: Slot) -> str:
+        if slot.type in BLOBS:
+            return "…"  # a cell holds but where it stands
         if slot.type in REALS:
             values = [f"{x:.6g}" for x in self.plan.reals[slot.first : slot.first + slot.size]]
         else:

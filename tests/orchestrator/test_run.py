@@ -10,8 +10,10 @@ from orchestrator.master import Master
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
 from orchestrator.system import System
+from orchestrator.testpack import kit
 from records.record import RecordWriter, read
 from specs.errors import InputError, RunError
+from specs.faults import Fault
 from tests.orchestrator.systems import (
     OSCILLATOR,
     chain,
@@ -269,3 +271,13 @@ def test_wrong_pace_and_limit_are_refused(tmp_path: Path, name: str, value: floa
             **{name: value},
         )  # type: ignore[arg-type]
     assert not list(tmp_path.glob("r.parquet*"))
+
+
+def test_last_inputs_show_no_internal_numbers_for_strings(tmp_path: Path) -> None:
+    ends = [connector(f"{k}_in", "input", t) for k, t in (("string", "String"), ("integer", "Integer"))]
+    system = load(tmp_path, ssd([component("e", "echo", *ends)]), {"echo": kit.build("echo", 2)})
+    with pytest.raises(RunError) as caught:
+        simulate(system, 5, faults=[Fault(target="e", kind="fail")])
+    inputs = str(caught.value).splitlines()[1]
+    assert "string_in = …" in inputs
+    assert "integer_in = 0" in inputs
