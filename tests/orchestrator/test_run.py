@@ -274,10 +274,15 @@ def test_wrong_pace_and_limit_are_refused(tmp_path: Path, name: str, value: floa
 
 
 def test_last_inputs_show_no_internal_numbers_for_strings(tmp_path: Path) -> None:
-    ends = [connector(f"{k}_in", "input", t) for k, t in (("string", "String"), ("integer", "Integer"))]
-    system = load(tmp_path, ssd([component("e", "echo", *ends)]), {"echo": kit.build("echo", 2)})
+    kinds = (("string", "String"), ("integer", "Integer"))
+    ends = [connector(f"{k}_{way}", f"{way}put", t) for k, t in kinds for way in ("in", "out")]
+    text = ssd(
+        [component(name, "echo", *ends) for name in ("a", "b")],
+        [connection(f"a.{k}_out", f"b.{k}_in") for k, _ in kinds],
+    )
+    system = load(tmp_path, text, {"echo": kit.build("echo", 2)})
     with pytest.raises(RunError) as caught:
-        simulate(system, 5, faults=[Fault(target="e", kind="fail")])
+        simulate(system, 5, faults=[Fault(target="b", kind="fail")])
     inputs = str(caught.value).splitlines()[1]
     assert "string_in = …" in inputs
-    assert "integer_in = 0" in inputs
+    assert "integer_in = 1" in inputs
