@@ -13,6 +13,7 @@ from orchestrator.instance import LIMIT_S, Instance, instantiate
 from orchestrator.layout import Layout, Slot
 from orchestrator.lowering import Plan, scalars, to_bits
 from orchestrator.modeldescription import REALS
+from orchestrator.order import algebraic_loops
 from orchestrator.system import Settings, System
 from orchestrator.trust import runs_here
 from orchestrator.variable import Scalar, Value
@@ -220,7 +221,7 @@ class Master:
             binding.NOT_IN_TABLE: f"{self._cell(failure.cell)} = {self.plan.integers[failure.cell]} "
             "is in no entry of its mapping",
             binding.STEP_TOO_SMALL: f"{self._cell(failure.cell)} misses the tolerance {tolerance:g} with the "
-            "smallest step",
+            f"smallest step{self._loops()}",
             binding.RETURNED_EARLY: "it returned early, unasked",
             binding.NO_PROGRESS: "the FMU does not advance: it returns early or iterates events without end",
             binding.INJECTED: "a fault of the scenario made it fail",
@@ -236,7 +237,7 @@ class Master:
         if failure.tick >= 0:
             return (
                 f"{self._cell(failure.cell)} still changes after {settings.max_iterations} iterations "
-                f"(tolerance {settings.tolerance:g})"
+                f"(tolerance {settings.tolerance:g}){self._loops()}"
             )
         order = self.layout.order
         members = [
@@ -248,6 +249,11 @@ class Master:
             f"the algebraic loop of {', '.join(members)} has no solution that iteration or Newton's method "
             f"finds (tolerance {settings.tolerance:g})"
         )
+
+    def _loops(self) -> str:
+        """The algebraic loops of the system, if it has any: they are what seldom converges."""
+        found = algebraic_loops(self.system)
+        return "".join(f"; algebraic loop of {', '.join(members)}" for members in found)
 
     def _cell(self, cell: int) -> str:
         """The name of what stands in a cell."""

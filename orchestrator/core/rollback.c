@@ -77,23 +77,63 @@ static void average_inputs(slw_core *core, const slw_cell *start) {
   }
 }
 
-static bool sweep(slw_core *core, const slw_cell *start, uint32_t number) {
-  if (number > 0 && !restore_all(core, 0)) return false;
-  if (!exchange_all(core)) return false;
-  average_inputs(core, start);
-  core->count.sweeps++;
-  return step_all(core, (double)core->tick * core->step_s, core->step_s, true);
+/* Every real input, as its cell's number `at`. */
+#define EACH_INPUT(at)                                                                                  \
+  EACH(b) for (uint32_t i_ = 0; i_ < b->n_sets; i_++) if (b->sets[i_].type <= SLW_FLOAT32)              \
+      for (size_t k_ = 0, at = (size_t)(b->sets[i_].cells - core->cells); k_ < b->sets[i_].n; k_++, at++)
+
+/* Largest difference of a real input to the one that was used, in tolerances; a whole number that differs: 2. */
+static double residual(slw_core *core, const slw_cell *used, uint32_t *cell) {
+  double worst = 0.0;
+  EACH(b) for (uint32_t i = 0; i < b->n_sets; i++) {
+    for (size_t k = 0; k < b->sets[i].n; k++) {
+      const uint32_t at = (uint32_t)(b->sets[i].cells + k - core->cells);
+      const bool real = b->sets[i].type <= SLW_FLOAT32, same = core->cells[at].integer == used[at].integer;
+      const double d = real ? slw_distance(core, at, core->cells[at].real, used[at].real) : (same ? 0.0 : 2.0);
+      if (d > worst) worst = d, *cell = at;
+    }
+  }
+  return worst;
+}
+
+#define LEAST_FACTOR 0.01 /* of the residual, that an input moves by */
+#define MOST_FACTOR 10.0
+
+/* The next inputs: used + factor * residual, the factor after Aitken (Kuettler and Wall 2008, eq. 44): a loop
+ * whose gain exceeds 1 converges too. `last` holds the residual of the sweep before, and then this one's. */
+static double relax(slw_core *core, const slw_cell *used, slw_cell *last, double factor, bool first) {
+  double along = 0.0, square = 0.0;
+  EACH_INPUT(at) {
+    const double r = (core->cells[at].real - used[at].real) / core->nominal[at];
+    along += last[at].real * (r - last[at].real);
+    square += (r - last[at].real) * (r - last[at].real);
+    last[at].real = r;
+  }
+  if (!first && square > 0.0) {
+    factor *= -along / square;
+    const double size = slw_abs(factor);
+    if (size < LEAST_FACTOR || size > MOST_FACTOR) factor = 1.0;
+  }
+  EACH_INPUT(at) core->cells[at].real = used[at].real + factor * (core->cells[at].real - used[at].real);
+  return factor;
 }
 
 bool slw_iterate(slw_core *core) {
-  slw_cell *start = scratch(core, 0), *last = scratch(core, 1);
+  slw_cell *start = scratch(core, 0), *used = scratch(core, 1), *last = scratch(core, 2);
   uint32_t worst = 0;
+  double factor = 1.0;
   if (!slw_slow_begin(core) || !exchange_all(core) || !save_all(core, 0)) return false;
   memcpy(start, core->cells, arena(core));
   for (uint32_t i = 0; i < core->max_iterations; i++) {
-    memcpy(last, core->cells, arena(core));
-    if (!sweep(core, start, i)) return false;
-    if (core->ended || distance(core, last, &worst) <= 1.0) return finish(core);
+    if (i > 0 && !restore_all(core, 0)) return false;
+    memcpy(used, core->cells, arena(core));
+    core->count.sweeps++;
+    if (!step_all(core, (double)core->tick * core->step_s, core->step_s, true)) return false;
+    if (core->ended) return finish(core);
+    if (!exchange_all(core)) return false;
+    average_inputs(core, start);
+    if (residual(core, used, &worst) <= 1.0) return finish(core);
+    factor = relax(core, used, last, factor, i == 0);
   }
   return slw_fail(core, SLW_NO_CONVERGENCE, SLW_OK, NULL, worst);
 }
