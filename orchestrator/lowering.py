@@ -115,6 +115,14 @@ class Plan:
         order, loop = indices(self.layout.order.positions), indices(self.layout.order.loop)
         self.call("order", pointer(order), pointer(loop))
 
+    def nominals(self) -> None:
+        """The magnitudes that tolerances are relative to, of real inputs and outputs."""
+        for block in self.layout.blocks:
+            variables = self.system.components[block.component].model.variables
+            for name, slot in {**block.inputs, **block.outputs}.items():
+                for cell in slot.cells if variables[name].nominal != 1.0 else ():
+                    self.call("nominal", cell, variables[name].nominal)
+
     def log(self, rows: int) -> None:
         """Record the layout's columns through a ring of so many rows."""
         cells = indices([logged.cell for logged in self.layout.logged])

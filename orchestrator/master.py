@@ -92,6 +92,7 @@ class Master:
                 plan.call("clock", position, instance.variable(name).vr, shift, interval)
         plan.moves()
         plan.settings(options.settings)
+        plan.nominals()
         plan.stimuli(options.stimuli)
         plan.parameters(options.parameters)
         plan.faults(options.faults, options.seed)

@@ -1,7 +1,7 @@
 """Reads the variables of modelDescription.xml: types, sizes, start values and clocks, each checked alone.
 
-Read but without influence on a co-simulation: quantity, displayUnit, unbounded, nominal, derivative,
-reinit, previous, intermediateUpdate, mimeType, canBeDeactivated of clocks that stay active, priority
+Read but without influence on a co-simulation: quantity, displayUnit, unbounded, derivative, reinit,
+previous, intermediateUpdate, mimeType, canBeDeactivated of clocks that stay active, priority
 (scheduled execution), and the descriptions.
 Source: FMI 2.0.4, 2.2.3 and 2.2.7; FMI 3.0.2, 2.4.4 and 2.4.7, Modelica Association.
 """
@@ -81,6 +81,7 @@ class VariableReader:
             start=self._start(typed, type_name, dimensions),
             min=modelvalues.bound(typed, declared, "min", self.where),
             max=modelvalues.bound(typed, declared, "max", self.where),
+            nominal=self._nominal(typed, declared) if type_name in REALS else 1.0,
             description=outer.get("description", ""),
             dimensions=tuple(self.names[d][0] if by_vr else d for by_vr, d in dimensions),
             relative=self._inherited(typed, declared, "relativeQuantity"),
@@ -94,6 +95,11 @@ class VariableReader:
             ),
             line=outer.sourceline or 0,
         )
+
+    def _nominal(self, typed: Element, declared: Element) -> float:
+        """A magnitude: its sign does not count, and what is none is as if not given."""
+        found = abs(float(modelvalues.bound(typed, declared, "nominal", self.where) or 1.0))
+        return found if 0.0 < found < math.inf else 1.0
 
     def _causalities(self) -> tuple[str, ...]:
         return CAUSALITIES if self.version == 2 else (*CAUSALITIES, "structuralParameter")

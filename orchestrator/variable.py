@@ -80,6 +80,7 @@ class Variable:
     initial      exact, approx, calculated, as given or by the standard's default; "" for the independent
     clocks       names of the clocks it belongs to
     max_size     of a binary, in bytes
+    nominal      of a real: its usual magnitude, which tolerances are relative to at least; above 0
     multiple_set_per_instant  may be set more than once at one instant of event mode
     line         in modelDescription.xml
     """
@@ -102,6 +103,7 @@ class Variable:
     clocks: tuple[str, ...] = ()
     clock: ClockInfo | None = None
     max_size: int | None = None
+    nominal: float = 1.0
     multiple_set_per_instant: bool = True
     line: int = 0
 

@@ -55,7 +55,7 @@ static double quantile(const slw_pacing *p, double q) {
   for (int k = 0; k < SLW_BUCKETS; k++) total += p->histogram[k];
   for (int k = 0; k < SLW_BUCKETS; k++) {
     seen += p->histogram[k];
-    if ((double)seen >= q * (double)total) return upper_edge(k);
+    if ((double)seen >= q * (double)total) return upper_edge(k) < p->max_s ? upper_edge(k) : p->max_s;
   }
   return 0.0;
 }

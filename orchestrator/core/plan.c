@@ -7,7 +7,7 @@
 #define DEFAULT_ITERATIONS 50
 #define DEFAULT_HALVINGS 16
 #define MAX_HALVINGS 40
-#define SCRATCH_ARENAS 4
+#define SCRATCH_ARENAS 3
 
 static bool refuse(slw_core *core, const char *why, uint32_t number) {
   snprintf(core->error, sizeof core->error, "%s (%u)", why, number);

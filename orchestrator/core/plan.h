@@ -141,7 +141,7 @@ struct slw_core {
   slw_pacing *pace;
   bool timing, ended, initialised;
   uint64_t size; /* of the adaptive step, in units of step_s / 2^(max_halvings + 1) */
-  slw_cell *scratch; /* 4 arenas: copies of the cells that a rollback needs */
+  slw_cell *scratch; /* SCRATCH_ARENAS copies of all cells, for rollbacks and loops */
   slw_statistics count;
   slw_failure failure;
   char error[256];
@@ -156,7 +156,7 @@ bool slw_run_sink(slw_core *core);
 slw_outcome slw_run_plain(slw_core *core, int64_t until);
 bool slw_apply_changes(slw_core *core, int64_t tick, bool parameters);
 
-/* exchange.c: false: slw_core_failure says why. `now`: tick whose faults apply. */
+/* exchange.c: false: slw_core_failure says why. */
 bool slw_exchange_run(slw_core *core, uint32_t block, slw_exchange *e);
 /* For the faults, once a tick: the values that the first exchange of it brought. */
 void slw_exchange_accept(slw_core *core, slw_exchange *e);

@@ -11,6 +11,10 @@ import pytest
 
 from orchestrator.layout import lay_out
 from orchestrator.master import Master, Options
+from orchestrator.check import load_system
+from orchestrator.layout import lay_out
+from orchestrator.master import Master
+from orchestrator.pack import pack_system
 from orchestrator.simulate import simulate
 from orchestrator.system import System
 from orchestrator.testpack import kit
@@ -150,3 +154,15 @@ def test_strings_are_taken_back_with_the_steps(tmp_path: Path) -> None:
             found.append((values["string_out"], values["integer_out"]))
     changes = [[now != then for now, then in zip(row, found[0], strict=True)] for row in found]
     assert changes == [[False, False], [True, True], [True, True], [True, True]], found
+
+
+def test_tolerances_are_relative_to_nominal_values(tmp_path: Path) -> None:
+    """The slew drive's pressures are of the order of its FMU's nominal value: 1e-6 of that is a pascal or so."""
+    system = load_system(pack_system("nominal", out=tmp_path))
+    layout = lay_out(system)
+    slew = system.components["slew"].model.variables
+    assert slew["p_slew_a"].nominal > 1e5
+    with Master(system, layout, system.start_values({})) as master:
+        cell = layout.blocks[layout.block("slew")].outputs["p_slew_a"].first
+        with pytest.raises(RunError, match="a nominal value is positive"):
+            master.plan.call("nominal", cell, 0.0)
