@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
 from orchestrator.check import load_system
 from orchestrator.layout import lay_out
-from orchestrator.master import Master
+from orchestrator.master import Master, Options
 from orchestrator.pack import pack_system
 from orchestrator.simulate import simulate
 from orchestrator.system import System
@@ -157,7 +155,7 @@ def test_strings_are_taken_back_with_the_steps(tmp_path: Path) -> None:
 
 
 def test_tolerances_are_relative_to_nominal_values(tmp_path: Path) -> None:
-    """The slew drive's pressures are of the order of its FMU's nominal value: 1e-6 of that is a pascal or so."""
+    """Pressures are of the order of their nominal value: a tolerance of 1e-6 of them is a pascal or so."""
     system = load_system(pack_system("nominal", out=tmp_path))
     layout = lay_out(system)
     slew = system.components["slew"].model.variables
