@@ -3,6 +3,7 @@
  * Jacobi: all inputs from the outputs of the last tick, then every FMU steps.
  * Gauss-Seidel: in order of dependency, each FMU on the newest outputs.
  * An FMU that steps once in m ticks takes its inputs at the begin of its step and shows its outputs at the end. */
+#include "binding.h"
 #include "plan.h"
 #include "remote.h"
 
@@ -13,7 +14,8 @@
 
 /* What a status other than OK comes to. */
 static bool note(slw_core *core, slw_block *b, int status, slw_what doing) {
-  if (status > SLW_ERROR) b->fmu->fatal = true; /* also Pending: its step still runs */
+  static const char *const calls[] = {"set", "doStep", "get"};
+  if (b->fmu->local) status = (int)slw_status_of(b->fmu, status, calls[doing]); /* our own numbers are not FMI's */
   if (status != SLW_WARNING) return slw_fail(core, doing, (slw_status)status, b, 0);
   b->count.warnings++;
   return true;

@@ -11,6 +11,8 @@ from slewright.figures import JsonOption, check_target
 from slewright.progress import progress
 from specs.errors import InputError
 
+ROUNDING = 1e-9  # relative: 0.3 / 0.1 is not quite 3
+
 
 def simulate(
     system: Annotated[Path, typer.Argument(metavar="FILE", help="The system to run: .ssp, .ssd or .fmu.")],
@@ -71,6 +73,12 @@ def simulate(
     if not math.isfinite(stop):
         raise InputError(f"system {loaded.name}: --stop must be a finite time in s, not {stop}")
     ticks, statistics = round(stop / loaded.step_s), {}
+    if abs(ticks * loaded.step_s - stop) > ROUNDING * stop:
+        end, step_s = ticks * loaded.step_s, loaded.step_s
+        typer.echo(
+            f"slewright: warning: the run ends at {end:g} s, a whole number of steps of {step_s:g} s",
+            err=True,
+        )
     with progress("simulate") as report:
         found = run(
             loaded,

@@ -14,6 +14,7 @@ import pytest
 from fmus import compiler
 from fmus.build import SHIM, pack
 from orchestrator.instance import instantiate
+from orchestrator.native import binaries
 from orchestrator.simulate import simulate
 from orchestrator.system import System
 from orchestrator.trust import runs_here
@@ -137,7 +138,7 @@ def test_what_it_forks_ends_with_it(tmp_path: Path) -> None:
     """Its children are not ours, but of its process group."""
     run(tmp_path, "fork")
     out = subprocess.run(["ps", "-eo", "ppid=,stat=,args="], capture_output=True, text=True, check=True)
-    found = [line.split() for line in out.stdout.splitlines() if "slewright-fmu-host" in line]
+    found = [line.split() for line in out.stdout.splitlines() if str(binaries().host) in line]
     orphans = [line for line in found if line[0] == "1" and line[1][0] != "Z"]
     assert orphans == []
 
