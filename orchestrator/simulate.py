@@ -115,6 +115,7 @@ def simulate(
         master.plan.log(min(stop_ticks + 2, max(RING_CELLS // (1 + len(layout.logged)), 2 * MOST_TAKEN)))
         sink = _open(record_path, (TIME, *layout.columns), provenance, master)
         try:
+            sink.start()
             ended_by = _run(master, stop_ticks, sink, progress)
         except BaseException as error:
             _close_incomplete(sink, error)
@@ -166,6 +167,9 @@ class _Memory(MemoryWriter):
     def __init__(self, columns: Sequence[Column], meta: Mapping[str, Any], master: Master) -> None:
         super().__init__(columns, meta)
         self.master = master
+
+    def start(self) -> None:
+        """Nothing to do."""
 
     def check(self) -> None:
         """Take what is in the ring, so that it does not fill."""

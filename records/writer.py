@@ -14,6 +14,7 @@ from records.schema import resolve_columns
 from specs.errors import RunError
 
 TAKE_ROWS = 4096  # at once, at most
+START_S = 1.0  # that a thread takes to start, at most
 FLUSH_S = 2.0  # a slow run's rows are brought to the recording at least so often
 
 Take = Callable[[int], np.ndarray]
@@ -46,7 +47,7 @@ class MemoryWriter:
 
 
 class ThreadedWriter:
-    """Records rows that another thread produces; use it as a context, or call `close` whatever happens.
+    """Records rows that another thread produces; a context, or `start` it where `close` is sure to follow.
 
     `take(most)` gives the oldest rows not yet taken, at most `most`, as cells [n, columns] with the time
     first; it waits a few milliseconds for them and gives none where there are none. It is called by this
@@ -59,14 +60,20 @@ class ThreadedWriter:
     def __init__(
         self, path: Path | str | None, columns: Sequence[Column | str], meta: Mapping[str, Any], take: Take
     ) -> None:
-        """Open the recording of `path` (None: in memory) as RecordWriter does, and start taking rows."""
+        """Open the recording of `path` (None: in memory) as RecordWriter does."""
         self._sink = MemoryWriter(columns, meta) if path is None else RecordWriter(path, columns, meta)
         self._take = take
         self._last = threading.Event()  # no row follows those that can be taken now
         self._error: BaseException | None = None
         self._reported = False
         self._closed = False
+        self._started = False
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="record writer")
+
+    def start(self) -> None:
+        """Start taking rows; not the constructor does: who is interrupted in here must be able to close."""
+        self._started = True
         self._thread.start()
 
     def check(self) -> None:
@@ -91,12 +98,16 @@ class ThreadedWriter:
     def _end(self) -> None:
         """Wait for the thread, come what may: what it takes rows from is freed after this."""
         self._last.set()
-        interrupt = None
-        while self._thread.is_alive():
+        interrupt, until = None, time.monotonic() + START_S
+        while self._started and not self._ended.is_set():
             try:
-                self._thread.join()
+                self._ended.wait(START_S)
             except KeyboardInterrupt as error:
                 interrupt = error
+            if not self._thread.is_alive() and time.monotonic() > until:
+                break  # `start` was interrupted before it made the thread
+        if self._ended.is_set():
+            self._thread.join()
         if interrupt is not None:
             raise interrupt
 
@@ -105,6 +116,12 @@ class ThreadedWriter:
         return stored(self._sink.path) if isinstance(self._sink, RecordWriter) else self._sink.record()
 
     def _run(self) -> None:
+        try:
+            self._take_all()
+        finally:
+            self._ended.set()
+
+    def _take_all(self) -> None:
         flushed = time.monotonic()
         while True:
             last = self._last.is_set()  # first, lest rows be left that came between
@@ -137,6 +154,7 @@ class ThreadedWriter:
             self._error = error
 
     def __enter__(self) -> Self:
+        self.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _trace: object) -> None:

@@ -79,6 +79,7 @@ def test_the_same_bytes_as_without_a_thread(tmp_path: Path) -> None:
 def test_metadata_that_only_the_end_knows(tmp_path: Path, path: str | None) -> None:
     ring = Ring()
     writer = ThreadedWriter(path and tmp_path / path, COLUMNS, META, ring.take)
+    writer.start()
     ring.blocks.put(rows(5))
     writer.close(more={"steps": 5})
     writer.close()  # a second time does nothing
@@ -106,6 +107,7 @@ def full(self: RecordWriter, block: np.ndarray) -> None:
 def test_a_full_disk_stops_the_run_and_nobody_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ring, path = Ring(), tmp_path / "run.parquet"
     writer = ThreadedWriter(path, COLUMNS, META, ring.take)
+    writer.start()
     ring.blocks.put(rows(500))
     until(lambda: recording_path(path).stat().st_size > 500 * 24)
     writer.check()
@@ -125,6 +127,7 @@ def test_a_full_disk_is_said_when_closing_at_the_latest(
 ) -> None:
     ring = Ring()
     writer = ThreadedWriter(tmp_path / "run.parquet", COLUMNS, META, ring.take)
+    writer.start()
     monkeypatch.setattr("pyarrow.ipc.RecordBatchStreamWriter.write_batch", full)
     ring.blocks.put(rows(10))
     with pytest.raises(RunError, match="the disk is full"):
@@ -137,6 +140,8 @@ def test_a_failing_take_is_raised_and_the_record_is_incomplete(tmp_path: Path) -
         raise ValueError("no ring")
 
     writer = ThreadedWriter(tmp_path / "run.parquet", COLUMNS, META, take)
+
+    writer.start()
     with pytest.raises(ValueError, match="no ring"):
         writer.close()
     record = read(tmp_path / "run.parquet")
@@ -167,16 +172,17 @@ def test_an_interrupt_while_closing_waits_for_the_thread(
     """Else the rows' memory could be freed under it."""
     ring, waits = Ring(), []
     writer = ThreadedWriter(tmp_path / "run.parquet", COLUMNS, META, ring.take)
+    writer.start()
     ring.blocks.put(rows(777))
-    join = writer._thread.join
+    wait = writer._ended.wait
 
-    def interrupted() -> None:
+    def interrupted(timeout: float) -> None:
         waits.append(1)
         if len(waits) <= 2:
             raise KeyboardInterrupt
-        join()
+        wait(timeout)
 
-    monkeypatch.setattr(writer._thread, "join", interrupted)
+    monkeypatch.setattr(writer._ended, "wait", interrupted)
     with pytest.raises(KeyboardInterrupt):
         writer.close()
     assert not writer._thread.is_alive()
