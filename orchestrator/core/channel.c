@@ -83,7 +83,7 @@ void slw_tape_put_group(slw_tape *t, const slw_group *g, bool values) {
 }
 
 static bool take_blob(slw_tape *t, slw_blob *b) {
-  const uint64_t *size = slw_tape_take(t, sizeof *size);
+  const volatile uint64_t *size = slw_tape_take(t, sizeof *size); /* read once: the other side may change it */
   const uint64_t n = size ? *size : 0;
   const char *data = size ? slw_tape_take(t, (size_t)n) : NULL;
   if (!data) return false;

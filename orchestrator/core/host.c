@@ -6,11 +6,13 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "channel.h"
 
 #define LOOK_NS 200000000L /* how often it looks whether its parent still lives */
+#define MANY_FILES 1024
 #define MAX_VALUES (SLW_DATA_SIZE / sizeof(slw_cell))
 
 /* Buffers of one group, kept between calls. */
@@ -328,6 +330,14 @@ static void be_first_to_go(void) {
   close(fd);
 }
 
+/* Our parent's files that were not to be inherited but are: no business of a foreign FMU. */
+static void close_inherited(void) {
+#ifdef SYS_close_range
+  if (syscall(SYS_close_range, SLW_HOST_FD, ~0u, 0u) == 0) return;
+#endif
+  for (int fd = SLW_HOST_FD; fd < MANY_FILES; fd++) close(fd);
+}
+
 int main(void) {
   slw_host host = {0};
   prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -337,6 +347,7 @@ int main(void) {
   close(SLW_HOST_FD);
   if (memory == MAP_FAILED) return 1;
   host.channel = memory;
+  close_inherited();
   serve(&host);
   _exit(0); /* without the clean-up of foreign libraries */
 }

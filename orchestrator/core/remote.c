@@ -20,6 +20,13 @@
 
 #define LOOK_NS 20000000L /* how often a wait looks whether the host still lives */
 #define QUIT_S 2.0
+#ifndef F_ADD_SEALS /* older C libraries name none of this */
+#define F_ADD_SEALS 1033
+#define F_SEAL_SEAL 1
+#define F_SEAL_SHRINK 2
+#define F_SEAL_GROW 4
+#endif
+#define MEMFD_FLAGS 3u /* MFD_CLOEXEC | MFD_ALLOW_SEALING */
 #define FREE_FD 64 /* the memory's descriptor is kept clear of the few that the host's must not be */
 
 static const char *const call_names[SLW_N_CALLS] = {
@@ -50,10 +57,25 @@ static double clock_s(void) {
 
 static void say(slw_remote *r, const char *text) { slw_fmu_log(&r->fmu, text); }
 
+/* How a process ended that nobody can ask any more, since somebody ignores or takes the ends of our children. */
+#define LOST (-1)
+
+/* Whether the host has ended, and how. What it may have started ends before its number is free for others. */
+static bool ended(const slw_remote *r, int *status) {
+  siginfo_t info = {0};
+  *status = LOST;
+  if (waitid(P_PID, (id_t)r->host, &info, WEXITED | WNOHANG | WNOWAIT) != 0) return errno == ECHILD;
+  if (info.si_pid == 0) return false;
+  kill(-r->host, SIGKILL);
+  if (waitpid(r->host, status, WNOHANG) != r->host) *status = LOST;
+  return true;
+}
+
 static slw_status has_ended(slw_remote *r, int status) {
   char text[160];
-  kill(-r->host, SIGKILL); /* what it may have started */
-  if (WIFSIGNALED(status)) {
+  if (status == LOST) {
+    snprintf(text, sizeof text, "its process ended in %s", call_names[r->call]);
+  } else if (WIFSIGNALED(status)) {
     snprintf(text, sizeof text, "its process ended with signal %d (%s) in %s", WTERMSIG(status),
              strsignal(WTERMSIG(status)), call_names[r->call]);
   } else {
@@ -67,6 +89,7 @@ static slw_status has_ended(slw_remote *r, int status) {
 static slw_status end_host(slw_remote *r) {
   char text[160];
   kill(-r->host, SIGKILL); /* with what it may have started */
+  kill(r->host, SIGKILL);  /* it may have gone to another group */
   while (waitpid(r->host, NULL, 0) < 0 && errno == EINTR) {}
   snprintf(text, sizeof text, "no answer from %s within %g s; its process was ended", call_names[r->call], r->limit_s);
   say(r, text);
@@ -88,8 +111,8 @@ static void ask(slw_remote *r) {
 
 /* New messages of the FMU; the host may have written anything. */
 static void take_messages(slw_remote *r) {
-  const uint64_t there = r->channel->n_messages;
-  if (there <= r->fmu.n_messages) return;
+  const uint64_t there = *(volatile uint64_t *)&r->channel->n_messages;
+  if (there <= r->fmu.n_messages || there > UINT64_MAX / 2) return; /* no count, and ours must not wrap */
   const uint64_t first = there - r->fmu.n_messages > SLW_MESSAGES ? there - SLW_MESSAGES : r->fmu.n_messages;
   for (uint64_t k = first; k < there; k++) {
     char *place = r->fmu.messages[k % SLW_MESSAGES];
@@ -107,12 +130,12 @@ static slw_status await(slw_remote *r) {
     slw_wait_word(&c->answered, seen, &c->caller_sleeps, LOOK_NS);
     if (atomic_load(&c->answered) == asked) break;
     int status = 0;
-    if (waitpid(r->host, &status, WNOHANG) == r->host) return take_messages(r), has_ended(r, status);
+    if (ended(r, &status)) return take_messages(r), has_ended(r, status);
     if (clock_s() - r->asked_s > r->limit_s) return take_messages(r), end_host(r);
   }
   take_messages(r);
   r->tape.used = 0;
-  const int32_t status = c->status;
+  const int32_t status = *(volatile int32_t *)&c->status;
   return status >= SLW_OK && status <= SLW_FATAL ? (slw_status)status : SLW_ERROR;
 }
 
@@ -264,7 +287,8 @@ static slw_status serialized_size(slw_fmu *fmu, void *state, size_t *size) {
   START(fmu, SLW_CALL_SERIALIZED_SIZE);
   r->channel->number = number_of(state);
   const slw_status status = finish(r);
-  const uint64_t found = r->channel->number;
+  const uint64_t found = *(volatile uint64_t *)&r->channel->number;
+  if (r->dead) return status;
   if (found > SLW_DATA_SIZE) return too_large(r);
   *size = (size_t)found;
   return status;
@@ -320,10 +344,9 @@ static void free_fmu(slw_fmu *fmu) {
     if (await(r) <= SLW_FATAL && !r->dead) { /* it answers, then ends; where it does not, it is ended */
       int status;
       const double until = clock_s() + r->limit_s;
-      pid_t found = 0;
-      while ((found = waitpid(r->host, &status, WNOHANG)) == 0 && clock_s() < until) usleep(200);
-      if (found == 0) end_host(r);
-      kill(-r->host, SIGKILL); /* what it may have started */
+      bool gone;
+      while (!(gone = ended(r, &status)) && clock_s() < until) usleep(200);
+      if (!gone) end_host(r);
     }
   }
   if (r->channel) munmap(r->channel, sizeof *r->channel + SLW_DATA_SIZE);
@@ -341,12 +364,15 @@ static const slw_fmu_functions functions = {
 
 /* Descriptor of the shared memory, clear of those that the host's must not be; -1 when that fails. */
 static int shared_memory(void) {
-  const int low = (int)syscall(SYS_memfd_create, "slewright-fmu", 1u /* MFD_CLOEXEC */);
+  const int low = (int)syscall(SYS_memfd_create, "slewright-fmu", MEMFD_FLAGS);
   if (low < 0) return -1;
   const int fd = fcntl(low, F_DUPFD_CLOEXEC, FREE_FD);
   close(low);
   if (fd < 0) return -1;
-  if (ftruncate(fd, (off_t)(sizeof(slw_channel) + SLW_DATA_SIZE)) == 0) return fd;
+  /* Sealed: were it cut short over there, our next access would be the end of us. */
+  if (ftruncate(fd, (off_t)(sizeof(slw_channel) + SLW_DATA_SIZE)) == 0 &&
+      fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) == 0)
+    return fd;
   close(fd);
   return -1;
 }

@@ -2,6 +2,7 @@
 
 import functools
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -40,7 +41,7 @@ TRICKS = (
         "ignore",
         "fork",
     ),
-    *("folder", "unknown", "null", "input", "free"),
+    *("folder", "unknown", "null", "input", "free", "leave", "cut"),
 )
 DESCRIPTION = """<?xml version="1.0"?>
 <fmiModelDescription fmiVersion="2.0" modelName="villain" guid="villain">
@@ -108,6 +109,7 @@ def hosts() -> list[str]:
         ("exit", "its process ended by itself with status 7 in doStep"),
         ("overflow", "its process ended with signal 11 (Segmentation fault) in doStep"),
         ("hang", "no answer from doStep within 1 s; its process was ended"),
+        ("leave", "no answer from doStep within 1 s; its process was ended"),
         ("unknown", "the unknown status 77"),
     ],
 )
@@ -122,7 +124,7 @@ def test_what_ends_its_process_is_reported(tmp_path: Path, trick: str, words: st
     assert hosts() == []
 
 
-@pytest.mark.parametrize("trick", ["nothing", "close", "print", "round", "ignore", "folder", "input"])
+@pytest.mark.parametrize("trick", ["nothing", "close", "print", "round", "ignore", "folder", "input", "cut"])
 def test_what_does_not_end_it_leaves_us_alone(
     tmp_path: Path, trick: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -141,6 +143,16 @@ def test_what_it_forks_ends_with_it(tmp_path: Path) -> None:
     found = [line.split() for line in out.stdout.splitlines() if str(binaries().host) in line]
     orphans = [line for line in found if line[0] == "1" and line[1][0] != "Z"]
     assert orphans == []
+
+
+def test_a_crash_is_seen_where_the_ends_of_children_are_ignored(tmp_path: Path) -> None:
+    """Whoever started us may have chosen so; then nobody can ask by which signal it ended."""
+    handler = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    try:
+        with pytest.raises(RunError, match="its process ended in doStep"):
+            run(tmp_path, "segfault")
+    finally:
+        signal.signal(signal.SIGCHLD, handler)
 
 
 def test_a_null_string_is_an_empty_one(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 /* An FMI 2.0 FMU that, from the step at t = 0.05 s on, does what its parameter `trick` says to the process it
  * runs in; `trick` 20 and above in fmi2Instantiate (chosen by the instance's name) and fmi2FreeInstance. */
+#define _GNU_SOURCE
 #include <fcntl.h>
 #include <fenv.h>
 #include <signal.h>
@@ -11,7 +12,7 @@
 #include "fmi/fmi2Functions.h"
 
 enum { NOTHING, SEGFAULT, ABORT, EXIT, HANG, OVERFLOW_STACK, CLOSE_FILES, PRINT, ROUND_DOWN, IGNORE_SIGNALS, FORK,
-       CHANGE_FOLDER, UNKNOWN_STATUS, NULL_STRING, KILL_PARENT_INPUT, HANG_IN_FREE };
+       CHANGE_FOLDER, UNKNOWN_STATUS, NULL_STRING, KILL_PARENT_INPUT, HANG_IN_FREE, LEAVE_GROUP, CUT_MEMORY };
 
 typedef struct {
   int trick;
@@ -67,6 +68,19 @@ static void overflow(int depth) {
   sink = block[0];
 }
 
+/* Cut the memory shared with the master to nothing, where the system lets us name it. */
+static void cut_memory(void) {
+  char line[512], path[128];
+  unsigned long from, to;
+  FILE *maps = fopen("/proc/self/maps", "r");
+  while (maps && fgets(line, sizeof line, maps)) {
+    if (!strstr(line, "memfd:") || sscanf(line, "%lx-%lx", &from, &to) != 2) continue;
+    snprintf(path, sizeof path, "/proc/self/map_files/%lx-%lx", from, to);
+    if (truncate(path, 0) != 0) break;
+  }
+  if (maps) fclose(maps);
+}
+
 static fmi2Status do_evil(villain_t *v) {
   switch (v->trick) {
     case SEGFAULT: raise(SIGSEGV); break;
@@ -80,6 +94,8 @@ static fmi2Status do_evil(villain_t *v) {
     case IGNORE_SIGNALS: for (int s = 1; s < 32; s++) signal(s, SIG_IGN); break;
     case FORK: if (fork() == 0) for (;;) pause(); break;
     case CHANGE_FOLDER: if (chdir("/") != 0) return fmi2Error; break;
+    case LEAVE_GROUP: setpgid(0, getpgid(getppid())); hang(); break;
+    case CUT_MEMORY: cut_memory(); break;
     case UNKNOWN_STATUS: return (fmi2Status)77;
     default: break;
   }
