@@ -25,7 +25,7 @@ from slewright.commands import (
 )
 from specs.version import VERSION
 
-ROOMS = ("specs", "records", "fmus", "orchestrator", "runtime", "baselines", "slewright")
+ROOMS = ("specs", "records", "fmus", "orchestrator", "runtime", "baselines", "learning", "slewright")
 TRACEBACK = "SLEWRIGHT_TRACEBACK"
 
 app = typer.Typer(

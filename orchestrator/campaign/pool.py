@@ -119,9 +119,13 @@ def cluster(tasks: Sequence[Task], address: str, do: Work = work) -> Iterator[li
         batches = {
             client.submit(do, batch, pure=False): batch for batch in reversed(_batches(tasks, workers))
         }
+        suspects: list[Task] = []  # Dask blames all that waited on a worker that ended, so each is done again
         for future in as_completed(list(batches)):
             if future.status == "finished":
                 yield future.result()
-            else:  # Dask has tried it again on other workers, three times by default
-                yield [given_up(task) for task in batches[future]]
+            else:
+                suspects += batches[future]
             future.release()
+        for task in suspects:  # one after the other: now the one that ends its workers is alone
+            future = client.submit(do, [task], pure=False)
+            yield [given_up(task)] if future.exception() else future.result()

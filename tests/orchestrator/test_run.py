@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -263,13 +264,9 @@ def test_progress_is_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["realtime", "limit_s"])
 @pytest.mark.parametrize("value", [-1.0, math.nan])
 def test_wrong_pace_and_limit_are_refused(tmp_path: Path, name: str, value: float) -> None:
+    system, wrong = load(tmp_path, OSCILLATOR, ["position", "speed"]), cast("dict[str, Any]", {name: value})
     with pytest.raises(InputError, match=f"{name} is a .*, not {value:g}"):
-        simulate(
-            load(tmp_path, OSCILLATOR, ["position", "speed"]),
-            5,
-            record_path=tmp_path / "r.parquet",
-            **{name: value},
-        )  # type: ignore[arg-type]
+        simulate(system, 5, record_path=tmp_path / "r.parquet", **wrong)
     assert not list(tmp_path.glob("r.parquet*"))
 
 

@@ -1,0 +1,1 @@
+"""What is learned from recordings: data collection, slew networks, policies; runs with PyTorch."""
