@@ -1,25 +1,14 @@
 """Systems to measure and tune controllers on: assembled in a temporary folder, run by the orchestrator."""
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
-from fmus.build import build_fmu
-from orchestrator.check import load_system
-from orchestrator.pack import pack
+from orchestrator.assembly import assemble
 from orchestrator.system import System
-from specs import ssd, systems
+from specs import systems
 
 STEP_S = 0.02
 Report = Callable[[str, float, float], None]  # what is being done, how many of how many steps are
-
-
-def assemble(spec: systems.SystemSpec) -> System:
-    """Build the FMUs (FMI 2.0) of a system definition and load it as the orchestrator would its package."""
-    fmus = {f"{component.fmu}.fmu": build_fmu(component.fmu, 2) for component in spec.components}
-    with TemporaryDirectory(prefix="slewright-") as folder:
-        return load_system(pack(ssd.render(spec, 2), fmus, Path(folder) / f"{spec.name}.ssp"))
 
 
 def bare_machine(outputs: list[str]) -> System:

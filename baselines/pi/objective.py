@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from baselines.bench import STEP_S, assemble
+from baselines.bench import STEP_S
 from fmus.equations import kinematics
+from orchestrator.assembly import assemble
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
 from orchestrator.system import System

@@ -1,0 +1,162 @@
+"""The paper's slew model as data: pressure and velocity network, their normalisation, and where they hold.
+
+    [p_l, p_r][k] = F_p(u[k-9..k], p_l[k-10..k-1], p_r[k-10..k-1], omega[k-10..k-1], I[k-1])
+    omega[k]      = F_w(u[k-9..k], p_l[k-9..k],    p_r[k-9..k],    omega[k-10..k-1], I[k-1])
+
+at 0.1 s; the second takes the first one's prediction.  u is the joystick -1..1 that was held from k-1 to k,
+p_l and p_r the chambers (signals p_slew_b and p_slew_a; p_r drives positive omega) in Pa, omega the slew
+speed as the encoder gives it in rad/s, I the slew inertia from pose and nominal masses in kg m2.  Histories
+run from old to new, inputs lie in the order written.  Source: the paper (fmus/slew_nn/README.md).
+
+A network is a mean over members (an ensemble; usually one).  With `symmetric`, each member g is evaluated on
+the inputs and on their mirror image (u, omega negated, chambers swapped) and the mirrored results averaged,
+so that the model has no preferred direction.
+"""
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from specs.errors import InputError
+
+HISTORY = 10
+PERIOD_S = 0.1
+INPUTS = 4 * HISTORY + 1
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Mlp:
+    """Affine layers with ReLU between; raw input x [41] -> y: y = mean_out + std_out * net((x - mean) / std).
+
+    weights [out, in] and biases [out] a layer, float32; with `residual` the outputs are changes from the
+    last known values (p_l, p_r of k-1, or omega of k-1).
+    """
+
+    weights: tuple[np.ndarray, ...]
+    biases: tuple[np.ndarray, ...]
+    mean_in: np.ndarray
+    std_in: np.ndarray
+    mean_out: np.ndarray
+    std_out: np.ndarray
+    residual: bool = False
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Widths: inputs, hidden layers, outputs."""
+        return (self.weights[0].shape[1], *(len(b) for b in self.biases))
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """Outputs [n, outputs] for raw inputs [n, inputs]; without the residual's last values."""
+        y = (x - self.mean_in) / self.std_in
+        for number, (w, b) in enumerate(zip(self.weights, self.biases, strict=True)):
+            y = y @ w.T + b
+            if number + 1 < len(self.weights):
+                y = np.maximum(y, 0.0)
+        return self.mean_out + self.std_out * y
+
+
+@dataclass(frozen=True)
+class SlewNetwork:
+    """A trained slew model: members of both networks, and what it was trained from.
+
+    `region` holds the trained range of each quantity by name ("u", "omega", "inertia", "p_l", "p_r").
+    """
+
+    pressure: tuple[Mlp, ...]
+    velocity: tuple[Mlp, ...]
+    symmetric: bool = False
+    region: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def predict(
+        self, u: np.ndarray, p_l: np.ndarray, p_r: np.ndarray, omega: np.ndarray, inertia: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(p_l, p_r, omega)[k], each [n]; from u [n, 10] to k, the others [n, 10] to k-1, inertia [n]."""
+        found = self._one_way(u, p_l, p_r, omega, inertia)
+        if not self.symmetric:
+            return found
+        left, right, speed = self._one_way(-u, p_r, p_l, -omega, inertia)
+        return (found[0] + right) / 2, (found[1] + left) / 2, (found[2] - speed) / 2
+
+    def _one_way(
+        self, u: np.ndarray, p_l: np.ndarray, p_r: np.ndarray, omega: np.ndarray, inertia: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        known = np.hstack([u, p_l, p_r, omega, inertia[:, None]])
+        last = np.stack([p_l[:, -1], p_r[:, -1]], axis=1)
+        p = np.mean([net(known) + net.residual * last for net in self.pressure], axis=0)
+        left = np.hstack([p_l[:, 1:], p[:, :1]])
+        right = np.hstack([p_r[:, 1:], p[:, 1:]])
+        now = np.hstack([u, left, right, omega, inertia[:, None]])
+        w = np.mean([net(now)[:, 0] + net.residual * omega[:, -1] for net in self.velocity], axis=0)
+        return p[:, 0], p[:, 1], w
+
+    def save(self, path: Path | str) -> None:
+        """Write as .npz (weights float32) with the metadata inside; the same content gives the same bytes."""
+        arrays: dict[str, np.ndarray] = {}
+        for part in PARTS:
+            for number, net in enumerate(getattr(self, part)):
+                arrays |= {f"{part}.{number}.{key}": value for key, value in _arrays(net).items()}
+        head = {
+            "format": FORMAT,
+            "members": {part: [net.residual for net in getattr(self, part)] for part in PARTS},
+            "symmetric": self.symmetric,
+            "region": {name: list(limits) for name, limits in self.region.items()},
+            "meta": dict(self.meta),
+        }
+        text = json.dumps(head, sort_keys=True, allow_nan=False)
+        arrays["head"] = np.frombuffer(text.encode(), np.uint8)
+        _write_npz(Path(path), arrays)
+
+    @classmethod
+    def load(cls, path: Path | str) -> "SlewNetwork":
+        """Read what `save` wrote; raises InputError naming file and what is wrong with it."""
+        try:
+            with np.load(path, allow_pickle=False) as found:
+                arrays = {name: found[name] for name in found.files}
+            head = json.loads(arrays["head"].tobytes())
+            if head["format"] > FORMAT:
+                raise InputError(f"{path} has format {head['format']}; this version reads up to {FORMAT}")
+            parts = {
+                part: tuple(_net(arrays, f"{part}.{i}.", r) for i, r in enumerate(head["members"][part]))
+                for part in PARTS
+            }
+            region = {name: (low, high) for name, (low, high) in head["region"].items()}
+            made = cls(**parts, symmetric=head["symmetric"], region=region, meta=head["meta"])
+        except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path} is damaged or not a slew network: {error}") from None
+        return made
+
+
+PARTS = ("pressure", "velocity")
+NORMALISATION = ("mean_in", "std_in", "mean_out", "std_out")
+
+
+def _arrays(net: Mlp) -> dict[str, np.ndarray]:
+    layers = {f"w{i}": w for i, w in enumerate(net.weights)} | {f"b{i}": b for i, b in enumerate(net.biases)}
+    found = {name: np.asarray(value, np.float32) for name, value in layers.items()}
+    return found | {name: np.asarray(getattr(net, name), np.float64) for name in NORMALISATION}
+
+
+def _net(arrays: Mapping[str, np.ndarray], prefix: str, residual: bool) -> Mlp:
+    count = sum(name.startswith(f"{prefix}w") for name in arrays)
+    layers = [tuple(arrays[f"{prefix}{kind}{i}"] for i in range(count)) for kind in "wb"]
+    scales = {name: arrays[prefix + name] for name in NORMALISATION}
+    return Mlp(layers[0], layers[1], **scales, residual=residual)
+
+
+def _write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """An .npz with a fixed time stamp, written by way of a file beside it."""
+    part = path.with_name(f".{path.name}.part")
+    with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(arrays):
+            content = io.BytesIO()
+            np.lib.format.write_array(content, np.ascontiguousarray(arrays[name]), allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0)), content.getvalue())
+    part.replace(path)

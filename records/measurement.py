@@ -1,0 +1,99 @@
+"""A measurement: channels with units that each have their own time, as recordings of machines come.
+
+`records.formats` reads and writes them (Parquet, MDF4, MCAP, CSV, CAN logs).  What works at a fixed rate asks
+for `pieces`: stretches without a gap on one grid, made where the caller says so and never silently.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from specs.errors import InputError, nearest
+
+GAP = 3.5  # sample periods of a channel without a sample that are a gap
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Samples `values` [n] in `unit` (specs/units.py) at `time` [n], s from the start, strictly ascending."""
+
+    name: str
+    unit: str
+    time: np.ndarray
+    values: np.ndarray
+    description: str = ""
+
+    @property
+    def period_s(self) -> float:
+        """Median time between samples [s]; NaN for fewer than two."""
+        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A stretch without gaps: `columns` by name, each [n], row k at `start_s` + k `step_s`."""
+
+    start_s: float
+    step_s: float
+    columns: Mapping[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Channels by name; `start` is the time of day at 0 s, where known; `repairs` says what was mended."""
+
+    channels: Mapping[str, Channel]
+    start: datetime | None = None
+    meta: Mapping[str, Any] = field(default_factory=dict)
+    source: str = ""
+    repairs: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Channel:
+        if name not in self.channels:
+            raise InputError(
+                f"{self.source or 'the recording'} has no channel '{name}'; {nearest(name, self.channels)}"
+            )
+        return self.channels[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.channels
+
+    def missing(self, names: Iterable[str]) -> list[str]:
+        """Those of `names` that it does not have."""
+        return [name for name in names if name not in self.channels]
+
+    def pieces(self, names: Sequence[str], step_s: float) -> list[Piece]:
+        """The stretches in which all of `names` are there, on a grid of `step_s`.
+
+        Each value is the channel's last sample at or before the grid time (to a millionth of a step), as a
+        controller would see it: nothing is interpolated.  A channel without a sample for GAP of its periods
+        ends a piece.  Raises InputError for a channel that is not there.
+        """
+        chosen = [self[name] for name in names]
+        first = max(c.time[0] for c in chosen)
+        count = int(np.floor((min(c.time[-1] for c in chosen) - first) / step_s + 1e-6)) + 1
+        grid = first + step_s * np.arange(max(count, 0))
+        at = [np.searchsorted(c.time, grid + 1e-6 * step_s, side="right") - 1 for c in chosen]
+        stale = np.zeros(len(grid), dtype=bool)
+        for channel, index in zip(chosen, at, strict=True):
+            stale |= grid - channel.time[index] > GAP * max(channel.period_s, step_s)
+        found = []
+        for run in _runs(~stale):
+            columns = {c.name: c.values[i[run]] for c, i in zip(chosen, at, strict=True)}
+            found.append(Piece(float(grid[run.start]), step_s, columns))
+        return found
+
+
+def _runs(good: np.ndarray) -> list[slice]:
+    """Slices in which `good` holds without a break."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+    return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
