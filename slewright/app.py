@@ -15,6 +15,7 @@ from slewright.commands import (
     calibrate,
     campaign,
     check,
+    collect,
     dossier,
     fit,
     generate,
@@ -67,6 +68,7 @@ app.command()(verify.verify)
 app.command()(simulate.simulate)
 app.command()(check.check)
 app.command()(campaign.campaign)
+app.command()(collect.collect)
 app.command()(build.build)
 app.command()(generate.generate)
 app.command()(dossier.dossier)

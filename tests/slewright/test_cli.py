@@ -22,6 +22,7 @@ COMMANDS = (
     "verify",
     "simulate",
     "campaign",
+    "collect",
     "check",
     "build",
     "generate",

@@ -1,0 +1,129 @@
+"""Runs a collection plan: makes the recordings that are not there yet, then writes the manifest.
+
+    OUT/NNN_PART.parquet   one run record a recording: commands and sensors at 50 Hz
+    OUT/collection.json    the manifest, written last
+
+A recording is kept if its digest is the one that the plan, the machine and, in the closed loop, the
+controller give; so a collection that was interrupted goes on where it stopped.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from learning.collection import excitation
+from learning.collection.command import Pilot, Replay
+from learning.collection.machine import LockStep, Machine
+from learning.collection.plan import Plan, Recording
+from learning.collection.recorder import record
+from records.record import Record, read
+from specs.errors import InputError, nearest
+
+MANIFEST = "collection.json"
+Report = Callable[[str, float, float], None]
+
+
+def collect(
+    plan: Plan, out: Path, machine: str = "nominal", parts: Sequence[str] = (), report: Report | None = None
+) -> dict[str, Any]:
+    """Make the recordings of `plan` (only `parts`, if any are named) in the folder `out`.
+
+    Returns the manifest.  Raises InputError for an unknown part or machine, or a folder that cannot be;
+    RunError when the machine or the disk fails: what is recorded stays.
+    """
+    for part in parts:
+        if part not in plan.parts:
+            raise InputError(f"the plan has no part '{part}'; {nearest(part, plan.parts)}")
+    where = LockStep(machine)
+    _make_folder(out)
+    chosen = [r for r in plan.recordings if not parts or r.part in parts]
+    for done, recording in enumerate(chosen):
+        if report:
+            report(recording.part, done, len(chosen))
+        _make(plan, recording, where, out)
+    manifest = _manifest(plan, machine, where, out)
+    _write(out / MANIFEST, manifest)
+    return manifest
+
+
+def _make(plan: Plan, recording: Recording, machine: Machine, out: Path) -> None:
+    path = out / f"{recording.name}.parquet"
+    digest = plan.digest(recording, dict(machine.identity))
+    if kept(path, digest):
+        return
+    meta = {
+        "origin": machine.label,
+        "collection": plan.name,
+        "digest": digest,
+        "seed": plan.seed,
+        "load_told_kg": recording.load_kg,
+        **{key: value for key, value in asdict(recording).items() if key != "load_kg"},
+        **machine.identity,
+    }
+    record(machine, recording, _pilot(plan, recording), plan.limits, plan.seed, path, meta)
+
+
+def _pilot(plan: Plan, recording: Recording) -> Pilot:
+    part = plan.parts[recording.part]
+    if recording.kind in excitation.SHAPES:
+        return Replay(excitation.wanted(part, recording, plan.seed))
+    raise InputError(f"part {recording.part}: kind {recording.kind} is not there yet")
+
+
+def kept(path: Path, digest: str) -> bool:
+    """Whether a complete recording with this digest is there."""
+    try:
+        found = read(path)
+    except InputError:
+        return False
+    return found.complete and found.meta.get("digest") == digest
+
+
+def _manifest(plan: Plan, machine: str, where: Machine, out: Path) -> dict[str, Any]:
+    found = [(r, out / f"{r.name}.parquet") for r in plan.recordings]
+    entries = [_entry(r, read(path)) for r, path in found if path.is_file()]
+    return {
+        "collection": plan.name,
+        "description": plan.description,
+        "origin": where.label,
+        "seed": plan.seed,
+        "machine": machine,
+        "minutes": {s: _minutes(entries, s) for s in ("train", "validation", "test")},
+        "aborted": [e["file"] for e in entries if e["aborted"]],
+        "recordings": entries,
+    }
+
+
+def _minutes(entries: Sequence[dict[str, Any]], split: str) -> float:
+    return round(sum(e["minutes"] for e in entries if e["split"] == split), 6)
+
+
+def _entry(recording: Recording, found: Record) -> dict[str, Any]:
+    return {
+        "file": f"{recording.name}.parquet",
+        "part": recording.part,
+        "kind": recording.kind,
+        "split": recording.split,
+        "minutes": round(len(found) * 0.02 / 60.0, 6),
+        "q_boom": recording.q_boom,
+        "q_stick": recording.q_stick,
+        "load_told": recording.load_kg,
+        "clipped": found.meta.get("clipped", {}),
+        "aborted": found.reason,
+        "run_hash": found.run_hash,
+    }
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    part = path.with_name(f".{path.name}.part")
+    part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    part.replace(path)
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"folder {path} cannot be made: {error.strerror}") from None

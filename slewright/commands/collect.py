@@ -1,0 +1,44 @@
+"""`slewright collect PLAN`: drives the machine through a plan of excitation and records its sensors."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slewright import figures, tables
+from slewright.figures import JsonOption
+from slewright.progress import progress
+
+
+def collect(
+    plan: Annotated[
+        Path, typer.Argument(metavar="PLAN", help="A plan (.toml), or the name of one: paper, tiny.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of recordings (default: out/collect/NAME).")
+    ] = None,
+    machine: Annotated[
+        str, typer.Option(metavar="M", help="nominal, tuning:K or validation:K (a machine draw).")
+    ] = "nominal",
+    parts: Annotated[
+        list[str] | None, typer.Option(metavar="PART", help="Only this part; may be repeated.")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Make the recordings of a plan that are not there yet; write manifest and coverage page."""
+    from learning.collection.collect import collect as run
+    from learning.collection.plan import load_plan
+
+    checked = load_plan(plan)
+    folder = out or Path("out/collect") / checked.name
+    with progress("collect") as report:
+        manifest = run(checked, folder, machine, parts or (), report)
+    rows = [(split, minutes) for split, minutes in manifest["minutes"].items()]
+    tables.show(f"Collection {checked.name}, {manifest['origin']}", ["split", "minutes"], rows)
+    for entry in manifest["recordings"]:
+        if entry["aborted"]:
+            typer.echo(f"{entry['file']}: {entry['aborted']}")
+    typer.echo(f"recordings: {folder}")
+    figures.write(json, manifest, checked.seed)
+    if manifest["aborted"]:
+        raise typer.Exit(3)
