@@ -18,6 +18,9 @@ from specs.errors import InputError
 NEEDED = ("u_slew", "p_slew_a", "p_slew_b", "qd_slew", "q_boom", "q_stick")
 SAMPLE_S = 0.02
 STRIDE = round(PERIOD_S / SAMPLE_S)
+STATES = ("u", "p_l", "p_r", "omega")
+START = 10  # rows of the history
+REST, REST_U = 0.02, 0.05  # rad/s and joystick below which a machine at the start is at rest
 
 
 @dataclass(frozen=True)
@@ -116,3 +119,13 @@ def both_ways(trajectories: Iterable[Trajectory]) -> Iterator[Trajectory]:
     for trajectory in trajectories:
         yield trajectory
         yield trajectory.mirrored()
+
+
+def zero_filled(trajectory: Trajectory) -> list[Trajectory]:
+    """The beginning of a trajectory at rest after a history of zeros, as simulations start; else nothing."""
+    start = slice(0, START)
+    if np.abs(trajectory.omega[start]).max() > REST or np.abs(trajectory.u[start]).max() > REST_U:
+        return []
+    rows = {k: np.concatenate([np.zeros(START), getattr(trajectory, k)[: 2 * START]]) for k in STATES}
+    inertia = np.concatenate([np.full(START, trajectory.inertia[0]), trajectory.inertia[: 2 * START]])
+    return [replace(trajectory, inertia=inertia, **rows)]
