@@ -189,7 +189,7 @@ def _inputs(base: Path) -> Iterator[Path]:
     """Files below `base` that an FMU may depend on; what the folders above are called does not matter."""
     skipped = {"__pycache__", "generated", "scenarios", "systems"}
     for path in base.rglob("*"):
-        wanted = path.suffix in (".py", ".c", ".h", ".toml", ".md")
+        wanted = path.suffix in (".py", ".c", ".h", ".toml", ".md", ".npz")
         if wanted and not skipped & set(path.relative_to(base).parts) and path.is_file():
             yield path
 

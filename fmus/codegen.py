@@ -1,6 +1,8 @@
 """C code of a model: the CasADi functions and the tables that the shim's core.h declares."""
 
 import math
+import re
+from pathlib import Path
 
 import casadi as ca
 
@@ -9,6 +11,7 @@ from fmus.variables import TIME_VR, Exposed, exposed, model_token
 from specs.errors import InputError
 
 CASADI_OPTIONS = {"with_header": False, "with_export": False, "casadi_int": "long long"}
+DENSE_PRODUCT = Path(__file__).with_name("dense_product.c")
 
 
 def model_c(model: Model) -> str:
@@ -17,7 +20,34 @@ def model_c(model: Model) -> str:
     for function in _functions(model):
         generator.add(function)
     code = generator.dump().replace("#include <math.h>", '#include "slw_math.h"')
+    if model.symbolic == "MX":
+        code = _with_room(_with_our_product(code), _functions(model))
     return code + "\n" + _tables(model)
+
+
+def _with_our_product(code: str) -> str:
+    """CasADi's routine for matrix products replaced by ours: three times as fast, the same bits."""
+    ours = DENSE_PRODUCT.read_text()
+    return re.sub(r"^void casadi_mtimes_dense\(.*?^}\n", lambda _: ours, code, flags=re.DOTALL | re.MULTILINE)
+
+
+def _with_room(code: str, functions: list[ca.Function]) -> str:
+    """Functions of MX call others and want room behind their arguments, which the shim has for 8 alone."""
+    names = [f.name() for f in functions]
+    before = "".join(f"#define {name} {name}_in_mx\n" for name in names)
+    after = "".join(f"#undef {name}\n" for name in names)
+    return before + code + after + "".join(_roomy(f) for f in functions)
+
+
+def _roomy(f: ca.Function) -> str:
+    given = ", ".join(f"arg[{i}]" for i in range(f.n_in()))
+    wanted = ", ".join(f"res[{i}]" for i in range(f.n_out()))
+    return (
+        f"int {f.name()}(const double **arg, double **res, long long *iw, double *w, int mem) {{\n"
+        f"  const double *a[{f.sz_arg()}] = {{{given}}};\n"
+        f"  double *r[{f.sz_res()}] = {{{wanted}}};\n"
+        f"  return {f.name()}_in_mx(a, r, iw, w, mem);\n}}\n"
+    )
 
 
 def model_config_h(model: Model, token: str) -> str:

@@ -8,6 +8,9 @@ A model is continuous (`rhs` returns dx/dt, integrated with a fixed linearly imp
 
 and return a mapping from names to CasADi expressions.  What is not an equation is declared, and carried
 out by the C shim in integer time: transport delays, modes with their timers, sampled sensors with noise.
+
+Symbols are CasADi's SX: equations become straight-line code.  A model of large matrices (a network) chooses
+MX instead: its weights become tables, its products loops.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -21,7 +24,8 @@ import casadi as ca
 from specs import parameters as parameter_specs, signals as signal_specs
 from specs.errors import InputError
 
-Namespace = Any  # SimpleNamespace of casadi.SX scalars
+Namespace = Any  # SimpleNamespace of casadi.SX (or MX) scalars
+Symbolic = Any  # casadi.SX or casadi.MX, as the model chooses
 Equations = Callable[[Namespace, Namespace, Namespace, Namespace], Mapping[str, Any]]
 
 
@@ -88,15 +92,19 @@ class Model:
     max_delay: float = 1.0  # s, length of every delay line
     sensors: Mapping[str, Sensor] = field(default_factory=dict)  # output -> how it is measured
     sample_time: float = 0.02  # s, of the sensors
+    symbolic: Literal["SX", "MX"] = "SX"
 
     def __post_init__(self) -> None:
         _check_names(self)
 
     @cached_property
-    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    def symbols(self) -> tuple[Symbolic, Symbolic, Symbolic, Symbolic]:
         """Column vectors (x, u, m, p) of scalar symbols, in declaration order."""
         groups = (self.states, self.inputs, self.modes, self.parameters)
-        return tuple(_column([ca.SX.sym(v.name) for v in group]) for group in groups)  # type: ignore[return-value]
+        if self.symbolic == "MX":
+            names = ("x", "u", "m", "p")
+            return tuple(ca.MX.sym(n, len(group)) for n, group in zip(names, groups, strict=True))  # type: ignore[return-value]
+        return tuple(self._column([ca.SX.sym(v.name) for v in group]) for group in groups)  # type: ignore[return-value]
 
     @cached_property
     def namespaces(self) -> tuple[Namespace, Namespace, Namespace, Namespace]:
@@ -127,10 +135,20 @@ class Model:
     def directional(self) -> ca.Function:
         """(x, u, m, p, dx, du, dp) -> (df, dh): instantaneous partials at fixed mode times the seed."""
         x, u, m, p = self.symbols
-        seeds = [ca.SX.sym("d" + n, v.shape) for n, v in (("x", x), ("u", u), ("p", p))]
+        seeds = [self._kind.sym("d" + n, v.shape) for n, v in (("x", x), ("u", u), ("p", p))]
+        if self.symbolic == "MX":
+            return self._directional_mx(seeds)
         point, seed = ca.vertcat(x, u, p), ca.vertcat(*seeds)
         results = [ca.densify(ca.jtimes(g(x, u, m, p), point, seed)) for g in (self.f, self.h)]
         return ca.Function("slw_dir", [x, u, m, p, *seeds], results)
+
+    def _directional_mx(self, seeds: list[ca.MX]) -> ca.Function:
+        """The same by the functions' own forward derivatives: MX differentiates by plain symbols only."""
+        x, u, m, p = self.symbols
+        dx, du, dp = seeds
+        fixed = ca.MX(*m.shape)
+        results = [g.forward(1)(x, u, m, p, g(x, u, m, p), dx, du, fixed, dp) for g in (self.f, self.h)]
+        return ca.Function("slw_dir", [x, u, m, p, *seeds], [ca.densify(r) for r in results])
 
     @cached_property
     def x0(self) -> ca.Function:
@@ -146,7 +164,8 @@ class Model:
         """(x, u, m, p) -> (on guards, off guards), one each per mode."""
         ns = self.namespaces
         columns = [
-            _column([ca.SX(getattr(mode, side)(*ns)) for mode in self.modes]) for side in ("on", "off")
+            self._column([self._kind(getattr(mode, side)(*ns)) for mode in self.modes])
+            for side in ("on", "off")
         ]
         return ca.Function("slw_guards", list(self.symbols), [ca.densify(c) for c in columns])
 
@@ -165,15 +184,22 @@ class Model:
             values[name] = value
         return ca.DM(list(values.values()))
 
-    def _function(self, name: str, result: ca.SX) -> ca.Function:
+    @property
+    def _kind(self) -> Any:
+        return ca.MX if self.symbolic == "MX" else ca.SX
+
+    def _column(self, scalars: list[Symbolic]) -> Symbolic:
+        return ca.vertcat(*scalars) if scalars else self._kind(0, 1)
+
+    def _function(self, name: str, result: Symbolic) -> ca.Function:
         return ca.Function(name, list(self.symbols), [ca.densify(result)], ["x", "u", "m", "p"], ["r"])
 
-    def _stack(self, values: Mapping[str, Any], group: Iterable[Variable], what: str) -> ca.SX:
+    def _stack(self, values: Mapping[str, Any], group: Iterable[Variable], what: str) -> Symbolic:
         names = [v.name for v in group]
         wrong = set(names) ^ set(values)
         if wrong:
             raise InputError(f"model {self.name}: {what} returns the wrong names: {', '.join(sorted(wrong))}")
-        return _column([ca.SX(values[n]) for n in names])
+        return self._column([self._kind(values[n]) for n in names])
 
 
 def from_signals(*names: str) -> tuple[Variable, ...]:
@@ -193,10 +219,6 @@ def from_parameters(*files: str) -> tuple[Variable, ...]:
         )
         for s in found
     )
-
-
-def _column(scalars: list[ca.SX]) -> ca.SX:
-    return ca.vertcat(*scalars) if scalars else ca.SX(0, 1)
 
 
 def _check_names(model: Model) -> None:
