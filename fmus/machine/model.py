@@ -8,7 +8,7 @@ Stands in for the real machine, of which no recordings are public; equations and
     p_pump' = bulk / V (pump - demands)    fmus/machine/arm_hydraulics.py
 
 Angles rad, pressures Pa (gauge), flows m3/s, torques N m.  Valid inside the joint limits of geometry.toml,
-tool angles below 1.2 rad (at a roll of pi/2 the universal joint locks), loads of 0..2000 kg.
+tool angles below 1.2 rad (at a roll of pi/2 the universal joint locks), loads of 0..2500 kg.
 """
 
 from typing import Any
