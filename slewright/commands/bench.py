@@ -89,6 +89,32 @@ def campaign(
         raise typer.Exit(1)
 
 
+@app.command("slew_nn")
+def slew_nn(
+    blocks: Annotated[int, typer.Option(min=1, help="Blocks of interleaved timings.")] = 200,
+    json: JsonOption = None,
+) -> None:
+    """Compare the step of an FMU with the paper's networks with its bare generated C, and with real time."""
+    from fmus.slew_nn.bench import CASES, missed, run
+
+    with progress("bench slew_nn") as report:
+        figures = run(blocks, report)
+    columns = ["network", "doStep, µs", "bare C, µs", "ratio", "quartiles", "× real time"]
+    show("a step of 0.02 s, median", columns, [_slew_nn_row(name, figures[name]) for name in CASES])
+    found = missed(figures)
+    write(json, {**figures, "missed": found})
+    for must in found:
+        typer.echo(f"slewright: missed: {must}", err=True)
+    if found:
+        raise typer.Exit(1)
+
+
+def _slew_nn_row(name: str, f: dict[str, float]) -> list[str]:
+    spread = f"{f['ratio_p25']:.2f} … {f['ratio_p75']:.2f}"
+    times = (f"{f['fmu_us']:.2f}", f"{f['bare_us']:.2f}", f"{f['ratio']:.2f}")
+    return [name, *times, spread, f"{f['realtime_factor']:.0f}"]
+
+
 def _show(result: "Result") -> None:
     from orchestrator.bench.orchestrator import MASTERS, VERSIONS
 

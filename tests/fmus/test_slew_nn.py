@@ -10,6 +10,7 @@ import pytest
 
 from fmus.build import build_fmu
 from fmus.loader import model_folders
+from fmus.slew_nn import bench
 from fmus.slew_nn.fmu import build_from
 from fmus.slew_nn.model import MODEL, STEP, TICKS
 from fmus.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
@@ -217,3 +218,14 @@ def test_reference_roll_out() -> None:
         wanted = np.array(list(csv.reader(file))[1:], dtype=float)
     size = np.abs(wanted).max(axis=0)
     np.testing.assert_allclose(found / size, wanted / size, rtol=0, atol=1e-8)
+
+
+def test_the_bench_compares_what_computes_the_same() -> None:
+    """Times are measured, not judged; the limits are, on made-up figures."""
+    figures = bench.measure(KINDS["small"], 2).figures()
+    assert figures["ratio_p25"] <= figures["ratio"] <= figures["ratio_p75"]
+    assert figures["realtime_factor"] == pytest.approx(STEP * 1e6 / figures["fmu_us"])
+    kept = {name: {"ratio": 1.4, "realtime_factor": 600.0} for name in bench.JUDGED}
+    assert bench.missed(kept) == []
+    kept["paper"] = {"ratio": 1.6, "realtime_factor": 400.0}
+    assert [must.split(":")[0] for must in bench.missed(kept)] == ["paper", "paper"]
