@@ -1,0 +1,115 @@
+"""Parquet: our own run records, and anybody's table with a time column."""
+
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from records import record
+from records.formats.raw import Group, Raw, RawColumn
+from records.formats.start import from_ns, start_of
+from records.formats.tables import Heading, check_twice, clock_of, heading
+from records.formats.units import seconds
+from records.recording import first_line
+from records.schema import META_KEY, columns_of, values
+from specs.errors import InputError
+
+PER_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}
+
+
+def read(path: Path, names: Mapping[str, str]) -> Raw:
+    """Read a run record, or what is left of its recording, or another tool's table."""
+    if path.suffix == ".recording" or not path.is_file() or META_KEY in (_schema(path).metadata or {}):
+        return _own(path)
+    return _foreign(path, names)
+
+
+def _schema(path: Path) -> pa.Schema:
+    try:
+        return pq.read_schema(path)
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"{path} is damaged or not Parquet: {first_line(error)}") from None
+
+
+def _own(path: Path) -> Raw:
+    """A run record; an incomplete one says so."""
+    found = record.read(path)
+    columns = [
+        RawColumn(c.name, c.unit, found.column(c.name), c.description)
+        for c in columns_of(found.table.schema)
+        if c.name != "time"
+    ]
+    notes = [] if found.complete else [f"incomplete: {found.reason or 'the run did not reach its end'}"]
+    return Raw([Group("", found.time, columns)], start_of(found.meta), found.meta, notes)
+
+
+def _foreign(path: Path, names: Mapping[str, str]) -> Raw:
+    """A table that is no run record: nulls are no samples, text is left out."""
+    try:
+        with pq.ParquetFile(path) as file:
+            table = file.read()
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"{path} is damaged or not Parquet: {first_line(error)}") from None
+    headings = [_heading(field) for field in table.schema]
+    check_twice(headings, str(path))
+    index, unit = clock_of(headings, names, str(path))
+    notes: list[str] = []
+    time, start = _clock(table.column(index), unit, f"{path}: {headings[index].name}", notes)
+    columns = [
+        column
+        for i, h in enumerate(headings)
+        if i != index and (column := _column(h, table.column(i), notes)) is not None
+    ]
+    return Raw([Group("", time, columns)], start, {}, notes)
+
+
+def _heading(field: pa.Field) -> Heading:
+    """Name and unit of a column: the unit of its metadata, or the one in its name."""
+    stated = (field.metadata or {}).get(b"unit", b"").decode()
+    return Heading(field.name, stated) if stated else heading(field.name)
+
+
+def _clock(
+    column: pa.ChunkedArray, unit: str, where: str, notes: list[str]
+) -> tuple[np.ndarray, datetime | None]:
+    """Time in s, and the time of day at 0 s where the column holds dates."""
+    if not len(column):
+        raise InputError(f"{where}: no rows")
+    kind = column.type
+    if pa.types.is_timestamp(kind):
+        if kind.tz is None:
+            notes.append("the times state no time zone: taken as UTC")
+        stamps = values(column.cast(pa.int64()).fill_null(0)) * PER_NS[kind.unit]
+        return from_ns(stamps, values(column.is_null()))
+    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+        raise InputError(f"{where}: a column of {kind} is no time")
+    if not unit:
+        notes.append("the time states no unit: taken as s")
+    return seconds(_numbers(column), unit or "s", where), None
+
+
+def _column(head: Heading, column: pa.ChunkedArray, notes: list[str]) -> RawColumn | None:
+    kind = column.type
+    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)):
+        notes.append(f"{head.name}: left out, a column of {kind} holds no numbers")
+        return None
+    absent = None
+    if column.null_count:
+        absent = values(column.is_null())
+    return RawColumn(head.name, head.unit, _numbers(column), "", absent)
+
+
+def _numbers(column: pa.ChunkedArray) -> np.ndarray:
+    """Floats as float64, whole numbers as int64 (float64 where some are absent), Booleans as they are."""
+    kind = column.type
+    if column.null_count or pa.types.is_floating(kind):
+        if pa.types.is_boolean(kind):
+            column = column.cast(pa.uint8())
+        whole = values(column.cast(pa.float64(), safe=False).fill_null(float("nan")))
+        return np.asarray(whole, dtype=np.float64)
+    if pa.types.is_boolean(kind) or kind == pa.uint64():
+        return values(column)
+    return values(column.cast(pa.int64()))
