@@ -1,6 +1,7 @@
 """Runs a collection plan: makes the recordings that are not there yet, then writes the manifest.
 
     OUT/NNN_PART.parquet   one run record a recording: commands and sensors at 50 Hz
+    OUT/controller.json    the closed loop's controller, where the plan does not state one
     OUT/collection.json    the manifest, written last
 
 A recording is kept if its digest is the one that the plan, the machine and, in the closed loop, the
@@ -8,16 +9,19 @@ controller give; so a collection that was interrupted goes on where it stopped.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from learning.collection import excitation
 from learning.collection.command import Pilot, Replay
+from learning.collection.controller import FILE as CONTROLLER, find
 from learning.collection.machine import LockStep, Machine
-from learning.collection.plan import Plan, Recording
+from learning.collection.operator_model import Operator
+from learning.collection.plan import SPLITS, Plan, Recording
 from learning.collection.recorder import record
+from learning.collection.slew_control import Gains, SlewControl
 from records.record import Record, read
 from specs.errors import InputError, nearest
 
@@ -39,18 +43,25 @@ def collect(
     where = LockStep(machine)
     _make_folder(out)
     chosen = [r for r in plan.recordings if not parts or r.part in parts]
+    chosen.sort(key=lambda r: r.kind == "closed_loop")  # it is tuned on what the others recorded
+    controller: dict[str, Any] = {}
     for done, recording in enumerate(chosen):
+        if recording.kind == "closed_loop" and not controller:
+            controller = find(plan, out, report)
         if report:
             report(recording.part, done, len(chosen))
-        _make(plan, recording, where, out)
+        _make(plan, recording, where, out, controller)
     manifest = _manifest(plan, machine, where, out)
     _write(out / MANIFEST, manifest)
     return manifest
 
 
-def _make(plan: Plan, recording: Recording, machine: Machine, out: Path) -> None:
+def _make(
+    plan: Plan, recording: Recording, machine: Machine, out: Path, controller: Mapping[str, Any]
+) -> None:
     path = out / f"{recording.name}.parquet"
-    digest = plan.digest(recording, dict(machine.identity))
+    gains = controller["gains"] if recording.kind == "closed_loop" else None
+    digest = plan.digest(recording, {**machine.identity, "gains": gains})
     if kept(path, digest):
         return
     meta = {
@@ -59,17 +70,22 @@ def _make(plan: Plan, recording: Recording, machine: Machine, out: Path) -> None
         "digest": digest,
         "seed": plan.seed,
         "load_told_kg": recording.load_kg,
-        **{key: value for key, value in asdict(recording).items() if key != "load_kg"},
+        **{key: value for key, value in asdict(recording).items() if key not in ("load_kg", "number")},
+        **({"gains": gains} if gains else {}),
         **machine.identity,
     }
-    record(machine, recording, _pilot(plan, recording), plan.limits, plan.seed, path, meta)
+    record(machine, recording, pilot(plan, recording, gains), plan.limits, plan.seed, path, meta)
 
 
-def _pilot(plan: Plan, recording: Recording) -> Pilot:
+def pilot(plan: Plan, recording: Recording, gains: Mapping[str, float] | None = None) -> Pilot:
+    """What moves the machine in a recording; `gains` are the closed loop's."""
     part = plan.parts[recording.part]
-    if recording.kind in excitation.SHAPES:
-        return Replay(excitation.wanted(part, recording, plan.seed))
-    raise InputError(f"part {recording.part}: kind {recording.kind} is not there yet")
+    if recording.kind == "driving":
+        start = (0.0, recording.q_boom, recording.q_stick)
+        return Operator(recording.draws(plan.seed, "operator"), plan.limits, start)
+    if recording.kind == "closed_loop":
+        return SlewControl(Gains.of(gains or {}), recording, plan.seed)
+    return Replay(excitation.wanted(part, recording, plan.seed))
 
 
 def kept(path: Path, digest: str) -> bool:
@@ -90,10 +106,18 @@ def _manifest(plan: Plan, machine: str, where: Machine, out: Path) -> dict[str, 
         "origin": where.label,
         "seed": plan.seed,
         "machine": machine,
-        "minutes": {s: _minutes(entries, s) for s in ("train", "validation", "test")},
+        "minutes": {s: _minutes(entries, s) for s in SPLITS},
+        "controller": _controller(plan, out),
         "aborted": [e["file"] for e in entries if e["aborted"]],
         "recordings": entries,
     }
+
+
+def _controller(plan: Plan, out: Path) -> dict[str, Any] | None:
+    """What controlled the closed loop, if the plan has one and it was found."""
+    if not any(r.kind == "closed_loop" for r in plan.recordings):
+        return None
+    return find(plan, out) if plan.gains or (out / CONTROLLER).is_file() else None
 
 
 def _minutes(entries: Sequence[dict[str, Any]], split: str) -> float:

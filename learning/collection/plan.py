@@ -26,7 +26,9 @@ Kind = Literal["steps", "sines", "trapezoids", "random_references", "driving", "
 KINDS: tuple[str, ...] = get_args(Kind)
 PERIODIC = ("steps", "sines", "trapezoids")  # with the arm at rest
 SPLITS = ("train", "validation", "test")
-ATTEMPTS = 1000
+ATTEMPTS = 5000
+RADIUS_M = 0.1  # a drawn radius is met to this
+ROOM_M = 0.2  # between a starting grab and the keep-out with its margin
 LARGEST_LOAD_KG = 2000.0
 Range = tuple[float, float]
 
@@ -78,6 +80,9 @@ class Part:
     period_s: Range = (2.0, 12.0)
     boom_rad: Range | None = None  # where the arm starts; None: anywhere within the limits
     stick_rad: Range | None = None
+    radius_m: Range | None = (
+        None  # of the hanging grab at the start, evenly; None: as the joints' ranges give
+    )
     loads_kg: tuple[float, ...] = (0.0,)
 
     def __post_init__(self) -> None:
@@ -90,6 +95,8 @@ class Part:
             raise InputError(f"amplitude = {list(self.amplitude)}: must rise, within 0 … 1")
         if not 2 * PERIOD_S <= self.period_s[0] <= self.period_s[1]:
             raise InputError(f"period_s = {list(self.period_s)}: must rise, from {2 * PERIOD_S:g} s on")
+        if self.radius_m is not None and not 0.0 < self.radius_m[0] < self.radius_m[1]:
+            raise InputError(f"radius_m = {list(self.radius_m)}: must rise, from above 0")
         if not self.loads_kg or not all(0.0 <= load <= LARGEST_LOAD_KG for load in self.loads_kg):
             raise InputError(f"loads_kg = {list(self.loads_kg)}: 0 … {LARGEST_LOAD_KG:g} kg each")
 
@@ -204,13 +211,18 @@ def _pose(file: _File, name: str, split: str, index: int) -> tuple[float, float]
             raise InputError(
                 f"parts.{name}.{key} = {list(given)}: must rise, within the limits {list(limit)}"
             )
+    radius = draws.between(*part.radius_m) if part.radius_m else None
     for _ in range(ATTEMPTS):
-        boom, stick = (round(float(draws.between(*given)), 4) for given in ranges)
-        if clearance(boom, stick).min() >= file.limits.keepout_margin_m + 0.2:
+        boom, stick = (round(draws.between(*given), 4) for given in ranges)
+        tip, _height = kinematics.arm_tip(boom, stick, kinematics.geometry())
+        placed = radius is None or abs(tip - radius) < RADIUS_M
+        if placed and clearance(boom, stick).min() >= file.limits.keepout_margin_m + ROOM_M:
             return boom, stick
+    where = f"boom {list(ranges[0])}, stick {list(ranges[1])} rad"
+    where += f" with the grab at a radius of {radius:.2f} m" if radius is not None else ""
     raise InputError(
-        f"parts.{name}: no pose in boom {list(ranges[0])}, stick {list(ranges[1])} rad keeps the grab "
-        f"{file.limits.keepout_margin_m + 0.2:g} m off the keep-out"
+        f"parts.{name}: no pose in {where} keeps it {file.limits.keepout_margin_m + ROOM_M:g} m off the "
+        "keep-out"
     )
 
 
