@@ -29,6 +29,8 @@ HISTORY = 10
 PERIOD_S = 0.1
 INPUTS = 4 * HISTORY + 1
 FORMAT = 1
+CELL_AXES = {"inertia": 8, "u": 10, "omega": 10}  # cells of the map of training data along each quantity
+TOLERANCE = 0.02  # share of a range by which a value may pass it
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,19 @@ class SlewNetwork:
     symmetric: bool = False
     region: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     meta: Mapping[str, Any] = field(default_factory=dict)
+    visited: np.ndarray | None = None  # bool [CELLS] over `region` of CELL_AXES: where training data was
+
+    def outside(self, inertia: np.ndarray, u: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """Which of n states lie where no training data was, bool [n]; all False if that is not known."""
+        if self.visited is None:
+            return np.zeros(np.shape(u), dtype=bool)
+        index, beyond = [], np.zeros(np.shape(u), dtype=bool)
+        for (name, count), value in zip(CELL_AXES.items(), (inertia, u, omega), strict=True):
+            low, high = self.region[name]
+            share = (np.asarray(value, float) - low) / (high - low)
+            beyond |= (share < -TOLERANCE) | (share > 1 + TOLERANCE)
+            index.append(np.clip((share * count).astype(int), 0, count - 1))
+        return beyond | ~self.visited[tuple(index)]
 
     def predict(
         self, u: np.ndarray, p_l: np.ndarray, p_r: np.ndarray, omega: np.ndarray, inertia: np.ndarray
@@ -110,6 +125,8 @@ class SlewNetwork:
             "region": {name: list(limits) for name, limits in self.region.items()},
             "meta": dict(self.meta),
         }
+        if self.visited is not None:
+            arrays["visited"] = self.visited
         text = json.dumps(head, sort_keys=True, allow_nan=False)
         arrays["head"] = np.frombuffer(text.encode(), np.uint8)
         _write_npz(Path(path), arrays)
@@ -128,7 +145,10 @@ class SlewNetwork:
                 for part in PARTS
             }
             region = {name: (low, high) for name, (low, high) in head["region"].items()}
-            made = cls(**parts, symmetric=head["symmetric"], region=region, meta=head["meta"])
+            made = cls(
+                parts["pressure"], parts["velocity"], head["symmetric"], region, head["meta"],
+                arrays.get("visited"),
+            )  # fmt: skip
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
             raise InputError(f"{path} is damaged or not a slew network: {error}") from None
         return made

@@ -1,6 +1,6 @@
 """Training of slew models: one-step loss first, then, if the recipe says so, the error over its own steps."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,8 +36,8 @@ class Trained:
         return plain(list(self.members))
 
     def predictor(self) -> Predictor:
-        """Open-loop speed of the members' mean at every step."""
-        return lambda of: roll_out(self.members, of)
+        """Open-loop speed of the first member; an ensemble is judged as plain weights."""
+        return lambda of: roll_out(self.members[0], of)
 
 
 def train(
@@ -99,7 +99,7 @@ def _phase(
 
 def _one_step(pair: Pair, rows: Rows) -> Tensor:
     """Squared errors of pressures and speed in units of what a step changes."""
-    found = next(iter(_open_loop([pair], rows, 1, detach=True)))
+    found = next(iter(_open_loop(pair, rows, 1, detach=True)))
     errors = _errors(found, rows, 0)
     step = pair.scales.step
     loss = (errors[2] / step["omega"]).square().mean()
@@ -111,7 +111,7 @@ def _one_step(pair: Pair, rows: Rows) -> Tensor:
 def _own_steps(pair: Pair, rows: Rows, ahead: int) -> Tensor:
     """Squared errors, in deviations, over `ahead` steps from the measured history on."""
     loss = torch.zeros(())
-    for k, found in enumerate(_open_loop([pair], rows, ahead)):
+    for k, found in enumerate(_open_loop(pair, rows, ahead)):
         errors = _errors(found, rows, k)
         loss = loss + errors[2].square().mean()
         if pair.pressure is not None:
@@ -124,25 +124,21 @@ def _errors(found: State, rows: Rows, k: int) -> list[Tensor]:
     return [value - rows[name][:, row] for value, name in zip(found, ("p_l", "p_r", "omega"), strict=True)]
 
 
-def _open_loop(pairs: Sequence[Pair], rows: Rows, ahead: int, detach: bool = False) -> Iterator[State]:
-    """The members' mean, step by step, from the measured history on."""
+def _open_loop(pair: Pair, rows: Rows, ahead: int, detach: bool = False) -> Iterator[State]:
+    """Step by step from the measured history on."""
     past = [rows[name][:, :HISTORY] for name in ("p_l", "p_r", "omega")]
     for k in range(ahead):
         u, inertia = rows["u"][:, k + 1 : k + 1 + HISTORY], rows["inertia"][:, k + HISTORY - 1 : k + HISTORY]
-        steps = [pair.step(u, past, inertia, detach) for pair in pairs]
-        left, right, omega = (torch.stack(values).mean(dim=0) for values in zip(*steps, strict=True))
-        past = [
-            torch.cat([old[:, 1:], new], dim=1) for old, new in zip(past, (left, right, omega), strict=True)
-        ]
-        yield left, right, omega
+        found = pair.step(u, past, inertia, detach)
+        past = [torch.cat([old[:, 1:], new], dim=1) for old, new in zip(past, found, strict=True)]
+        yield found
 
 
 @torch.no_grad()
-def roll_out(members: Iterable[Pair], of: Windows) -> np.ndarray:
-    """Open-loop speed [n, ahead] in rad/s: in each step the mean of what the members predict."""
-    pairs = list(members)
-    scales, ahead = pairs[0].scales, of.u.shape[1] - of.before
+def roll_out(pair: Pair, of: Windows) -> np.ndarray:
+    """Open-loop speed [n, ahead] in rad/s."""
+    scales, ahead = pair.scales, of.u.shape[1] - of.before
     cut = slice(of.before - HISTORY, None)
     rows = {name: scales.normalised(name, getattr(of, name)[:, cut]) for name in NAMES}
-    speed = torch.cat([state[2] for state in _open_loop(pairs, rows, ahead)], dim=1)
+    speed = torch.cat([state[2] for state in _open_loop(pair, rows, ahead)], dim=1)
     return speed.numpy().astype(float) * scales.std["omega"] + scales.mean["omega"]

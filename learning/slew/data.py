@@ -1,0 +1,99 @@
+"""The recordings a slew model is made from: a collection's folder or any recordings, split by recording."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmus.slew import traces
+from learning.slew import checks
+from learning.slew.trajectory import Trajectory, of_measurement, of_trace
+from records.formats import read_measurement
+from specs.errors import InputError
+
+MANIFEST = "collection.json"
+SPLITS = ("train", "validation", "test")
+SHARES = (0.7, 0.15)  # of the recordings without a manifest: train, validation; the rest is held out
+CLOSED_LOOP = "closed_loop"
+
+
+@dataclass(frozen=True)
+class Data:
+    """Trajectories by split; `kinds` tells each recording's kind, `sha256` what all of it was."""
+
+    train: tuple[Trajectory, ...]
+    validation: tuple[Trajectory, ...]
+    test: tuple[Trajectory, ...]
+    kinds: Mapping[str, str]
+    sha256: str
+    source: str
+
+    def training(self, closed_loop: bool = True) -> list[Trajectory]:
+        """What to train on, with or without the recordings of closed-loop control."""
+        return [t for t in self.train if closed_loop or self.kinds.get(t.name) != CLOSED_LOOP]
+
+    def minutes(self, split: str) -> float:
+        """Length of a split in minutes."""
+        return sum(len(t) for t in getattr(self, split)) / 600.0
+
+
+def load(paths: Sequence[Path]) -> Data:
+    """A collection's folder, or two or more recordings, in the order given: the last ones are held out.
+
+    Raises InputError naming file and channel for recordings that cannot be learned from.
+    """
+    if len(paths) == 1 and paths[0].is_dir():
+        return _of_folder(paths[0])
+    if len(paths) < 3:
+        raise InputError("three or more recordings are needed: to train on, to validate and to hold out")
+    bounds = [max(1, round(share * len(paths))) for share in SHARES]
+    bounds[0] = min(bounds[0], len(paths) - 2)
+    split = [SPLITS[0]] * bounds[0] + [SPLITS[1]] * min(bounds[1], len(paths) - bounds[0] - 1)
+    split += [SPLITS[2]] * (len(paths) - len(split))
+    entries = [(path, {"split": s, "kind": ""}) for path, s in zip(paths, split, strict=True)]
+    return _gathered(entries, ", ".join(map(str, paths)))
+
+
+def of_traces() -> Data:
+    """The slew traces: steps to train on (a tenth of them to validate), every other shape held out."""
+    found = traces.load()
+    steps = [of_trace(t) for t in found.values() if t.shape == "step"]
+    rest = [of_trace(t) for t in found.values() if t.shape != "step"]
+    digest = hashlib.sha256(b"".join(t.u.tobytes() + t.omega.tobytes() for t in [*steps, *rest])).hexdigest()
+    kinds = {t.name: t.name.split("_")[0] for t in [*steps, *rest]}
+    return Data(tuple(steps), tuple(steps[::10]), tuple(rest), kinds, digest, "slew traces")
+
+
+def _of_folder(folder: Path) -> Data:
+    manifest = folder / MANIFEST
+    try:
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+        entries = [(folder / entry["file"], entry) for entry in content["recordings"] if not entry["aborted"]]
+    except OSError as error:
+        raise InputError(
+            f"{manifest}: {error.strerror}; collect recordings first: slewright collect"
+        ) from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{manifest} is damaged: {error}") from None
+    return _gathered(entries, f"{content['collection']}, {content['origin']}, machine {content['machine']}")
+
+
+def _gathered(entries: Iterable[tuple[Path, Mapping[str, Any]]], source: str) -> Data:
+    found: dict[str, list[Trajectory]] = {split: [] for split in SPLITS}
+    kinds, digest = {}, hashlib.sha256()
+    for path, entry in entries:
+        pieces = of_measurement(read_measurement(path), path.stem)
+        for piece in pieces:
+            digest.update(np.stack([piece.u, piece.p_l, piece.p_r, piece.omega, piece.inertia]).tobytes())
+        kinds[path.stem] = str(entry["kind"])
+        found[str(entry["split"])] += pieces
+    for split in SPLITS:
+        if not found[split]:
+            raise InputError(f"no recording in split {split}: {source}")
+    checks.check(found["train"])
+    train, validation, test = (tuple(found[split]) for split in SPLITS)
+    return Data(train, validation, test, kinds, digest.hexdigest(), source)
