@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.io import to_html
 
 from orchestrator.campaign.plan import Plan, Run
-from records.report.page import POLICY
+from records.report.shell import POLICY
 from records.results import METRIC_NAMES, UNITS
 from specs.version import VERSION
 

@@ -1,22 +1,15 @@
 """The report page: one HTML file that needs neither network nor server."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from importlib import resources
 from pathlib import Path
 
-from plotly.offline import get_plotlyjs
-
 from records.metrics import Verdict
-from records.report import curves, response, tables, views
+from records.report import curves, response, shell, tables, views
 from records.report.figures import Figure, Pair
 from records.results import Results, Runs, accepted, evaluate
 from specs.faults import read_faults
-
-# Nothing may be loaded from anywhere: the page is complete, and a reader's browser holds it to that.
-POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 
 METRICS = (
     "A new target every 15 s. Speed: slew angle between targets over the time to enter and stay within 3° "
@@ -58,13 +51,7 @@ def write_report(
     Returns its path. The same runs, verdicts and context give the same bytes. Raises InputError when a record
     lacks what the metrics need, OSError when the file cannot be written.
     """
-    path = Path(path)
-    text = render(runs, verdicts, context or Context())
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = Path(f"{path}.part")
-    unfinished.write_text(text, encoding="utf-8")
-    unfinished.replace(path)
-    return path
+    return shell.write_whole(path, render(runs, verdicts, context or Context()))
 
 
 def render(runs: Runs, verdicts: Sequence[Verdict], context: Context) -> str:
@@ -79,16 +66,7 @@ def render(runs: Runs, verdicts: Sequence[Verdict], context: Context) -> str:
         _limits(verdicts),
         _foot(context),
     ]
-    return (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
-        f"<meta http-equiv='Content-Security-Policy' content=\"{POLICY}\">"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>Slewright: {escape(context.title)}</title><style>{_asset('style.css')}</style></head>\n"
-        f"<body><main>{''.join(body)}</main>\n"
-        f"<script>{get_plotlyjs()}</script>\n"
-        f"<script type='application/json' id='figures'>{_json(drawn)}</script>\n"
-        f"<script>{_asset('draw.js')}</script></body></html>\n"
-    )
+    return shell.document(context.title, body, drawn)
 
 
 def _head(verdicts: Sequence[Verdict], context: Context) -> str:
@@ -101,10 +79,9 @@ def _head(verdicts: Sequence[Verdict], context: Context) -> str:
     else:
         word, tone = f"Not accepted: {len(missed)} of {len(verdicts)} limits missed", "bad"
     items = "".join(f"<li title='{escape(v.reason)}'>{escape(tables.in_words(v))}</li>" for v in missed)
-    facts = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in _facts(context))
     return (
         f"<header><h1>Slewright · {escape(context.title)}</h1><p class='verdict {tone}'>{word}</p>"
-        f"{f'<ul class=misses>{items}</ul>' if items else ''}<dl class='facts'>{facts}</dl></header>"
+        f"{f'<ul class=misses>{items}</ul>' if items else ''}{shell.facts(_facts(context))}</header>"
     )
 
 
@@ -138,7 +115,7 @@ def _response(runs: Runs, context: Context, drawn: list[Figure]) -> str:
     drawn += made
     return (
         f"<h2 id='response'>Arm and tool response</h2><p class='soft'>{RESPONSE}</p>"
-        f"<div class='figures'>{''.join(map(_figure, made))}</div>"
+        f"<div class='figures'>{''.join(map(shell.place, made))}</div>"
     )
 
 
@@ -157,7 +134,7 @@ def _scenario(name: str, pair: Pair, results: Results, drawn: list[Figure]) -> s
     return (
         f"<h2 id='{escape(name)}'>{escape(tables.readable(name))}</h2>{said}{broken}"
         f"<div class='scroll'>{tables.per_target(results[name])}</div>"
-        f"<div class='figures'>{''.join(map(_figure, made))}</div>"
+        f"<div class='figures'>{''.join(map(shell.place, made))}</div>"
     )
 
 
@@ -176,14 +153,6 @@ def _drawable(pair: Pair) -> Pair:
     return {system: record for system, record in pair.items() if len(record) > 1}
 
 
-def _figure(figure: Figure) -> str:
-    wide = " class='wide'" if figure.wide else ""
-    return (
-        f"<figure{wide}><h3>{escape(figure.title)}</h3><figcaption>{escape(figure.caption)}</figcaption>"
-        f"<div class='plot' id='{escape(figure.name)}' style='height:{figure.height}px'></div></figure>"
-    )
-
-
 def _limits(verdicts: Sequence[Verdict]) -> str:
     if not verdicts:
         return ""
@@ -197,13 +166,3 @@ def _foot(context: Context) -> str:
         f"{f' Made with {escape(versions)}.' if versions else ''}"
         "<noscript> The plots need JavaScript; the tables do not.</noscript></footer>"
     )
-
-
-def _json(drawn: Sequence[Figure]) -> str:
-    plain = [{"name": f.name, "data": f.data, "layout": f.layout, "height": f.height} for f in drawn]
-    # "</script>" in a name must not end the block
-    return json.dumps(plain, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-
-
-def _asset(name: str) -> str:
-    return resources.files("records.report").joinpath(name).read_text(encoding="utf-8")
