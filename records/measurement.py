@@ -14,6 +14,8 @@ import numpy as np
 from specs.errors import InputError, nearest
 
 GAP = 3.5  # sample periods of a channel without a sample that are a gap
+ROUNDING = 1e-6  # of a step
+MOST_ROWS = 200_000_000  # of a grid: more comes from a step or a time in other units than meant
 
 
 @dataclass(frozen=True)
@@ -26,10 +28,29 @@ class Channel:
     values: np.ndarray
     description: str = ""
 
+    def __post_init__(self) -> None:
+        if self.time.ndim != 1 or self.time.shape != self.values.shape:
+            raise ValueError(
+                f"channel {self.name}: time {self.time.shape}, values {self.values.shape}; both [n]"
+            )
+        if not np.isfinite(self.time).all() or (np.diff(self.time) <= 0).any():
+            raise ValueError(f"channel {self.name}: time must be finite and strictly ascending")
+
     @property
     def period_s(self) -> float:
         """Median time between samples [s]; NaN for fewer than two."""
         return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+
+    def held(self, grid: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Index of the last sample at or before each time of `grid` [n], and whether there is a fresh one.
+
+        "At" is to a millionth of a step.  A sample is fresh for GAP periods, or steps where those are longer.
+        """
+        index = np.searchsorted(self.time, grid + ROUNDING * step_s, side="right") - 1
+        if not len(self.time):
+            return index, np.zeros(len(grid), dtype=bool)
+        age = grid - self.time[index]
+        return index, (index >= 0) & (age <= GAP * np.fmax(self.period_s, step_s))
 
 
 @dataclass(frozen=True)
@@ -76,21 +97,32 @@ class Measurement:
 
         Each value is the channel's last sample at or before the grid time (to a millionth of a step), as a
         controller would see it: nothing is interpolated.  A channel without a sample for GAP of its periods
-        ends a piece.  Raises InputError for a channel that is not there.
+        ends a piece.  Raises InputError for a channel that is not there, no name, or a step that cannot be.
         """
         chosen = [self[name] for name in names]
-        first = max(c.time[0] for c in chosen)
-        count = int(np.floor((min(c.time[-1] for c in chosen) - first) / step_s + 1e-6)) + 1
-        grid = first + step_s * np.arange(max(count, 0))
-        at = [np.searchsorted(c.time, grid + 1e-6 * step_s, side="right") - 1 for c in chosen]
-        stale = np.zeros(len(grid), dtype=bool)
-        for channel, index in zip(chosen, at, strict=True):
-            stale |= grid - channel.time[index] > GAP * max(channel.period_s, step_s)
+        grid = _grid(chosen, step_s, self.source)
+        held = [c.held(grid, step_s) for c in chosen]
+        fresh = np.logical_and.reduce([f for _, f in held])
         found = []
-        for run in _runs(~stale):
-            columns = {c.name: c.values[i[run]] for c, i in zip(chosen, at, strict=True)}
+        for run in _runs(fresh):
+            columns = {c.name: c.values[i[run]] for c, (i, _) in zip(chosen, held, strict=True)}
             found.append(Piece(float(grid[run.start]), step_s, columns))
         return found
+
+
+def _grid(channels: Sequence[Channel], step_s: float, source: str) -> np.ndarray:
+    """Times every `step_s` for as long as all channels have samples, from the first time on."""
+    if not step_s > 0 or not np.isfinite(step_s):
+        raise InputError(f"the step must be more than 0 s, not {step_s:g}")
+    if not channels:
+        raise InputError("name at least one channel")
+    if any(len(c.time) == 0 for c in channels):
+        return np.empty(0)
+    first = max(c.time[0] for c in channels)
+    count = int(np.floor((min(c.time[-1] for c in channels) - first) / step_s + ROUNDING)) + 1
+    if count > MOST_ROWS:
+        raise InputError(f"{source or 'the recording'}: {count} rows at {step_s:g} s; is its time in s?")
+    return first + step_s * np.arange(max(count, 0))
 
 
 def _runs(good: np.ndarray) -> list[slice]:

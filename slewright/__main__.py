@@ -14,6 +14,7 @@ from slewright.app import ROOMS, TRACEBACK, app
 from specs.errors import InputError, RunError
 
 WRONG_INPUT, FAILED, INTERRUPTED = 2, 3, 130
+EXTRAS = {"asammdf": "formats", "can": "formats", "mcap": "formats", "onnx": "learning", "torch": "learning"}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -66,7 +67,10 @@ def _missing(module: str) -> str:
     """What to say when `module` is not there: part of this project, or of an extra that is not installed."""
     if module.partition(".")[0] in ROOMS:
         return f"this command needs {module}, which this version does not have"
-    return f"this command needs the Python package {module}; install it with: pip install 'slewright[verify]'"
+    extra = EXTRAS.get(module.partition(".")[0], "verify")
+    return (
+        f"this command needs the Python package {module}; install it with: pip install 'slewright[{extra}]'"
+    )
 
 
 if __name__ == "__main__":

@@ -6,9 +6,12 @@ One module a format; `docs/recordings.md` says what each keeps and what is mende
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 from records.measurement import Measurement
-from specs.errors import InputError
+from specs.errors import InputError, RunError
+from specs.schema import ROOT
 
 # Modules are imported when a file of theirs comes: most need a package that few commands have.
 FORMATS = {
@@ -17,7 +20,15 @@ FORMATS = {
     ".csv": "csv_file",
     ".tsv": "csv_file",
     ".txt": "csv_file",
+    ".mf4": "mdf4",
+    ".mdf": "mdf4",
+    ".mcap": "mcap_file",
+    ".blf": "can_log",
+    ".asc": "can_log",
 }
+READ_ONLY = (".recording", ".tsv", ".txt", ".mdf")
+CAN_LOGS = (".blf", ".asc")
+DBC = ROOT / "generated" / "slewright.dbc"
 
 
 def read_measurement(
@@ -34,16 +45,56 @@ def read_measurement(
     from records.formats.assemble import assemble
 
     path = Path(path)
-    module = _module(path)
+    module, options = _module(path, dbc)
     if path.is_dir():
         raise InputError(f"{path} is a folder; name a recording")
     if not path.is_file() and not Path(f"{path}.recording").is_file():
         raise InputError(f"no recording at {path}")
-    return assemble(module.read(path, names or {}), str(path), names)
+    if path.is_file() and not path.stat().st_size:
+        raise InputError(f"{path} is empty")
+    return assemble(module.read(path, names or {}, **options), str(path), names)
 
 
-def _module(path: Path):
-    """The module that reads and writes files of this name."""
-    if path.suffix.lower() not in FORMATS:
+def write_measurement(
+    measurement: Measurement, path: Path | str, *, dbc: Path | str | None = None
+) -> list[str]:
+    """Write a recording in the format of the suffix, whole or not at all; returns what is not kept.
+
+    Raises InputError where the format cannot hold it: one time for channels of several rates (`on_grid`
+    first), a value beyond its place on CAN.  RunError when the disk refuses.
+    """
+    path = Path(path)
+    check_format(path)
+    module, options = _module(path, dbc)
+    if path.is_dir() or not path.parent.is_dir():
+        raise InputError(
+            f"{path}: there is no folder {path.parent}" if not path.is_dir() else f"{path} is a folder"
+        )
+    if not any(len(c.time) for c in measurement.channels.values()):
+        raise InputError(f"{measurement.source or 'the recording'} holds no samples")
+    with TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+        temporary = Path(folder) / path.name
+        try:
+            lost = module.write(measurement, temporary, **options)
+            temporary.replace(path)
+        except OSError as error:
+            raise RunError(f"cannot write {path}: {error.strerror or error}") from error
+    return lost
+
+
+def check_format(path: Path) -> None:
+    """Raise InputError for a file that is of no format that is written."""
+    if path.suffix.lower() not in FORMATS or path.suffix.lower() in READ_ONLY:
+        valid = ", ".join(s for s in FORMATS if s not in READ_ONLY)
+        raise InputError(f"{path}: '{path.suffix}' is no format that is written; valid: {valid}")
+
+
+def _module(path: Path, dbc: Path | str | None) -> tuple[Any, dict[str, Path]]:
+    """The module that reads and writes files of this name, and its options."""
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
         raise InputError(f"{path}: unknown format '{path.suffix}'; valid: {', '.join(FORMATS)}")
-    return import_module(f"records.formats.{FORMATS[path.suffix.lower()]}")
+    if dbc is not None and suffix not in CAN_LOGS:
+        raise InputError(f"{path} is no CAN log: a DBC is for {' and '.join(CAN_LOGS)}")
+    options = {"dbc": Path(dbc or DBC)} if suffix in CAN_LOGS else {}
+    return import_module(f"records.formats.{FORMATS[suffix]}"), options

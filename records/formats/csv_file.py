@@ -5,25 +5,31 @@ their own, times in s, ms, us, ns or as dates, and `# key: value` lines before t
 """
 
 import io
+import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from csv import reader
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
+from records.formats.grid import cells, shared_clock
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import from_ns, start_of
+from records.formats.start import START, as_json, from_ns, meta_of, start_of
 from records.formats.tables import Heading, check_twice, clock_of, heading
 from records.formats.units import seconds, spelled
+from records.measurement import Channel, Measurement
 from records.recording import first_line
 from records.schema import values
 from specs.errors import InputError
 from specs.units import UNITS
 
+META = "slewright"  # key of the comment line that holds our metadata
 DELIMITERS = (";", "\t", ",")
 DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d+,\d+(e[-+]?\d+)?\s*$", re.IGNORECASE)
 WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
@@ -36,7 +42,7 @@ class Layout:
     headings: Sequence[Heading]
     delimiter: str
     decimal: str
-    meta: Mapping[str, str]
+    meta: Mapping[str, Any]
     first: int  # index of the first line of data
 
 
@@ -58,6 +64,39 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     return Raw(
         [Group("", time, columns, "line", numbers)], start or start_of(layout.meta), layout.meta, notes
     )
+
+
+def write(measurement: Measurement, path: Path) -> list[str]:
+    """Write one header `name [unit]` and a row for each time; returns what CSV does not keep.
+
+    Raises InputError where the channels' rates differ.
+    """
+    clock = shared_clock(measurement, "CSV")
+    columns = {"time": pa.array(clock)}
+    for channel in measurement.channels.values():
+        held, absent = cells(channel, clock)
+        held = held.astype(np.int8) if held.dtype == bool else held
+        columns[channel.name] = pa.array(held, mask=absent if absent.any() else None)
+    meta = meta_of(measurement)
+    start = meta.pop(START, None)
+    channels = measurement.channels.values()
+    with path.open("wb") as file:
+        file.write(f"# {START}: {start}\n".encode() if start else b"")
+        file.write(f"# {META}: {as_json(meta)}\n".encode() if meta else b"")
+        heads = ["time [s]", *(f"{c.name} [{c.unit}]" for c in channels)]
+        file.write((",".join(_quoted(head) for head in heads) + "\n").encode())
+        csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=False))
+    kinds = sorted({"b": "flags", "i": "whole numbers", "u": "whole numbers"}[k] for k in _kinds(channels))
+    lost = [f"types: {' and '.join(dict.fromkeys(kinds))} become floats"] if kinds else []
+    return lost + (["descriptions of channels"] if any(c.description for c in channels) else [])
+
+
+def _kinds(channels: Iterable[Channel]) -> set[str]:
+    return {c.values.dtype.kind for c in channels} - {"f"}
+
+
+def _quoted(cell: str) -> str:
+    return '"' + cell.replace('"', '""') + '"' if any(c in cell for c in ',;"\t') else cell
 
 
 def _lines(path: Path, notes: list[str]) -> list[str]:
@@ -84,7 +123,7 @@ def _layout(lines: Sequence[str], source: str) -> Layout:
     meta, at = {}, 0
     while at < len(lines) and (lines[at].startswith("#") or not lines[at].strip()):
         key, colon, value = lines[at].lstrip("# ").partition(":")
-        meta |= {key.strip(): value.strip()} if colon else {}
+        meta |= _meta(key.strip(), value.strip()) if colon else {}
         at += 1
     if at == len(lines):
         raise InputError(f"{source}: no header")
@@ -104,8 +143,19 @@ def _layout(lines: Sequence[str], source: str) -> Layout:
     return Layout(headings, delimiter, "," if comma else ".", meta, at)
 
 
+def _meta(key: str, value: str) -> dict[str, Any]:
+    """What a comment line says: our own is JSON."""
+    if key != META:
+        return {key: value}
+    try:
+        return json.loads(value)
+    except ValueError:
+        return {key: value}
+
+
 def _cells(line: str, delimiter: str) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.split(delimiter)]
+    cells = next(reader([line], delimiter=delimiter)) if '"' in line else line.split(delimiter)
+    return [cell.strip() for cell in cells]
 
 
 def _some_cells(lines: Sequence[str], delimiter: str) -> list[str]:
@@ -133,15 +183,19 @@ def _data(lines: list[str], layout: Layout, source: str, notes: list[str]) -> tu
     """The lines of data and their numbers; the last may be cut, none before it."""
     numbers = [i for i in range(layout.first, len(lines)) if lines[i].strip()]
     width = len(layout.headings)
-    wrong = [i for i in numbers if lines[i].count(layout.delimiter) != width - 1]
+    wrong = [i for i in numbers if _width(lines[i], layout.delimiter) != width]
     if wrong and wrong == numbers[-1:]:
         notes.append(f"dropped line {numbers.pop() + 1}: it was not written to its end")
     elif wrong:
-        cells = lines[wrong[0]].count(layout.delimiter) + 1
-        raise InputError(f"{source}: line {wrong[0] + 1} has {cells} cells, the header {width}")
+        found = _width(lines[wrong[0]], layout.delimiter)
+        raise InputError(f"{source}: line {wrong[0] + 1} has {found} cells, the header {width}")
     if not numbers:
         raise InputError(f"{source}: no rows after the header")
     return np.array(numbers) + 1, [lines[i] for i in numbers]
+
+
+def _width(line: str, delimiter: str) -> int:
+    return len(_cells(line, delimiter)) if '"' in line else line.count(delimiter) + 1
 
 
 def _table(lines: Sequence[str], layout: Layout, clock: int, source: str) -> pa.Table:

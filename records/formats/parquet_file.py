@@ -9,14 +9,18 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from records import record
+from records.formats.grid import cells, shared_clock
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import from_ns, start_of
+from records.formats.start import from_ns, meta_of, start_of
 from records.formats.tables import Heading, check_twice, clock_of, heading
 from records.formats.units import seconds
-from records.recording import first_line
-from records.schema import META_KEY, columns_of, values
+from records.measurement import Measurement
+from records.recording import RecordWriter, first_line
+from records.schema import META_KEY, Column, columns_of, values
 from specs.errors import InputError
 
+BLOCK_ROWS = 32_000  # written at once
+ABSENT = "absent"  # in the metadata: "NaN" where that stands for no sample
 PER_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}
 
 
@@ -25,6 +29,42 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     if path.suffix == ".recording" or not path.is_file() or META_KEY in (_schema(path).metadata or {}):
         return _own(path)
     return _foreign(path, names)
+
+
+def write(measurement: Measurement, path: Path) -> list[str]:
+    """Write a run record with one time for all channels; returns what it does not keep.
+
+    Raises InputError where the channels' rates differ.
+    """
+    clock = shared_clock(measurement, "a run record")
+    columns, made, lost = [Column("time", "s", "Time since the start")], [clock], []
+    for channel in measurement.channels.values():
+        held, absent = cells(channel, clock)
+        kind = _type(held)
+        if absent.any() and kind != "float64":
+            lost.append(f"{channel.name}: whole numbers become floats, since some are absent")
+            kind = "float64"
+        held = np.where(absent, np.nan, held) if absent.any() else held
+        columns.append(Column(channel.name, channel.unit, channel.description, kind))
+        made.append(_cells_of(held, kind))
+    meta = {ABSENT: "NaN", **meta_of(measurement)}
+    complete, reason = bool(meta.pop("complete", True)), str(meta.pop("reason", ""))
+    writer = RecordWriter(path, columns, meta)
+    for first in range(0, len(clock), BLOCK_ROWS):
+        writer.append(np.column_stack([m[first : first + BLOCK_ROWS] for m in made]))
+    writer.close(complete, reason)
+    return lost
+
+
+def _type(held: np.ndarray) -> str:
+    """The record's type for values of this kind."""
+    kinds = {"b": "bool", "i": "int64", "u": "uint64" if held.dtype.itemsize == 8 else "int64"}
+    return kinds.get(held.dtype.kind, "float64")
+
+
+def _cells_of(held: np.ndarray, kind: str) -> np.ndarray:
+    """Values as the record's cells of 8 bytes (records/schema.py)."""
+    return held.astype(np.int64 if kind == "bool" else kind).view(np.float64)
 
 
 def _schema(path: Path) -> pa.Schema:
@@ -37,11 +77,12 @@ def _schema(path: Path) -> pa.Schema:
 def _own(path: Path) -> Raw:
     """A run record; an incomplete one says so."""
     found = record.read(path)
-    columns = [
-        RawColumn(c.name, c.unit, found.column(c.name), c.description)
-        for c in columns_of(found.table.schema)
-        if c.name != "time"
-    ]
+    holes = found.meta.get(ABSENT) == "NaN"
+    columns = []
+    for c in columns_of(found.table.schema)[1:]:
+        held = found.column(c.name)
+        absent = np.isnan(held) if holes and held.dtype.kind == "f" else None
+        columns.append(RawColumn(c.name, c.unit, held, c.description, absent))
     notes = [] if found.complete else [f"incomplete: {found.reason or 'the run did not reach its end'}"]
     return Raw([Group("", found.time, columns)], start_of(found.meta), found.meta, notes)
 

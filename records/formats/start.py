@@ -1,12 +1,45 @@
-"""When a recording began: a time of day with its zone, in metadata and in absolute time stamps."""
+"""What goes beside the samples: metadata, and when a recording began, also in absolute time stamps."""
 
+import json
+import math
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from records.measurement import Measurement
+
 START = "start"  # in a record's metadata: ISO 8601 with its zone
+SOURCE, REPAIRS = "converted_from", "repairs"
+OF_THE_FILE = (START, "run_hash", "format", "absent")  # what a writer says anew
+
+
+def meta_of(measurement: Measurement) -> dict[str, Any]:
+    """Metadata of a file to be written: the recording's own, its start, its source, what was mended."""
+    meta = {k: v for k, v in measurement.meta.items() if k not in OF_THE_FILE}
+    if measurement.start is not None:
+        meta[START] = measurement.start.isoformat()
+    if measurement.source:
+        meta[SOURCE] = Path(measurement.source).name
+    if measurement.repairs:
+        meta[REPAIRS] = [*meta.get(REPAIRS, ()), *measurement.repairs]
+    return json.loads(as_json(meta))
+
+
+def as_json(meta: Mapping[str, Any]) -> str:
+    """Metadata as one line of JSON; what JSON does not know is written as text."""
+    return json.dumps(_finite(meta), default=str, ensure_ascii=False, sort_keys=True, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    """The same without numbers that are none, which JSON does not know: None stands for them."""
+    if isinstance(value, Mapping):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def start_of(meta: Mapping[str, Any]) -> datetime | None:

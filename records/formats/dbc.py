@@ -1,0 +1,174 @@
+"""A DBC's messages over many frames at once: bits to values and back, with J1939's reserved numbers.
+
+In J1939 the top of an unsigned field is no value: error, and above it not available (specs/wire.py).  What is
+not available has no sample in that frame; so channels of other rates can share a message.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import cantools
+import numpy as np
+from cantools.database.errors import Error
+
+from records.formats.raw import RawColumn
+from records.recording import first_line
+from specs.errors import InputError
+from specs.wire import CanPlace
+
+GROUP_MASK = 0x3FFFF  # parameter group, data page and reserved bit of a 29-bit identifier
+PDU1 = 0xF000  # groups below it hold a destination in their low byte
+
+
+@dataclass(frozen=True)
+class Field:
+    """One signal of a message as cantools describes it; `j1939` where the reserved numbers apply."""
+
+    signal: Any
+    j1939: bool
+
+    @cached_property
+    def place(self) -> CanPlace:
+        """Its bits, in this project's terms."""
+        s = self.signal
+        return CanPlace(
+            message="", start=s.start, length=s.length, byte_order=s.byte_order, signed=s.is_signed,
+            scale=float(s.scale), offset=float(s.offset),
+        )  # fmt: skip
+
+    @property
+    def reserved(self) -> bool:
+        """Whether the top of the field is no value."""
+        return (
+            self.j1939 and not self.signal.is_signed and not self.signal.is_float and self.signal.length > 1
+        )
+
+    @property
+    def limits(self) -> tuple[int, int]:
+        """Smallest and largest raw number that is a value."""
+        if self.reserved or self.signal.is_signed:
+            return self.place.raw_limits
+        return 0, (1 << self.signal.length) - 1
+
+    @property
+    def not_available(self) -> int:
+        """All bits set."""
+        return (1 << self.signal.length) - 1
+
+    @property
+    def bits(self) -> np.ndarray:
+        """Its bits in the frame, that of value 1 first; bit 8 i + k is bit k (of value 2^k) of byte i."""
+        start, length = self.signal.start, self.signal.length
+        if self.signal.byte_order == "little_endian":
+            return np.arange(start, start + length)
+        sent = 8 * (start // 8) + 7 - start % 8 + np.arange(length)  # counted as they are sent
+        return (8 * (sent // 8) + 7 - sent % 8)[::-1]
+
+    def raw(self, bits: np.ndarray) -> np.ndarray:
+        """Raw numbers [n, uint64] of frames as bits [n, 8 bytes]."""
+        weights = np.uint64(1) << np.arange(self.signal.length, dtype=np.uint64)
+        return (bits[:, self.bits].astype(np.uint64) * weights).sum(axis=1, dtype=np.uint64)
+
+    def put(self, bits: np.ndarray, raw: np.ndarray) -> None:
+        """Set the field in frames as bits [n, 8 bytes] to raw numbers [n, uint64]."""
+        shifts = np.arange(self.signal.length, dtype=np.uint64)
+        bits[:, self.bits] = (raw[:, None] >> shifts) & np.uint64(1)
+
+    def column(self, bits: np.ndarray, there: np.ndarray) -> RawColumn:
+        """The signal's samples; `there` [n] marks the frames that carry it."""
+        raw, absent, broken = self.raw(bits), ~there, None
+        if self.reserved:
+            absent |= raw == self.not_available
+            broken = (raw > self.limits[1]) & ~absent
+        absent = absent if absent.any() else None
+        comment = self.signal.comment if isinstance(self.signal.comment, str) else ""
+        return RawColumn(self.signal.name, self.signal.unit or "", self._values(raw), comment, absent, broken)
+
+    def _values(self, raw: np.ndarray) -> np.ndarray:
+        s = self.signal
+        if s.is_float:
+            kinds = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
+            bits, kind = kinds[s.length]
+            number = raw.astype(bits).view(kind).astype(np.float64)
+        elif s.is_signed:
+            shift = np.uint64(64 - s.length)
+            number = ((raw << shift).view(np.int64) >> np.int64(64 - s.length)).astype(np.float64)
+        else:
+            number = raw.astype(np.float64)
+        if self.place.scale == 1 and self.place.offset == 0 and not s.is_float:
+            return number.astype(np.int64) if s.length < 63 else number
+        return number * self.place.scale + self.place.offset
+
+    def encoded(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Raw numbers [n, uint64] of values in the DBC's unit, and which of them the field cannot hold."""
+        number = (np.asarray(values, dtype=np.float64) - self.place.offset) / self.place.scale
+        if self.signal.is_float:
+            kind = {16: np.float16, 32: np.float32, 64: np.float64}[self.signal.length]
+            raw = number.astype(kind).view(f"u{self.signal.length // 8}").astype(np.uint64)
+            return raw, ~np.isfinite(number.astype(kind))
+        low, high = self.limits
+        whole = np.round(number)
+        bad = ~((whole >= low) & (whole <= high))
+        whole = np.where(bad, 0, whole)
+        mask = np.uint64(self.not_available)
+        return (whole.astype(np.int64).view(np.uint64) if low < 0 else whole.astype(np.uint64)) & mask, bad
+
+
+class Dbc:
+    """The messages of a DBC file, found by the identifiers of frames."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the file; raises InputError naming it."""
+        if not path.is_file():
+            raise InputError(f"no DBC at {path}")
+        try:
+            database: Any = cantools.database.load_file(path, strict=False)
+            self.messages = list(database.messages)
+        except (Error, ValueError, KeyError, AttributeError) as error:
+            raise InputError(f"{path} is not a DBC: {first_line(error)}") from None
+        if not self.messages:
+            raise InputError(f"{path} describes no message")
+        self.path = path
+        self._exact = {(m.frame_id, m.is_extended_frame): m for m in self.messages}
+        self._groups: dict[int, Any] = {}
+        for message in self.messages:
+            if is_j1939(message):
+                group = group_number(message.frame_id)
+                self._groups[group] = None if group in self._groups else message  # None: not one alone
+
+    def message(self, identifier: int, extended: bool) -> Any | None:
+        """The message of a frame; in J1939 also from another sender, where one message has its group."""
+        found = self._exact.get((identifier, extended))
+        return found or (self._groups.get(group_number(identifier)) if extended else None)
+
+
+def is_j1939(message: Any) -> bool:
+    """Whether J1939's rules hold for a message."""
+    return message.is_extended_frame and message.protocol == "j1939"
+
+
+def group_number(identifier: int) -> int:
+    """The parameter group number of a 29-bit identifier."""
+    group = identifier >> 8 & GROUP_MASK
+    return group if (group & 0xFF00) >= PDU1 else group & ~0xFF
+
+
+def fields(message: Any) -> list[Field]:
+    """The fields of a message."""
+    return [Field(signal, is_j1939(message)) for signal in message.signals]
+
+
+def columns(message: Any, data: np.ndarray) -> list[RawColumn]:
+    """The signals of frames of one message, data [n, bytes, uint8]; not those that are never available."""
+    bits = np.unpackbits(data, axis=1, bitorder="little")
+    found = {f.signal.name: f for f in fields(message)}
+    made = []
+    for one in found.values():
+        there = np.ones(len(data), dtype=bool)
+        if one.signal.multiplexer_ids:
+            selector = found[one.signal.multiplexer_signal].raw(bits)
+            there = np.isin(selector, np.array(one.signal.multiplexer_ids, dtype=np.uint64))
+        made.append(one.column(bits, there))
+    return [c for c in made if c.absent is None or not c.absent.all()]

@@ -1,0 +1,145 @@
+"""MDF4 (ASAM) by way of asammdf: a channel group for each clock, units, descriptions, start with its zone.
+
+Read are also MDF3 files, unsorted files and files that a logger did not finalise.
+"""
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.sax.saxutils import escape
+
+import numpy as np
+from asammdf import MDF, Signal
+from asammdf.blocks.utils import MdfException
+
+from records.formats.grid import clocks
+from records.formats.raw import Group, Raw, RawColumn
+from records.formats.start import START, as_json, meta_of
+from records.measurement import Channel, Measurement
+from records.recording import first_line
+from specs.errors import InputError
+
+VERSION = "4.11"
+META = "slewright"  # property of the header's comment that holds our metadata
+TIME, VIRTUAL_MASTER, MASTER = 1, 3, 2  # synchronisation and channel types of the standard
+DEFLATED = 2  # transposed, which suits floats
+UNFINISHED = b"UnFinMF "
+BROKEN = (MdfException, ValueError, KeyError, IndexError, OSError, UnboundLocalError, struct.error)
+
+
+def read(path: Path, names: Mapping[str, str]) -> Raw:
+    """Read every channel group that has a time; channels of text are left out."""
+    with path.open("rb") as file:
+        unfinished = file.read(8) == UNFINISHED
+    notes = ["the file was not finalised: read as far as it was written"] if unfinished else []
+    try:
+        with MDF(path) as file:
+            groups = list(_groups(file, notes))
+            return Raw(groups, _start(file, notes), _meta(file), notes)
+    except BROKEN as error:
+        state = "not finalised and cannot be recovered" if unfinished else "damaged, cut off or not MDF"
+        raise InputError(f"{path} is {state}: {first_line(error)}") from None
+
+
+def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
+    """The channel groups that hold samples over time."""
+    for number, group in enumerate(file.groups):
+        label = _label(group, number)
+        kinds = [(c.channel_type, c.sync_type) for c in group.channels]
+        masters = [sync for kind, sync in kinds if kind in (MASTER, VIRTUAL_MASTER)]
+        if not group.channel_group.cycles_nr:
+            notes += [f"{label}: left out, it has no samples"] * any(True for _ in group.channels)
+        elif masters != [TIME]:
+            notes.append(f"{label}: left out, its samples are not over time")
+        else:
+            yield _group(file, number, label, notes)
+
+
+def _label(group: Any, number: int) -> str:
+    """What the file calls a group, else its number."""
+    block = group.channel_group
+    return str(getattr(block, "acq_name", "") or f"group{number + 1}")
+
+
+def _group(file: Any, number: int, label: str, notes: list[str]) -> Group:
+    wanted = [
+        (None, number, index)
+        for index, channel in enumerate(file.groups[number].channels)
+        if channel.channel_type not in (MASTER, VIRTUAL_MASTER)
+    ]
+    found = file.select(wanted, ignore_value2text_conversions=True, copy_master=False, validate=False)
+    time = np.asarray(file.get_master(number), dtype=np.float64)
+    columns = [column for signal in found for column in _columns(signal, notes)]
+    return Group(label, time, columns, "sample")
+
+
+def _columns(signal: Any, notes: list[str]) -> list[RawColumn]:
+    """The channel as numbers, in a list; an empty one for text and arrays."""
+    held = np.asarray(signal.samples)
+    if held.ndim != 1 or held.dtype.kind not in "fiub":
+        notes.append(f"{signal.name}: left out, it holds no numbers")
+        return []
+    kinds = {"f": np.float64, "i": np.int64, "u": np.uint64 if held.dtype.itemsize == 8 else np.int64}
+    held = held.astype(kinds.get(held.dtype.kind, held.dtype))
+    broken = signal.invalidation_bits
+    broken = None if broken is None else np.asarray(broken, dtype=bool)
+    return [RawColumn(signal.name, signal.unit or "", held, _text(signal.comment), None, broken)]
+
+
+def _text(comment: str) -> str:
+    """A comment's text, where it is XML."""
+    if not (comment or "").startswith("<"):
+        return comment or ""
+    try:
+        return ElementTree.fromstring(comment).findtext(".//TX") or ""
+    except ElementTree.ParseError:
+        return ""
+
+
+def _start(file: Any, notes: list[str]) -> datetime | None:
+    """The header's start; 1970 is none."""
+    start = file.start_time
+    if start.timestamp() == 0:
+        return None
+    if start.tzinfo is None:
+        notes.append("the start states no time zone: taken as UTC")
+        return start.replace(tzinfo=UTC)
+    return start
+
+
+def _meta(file: Any) -> dict[str, Any]:
+    """Our own metadata, where we wrote the file."""
+    try:
+        for entry in ElementTree.fromstring(file.header.comment).iter("e"):
+            if entry.get("name") == META:
+                return json.loads(entry.text or "{}")
+    except (ElementTree.ParseError, ValueError, TypeError, AttributeError):
+        pass
+    return {}
+
+
+def write(measurement: Measurement, path: Path) -> list[str]:
+    """Write a channel group for each clock; returns what MDF4 does not keep."""
+    meta = meta_of(measurement)
+    meta.pop(START, None)
+    with MDF(version=VERSION) as file:
+        file.start_time = measurement.start or datetime.fromtimestamp(0, UTC)
+        file.header.comment = (
+            f"<HDcomment><TX/><common_properties><e name='{META}'>{escape(as_json(meta))}</e>"
+            "</common_properties></HDcomment>"
+        )
+        for number, (time, channels) in enumerate(clocks(measurement.channels.values())):
+            signals = [_signal(c, time) for c in channels if len(time)]
+            file.append(signals, acq_name=f"clock {number + 1}", common_timebase=True)
+        file.save(path, overwrite=True, compression=DEFLATED)
+    flags = any(c.values.dtype.kind == "b" for c in measurement.channels.values())
+    return ["types: flags become whole numbers"] if flags else []
+
+
+def _signal(channel: Channel, time: np.ndarray) -> Any:
+    held = channel.values.astype(np.uint8) if channel.values.dtype == bool else channel.values
+    return Signal(held, time, unit=channel.unit, name=channel.name, comment=channel.description)

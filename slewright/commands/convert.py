@@ -1,0 +1,85 @@
+"""`slewright convert`: a recording from one format to another, mended on the way and said so."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slewright import figures
+from slewright.figures import JsonOption, check_target
+from specs.errors import InputError
+
+
+def convert(
+    source: Annotated[
+        Path, typer.Argument(metavar="IN", help="The recording: .parquet, .csv, .mf4, .mcap, .blf or .asc.")
+    ],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write, of the same kinds.")],
+    dbc: Annotated[
+        Path | None,
+        typer.Option("--dbc", metavar="FILE", help="CAN database of logs (default: the machine's)."),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option("--step", metavar="S", help="Put all channels on one grid of so many seconds."),
+    ] = None,
+    names: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE.toml", help="Names: a table [names] with theirs = 'ours'."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite OUT if it is there.")] = False,
+    json: JsonOption = None,
+) -> None:
+    """Convert a recording; what was mended and what the format does not keep is printed."""
+    from records.formats import CAN_LOGS, check_format, read_measurement, write_measurement
+    from records.formats.grid import on_grid
+    from slewright.progress import progress
+
+    check_format(target)
+    _check_files(source, target, json, force)
+    logs = [p for p in (source, target) if p.suffix.lower() in CAN_LOGS]
+    if dbc is not None and not logs:
+        raise InputError(f"--dbc is for CAN logs ({', '.join(CAN_LOGS)}), not for {source} and {target}")
+    renamed = _names(names)
+    with progress("convert") as report:
+        report(f"reading {source.name}")
+        found = read_measurement(source, dbc=dbc if source in logs else None, names=renamed)
+        made = found if step is None else on_grid(found, step)
+        report(f"writing {target.name}")
+        lost = write_measurement(made, target, dbc=dbc if target in logs else None)
+    for line in made.repairs:
+        typer.echo(f"mended: {line}")
+    for line in lost:
+        typer.echo(f"not kept: {line}")
+    samples = sum(len(c.time) for c in made.channels.values())
+    length = max(float(c.time[-1]) for c in made.channels.values())
+    typer.echo(f"written: {target}, {len(made.channels)} channels, {samples} samples, {length:.6g} s")
+    rates = {c.name: {"samples": len(c.time), "period_s": c.period_s} for c in made.channels.values()}
+    start = None if made.start is None else made.start.isoformat()
+    content = {"repairs": made.repairs, "not_kept": lost, "channels": rates, "start": start}
+    figures.write(json, {**content, "length_s": length})
+
+
+def _check_files(source: Path, target: Path, json: Path | None, force: bool) -> None:
+    """Refuse what would overwrite a file, before the recording is read."""
+    check_target(target)
+    if source.resolve() in (path.resolve() for path in (target, json) if path):
+        raise InputError(f"{source} is to be read; the results need a file of another name")
+    if json and json.resolve() == target.resolve():
+        raise InputError(f"--json {json} is the file that the recording goes to")
+    if target.exists() and not force:
+        raise InputError(f"{target} is there already; --force overwrites it")
+
+
+def _names(path: Path | None) -> dict[str, str]:
+    """The names of a --map file."""
+    if path is None:
+        return {}
+    from specs.schema import read_toml
+
+    data = read_toml(path)
+    names = data.pop("names", None)
+    if data or not isinstance(names, dict) or not all(isinstance(n, str) for n in names.values()):
+        wrong = f"unknown key {next(iter(data))}" if data else "no table [names] of texts"
+        raise InputError(f"{path}: {wrong}; write it as [names] and lines 'their name' = 'our name [unit]'")
+    return names
