@@ -16,11 +16,15 @@ from slewright.commands import (
     campaign,
     check,
     collect,
+    convert,
     dossier,
+    estimate,
     fit,
     generate,
+    import_,
     simulate,
     testpack,
+    train,
     tune,
     verify,
 )
@@ -69,6 +73,7 @@ app.command()(simulate.simulate)
 app.command()(check.check)
 app.command()(campaign.campaign)
 app.command()(collect.collect)
+app.command()(convert.convert)
 app.command()(build.build)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
@@ -77,3 +82,6 @@ app.add_typer(bench.app, name="bench")
 app.add_typer(fit.app, name="fit")
 app.add_typer(tune.app, name="tune")
 app.add_typer(calibrate.app, name="calibrate")
+app.add_typer(train.app, name="train")
+app.add_typer(estimate.app, name="estimate")
+app.add_typer(import_.app, name="import")

@@ -21,6 +21,8 @@ from learning.slew.trajectory import Windows, windows
 
 REFERENCES = ("first_order", "grey_box")  # fitted, without seeds
 RESAMPLES = 1000
+NOISE_DEVIATIONS = 3.0  # over seeds, by which a figure may differ when it is made again
+LEAST_NOISE = 0.1  # and at least this share of it
 PAPER = {
     "proposed": {"velocity_mae": 1.616, "position_mae": 5.707},
     "no_pressure": {"velocity_mae": 1.805, "position_mae": 6.509},
@@ -130,11 +132,22 @@ def table(outcomes: Sequence[Outcome], data: Data, split: str = "test", seed: in
             f"{k}_mae": float(np.mean([getattr(o.scores["validation"], f"{k}_mae") for o in own]))
             for k in ("velocity", "position")
         }
+        entry["noise"] = _noise(own, split)
         if base is not None and name != PROPOSED.name:
             entry["ratio_to_proposed"] = _ratios(errors[name], base, seed)
         if own[0].notes:
             entry["parameters"] = dict(own[0].notes)
         found[name] = entry
+    return found
+
+
+def _noise(own: Sequence[Outcome], split: str) -> dict[str, float]:
+    """By how much a figure may differ when the same training is done again, on another processor."""
+    found = {}
+    for key in ("velocity_mae", "position_mae"):
+        values = np.array([getattr(o.scores[split], key) for o in own])
+        deviation = float(values.std(ddof=1)) if len(values) > 1 else 0.0
+        found[key] = max(NOISE_DEVIATIONS * deviation, LEAST_NOISE * float(values.mean()))
     return found
 
 

@@ -1,0 +1,211 @@
+"""`slewright train slew`: recordings in, weights with their provenance, figures and a page out."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmus.slew_nn.network import SlewNetwork
+from learning.slew import ablation, page
+from learning.slew.ablation import REFERENCES, Outcome
+from learning.slew.data import Data, load, of_traces
+from learning.slew.recipe import PROPOSED, RECIPES, recipe
+from learning.slew.region import share_outside
+from specs.errors import InputError, nearest
+from specs.version import VERSION
+
+Report = Callable[[str, float, float], None]
+BUDGETS = ("full", "tiny")
+PLAN = {"full": "paper", "tiny": "tiny"}
+ACCEPTED_RATIO = 0.7  # of the first-order reference's errors
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to train on which recordings, and where to put it."""
+
+    data: tuple[Path, ...] = ()
+    recipe: str = PROPOSED.name
+    ablation: bool = False
+    traces: bool = False
+    machine: str = "nominal"
+    jobs: int = 2
+    seeds: tuple[int, ...] = (1, 2, 3)
+    budget: str = "full"
+    out: Path = Path("out/train-slew")
+
+    @property
+    def tiny(self) -> bool:
+        """Seconds in place of minutes, to see that all of it runs."""
+        return self.budget == "tiny"
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """What is trained and fitted."""
+        if self.ablation:
+            return (*RECIPES, *REFERENCES)
+        names = (self.recipe, *REFERENCES)
+        return names if self.recipe == PROPOSED.name else (PROPOSED.name, *names)
+
+    @property
+    def command(self) -> str:
+        """What makes it again."""
+        where = " --traces" if self.traces else "".join(f" {p}" for p in self.data)
+        what = " --ablation" if self.ablation else f" --recipe {self.recipe}"
+        machine = (
+            "" if self.data or self.traces or self.machine == "nominal" else f" --machine {self.machine}"
+        )
+        tiny = " --budget tiny" if self.tiny else ""
+        seeds = f" --seeds {len(self.seeds)} --seed {self.seeds[0]}"
+        return f"slewright train slew{where}{what}{machine}{tiny}{seeds}"
+
+
+def run(options: Options, report: Report) -> dict[str, Any]:
+    """Train, judge, write OUT/NAME.npz and OUT/report.html; returns the figures.
+
+    Raises InputError for unknown names or recordings that cannot be learned from, before anything is trained.
+    """
+    _check(options)
+    data = _data(options, report)
+    outcomes = _outcomes(data, options, report)
+    figures = ablation.table(outcomes, data)
+    chosen = _chosen(figures, outcomes, options)
+    network = _with_meta(chosen, figures, data, options)
+    paths = _write(network, chosen.variant, figures, data, options)
+    accepted, notes = _judged(figures, chosen, network, data, paths)
+    return {
+        "source": data.source,
+        "data_sha256": data.sha256,
+        "minutes": {split: round(data.minutes(split), 2) for split in ("train", "validation", "test")},
+        "command": options.command,
+        "seeds": list(options.seeds),
+        "chosen": {"variant": chosen.variant, "seed": chosen.seed, "weights": str(paths[0])},
+        "paper": ablation.PAPER,
+        "variants": figures,
+        "accepted": accepted,
+        "notes": notes,
+    }
+
+
+def reproduce(path: Path, options: Options, report: Report) -> dict[str, Any]:
+    """Train the model at `path` again as it says it was made, and compare its figures within their noise."""
+    meta = SlewNetwork.load(path).meta
+    for key in ("recipe", "seeds", "data_sha256", "figures", "noise", "machine", "budget"):
+        if key not in meta:
+            raise InputError(f"{path} does not say how it was made: no '{key}'")
+    again = replace(
+        options, recipe=meta["recipe"], seeds=tuple(meta["seeds"]), machine=meta["machine"],
+        budget=meta["budget"], traces=bool(meta.get("traces")), ablation=False,
+    )  # fmt: skip
+    found = run(again, report)
+    if found["data_sha256"] != meta["data_sha256"]:
+        raise InputError(
+            f"{path} was trained on other recordings (SHA-256 {meta['data_sha256'][:12]}…, "
+            f"here {found['data_sha256'][:12]}…): another machine, plan or version"
+        )
+    lines, good = [], True
+    for key, old in meta["figures"].items():
+        new = found["variants"][meta["recipe"]][key]
+        inside = abs(new - old) <= meta["noise"][key]
+        good &= inside
+        verdict = "the same" if inside else "DIFFERENT"
+        lines.append(f"{key}: {old:.3f} then, {new:.3f} now, noise {meta['noise'][key]:.3f}: {verdict}")
+    return {**found, "accepted": good, "notes": lines, "reproduced": good}
+
+
+def _check(options: Options) -> None:
+    recipe(options.recipe)
+    if options.budget not in BUDGETS:
+        raise InputError(f"no budget '{options.budget}'; {nearest(options.budget, BUDGETS)}")
+    if options.traces and options.data:
+        raise InputError("--traces and DATA exclude each other")
+
+
+def _data(options: Options, report: Report) -> Data:
+    if options.traces:
+        return of_traces()
+    if options.data:
+        return load(options.data)
+    from learning.collection.collect import collect
+    from learning.collection.plan import load_plan
+
+    plan = load_plan(Path(PLAN[options.budget]))
+    folder = Path("out/collect") / f"{plan.name}-{options.machine.replace(':', '-')}"
+    collect(plan, folder, options.machine, (), report)
+    return load([folder])
+
+
+def _outcomes(data: Data, options: Options, report: Report) -> list[Outcome]:
+    total = sum(1 if v in REFERENCES else len(options.seeds) for v in options.variants)
+    found: list[Outcome] = []
+    report("training", 0, total)
+    for outcome in ablation.run(data, options.variants, options.seeds, options.jobs, options.tiny):
+        found.append(outcome)
+        report("training", len(found), total)
+    order = {name: i for i, name in enumerate(options.variants)}
+    return sorted(found, key=lambda o: (order[o.variant], o.seed))
+
+
+def _chosen(figures: Mapping[str, Any], outcomes: Sequence[Outcome], options: Options) -> Outcome:
+    """The best variant on validation (or the one asked for), of it the best seed on validation."""
+    able = [o for o in outcomes if o.network is not None]
+    name = ablation.winner(figures, [o.variant for o in able]) if options.ablation else options.recipe
+    able = [o for o in able if o.variant == name]
+    if not able:
+        raise InputError(
+            f"recipe {name} has another interface than the paper's networks: only --ablation shows it"
+        )
+
+    def cost(outcome: Outcome) -> float:
+        kept = outcome.scores["validation"]
+        return kept.velocity_mae * kept.position_mae
+
+    return min(able, key=cost)
+
+
+def _with_meta(chosen: Outcome, figures: Mapping[str, Any], data: Data, options: Options) -> SlewNetwork:
+    if chosen.network is None:
+        raise RuntimeError("no weights")
+    entry = figures[chosen.variant]
+    keys = ("velocity_mae", "position_mae")
+    own = {k: getattr(chosen.scores["test"], k) for k in keys}
+    meta = {
+        "recipe": chosen.variant, "seed": chosen.seed, "seeds": list(options.seeds), "budget": options.budget,
+        "machine": options.machine, "traces": options.traces, "command": options.command, "version": VERSION,
+        "source": data.source, "data_sha256": data.sha256, "figures": {k: entry[k] for k in keys},
+        "own_figures": own, "noise": {k: entry["noise"][k] for k in keys},
+    }  # fmt: skip
+    return replace(chosen.network, meta=meta)
+
+
+def _write(
+    network: SlewNetwork, name: str, figures: Mapping[str, Any], data: Data, options: Options
+) -> tuple[Path, Path]:
+    options.out.mkdir(parents=True, exist_ok=True)
+    weights = options.out / f"{name}.npz"
+    network.save(weights)
+    facts = [
+        ("Trained on", f"{data.minutes('train'):.0f} min"), ("Held out", f"{data.minutes('test'):.0f} min"),
+        ("From", data.source), ("Chosen", name), ("Command", options.command),
+    ]  # fmt: skip
+    shown = page.Shown(figures, data, name, network, facts)
+    return weights, page.write_page(options.out / "report.html", shown)
+
+
+def _judged(
+    figures: Mapping[str, Any], chosen: Outcome, network: SlewNetwork, data: Data, paths: Sequence[Path]
+) -> tuple[bool, list[str]]:
+    """Whether the paper's networks are as much better than the plain reference as they should be."""
+    reference, own = figures["first_order"], figures[PROPOSED.name]
+    ratios = [own[k] / reference[k] for k in ("velocity_mae", "position_mae")]
+    outside = share_outside(network, ablation.held_out(data, "test"))
+    notes = [
+        f"proposed / first_order: velocity {ratios[0]:.2f}, position {ratios[1]:.2f} "
+        f"(limit {ACCEPTED_RATIO})",
+        f"chosen on validation: {chosen.variant}, seed {chosen.seed}; "
+        f"{100 * outside:.1f} % of held-out time outside its training data",
+        *(f"written: {path}" for path in paths),
+    ]
+    return bool(np.max(ratios) <= ACCEPTED_RATIO), notes

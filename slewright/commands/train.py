@@ -1,0 +1,69 @@
+"""`slewright train`: models from recordings."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slewright.figures import JsonOption, write
+from slewright.progress import progress
+from slewright.tables import show
+
+app = typer.Typer(help="Train models on recordings.", no_args_is_help=True)
+
+
+@app.callback()
+def train() -> None:
+    """Train models on recordings."""
+
+
+@app.command()
+def slew(
+    data: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="DATA", help="A collection's folder, or recordings; none: the plan paper's."),
+    ] = None,
+    recipe: Annotated[str, typer.Option(metavar="NAME", help="What to train; see --ablation.")] = "ensemble",
+    ablation: Annotated[bool, typer.Option("--ablation", help="Train and compare all variants.")] = False,
+    traces: Annotated[bool, typer.Option("--traces", help="Train on the slew traces' steps.")] = False,
+    reproduce: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Train this model (.npz) again and compare its figures."),
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds a variant is trained on.")] = 3,
+    first_seed: Annotated[int, typer.Option("--seed", help="The first of them.")] = 1,
+    machine: Annotated[
+        str, typer.Option(metavar="M", help="Whose recordings to make if DATA is not given.")
+    ] = "nominal",
+    jobs: Annotated[int, typer.Option(min=1, help="Processes, one thread each.")] = 2,
+    budget: Annotated[str, typer.Option(help="full, or tiny to see that all of it runs.")] = "full",
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for weights and page.")] = Path(
+        "out/train-slew"
+    ),
+    json: JsonOption = None,
+) -> None:
+    """Train the paper's slew networks, or all variants of them, and judge them on held-out recordings."""
+    from learning.slew import session
+
+    options = session.Options(
+        data=tuple(data or ()), recipe=recipe, ablation=ablation, traces=traces, machine=machine, jobs=jobs,
+        seeds=tuple(range(first_seed, first_seed + seeds)), budget=budget, out=out,
+    )  # fmt: skip
+    with progress("train slew") as report:
+        figures = session.reproduce(reproduce, options, report) if reproduce else session.run(options, report)
+    rows = [
+        (name, entry["velocity_mae"], entry["position_mae"], *_interval(entry))
+        for name, entry in figures["variants"].items()
+    ]
+    columns = ["variant", "velocity °/s", "position °", "95 % velocity", "95 % position"]
+    show(f"10 s open loop on held-out recordings: {figures['source']}", columns, rows)
+    for line in figures["notes"]:
+        typer.echo(line)
+    write(json, {**figures, **figures["variants"]}, first_seed)
+    if not figures["accepted"]:
+        raise typer.Exit(1)
+
+
+def _interval(entry: dict) -> tuple[str, str]:
+    low, high = zip(*(entry["ci95"][f"{what}_mae"] for what in ("velocity", "position")), strict=True)
+    return tuple(f"{a:.2f} … {b:.2f}" for a, b in zip(low, high, strict=True))  # type: ignore[return-value]
