@@ -21,6 +21,7 @@ PATH = ROOT / "draws.toml"
 LOG = ROOT / "test_openings.log"
 FILES = ("geometry", "slew", "machine")  # whose parameters may be drawn
 SEALED = "test"
+NOMINAL = "nominal"
 CUT = 3.0  # standard deviations at which a normal distribution is cut off
 
 
@@ -111,6 +112,22 @@ def draw(name: str, index: int, opened: Opened | None = None) -> dict[str, float
         )
     nominal = _known()
     return {p: _value(spread, name, index, nominal[p]) for p, spread in spreads().items()}
+
+
+def named(which: str) -> dict[str, float]:
+    """Parameter values of a machine by name: "nominal" (none: as its files say), "tuning:K", "validation:K".
+
+    Raises InputError for another name; the sealed test set has none.
+    """
+    if which == NOMINAL:
+        return {}
+    name, _, index = which.partition(":")
+    choices = [n for n in sets() if n != SEALED]
+    if name not in choices or not index.isdigit():
+        valid = ", ".join([NOMINAL, *(f"{n}:0 … {n}:{sets()[n] - 1}" for n in choices)])
+        hint = nearest(name, [NOMINAL, *choices]) + " " if name not in choices else ""
+        raise InputError(f"unknown machine '{which}'; {hint}valid: {valid}")
+    return draw(name, int(index))
 
 
 def open_test_set(purpose: str, log: Path = LOG) -> Opened:

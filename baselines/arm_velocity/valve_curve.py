@@ -1,0 +1,175 @@
+"""The speed of a joint over its joystick in one direction, from segments of all poses and loads.
+
+    speed = f(command) (1 + a (q - q0) + b (q - q0)² + c (p - p0)) + d ṗ_A + e ṗ_B + noise
+
+f is monotone and otherwise free.  a and b are the linkage, c what the load takes from the flow, d and e the
+oil that gives way while the pressures change (a swinging grab does that all the time).  f and the coefficients
+are found in turn: isotonic regression of the corrected speeds, then least squares with Huber's weights, so
+that a segment in which the pump ran short or somebody pushed counts little.  q0 is the median angle of all
+segments; p0 the usual inlet pressure at that command, a straight line in it: the reference condition of f.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from baselines.arm_velocity.segments import STILL, Segments
+
+BIN = 0.01  # joystick: segments closer than this are taken together
+ROUNDS = 15
+HUBER = 1.345  # scaled residual from which a segment counts less; 95 % efficient for normal noise
+RELATIVE, FLOOR = 0.03, 7e-4  # of the speed and rad/s: what a segment's standard error leaves out
+ENOUGH = 12  # moving segments a coefficient of the correction is worth asking of
+EDGE_SPEED = 0.05  # rad/s: slower knots tell where motion begins
+EDGE_KNOTS = 4
+PRESSURE = 1e7  # Pa: scale of the pressures' coefficients
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Segments of one direction, seen along it: command and speed positive."""
+
+    command: np.ndarray  # [n]
+    speed: np.ndarray  # rad/s [n]
+    error: np.ndarray  # rad/s [n]
+    hold: np.ndarray  # [n], from 0
+    bin: np.ndarray  # [n], from 0
+    factors: np.ndarray  # [n, k]: columns that scale the speed, 0 at the reference
+    terms: np.ndarray  # [n, m]: columns that add to it
+    reference: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """`command` [k] over `speed` [k] rad/s at the reference condition, both ascending; the first is the edge."""
+
+    speed: np.ndarray
+    command: np.ndarray
+    coefficients: np.ndarray  # of factors, then of terms
+    corrected: np.ndarray  # rad/s [n]: each sample's speed, were it at the reference
+    residual: np.ndarray  # rad/s [n]
+    weight: np.ndarray  # [n], Huber's
+
+    @property
+    def dead_band(self) -> float:
+        """Joystick at which motion begins."""
+        return float(self.command[0])
+
+    def at(self, speed: np.ndarray) -> np.ndarray:
+        """Joystick for speeds [m] of 0 rad/s and more; beyond the fastest along the last stretch, at most 1."""
+        inside = np.interp(speed, self.speed, self.command)
+        rise = np.diff(self.command[-2:]) / np.diff(self.speed[-2:])
+        beyond = self.command[-1] + rise * np.maximum(speed - self.speed[-1], 0.0)
+        return np.minimum(np.where(speed > self.speed[-1], beyond, inside), 1.0)
+
+
+def samples(segments: Segments, direction: int, angle: float) -> Samples:
+    """The segments driven in `direction` (1, -1); `angle` is the reference q0 [rad]."""
+    s = segments[np.sign(segments.command) == direction]
+    command, speed = direction * s.command, direction * s.speed
+    moving = speed > STILL
+    off = s.angle - angle
+    columns, reference = [off, off**2], {"angle_rad": angle}
+    known = np.isfinite(s.inlet)
+    if np.count_nonzero(known & moving) >= ENOUGH:
+        line = np.polyfit(command[known & moving], s.inlet[known & moving], 1)
+        columns.append(np.where(known, s.inlet - np.polyval(line, command), 0.0) / PRESSURE)
+        reference["inlet_pressure_pa"] = float(np.median(s.inlet[known & moving]))
+    factors = _varying(columns, moving, np.count_nonzero(moving) // ENOUGH)
+    rates = [np.where(np.isfinite(r), direction * r, 0.0) / PRESSURE for r in (s.rate_a, s.rate_b)]
+    terms = _varying(rates, np.ones(len(s), dtype=bool), len(s) // ENOUGH)
+    holds = np.unique(s.hold, return_inverse=True)[1]
+    bins = np.unique(np.round(command / BIN), return_inverse=True)[1]
+    return Samples(command, speed, s.error, holds, bins, factors, terms, reference)
+
+
+def _varying(columns: list[np.ndarray], where: np.ndarray, most: int) -> np.ndarray:
+    """The first `most` of those columns that are not constant, as [n, k]."""
+    useful = [c for c in columns if where.any() and np.ptp(c[where]) > 1e-9][: max(most, 0)]
+    return np.column_stack(useful) if useful else np.zeros((len(where), 0))
+
+
+def fit(data: Samples, counts: np.ndarray | None = None, start: Curve | None = None) -> Curve:
+    """Find curve and correction; `counts` [n] says how often each sample is taken (default: once).
+
+    `start` gives coefficients and weights to go on from, which takes fewer rounds.
+    """
+    counts = np.ones(len(data.speed)) if counts is None else counts
+    k = data.factors.shape[1]
+    coefficients = start.coefficients if start else np.zeros(k + data.terms.shape[1])
+    weight = start.weight if start else np.ones(len(data.speed))
+    monotone = np.zeros(len(data.speed))
+    for _ in range(4 if start else ROUNDS):
+        corrected = _corrected(data, coefficients)
+        expected = np.hypot(data.error, np.hypot(FLOOR, RELATIVE * monotone))
+        share = counts * weight / expected**2
+        means, mass = bin_means(data, corrected, share)
+        monotone = np.maximum(_isotonic(means, mass), 0.0)[data.bin]
+        design = np.hstack([data.factors * monotone[:, None], data.terms])
+        coefficients = _least_squares(design, data.speed - monotone, share)
+        residual = data.speed - monotone - design @ coefficients
+        weight = _huber(residual / expected, counts)
+    knots = _knots(data, means, mass)
+    return Curve(*knots, coefficients, _corrected(data, coefficients), residual, weight)
+
+
+def _corrected(data: Samples, coefficients: np.ndarray) -> np.ndarray:
+    """Speeds [n] at the reference condition, rad/s."""
+    k = data.factors.shape[1]
+    factor = np.clip(1.0 + data.factors @ coefficients[:k], 0.3, 3.0)
+    return (data.speed - data.terms @ coefficients[k:]) / factor
+
+
+def bin_means(data: Samples, speed: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of `speed` and sum of `share` of each bin; a bin without share has mean 0."""
+    mass = np.bincount(data.bin, share)
+    return np.bincount(data.bin, share * speed) / np.maximum(mass, 1e-300), mass
+
+
+def _isotonic(means: np.ndarray, mass: np.ndarray) -> np.ndarray:
+    """Non-descending values closest to `means` [bins]; a bin without mass takes its neighbours'."""
+    filled = np.flatnonzero(mass > 0)
+    values = isotonic_regression(means[filled], weights=mass[filled]).x
+    return np.interp(np.arange(len(means)), filled, values)
+
+
+def _least_squares(design: np.ndarray, wanted: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Coefficients, drawn a little towards 0: what the data do not tell stays there."""
+    root = np.sqrt(share)[:, None]
+    scaled = design * root
+    normal = scaled.T @ scaled
+    normal = normal + 1e-6 * np.diag(np.diag(normal) + 1e-12)
+    return np.linalg.solve(normal, scaled.T @ (wanted * root[:, 0])) if design.shape[1] else np.zeros(0)
+
+
+def _huber(scaled: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Weights [n] for residuals over their expected size."""
+    size = 1.4826 * float(np.median(np.abs(scaled[counts > 0])))
+    return np.minimum(1.0, HUBER / np.maximum(np.abs(scaled) / max(size, 1e-6), 1e-9))
+
+
+def _knots(data: Samples, means: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(speeds, commands) of the curve: where motion begins, then each step of the isotonic regression."""
+    filled = mass > 0
+    found = isotonic_regression(means[filled], weights=mass[filled])
+    commands = (np.bincount(data.bin, data.command) / np.bincount(data.bin))[filled]
+    begin, end = found.blocks[:-1], found.blocks[1:]
+    level = mass[filled]
+    command = np.array(
+        [np.average(commands[a:b], weights=level[a:b]) for a, b in zip(begin, end, strict=True)]
+    )
+    speed = found.x[begin]
+    moving = speed > STILL
+    still = float(commands[end[~moving] - 1].max()) if (~moving).any() else 0.0
+    return _with_edge(speed[moving], command[moving], still)
+
+
+def _with_edge(speed: np.ndarray, command: np.ndarray, still: float) -> tuple[np.ndarray, np.ndarray]:
+    """Knots with the beginning of motion before them: a line through the slowest, not below `still`."""
+    slow = slice(0, max(2, min(EDGE_KNOTS, int(np.count_nonzero(speed <= EDGE_SPEED)))))
+    edge = command[0] if len(speed) else 1.0
+    if len(speed) >= 2:
+        edge = float(np.polyval(np.polyfit(speed[slow], command[slow], 1), 0.0))
+    edge = min(max(edge, min(still, command[0] if len(command) else 1.0), 0.0), command[0] if len(command) else 1.0)
+    return np.concatenate([[0.0], speed]), np.concatenate([[edge], command])
