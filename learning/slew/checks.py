@@ -36,16 +36,17 @@ def check(chosen: Sequence[Trajectory]) -> None:
 
 def _check_range(channel: str, values: Sequence[np.ndarray], names: Sequence[str]) -> None:
     known = signal(channel)
-    margin = END * (known.max - known.min)
+    low, high = known.min or 0.0, known.max or 0.0  # both are there: the signal has a place on the bus
+    margin = END * (high - low)
     for one, name in zip(values, names, strict=True):
         if not np.isfinite(one).all():
             raise InputError(
                 f"{name}: {channel} is not a number at {int(np.argmin(np.isfinite(one))) / 10:g} s"
             )
-        share = float(np.mean((one >= known.max - margin) | (one <= known.min + margin)))
+        share = float(np.mean((one >= high - margin) | (one <= low + margin)))
         stuck = _stuck(one)
         if max(share, stuck) > MOST_SATURATED:
-            what = f"at the end of its range {known.min:g} … {known.max:g} {known.unit}"
+            what = f"at the end of its range {low:g} … {high:g} {known.unit}"
             what = what if share > stuck else f"cut off at {one[np.argmax(np.abs(one))]:g} {known.unit}"
             raise InputError(f"{name}: {channel} is saturated: {100 * max(share, stuck):.0f} % {what}")
 

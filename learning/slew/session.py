@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.slew_nn.network import SlewNetwork
-from learning.slew import ablation, page
+from learning.slew import ablation, disagreement, page
 from learning.slew.ablation import REFERENCES, Outcome
 from learning.slew.data import Data, load, of_traces
 from learning.slew.recipe import PROPOSED, RECIPES, recipe
@@ -73,8 +73,9 @@ def run(options: Options, report: Report) -> dict[str, Any]:
     figures = ablation.table(outcomes, data)
     chosen = _chosen(figures, outcomes, options)
     network = _with_meta(chosen, figures, data, options)
+    doubt = _doubt(network, data)
     paths = _write(network, chosen.variant, figures, data, options)
-    accepted, notes = _judged(figures, chosen, network, data, paths)
+    accepted, notes = _judged(figures, chosen, network, data, paths, doubt)
     return {
         "source": data.source,
         "data_sha256": data.sha256,
@@ -83,6 +84,7 @@ def run(options: Options, report: Report) -> dict[str, Any]:
         "seeds": list(options.seeds),
         "chosen": {"variant": chosen.variant, "seed": chosen.seed, "weights": str(paths[0])},
         "paper": ablation.PAPER,
+        "disagreement": doubt,
         "variants": figures,
         "accepted": accepted,
         "notes": notes,
@@ -177,7 +179,26 @@ def _with_meta(chosen: Outcome, figures: Mapping[str, Any], data: Data, options:
         "source": data.source, "data_sha256": data.sha256, "figures": {k: entry[k] for k in keys},
         "own_figures": own, "noise": {k: entry["noise"][k] for k in keys},
     }  # fmt: skip
+    if len(chosen.network.velocity) > 1:
+        meta["disagreement_limit"] = disagreement.limit(chosen.network, ablation.held_out(data, "validation"))
     return replace(chosen.network, meta=meta)
+
+
+def _doubt(network: SlewNetwork, data: Data) -> dict[str, float]:
+    """What an ensemble's disagreement says of the held-out windows; nothing for a single pair."""
+    above = network.meta.get("disagreement_limit")
+    if above is None:
+        return {}
+    return disagreement.figures(network, ablation.held_out(data, "test"), above) | {"limit": above}
+
+
+def _in_words(doubt: Mapping[str, float]) -> list[str]:
+    if not doubt:
+        return []
+    return [
+        f"members disagree by more than {doubt['limit']:.2f} °/s in {100 * doubt['share_warned']:.0f} % of "
+        f"the windows: error there {doubt['error_warned']:.2f} °/s, elsewhere {doubt['error_others']:.2f} °/s"
+    ]
 
 
 def _write(
@@ -195,7 +216,12 @@ def _write(
 
 
 def _judged(
-    figures: Mapping[str, Any], chosen: Outcome, network: SlewNetwork, data: Data, paths: Sequence[Path]
+    figures: Mapping[str, Any],
+    chosen: Outcome,
+    network: SlewNetwork,
+    data: Data,
+    paths: Sequence[Path],
+    doubt: Mapping[str, float],
 ) -> tuple[bool, list[str]]:
     """Whether the paper's networks are as much better than the plain reference as they should be."""
     reference, own = figures["first_order"], figures[PROPOSED.name]
@@ -206,6 +232,7 @@ def _judged(
         f"(limit {ACCEPTED_RATIO})",
         f"chosen on validation: {chosen.variant}, seed {chosen.seed}; "
         f"{100 * outside:.1f} % of held-out time outside its training data",
+        *_in_words(doubt),
         *(f"written: {path}" for path in paths),
     ]
     return bool(np.max(ratios) <= ACCEPTED_RATIO), notes

@@ -1,5 +1,6 @@
 """Training of slew models: one-step loss first, then, if the recipe says so, the error over its own steps."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
@@ -91,8 +92,9 @@ def _phase(
             torch.nn.utils.clip_grad_norm_(pair.parameters(), CLIP)
             optimiser.step()
             schedule.step()
-        if not torch.isfinite(loss):
-            raise RunError(f"training of {pair.recipe.name}: the loss is {float(loss)} in epoch {epoch + 1}")
+        last = loss.item()
+        if not math.isfinite(last):
+            raise RunError(f"training of {pair.recipe.name}: the loss is {last} in epoch {epoch + 1}")
         if report:
             report(f"{pair.recipe.name}, {ahead} step{'s' * (ahead > 1)}", epoch + 1, epochs)
 
