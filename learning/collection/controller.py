@@ -99,4 +99,4 @@ def _tuned(plan: Plan, wanted: Sequence[Recording], out: Path, report: Report | 
 def _recipe() -> "Recipe":
     from learning.slew.recipe import recipe
 
-    return replace(recipe("unrolled"), epochs=EPOCHS, unroll=UNROLL, unroll_epochs=UNROLL_EPOCHS, members=1)
+    return replace(recipe("unrolled"), epochs=EPOCHS, unroll=UNROLL, unroll_epochs=UNROLL_EPOCHS)

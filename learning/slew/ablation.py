@@ -15,7 +15,8 @@ import numpy as np
 
 from fmus.slew_nn.network import HISTORY, SlewNetwork
 from learning.slew.data import Data
-from learning.slew.recipe import PROPOSED, Recipe, recipe
+from learning.slew.disagreement import ensemble
+from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, Recipe, recipe
 from learning.slew.score import HORIZON, STRIDE, Predictor, Score, predictor, score
 from learning.slew.trajectory import Windows, windows
 
@@ -51,18 +52,36 @@ def held_out(data: Data, split: str) -> Windows:
 def run(
     data: Data, variants: Sequence[str], seeds: Sequence[int], jobs: int, tiny: bool = False
 ) -> Iterator[Outcome]:
-    """Outcomes of all variants on all seeds as they are ready, from `jobs` processes with one thread each."""
-    tasks = [(v, s) for v in variants for s in ((seeds[0],) if v in REFERENCES else seeds)]
+    """Outcomes of all variants on all seeds as they are ready, from `jobs` processes with one thread each.
+
+    An ensemble comes last: it is made of the networks of all seeds.
+    """
+    tasks = [(v, s) for v in trained(variants) for s in ((seeds[0],) if v in REFERENCES else seeds)]
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_start, initargs=(data,)) as pool:
+        members: list[Outcome] = []
         left = {pool.submit(_one, variant, seed, tiny) for variant, seed in tasks}
         try:
             while left:
                 done, left = wait(left, return_when=FIRST_COMPLETED)
                 for future in done:
+                    members += [future.result()] if future.result().variant == MEMBERS else []
                     yield future.result()
         finally:
             pool.shutdown(cancel_futures=True)
+    if ENSEMBLE in variants:
+        yield _ensemble(data, sorted(members, key=lambda o: o.seed))
+
+
+def trained(variants: Sequence[str]) -> list[str]:
+    """What has to be trained or fitted for these variants."""
+    return list(dict.fromkeys(MEMBERS if v == ENSEMBLE else v for v in variants))
+
+
+def _ensemble(data: Data, members: Sequence[Outcome]) -> Outcome:
+    network = ensemble([o.network for o in members if o.network is not None])
+    scores = {split: score(predictor(network), held_out(data, split)) for split in SPLITS}
+    return Outcome(ENSEMBLE, members[0].seed, scores, network)
 
 
 _shared: dict[str, Data] = {}  # of a worker process

@@ -1,5 +1,6 @@
-"""What an ensemble says about itself: where its members part, its mean is not to be trusted."""
+"""Ensembles: the mean of several networks, which is not to be trusted where they part."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,13 @@ from learning.slew.score import predictor, roll_out, score
 from learning.slew.trajectory import Windows
 
 QUANTILE = 0.9  # of the validation windows' disagreement: above it, a window is warned about
+
+
+def ensemble(networks: Sequence[SlewNetwork]) -> SlewNetwork:
+    """The networks as one; they must have been trained on the same recordings (its region is kept)."""
+    pressure = tuple(net for network in networks for net in network.pressure)
+    velocity = tuple(net for network in networks for net in network.velocity)
+    return replace(networks[0], pressure=pressure, velocity=velocity)
 
 
 def members(network: SlewNetwork) -> list[SlewNetwork]:

@@ -158,10 +158,9 @@ def exportable(recipe: Recipe) -> bool:
     return recipe.architecture == "mlp" and recipe.pressure and recipe.inertia
 
 
-def plain(pairs: list[Pair]) -> SlewNetwork:
-    """The members of an ensemble as plain weights; the recipe must be `exportable`."""
-    pressure, velocity = (tuple(_plain(pair, part) for pair in pairs) for part in ("pressure", "velocity"))
-    return SlewNetwork(pressure, velocity, symmetric=pairs[0].recipe.symmetric)
+def plain(pair: Pair) -> SlewNetwork:
+    """The pair as plain weights; its recipe must be `exportable`."""
+    return SlewNetwork((_plain(pair, "pressure"),), (_plain(pair, "velocity"),), pair.recipe.symmetric)
 
 
 def _plain(pair: Pair, part: str) -> Mlp:

@@ -11,14 +11,15 @@ import numpy as np
 from fmus.slew_nn.network import PERIOD_S, SlewNetwork
 from learning.slew.ablation import BEFORE, PAPER
 from learning.slew.data import Data
-from learning.slew.recipe import RECIPES
+from learning.slew.recipe import ENSEMBLE, MEMBERS, RECIPES
 from learning.slew.score import roll_out
 from learning.slew.trajectory import Trajectory, windows
 from records.report import shell
 from records.report.figures import Figure
 
 FIGURE_S = 40.0  # of the paper's open-loop figure
-REFERENCES = {
+OTHERS = {
+    ENSEMBLE: f"the mean of the networks of all seeds of {MEMBERS}; where they part, it warns",
     "first_order": "dead band, delay and first-order lag for each direction, fitted on the same recordings",
     "grey_box": "the hydraulic slew model, refitted likewise; shares its equations with the machine",
 }
@@ -98,7 +99,7 @@ def _row(name: str, entry: Mapping[str, Any]) -> list[str]:
 
 
 def _explained(figures: Mapping[str, Any]) -> str:
-    why = {name: RECIPES[name].why if name in RECIPES else REFERENCES.get(name, "") for name in figures}
+    why = {name: RECIPES[name].why if name in RECIPES else OTHERS.get(name, "") for name in figures}
     return shell.table(["Variant", "What it is"], [[name, text] for name, text in why.items()])
 
 

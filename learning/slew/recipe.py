@@ -21,8 +21,7 @@ class Recipe:
     closed_loop: bool = True  # recordings of closed-loop control are learned from
     residual: bool = True  # networks predict changes, not values
     symmetric: bool = False  # mirror symmetry by construction
-    members: int = 1
-    epochs: int = 60
+    epochs: int = 40
     batch: int = 1024
     rate: float = 1e-3  # largest learning rate
     unroll: int = 0  # steps of the second phase's open-loop loss; 0: no second phase
@@ -31,14 +30,6 @@ class Recipe:
 
 
 PROPOSED = Recipe("proposed", "the paper's networks: pressure first, then speed, one-step loss")
-_UNROLLED = replace(
-    PROPOSED,
-    name="unrolled",
-    why="then trained on 2 s of its own predictions",
-    epochs=40,
-    unroll=20,
-    unroll_epochs=6,
-)
 RECIPES = {
     recipe.name: recipe
     for recipe in (
@@ -51,26 +42,28 @@ RECIPES = {
         replace(
             PROPOSED, name="symmetric", why="mirror symmetry by construction", symmetric=True, mirror=False
         ),
-        _UNROLLED,
         replace(
-            _UNROLLED,
-            name="ensemble",
-            why="three unrolled networks, whose disagreement warns",
-            members=3,
+            PROPOSED,
+            name="unrolled",
+            why="then trained on 2 s of its own predictions",
+            unroll=20,
+            unroll_epochs=6,
         ),
         replace(
-            PROPOSED, name="tcn", why="temporal convolutions over the history", architecture="tcn", epochs=30
+            PROPOSED, name="tcn", why="temporal convolutions over the history", architecture="tcn", epochs=20
         ),
         replace(
             PROPOSED,
             name="transformer",
             why="attention over the history",
             architecture="transformer",
-            epochs=20,
+            epochs=10,
         ),
     )
 }
-TINY = {"epochs": 2, "unroll_epochs": 1, "members": 1}  # for tests of the machinery
+ENSEMBLE = "ensemble"  # the networks of all seeds of MEMBERS, averaged
+MEMBERS = "unrolled"
+TINY_EPOCHS = 2  # to see that all of it runs
 
 
 def recipe(name: str, tiny: bool = False) -> Recipe:
@@ -80,4 +73,4 @@ def recipe(name: str, tiny: bool = False) -> Recipe:
     found = RECIPES[name]
     if not tiny:
         return found
-    return replace(found, **{**TINY, "unroll": min(found.unroll, 3), "unroll_epochs": min(found.unroll, 1)})
+    return replace(found, epochs=TINY_EPOCHS, unroll=min(found.unroll, 3), unroll_epochs=min(found.unroll, 1))

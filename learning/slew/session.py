@@ -11,7 +11,7 @@ from fmus.slew_nn.network import SlewNetwork
 from learning.slew import ablation, disagreement, page
 from learning.slew.ablation import REFERENCES, Outcome
 from learning.slew.data import Data, load, of_traces
-from learning.slew.recipe import PROPOSED, RECIPES, recipe
+from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, RECIPES
 from learning.slew.region import share_outside
 from specs.errors import InputError, nearest
 from specs.version import VERSION
@@ -45,9 +45,9 @@ class Options:
     def variants(self) -> tuple[str, ...]:
         """What is trained and fitted."""
         if self.ablation:
-            return (*RECIPES, *REFERENCES)
-        names = (self.recipe, *REFERENCES)
-        return names if self.recipe == PROPOSED.name else (PROPOSED.name, *names)
+            return (*RECIPES, ENSEMBLE, *REFERENCES)
+        wanted = (MEMBERS, ENSEMBLE) if self.recipe == ENSEMBLE else (self.recipe,)
+        return tuple(dict.fromkeys((PROPOSED.name, *wanted, *REFERENCES)))
 
     @property
     def command(self) -> str:
@@ -118,7 +118,8 @@ def reproduce(path: Path, options: Options, report: Report) -> dict[str, Any]:
 
 
 def _check(options: Options) -> None:
-    recipe(options.recipe)
+    if options.recipe not in (*RECIPES, ENSEMBLE):
+        raise InputError(f"no recipe '{options.recipe}'; {nearest(options.recipe, (*RECIPES, ENSEMBLE))}")
     if options.budget not in BUDGETS:
         raise InputError(f"no budget '{options.budget}'; {nearest(options.budget, BUDGETS)}")
     if options.traces and options.data:
@@ -140,7 +141,8 @@ def _data(options: Options, report: Report) -> Data:
 
 
 def _outcomes(data: Data, options: Options, report: Report) -> list[Outcome]:
-    total = sum(1 if v in REFERENCES else len(options.seeds) for v in options.variants)
+    names = ablation.trained(options.variants)
+    total = sum(1 if v in REFERENCES else len(options.seeds) for v in names)
     found: list[Outcome] = []
     report("training", 0, total)
     for outcome in ablation.run(data, options.variants, options.seeds, options.jobs, options.tiny):

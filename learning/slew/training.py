@@ -25,20 +25,20 @@ PRESSURE_WEIGHT = 0.1  # of the pressures in the error over own steps, in deviat
 
 @dataclass(frozen=True)
 class Trained:
-    """Members of one trained model (an ensemble has several), with what they were made by."""
+    """A trained model with what it was made by."""
 
     recipe: Recipe
-    members: tuple[Pair, ...]
+    pair: Pair
 
     def network(self) -> SlewNetwork:
         """As plain weights; raises InputError when the recipe's networks have another interface."""
         if not exportable(self.recipe):
             raise InputError(f"recipe {self.recipe.name} has another interface than the paper's networks")
-        return plain(list(self.members))
+        return plain(self.pair)
 
     def predictor(self) -> Predictor:
-        """Open-loop speed of the first member; an ensemble is judged as plain weights."""
-        return lambda of: roll_out(self.members[0], of)
+        """Open-loop speed."""
+        return lambda of: roll_out(self.pair, of)
 
 
 def train(
@@ -52,24 +52,14 @@ def train(
     chosen = list(both_ways(chosen)) if recipe.mirror else chosen
     data = windows(chosen, HISTORY, 1, 1)
     scales = Scales.of(data)
-    members = []
-    for member in range(recipe.members):
-        torch.manual_seed(1000 * seed + member)
-        pair = Pair(recipe, scales)
-        _phase(pair, data, 1, recipe.epochs, recipe.rate, recipe.batch, report)
-        if recipe.unroll:
-            longer = windows(both_ways(chosen) if recipe.mirror else chosen, HISTORY, recipe.unroll, 3)
-            _phase(
-                pair,
-                longer,
-                recipe.unroll,
-                recipe.unroll_epochs,
-                recipe.unroll_rate,
-                recipe.batch // 2,
-                report,
-            )
-        members.append(pair.eval())
-    return Trained(recipe, tuple(members))
+    torch.manual_seed(seed)
+    pair = Pair(recipe, scales)
+    _phase(pair, data, 1, recipe.epochs, recipe.rate, recipe.batch, report)
+    if recipe.unroll:
+        longer = windows(chosen, HISTORY, recipe.unroll, UNROLL_STRIDE)
+        rest = (recipe.unroll_epochs, recipe.unroll_rate, recipe.batch // 2)
+        _phase(pair, longer, recipe.unroll, *rest, report)
+    return Trained(recipe, pair.eval())
 
 
 def _phase(

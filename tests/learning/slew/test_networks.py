@@ -8,6 +8,7 @@ import torch
 
 from fmus.slew.traces import load
 from fmus.slew_nn.network import HISTORY, SlewNetwork
+from learning.slew.disagreement import disagreement, ensemble, members
 from learning.slew.networks import Pair, Scales, exportable, plain
 from learning.slew.recipe import RECIPES, Recipe, recipe
 from learning.slew.region import with_region
@@ -26,7 +27,7 @@ def untrained(chosen: Recipe, seed: int = 0) -> Pair:
 
 
 def test_the_papers_networks_have_the_papers_sizes() -> None:
-    network = plain([untrained(RECIPES["proposed"])])
+    network = plain(untrained(RECIPES["proposed"]))
     assert network.pressure[0].sizes == (41, 128, 128, 128, 128, 32, 2)
     assert network.velocity[0].sizes == (41, 128, 128, 128, 32, 1)
 
@@ -34,14 +35,14 @@ def test_the_papers_networks_have_the_papers_sizes() -> None:
 @pytest.mark.parametrize("name", [n for n, r in RECIPES.items() if exportable(r)])
 def test_plain_weights_predict_what_pytorch_predicts(name: str) -> None:
     pair = untrained(RECIPES[name])
-    _, _, omega = roll_out_plain(plain([pair]), WINDOWS)
+    _, _, omega = roll_out_plain(plain(pair), WINDOWS)
     assert np.abs(omega - roll_out(pair, WINDOWS)).max() < 1e-5 * (1 + np.abs(omega).max())
 
 
 def test_symmetric_networks_are_symmetric_and_others_are_not() -> None:
     mirrored = windows([t.mirrored() for t in TRACES], HISTORY, 30, 20)
     for name, same in (("symmetric", True), ("proposed", False)):
-        network = plain([untrained(RECIPES[name])])
+        network = plain(untrained(RECIPES[name]))
         (left, right, omega), (left_m, right_m, omega_m) = (
             roll_out_plain(network, w) for w in (WINDOWS, mirrored)
         )
@@ -72,7 +73,7 @@ def test_no_prediction_knows_the_future(name: str) -> None:
 
 def test_training_learns_and_repeats_itself() -> None:
     chosen = replace(recipe("proposed", tiny=True), epochs=6, batch=128)
-    before = score(predictor(plain([untrained(chosen)])), WINDOWS)
+    before = score(predictor(plain(untrained(chosen))), WINDOWS)
     trained = [train(TRACES, chosen, seed).network() for seed in (1, 1, 2)]
     scores = [score(predictor(n), WINDOWS).velocity_mae for n in trained]
     assert scores[0] < 0.5 * before.velocity_mae
@@ -80,10 +81,13 @@ def test_training_learns_and_repeats_itself() -> None:
 
 
 def test_an_ensemble_predicts_the_mean_of_its_members() -> None:
-    pairs = [untrained(RECIPES["proposed"], seed) for seed in range(3)]
-    one = windows(TRACES, HISTORY, 1, 20)
-    whole = roll_out_plain(plain(pairs), one)[0]
-    assert np.allclose(whole, np.mean([roll_out_plain(plain([p]), one)[0] for p in pairs], axis=0))
+    networks = [plain(untrained(RECIPES["proposed"], seed)) for seed in range(3)]
+    one, whole = windows(TRACES, HISTORY, 1, 20), ensemble(networks)
+    pressures = [roll_out_plain(n, one)[0] for n in networks]
+    assert np.allclose(roll_out_plain(whole, one)[0], np.mean(pressures, axis=0))
+    assert [roll_out_plain(m, one)[0].tolist() for m in members(whole)] == [p.tolist() for p in pressures]
+    assert disagreement(whole, WINDOWS).min() > 0
+    assert not disagreement(networks[0], WINDOWS).any()
 
 
 def test_a_loss_that_is_no_number_stops_the_training() -> None:
@@ -98,7 +102,7 @@ def test_other_interfaces_are_not_exported() -> None:
 
 
 def test_the_region_travels_with_the_weights(tmp_path) -> None:
-    network = with_region(plain([untrained(RECIPES["proposed"])]), TRACES, mirror=True)
+    network = with_region(plain(untrained(RECIPES["proposed"])), TRACES, mirror=True)
     network.save(tmp_path / "n.npz")
     found = SlewNetwork.load(tmp_path / "n.npz")
     middle, ahead = TRACES[0], 50
