@@ -7,27 +7,19 @@ from records import results
 from records.metrics import Metrics
 from records.report.picture import write_picture
 from records.report.tables import readable
-from specs.errors import InputError
+from slewright import markers
 
-BEGIN, END = "<!-- results:begin -->", "<!-- results:end -->"
 PICTURE = Path("docs/run.svg")  # beside the README
 
 
 def fill(readme: Path, verification: Verification, command: str) -> None:
-    """Replace what stands between the markers of `readme`, and draw the picture of the first scenario.
+    """Put the table between the markers of `readme`, and draw the picture of the first scenario.
 
-    Raises InputError if the markers are missing; the file is replaced whole or not at all.
+    Raises InputError if the markers are missing.
     """
-    text = readme.read_text(encoding="utf-8")
-    head, begin, rest = text.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end):
-        raise InputError(f"{readme}: no '{BEGIN}' … '{END}' to fill")
+    markers.fill(readme, "results", table(verification, command))
     scenario, pair = next(iter(verification.runs.items()))
     write_picture(readme.parent / PICTURE, pair, f"{readable(scenario)}, PI controller")
-    part = readme.with_name(readme.name + ".part")
-    part.write_text(f"{head}{begin}\n{table(verification, command)}{end}{tail}", encoding="utf-8")
-    part.replace(readme)
 
 
 def table(verification: Verification, command: str) -> str:

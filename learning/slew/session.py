@@ -19,6 +19,7 @@ from specs.version import VERSION
 Report = Callable[[str, float, float], None]
 BUDGETS = ("full", "tiny")
 PLAN = {"full": "paper", "tiny": "tiny"}
+KEYS = ("velocity_mae", "position_mae")
 ACCEPTED_RATIO = 0.7  # of the first-order reference's errors
 
 
@@ -173,13 +174,12 @@ def _with_meta(chosen: Outcome, figures: Mapping[str, Any], data: Data, options:
     if chosen.network is None:
         raise RuntimeError("no weights")
     entry = figures[chosen.variant]
-    keys = ("velocity_mae", "position_mae")
-    own = {k: getattr(chosen.scores["test"], k) for k in keys}
+    own = {k: getattr(chosen.scores["test"], k) for k in KEYS}
     meta = {
         "recipe": chosen.variant, "seed": chosen.seed, "seeds": list(options.seeds), "budget": options.budget,
         "machine": options.machine, "traces": options.traces, "command": options.command, "version": VERSION,
-        "source": data.source, "data_sha256": data.sha256, "figures": {k: entry[k] for k in keys},
-        "own_figures": own, "noise": {k: entry["noise"][k] for k in keys},
+        "source": data.source, "data_sha256": data.sha256, "figures": {k: entry[k] for k in KEYS},
+        "own_figures": own, "noise": {k: entry["noise"][k] for k in KEYS},
     }  # fmt: skip
     if len(chosen.network.velocity) > 1:
         meta["disagreement_limit"] = disagreement.limit(chosen.network, ablation.held_out(data, "validation"))
@@ -227,7 +227,7 @@ def _judged(
 ) -> tuple[bool, list[str]]:
     """Whether the paper's networks are as much better than the plain reference as they should be."""
     reference, own = figures["first_order"], figures[PROPOSED.name]
-    ratios = [own[k] / reference[k] for k in ("velocity_mae", "position_mae")]
+    ratios = [own[k] / reference[k] for k in KEYS]
     outside = share_outside(network, ablation.held_out(data, "test"))
     notes = [
         f"proposed / first_order: velocity {ratios[0]:.2f}, position {ratios[1]:.2f} "
@@ -238,3 +238,23 @@ def _judged(
         *(f"written: {path}" for path in paths),
     ]
     return bool(np.max(ratios) <= ACCEPTED_RATIO), notes
+
+
+def markdown(figures: Mapping[str, Any]) -> str:
+    """The variants' figures as a Markdown table with the command that makes it."""
+    lines = [
+        f"`{figures['command']}` makes this table, from: {figures['source']}.",
+        "",
+        "| variant | velocity [°/s] | 95 % | position [°] | 95 % | ratio | ratio | seeds |",
+        "|---|--:|---|--:|---|---|---|--:|",
+    ]
+    for name, entry in figures["variants"].items():
+        cells = [name]
+        for key in KEYS:
+            low, high = entry["ci95"][key]
+            cells += [f"{entry[key]:.2f}", f"{low:.2f} … {high:.2f}"]
+        ratios = entry.get("ratio_to_proposed", {})
+        for one in (ratios.get(key) for key in KEYS):
+            cells.append(f"{one['ratio']:.2f} ({one['ci95'][0]:.2f} … {one['ci95'][1]:.2f})" if one else "")
+        lines.append(f"| {' | '.join([*cells, str(entry['seeds'])])} |")
+    return "\n".join([*lines, "", *(f"- {note}" for note in figures["notes"] if "written" not in note), ""])

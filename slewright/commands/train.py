@@ -1,13 +1,16 @@
 """`slewright train`: models from recordings."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from slewright.figures import JsonOption, write
 from slewright.progress import progress
 from slewright.tables import show
+
+if TYPE_CHECKING:
+    from learning.slew.session import Options
 
 app = typer.Typer(help="Train models on recordings.", no_args_is_help=True)
 
@@ -40,6 +43,10 @@ def slew(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for weights and page.")] = Path(
         "out/train-slew"
     ),
+    doc: Annotated[
+        Path | None,
+        typer.Option("--doc", metavar="FILE.md", exists=True, help="Write the table between its markers."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Train the paper's slew networks, or all variants of them, and judge them on held-out recordings."""
@@ -59,9 +66,20 @@ def slew(
     show(f"10 s open loop on held-out recordings: {figures['source']}", columns, rows)
     for line in figures["notes"]:
         typer.echo(line)
+    if doc is not None:
+        from slewright.markers import fill
+
+        fill(doc, f"slew-{_kind(options)}", session.markdown(figures))
     write(json, {**figures, **figures["variants"]}, first_seed)
     if not figures["accepted"]:
         raise typer.Exit(1)
+
+
+def _kind(options: "Options") -> str:
+    """Which table of a document it is: `ablation`, `traces`, or the machine's name."""
+    if options.traces:
+        return "traces"
+    return "ablation" if options.machine == "nominal" else options.machine.replace(":", "-")
 
 
 def _interval(entry: dict) -> tuple[str, str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from records.record import read
-from slewright.readme import BEGIN, END
+BEGIN, END = "<!-- results:begin -->", "<!-- results:end -->"
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 MODELS = Path(__file__).parent / "models"

@@ -1,0 +1,20 @@
+"""Tables in Markdown files that commands write: what stands between `<!-- NAME:begin -->` and its end."""
+
+from pathlib import Path
+
+from specs.errors import InputError
+
+
+def fill(path: Path, name: str, text: str) -> None:
+    """Replace what stands between the markers of `name` in the file at `path` by `text`.
+
+    Raises InputError if the markers are missing; the file is replaced whole or not at all.
+    """
+    begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
+    head, found, rest = path.read_text(encoding="utf-8").partition(begin)
+    _, closed, tail = rest.partition(end)
+    if not (found and closed):
+        raise InputError(f"{path}: no '{begin}' … '{end}' to fill")
+    part = path.with_name(path.name + ".part")
+    part.write_text(f"{head}{begin}\n{text}{end}{tail}", encoding="utf-8")
+    part.replace(path)
