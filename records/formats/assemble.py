@@ -95,7 +95,7 @@ def _channel(
     good, bad = _samples(column)
     if bad.any():
         first = group.place(int(np.flatnonzero(bad)[0]))
-        many = f"{bad.sum()} sample{'s' * (bad.sum() > 1)}"
+        many = f"{bad.sum()} sample" + ("s" if bad.sum() > 1 else "")
         notes.append(f"{wanted.name}: dropped {many} without a valid value; the first: {first}")
     if not good.any():
         notes.append(f"{wanted.name}: left out, it has no sample")

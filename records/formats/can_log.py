@@ -1,10 +1,12 @@
 """CAN logs, BLF and ASC (Vector), decoded and encoded by a DBC; each message's signals share its times."""
 
 import io
+import logging
 import re
 import struct
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +16,7 @@ import can
 import numpy as np
 from can.io.blf import FILE_HEADER_SIZE, BLFParseError
 
-from records.formats.can_write import write
+from records.formats.can_write import NEVER, write
 from records.formats.dbc import Dbc, columns
 from records.formats.raw import Group, Raw
 from records.formats.start import at_ns
@@ -48,7 +50,8 @@ def read(path: Path, names: Mapping[str, str], dbc: Path) -> Raw:
         messages, start = _blf(path, notes)
     else:
         messages, start = _asc(path, notes)
-    found = _collect(messages, path, notes)
+    with _listening(notes):
+        found = _collect(messages, path, notes)
     groups, unknown = [], {}
     for (bus, identifier, extended), frames in found.items():
         message = database.message(identifier, extended)
@@ -63,6 +66,22 @@ def read(path: Path, names: Mapping[str, str], dbc: Path) -> Raw:
         what = "no frame that it knows" if found else "no frame"
         raise InputError(f"{path} holds {what} ({dbc.name})" + "".join(f"; {n}" for n in notes[:1]))
     return Raw(_told_apart(groups), start, {}, notes)
+
+
+@contextmanager
+def _listening(notes: list[str]) -> Iterator[None]:
+    """What python-can warns of, once each."""
+    said: dict[str, None] = {}
+    handler, logger = logging.Handler(), logging.getLogger("can")
+    handler.emit = lambda record: said.setdefault(f"while reading: {record.getMessage()}")
+    before, logger.propagate = logger.propagate, False
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = before
+        notes += said
 
 
 def _collect(messages: Iterator[Any], path: Path, notes: list[str]) -> dict[tuple, _Frames]:
@@ -142,6 +161,7 @@ def _asc(path: Path, notes: list[str]) -> tuple[Iterator[Any], datetime | None]:
         notes.append(f"the log was not closed: read as far as it was written{cut}")
         text = text[: text.rfind("\n") + 1]
     start = _date(ASC_DATE.findall(head)[-1])
+    start = None if start == NEVER else start
     if start:
         notes.append(NO_ZONE)
     return iter(can.ASCReader(io.StringIO(text))), start

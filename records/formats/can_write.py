@@ -19,6 +19,7 @@ from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
 
+NEVER = datetime(1970, 1, 1, tzinfo=UTC)  # the date of a log without one
 BUS = 1  # number of the bus in the log
 DAYS = ["Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun"]
 MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
@@ -173,7 +174,7 @@ def _write_blf(path: Path, frames: Iterable[tuple[float, Any, bytes]], start: da
 
 def _write_asc(path: Path, frames: Iterable[tuple[float, Any, bytes]], start: datetime | None) -> None:
     """The text as CANoe writes it; python-can's writer would state the time of writing as the start."""
-    zero = start or datetime(1970, 1, 1, tzinfo=UTC)
+    zero = start or NEVER
     date = (
         f"{DAYS[zero.weekday()]} {MONTHS[zero.month - 1]} {zero.day:02d} {zero:%H:%M:%S}."
         f"{zero.microsecond // 1000:03d} {zero.year}"

@@ -78,7 +78,7 @@ def _parts(path: Path, notes: list[str]) -> Iterator[Any]:
             part = next(records)
         except (StopIteration, EndOfFile):
             return
-        except (McapError, ValueError, struct.error) as error:
+        except (McapError, ValueError, OverflowError, struct.error) as error:
             notes.append(f"the file is damaged: read up to there ({first_line(error)})")
             return
         yield from _broken_up(part, notes) if isinstance(part, Chunk) else (part,)

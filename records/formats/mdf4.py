@@ -3,10 +3,13 @@
 Read are also MDF3 files, unsorted files and files that a logger did not finalise.
 """
 
+import gc
 import json
-import struct
+import logging
 from collections.abc import Iterator, Mapping
+from contextlib import redirect_stderr, redirect_stdout
 from datetime import UTC, datetime
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,7 +17,6 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 from asammdf import MDF, Signal
-from asammdf.blocks.utils import MdfException
 
 from records.formats.grid import clocks
 from records.formats.raw import Group, Raw, RawColumn
@@ -28,7 +30,7 @@ META = "slewright"  # property of the header's comment that holds our metadata
 TIME, VIRTUAL_MASTER, MASTER = 1, 3, 2  # synchronisation and channel types of the standard
 DEFLATED = 2  # transposed, which suits floats
 UNFINISHED = b"UnFinMF "
-BROKEN = (MdfException, ValueError, KeyError, IndexError, OSError, UnboundLocalError, struct.error)
+logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # what it finds is said here
 
 
 def read(path: Path, names: Mapping[str, str]) -> Raw:
@@ -36,13 +38,22 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     with path.open("rb") as file:
         unfinished = file.read(8) == UNFINISHED
     notes = ["the file was not finalised: read as far as it was written"] if unfinished else []
-    try:
-        with MDF(path) as file:
-            groups = list(_groups(file, notes))
-            return Raw(groups, _start(file, notes), _meta(file), notes)
-    except BROKEN as error:
-        state = "not finalised and cannot be recovered" if unfinished else "damaged, cut off or not MDF"
-        raise InputError(f"{path} is {state}: {first_line(error)}") from None
+    silent = StringIO()  # asammdf prints what it fails at, also when what is left of it is cleared away
+    with redirect_stdout(silent), redirect_stderr(silent):
+        try:
+            return _read(path, notes)
+        except Exception as error:  # noqa: BLE001 - a damaged file makes asammdf raise anything
+            reason = first_line(error)
+        gc.collect()
+    state = "not finalised and cannot be recovered" if unfinished else "damaged, cut off or not MDF"
+    raise InputError(f"{path} is {state}: {reason}")
+
+
+def _read(path: Path, notes: list[str]) -> Raw:
+    # A stream, not the path: what asammdf mends of an unfinished file stays in memory.
+    with MDF(BytesIO(path.read_bytes())) as file:
+        groups = list(_groups(file, notes))
+        return Raw(groups, _start(file, notes), _meta(file), notes)
 
 
 def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
@@ -52,7 +63,7 @@ def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
         kinds = [(c.channel_type, c.sync_type) for c in group.channels]
         masters = [sync for kind, sync in kinds if kind in (MASTER, VIRTUAL_MASTER)]
         if not group.channel_group.cycles_nr:
-            notes += [f"{label}: left out, it has no samples"] * any(True for _ in group.channels)
+            notes.append(f"{label}: left out, it has no samples")
         elif masters != [TIME]:
             notes.append(f"{label}: left out, its samples are not over time")
         else:
@@ -74,6 +85,9 @@ def _group(file: Any, number: int, label: str, notes: list[str]) -> Group:
     found = file.select(wanted, ignore_value2text_conversions=True, copy_master=False, validate=False)
     time = np.asarray(file.get_master(number), dtype=np.float64)
     columns = [column for signal in found for column in _columns(signal, notes)]
+    short = [c.name for c in columns if len(c.values) != len(time)]
+    if short:
+        raise ValueError(f"{short[0]} of {label} has not as many samples as times")
     return Group(label, time, columns, "sample")
 
 

@@ -76,10 +76,14 @@ def _schema(path: Path) -> pa.Schema:
 
 def _own(path: Path) -> Raw:
     """A run record; an incomplete one says so."""
-    found = record.read(path)
+    try:
+        found = record.read(path)
+        described = columns_of(found.table.schema)
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is damaged: {first_line(error)}") from None
     holes = found.meta.get(ABSENT) == "NaN"
     columns = []
-    for c in columns_of(found.table.schema)[1:]:
+    for c in described[1:]:
         held = found.column(c.name)
         absent = np.isnan(held) if holes and held.dtype.kind == "f" else None
         columns.append(RawColumn(c.name, c.unit, held, c.description, absent))
