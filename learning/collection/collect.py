@@ -2,10 +2,12 @@
 
     OUT/NNN_PART.parquet   one run record a recording: commands and sensors at 50 Hz
     OUT/controller.json    the closed loop's controller, where the plan does not state one
+    OUT/coverage.html      what was visited, against what a model is used on
     OUT/collection.json    the manifest, written last
 
 A recording is kept if its digest is the one that the plan, the machine and, in the closed loop, the
-controller give; so a collection that was interrupted goes on where it stopped.
+controller give; so a collection that was interrupted goes on where it stopped.  What was recorded from another
+plan, seed or machine is never written over.
 """
 
 import json
@@ -16,7 +18,9 @@ from typing import Any
 
 from learning.collection import excitation
 from learning.collection.command import Pilot, Replay
-from learning.collection.controller import FILE as CONTROLLER, find
+from learning.collection.controller import FILE as CONTROLLER, find, known
+from learning.collection.coverage import measure
+from learning.collection.coverage_page import write_page
 from learning.collection.machine import LockStep, Machine
 from learning.collection.operator_model import Operator
 from learning.collection.plan import SPLITS, Plan, Recording
@@ -25,7 +29,7 @@ from learning.collection.slew_control import Gains, SlewControl
 from records.record import Record, read
 from specs.errors import InputError, nearest
 
-MANIFEST = "collection.json"
+MANIFEST, PAGE = "collection.json", "coverage.html"
 Report = Callable[[str, float, float], None]
 
 
@@ -43,6 +47,7 @@ def collect(
     where = LockStep(machine)
     _make_folder(out)
     chosen = [r for r in plan.recordings if not parts or r.part in parts]
+    _check_owner(plan, chosen, where, out)
     chosen.sort(key=lambda r: r.kind == "closed_loop")  # it is tuned on what the others recorded
     controller: dict[str, Any] = {}
     for done, recording in enumerate(chosen):
@@ -52,8 +57,31 @@ def collect(
             report(recording.part, done, len(chosen))
         _make(plan, recording, where, out, controller)
     manifest = _manifest(plan, machine, where, out)
+    if report:
+        report("coverage", len(chosen), len(chosen))
+    coverage = measure(out, manifest["recordings"])
+    manifest["coverage"] = coverage.figures
+    write_page(out / PAGE, manifest, coverage)
     _write(out / MANIFEST, manifest)
     return manifest
+
+
+def _check_owner(plan: Plan, chosen: Sequence[Recording], machine: Machine, out: Path) -> None:
+    """Raise InputError where a file of the same name holds a recording of something else."""
+    mine = {"collection": plan.name, "seed": plan.seed, "machine": machine.identity["machine"]}
+    for recording in chosen:
+        path = out / f"{recording.name}.parquet"
+        if path.is_file():
+            meta = read(path).meta
+            theirs = {key: meta.get(key) for key in mine}
+            if theirs != mine:
+                said = ", ".join(f"{key} {value}" for key, value in theirs.items())
+                raise InputError(f"{path} is a recording of {said}; choose another folder")
+
+
+def _digest(plan: Plan, recording: Recording, machine: Machine, gains: Mapping[str, float] | None) -> str:
+    used = gains if recording.kind == "closed_loop" else None
+    return plan.digest(recording, {**machine.identity, "gains": used})
 
 
 def _make(
@@ -61,8 +89,8 @@ def _make(
 ) -> None:
     path = out / f"{recording.name}.parquet"
     gains = controller["gains"] if recording.kind == "closed_loop" else None
-    digest = plan.digest(recording, {**machine.identity, "gains": gains})
-    if kept(path, digest):
+    digest = _digest(plan, recording, machine, gains)
+    if (found := _there(path, digest)) is not None and found.complete:
         return
     meta = {
         "origin": machine.label,
@@ -85,21 +113,24 @@ def pilot(plan: Plan, recording: Recording, gains: Mapping[str, float] | None = 
         return Operator(recording.draws(plan.seed, "operator"), plan.limits, start)
     if recording.kind == "closed_loop":
         return SlewControl(Gains.of(gains or {}), recording, plan.seed)
-    return Replay(excitation.wanted(part, recording, plan.seed))
+    return Replay(excitation.wanted(part, recording, plan.limits, plan.seed))
 
 
-def kept(path: Path, digest: str) -> bool:
-    """Whether a complete recording with this digest is there."""
+def _there(path: Path, digest: str) -> Record | None:
+    """The recording with this digest, if it is there, complete or aborted."""
     try:
         found = read(path)
     except InputError:
-        return False
-    return found.complete and found.meta.get("digest") == digest
+        return None
+    return found if found.meta.get("digest") == digest else None
 
 
 def _manifest(plan: Plan, machine: str, where: Machine, out: Path) -> dict[str, Any]:
-    found = [(r, out / f"{r.name}.parquet") for r in plan.recordings]
-    entries = [_entry(r, read(path)) for r, path in found if path.is_file()]
+    controller = _controller(plan, out)
+    gains = controller["gains"] if controller else None
+    paths = [(r, out / f"{r.name}.parquet", _digest(plan, r, where, gains)) for r in plan.recordings]
+    there = [(r, found) for r, path, digest in paths if (found := _there(path, digest)) is not None]
+    entries = [_entry(r, found) for r, found in there]
     return {
         "collection": plan.name,
         "description": plan.description,
@@ -107,7 +138,7 @@ def _manifest(plan: Plan, machine: str, where: Machine, out: Path) -> dict[str, 
         "seed": plan.seed,
         "machine": machine,
         "minutes": {s: _minutes(entries, s) for s in SPLITS},
-        "controller": _controller(plan, out),
+        "controller": controller,
         "aborted": [e["file"] for e in entries if e["aborted"]],
         "recordings": entries,
     }
@@ -117,7 +148,7 @@ def _controller(plan: Plan, out: Path) -> dict[str, Any] | None:
     """What controlled the closed loop, if the plan has one and it was found."""
     if not any(r.kind == "closed_loop" for r in plan.recordings):
         return None
-    return find(plan, out) if plan.gains or (out / CONTROLLER).is_file() else None
+    return find(plan, out) if plan.gains else known(out / CONTROLLER) or None
 
 
 def _minutes(entries: Sequence[dict[str, Any]], split: str) -> float:

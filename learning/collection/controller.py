@@ -47,20 +47,21 @@ def find(plan: Plan, out: Path, report: Report | None = None) -> dict[str, Any]:
     hashes = [read(out / f"{r.name}.parquet").run_hash for r in wanted]
     budget = [EPOCHS, UNROLL, UNROLL_EPOCHS, plan.seed]
     key = hashlib.sha256(json.dumps([hashes, budget]).encode()).hexdigest()
-    known = _known(out / FILE)
-    if known.get("digest") == key:
-        return known
+    before = known(out / FILE)
+    if before.get("digest") == key:
+        return before
     found = {"digest": key, **_tuned(plan, wanted, out, report)}
     (out / FILE).write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
     return found
 
 
-def _known(path: Path) -> dict[str, Any]:
+def known(path: Path) -> dict[str, Any]:
+    """What an OUT/controller.json says; empty when there is none that can be read."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return found if isinstance(found, dict) and "gains" in found else {}
 
 
 def _tuned(plan: Plan, wanted: Sequence[Recording], out: Path, report: Report | None) -> dict[str, Any]:

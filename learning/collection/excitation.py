@@ -13,14 +13,18 @@ from collections.abc import Callable
 import numpy as np
 
 from learning.collection.draws import Draws
-from learning.collection.plan import PERIOD_S, Part, Recording
+from learning.collection.plan import PERIOD_S, Limits, Part, Recording
 from specs.parameters import parameter
 
 LEAD_S = 1.0
+ANYWHERE = (-np.inf, np.inf)
+ARM = (0.1, 1.0)  # of the largest arm reference
+RAMP_S = (0.0, 1.5)
+ARM_RAMP_S = (1.0, 2.5)  # about the tool's period: an arm that starts or stops at once throws it
 Range = tuple[float, float]
 
 
-def wanted(part: Part, recording: Recording, seed: int) -> np.ndarray:
+def wanted(part: Part, recording: Recording, limits: Limits, seed: int) -> np.ndarray:
     """Commands (u_slew, qd_boom_ref, qd_stick_ref) [n, 3] of every command period, before the supervisor."""
     draws = recording.draws(seed, "excitation")
     n = recording.periods
@@ -28,9 +32,11 @@ def wanted(part: Part, recording: Recording, seed: int) -> np.ndarray:
     lead = round(LEAD_S / PERIOD_S)
     found[lead:, 0] = SHAPES[recording.kind](part, draws, n - lead)
     if recording.kind == "random_references":
-        limit = parameter("arm_velocity_limit", "arm_velocity").value
-        for joint in (1, 2):
-            found[lead:, joint] = limit * _random(draws, n - lead, (0.1, 1.0), part.period_s, 0.35)
+        top = parameter("arm_velocity_limit", "arm_velocity").value
+        poses = ((recording.q_boom, limits.boom_rad), (recording.q_stick, limits.stick_rad))
+        for joint, (start, span) in enumerate(poses, 1):
+            room = ((span[0] - start) / top, (span[1] - start) / top)
+            found[lead:, joint] = top * _random(draws, n - lead, ARM, part.period_s, ARM_RAMP_S, 0.35, room)
     return found
 
 
@@ -68,16 +74,29 @@ def _trapezoids(part: Part, draws: Draws, n: int) -> np.ndarray:
 
 
 def _random_references(part: Part, draws: Draws, n: int) -> np.ndarray:
-    return _random(draws, n, part.amplitude, part.period_s, 0.25)
+    return _random(draws, n, part.amplitude, part.period_s, RAMP_S, 0.25)
 
 
-def _random(draws: Draws, n: int, amplitude: Range, period_s: Range, rest: float) -> np.ndarray:
-    """Levels with ramps between them; a share `rest` of the levels is neutral."""
+def _random(
+    draws: Draws,
+    n: int,
+    amplitude: Range,
+    period_s: Range,
+    ramp_s: Range,
+    rest: float,
+    room: Range = ANYWHERE,
+) -> np.ndarray:
+    """Levels with ramps between them; a share `rest` of the levels is neutral.
+
+    A level whose integral (s) would leave `room` is taken the other way: the supervisor then need not clip.
+    """
     found: list[float] = [0.0]
     while len(found) <= n:
         still = draws.uniform() < rest
         level = 0.0 if still else draws.sign() * draws.between(*amplitude)
-        ramp, hold = draws.between(0.0, 1.5), draws.between(*period_s)
+        ramp, hold = draws.between(*ramp_s), draws.between(*period_s)
+        there = PERIOD_S * sum(found) + level * (hold + ramp)  # its own way back to neutral included
+        level = level if room[0] <= there <= room[1] else -level
         found += list(np.linspace(found[-1], level, _count(ramp) + 1)[1:])
         found += [level] * _count(hold)
     return np.array(found[1 : n + 1])

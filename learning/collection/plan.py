@@ -29,7 +29,6 @@ SPLITS = ("train", "validation", "test")
 ATTEMPTS = 5000
 RADIUS_M = 0.1  # a drawn radius is met to this
 ROOM_M = 0.2  # between a starting grab and the keep-out with its margin
-LARGEST_LOAD_KG = 2000.0
 Range = tuple[float, float]
 
 
@@ -43,10 +42,10 @@ class Limits:
     stick_rad: Range
     slew_speed_rad_s: float
     keepout_margin_m: float  # beyond keepout_height and keepout_radius of specs/parameters/geometry.toml
-    tool_swing_rad: float  # beyond it the slew gets neutral and the arm stands
+    tool_swing_rad: float  # beyond it all commands go to neutral, slowly
     tool_swing_abort_rad: float
-    stopping_s: float = 0.7  # from a command until the arm follows it, at most
-    rest_s: float = 2.0  # neutral for so long after too much swing
+    stopping_s: float = 0.9  # from a command until the arm follows it, at most
+    rest_s: float = 1.5  # and so for this long after
     silence_s: float = 0.5  # without a fresh sensor value
 
     def __post_init__(self) -> None:
@@ -97,8 +96,9 @@ class Part:
             raise InputError(f"period_s = {list(self.period_s)}: must rise, from {2 * PERIOD_S:g} s on")
         if self.radius_m is not None and not 0.0 < self.radius_m[0] < self.radius_m[1]:
             raise InputError(f"radius_m = {list(self.radius_m)}: must rise, from above 0")
-        if not self.loads_kg or not all(0.0 <= load <= LARGEST_LOAD_KG for load in self.loads_kg):
-            raise InputError(f"loads_kg = {list(self.loads_kg)}: 0 … {LARGEST_LOAD_KG:g} kg each")
+        most = parameter("load_mass", "geometry").max or 0.0
+        if not self.loads_kg or not all(0.0 <= load <= most for load in self.loads_kg):
+            raise InputError(f"loads_kg = {list(self.loads_kg)}: 0 … {most:g} kg each")
 
 
 @dataclass(frozen=True, kw_only=True)

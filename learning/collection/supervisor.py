@@ -9,7 +9,8 @@ recording, where clipping did not help or the sensors cannot be trusted:
                  encoder's delay, is above the limit; abort at ABORT_SPEED of it
     arm          a reference is taken only if the pose at which the arm comes to rest keeps pose limits and
                  keep-out, or is further inside than the present one; abort outside
-    tool         neutral for a while after too much swing; abort at twice too much (stated in the plan)
+    tool         while its swing is too large, and a while after, all commands go to neutral, but slowly: a
+                 sudden stop would swing it further; abort at tool_swing_abort_rad
     sensors      abort on silence, a value outside the signal's range, or two sensors that contradict
 
 Neutral is the safe state: the slew's brake closes and the arm's valves hold.
@@ -20,15 +21,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
+from fmus.equations import kinematics
 from learning.collection.command import NEUTRAL, Command, Sample
 from learning.collection.plan import PERIOD_S, Limits, clearance
 from specs.parameters import parameter
 from specs.signals import signal
 
 ABORT_SPEED = 1.2  # of the limit
-ABORT_POSE_RAD = 0.06  # outside the pose limits
+ABORT_POSE_RAD = 0.1  # outside the pose limits
 CONTRADICTION_RAD_S = 0.35  # between gyroscope and encoder, for silence_s; the encoder is 0.2 s late
 ENCODER_DELAY_S = 0.2
+EASE = 0.5  # 1/s: share of full command by which it may change while the tool swings
 STEP = 1 / 32000  # of the joystick, as it goes over the wire; references in as many steps
 WATCHED = (
     *(f"{kind}_{joint}" for kind in ("q", "qd") for joint in ("slew", "boom", "stick")),
@@ -37,6 +40,7 @@ WATCHED = (
     "imu_tool_roll",
     "imu_tool_pitch",
 )
+SATURATING = ("imu_tool_rate_x", "imu_tool_rate_y")  # beyond their range in a hard swing, which is no fault
 # Sensors whose noise never lets them repeat their value to the last digit.
 RESTLESS = ("qd_slew", "qd_boom", "qd_stick", "imu_cabin_rate_z", "imu_tool_roll", "imu_tool_pitch")
 
@@ -45,9 +49,9 @@ RESTLESS = ("qd_slew", "qd_boom", "qd_stick", "imu_cabin_rate_z", "imu_tool_roll
 class State:
     """What the supervisor remembers from period to period; `State()` before the first."""
 
-    told: tuple[tuple[float, float], ...] = ()  # arm references of the last periods, rad/s
+    told: tuple[Command, ...] = ()  # the last periods' commands
     speed: float | None = None
-    rest_s: float = 0.0  # neutral for so long still
+    rest_s: float = 0.0  # for so long still the tool is given rest
     unchanged_s: tuple[float, ...] = (0.0,) * len(RESTLESS)
     values: tuple[float, ...] = ()
     contradiction_s: float = 0.0
@@ -60,8 +64,8 @@ def supervise(
 ) -> tuple[Command, State]:
     """The command that may go to the machine, and the next state.
 
-    `seen` holds the newest value of every WATCHED signal, `age_s` is how old it is.  Once aborted, the
-    command stays neutral.
+    `seen` holds the newest value of every signal that is WATCHED or SATURATING, `age_s` is how old it is.
+    Once aborted, the command stays neutral.
     """
     state = _remember(seen, state)
     reason = state.aborted or _untrusted(seen, age_s, state, limits) or _outside(seen, limits)
@@ -71,7 +75,7 @@ def supervise(
         return NEUTRAL, replace(state, clipped=(), aborted=reason)
     rest = _rest(seen, state, limits)
     command, clipped = _clipped(wanted, seen, replace(state, rest_s=rest), limits)
-    told = (*state.told[1 - round(limits.stopping_s / PERIOD_S) :], command[1:])
+    told = (*state.told[1 - round(limits.stopping_s / PERIOD_S) :], command)
     return command, replace(state, told=told, speed=seen["qd_slew"], rest_s=rest, clipped=clipped)
 
 
@@ -96,6 +100,9 @@ def _untrusted(seen: Sample, age_s: float, state: State, limits: Limits) -> str:
         low, high = _range(name)
         if name not in seen or not low <= seen[name] <= high:
             return f"{name} = {seen.get(name, math.nan):.4g} is outside {low:g} … {high:g}"
+    for name in SATURATING:
+        if not math.isfinite(seen.get(name, math.nan)):
+            return f"{name} is not a number"
     for name, since in zip(RESTLESS, state.unchanged_s, strict=True):
         if since >= limits.silence_s - 1e-9:
             return f"{name} has not changed for {since:.2g} s"
@@ -121,27 +128,35 @@ def _outside(seen: Sample, limits: Limits) -> str:
 
 
 def _rest(seen: Sample, state: State, limits: Limits) -> float:
-    if _swing(seen) > limits.tool_swing_rad:
+    if _amplitude(seen) > limits.tool_swing_rad:
         return limits.rest_s
     return max(0.0, state.rest_s - PERIOD_S)
 
 
 def _clipped(wanted: Command, seen: Sample, state: State, limits: Limits) -> tuple[Command, tuple[str, ...]]:
-    if state.rest_s > 0.0:
-        return NEUTRAL, ("tool swing",)
     reasons = []
+    top = parameter("arm_velocity_limit", "arm_velocity").value
+    if state.rest_s > 0.0:
+        last = state.told[-1] if state.told else NEUTRAL
+        wanted = Command(
+            *(_towards_neutral(now, full) for now, full in zip(last, (1.0, top, top), strict=True))
+        )
+        reasons.append("tool swing")
     u = _rounded(wanted.u_slew, 1.0)
     acceleration = 0.0 if state.speed is None else (seen["qd_slew"] - state.speed) / PERIOD_S
     ahead = seen["qd_slew"] + acceleration * (ENCODER_DELAY_S + PERIOD_S)
     if abs(ahead) > limits.slew_speed_rad_s and ahead * u > 0.0:
         u = 0.0
         reasons.append("slew speed")
-    top = parameter("arm_velocity_limit", "arm_velocity").value
     asked = (_rounded(wanted.qd_boom_ref, top), _rounded(wanted.qd_stick_ref, top))
     taken = _arm(asked, seen, state, limits)
     if taken != asked:
         reasons.append("arm")
     return Command(u, *taken), tuple(reasons)
+
+
+def _towards_neutral(now: float, full: float) -> float:
+    return math.copysign(max(0.0, abs(now) - EASE * PERIOD_S * full), now)
 
 
 def _arm(asked: tuple[float, float], seen: Sample, state: State, limits: Limits) -> tuple[float, float]:
@@ -151,7 +166,7 @@ def _arm(asked: tuple[float, float], seen: Sample, state: State, limits: Limits)
     """
     pitch, count = seen["imu_tool_pitch"], round(limits.stopping_s / PERIOD_S)
     now = _inside(seen["q_boom"], seen["q_stick"], pitch, limits)
-    pending = [PERIOD_S * sum(told[joint] for told in state.told[-count:]) for joint in (0, 1)]
+    pending = [PERIOD_S * sum(told[joint] for told in state.told[-count:]) for joint in (1, 2)]
     boom, stick = asked
     for choice in ((boom, stick), (boom, 0.0), (0.0, stick)):
         rest = [
@@ -176,7 +191,18 @@ def _room(boom: float, stick: float, limits: Limits) -> tuple[float, float, floa
 
 
 def _swing(seen: Sample) -> float:
+    """Larger one of the tool's two angles, rad."""
     return max(abs(seen["imu_tool_roll"]), abs(seen["imu_tool_pitch"]))
+
+
+def _amplitude(seen: Sample) -> float:
+    """Where the larger of the two swings will have its end, from angle and rate, rad."""
+    g = kinematics.geometry()
+    natural = math.sqrt(g.gravity / g.tool_length)
+    return max(
+        math.hypot(seen[f"imu_tool_{angle}"], seen[f"imu_tool_rate_{axis}"] / natural)
+        for angle, axis in (("roll", "x"), ("pitch", "y"))
+    )
 
 
 def _rounded(value: float, limit: float) -> float:

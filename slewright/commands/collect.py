@@ -15,7 +15,7 @@ def collect(
         Path, typer.Argument(metavar="PLAN", help="A plan (.toml), or the name of one: paper, tiny.")
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of recordings (default: out/collect/NAME).")
+        Path | None, typer.Option(metavar="DIR", help="Folder of recordings (default: out/collect/NAME-M).")
     ] = None,
     machine: Annotated[
         str, typer.Option(metavar="M", help="nominal, tuning:K or validation:K (a machine draw).")
@@ -30,15 +30,20 @@ def collect(
     from learning.collection.plan import load_plan
 
     checked = load_plan(plan)
-    folder = out or Path("out/collect") / checked.name
+    folder = out or Path("out/collect") / f"{checked.name}-{machine.replace(':', '-')}"
     with progress("collect") as report:
         manifest = run(checked, folder, machine, parts or (), report)
     rows = [(split, minutes) for split, minutes in manifest["minutes"].items()]
-    tables.show(f"Collection {checked.name}, {manifest['origin']}", ["split", "minutes"], rows)
+    tables.show(f"{checked.name}, {manifest['origin']}", ["split", "minutes"], rows)
+    covered = manifest["coverage"].get("covered", {})
+    if covered:
+        shares = [(name, c["minutes"], 100 * c["time"], 100 * c["cells"]) for name, c in covered.items()]
+        head = ["training data", "minutes", "visits % of use's time", "% of use's cells"]
+        tables.show("Coverage", head, shares)
     for entry in manifest["recordings"]:
         if entry["aborted"]:
             typer.echo(f"{entry['file']}: {entry['aborted']}")
-    typer.echo(f"recordings: {folder}")
+    typer.echo(f"recordings: {folder}\ncoverage: {folder / 'coverage.html'}")
     figures.write(json, manifest, checked.seed)
     if manifest["aborted"]:
         raise typer.Exit(3)
