@@ -1,0 +1,131 @@
+"""Trials: the simulated reference machine driven to several poses, resting, moving its arm and slewing.
+
+One trial is one run with one load: over and over a move of boom and stick to a new pose, a rest, a slew to
+either side, a rest.  Poses, speeds and joysticks come from keys, so that trials of different kinds
+(calibration, scoring) share none.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+
+from baselines.load.sensors import ANGLES, CABIN, STEP_S, TOOL, pressures
+from fmus.equations import kinematics
+from orchestrator.assembly import assemble
+from orchestrator.simulate import simulate
+from orchestrator.stimuli import Stimuli
+from orchestrator.system import System
+from records.measurement import Channel, Measurement
+from records.record import Record
+from specs import draws, keys, systems
+
+BOOM, STICK = (0.8, 1.4), (-2.1, -0.3)  # rad, pose range
+LOWEST = 2.5 + 2.0  # m, of the arm tip: keep-out height, tool and a little
+SPEED = (0.05, 0.18)  # rad/s of the arm's moves
+JOYSTICK = (0.2, 0.6)
+REST_S, SLEW_S, COAST_S = 6.0, 4.0, 5.0
+SENSED = (*ANGLES, "qd_slew", "qd_boom", "qd_stick", *pressures("boom"), *pressures("stick"), *TOOL, *CABIN)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run: `kind` and `number` choose what is done, `load_kg` is in the grab."""
+
+    kind: str
+    number: int
+    load_kg: float
+    poses: int = 4
+
+    def uniform(self, low: float, high: float, *what: object) -> float:
+        """A number of this trial's between `low` and `high`."""
+        return low + (high - low) * keys.uniform("load trial", self.kind, self.number, *what)
+
+
+@cache
+def machine() -> System:
+    """The reference machine with its arm velocity controller, all sensors that the estimate needs."""
+    feedback = ["q_boom", "q_stick", "qd_boom", "qd_stick"]
+    references = ["qd_boom_ref", "qd_stick_ref"]
+    components = {
+        "arm_velocity": {"fmu": "arm_velocity", "inputs": {systems.SYSTEM: references, "machine": feedback}},
+        "machine": {
+            "fmu": "machine",
+            "inputs": {systems.SYSTEM: ["u_slew"], "arm_velocity": ["u_boom", "u_stick"]},
+        },
+    }
+    data = {
+        "description": "Reference machine and arm velocity controller, slewed from outside",
+        "step_s": STEP_S,
+        "stop_s": 60.0,
+        "components": components,
+        "outputs": {"machine": list(SENSED)},
+    }
+    return assemble(systems.parse("load_trial", data))
+
+
+def drawn(which: str) -> dict[str, float]:
+    """Parameters of a machine: "nominal", "tuning:K" or "validation:K"."""
+    if which == "nominal":
+        return {}
+    name, _, index = which.partition(":")
+    return draws.draw(name, int(index))
+
+
+def run(trial: Trial, which: str = "nominal") -> Measurement:
+    """Drive the machine through a trial and return what its sensors recorded."""
+    poses = [_pose(trial, i) for i in range(trial.poses + 1)]
+    ticks, changes = _script(trial, poses)
+    start = {"start_q_boom": poses[0][0], "start_q_stick": poses[0][1], "load_mass": trial.load_kg}
+    values = {f"machine.{n}": v for n, v in {**drawn(which), **start}.items()}
+    seed = 1 + int(keys.uniform("load noise", trial.kind, trial.number, which) * 2**30)
+    return measured(simulate(machine(), ticks, Stimuli(changes), values, seed=seed), which)
+
+
+def measured(record: Record, source: str) -> Measurement:
+    """A record's columns as channels."""
+    units = record.units
+    channels = {n: Channel(n, units[n], record.time, record.column(n)) for n in record.names if n != "time"}
+    return Measurement(channels, None, {"origin": "simulated reference machine"}, source)
+
+
+def _pose(trial: Trial, i: int) -> tuple[float, float]:
+    """The first drawn pose whose tool hangs above the keep-out height."""
+    g = kinematics.geometry()
+    for attempt in range(100):
+        boom, stick = trial.uniform(*BOOM, "boom", i, attempt), trial.uniform(*STICK, "stick", i, attempt)
+        if _height(boom, stick, g) > LOWEST:
+            return boom, stick
+    raise AssertionError("the pose range lies below the keep-out height")
+
+
+def _height(boom: float, stick: float, g: SimpleNamespace) -> float:
+    return g.boom_foot_z + g.boom_length * np.sin(boom) + g.stick_length * np.sin(boom + stick)
+
+
+def _script(trial: Trial, poses: list[tuple[float, float]]) -> tuple[int, dict[int, Mapping[str, float]]]:
+    """(ticks, changes of the inputs) of the whole trial."""
+    changes: dict[int, Mapping[str, float]] = {}
+    now = _ticks(REST_S)
+    for i, (pose, last) in enumerate(zip(poses[1:], poses[:-1], strict=True)):
+        for joint, target, from_ in zip(("boom", "stick"), pose, last, strict=True):
+            speed = trial.uniform(*SPEED, "speed", joint, i) * np.sign(target - from_)
+            ends = now + _ticks((target - from_) / speed)
+            _set(changes, now, f"qd_{joint}_ref", speed)
+            _set(changes, ends, f"qd_{joint}_ref", 0.0)
+        now = max(changes) + _ticks(REST_S)
+        side = 1.0 if i % 2 else -1.0
+        _set(changes, now, "u_slew", side * trial.uniform(*JOYSTICK, "joystick", i))
+        _set(changes, now + _ticks(SLEW_S), "u_slew", 0.0)
+        now += _ticks(SLEW_S + COAST_S)
+    return now + _ticks(REST_S), changes
+
+
+def _ticks(seconds: float) -> int:
+    return max(1, round(seconds / STEP_S))
+
+
+def _set(changes: dict[int, Mapping[str, float]], tick: int, name: str, value: float) -> None:
+    changes[tick] = {**changes.get(tick, {}), name: float(value)}

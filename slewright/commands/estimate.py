@@ -1,0 +1,148 @@
+"""`slewright estimate`: what the sensors say about quantities that nothing measures."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from slewright.figures import JsonOption, check_target, write
+from slewright.progress import progress
+from slewright.tables import show
+from specs.errors import InputError
+
+app = typer.Typer(help="Estimate what no sensor measures, from recordings.", no_args_is_help=True)
+Recordings = Annotated[
+    list[Path] | None, typer.Argument(metavar="[RECORDING]...", help="Recordings of a machine's sensors.")
+]
+
+
+@app.callback()
+def estimate() -> None:
+    """Estimate what no sensor measures, from recordings."""
+
+
+@app.command()
+def load(
+    recordings: Recordings = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Of this machine (default: nominal figures, wide intervals)."),
+    ] = None,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Score it on the simulated machine and its validation draws.")
+    ] = False,
+    draws: Annotated[int, typer.Option(metavar="N", min=0, help="Validation draws, with --simulate.")] = 8,
+    json: JsonOption = None,
+) -> None:
+    """Load in the grab from boom and stick pressures, with a 95 % interval, wherever a moment counts."""
+    if simulate == bool(recordings):
+        raise InputError("slewright estimate load takes recordings, or --simulate, and not both")
+    if simulate and calibration:
+        raise InputError("--simulate calibrates each machine itself: leave --calibration out")
+    if simulate:
+        _simulate(draws, json)
+    else:
+        _load(recordings or [], calibration, json)
+
+
+@app.command()
+def calibrate(
+    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...", help="With a known load.")],
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", callback=check_target, help="Write the calibration here (JSON).")
+    ],
+    loads: Annotated[
+        list[float] | None,
+        typer.Option("--load", metavar="KG", help="Load in the grab: once for all, or once a recording."),
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Fit a machine's own figures to recordings with a known load (default: an empty grab)."""
+    from baselines.load.calibration import calibrate as fit, uncalibrated
+    from baselines.load.calibration_file import as_dict
+    from records.formats import read_measurement
+
+    known = _known_loads(loads or [0.0], len(recordings))
+    with progress("calibrate load") as report:
+        report("reading")
+        found = [read_measurement(path) for path in recordings]
+        report("fitting")
+        figures = as_dict(fit(found, known))
+    before = as_dict(uncalibrated())
+    rows = [
+        (n, before["unknowns"][n], before["sd"][n], v, figures["sd"][n])
+        for n, v in figures["unknowns"].items()
+    ]
+    show("Load estimate: figures of this machine", ["figure", "before", "sd", "found", "sd "], _rounded(rows))
+    write(out, figures)
+    typer.echo(f"calibration: {out}")
+    write(json, figures)
+
+
+def _known_loads(loads: list[float], count: int) -> list[float]:
+    if len(loads) == 1:
+        loads = loads * count
+    if len(loads) != count:
+        raise InputError(f"{len(loads)} loads for {count} recordings; give --load once, or once a recording")
+    for value in loads:
+        if not 0.0 <= value <= 20000.0:
+            raise InputError(f"--load {value:g}: a load is 0 to 20000 kg")
+    return loads
+
+
+def _load(recordings: list[Path], calibration: Path | None, json: Path | None) -> None:
+    from baselines.load.calibration import uncalibrated
+    from baselines.load.calibration_file import read
+    from baselines.load.estimate import estimate as run
+    from records.formats import read_measurement
+
+    machine = read(calibration) if calibration else uncalibrated()
+    found: dict[str, Any] = {}
+    with progress("estimate load") as report:
+        for number, path in enumerate(recordings):
+            report(str(path), number, len(recordings))
+            found[str(path)] = run(read_measurement(path), machine).as_dict()
+    rows = [row for path, result in found.items() for row in _summary(path, result)]
+    show("Load in the grab", ["recording", "motion", "windows", "load kg", "from", "to"], rows)
+    for path, result in found.items():
+        for note in result["notes"]:
+            typer.echo(f"{path}: {note}")
+    write(json, {"calibration": str(calibration) if calibration else None, "recordings": found})
+
+
+def _summary(path: str, result: dict[str, Any]) -> list[tuple[object, ...]]:
+    chosen = [(m, result[m]) for m in ("still", "moving") if m in result]
+    return [
+        (path, m, r["windows"], *(round(r[k]) for k in ("load_kg", "low_kg", "high_kg"))) for m, r in chosen
+    ]
+
+
+def _simulate(draws: int, json: Path | None) -> None:
+    from baselines.load.validate import machines, validate
+
+    with progress("estimate load") as report:
+        figures = validate(machines(draws), report=report)
+    columns = [
+        "calibration",
+        "motion",
+        "estimates",
+        "within limit",
+        "covered",
+        "95 % kg",
+        "largest kg",
+        "+- kg",
+    ]
+    keys = ("estimates", "within_limit", "covered", "p95_kg", "largest_kg", "half_width_kg")
+    rows = [
+        (name, motion, *(score[k] for k in keys))
+        for name, parts in figures["calibrations"].items()
+        for motion, score in parts.items()
+    ]
+    show("Load estimate, simulated reference machine", columns, rows)
+    write(json, figures)
+    if not figures["accepted"]:
+        raise typer.Exit(1)
+
+
+def _rounded(rows: list[tuple[Any, ...]]) -> list[tuple[str, ...]]:
+    return [(row[0], *(f"{value:.4g}" for value in row[1:])) for row in rows]
