@@ -52,7 +52,7 @@ class Trace:
 @cache
 def load(folder: Path = FOLDER) -> dict[str, Trace]:
     """All traces by name; raises InputError when there are none or a file is damaged."""
-    found = {path.stem: _read(path) for path in sorted(folder.glob("*.csv"))}
+    found = {path.stem: read(path) for path in sorted(folder.glob("*.csv"))}
     if not found:
         raise InputError(f"no slew traces in {folder}")
     return found
@@ -74,7 +74,8 @@ def apart(traces: dict[str, Trace]) -> list[Trace]:
     return [t for t in traces.values() if t.inertia >= APART]
 
 
-def _read(path: Path) -> Trace:
+def read(path: Path) -> Trace:
+    """One file of this form; raises InputError when it is damaged."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
@@ -89,5 +90,5 @@ def _read(path: Path) -> Trace:
             columns["omega"],
             columns["q"],
         )
-    except (ValueError, TypeError, KeyError, IndexError) as error:
+    except (OSError, ValueError, TypeError, KeyError, IndexError) as error:
         raise InputError(f"slew trace {path.name} is damaged: {error}") from error

@@ -1,31 +1,34 @@
 """The small file beside a pair of networks: which number is what, in which unit and sense (slew.toml).
 
-format = 1
-spacing_s = 0.1                # of the history; other spacings are other networks
-history = 10
-activation = "relu"
-symmetric = false              # true: evaluate on the mirror image too, and average
-normalisation = "outside"      # "inside": means and deviations are in the (ONNX) graphs already
+    format = 1
+    spacing_s = 0.1                # of the history; other spacings are other networks
+    history = 10
+    activation = "relu"
+    symmetric = false              # true: evaluate on the mirror image too, and average
+    normalisation = "outside"      # "inside": means and deviations are in the (ONNX) graphs already
+    visited = "00ff…"              # in exports: the bits of SlewNetwork.visited, in hexadecimal
 
-[channels.u]                   # and p_l, p_r, omega, inertia: as SI numbers of network.py unless said here
-unit = "1"                     # specs/units.py
-full_scale = 850               # the stored number that is one unit; or scale = units of one stored number
-sign = -1                      # turned round
+    [channels.u]                   # and p_l, p_r, omega, inertia; SI numbers unless said here
+    unit = "1"                     # specs/units.py
+    full_scale = 850               # the stored number that is one unit; or scale = units of one stored number
+    sign = -1                      # turned round
 
-[pressure]                     # and [velocity]
-inputs = ["u", "p_l", "p_r", "omega", "inertia"]     # any order
-outputs = ["p_l", "p_r"]       # velocity: ["omega"]
-order = "old_to_new"           # or "new_to_old"
-layout = "by_channel"          # or "by_time": all channels of one instant, then of the next
-residual = false               # true: outputs are changes from the last known values
-layers = [41, 128, 128, 128, 128, 32, 2]             # if given, they are checked
-mean_in = { u = 0, p_l = 60, … }                     # a table by channel, or 41 numbers in `inputs` order
-std_in = …                     # likewise; without them 0 and 1
-mean_out = [60, 60]            # in order of `outputs`
-std_out = [50, 50]
+    [pressure]                     # and [velocity]
+    inputs = ["u", "p_l", "p_r", "omega", "inertia"]     # any order
+    outputs = ["p_l", "p_r"]       # velocity: ["omega"]
+    order = "old_to_new"           # or "new_to_old"
+    layout = "by_channel"          # or "by_time": all channels of one instant, then of the next
+    residual = false               # true: outputs are changes from the last known values
+    layers = [41, 128, 128, 128, 128, 32, 2]             # if given, they are checked
+    mean_in = { u = 0, p_l = 60, … }                     # a table by channel, or 41 numbers in `inputs` order
+    std_in = …                     # likewise; without them 0 and 1
+    mean_out = [60, 60]            # in order of `outputs`
+    std_out = [50, 50]
 
-[region]                       # SI: what the networks were trained on, if known
-u = [-1.0, 1.0]
+    [region]                       # SI: what the networks were trained on, if known
+    u = [-1.0, 1.0]
+
+Only the tables `pressure` and `velocity` with inputs and outputs must be there.
 """
 
 from collections.abc import Mapping
@@ -35,12 +38,13 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from fmus.slew_nn.network import HISTORY, INPUTS, PERIOD_S
+from fmus.slew_nn.network import CELL_AXES, HISTORY, INPUTS, PERIOD_S
 from specs.errors import InputError
 from specs.schema import STRICT, read_toml, validate
 from specs.units import unit as find_unit
 
 CHANNELS = ("u", "p_l", "p_r", "omega", "inertia")  # in network.py's order
+PLACES = [(channel, row) for channel in CHANNELS[:-1] for row in range(HISTORY)] + [("inertia", 0)]
 SI = {"u": "1", "p_l": "Pa", "p_r": "Pa", "omega": "rad/s", "inertia": "kg.m2"}
 OUTPUTS = {"pressure": ("p_l", "p_r"), "velocity": ("omega",)}
 Statistics = dict[str, float] | list[float] | None
@@ -151,6 +155,7 @@ class Description:
     symmetric: bool = False
     normalisation: Literal["inside", "outside"] = "outside"
     region: dict[str, tuple[float, float]] = field(default_factory=dict)
+    visited: str | None = None
     meta: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -161,6 +166,7 @@ class Description:
             )
         for name in {*self.channels, *self.region} - {*CHANNELS}:
             raise InputError(f"no channel '{name}'; valid: {', '.join(CHANNELS)}")
+        self.cells_visited()
         for name, outputs in OUTPUTS.items():
             self._check_part(name, self.part(name), outputs)
 
@@ -178,6 +184,19 @@ class Description:
     def part(self, name: str) -> Part:
         """`pressure` or `velocity`."""
         return getattr(self, name)
+
+    def cells_visited(self) -> np.ndarray | None:
+        """SlewNetwork.visited; InputError if the bits or the region's ranges are not all there."""
+        if self.visited is None:
+            return None
+        shape = tuple(CELL_AXES.values())
+        digits = 2 * ((int(np.prod(shape)) + 7) // 8)
+        if not set(self.visited) <= set("0123456789abcdef") or len(self.visited) != digits:
+            raise InputError(f"visited: {digits} hexadecimal digits are needed")
+        if missing := sorted({*CELL_AXES} - {*self.region}):
+            raise InputError(f"visited: the region of {', '.join(missing)} is missing")
+        bits = np.unpackbits(np.frombuffer(bytes.fromhex(self.visited), np.uint8), count=int(np.prod(shape)))
+        return bits.reshape(shape).astype(bool)
 
     def unit_of(self, channel: str) -> ChannelUnit:
         """How a channel is stored: as said, else SI."""

@@ -15,10 +15,9 @@ import numpy as np
 
 from fmus.slew_nn.network import HISTORY, INPUTS, PERIOD_S, Mlp, SlewNetwork
 from learning.slew import description as described
-from learning.slew.description import CHANNELS, OUTPUTS, SI, Description, Part
+from learning.slew.description import CHANNELS, OUTPUTS, PLACES, SI, Description, Part
 from specs.errors import InputError
 
-PLACES = [(channel, row) for channel in CHANNELS[:-1] for row in range(HISTORY)] + [("inertia", 0)]
 WRAPPERS = ("state_dict", "model_state_dict", "model")  # under which training scripts put a state dict
 
 
@@ -140,7 +139,9 @@ def _stored(path: Path) -> dict[str, np.ndarray]:
 
 def _network(parts: dict[str, tuple[Mlp, ...]], told: Description, files: tuple[Path, Path]) -> SlewNetwork:
     meta = {**told.meta, "imported": [path.name for path in files]}
-    return SlewNetwork(**parts, symmetric=told.symmetric, region=told.region, meta=meta)
+    return SlewNetwork(
+        parts["pressure"], parts["velocity"], told.symmetric, told.region, meta, told.cells_visited()
+    )
 
 
 def _in_si(raw: Raw, name: str, told: Description, path: Path) -> Mlp:
@@ -257,6 +258,8 @@ def _description(network: SlewNetwork) -> str:
         *("format = 1", f"spacing_s = {PERIOD_S}", f"history = {HISTORY}", 'normalisation = "inside"'),
         f"symmetric = {_toml(network.symmetric)}",
     ]
+    if network.visited is not None:
+        lines += [f"visited = {_toml(np.packbits(network.visited).tobytes().hex())}"]
     for channel in CHANNELS:
         lines += ["", f"[channels.{channel}]", f'unit = "{SI[channel]}"', "sign = 1"]
     for name, outputs in OUTPUTS.items():
