@@ -174,7 +174,8 @@ def _units(cells: Sequence[str], width: int) -> list[str] | None:
     """The units of a line that holds nothing else; None for a line of data."""
     bare = [cell.strip("[]()") for cell in cells]
     known = [spelled(cell) in UNITS for cell in bare if cell]
-    if len(cells) != width or not any(known) or any(_number(c) for c in bare if spelled(c) != "1"):
+    telling = [cell for cell in bare if spelled(cell) in UNITS and spelled(cell) != "1"]  # 1 is data, too
+    if len(cells) != width or not telling or any(_number(c) for c in bare if spelled(c) != "1"):
         return None
     return bare if sum(known) * 2 >= len(known) else None
 

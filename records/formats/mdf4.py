@@ -6,8 +6,9 @@ Read are also MDF3 files, unsorted files and files that a logger did not finalis
 import gc
 import json
 import logging
+import sys
 from collections.abc import Iterator, Mapping
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from datetime import UTC, datetime
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -27,7 +28,7 @@ from specs.errors import InputError
 
 VERSION = "4.11"
 META = "slewright"  # property of the header's comment that holds our metadata
-TIME, VIRTUAL_MASTER, MASTER = 1, 3, 2  # synchronisation and channel types of the standard
+TIME = 1  # MDF4's synchronisation type; MDF3 knows no other
 DEFLATED = 2  # transposed, which suits floats
 UNFINISHED = b"UnFinMF "
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # what it finds is said here
@@ -38,8 +39,7 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     with path.open("rb") as file:
         unfinished = file.read(8) == UNFINISHED
     notes = ["the file was not finalised: read as far as it was written"] if unfinished else []
-    silent = StringIO()  # asammdf prints what it fails at, also when what is left of it is cleared away
-    with redirect_stdout(silent), redirect_stderr(silent):
+    with _silence():
         try:
             return _read(path, notes)
         except Exception as error:  # noqa: BLE001 - a damaged file makes asammdf raise anything
@@ -47,6 +47,17 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
         gc.collect()
     state = "not finalised and cannot be recovered" if unfinished else "damaged, cut off or not MDF"
     raise InputError(f"{path} is {state}: {reason}")
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """asammdf prints what it fails at, and fails again when what is left of it is cleared away."""
+    before, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        with redirect_stdout(StringIO()):
+            yield
+    finally:
+        sys.unraisablehook = before
 
 
 def _read(path: Path, notes: list[str]) -> Raw:
@@ -60,14 +71,13 @@ def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
     """The channel groups that hold samples over time."""
     for number, group in enumerate(file.groups):
         label = _label(group, number)
-        kinds = [(c.channel_type, c.sync_type) for c in group.channels]
-        masters = [sync for kind, sync in kinds if kind in (MASTER, VIRTUAL_MASTER)]
+        master = file.masters_db.get(number)
         if not group.channel_group.cycles_nr:
             notes.append(f"{label}: left out, it has no samples")
-        elif masters != [TIME]:
+        elif master is None or getattr(group.channels[master], "sync_type", TIME) != TIME:
             notes.append(f"{label}: left out, its samples are not over time")
         else:
-            yield _group(file, number, label, notes)
+            yield _group(file, number, master, label, notes)
 
 
 def _label(group: Any, number: int) -> str:
@@ -76,12 +86,9 @@ def _label(group: Any, number: int) -> str:
     return str(getattr(block, "acq_name", "") or f"group{number + 1}")
 
 
-def _group(file: Any, number: int, label: str, notes: list[str]) -> Group:
-    wanted = [
-        (None, number, index)
-        for index, channel in enumerate(file.groups[number].channels)
-        if channel.channel_type not in (MASTER, VIRTUAL_MASTER)
-    ]
+def _group(file: Any, number: int, master: int, label: str, notes: list[str]) -> Group:
+    channels = range(len(file.groups[number].channels))
+    wanted = [(None, number, index) for index in channels if index != master]
     found = file.select(wanted, ignore_value2text_conversions=True, copy_master=False, validate=False)
     time = np.asarray(file.get_master(number), dtype=np.float64)
     columns = [column for signal in found for column in _columns(signal, notes)]

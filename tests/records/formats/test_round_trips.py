@@ -42,7 +42,8 @@ def test_start_keeps_its_zone_to_a_microsecond(suffix, tmp_path):
     sent = one_rate() if suffix in TABLES else recording()
     found = back(sent, tmp_path / f"r{suffix}")
     assert found.start == START
-    assert found.start and found.start.utcoffset() == START.utcoffset()
+    assert found.start is not None
+    assert found.start.utcoffset() == START.utcoffset()
     assert found.meta["label"] == "simulated reference machine"
     assert found.meta["repairs"] == ["mended before"]
 
@@ -187,7 +188,9 @@ def test_a_file_that_was_cut_is_recovered_and_said_or_refused(suffix, share, tmp
     try:
         found = read_measurement(path)
     except InputError as error:
-        assert "cut" in str(error)
+        found, refused = None, str(error)
+    if found is None:
+        assert str(path) in refused
         return
     assert any(word in " ".join(found.repairs) for word in ("cut", "closed", "end", "whole"))
     for name in set(found.channels) & set(sent.channels):

@@ -1,0 +1,165 @@
+"""MCAP: what mcap's own reader reads of our files, and what we read of other people's JSON topics."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+from records.formats import read_measurement, write_measurement
+from records.measurement import Channel, Measurement
+from specs.errors import InputError
+from tests.records.formats.samples import START, recording
+
+BEGIN_NS = 1_740_826_800_000_000_000  # 2025-03-01T11:00:00Z
+
+
+def test_mcaps_reader_reads_what_is_written(tmp_path):
+    sent = recording()
+    write_measurement(sent, tmp_path / "w.mcap")
+    with (tmp_path / "w.mcap").open("rb") as file:
+        messages = list(make_reader(file, validate_crcs=True).iter_messages())
+    for name, channel in sent.channels.items():
+        mine = [
+            (schema, m.log_time, json.loads(m.data))
+            for schema, _, m in messages
+            if name in json.loads(m.data)
+        ]
+        stated = json.loads(mine[0][0].data)["properties"][name]
+        assert stated["unit"] == channel.unit
+        assert [row[name] for _, _, row in mine] == channel.values.tolist()
+        zero = round(START.timestamp() * 1e6) * 1000
+        assert [stamp - zero for _, stamp, _ in mine] == [round(1e9 * t) for t in channel.time]
+
+
+def save(path: Path, topics: dict, compression=CompressionType.ZSTD, **options) -> Path:
+    """Write {topic: (encoding, schema, metadata, [(ns after the beginning, data)])}."""
+    with path.open("wb") as file:
+        writer = Writer(file, compression=compression, **options)
+        writer.start()
+        sent = []
+        for topic, (encoding, schema, metadata, messages) in topics.items():
+            number = writer.register_schema(topic, "jsonschema", json.dumps(schema).encode()) if schema else 0
+            channel = writer.register_channel(topic, encoding, number, metadata)
+            sent += [(stamp, channel, data) for stamp, data in messages]
+        for stamp, channel, data in sorted(sent, key=lambda s: s[0]):
+            writer.add_message(channel, BEGIN_NS + stamp, data, BEGIN_NS + stamp)
+        writer.finish()
+    return path
+
+
+def rows(count: int, period_ns: int, make) -> list[tuple[int, bytes]]:
+    return [(period_ns * i, json.dumps(make(i)).encode()) for i in range(count)]
+
+
+SCHEMA = {
+    "type": "object",
+    "properties": {
+        "angle": {"type": "number", "unit": "deg"},
+        "load": {"type": "object", "properties": {"mass": {"type": "number", "unit": "t"}}},
+    },
+}
+
+
+def test_nested_fields_units_rates_and_topics_in_other_encodings(tmp_path):
+    path = save(
+        tmp_path / "r.mcap",
+        {
+            "/drive/slew": (
+                "json",
+                SCHEMA,
+                {},
+                rows(100, 20_000_000, lambda i: {"angle": i, "load": {"mass": 2}}),
+            ),
+            "/p": ("json", None, {"unit": "bar"}, rows(20, 100_000_000, lambda i: {"value": i, "text": "x"})),
+            "/camera": ("protobuf", None, {}, [(0, b"\x00\x01")]),
+        },
+    )
+    found = read_measurement(path, names={"drive.slew.angle": "q_slew", "p": "p_slew_a"})
+    assert found.start == datetime.fromtimestamp(BEGIN_NS / 1e9, UTC)
+    assert set(found.channels) == {"q_slew", "drive.slew.load.mass", "p_slew_a"}
+    np.testing.assert_allclose(found["q_slew"].values, np.radians(np.arange(100)))
+    np.testing.assert_allclose(found["q_slew"].time, np.arange(100) * 0.02, atol=1e-12)
+    np.testing.assert_allclose(found["p_slew_a"].values, 1e5 * np.arange(20))
+    np.testing.assert_allclose(found["p_slew_a"].time, np.arange(20) * 0.1, atol=1e-12)
+    assert found["drive.slew.load.mass"].unit == "t"
+    assert "topic /camera: left out, it is in protobuf" in found.repairs
+
+
+def test_fields_that_come_and_go_and_nulls_are_absent(tmp_path):
+    make = lambda i: {"a": i, **({"b": True} if i % 2 else {}), "c": None if i < 5 else 0.5}  # noqa: E731
+    found = read_measurement(save(tmp_path / "r.mcap", {"/t": ("json", None, {}, rows(10, 10**8, make))}))
+    assert found["t.a"].values.dtype == np.int64
+    assert found["t.b"].values.tolist() == [True] * 5
+    np.testing.assert_allclose(found["t.b"].time, [0.1, 0.3, 0.5, 0.7, 0.9])
+    assert len(found["t.c"].time) == 5
+
+
+@pytest.mark.parametrize("options", [{"use_chunking": False}, {"chunk_size": 2000}])
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.ZSTD, CompressionType.LZ4])
+def test_a_file_without_footer_gives_all_whole_messages(tmp_path, options, compression):
+    path = save(
+        tmp_path / "r.mcap",
+        {"/t": ("json", None, {}, rows(1000, 20_000_000, lambda i: {"value": i}))},
+        compression,
+        **options,
+    )
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 3])
+    found = read_measurement(path)
+    kept = len(found["t"].time)
+    assert 50 < kept < 1000
+    assert found["t"].values.tolist() == list(range(kept))
+    assert found.repairs[0] == "the file was not closed, it has no footer: read as far as it is whole"
+
+
+def test_a_damaged_chunk_is_dropped_said_and_leaves_a_gap(tmp_path):
+    path = save(
+        tmp_path / "r.mcap",
+        {"/t": ("json", None, {}, rows(1000, 20_000_000, lambda i: {"value": i}))},
+        CompressionType.NONE,
+        chunk_size=2000,
+    )
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b'{"value": 500}', b'{"value": 599}'))
+    found = read_measurement(path)
+    assert 599 in found["t"].values
+    assert (found["t"].values == 599).sum() == 1
+    assert "dropped a damaged chunk" in found.repairs[0]
+    assert "kept as a gap" in found.repairs[1]
+
+
+def test_messages_that_are_no_json_are_refused_with_their_place(tmp_path):
+    path = save(tmp_path / "r.mcap", {"/t": ("json", None, {}, [(0, b'{"a": 1}'), (10, b"{a}")])})
+    with pytest.raises(InputError, match=r"r\.mcap: message 2 of /t is not JSON"):
+        read_measurement(path)
+
+
+@pytest.mark.parametrize(
+    ("topics", "said"),
+    [
+        ({}, "holds no messages"),
+        ({"/a": ("ros1", None, {}, [(0, b"1")])}, "no topic in JSON; its encodings: ros1"),
+        ({"/a": ("json", None, {}, [(0, b'{"text": "x"}')])}, "holds no samples"),
+    ],
+)
+def test_files_without_samples_are_refused(tmp_path, topics, said):
+    with pytest.raises(InputError, match=rf"r\.mcap .*{said}"):
+        read_measurement(save(tmp_path / "r.mcap", topics))
+
+
+def test_numbers_that_json_does_not_know_are_absent(tmp_path):
+    time = np.arange(5) * 0.1
+    sent = Measurement({"x": Channel("x", "m", time, np.array([0, np.nan, 2, np.inf, 4.0]))}, START)
+    write_measurement(sent, tmp_path / "w.mcap")
+    found = read_measurement(tmp_path / "w.mcap")
+    assert found["x"].values.tolist() == [0, 2, 4]
+
+
+def test_times_before_1970_are_refused(tmp_path):
+    sent = Measurement(recording().channels, datetime(1969, 1, 1, tzinfo=UTC))
+    with pytest.raises(InputError, match="before 1970"):
+        write_measurement(sent, tmp_path / "w.mcap")

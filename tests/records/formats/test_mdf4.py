@@ -1,0 +1,140 @@
+"""MDF4: what asammdf itself reads of our files, and what we read of files that it or a logger wrote."""
+
+import struct
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+
+import numpy as np
+import pytest
+from asammdf import MDF, Signal
+
+from records.formats import read_measurement, write_measurement
+from specs.errors import InputError
+from tests.records.formats.samples import START, recording
+
+
+def test_asammdf_reads_what_is_written(tmp_path):
+    sent = recording()
+    write_measurement(sent, tmp_path / "w.mf4")
+    with MDF(tmp_path / "w.mf4") as file:
+        assert file.version >= "4.10"
+        assert file.start_time == START
+        assert len(file.groups) == 2
+        for channel in sent.channels.values():
+            found = file.get(channel.name)
+            assert found.unit == channel.unit
+            assert found.comment == channel.description
+            np.testing.assert_array_equal(found.timestamps, channel.time)
+            np.testing.assert_array_equal(found.samples, channel.values)
+
+
+def save(path: Path, *groups: list, start: datetime | None = None, version="4.11", compression=0) -> Path:
+    with MDF(version=version) as file:
+        if start:
+            file.start_time = start
+        for number, signals in enumerate(groups):
+            file.append(signals, acq_name=f"task{number}", common_timebase=True)
+        file.save(path, overwrite=True, compression=compression)
+    return path
+
+
+TIME = np.arange(200) * 0.02
+Q = Signal(np.degrees(np.sin(TIME)), TIME, unit="°", name="q_slew")
+
+
+@pytest.mark.parametrize("version", ["3.30", "4.00", "4.11"])
+def test_files_of_other_versions(tmp_path, version):
+    path = save(tmp_path / ("r.mdf" if version < "4" else "r.mf4"), [Q], version=version)
+    found = read_measurement(path)
+    np.testing.assert_allclose(found["q_slew"].values, np.sin(TIME), atol=1e-12)
+    np.testing.assert_allclose(found["q_slew"].time, TIME, atol=1e-12)
+    assert found["q_slew"].unit == "rad"
+
+
+def test_conversions_are_applied_and_enumerations_stay_numbers(tmp_path):
+    raw = np.arange(200, dtype=np.uint16)
+    linear = Signal(raw, TIME, unit="bar", name="p_slew_a", conversion={"a": 0.5, "b": -10.0})
+    texts = {"val_0": 0, "text_0": "off", "val_1": 1, "text_1": "on", "default": b"?"}
+    state = Signal(raw % 2, TIME, name="brake_released", conversion=texts)
+    found = read_measurement(save(tmp_path / "r.mf4", [linear, state]))
+    np.testing.assert_allclose(found["p_slew_a"].values, 1e5 * (0.5 * raw - 10))
+    np.testing.assert_array_equal(found["brake_released"].values, raw % 2)
+
+
+def test_invalid_samples_text_and_equal_names_of_two_groups(tmp_path):
+    bad = np.zeros(200, dtype=bool)
+    bad[50:60] = True
+    marked = Signal(np.arange(200.0), TIME, unit="m", name="x", invalidation_bits=bad)
+    text = Signal(np.array([b"abc"] * 200), TIME, name="note", encoding="utf-8")
+    slow = Signal(np.arange(20.0), TIME[::10], unit="m", name="x")
+    found = read_measurement(save(tmp_path / "r.mf4", [marked, text], [slow]))
+    assert set(found.channels) == {"task0.x", "task1.x"}
+    assert len(found["task0.x"].time) == 190
+    assert "x is there 2 times: called task0.x, task1.x" in found.repairs
+    assert any(
+        "task0.x: dropped 10 samples without a valid value; the first: sample 51 of task0" in line
+        for line in found.repairs
+    )
+    assert "note: left out, it holds no numbers" in found.repairs
+    named = read_measurement(tmp_path / "r.mf4", names={"task1.x": "target_x"})
+    assert len(named["target_x"].time) == 20
+
+
+def test_a_clock_that_jumps_back_names_file_group_and_sample(tmp_path):
+    time = np.concatenate([TIME[:100], TIME[:100]])
+    path = save(tmp_path / "r.mf4", [Signal(np.arange(200.0), time, name="x")])
+    with pytest.raises(
+        InputError, match=r"r\.mf4: the clock jumps back by 1.98 s at sample 101 of task0 at 0 s"
+    ):
+        read_measurement(path)
+
+
+def test_a_start_with_and_without_a_zone(tmp_path):
+    zoned = datetime(2025, 3, 1, 12, 0, tzinfo=timezone(timedelta(hours=-5)))
+    assert read_measurement(save(tmp_path / "a.mf4", [Q], start=zoned)).start == zoned
+    found = read_measurement(save(tmp_path / "b.mf4", [Q], start=datetime(2025, 3, 1, 12, 0, tzinfo=UTC)))
+    assert found.start == datetime(2025, 3, 1, 12, 0, tzinfo=UTC)
+
+
+def unfinished(path: Path, records: float) -> Path:
+    """Turn a file with one group into what a logger leaves that lost power: data last, counters at zero."""
+    with MDF(path) as file:
+        group = file.groups[0]
+        at_data, at_group = group.data_group.address, group.channel_group.address
+        data_block = group.data_group.data_block_addr
+        size = group.channel_group.samples_byte_nr
+    whole = bytearray(path.read_bytes())
+    length = struct.unpack_from("<Q", whole, data_block + 8)[0]
+    data = whole[data_block + 24 : data_block + length]
+    links = struct.unpack_from("<Q", whole, at_group + 16)[0]
+    struct.pack_into("<Q", whole, at_group + 24 + 8 * links + 8, 0)  # cycle counter
+    whole += b"\0" * (-len(whole) % 8)
+    struct.pack_into("<Q", whole, at_data + 24 + 16, len(whole))  # link to the data
+    whole += b"##DT" + b"\0" * 4 + struct.pack("<QQ", 24, 0) + data[: int(records * size)]
+    whole[:8] = b"UnFinMF "
+    struct.pack_into("<H", whole, 60, 0b101)  # cycle counters and length of the last data block to be updated
+    path.write_bytes(whole)
+    return path
+
+
+@pytest.mark.parametrize("records", [150, 120.5])
+def test_a_file_that_was_not_finalised_is_read_as_far_as_it_is_whole(tmp_path, records, capfd):
+    path = unfinished(save(tmp_path / "r.mf4", [Q]), records)
+    before = path.read_bytes()
+    found = read_measurement(path)
+    assert found.repairs[0] == "the file was not finalised: read as far as it was written"
+    assert len(found["q_slew"].time) == int(records)
+    np.testing.assert_allclose(found["q_slew"].values, np.sin(TIME[: int(records)]), atol=1e-12)
+    assert path.read_bytes() == before
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_file_that_cannot_be_recovered_is_refused_in_one_line(tmp_path, capfd):
+    path = save(tmp_path / "r.mf4", [Q])
+    data = bytearray(path.read_bytes())
+    data[:8], data[60:62] = b"UnFinMF ", b"\x05\x00"
+    path.write_bytes(data[:700])
+    with pytest.raises(InputError, match=r"r\.mf4 is not finalised and cannot be recovered: .*") as caught:
+        read_measurement(path)
+    assert len(str(caught.value).splitlines()) == 1
+    assert capfd.readouterr() == ("", "")
