@@ -1,18 +1,18 @@
-"""`slewright calibrate lut`: a first 25-point table per joint from a sweep of the reference machine.
+"""`slewright calibrate lut --noise-free`: 25-point tables from the machine without noise.
 
 One run a joystick value, joint and direction, nominal parameters, grab empty, sensors without noise: the
 joint starts before the middle of its range and crosses it at a settled speed; the speed is the slope of the
 measured position there.  Below the slowest motion found, joystick values are extrapolated to standstill.
+The tables in specs are made so; what is calibrated from recordings (lut.py) is held against it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from baselines.arm_velocity.model import JOINTS, POINTS
 from baselines.bench import STEP_S, Report, bare_machine
-from baselines.parameter_file import update
 from fmus.equations import kinematics
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
@@ -27,20 +27,16 @@ LONGEST_S = 12.0
 SLOWEST = 0.002  # rad/s: less is no motion
 
 
-def run(report: Report | None = None) -> dict[str, Any]:
-    """Sweep both joints, write specs/parameters/arm_velocity.toml; return measured curves and tables."""
+def run(report: Report | None = None, joints: Sequence[str] = JOINTS) -> dict[str, dict[str, Any]]:
+    """Sweep the joints; return joystick values, speeds (rad/s) and the table [25] of each."""
     machine = bare_machine([f"q_{joint}" for joint in JOINTS])
     figures: dict[str, Any] = {}
-    for number, joint in enumerate(JOINTS):
+    for number, joint in enumerate(joints):
         if report:
-            report(f"sweep {joint}", number, len(JOINTS))
+            report(f"sweep of the {joint} without noise", number, len(joints))
         levels, speeds = sweep(machine, joint)
-        values = invert(levels, speeds)
-        update("arm_velocity", {f"lut_{joint}_{i:02d}": v for i, v in enumerate(values)}, _source(joint))
-        figures[joint] = {"joystick": levels, "speed_rad_s": speeds, "table": values}
-    if report:
-        report("done", len(JOINTS), len(JOINTS))
-    return figures | {"seed": 0}
+        figures[joint] = {"joystick": levels, "speed_rad_s": speeds, "table": invert(levels, speeds)}
+    return figures
 
 
 def sweep(machine: System, joint: str) -> tuple[np.ndarray, np.ndarray]:
@@ -100,11 +96,17 @@ def _one_way(levels: np.ndarray, speeds: np.ndarray) -> Callable[[float], float]
     return lambda speed: float(np.interp(speed, known, at))
 
 
-def _source(joint: str) -> str:
-    return f"slewright calibrate lut: sweep of the {joint}, reference machine, nominal parameters, empty"
+def source(joint: str) -> str:
+    """Where a table of `run` comes from, for the parameter file."""
+    return f"slewright calibrate lut --noise-free: sweep of the {joint}, reference machine, nominal, empty"
 
 
 def table(parameters: Mapping[str, float], joint: str) -> tuple[np.ndarray, np.ndarray]:
     """Speeds [25] in rad/s and joystick values [25] of a joint's table among named parameters."""
     values = [parameters[f"lut_{joint}_{i:02d}"] for i in range(POINTS)]
-    return np.linspace(-LIMIT, LIMIT, POINTS), np.array(values)
+    return table_speeds(), np.array(values)
+
+
+def table_speeds() -> np.ndarray:
+    """Speeds [25] of a table's points, rad/s."""
+    return np.linspace(-LIMIT, LIMIT, POINTS)

@@ -1,20 +1,21 @@
 """`slewright calibrate lut`: 25-point tables, velocity to joystick, from recorded sweeps of any machine.
 
 Steady segments (segments.py) give a monotone curve for each direction (valve_curve.py); read at the 25 even
-velocities of -0.2..0.2 rad/s it is the table.  Uncertainties are bootstrapped over holds: what one hold of the
-joystick gave is taken together, since its segments share pose, load and swing.
+velocities of -0.2..0.2 rad/s it is the table.  Uncertainties are bootstrapped over holds: what one hold of
+the joystick gave is taken together, since its segments share pose, load and swing.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import isotonic_regression
 
 from baselines.arm_velocity import sensor_checks
 from baselines.arm_velocity.calibrate import LIMIT
 from baselines.arm_velocity.model import POINTS
 from baselines.arm_velocity.segments import STILL, Segments, find
-from baselines.arm_velocity.valve_curve import Curve, Samples, bin_means, fit, samples
+from baselines.arm_velocity.valve_curve import Curve, Samples, fit, samples
 from records.measurement import Measurement
 from specs.errors import InputError
 
@@ -25,6 +26,7 @@ FULL = 0.99  # joystick: a machine driven this far has shown its fastest
 WIDEST = 0.1  # joystick, width of the 95 % interval from which a point lacks data
 REVERSAL = 0.01  # rad/s that a bin may lie off the monotone curve, and
 REVERSAL_ERRORS = 5.0  # as many standard errors
+REPAIRED = 0.05  # share of the segments that may lie further off
 GRID = np.linspace(-LIMIT, LIMIT, POINTS)  # rad/s
 
 
@@ -155,8 +157,10 @@ def _assemble(
 
 
 def _dead_band(side: Side) -> DeadBand:
+    """With an interval no narrower than the levels between which motion was seen to begin."""
+    curve = side[1]
     low, high = np.quantile(side[2][:, 0], QUANTILES)
-    return DeadBand(side[1].dead_band, float(low), float(high))
+    return DeadBand(curve.dead_band, min(float(low), curve.bracket[0]), max(float(high), curve.bracket[1]))
 
 
 def _spread(data: Samples, curve: Curve) -> float:
@@ -170,7 +174,7 @@ def _never_driven(joint: str, direction: int, speed: float) -> Lacking:
     return Lacking(
         direction * float(speed),
         f"no motion in the {way} direction was recorded",
-        f"hold {direction * 0.1:+.1f} … {direction:+.1f} of u_{joint} in steps of {direction * 0.05:+.2f}, 3 s each",
+        f"hold u_{joint} at {direction * 0.1:+.2f}, {direction * 0.15:+.2f} … {direction:+.2f}, 3 s each",
     )
 
 
@@ -188,7 +192,8 @@ def _gaps(
         elif near < 2 or wide > WIDEST or speed > fastest + step / 2:
             why = f"{near} segments near it" if near < 2 else f"95 % interval {wide:.2f} wide"
             low, high = max(command - 0.05, 0.0), min(command + 0.05, 1.0)
-            drive = f"hold {direction * low:+.2f} … {direction * high:+.2f} of u_{joint}, 3 s each, in several poses"
+            levels = f"{direction * low:+.2f} … {direction * high:+.2f}"
+            drive = f"hold u_{joint} at {levels}, 3 s each, in several poses"
             few.append(Lacking(direction * float(speed), why, drive))
     return few, far
 
@@ -201,23 +206,22 @@ def _check_monotone(
     data: Samples,
     curve: Curve,
 ) -> None:
-    """InputError where the corrected speeds lie further off the monotone curve than chance would have them."""
-    share = curve.weight / np.hypot(data.error, 7e-4) ** 2
-    means, mass = bin_means(data, curve.corrected, np.maximum(share, 1e-12))
-    fitted = np.bincount(data.bin, share * (curve.corrected - curve.residual)) / np.bincount(data.bin, share)
-    scatter = 1.4826 * float(np.median(np.abs(curve.residual)))
+    """InputError where more corrected speeds fall with the joystick than a repair may hide."""
     count = np.bincount(data.bin)
-    off = means - fitted
-    worst = int(np.argmax(np.abs(off) - REVERSAL_ERRORS * scatter / np.sqrt(count)))
-    if abs(off[worst]) <= max(REVERSAL, REVERSAL_ERRORS * scatter / np.sqrt(count[worst])):
+    levels = np.array([np.median(curve.corrected[data.bin == b]) for b in range(len(count))])
+    repaired = isotonic_regression(levels, weights=count).x
+    scatter = 1.4826 * float(np.median(np.abs(curve.residual)))
+    excess = np.abs(levels - repaired) - np.maximum(REVERSAL, REVERSAL_ERRORS * scatter / np.sqrt(count))
+    if np.sum(count[excess > 0]) <= REPAIRED * len(data.speed):
         return
-    here = data.bin == worst
+    here = data.bin == int(np.argmax(excess))
     chosen = segments[np.sign(segments.command) == direction]
     where = recordings[int(chosen.recording[here][0])].source
     raise InputError(
         f"{where}: the sweep of the {joint} is not monotone even after repair: at u_{joint} = "
-        f"{direction * data.command[here][0]:+.2f} ({chosen.start_s[here][0]:.1f} s) it goes {means[worst]:.3f} rad/s where "
-        f"its neighbours say {fitted[worst]:.3f}; look for another function in use, a blocked joint or a wrong sign"
+        f"{direction * data.command[here][0]:+.2f} ({chosen.start_s[here][0]:.1f} s) it goes "
+        f"{levels[data.bin[here][0]]:.3f} rad/s where the others say {repaired[data.bin[here][0]]:.3f}; "
+        "look for another function in use or a blocked joint"
     )
 
 

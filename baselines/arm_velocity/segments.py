@@ -8,6 +8,7 @@ noise that is correlated as the residuals are.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -94,13 +95,14 @@ def _step(recording: Measurement, joint: str) -> float:
     step = recording[f"q_{joint}"].period_s
     if not step <= SLOWEST_STEP_S:
         raise InputError(
-            f"{recording.source}: q_{joint} has a sample every {step:.3g} s; at most {SLOWEST_STEP_S:g} s are of use"
+            f"{recording.source}: q_{joint} has a sample every {step:.3g} s; "
+            f"at most {SLOWEST_STEP_S:g} s are of use"
         )
     return step
 
 
 def holds(joystick: np.ndarray, step_s: float) -> list[slice]:
-    """Stretches in which the joystick [n] stays within TOLERANCE of its first value, long enough to be of use."""
+    """Stretches, long enough to be of use, whose joystick [n] stays within TOLERANCE of its first value."""
     needed = round((SETTLE_S + SHORTEST_S) / step_s)
     found, begin = [], 0
     while begin < len(joystick):
@@ -118,10 +120,10 @@ def _cut(
     """The segments of a hold as rows; None for one in which the speed still changes."""
     command = float(np.median(piece[f"u_{joint}"][hold]))
     first, count = hold.start + round(SETTLE_S / step), round(WINDOW_S / step)
-    edges = list(range(first, hold.stop - round(SHORTEST_S / step) + 1, count)) + [hold.stop]
+    edges = [*range(first, hold.stop - round(SHORTEST_S / step) + 1, count), hold.stop]
     if abs(command) <= TOLERANCE:
         return
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges):
         q = piece[f"q_{joint}"][begin:end]
         speed, error = slope(q, step)
         if not _steady(q, step, speed):

@@ -1,4 +1,4 @@
-"""What recordings must show before a table is made of them: motion, excitation, sensors inside their range."""
+"""What recordings must show before a table is made: channels, motion, sensors inside their range."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
-from specs.signals import signals
 
 RAIL_S = 0.5  # that a channel stands on its highest or lowest value to the last digit
 SAME = 1e-6  # joystick: less than this is no change at all
@@ -21,7 +20,9 @@ def channels(recordings: Sequence[Measurement], joints: Sequence[str]) -> dict[s
     for joint, having in usable.items():
         if having:
             continue
-        absent = "; ".join(f"{r.source} has no {' and no '.join(r.missing(needed(joint)))}" for r in recordings)
+        absent = "; ".join(
+            f"{r.source} has no {' and no '.join(r.missing(needed(joint)))}" for r in recordings
+        )
         others = [j for j, some in usable.items() if some]
         can = f"the {others[0]} can: --joint {others[0]}" if others else "no joint can"
         raise InputError(f"the {joint} cannot be calibrated, {can}; {absent}")
@@ -55,12 +56,13 @@ def motion(
     names = ", ".join(r.source for r in recordings)
     if not len(command):
         raise InputError(
-            f"{names}: u_{joint} is never held long enough with q_{joint} steady; hold each level for 3 s or more"
+            f"{names}: u_{joint} is never held long enough with q_{joint} steady; hold each level for 3 s"
         )
     if not np.any(np.abs(speed) > still):
         raise InputError(
             f"{names}: the joystick never leaves the dead band: u_{joint} is held at {command.min():.3g} … "
-            f"{command.max():.3g}, q_{joint} never moves faster than {np.abs(speed).max():.2g} rad/s; hold larger levels"
+            f"{command.max():.3g}, q_{joint} never goes faster than {np.abs(speed).max():.2g} rad/s; "
+            "hold larger levels"
         )
 
 
@@ -74,14 +76,14 @@ def _inside(recording: Measurement, channel: Channel, joystick: Channel) -> None
         if run and channel.time[run.stop - 1] - channel.time[run.start] >= RAIL_S:
             first, last = channel.time[run.start], channel.time[run.stop - 1]
             raise InputError(
-                f"{recording.source}: {channel.name} stands at its {place} {rail:.6g} {channel.unit} from {first:.2f} to "
-                f"{last:.2f} s while u_{channel.name.split('_')[1]} drives: a saturated sensor, or a joint at its "
-                "stop; cut this out or record again"
+                f"{recording.source}: {channel.name} stands at its {place} {rail:.6g} {channel.unit} "
+                f"from {first:.2f} to {last:.2f} s while {joystick.name} drives: a saturated sensor, "
+                "or a joint at its stop; cut this out or record again"
             )
 
 
 def _rails(channel: Channel) -> list[tuple[str, float]]:
-    """Values at which a channel may have been cut off: its own extremes and the ends of the signal's range."""
+    """Values at which a channel may have been cut off: its highest and lowest."""
     own = [("highest value", float(channel.values.max())), ("lowest value", float(channel.values.min()))]
     return own[: 1 if channel.name.startswith("p_") else 2]  # pressures rest at the tank's
 

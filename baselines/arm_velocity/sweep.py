@@ -1,7 +1,7 @@
 """Sweeps of the simulated reference machine: recordings from which `calibrate lut` makes its tables.
 
-One recording a joint and condition: the joystick is held at each level in turn, in random order and both ways,
-while the joint goes to and fro between two turning points inside its limits and above the keep-out height.
+One recording a joint and condition: the joystick is held at each level in turn, in random order and both
+ways, while the joint goes to and fro between turning points inside its limits and above the keep-out height.
 What is held ends early at a turning point.  The machine is driven as a person would drive it, from its
 sensors; the recordings hold commands and sensors, with their noise, and nothing else.
 """

@@ -5,12 +5,12 @@ machine with sensor noise.  The error is that of the encoder's speed, from TRANS
 LAST_S or until the controller slows down before a joint limit.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.arm_velocity.model import JOINTS, POINTS
+from baselines.arm_velocity.model import JOINTS
 from baselines.arm_velocity.sweep import turning_points
 from baselines.bench import STEP_S, Report
 from orchestrator.simulate import simulate
@@ -19,11 +19,13 @@ from orchestrator.system import System
 from records.record import Record
 from specs import draws, keys, parameters
 
+Numbers = Sequence[float] | np.ndarray
 SPEEDS = (0.025, 0.06, 0.11, 0.16)  # rad/s: between the points of the table
 SITUATIONS = {  # (pose of the other joint [rad], load [kg])
     "boom": ((-1.5, 0.0), (-1.0, 1500.0), (-1.25, 800.0)),
     "stick": ((0.97, 0.0), (1.18, 1500.0), (1.05, 800.0)),
 }
+RANGE = {"boom": (0.8, 1.4), "stick": (-2.1, -0.3)}  # rad: the poses the machine works in
 WAIT = 50  # ticks before the step
 TRANSIENT_S, LAST_S = 2.5, 5.0  # s after the step
 SHORTEST = 20  # ticks of a window that count
@@ -42,8 +44,26 @@ class Step:
 
     @property
     def start(self) -> float:
-        """Where the joint starts [rad]: the turning point from which it has the longest way."""
-        return turning_points(self.joint, self.other)[0 if self.speed > 0 else 1]
+        """Where the joint starts [rad]: the end of its range from which it has a way to go."""
+        ends = np.clip(RANGE[self.joint], *turning_points(self.joint, self.other))
+        return float(ends[0 if self.speed > 0 else 1])
+
+
+@dataclass(frozen=True)
+class Errors:
+    """RMS error [rad/s] of each run at steady speed; a run too short to have any is left out."""
+
+    runs: tuple[tuple[Step, float], ...]
+
+    @property
+    def rms(self) -> float:
+        """Over all runs, each with the same weight: rad/s."""
+        return float(np.sqrt(np.mean([error**2 for _, error in self.runs])))
+
+    def by_speed(self) -> dict[str, float]:
+        """RMS error of the runs at each speed, both ways: rad/s by rad/s."""
+        groups = {v: [error**2 for step, error in self.runs if abs(step.speed) == v] for v in SPEEDS}
+        return {f"{v:g}": float(np.sqrt(np.mean(squares))) for v, squares in groups.items() if squares}
 
 
 def steps(joint: str) -> list[Step]:
@@ -52,34 +72,37 @@ def steps(joint: str) -> list[Step]:
     return [Step(joint, v, *situation) for situation in SITUATIONS[joint] for v in signed]
 
 
-def parameters_of(tables: Mapping[str, Sequence[float]]) -> dict[str, float]:
+def parameters_of(tables: Mapping[str, Numbers]) -> dict[str, float]:
     """Parameters of the controller, by name, that set the tables [25] of the joints given."""
     return {f"lut_{joint}_{i:02d}": float(v) for joint, table in tables.items() for i, v in enumerate(table)}
 
 
-def rms(
+def track(
     system: System,
-    tables: Mapping[str, Sequence[float]] | None = None,
+    tables: Mapping[str, Numbers] | None = None,
     machine: str = "nominal",
     seed: int = 1,
     joints: Sequence[str] = JOINTS,
     channel: str = "qd",
     report: Report | None = None,
-) -> dict[str, dict[str, float]]:
-    """RMS errors {joint: {"rms_ff", "rms_ff_pi"}} in rad/s of an `arm_loop` with `tables` (None: as in specs).
+) -> dict[str, dict[str, Errors]]:
+    """Errors {joint: {"ff", "ff_pi"}} of an `arm_loop` with `tables` (None: as in specs).
 
-    `channel` is the speed that is judged: "qd", the encoder's.  Every run weighs the same.
+    `channel` is the speed that is judged: "qd", the encoder's.
     """
-    found: dict[str, dict[str, float]] = {}
-    for joint in joints:
+    luts = {f"arm_velocity.{n}": v for n, v in parameters_of(tables or {}).items()}
+    found: dict[str, dict[str, Errors]] = {}
+    for number, joint in enumerate(joints):
+        if report:
+            report(f"tracking with the {'new' if tables else 'present'} tables", number, len(joints))
         found[joint] = {}
-        for name, gains in (("rms_ff", FEED_FORWARD), ("rms_ff_pi", {})):
-            if report:
-                report(f"tracking, {joint}, {'feed-forward' if gains else 'with PI'}")
-            luts = {f"arm_velocity.{n}": v for n, v in parameters_of(tables or {}).items()}
-            runs = [run(system, step, {**luts, **gains}, machine, seed, channel) for step in steps(joint)]
-            squares = [np.mean((speed - step.speed) ** 2) for step, (_, speed) in zip(steps(joint), runs, strict=True) if len(speed)]
-            found[joint][name] = float(np.sqrt(np.mean(squares)))
+        for name, gains in (("ff", FEED_FORWARD), ("ff_pi", {})):
+            every = [(s, run(system, s, {**luts, **gains}, machine, seed, channel)[1]) for s in steps(joint)]
+            found[joint][name] = Errors(
+                tuple(
+                    (s, float(np.sqrt(np.mean((speed - s.speed) ** 2)))) for s, speed in every if len(speed)
+                )
+            )
     return found
 
 
@@ -91,7 +114,7 @@ def run(
     seed: int = 1,
     channel: str = "qd",
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(times [n] s after the step, speeds [n] rad/s) in the window of steady speed; empty if it is too short."""
+    """(times [n] s after the step, speeds [n] rad/s) at steady speed; empty if that is too short."""
     record = simulated(system, step, controller, machine, seed, [f"machine.{channel}_{step.joint}"])
     time = record.time - WAIT * STEP_S
     inside = (time >= TRANSIENT_S) & (time <= min(LAST_S, _slows_down(record, step)))

@@ -2,11 +2,12 @@
 
     speed = f(command) (1 + a (q - q0) + b (q - q0)² + c (p - p0)) + d ṗ_A + e ṗ_B + noise
 
-f is monotone and otherwise free.  a and b are the linkage, c what the load takes from the flow, d and e the
-oil that gives way while the pressures change (a swinging grab does that all the time).  f and the coefficients
-are found in turn: isotonic regression of the corrected speeds, then least squares with Huber's weights, so
-that a segment in which the pump ran short or somebody pushed counts little.  q0 is the median angle of all
-segments; p0 the usual inlet pressure at that command, a straight line in it: the reference condition of f.
+f is monotone, smooth over SMOOTH of the joystick and otherwise free.  a and b are the linkage, c what the
+load takes from the flow, d and e the oil that gives way while pressures change (a swinging grab does that
+all the time).  f and the coefficients are found in turn: local lines and isotonic regression of the corrected
+speeds, then least squares with Huber's weights, so that a segment in which the pump ran short counts little.
+q0 is the median angle of all moving segments; p0 the usual inlet pressure at that command, a straight line in
+it: the reference condition of f.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from scipy.optimize import isotonic_regression
 from baselines.arm_velocity.segments import STILL, Segments
 
 BIN = 0.01  # joystick: segments closer than this are taken together
+SMOOTH = 0.08  # joystick: half width of the local lines; valves have no finer features but their edge
 ROUNDS = 15
 HUBER = 1.345  # scaled residual from which a segment counts less; 95 % efficient for normal noise
 RELATIVE, FLOOR = 0.03, 7e-4  # of the speed and rad/s: what a segment's standard error leaves out
@@ -35,6 +37,7 @@ class Samples:
     error: np.ndarray  # rad/s [n]
     hold: np.ndarray  # [n], from 0
     bin: np.ndarray  # [n], from 0
+    centre: np.ndarray  # [bins], mean command of each bin
     factors: np.ndarray  # [n, k]: columns that scale the speed, 0 at the reference
     terms: np.ndarray  # [n, m]: columns that add to it
     reference: dict[str, float]
@@ -42,10 +45,11 @@ class Samples:
 
 @dataclass(frozen=True)
 class Curve:
-    """`command` [k] over `speed` [k] rad/s at the reference condition, both ascending; the first is the edge."""
+    """`command` [k] over `speed` [k] rad/s at the reference condition, ascending; the first is the edge."""
 
     speed: np.ndarray
     command: np.ndarray
+    bracket: tuple[float, float]  # largest joystick without motion, smallest with
     coefficients: np.ndarray  # of factors, then of terms
     corrected: np.ndarray  # rad/s [n]: each sample's speed, were it at the reference
     residual: np.ndarray  # rad/s [n]
@@ -57,7 +61,7 @@ class Curve:
         return float(self.command[0])
 
     def at(self, speed: np.ndarray) -> np.ndarray:
-        """Joystick for speeds [m] of 0 rad/s and more; beyond the fastest along the last stretch, at most 1."""
+        """Joystick for speeds [m] from 0 rad/s; beyond the fastest along the last stretch, at most 1."""
         inside = np.interp(speed, self.speed, self.command)
         rise = np.diff(self.command[-2:]) / np.diff(self.speed[-2:])
         beyond = self.command[-1] + rise * np.maximum(speed - self.speed[-1], 0.0)
@@ -76,12 +80,13 @@ def samples(segments: Segments, direction: int, angle: float) -> Samples:
         line = np.polyfit(command[known & moving], s.inlet[known & moving], 1)
         columns.append(np.where(known, s.inlet - np.polyval(line, command), 0.0) / PRESSURE)
         reference["inlet_pressure_pa"] = float(np.median(s.inlet[known & moving]))
-    factors = _varying(columns, moving, np.count_nonzero(moving) // ENOUGH)
+    factors = _varying(columns, moving, int(np.count_nonzero(moving)) // ENOUGH)
     rates = [np.where(np.isfinite(r), direction * r, 0.0) / PRESSURE for r in (s.rate_a, s.rate_b)]
     terms = _varying(rates, np.ones(len(s), dtype=bool), len(s) // ENOUGH)
     holds = np.unique(s.hold, return_inverse=True)[1]
     bins = np.unique(np.round(command / BIN), return_inverse=True)[1]
-    return Samples(command, speed, s.error, holds, bins, factors, terms, reference)
+    centre = np.bincount(bins, command) / np.maximum(np.bincount(bins), 1)
+    return Samples(command, speed, s.error, holds, bins, centre, factors, terms, reference)
 
 
 def _varying(columns: list[np.ndarray], where: np.ndarray, most: int) -> np.ndarray:
@@ -105,13 +110,16 @@ def fit(data: Samples, counts: np.ndarray | None = None, start: Curve | None = N
         expected = np.hypot(data.error, np.hypot(FLOOR, RELATIVE * monotone))
         share = counts * weight / expected**2
         means, mass = bin_means(data, corrected, share)
+        means = _smooth(data.centre, means, mass)
         monotone = np.maximum(_isotonic(means, mass), 0.0)[data.bin]
         design = np.hstack([data.factors * monotone[:, None], data.terms])
         coefficients = _least_squares(design, data.speed - monotone, share)
         residual = data.speed - monotone - design @ coefficients
         weight = _huber(residual / expected, counts)
-    knots = _knots(data, means, mass)
-    return Curve(*knots, coefficients, _corrected(data, coefficients), residual, weight)
+    speed, command, still = _knots(data.centre, means, mass)
+    bracket = (min(still, command[0]), float(command[min(1, len(command) - 1)]))
+    speeds = _corrected(data, coefficients)
+    return Curve(speed, command, bracket, coefficients, speeds, residual, weight)
 
 
 def _corrected(data: Samples, coefficients: np.ndarray) -> np.ndarray:
@@ -125,6 +133,23 @@ def bin_means(data: Samples, speed: np.ndarray, share: np.ndarray) -> tuple[np.n
     """Mean of `speed` and sum of `share` of each bin; a bin without share has mean 0."""
     mass = np.bincount(data.bin, share)
     return np.bincount(data.bin, share * speed) / np.maximum(mass, 1e-300), mass
+
+
+def _smooth(centre: np.ndarray, means: np.ndarray, mass: np.ndarray) -> np.ndarray:
+    """`means` [bins] replaced by the values of lines through their neighbours, where there is motion."""
+    found = means.copy()
+    at = np.flatnonzero((mass > 0) & (means > STILL))
+    if len(at) < 3:
+        return found
+    off = (centre[at][None, :] - centre[at][:, None]) / SMOOTH
+    share = mass[at] * np.maximum(1.0 - np.abs(off) ** 3, 0.0) ** 3
+    s0, s1, s2 = (np.sum(share * off**k, axis=1) for k in range(3))
+    level = share @ means[at]
+    tilt = (share * off) @ means[at]
+    spread = s0 * s2 - s1**2
+    lines = (s2 * level - s1 * tilt) / np.where(spread > 1e-9 * s0**2, spread, 1.0)
+    found[at] = np.where(spread > 1e-9 * s0**2, lines, level / s0)
+    return found
 
 
 def _isotonic(means: np.ndarray, mass: np.ndarray) -> np.ndarray:
@@ -149,27 +174,29 @@ def _huber(scaled: np.ndarray, counts: np.ndarray) -> np.ndarray:
     return np.minimum(1.0, HUBER / np.maximum(np.abs(scaled) / max(size, 1e-6), 1e-9))
 
 
-def _knots(data: Samples, means: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(speeds, commands) of the curve: where motion begins, then each step of the isotonic regression."""
+def _knots(centre: np.ndarray, means: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """(speeds, commands) where motion begins, then of each isotonic step; the largest command at rest."""
     filled = mass > 0
     found = isotonic_regression(means[filled], weights=mass[filled])
-    commands = (np.bincount(data.bin, data.command) / np.bincount(data.bin))[filled]
+    commands, level = centre[filled], mass[filled]
     begin, end = found.blocks[:-1], found.blocks[1:]
-    level = mass[filled]
     command = np.array(
         [np.average(commands[a:b], weights=level[a:b]) for a, b in zip(begin, end, strict=True)]
     )
     speed = found.x[begin]
     moving = speed > STILL
-    still = float(commands[end[~moving] - 1].max()) if (~moving).any() else 0.0
-    return _with_edge(speed[moving], command[moving], still)
+    at_rest = speed <= FLOOR  # between this and STILL it creeps
+    still = float(commands[end[at_rest] - 1].max()) if at_rest.any() else 0.0
+    return *_with_edge(speed[moving], command[moving], still), still
 
 
 def _with_edge(speed: np.ndarray, command: np.ndarray, still: float) -> tuple[np.ndarray, np.ndarray]:
     """Knots with the beginning of motion before them: a line through the slowest, not below `still`."""
-    slow = slice(0, max(2, min(EDGE_KNOTS, int(np.count_nonzero(speed <= EDGE_SPEED)))))
-    edge = command[0] if len(speed) else 1.0
-    if len(speed) >= 2:
-        edge = float(np.polyval(np.polyfit(speed[slow], command[slow], 1), 0.0))
-    edge = min(max(edge, min(still, command[0] if len(command) else 1.0), 0.0), command[0] if len(command) else 1.0)
+    if not len(speed):
+        return np.zeros(1), np.ones(1)
+    edge = command[0]
+    if len(speed) > 1:
+        slow = slice(0, max(2, min(EDGE_KNOTS, int(np.count_nonzero(speed <= EDGE_SPEED)))))
+        edge = np.polyval(np.polyfit(speed[slow], command[slow], 1), 0.0)
+    edge = float(np.clip(edge, min(max(still, 0.0), command[0]), command[0]))
     return np.concatenate([[0.0], speed]), np.concatenate([[edge], command])

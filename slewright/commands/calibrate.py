@@ -1,26 +1,131 @@
-"""`slewright calibrate`: tables measured on the reference machine."""
+"""`slewright calibrate`: tables from recorded sweeps, the nominal arm from steps."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, write
+from slewright.figures import JsonOption, check_target, write, write_text
 from slewright.progress import progress
+from slewright.tables import show
 
-app = typer.Typer(help="Measure a controller's tables on the reference machine.", no_args_is_help=True)
+if TYPE_CHECKING:
+    from baselines.arm_velocity.lut import Table
+    from baselines.arm_velocity.session import Outcome
+
+app = typer.Typer(help="Calibrate a controller's tables from recordings.", no_args_is_help=True)
 
 
 @app.callback()
 def calibrate() -> None:
-    """Measure a controller's tables on the reference machine."""
+    """Calibrate a controller's tables from recordings."""
 
 
 @app.command()
-def lut(json: JsonOption = None) -> None:
-    """Sweep the arm valves and write the 25-point feed-forward tables."""
-    from baselines.arm_velocity.calibrate import run
+def lut(
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[RECORDING]...", help="Sweeps; none: the simulated reference machine's."),
+    ] = None,
+    joint: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT", help="boom or stick; may be repeated (default: both)."),
+    ] = None,
+    machine: Annotated[
+        str, typer.Option(metavar="M", help="Whose sweep to make: nominal, tuning:K or validation:K.")
+    ] = "nominal",
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", callback=check_target, help="Write the tables here (TOML)."),
+    ] = None,
+    write_specs: Annotated[
+        bool, typer.Option("--write", help="Put the tables into specs/parameters/arm_velocity.toml.")
+    ] = False,
+    noise_free: Annotated[
+        bool, typer.Option("--noise-free", help="Sweep the nominal machine without noise instead.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Of the sensors' noise and the bootstrap.")] = 1,
+    folder: Annotated[
+        Path, typer.Option("--folder", metavar="DIR", help="For the page and recorded sweeps.")
+    ] = Path("out/calibrate"),
+    json: JsonOption = None,
+) -> None:
+    """Make the arm's 25-point feed-forward tables from recorded sweeps."""
+    from baselines.arm_velocity import page, session, table_file
+
+    joints = session.check_joints(joint or [])
+    if noise_free:
+        _noise_free(joints, write_specs, json)
+        return
+    with progress("calibrate lut") as report:
+        outcome = session.run(
+            recordings or [], joints, seed, machine, folder / machine.replace(":", "_"), report
+        )
+        shown = page.write_page(folder / "lut.html", outcome, seed)
+    figures = session.figures(outcome)
+    _show(outcome, figures)
+    typer.echo(f"page: {shown}")
+    if write_specs:
+        session.check_writable(outcome)  # before anything else is written
+    if out:
+        write_text(out, table_file.render(outcome.tables, outcome.origin))
+    write(json, figures, seed)
+    if write_specs:
+        typer.echo(f"written: {session.write_specs(outcome)}")
+    if any(table.lacking for table in outcome.tables.values()):
+        raise typer.Exit(1)
+
+
+def _show(outcome: "Outcome", figures: dict[str, Any]) -> None:
+    """Tables with what is to be known of them, and tracking."""
+    for table in outcome.tables.values():
+        _show_table(table)
+    rows = [
+        (joint, name, f"{entry[name]['rms_ff']:.4f}", f"{entry[name]['rms_ff_pi']:.4f}")
+        for joint, entry in figures["joints"].items()
+        for name in ("before", "after")
+        if name in entry
+    ]
+    if rows:
+        title = f"RMS error at steady speed, rad/s: {outcome.origin}"
+        show(title, ["joint", "tables", "feed-forward alone", "with PI"], rows)
+
+
+def _show_table(table: "Table") -> None:
+    from baselines.arm_velocity.lut import GRID
+
+    columns = (GRID, table.command, table.low, table.high, table.error)
+    rows = [
+        (f"{v:+.4f}", f"{command:+.4f}", f"{low:+.4f} … {high:+.4f}", f"{error:.4f}")
+        for v, command, low, high, error in zip(*columns, strict=True)
+    ]
+    title = f"{table.joint}: {len(table.segments)} steady segments, {table.unsteady} unsteady left out"
+    show(title, ["velocity rad/s", "joystick", "95 %", "standard error"], rows)
+    for way, band in table.dead_band.items():
+        typer.echo(
+            f"{table.joint} {way}: dead band {band.value:.3f} ({band.low:.3f} … {band.high:.3f}); "
+            f"pose and load move the speed by {table.spread[way]:.1%}"
+        )
+    for point in table.lacking:
+        typer.echo(f"{table.joint} {point.velocity:+.4f} rad/s lacks data, {point.why}: {point.drive}")
+    for speed in table.out_of_reach:
+        typer.echo(f"{table.joint} {speed:+.4f} rad/s is not reached at full joystick")
+    for note in table.notes:
+        typer.echo(note)
+
+
+def _noise_free(joints: list[str], write_specs: bool, json: Path | None) -> None:
+    from baselines.arm_velocity import calibrate, session
 
     with progress("calibrate lut") as report:
-        figures = run(report)
-    write(json, figures, figures.get("seed"))
+        found = calibrate.run(report, joints)
+    speeds = calibrate.table_speeds()
+    rows = [(f"{v:+.4f}", *(f"{found[j]['table'][i]:+.4f}" for j in joints)) for i, v in enumerate(speeds)]
+    show("Tables without noise", ["velocity rad/s", *joints], rows)
+    write(json, {"joints": found}, 0)
+    if write_specs:
+        sources = {joint: calibrate.source(joint) for joint in joints}
+        typer.echo(f"written: {session.write_tables({j: found[j]['table'] for j in joints}, sources)}")
 
 
 @app.command()
