@@ -12,7 +12,7 @@ all that lies between joystick and motion; a machine with sensors adds its encod
 """
 
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -27,9 +27,11 @@ from fmus.slew.traces import Trace
 from specs import parameters as parameter_specs
 
 Report = Callable[..., None]
+Block = tuple[np.ndarray, np.ndarray]  # scaled errors (SIGNALS x rows), and d errors / d parameters
 STARTS = Path(__file__).with_name("start.toml")
 # Errors of one (speed, angle, pressure) that weigh alike: what the traces are worth.
 SCALES = {"qd": np.radians(2.0), "q": np.radians(8.0), "p_a": 40e5, "p_b": 40e5}
+SIGNALS = len(SCALES)
 PRIOR_WEIGHT = 0.2  # of one spread, against the root mean square error of one trace and signal
 EVALUATIONS = 40
 LIMITS = {"velocity_mae_deg_s": 2.0, "angle_mae_deg": 8.0}
@@ -60,44 +62,81 @@ def fit(
     evaluations: int = EVALUATIONS,
 ) -> Fit:
     """Fit to `chosen` traces (default: the steps at 250 and 550 t m2), from start.toml or `start` values."""
+    runs = list(chosen or traces.fit_set(traces.load()))
     prior = starts()
-    problem = _Problem(list(chosen or traces.fit_set(traces.load())), prior, report, evaluations)
-    first = problem.scaled({n: s for n, (s, _) in prior.items()} | dict(start or {}))
-    found = least_squares(
-        lambda z: problem(z)[0],
-        first,
-        jac=lambda z: problem(z)[1],  # type: ignore[arg-type]
-        bounds=problem.bounds,
-        loss=problem.loss,  # type: ignore[arg-type]
-        xtol=1e-7,
-        ftol=1e-7,
-        max_nfev=evaluations,
-    )
-    errors, jacobian = problem(found.x)
-    data = slice(None, problem.samples)
-    return Fit(problem.values(found.x), float(found.cost), int(found.nfev), errors[data], jacobian[data])
+    simulator = Simulator(tuple(prior))
+
+    def blocks(values: Mapping[str, float]) -> Iterable[Block]:
+        p = simulator.parameters(values)
+        return (_block(simulator, trace, p) for trace in runs)
+
+    rows = [len(t.time) - t.first for t in runs]
+    problem = Problem(prior, limits("slew", prior), rows, blocks, report, evaluations)
+    return problem.solve({n: s for n, (s, _) in prior.items()} | dict(start or {}))
 
 
-class _Problem:
-    """Scaled errors and their Jacobian as functions of the parameters in spreads from their starts."""
+def limits(of: str, names: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """Bounds of parameters in specs/parameters/`of`.toml, in SI units."""
+    known = parameter_specs.load(of)
+    open_ends = {n: (known[n].min, known[n].max) for n in names}
+    return {
+        n: (-np.inf if low is None else float(low), np.inf if high is None else float(high))
+        for n, (low, high) in open_ends.items()
+    }
+
+
+def _block(simulator: Simulator, trace: Trace, p: np.ndarray) -> Block:
+    states, sens = simulator.run(trace, p, sensitivities=True)
+    errors, rows = [], []
+    for name, scale in SCALES.items():
+        column = simulator.column(name)
+        errors.append((states[:, column] - getattr(trace, name)[trace.first :]) / scale)
+        rows.append(sens[:, :, column] / scale)
+    return np.concatenate(errors), np.vstack(rows)
+
+
+class Problem:
+    """Scaled errors and their Jacobian as functions of the parameters in spreads from their starts.
+
+    Data come in blocks (a trace, a window); block i has `rows[i]` rows of each of its signals, and counts by
+    its mean squares, whatever its length.
+    """
 
     def __init__(
         self,
-        chosen: list[Trace],
         prior: Mapping[str, tuple[float, float]],
+        limits: Mapping[str, tuple[float, float]],
+        rows: Sequence[int],
+        blocks: Callable[[Mapping[str, float]], Iterable[Block]],
         report: Report | None,
         evaluations: int,
     ):
-        self.traces, self.names, self.report, self.evaluations = chosen, list(prior), report, evaluations
+        self.names, self.rows, self.blocks = list(prior), rows, blocks
+        self.report, self.evaluations = report, evaluations
         self.start = np.array([s for s, _ in prior.values()])
         self.spread = np.array([s for _, s in prior.values()])
-        self.simulator = Simulator(self.names)
-        self.samples = 4 * sum(len(t.time) - t.first for t in chosen)
-        known = parameter_specs.load("slew")
-        limits = np.array([(known[n].min, known[n].max) for n in self.names], dtype=float)
-        self.bounds = tuple((limits.T - self.start) / self.spread)
+        self.samples = SIGNALS * sum(rows)
+        ends = np.array([limits[n] for n in self.names], dtype=float)
+        self.bounds = tuple((ends.T - self.start) / self.spread)
+        self._weight = np.concatenate([np.full(SIGNALS * n, float(n)) for n in rows])
         self._last: tuple[bytes, tuple[np.ndarray, np.ndarray]] | None = None
         self._count = 0
+
+    def solve(self, first: Mapping[str, float]) -> Fit:
+        """Least squares from the values `first` on."""
+        found = least_squares(
+            lambda z: self(z)[0],
+            self.scaled(first),
+            jac=lambda z: self(z)[1],  # type: ignore[arg-type]
+            bounds=self.bounds,
+            loss=self.loss,  # type: ignore[arg-type]
+            xtol=1e-7,
+            ftol=1e-7,
+            max_nfev=self.evaluations,
+        )
+        errors, jacobian = self(found.x)
+        data = slice(None, self.samples)
+        return Fit(self.values(found.x), float(found.cost), int(found.nfev), errors[data], jacobian[data])
 
     def scaled(self, values: Mapping[str, float]) -> np.ndarray:
         return (np.array([values[n] for n in self.names]) - self.start) / self.spread
@@ -113,7 +152,7 @@ class _Problem:
     def loss(self, squares: np.ndarray) -> np.ndarray:
         """Soft L1 for the data, plain squares for the prior; rows are the loss and two derivatives."""
         rho = np.vstack([squares, np.ones_like(squares), np.zeros_like(squares)])
-        # `squares` are means over a trace: bring them back to single samples, whose scale is 1.
+        # `squares` are means over a block: bring them back to single samples, whose scale is 1.
         data, each = squares[: self.samples], self._weight
         root = np.sqrt(1.0 + data * each)
         rho[0, : self.samples] = 2.0 * (root - 1.0) / each
@@ -121,31 +160,15 @@ class _Problem:
         rho[2, : self.samples] = -0.5 * each / root**3
         return rho
 
-    @property
-    def _weight(self) -> np.ndarray:
-        return np.concatenate(
-            [np.full(4 * n, float(n)) for n in (len(t.time) - t.first for t in self.traces)]
-        )
-
     def _evaluate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        p = self.simulator.parameters(self.values(z))
-        parts = [self._one(trace, p) for trace in self.traces]
-        errors = np.concatenate([*(e for e, _ in parts), PRIOR_WEIGHT * z])
-        jacobian = np.vstack([*(j for _, j in parts), PRIOR_WEIGHT * np.eye(len(z))])
+        parts = list(self.blocks(self.values(z)))
+        size = np.sqrt(self._weight)
+        errors = np.concatenate([np.concatenate([e for e, _ in parts]) / size, PRIOR_WEIGHT * z])
+        slopes = np.vstack([j for _, j in parts]) * self.spread / size[:, None]
         self._count += 1
         if self.report is not None:
             self.report("fitting", min(self._count, self.evaluations), self.evaluations)
-        return errors, jacobian
-
-    def _one(self, trace: Trace, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Errors and Jacobian of one trace, divided by the root of its rows."""
-        states, sens = self.simulator.run(trace, p, sensitivities=True)
-        errors, rows = [], []
-        for name, scale in SCALES.items():
-            column, size = self.simulator.column(name), scale * np.sqrt(len(states))
-            errors.append((states[:, column] - getattr(trace, name)[trace.first :]) / size)
-            rows.append(sens[:, :, column] * self.spread / size)
-        return np.concatenate(errors), np.vstack(rows)
+        return errors, np.vstack([slopes, PRIOR_WEIGHT * np.eye(len(z))])
 
 
 def simulate(chosen: Iterable[Trace], values: Mapping[str, float] | None = None) -> dict[str, Run]:

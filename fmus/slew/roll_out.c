@@ -25,6 +25,8 @@ typedef struct {
   double mode;           /* the only mode, at the start */
   int mode_on, mode_off; /* steps for which a guard must hold */
   int held;              /* steps for which the present guard has held at the start */
+  const double *varying; /* null, or the inputs from 1 on, NU - 1 a row: row k holds on (k period, (k + 1) period] */
+  const double *known;   /* null, or states, NX a row, that the run takes over at that row; NaN where it goes on */
 } RollOut;
 
 #if defined(_WIN32)
@@ -78,8 +80,18 @@ static void carry(double *s, const double *dx, const double *dp, const double *d
   memcpy(s, next, sizeof next);
 }
 
+/* Takes over what is known at a row: from there on it depends on no parameter. */
+static void take_over(const double *known, double *x, double *s) {
+  for (int i = 0; i < NX; i++) {
+    if (known[i] != known[i]) continue;
+    x[i] = known[i];
+    for (int c = 0; c < NFIT; c++) s[c * NX + i] = 0.0;
+  }
+}
+
 /* States of rows first .. rows-1 into `states` (NX a row) and, unless null, d states / d fitted parameters into
- * `sens` (NFIT x NX a row); `u` holds the other inputs, constant.  Returns 0. */
+ * `sens` (NFIT x NX a row); `inputs` holds all inputs, those other than 0 constant unless they vary by row.
+ * Returns 0. */
 EXPORT int roll_out(const RollOut *r, const double *x0, const double *inputs, const double *p, double *states,
                     double *sens) {
   static double w[SZ_W];
@@ -91,9 +103,11 @@ EXPORT int roll_out(const RollOut *r, const double *x0, const double *inputs, co
   memcpy(x, x0, sizeof x);
   memcpy(u, inputs, sizeof u);
   for (int row = r->first;; row++) {
+    if (r->known) take_over(r->known + row * NX, x, s);
     memcpy(states + (row - r->first) * NX, x, sizeof x);
     if (sens) memcpy(sens + (row - r->first) * NX * NFIT, s, sizeof s);
     if (row == r->rows - 1) return 0;
+    if (r->varying) memcpy(u + 1, r->varying + (row + 1) * (NU - 1), (NU - 1) * sizeof *u);
     for (int k = 0; k < r->steps; k++) {
       const double *arg[4] = {x, u, &m, p};
       double *res[4] = {xn, dx, dp, du};

@@ -1,4 +1,4 @@
-"""Fast free-running simulation of the slew model on the traces, with exact sensitivities to its parameters.
+"""Fast simulation of the slew model on traces and recordings, with exact sensitivities to its parameters.
 
 The step is the FMU's: ROS2 with the exact Jacobian, written once more as one CasADi expression (elimination
 unrolled), so that CasADi can differentiate the whole step.  Generated C with the project's mathematics header
@@ -9,6 +9,7 @@ import ctypes
 import hashlib
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
@@ -39,7 +40,24 @@ class _RollOut(ctypes.Structure):
         ("mode_on", ctypes.c_int),
         ("mode_off", ctypes.c_int),
         ("held", ctypes.c_int),
+        ("varying", ctypes.c_void_p),
+        ("known", ctypes.c_void_p),
     )
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a run follows, n rows 0.1 s apart; inputs of row k hold on (k - 1, k].
+
+    `known` [n, NX] are states that the run takes over at their rows, NaN where it goes on by itself; all of
+    row 0 are known.  `released`: whether the brake is at row 0.
+    """
+
+    command: np.ndarray  # [n] joystick
+    inertia: np.ndarray  # [n] kg m2
+    inertia_rate: np.ndarray  # [n] kg m2/s
+    known: np.ndarray
+    released: bool
 
 
 class Simulator:
@@ -60,19 +78,35 @@ class Simulator:
 
         With `sensitivities` also d states / d fitted parameters, (rows, NFIT, NX); else an empty array.
         """
+        # the brake is off once it has been used
+        moving = bool(np.any(trace.u_slew[: trace.first + 1] != 0.0))
         command = np.ascontiguousarray(trace.u_slew)
-        settings = self._settings(trace, p)
-        settings.command = command.ctypes.data
-        rows, nx = len(trace.time) - trace.first, len(self.model.states)
+        settings = self._settings(command, p, moving)
+        settings.first = trace.first
+        inputs = np.array([0.0, trace.inertia, 0.0, 0.0])
+        return self._roll_out(settings, self.initial(trace), inputs, p, sensitivities)
+
+    def follow(
+        self, course: Course, p: np.ndarray, sensitivities: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """States (rows, NX) along a course, and as `run` their sensitivities, (rows, NFIT, NX)."""
+        command, known = np.ascontiguousarray(course.command), np.ascontiguousarray(course.known)
+        varying = np.zeros((len(command), len(self.model.inputs) - 1))
+        varying[:, self.model.index("inputs", "inertia") - 1] = course.inertia
+        varying[:, self.model.index("inputs", "inertia_rate") - 1] = course.inertia_rate
+        settings = self._settings(command, p, course.released)
+        settings.varying, settings.known = varying.ctypes.data, known.ctypes.data
+        start = np.zeros(varying.shape[1] + 1)
+        return self._roll_out(settings, known[0], start, p, sensitivities)
+
+    def _roll_out(
+        self, settings: _RollOut, start: np.ndarray, inputs: np.ndarray, p: np.ndarray, sensitivities: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        rows, nx = settings.rows - settings.first, len(self.model.states)
         states = np.empty((rows, nx))
         sens = np.empty((rows, len(self.fitted), nx)) if sensitivities else np.empty(0)
-        arrays = (
-            self.initial(trace),
-            np.array([0.0, trace.inertia, 0.0, 0.0]),
-            np.ascontiguousarray(p),
-            states,
-        )
-        pointers = [ctypes.c_void_p(a.ctypes.data) for a in arrays]
+        arrays = [np.ascontiguousarray(a) for a in (start, inputs, p)]
+        pointers = [ctypes.c_void_p(a.ctypes.data) for a in (*arrays, states)]
         last = ctypes.c_void_p(sens.ctypes.data if sensitivities else None)
         self._library.roll_out(ctypes.byref(settings), *pointers, last)
         return states, sens
@@ -88,24 +122,23 @@ class Simulator:
         """Column of a state in the results."""
         return self.model.index("states", state)
 
-    def _settings(self, trace: Trace, p: np.ndarray) -> _RollOut:
+    def _settings(self, command: np.ndarray, p: np.ndarray, released: bool) -> _RollOut:
+        """Of a run over all rows of `command`, which must outlive it."""
         step = self.model.step
         mode = self.model.modes[0]
         ticks = [
             round(p[self.model.index("parameters", n)] / step) if n else 0
             for n in (mode.on_delay, mode.off_delay)
         ]
-        moving = float(
-            np.any(trace.u_slew[: trace.first + 1] != 0.0)
-        )  # the brake is off once it has been used
         return _RollOut(
-            rows=len(trace.time),
-            first=trace.first,
+            command=command.ctypes.data,
+            rows=len(command),
+            first=0,
             period=PERIOD,
             steps=round(PERIOD / step),
             delay=p[self.model.index("parameters", DELAY)],
             delay_seed=self.fitted.index(DELAY) if DELAY in self.fitted else -1,
-            mode=moving,
+            mode=float(released),
             mode_on=ticks[0],
             mode_off=ticks[1],
             held=0,

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fmus.slew_nn.network import HISTORY, PERIOD_S
-from learning.slew.score import HORIZON, Predictor, score
+from learning.slew.score import HORIZON, STRIDE, Predictor, score
 from learning.slew.trajectory import Trajectory, Windows, windows
 from specs.errors import InputError
 
@@ -99,7 +99,7 @@ def _delayed(speed: np.ndarray, before: int, delay_s: float) -> np.ndarray:
 
 def fit(trajectories: Sequence[Trajectory], coasting: bool = False) -> FirstOrder:
     """Fit to recordings; seconds.  Raises InputError for none of 11 s, or if a direction is never driven."""
-    every = _spread(windows(trajectories, BEFORE, HORIZON, HORIZON // 2), FINAL_WINDOWS)
+    every = _spread(windows(trajectories, BEFORE, HORIZON, STRIDE), FINAL_WINDOWS)
     few = _spread(every, SEARCH_WINDOWS)
     for way, most in (("positive", every.u.max()), ("negative", -every.u.min())):
         if most <= 2 * STARTS[0][0]:
