@@ -91,18 +91,21 @@ def _least_squares(x: np.ndarray, y: np.ndarray) -> Mlp:
 # ---- ONNX out, and back ----
 
 
+def by_onnxruntime(path: Path, given: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """All outputs of a graph."""
+    return [np.asarray(value) for value in ort.InferenceSession(str(path)).run(None, given)]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_onnxruntime_computes_what_the_network_does(kind: str, tmp_path: Path) -> None:
     network, given = KINDS[kind], states()
     to_onnx(network, tmp_path)
-    session = ort.InferenceSession(str(tmp_path / "step.onnx"))
-    found = session.run(None, given | {"inertia": given["inertia"][:, None]})
+    found = by_onnxruntime(tmp_path / "step.onnx", given | {"inertia": given["inertia"][:, None]})
     for one, wanted in zip(found, network.predict(**given), strict=True):
         np.testing.assert_allclose(one[:, 0], wanted, rtol=1e-6)
     if not network.symmetric:
         x = np.hstack([given[key] for key in ("u", "p_l", "p_r", "omega")] + [given["inertia"][:, None]])
-        session = ort.InferenceSession(str(tmp_path / "pressure.onnx"))
-        (pressures,) = session.run(None, {"inputs": x})
+        (pressures,) = by_onnxruntime(tmp_path / "pressure.onnx", {"inputs": x})
         np.testing.assert_allclose(pressures.T, network.predict(**given)[:2], rtol=1e-6)
 
 
@@ -222,6 +225,33 @@ def test_order_sense_and_units_of_a_state_dict_do_not_matter(
         network = untrained(7, (24, 16), (16,), residual=residual)
         files = write_foreign(network, tmp_path, newest_first, by_time)
         assert_same(from_state_dict(*files), network, 1e-6)
+
+
+def test_the_published_networks_have_their_description(tmp_path: Path) -> None:
+    """Their weights are not here: others of their layers, under their names of layers, go the same way."""
+    told = description.read(Path(description.__file__).with_name("published.toml"))
+    assert told.pressure.places()[:2] == [("u", HISTORY - 1), ("u", HISTORY - 2)]
+    network = untrained(9, PRESSURE_LAYERS, VELOCITY_LAYERS)
+    for name in ("pressure", "velocity"):
+        (net,) = getattr(network, name)
+        layers = {}
+        for i, (w, b) in enumerate(zip(net.weights, net.biases, strict=True)):
+            layers |= {f"layers.{2 * i}.weight": torch.tensor(w), f"layers.{2 * i}.bias": torch.tensor(b)}
+        torch.save(layers, tmp_path / f"{name}.pth")
+    files = tmp_path / "pressure.pth", tmp_path / "velocity.pth"
+    found = read_pair(*files, Path(description.__file__).with_name("published.toml"))
+    x = {key: values[:1] for key, values in states().items()}
+    theirs = np.concatenate([
+        (-850 * x["u"][0, ::-1]) / 410.256637,
+        (x["p_l"][0, ::-1] / 1e5 - 77.8003071) / 97.7388791,
+        (x["p_r"][0, ::-1] / 1e5 - 77.8003071) / 97.7388791,
+        x["omega"][0, ::-1] / 0.345157123,
+        (x["inertia"] - 403212.056) / 150740.475,
+    ])  # fmt: skip
+    p = network.pressure[0]
+    plain = Mlp(p.weights, p.biases, np.zeros(41), np.ones(41), np.zeros(2), np.ones(2))
+    wanted = 1e5 * (77.8003071 + 97.7388791 * plain(theirs[None])[0])
+    np.testing.assert_allclose([v[0] for v in found.predict(**x)[:2]], wanted, rtol=1e-6)
 
 
 def test_statistics_may_come_one_a_channel(tmp_path: Path, fitted: SlewNetwork) -> None:
