@@ -20,6 +20,7 @@ CROSS_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 # Every model that a system is made of; inputs that the runner's pattern (-0.5 .. 0.5) may drive.
 DRIVEN = {
     "slew": ["u_slew"],
+    "slew_nn": ["u_slew"],
     "arm": ["qd_boom_ref", "qd_stick_ref"],
     "tool": ["radius_rate"],
     "machine": ["u_slew", "u_boom", "u_stick"],
