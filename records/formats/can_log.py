@@ -61,7 +61,7 @@ def read(path: Path, names: Mapping[str, str], dbc: Path) -> Raw:
             groups += _group(message, bus, frames, notes)
     if unknown:
         shown = ", ".join(f"{i:X}" for i in sorted(unknown)[:4]) + (", …" if len(unknown) > 4 else "")
-        notes.append(f"left out {sum(unknown.values())} frames that the DBC does not know: {shown}")
+        notes.append(f"frames that the DBC does not know: left out {sum(unknown.values())}, of {shown}")
     if not groups:
         what = "no frame that it knows" if found else "no frame"
         raise InputError(f"{path} holds {what} ({dbc.name})" + "".join(f"; {n}" for n in notes[:1]))
@@ -112,7 +112,7 @@ def _group(message: Any, bus: Any, frames: _Frames, notes: list[str]) -> list[tu
     whole = [i for i, data in enumerate(frames.data) if len(data) >= message.length]
     if len(whole) < len(frames.data):
         short = len(frames.data) - len(whole)
-        notes.append(f"{message.name}: dropped {short} frames shorter than {message.length} bytes")
+        notes.append(f"{message.name}: frames shorter than {message.length} bytes: dropped {short}")
     if not whole or not message.length:
         return []
     data = b"".join(frames.data[i][: message.length] for i in whole)

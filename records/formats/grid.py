@@ -74,8 +74,8 @@ def cells(channel: Channel, clock: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def on_grid(measurement: Measurement, step_s: float) -> Measurement:
     """All channels every `step_s` from the first sample on: the last one at or before, nothing interpolated.
 
-    A channel has no sample where it has none that is fresh (Channel.held): gaps stay gaps.  Raises InputError
-    for a step that cannot be.
+    A channel has no sample where it has none that is fresh (Channel.held): gaps stay gaps, and it ends a
+    period after its last one.  Raises InputError for a step that cannot be.
     """
     if not step_s > 0 or not np.isfinite(step_s):
         raise InputError(f"the step must be more than 0 s, not {step_s:g}")
@@ -95,5 +95,7 @@ def on_grid(measurement: Measurement, step_s: float) -> Measurement:
 
 def _gridded(channel: Channel, grid: np.ndarray, first: float, step_s: float) -> Channel:
     index, fresh = channel.held(first + grid, step_s)
+    period = np.fmax(channel.period_s, step_s)  # the last sample stands for one: then the channel has ended
+    fresh &= (index < len(channel.time) - 1) | (first + grid - channel.time[index] < (1 - ROUNDING) * period)
     time = grid if fresh.all() else grid[fresh]
     return replace(channel, time=time, values=channel.values[index[fresh]])

@@ -28,7 +28,9 @@ def test_mcaps_reader_reads_what_is_written(tmp_path):
             for schema, _, m in messages
             if name in json.loads(m.data)
         ]
-        stated = json.loads(mine[0][0].data)["properties"][name]
+        schema = mine[0][0]
+        assert schema is not None
+        stated = json.loads(schema.data)["properties"][name]
         assert stated["unit"] == channel.unit
         assert [row[name] for _, _, row in mine] == channel.values.tolist()
         zero = round(START.timestamp() * 1e6) * 1000

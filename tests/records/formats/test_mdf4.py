@@ -28,13 +28,13 @@ def test_asammdf_reads_what_is_written(tmp_path):
             np.testing.assert_array_equal(found.samples, channel.values)
 
 
-def save(path: Path, *groups: list, start: datetime | None = None, version="4.11", compression=0) -> Path:
+def save(path: Path, *groups: list, start: datetime | None = None, version="4.11") -> Path:
     with MDF(version=version) as file:
         if start:
             file.start_time = start
         for number, signals in enumerate(groups):
             file.append(signals, acq_name=f"task{number}", common_timebase=True)
-        file.save(path, overwrite=True, compression=compression)
+        file.save(path, overwrite=True, compression=0)
     return path
 
 
