@@ -12,7 +12,7 @@ from fmus.build import build_fmu
 from fmus.loader import model_folders
 from fmus.slew_nn import bench
 from fmus.slew_nn.fmu import build_from
-from fmus.slew_nn.model import MODEL, STEP, TICKS
+from fmus.slew_nn.model import MODEL, STEP, TICKS, of_network
 from fmus.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
 from fmus.slew_nn.untrained import PRESSURE_LAYERS, VELOCITY_LAYERS, untrained
 from orchestrator.check import load_system
@@ -162,18 +162,18 @@ def test_directional_derivatives_are_the_partials(small: Path) -> None:
 @pytest.mark.parametrize("phase", [0, 3])
 def test_the_step_s_derivative_goes_through_the_network(phase: int) -> None:
     """Forward derivative of the next state against central differences."""
-    rng = np.random.default_rng(phase)
-    size = np.array([v.nominal or 1.0 for v in MODEL.states])
+    rng, model = np.random.default_rng(phase), of_network(KINDS["ensemble"])
+    size = np.array([v.nominal or 1.0 for v in model.states])
     x, u, p = (
         0.1 * rng.normal(size=len(size)) * size,
         np.array([0.4, 4e5, 0.0, 1e4]),
-        MODEL.start_parameters(),
+        model.start_parameters(),
     )
     x[1] = phase
     dx = rng.normal(size=len(size)) * size
     dx[1] = 0.0
-    found = np.array(MODEL.directional(x, u, 1.0, p, dx, np.zeros(4), np.zeros(len(MODEL.parameters)))[0])
-    ends = [np.array(MODEL.f(x + sign * 1e-6 * dx, u, 1.0, p)) for sign in (1, -1)]
+    found = np.array(model.directional(x, u, 1.0, p, dx, np.zeros(4), np.zeros(len(model.parameters)))[0])
+    ends = [np.array(model.f(x + sign * 1e-6 * dx, u, 1.0, p)) for sign in (1, -1)]
     numeric = (ends[0] - ends[1]) / 2e-6
     np.testing.assert_allclose(found.ravel() / size, numeric.ravel() / size, rtol=0, atol=1e-6)
 
