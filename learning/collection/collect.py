@@ -6,8 +6,8 @@
     OUT/collection.json    the manifest, written last
 
 A recording is kept if its digest is the one that the plan, the machine and, in the closed loop, the
-controller give; so a collection that was interrupted goes on where it stopped.  What was recorded from another
-plan, seed or machine is never written over.
+controller give; so a collection that was interrupted goes on where it stopped.  What was recorded from
+another plan, seed or machine is never written over.
 """
 
 import json
@@ -21,7 +21,7 @@ from learning.collection.command import Pilot, Replay
 from learning.collection.controller import FILE as CONTROLLER, find, known
 from learning.collection.coverage import measure
 from learning.collection.coverage_page import write_page
-from learning.collection.machine import LockStep, Machine
+from learning.collection.machine import STEP_S, LockStep, Machine
 from learning.collection.operator_model import Operator
 from learning.collection.plan import SPLITS, Plan, Recording
 from learning.collection.recorder import record
@@ -152,7 +152,7 @@ def _controller(plan: Plan, out: Path) -> dict[str, Any] | None:
 
 
 def _minutes(entries: Sequence[dict[str, Any]], split: str) -> float:
-    return round(sum(e["minutes"] for e in entries if e["split"] == split), 6)
+    return round(sum(e["seconds"] for e in entries if e["split"] == split) / 60.0, 6)
 
 
 def _entry(recording: Recording, found: Record) -> dict[str, Any]:
@@ -161,7 +161,7 @@ def _entry(recording: Recording, found: Record) -> dict[str, Any]:
         "part": recording.part,
         "kind": recording.kind,
         "split": recording.split,
-        "minutes": round(len(found) * 0.02 / 60.0, 6),
+        "seconds": round(len(found) * STEP_S, 3),
         "q_boom": recording.q_boom,
         "q_stick": recording.q_stick,
         "load_told": recording.load_kg,

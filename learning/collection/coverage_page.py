@@ -110,10 +110,10 @@ def _table_of_recordings(manifest: Mapping[str, Any]) -> str:
     for e in manifest["recordings"]:
         clipped = ", ".join(f"{k} {n * PERIOD_S:.1f} s" for k, n in e["clipped"].items()) or "–"
         rows.append((
-            e["file"], e["split"], f"{e['minutes']:.2f}", f"{e['q_boom']:.2f}", f"{e['q_stick']:.2f}",
+            e["file"], e["split"], f"{e['seconds']:g}", f"{e['q_boom']:.2f}", f"{e['q_stick']:.2f}",
             f"{e['load_told']:g}", clipped, e["aborted"] or "–",
         ))  # fmt: skip
-    head = ("File", "Split", "min", "boom [rad]", "stick [rad]", "load told [kg]", "Clipped", "Aborted")
+    head = ("File", "Split", "s", "boom [rad]", "stick [rad]", "load told [kg]", "Clipped", "Aborted")
     return "<h2>Recordings</h2>" + _table(head, rows)
 
 

@@ -17,7 +17,7 @@ from orchestrator.layout import lay_out
 from orchestrator.master import Master, Options
 from orchestrator.system import System
 from specs import draws, systems
-from specs.errors import InputError, nearest
+from specs.errors import InputError
 
 STEP_S = 0.02
 TICKS = round(PERIOD_S / STEP_S)  # in one command period
@@ -112,8 +112,8 @@ def machine_parameters(which: str) -> dict[str, float]:
     choices = [n for n in draws.sets() if n != draws.SEALED]
     if name not in choices or not index.isdigit():
         valid = ", ".join([NOMINAL, *(f"{n}:0 … {n}:{draws.sets()[n] - 1}" for n in choices)])
-        hint = nearest(name, [NOMINAL, *choices]) + " " if name not in choices else ""
-        raise InputError(f"unknown machine '{which}'; {hint}valid: {valid}")
+        sealed = f" (set {name} is sealed)" if name == draws.SEALED else ""
+        raise InputError(f"unknown machine '{which}'{sealed}; valid: {valid}")
     return draws.draw(name, int(index))
 
 

@@ -158,7 +158,13 @@ class Plan:
     def digest(self, recording: Recording, more: Any = None) -> str:
         """SHA-256 of all of the plan that one recording depends on, and of `more` (machine, controller)."""
         part = asdict(self.parts[recording.part]) | {"recordings": None}
-        whole = [self.seed, asdict(self.limits), part, asdict(recording) | {"number": None}, more]
+        whole = [
+            self.seed,
+            asdict(self.limits),
+            part,
+            asdict(recording) | {"number": None, "name": None},
+            more,
+        ]
         return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
 
 

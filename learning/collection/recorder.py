@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from learning.collection.command import NEUTRAL, Pilot
-from learning.collection.machine import RECORDED, Machine
+from learning.collection.machine import RECORDED, STEP_S, Machine
 from learning.collection.plan import PERIOD_S, Limits, Recording
 from learning.collection.supervisor import State, supervise
 from records.recording import RecordWriter
@@ -59,4 +59,4 @@ def record(
         more = {"clipped": dict(sorted(clipped.items()))}
         reason = f"aborted: {state.aborted}" if state.aborted else ""
         writer.close(not state.aborted, reason, more)
-    return Made(dict(clipped), state.aborted, writer.rows * PERIOD_S / 5)
+    return Made(dict(clipped), state.aborted, writer.rows * STEP_S)

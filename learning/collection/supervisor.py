@@ -5,8 +5,8 @@
 once in each command period.  It clips what would leave the limits, and aborts to neutral, for the rest of the
 recording, where clipping did not help or the sensors cannot be trusted:
 
-    slew speed   no further joystick in the direction of motion where the speed, extrapolated over the
-                 encoder's delay, is above the limit; abort at ABORT_SPEED of it
+    slew speed   no further joystick in the direction of motion from where the gyroscope's speed, as it will
+                 be when the drive follows, is above the limit, until it is well below; abort at ABORT_SPEED
     arm          a reference is taken only if the pose at which the arm comes to rest keeps pose limits and
                  keep-out, or is further inside than the present one; abort outside
     tool         while its swing is too large, and a while after, all commands go to neutral, but slowly: a
@@ -30,19 +30,21 @@ from specs.signals import signal
 ABORT_SPEED = 1.2  # of the limit
 ABORT_POSE_RAD = 0.1  # outside the pose limits
 CONTRADICTION_RAD_S = 0.35  # between gyroscope and encoder, for silence_s; the encoder is 0.2 s late
-ENCODER_DELAY_S = 0.2
+SPEED_AHEAD_S = 0.4  # that the slew still accelerates after the joystick has gone back
+SLOW_AGAIN = 0.85  # of the speed limit: below it the joystick is given back
 EASE = 0.5  # 1/s: share of full command by which it may change while the tool swings
 STEP = 1 / 32000  # of the joystick, as it goes over the wire; references in as many steps
+GYROSCOPE = "imu_cabin_rate_z"
 WATCHED = (
     *(f"{kind}_{joint}" for kind in ("q", "qd") for joint in ("slew", "boom", "stick")),
     *(f"p_slew_{side}" for side in "ab"),
-    "imu_cabin_rate_z",
+    GYROSCOPE,
     "imu_tool_roll",
     "imu_tool_pitch",
 )
 SATURATING = ("imu_tool_rate_x", "imu_tool_rate_y")  # beyond their range in a hard swing, which is no fault
 # Sensors whose noise never lets them repeat their value to the last digit.
-RESTLESS = ("qd_slew", "qd_boom", "qd_stick", "imu_cabin_rate_z", "imu_tool_roll", "imu_tool_pitch")
+RESTLESS = ("qd_slew", "qd_boom", "qd_stick", GYROSCOPE, "imu_tool_roll", "imu_tool_pitch")
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class State:
     """What the supervisor remembers from period to period; `State()` before the first."""
 
     told: tuple[Command, ...] = ()  # the last periods' commands
-    speed: float | None = None
+    speed: float | None = None  # of the gyroscope: the encoder's is late
+    fast: bool = False  # the speed limit has been near
     rest_s: float = 0.0  # for so long still the tool is given rest
     unchanged_s: tuple[float, ...] = (0.0,) * len(RESTLESS)
     values: tuple[float, ...] = ()
@@ -74,9 +77,10 @@ def supervise(
     if reason:
         return NEUTRAL, replace(state, clipped=(), aborted=reason)
     rest = _rest(seen, state, limits)
-    command, clipped = _clipped(wanted, seen, replace(state, rest_s=rest), limits)
+    fast = _fast(seen, state, limits)
+    command, clipped = _clipped(wanted, seen, replace(state, rest_s=rest, fast=fast), limits)
     told = (*state.told[1 - round(limits.stopping_s / PERIOD_S) :], command)
-    return command, replace(state, told=told, speed=seen["qd_slew"], rest_s=rest, clipped=clipped)
+    return command, replace(state, told=told, speed=seen[GYROSCOPE], fast=fast, rest_s=rest, clipped=clipped)
 
 
 def _remember(seen: Sample, state: State) -> State:
@@ -87,7 +91,7 @@ def _remember(seen: Sample, state: State) -> State:
         since + PERIOD_S if now == then else 0.0
         for now, then, since in zip(values, before, state.unchanged_s, strict=True)
     )
-    apart = abs(seen.get("imu_cabin_rate_z", math.nan) - seen.get("qd_slew", math.nan)) > CONTRADICTION_RAD_S
+    apart = abs(seen.get(GYROSCOPE, math.nan) - seen.get("qd_slew", math.nan)) > CONTRADICTION_RAD_S
     contradiction = state.contradiction_s + PERIOD_S if apart else 0.0
     return replace(state, values=values, unchanged_s=same, contradiction_s=contradiction)
 
@@ -113,8 +117,9 @@ def _untrusted(seen: Sample, age_s: float, state: State, limits: Limits) -> str:
 
 def _outside(seen: Sample, limits: Limits) -> str:
     """Which limit is broken so far that only neutral is left, or nothing."""
-    if abs(seen["qd_slew"]) > ABORT_SPEED * limits.slew_speed_rad_s:
-        return f"slew speed {seen['qd_slew']:.3f} rad/s"
+    speed = max(seen["qd_slew"], seen[GYROSCOPE], key=abs)
+    if abs(speed) > ABORT_SPEED * limits.slew_speed_rad_s:
+        return f"slew speed {speed:.3f} rad/s"
     swing = _swing(seen)
     if swing > limits.tool_swing_abort_rad:
         return f"tool swing {swing:.2f} rad"
@@ -133,6 +138,16 @@ def _rest(seen: Sample, state: State, limits: Limits) -> float:
     return max(0.0, state.rest_s - PERIOD_S)
 
 
+def _fast(seen: Sample, state: State, limits: Limits) -> bool:
+    """Whether the slew is, or in a moment will be, too fast; or was, and is not yet slow again."""
+    speed = seen[GYROSCOPE]
+    acceleration = 0.0 if state.speed is None else (speed - state.speed) / PERIOD_S
+    ahead = max(abs(speed + acceleration * SPEED_AHEAD_S), abs(seen["qd_slew"]))
+    return ahead > limits.slew_speed_rad_s or (
+        state.fast and abs(speed) > SLOW_AGAIN * limits.slew_speed_rad_s
+    )
+
+
 def _clipped(wanted: Command, seen: Sample, state: State, limits: Limits) -> tuple[Command, tuple[str, ...]]:
     reasons = []
     top = parameter("arm_velocity_limit", "arm_velocity").value
@@ -143,9 +158,7 @@ def _clipped(wanted: Command, seen: Sample, state: State, limits: Limits) -> tup
         )
         reasons.append("tool swing")
     u = _rounded(wanted.u_slew, 1.0)
-    acceleration = 0.0 if state.speed is None else (seen["qd_slew"] - state.speed) / PERIOD_S
-    ahead = seen["qd_slew"] + acceleration * (ENCODER_DELAY_S + PERIOD_S)
-    if abs(ahead) > limits.slew_speed_rad_s and ahead * u > 0.0:
+    if state.fast and u * seen[GYROSCOPE] > 0.0:
         u = 0.0
         reasons.append("slew speed")
     asked = (_rounded(wanted.qd_boom_ref, top), _rounded(wanted.qd_stick_ref, top))
