@@ -59,7 +59,7 @@ def browser() -> str:
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def slewright() -> Command:
     """Run the command in a process of its own: slewright("verify", "--seed", "2") -> CompletedProcess."""
 

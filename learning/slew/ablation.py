@@ -137,7 +137,7 @@ def _reference(variant: str, data: Data, tiny: bool) -> tuple[Predictor, Mapping
 def table(outcomes: Sequence[Outcome], data: Data, split: str = "test", seed: int = 0) -> dict[str, Any]:
     """Variant -> means over seeds and windows, 95 % intervals, ratios to `proposed`, validation figures."""
     names = list(dict.fromkeys(o.variant for o in outcomes))
-    recordings = sorted({t.name for t in getattr(data, split)})
+    recordings = held_out(data, split).names  # those that are long enough
     found: dict[str, Any] = {}
     errors = {
         n: _by_recording([o for o in outcomes if o.variant == n], split, len(recordings)) for n in names

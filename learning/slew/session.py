@@ -143,7 +143,7 @@ def _data(options: Options, report: Report) -> Data:
 
 def _outcomes(data: Data, options: Options, report: Report) -> list[Outcome]:
     names = ablation.trained(options.variants)
-    total = sum(1 if v in REFERENCES else len(options.seeds) for v in names)
+    total = sum(1 if v in REFERENCES else len(options.seeds) for v in names) + (ENSEMBLE in options.variants)
     found: list[Outcome] = []
     report("training", 0, total)
     for outcome in ablation.run(data, options.variants, options.seeds, options.jobs, options.tiny):
