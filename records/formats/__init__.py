@@ -27,6 +27,7 @@ FORMATS = {
     ".asc": "can_log",
 }
 READ_ONLY = (".recording", ".tsv", ".txt", ".mdf")
+TABLES = ("parquet_file", "csv_file")  # modules of files whose time is a column like others
 CAN_LOGS = (".blf", ".asc")
 DBC = ROOT / "generated" / "slewright.dbc"
 
@@ -43,6 +44,7 @@ def read_measurement(
     Raises InputError naming the file and the place of what cannot be mended.
     """
     from records.formats.assemble import assemble
+    from records.formats.tables import is_clock
 
     path = Path(path)
     module, options = _module(path, dbc)
@@ -52,6 +54,9 @@ def read_measurement(
         raise InputError(f"no recording at {path}")
     if path.is_file() and not path.stat().st_size:
         raise InputError(f"{path} is empty")
+    clocks = [theirs for theirs, ours in (names or {}).items() if is_clock(ours)]
+    if clocks and module.__name__.rpartition(".")[2] not in TABLES:
+        raise InputError(f"{path} has times of its own; '{clocks[0]}' cannot be its time")
     return assemble(module.read(path, names or {}, **options), str(path), names)
 
 
@@ -63,6 +68,8 @@ def write_measurement(
     Raises InputError where the format cannot hold it: one time for channels of several rates (`on_grid`
     first), a value beyond its place on CAN.  RunError when the disk refuses.
     """
+    from records.recording import first_line
+
     path = Path(path)
     check_format(path)
     module, options = _module(path, dbc)
@@ -77,8 +84,10 @@ def write_measurement(
         try:
             lost = module.write(measurement, temporary, **options)
             temporary.replace(path)
-        except OSError as error:
-            raise RunError(f"cannot write {path}: {error.strerror or error}") from error
+        except (OSError, RunError) as error:
+            cause = error.__cause__ or error
+            reason = cause.strerror if isinstance(cause, OSError) else None
+            raise RunError(f"cannot write {path}: {reason or first_line(cause)}") from error
     return lost
 
 

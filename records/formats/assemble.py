@@ -9,6 +9,7 @@ import numpy as np
 
 from records.formats import clock
 from records.formats.raw import Group, Raw, RawColumn
+from records.formats.tables import is_clock
 from records.formats.units import converted, spelled
 from records.measurement import GAP, Channel, Measurement
 from specs.errors import InputError, nearest
@@ -54,7 +55,7 @@ def _wanted(raw: Raw, names: Mapping[str, str], source: str) -> dict[str, Wanted
         match = OURS.match(ours.strip())
         if match is None:
             raise InputError(f"names: '{ours}' is not of the form 'name', 'name [unit]' or '-name [unit]'")
-        if match["name"] == "time":
+        if is_clock(ours):
             continue  # tables chose their clock by it
         if theirs not in there:
             raise InputError(f"{source} has no channel '{theirs}'; {nearest(theirs, there)}")

@@ -7,7 +7,7 @@ their own, times in s, ms, us, ns or as dates, and `# key: value` lines before t
 import io
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from csv import reader
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -18,18 +18,18 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
-from records.formats.grid import cells, shared_clock
+from records.formats.csv_write import META, write
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import START, as_json, from_ns, meta_of, start_of
+from records.formats.start import from_ns, start_of
 from records.formats.tables import Heading, check_twice, clock_of, heading
 from records.formats.units import seconds, spelled
-from records.measurement import Channel, Measurement
 from records.recording import first_line
 from records.schema import values
 from specs.errors import InputError
 from specs.units import UNITS
 
-META = "slewright"  # key of the comment line that holds our metadata
+__all__ = ["read", "write"]
+
 DELIMITERS = (";", "\t", ",")
 DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d+,\d+(e[-+]?\d+)?\s*$", re.IGNORECASE)
 WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
@@ -64,39 +64,6 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     return Raw(
         [Group("", time, columns, "line", numbers)], start or start_of(layout.meta), layout.meta, notes
     )
-
-
-def write(measurement: Measurement, path: Path) -> list[str]:
-    """Write one header `name [unit]` and a row for each time; returns what CSV does not keep.
-
-    Raises InputError where the channels' rates differ.
-    """
-    clock = shared_clock(measurement, "CSV")
-    columns = {"time": pa.array(clock)}
-    for channel in measurement.channels.values():
-        held, absent = cells(channel, clock)
-        held = held.astype(np.int8) if held.dtype == bool else held
-        columns[channel.name] = pa.array(held, mask=absent if absent.any() else None)
-    meta = meta_of(measurement)
-    start = meta.pop(START, None)
-    channels = measurement.channels.values()
-    with path.open("wb") as file:
-        file.write(f"# {START}: {start}\n".encode() if start else b"")
-        file.write(f"# {META}: {as_json(meta)}\n".encode() if meta else b"")
-        heads = ["time [s]", *(f"{c.name} [{c.unit}]" for c in channels)]
-        file.write((",".join(_quoted(head) for head in heads) + "\n").encode())
-        csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=False))
-    kinds = sorted({"b": "flags", "i": "whole numbers", "u": "whole numbers"}[k] for k in _kinds(channels))
-    lost = [f"types: {' and '.join(dict.fromkeys(kinds))} become floats"] if kinds else []
-    return lost + (["descriptions of channels"] if any(c.description for c in channels) else [])
-
-
-def _kinds(channels: Iterable[Channel]) -> set[str]:
-    return {c.values.dtype.kind for c in channels} - {"f"}
-
-
-def _quoted(cell: str) -> str:
-    return '"' + cell.replace('"', '""') + '"' if any(c in cell for c in ',;"\t') else cell
 
 
 def _lines(path: Path, notes: list[str]) -> list[str]:

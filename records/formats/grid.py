@@ -38,6 +38,10 @@ def shared_clock(measurement: Measurement, kind: str) -> np.ndarray:
     channels = [c for c in measurement.channels.values() if len(c.time)]
     if not channels:
         raise InputError(f"{measurement.source or 'the recording'} holds no samples")
+    if "time" in measurement:
+        raise InputError(
+            f"{measurement.source or 'the recording'}: {kind} needs the name 'time' for its time"
+        )
     groups = clocks(channels)
     union = np.unique(np.concatenate([time for time, _ in groups]))
     period = float(np.median(np.diff(union))) if len(union) > 1 else 0.0

@@ -145,6 +145,8 @@ def _meta(file: Any) -> dict[str, Any]:
 
 def write(measurement: Measurement, path: Path) -> list[str]:
     """Write a channel group for each clock; returns what MDF4 does not keep."""
+    if measurement.start and measurement.start.timestamp() < 0:
+        raise InputError(f"{path}: MDF4 holds no start before 1970")
     meta = meta_of(measurement)
     meta.pop(START, None)
     with MDF(version=VERSION) as file:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from records.formats.units import PER_SECOND, spelled
-from specs.errors import InputError
+from specs.errors import InputError, nearest
 from specs.units import UNITS
 
 CLOCKS = ("time", "timestamp", "timestamps", "t", "zeit", "datetime", "date_time", "date")  # in order
@@ -31,11 +31,18 @@ def heading(text: str) -> Heading:
     return Heading(text)
 
 
+def is_clock(ours: str) -> bool:
+    """Whether a name of ours means the time: `time` or `time [ms]`."""
+    return heading(ours).name == "time"
+
+
 def clock_of(headings: Sequence[Heading], names: Mapping[str, str], source: str) -> tuple[int, str]:
     """Index of the time column and the unit its heading states; raises InputError where there is none."""
     found = [h.name for h in headings]
     for theirs, ours in names.items():
-        if ours.partition("[")[0].strip() == "time" and theirs in found:
+        if is_clock(ours):
+            if theirs not in found:
+                raise InputError(f"{source} has no column '{theirs}'; {nearest(theirs, found)}")
             index = found.index(theirs)
             return index, heading(ours).unit or headings[index].unit
     lower = [name.lower() for name in found]

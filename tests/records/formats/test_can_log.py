@@ -144,6 +144,19 @@ def test_j1939_frames_of_another_sender_are_known_by_their_group(tmp_path, other
     np.testing.assert_allclose(found["speed"].values, [0, 0.01, 0.02])
 
 
+def test_one_message_on_two_buses_gives_channels_of_each(tmp_path, other):
+    with can.BLFWriter(tmp_path / "r.blf") as writer:
+        for i in range(10):
+            for bus in (0, 1):
+                data = bytes([i, 10 * bus, 0, 0, 0, 0, 0, 0])
+                message = can.Message(timestamp=0.1 * i, arbitration_id=256, data=data, channel=bus)
+                message.is_extended_id = False
+                writer.on_message_received(message)
+    found = read_measurement(tmp_path / "r.blf", dbc=other)
+    assert {"Mixed.bus0.motorola", "Mixed.bus1.motorola"} <= set(found.channels)
+    assert len(found["Mixed.bus0.motorola"].time) == 10
+
+
 def test_j1939s_errors_are_dropped_and_said_and_what_is_not_available_is_absent(tmp_path):
     message = Dbc(DBC)._exact[load(DBC).get_message_by_name("PressureB").frame_id, True]
     one = {f.signal.name: f for f in fields(message)}

@@ -183,6 +183,7 @@ def test_names_unit_and_sign_of_other_peoples_columns(read):
         ({"Winkel": "rest"}, "two channels would be called rest"),
         ({"Winkel": "q_slew", "rest": "q_slew"}, "two channels would be called q_slew"),
         ({"Winkel": "q slew"}, "'q slew' is not of the form"),
+        ({"Ur": "time [ms]"}, "no column 'Ur'"),
     ],
 )
 def test_names_that_do_not_fit_are_refused(read, names, said):

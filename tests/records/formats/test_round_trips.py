@@ -144,11 +144,36 @@ def test_writing_is_whole_or_not_at_all(tmp_path, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("records.formats.csv_file.csv.write_csv", full)
+    monkeypatch.setattr("records.formats.csv_write.csv.write_csv", full)
     with pytest.raises(RunError, match="No space left"):
         write_measurement(one_rate(), target)
     assert [p.name for p in tmp_path.iterdir()] == ["r.csv"]
     assert target.read_text() == "older"
+
+
+def test_a_full_disk_in_a_run_record_names_the_target(tmp_path, monkeypatch):
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("records.parquet.ParquetFile.write", full)
+    with pytest.raises(RunError, match=r"cannot write .*r\.parquet: No space left on device"):
+        write_measurement(one_rate(), tmp_path / "r.parquet")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_channel_called_time_has_no_room_in_a_table(tmp_path):
+    sent = one_rate()
+    time = sent["q_slew"].time
+    whole = Measurement({**sent.channels, "time": Channel("time", "s", time, time)})
+    for suffix in TABLES:
+        with pytest.raises(InputError, match="needs the name 'time'"):
+            write_measurement(whole, tmp_path / f"r{suffix}")
+
+
+def test_times_of_formats_that_have_their_own_are_not_chosen(tmp_path):
+    write_measurement(recording(), tmp_path / "r.mf4")
+    with pytest.raises(InputError, match=r"r\.mf4 has times of its own; 'q_slew' cannot be its time"):
+        read_measurement(tmp_path / "r.mf4", names={"q_slew": "time"})
 
 
 @pytest.mark.parametrize(
