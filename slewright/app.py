@@ -30,7 +30,17 @@ from slewright.commands import (
 )
 from specs.version import VERSION
 
-ROOMS = ("specs", "records", "fmus", "orchestrator", "runtime", "baselines", "learning", "slewright")
+ROOMS = (
+    "specs",
+    "records",
+    "fmus",
+    "orchestrator",
+    "runtime",
+    "baselines",
+    "learning",
+    "blindtest",
+    "slewright",
+)
 TRACEBACK = "SLEWRIGHT_TRACEBACK"
 
 app = typer.Typer(

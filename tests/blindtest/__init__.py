@@ -1,0 +1,1 @@
+"""Tests of the hidden-effect generator: its integrator, effects, cases and scoring."""
