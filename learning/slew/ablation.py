@@ -16,7 +16,7 @@ import numpy as np
 from fmus.slew_nn.network import HISTORY, SlewNetwork
 from learning.slew.data import Data
 from learning.slew.disagreement import ensemble
-from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, Recipe, recipe
+from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, Recipe, exportable, recipe
 from learning.slew.score import HORIZON, STRIDE, Predictor, Score, predictor, score
 from learning.slew.trajectory import Windows, windows
 
@@ -110,7 +110,6 @@ def fit(data: Data, variant: str, seed: int, tiny: bool = False) -> Outcome:
 
 
 def _trained(chosen: Recipe, data: Data, seed: int) -> tuple[Predictor, SlewNetwork | None]:
-    from learning.slew.networks import exportable
     from learning.slew.region import with_region
     from learning.slew.training import train
 

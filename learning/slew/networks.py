@@ -153,13 +153,8 @@ def _make(recipe: Recipe, part: str, channels: int, outputs: int) -> nn.Module:
     return Flat(channels, outputs, WIDTHS[part], recipe.inertia)
 
 
-def exportable(recipe: Recipe) -> bool:
-    """Whether the recipe's networks have the paper's interface, so that they can be plain weights."""
-    return recipe.architecture == "mlp" and recipe.pressure and recipe.inertia
-
-
 def plain(pair: Pair) -> SlewNetwork:
-    """The pair as plain weights; its recipe must be `exportable`."""
+    """The pair as plain weights; its recipe must be `recipe.exportable`."""
     return SlewNetwork((_plain(pair, "pressure"),), (_plain(pair, "velocity"),), pair.recipe.symmetric)
 
 

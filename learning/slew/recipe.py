@@ -74,3 +74,8 @@ def recipe(name: str, tiny: bool = False) -> Recipe:
     if not tiny:
         return found
     return replace(found, epochs=TINY_EPOCHS, unroll=min(found.unroll, 3), unroll_epochs=min(found.unroll, 1))
+
+
+def exportable(chosen: Recipe) -> bool:
+    """Whether the recipe's networks have the paper's interface, so that they can be plain weights."""
+    return chosen.architecture == "mlp" and chosen.pressure and chosen.inertia

@@ -11,7 +11,7 @@ from fmus.slew_nn.network import SlewNetwork
 from learning.slew import ablation, disagreement, page
 from learning.slew.ablation import REFERENCES, Outcome
 from learning.slew.data import Data, load, of_traces
-from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, RECIPES
+from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, RECIPES, exportable
 from learning.slew.region import share_outside
 from specs.errors import InputError, nearest
 from specs.version import VERSION
@@ -73,9 +73,10 @@ def run(options: Options, report: Report) -> dict[str, Any]:
     outcomes = _outcomes(data, options, report)
     figures = ablation.table(outcomes, data)
     chosen = _chosen(figures, outcomes, options)
-    network = _with_meta(chosen, figures, data, options)
+    networks = {o.variant: _with_meta(o, figures, data, options) for o in _best(outcomes)}
+    network = networks[chosen.variant]
     doubt = _doubt(network, data)
-    paths = _write(network, chosen.variant, figures, data, options)
+    paths = _write(networks, chosen.variant, figures, data, options)
     accepted, notes = _judged(figures, chosen, network, data, paths, doubt)
     return {
         "source": data.source,
@@ -123,6 +124,11 @@ def _check(options: Options) -> None:
         raise InputError(f"no recipe '{options.recipe}'; {nearest(options.recipe, (*RECIPES, ENSEMBLE))}")
     if options.budget not in BUDGETS:
         raise InputError(f"no budget '{options.budget}'; {nearest(options.budget, BUDGETS)}")
+    if not options.ablation and options.recipe in RECIPES and not exportable(RECIPES[options.recipe]):
+        raise InputError(
+            f"recipe {options.recipe} has another interface than the paper's networks: only --ablation "
+            "shows it"
+        )
     if options.traces and options.data:
         raise InputError("--traces and DATA exclude each other")
 
@@ -155,19 +161,22 @@ def _outcomes(data: Data, options: Options, report: Report) -> list[Outcome]:
 
 def _chosen(figures: Mapping[str, Any], outcomes: Sequence[Outcome], options: Options) -> Outcome:
     """The best variant on validation (or the one asked for), of it the best seed on validation."""
-    able = [o for o in outcomes if o.network is not None]
-    name = ablation.winner(figures, [o.variant for o in able]) if options.ablation else options.recipe
-    able = [o for o in able if o.variant == name]
-    if not able:
-        raise InputError(
-            f"recipe {name} has another interface than the paper's networks: only --ablation shows it"
-        )
+    able = {o.variant: o for o in _best(outcomes)}
+    name = ablation.winner(figures, list(able)) if options.ablation else options.recipe
+    return able[name]
+
+
+def _best(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Of each variant that can be plain weights, the best seed on validation."""
 
     def cost(outcome: Outcome) -> float:
         kept = outcome.scores["validation"]
         return kept.velocity_mae * kept.position_mae
 
-    return min(able, key=cost)
+    able = [o for o in outcomes if o.network is not None]
+    return [
+        min((o for o in able if o.variant == v), key=cost) for v in dict.fromkeys(o.variant for o in able)
+    ]
 
 
 def _with_meta(chosen: Outcome, figures: Mapping[str, Any], data: Data, options: Options) -> SlewNetwork:
@@ -177,7 +186,8 @@ def _with_meta(chosen: Outcome, figures: Mapping[str, Any], data: Data, options:
     own = {k: getattr(chosen.scores["test"], k) for k in KEYS}
     meta = {
         "recipe": chosen.variant, "seed": chosen.seed, "seeds": list(options.seeds), "budget": options.budget,
-        "machine": options.machine, "traces": options.traces, "command": options.command, "version": VERSION,
+        "machine": options.machine, "traces": options.traces, "version": VERSION,
+        "command": replace(options, recipe=chosen.variant, ablation=False).command,
         "source": data.source, "data_sha256": data.sha256, "figures": {k: entry[k] for k in KEYS},
         "own_figures": own, "noise": {k: entry["noise"][k] for k in KEYS},
     }  # fmt: skip
@@ -204,17 +214,17 @@ def _in_words(doubt: Mapping[str, float]) -> list[str]:
 
 
 def _write(
-    network: SlewNetwork, name: str, figures: Mapping[str, Any], data: Data, options: Options
-) -> tuple[Path, Path]:
+    networks: Mapping[str, SlewNetwork], name: str, figures: Mapping[str, Any], data: Data, options: Options
+) -> list[Path]:
     options.out.mkdir(parents=True, exist_ok=True)
-    weights = options.out / f"{name}.npz"
-    network.save(weights)
+    for variant, network in networks.items():
+        network.save(options.out / f"{variant}.npz")
     facts = [
         ("Trained on", f"{data.minutes('train'):.0f} min"), ("Held out", f"{data.minutes('test'):.0f} min"),
         ("From", data.source), ("Chosen", name), ("Command", options.command),
     ]  # fmt: skip
-    shown = page.Shown(figures, data, name, network, facts)
-    return weights, page.write_page(options.out / "report.html", shown)
+    shown = page.Shown(figures, data, name, networks[name], facts)
+    return [options.out / f"{name}.npz", page.write_page(options.out / "report.html", shown)]
 
 
 def _judged(

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from fmus.slew_nn.network import HISTORY, SlewNetwork
-from learning.slew.networks import NAMES, Pair, Scales, State, exportable, plain
-from learning.slew.recipe import Recipe
+from learning.slew.networks import NAMES, Pair, Scales, State, plain
+from learning.slew.recipe import Recipe, exportable
 from learning.slew.score import Predictor
 from learning.slew.trajectory import Trajectory, Windows, both_ways, windows, zero_filled
 from specs.errors import InputError, RunError

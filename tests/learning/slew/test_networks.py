@@ -9,8 +9,8 @@ import torch
 from fmus.slew.traces import load
 from fmus.slew_nn.network import HISTORY, SlewNetwork
 from learning.slew.disagreement import disagreement, ensemble, members
-from learning.slew.networks import Pair, Scales, exportable, plain
-from learning.slew.recipe import RECIPES, Recipe, recipe
+from learning.slew.networks import Pair, Scales, plain
+from learning.slew.recipe import RECIPES, Recipe, exportable, recipe
 from learning.slew.region import with_region
 from learning.slew.score import predictor, roll_out as roll_out_plain, score
 from learning.slew.training import roll_out, train
