@@ -26,7 +26,7 @@ FULL = 0.99  # joystick: a machine driven this far has shown its fastest
 WIDEST = 0.1  # joystick, width of the 95 % interval from which a point lacks data
 REVERSAL = 0.01  # rad/s that a bin may lie off the monotone curve, and
 REVERSAL_ERRORS = 5.0  # as many standard errors
-REPAIRED = 0.05  # share of the segments that may lie further off
+REPAIRED = 0.1  # share of the segments that may lie further off
 GRID = np.linspace(-LIMIT, LIMIT, POINTS)  # rad/s
 
 
@@ -208,7 +208,8 @@ def _check_monotone(
 ) -> None:
     """InputError where more corrected speeds fall with the joystick than a repair may hide."""
     count = np.bincount(data.bin)
-    levels = np.array([np.median(curve.corrected[data.bin == b]) for b in range(len(count))])
+    weight = curve.weight + 1e-6  # a bin in which nothing fits has a level, too
+    levels = np.bincount(data.bin, weight * curve.corrected) / np.bincount(data.bin, weight)
     repaired = isotonic_regression(levels, weights=count).x
     scatter = 1.4826 * float(np.median(np.abs(curve.residual)))
     excess = np.abs(levels - repaired) - np.maximum(REVERSAL, REVERSAL_ERRORS * scatter / np.sqrt(count))

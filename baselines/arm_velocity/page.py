@@ -119,7 +119,7 @@ def _tracking(outcome: Outcome, joint: str) -> Figure:
     """RMS error over speed, before and after, alone and with the PI."""
     data = []
     for name, color in (("before", OLD), ("after", NEW)):
-        for mode, dash, words in (("ff", "dot", "feed-forward"), ("ff_pi", "solid", "with PI")):
+        for mode, dash, words in (("ff", "dot", "alone"), ("ff_pi", "solid", "with PI")):
             errors = outcome.tracked[name][joint][mode].by_speed()
             points = _points(
                 np.array([float(v) for v in errors]),

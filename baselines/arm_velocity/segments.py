@@ -23,8 +23,8 @@ WINDOW_S = 1.0
 SHORTEST_S = 0.6
 SLOWEST_STEP_S = 0.1  # between samples of the angle
 STILL = 0.002  # rad/s: less is no motion
-UNSTEADY = 0.15  # of the speed, between both halves of a segment
-UNSTEADY_MIN = 0.005  # rad/s
+UNSTEADY = 0.25  # of the speed, between both halves of a segment
+UNSTEADY_MIN = 0.008  # rad/s
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from baselines.bench import Report, arm_loop
 from baselines.parameter_file import update
 from records.formats import read_measurement
 from records.measurement import Measurement
-from specs import parameters
+from specs import draws, parameters
 from specs.errors import InputError, nearest
 
 Tracked = dict[str, dict[str, dict[str, tracking.Errors]]]  # "before", "after" -> joint -> "ff", "ff_pi"
@@ -38,6 +38,13 @@ def check_joints(joints: Sequence[str]) -> list[str]:
         if joint not in JOINTS:
             raise InputError(f"unknown joint '{joint}'; {nearest(joint, JOINTS)}")
     return [joint for joint in JOINTS if joint in joints or not joints]
+
+
+def check_request(recordings: Sequence[Path], machine: str, write: bool) -> None:
+    """InputError, before minutes go by, for a machine that is none or whose tables are not for specs."""
+    draws.named(machine)
+    if write and not recordings:
+        _check_nominal(machine)
 
 
 def run(
@@ -78,14 +85,17 @@ def _simulated(recordings: Sequence[Measurement]) -> str:
 
 def check_writable(outcome: Outcome) -> None:
     """InputError when the tables do not belong into specs."""
-    if outcome.machine not in ("", "nominal"):
-        raise InputError(
-            f"--write: the tables are of the draw {outcome.machine}; specs hold those of the nominal machine"
-        )
+    if outcome.machine:
+        _check_nominal(outcome.machine)
     lacking = {j: [p.velocity for p in t.lacking] for j, t in outcome.tables.items() if t.lacking}
     if lacking:
         said = "; ".join(f"{j} {', '.join(f'{v:+.4f}' for v in some)} rad/s" for j, some in lacking.items())
         raise InputError(f"--write: nothing written, points lack data: {said}")
+
+
+def _check_nominal(machine: str) -> None:
+    if machine != draws.NOMINAL:
+        raise InputError(f"--write: specs hold the tables of the nominal machine, not of the draw {machine}")
 
 
 def write_specs(outcome: Outcome) -> Path:

@@ -5,9 +5,9 @@
 f is monotone, smooth over SMOOTH of the joystick and otherwise free.  a and b are the linkage, c what the
 load takes from the flow, d and e the oil that gives way while pressures change (a swinging grab does that
 all the time).  f and the coefficients are found in turn: local lines and isotonic regression of the corrected
-speeds, then least squares with Huber's weights, so that a segment in which the pump ran short counts little.
-q0 is the median angle of all moving segments; p0 the usual inlet pressure at that command, a straight line in
-it: the reference condition of f.
+speeds, then least squares with Huber's, later Tukey's weights: where the pump ran short, a segment counts
+nothing.  q0 is the median angle of all moving segments; p0 the usual inlet pressure at that command, a
+straight line in it: the reference condition of f.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,8 @@ from baselines.arm_velocity.segments import STILL, Segments
 BIN = 0.01  # joystick: segments closer than this are taken together
 SMOOTH = 0.08  # joystick: half width of the local lines; valves have no finer features but their edge
 ROUNDS = 15
-HUBER = 1.345  # scaled residual from which a segment counts less; 95 % efficient for normal noise
+HUBER = 1.345  # scaled residual from which a segment counts less, to begin with
+TUKEY = 4.685  # and from which it counts nothing; both 95 % efficient for normal noise
 RELATIVE, FLOOR = 0.03, 7e-4  # of the speed and rad/s: what a segment's standard error leaves out
 ENOUGH = 12  # moving segments a coefficient of the correction is worth asking of
 EDGE_SPEED = 0.05  # rad/s: slower knots tell where motion begins
@@ -53,7 +54,7 @@ class Curve:
     coefficients: np.ndarray  # of factors, then of terms
     corrected: np.ndarray  # rad/s [n]: each sample's speed, were it at the reference
     residual: np.ndarray  # rad/s [n]
-    weight: np.ndarray  # [n], Huber's
+    weight: np.ndarray  # [n], 0 for what does not fit
 
     @property
     def dead_band(self) -> float:
@@ -79,7 +80,8 @@ def samples(segments: Segments, direction: int, angle: float) -> Samples:
     if np.count_nonzero(known & moving) >= ENOUGH:
         line = np.polyfit(command[known & moving], s.inlet[known & moving], 1)
         columns.append(np.where(known, s.inlet - np.polyval(line, command), 0.0) / PRESSURE)
-        reference["inlet_pressure_pa"] = float(np.median(s.inlet[known & moving]))
+        reference["inlet_pressure_at_half_pa"] = float(np.polyval(line, 0.5))
+        reference["inlet_pressure_per_joystick_pa"] = float(line[0])
     factors = _varying(columns, moving, int(np.count_nonzero(moving)) // ENOUGH)
     rates = [np.where(np.isfinite(r), direction * r, 0.0) / PRESSURE for r in (s.rate_a, s.rate_b)]
     terms = _varying(rates, np.ones(len(s), dtype=bool), len(s) // ENOUGH)
@@ -105,17 +107,19 @@ def fit(data: Samples, counts: np.ndarray | None = None, start: Curve | None = N
     coefficients = start.coefficients if start else np.zeros(k + data.terms.shape[1])
     weight = start.weight if start else np.ones(len(data.speed))
     monotone = np.zeros(len(data.speed))
-    for _ in range(4 if start else ROUNDS):
+    rounds = range(ROUNDS - 4 if start else 0, ROUNDS)
+    for number in rounds:
         corrected = _corrected(data, coefficients)
         expected = np.hypot(data.error, np.hypot(FLOOR, RELATIVE * monotone))
         share = counts * weight / expected**2
         means, mass = bin_means(data, corrected, share)
-        means = _smooth(data.centre, means, mass)
+        lines = _local_lines(data.centre, mass, means > STILL)
+        means = lines @ means
         monotone = np.maximum(_isotonic(means, mass), 0.0)[data.bin]
         design = np.hstack([data.factors * monotone[:, None], data.terms])
-        coefficients = _least_squares(design, data.speed - monotone, share)
+        coefficients = _coefficients(data, design, share, lines)
         residual = data.speed - monotone - design @ coefficients
-        weight = _huber(residual / expected, counts)
+        weight = _weights(residual / expected, counts, number < ROUNDS / 2)
     speed, command, still = _knots(data.centre, means, mass)
     bracket = (min(still, command[0]), float(command[min(1, len(command) - 1)]))
     speeds = _corrected(data, coefficients)
@@ -135,21 +139,18 @@ def bin_means(data: Samples, speed: np.ndarray, share: np.ndarray) -> tuple[np.n
     return np.bincount(data.bin, share * speed) / np.maximum(mass, 1e-300), mass
 
 
-def _smooth(centre: np.ndarray, means: np.ndarray, mass: np.ndarray) -> np.ndarray:
-    """`means` [bins] replaced by the values of lines through their neighbours, where there is motion."""
-    found = means.copy()
-    at = np.flatnonzero((mass > 0) & (means > STILL))
-    if len(at) < 3:
-        return found
+def _local_lines(centre: np.ndarray, mass: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """Matrix [bins, bins] that replaces means of moving bins by lines through their neighbours."""
+    matrix = np.eye(len(centre))
+    at = np.flatnonzero((mass > 0) & moving)
     off = (centre[at][None, :] - centre[at][:, None]) / SMOOTH
     share = mass[at] * np.maximum(1.0 - np.abs(off) ** 3, 0.0) ** 3
-    s0, s1, s2 = (np.sum(share * off**k, axis=1) for k in range(3))
-    level = share @ means[at]
-    tilt = (share * off) @ means[at]
-    spread = s0 * s2 - s1**2
-    lines = (s2 * level - s1 * tilt) / np.where(spread > 1e-9 * s0**2, spread, 1.0)
-    found[at] = np.where(spread > 1e-9 * s0**2, lines, level / s0)
-    return found
+    s0, s1, s2 = (np.sum(share * off**k, axis=1, keepdims=True) for k in range(3))
+    determinant = s0 * s2 - s1**2
+    alone = determinant <= 1e-9 * s0**2
+    lines = np.where(alone, share / s0, share * (s2 - s1 * off) / np.where(alone, 1.0, determinant))
+    matrix[np.ix_(at, at)] = lines
+    return matrix
 
 
 def _isotonic(means: np.ndarray, mass: np.ndarray) -> np.ndarray:
@@ -159,19 +160,29 @@ def _isotonic(means: np.ndarray, mass: np.ndarray) -> np.ndarray:
     return np.interp(np.arange(len(means)), filled, values)
 
 
-def _least_squares(design: np.ndarray, wanted: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Coefficients, drawn a little towards 0: what the data do not tell stays there."""
-    root = np.sqrt(share)[:, None]
-    scaled = design * root
+def _coefficients(data: Samples, design: np.ndarray, share: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """Coefficients of `design` [n, k], drawn a little towards 0: what the data do not tell stays there.
+
+    Fast motion goes further, so the angle is no stranger to the command.  What all segments of about the same
+    command have in common is f's: only what is left of speed and design enters (Robinson, Econometrica 1988).
+    """
+    if not design.shape[1]:
+        return np.zeros(0)
+    columns = np.column_stack([data.speed, design])
+    common = np.column_stack([bin_means(data, column, share)[0] for column in columns.T])
+    left = (columns - (lines @ common)[data.bin]) * np.sqrt(share)[:, None]
+    wanted, scaled = left[:, 0], left[:, 1:]
     normal = scaled.T @ scaled
-    normal = normal + 1e-6 * np.diag(np.diag(normal) + 1e-12)
-    return np.linalg.solve(normal, scaled.T @ (wanted * root[:, 0])) if design.shape[1] else np.zeros(0)
+    return np.linalg.solve(normal + 1e-6 * np.diag(np.diag(normal) + 1e-12), scaled.T @ wanted)
 
 
-def _huber(scaled: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Weights [n] for residuals over their expected size."""
-    size = 1.4826 * float(np.median(np.abs(scaled[counts > 0])))
-    return np.minimum(1.0, HUBER / np.maximum(np.abs(scaled) / max(size, 1e-6), 1e-9))
+def _weights(scaled: np.ndarray, counts: np.ndarray, gentle: bool) -> np.ndarray:
+    """Weights [n] for residuals over their expected size: Huber's while `gentle`, then Tukey's."""
+    size = max(1.4826 * float(np.median(np.abs(scaled[counts > 0]))), 1e-6)
+    far = np.abs(scaled) / size
+    if gentle:
+        return np.minimum(1.0, HUBER / np.maximum(far, 1e-9))
+    return np.maximum(1.0 - (far / TUKEY) ** 2, 0.0) ** 2
 
 
 def _knots(centre: np.ndarray, means: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

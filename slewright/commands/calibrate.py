@@ -54,6 +54,7 @@ def lut(
     from baselines.arm_velocity import page, session, table_file
 
     joints = session.check_joints(joint or [])
+    session.check_request(recordings or [], machine, write_specs)
     if noise_free:
         _noise_free(joints, write_specs, json)
         return
