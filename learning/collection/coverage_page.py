@@ -1,19 +1,16 @@
 """The coverage page: OUT/coverage.html, one file that needs neither network nor server."""
 
-import json
 from collections.abc import Mapping, Sequence
 from html import escape
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from plotly.offline import get_plotlyjs
 
 from fmus.slew_nn.network import PERIOD_S
 from learning.collection.coverage import AXES, LEAST, Axis, Coverage, Samples
+from records.report import shell
 from records.report.figures import Figure
-from records.report.shell import POLICY
 
 COLOURS = {"train": "#134a7c", "validation": "#d9822b", "test": "#7a5195", "use": "#2a8c82"}
 SCALE = [[0.0, "#eef3f8"], [0.35, "#a9c4de"], [0.7, "#4a83b5"], [1.0, "#0d2f52"]]
@@ -42,21 +39,8 @@ def write_page(path: Path, manifest: Mapping[str, Any], coverage: Coverage) -> N
         _grid(drawn[len(MAPS) + len(AXES) :]),
         _table_of_recordings(manifest),
     ]
-    asset = resources.files("records.report").joinpath
-    plain = [{"name": f.name, "data": f.data, "layout": f.layout, "height": f.height} for f in drawn]
-    text = (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
-        f"<meta http-equiv='Content-Security-Policy' content=\"{POLICY}\">"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>Slewright: coverage of {escape(manifest['collection'])}</title>"
-        f"<style>{asset('style.css').read_text('utf-8')}</style></head>\n"
-        f"<body><main>{''.join(body)}</main>\n<script>{get_plotlyjs()}</script>\n"
-        f"<script type='application/json' id='figures'>{json.dumps(plain, allow_nan=False)}</script>\n"
-        f"<script>{asset('draw.js').read_text('utf-8')}</script></body></html>\n"
-    )
-    part = Path(f"{path}.part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    text = shell.document(f"coverage of {manifest['collection']}", body, drawn)
+    shell.write_whole(path, text)
 
 
 MAP_TEXT = (
@@ -73,12 +57,11 @@ def _head(manifest: Mapping[str, Any], figures: Mapping[str, Any]) -> str:
         line = f"Training data and its mirror image visit {covered['time']:.1%} of the use"
     facts = [("Recorded", minutes), ("Machine", f"{manifest['origin']}, {manifest['machine']}")]
     facts += [("Seed", str(manifest["seed"])), ("Aborted", str(len(manifest["aborted"])))]
-    items = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts)
     title = f"Slewright · coverage of the collection {escape(manifest['collection'])}"
     return (
         f"<header><h1>{title}</h1>"
         f"<p class='verdict none'>{line}</p><p class='soft'>{INTRO}</p>"
-        f"<dl class='facts'>{items}</dl></header>"
+        f"{shell.facts(facts)}</header>"
     )
 
 
@@ -125,12 +108,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _grid(figures: Sequence[Figure]) -> str:
-    made = (
-        f"<figure><h3>{escape(f.title)}</h3><figcaption>{escape(f.caption)}</figcaption>"
-        f"<div class='plot' id='{f.name}' style='height:{f.height}px'></div></figure>"
-        for f in figures
-    )
-    return f"<div class='figures'>{''.join(made)}</div>"
+    return f"<div class='figures'>{''.join(map(shell.place, figures))}</div>"
 
 
 def _maps(coverage: Coverage) -> list[Figure]:

@@ -31,13 +31,13 @@ METRICS = (
     "intervals over recordings and seeds; ratios are paired. The recordings are of the simulated "
     "reference machine unless said otherwise."
 )
-PAPER_TEXT = "The paper's figures (Spinelli et al., real machine, other recordings) are lines to look at, not a contest."
+PAPER_TEXT = "The paper's figures (real machine, other recordings) are lines to look at, not a contest."
 SIMULATED = "simulated reference machine"
 WHY = (
     "Where the ratios differ from the paper's: the simulated machine's recordings carry little noise and one "
     "unchanging machine, so what a variant lacks is not drowned by what nobody can predict; and its inertia, "
-    "loads told, spans more than the paper's (standard deviation 151 t m²). Without pressures the torque must be "
-    "guessed from the speed alone, which the encoder gives 0.2 s late."
+    "loads told, spans more than the paper's (standard deviation 151 t m²). Without pressures the torque must "
+    "be guessed from the speed alone, which the encoder gives 0.2 s late."
 )
 
 
