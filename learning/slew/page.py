@@ -36,8 +36,8 @@ SIMULATED = "simulated reference machine"
 WHY = (
     "Where the ratios differ from the paper's: the simulated machine's recordings carry little noise and one "
     "unchanging machine, so what a variant lacks is not drowned by what nobody can predict; and its inertia, "
-    "loads told, spans more than the paper's (standard deviation 151 t m²). Without pressures the torque must "
-    "be guessed from the speed alone, which the encoder gives 0.2 s late."
+    "loads told, spans more than the paper's (standard deviation 151 t m²). Without pressures the torque "
+    "must be guessed from the speed alone, which the encoder gives 0.2 s late."
 )
 
 
