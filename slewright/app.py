@@ -22,6 +22,7 @@ from slewright.commands import (
     fit,
     generate,
     import_,
+    reconcile,
     simulate,
     testpack,
     train,
@@ -38,6 +39,7 @@ ROOMS = (
     "runtime",
     "baselines",
     "learning",
+    "reconcile",
     "blindtest",
     "slewright",
 )
@@ -87,6 +89,7 @@ app.command()(convert.convert)
 app.command()(build.build)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
+app.command()(reconcile.reconcile)
 app.command("testpack")(testpack.write_pack)
 app.add_typer(bench.app, name="bench")
 app.add_typer(fit.app, name="fit")

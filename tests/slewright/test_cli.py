@@ -34,6 +34,7 @@ COMMANDS = (
     "calibrate",
     "estimate",
     "import",
+    "reconcile",
     "bench",
     "testpack",
 )

@@ -1,0 +1,56 @@
+"""`slewright reconcile`: finds what a model lacks against recordings, names it, adds it, shows it."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from slewright.figures import JsonOption, write
+from slewright.progress import progress
+from slewright.tables import show
+
+
+def reconcile(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Recordings to fit.")],
+    model: Annotated[str, typer.Option(metavar="MODEL", help="A model folder, or a model of the project.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report and the extended model.")],
+    confirm: Annotated[
+        list[Path] | None, typer.Option(metavar="RUN", help="Recordings that accept or turn down an effect.")
+    ] = None,
+    holdout: Annotated[
+        list[Path] | None, typer.Option(metavar="RUN", help="Recordings for the figures shown only.")
+    ] = None,
+    names: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE", help="Names: a table [names] with theirs = 'ours'."),
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Find where model and recordings disagree, name the missing effect, add it, show the gap shrink."""
+    from reconcile.workflow import reconcile as run
+
+    with progress("reconcile") as report:
+        figures = run(runs, model, out, confirm or [], holdout or [], names, report)
+    _print(figures)
+    write(json, figures, figures["seed"])
+    typer.echo(f"report: {out / 'report.json'}")
+
+
+def _print(figures: dict[str, Any]) -> None:
+    rows = [
+        (e["name"], e["port"], e["verdict"], name, f"{v['value']:.5g}", v["unit"], _interval(v["ci95"]))
+        for e in figures["effects"]
+        for name, v in e["parameters"].items()
+    ]
+    if rows:
+        show("Effects", ["effect", "port", "verdict", "parameter", "value", "unit", "95 %"], rows)
+    gaps = [
+        (name, g["unit"], *(f"{g[k]:.3g}" for k in ("floor", "nominal", "reestimated", "after")))
+        for name, g in figures["gap"].items()
+    ]
+    show("Gap above the floor", ["signal", "unit", "floor", "nominal", "re-estimated", "after"], gaps)
+    typer.echo(f"{figures['verdict']}: {figures['sentence']}")
+
+
+def _interval(limits: list[float]) -> str:
+    return f"{limits[0]:.4g} .. {limits[1]:.4g}"
