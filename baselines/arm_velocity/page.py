@@ -32,7 +32,7 @@ def write_page(path: Path, outcome: Outcome, seed: int) -> Path:
     """Write the page; the same outcome gives the same bytes."""
     drawn = [figure for table in outcome.tables.values() for figure in (_curve(table), _table(table))]
     tracked = [_tracking(outcome, joint) for joint in outcome.tables] if outcome.tracked else []
-    facts = [("From", outcome.origin), ("Seed", str(seed)), ("Command", "slewright calibrate lut")]
+    facts = [("From", outcome.origin), ("Seed", str(seed)), ("Command", _command(outcome))]
     word, tone = _verdict(outcome)
     body = [
         f"<header><h1>Slewright · arm velocity tables</h1><p class='verdict {tone}'>{escape(word)}</p>"
@@ -47,6 +47,11 @@ def write_page(path: Path, outcome: Outcome, seed: int) -> Path:
             f"<div class='figures'>{''.join(map(shell.place, tracked))}</div>",
         ]
     return shell.write_whole(path, shell.document("arm velocity tables", body, [*drawn, *tracked]))
+
+
+def _command(outcome: Outcome) -> str:
+    drawn = f" --machine {outcome.machine}" if outcome.machine not in ("", "nominal") else ""
+    return f"slewright calibrate lut{drawn or ('' if outcome.machine else ' RECORDING...')}"
 
 
 def _verdict(outcome: Outcome) -> tuple[str, str]:
@@ -136,6 +141,7 @@ def _tracking(outcome: Outcome, joint: str) -> Figure:
         "xaxis": {"title": {"text": "Speed asked for [rad/s], both ways"}},
         "yaxis": {"title": {"text": "RMS error [rad/s]"}, "rangemode": "tozero"},
         "shapes": [goal],
+        "legend": {"orientation": "h", "x": 0, "y": -0.22, "xanchor": "left", "yanchor": "top"},
     }
     caption = "Before: the tables in specs. Dashed grey: what is wanted over all runs with the PI."
     return Figure(
