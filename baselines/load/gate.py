@@ -65,15 +65,15 @@ def _states(stretch: Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     speed = np.array([_lever(i, seen.q[row]) * seen.v[row] for i, row in enumerate(ROWS)])
     sliding = np.abs(speed) > g.load_estimate_moving_speed
     standing = np.abs(speed) < g.load_estimate_still_speed
-    signs = np.where(sliding, np.sign(speed), 0.0)
-    return sliding, standing, np.array([_held(row) for row in signs])
+    signs = np.where(standing, 0.0, np.sign(speed))  # a rebound counts: it is the last motion
+    return sliding, standing, np.array([held(row) for row in signs])
 
 
 def _lever(i: int, q: np.ndarray) -> np.ndarray:
     return np.asarray(cylinder.lever(q, arm_hydraulics.parameters(figures(), JOINTS[i]))).ravel()
 
 
-def _held(signs: np.ndarray) -> np.ndarray:
+def held(signs: np.ndarray) -> np.ndarray:
     """The last value that was not 0, 0 before there was one."""
     last = np.maximum.accumulate(np.where(signs != 0, np.arange(len(signs)), 0))
     return signs[last]

@@ -59,6 +59,7 @@ class Stretch:
 def usable(recording: Measurement) -> Usable:
     """Find out what is there; InputError, naming the channels, where no load can be estimated at all."""
     where = recording.source or "the recording"
+    _check_values(recording, where)
     if absent := recording.missing(ANGLES):
         raise InputError(f"{where} has no channel {', '.join(absent)}: without the pose there is no estimate")
     joints, notes = [], []
@@ -79,6 +80,21 @@ def usable(recording: Measurement) -> Usable:
     if not cabin:
         notes.append(f"no {' and '.join(recording.missing(CABIN))}: the machine is taken to stand level")
     return Usable(tuple(joints), tool, cabin, tuple(notes))
+
+
+def _check_values(recording: Measurement, where: str) -> None:
+    """InputError for a channel of ours in another unit, without samples, or with one that is no number."""
+    for name in (*ANGLES, *TOOL, *CABIN, *(n for joint in JOINTS for n in pressures(joint))):
+        if name not in recording:
+            continue
+        channel = recording[name]
+        if channel.unit != signal(name).unit:
+            raise InputError(f"{where}: channel {name} is in {channel.unit}; needed: {signal(name).unit}")
+        wrong = np.flatnonzero(~np.isfinite(channel.values))
+        if len(wrong):
+            raise InputError(f"{where}: channel {name} is no number at {channel.time[wrong[0]]:.3f} s")
+        if len(channel.values) < 2:
+            raise InputError(f"{where}: channel {name} has {len(channel.values)} samples; leave it out")
 
 
 def _fault(recording: Measurement, joint: str) -> str:

@@ -6,14 +6,18 @@ either side, a rest.  Poses, speeds and joysticks come from keys, so that trials
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
+from scipy.signal import savgol_filter
 
-from baselines.load.sensors import ANGLES, CABIN, STEP_S, TOOL, pressures
+from baselines.load.balance import figures
+from baselines.load.gate import held
+from baselines.load.sensors import ANGLES, CABIN, STEP_S, TOOL, pressures, smoothing
 from fmus.equations import kinematics
+from fmus.machine import arm_hydraulics
 from orchestrator.assembly import assemble
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
@@ -26,6 +30,7 @@ BOOM, STICK = (0.8, 1.4), (-2.1, -0.3)  # rad, pose range
 LOWEST = 2.5 + 2.0  # m, of the arm tip: keep-out height, tool and a little
 SPEED = (0.05, 0.18)  # rad/s of the arm's moves
 JOYSTICK = (0.2, 0.6)
+SLOW = 0.005  # rad/s, a joint that is slower stands
 REST_S, SLEW_S, COAST_S = 6.0, 4.0, 5.0
 SENSED = (*ANGLES, "qd_slew", "qd_boom", "qd_stick", *pressures("boom"), *pressures("stick"), *TOOL, *CABIN)
 
@@ -38,6 +43,7 @@ class Trial:
     number: int
     load_kg: float
     poses: int = 4
+    retained: tuple[float, float] = (0.0, 0.0)  # see `retaining`
 
     def uniform(self, low: float, high: float, *what: object) -> float:
         """A number of this trial's between `low` and `high`."""
@@ -81,7 +87,8 @@ def run(trial: Trial, which: str = "nominal") -> Measurement:
     start = {"start_q_boom": poses[0][0], "start_q_stick": poses[0][1], "load_mass": trial.load_kg}
     values = {f"machine.{n}": v for n, v in {**drawn(which), **start}.items()}
     seed = 1 + int(keys.uniform("load noise", trial.kind, trial.number, which) * 2**30)
-    return measured(simulate(machine(), ticks, Stimuli(changes), values, seed=seed), which)
+    found = measured(simulate(machine(), ticks, Stimuli(changes), values, seed=seed), which)
+    return retaining(found, trial, which) if any(trial.retained) else found
 
 
 def measured(record: Record, source: str) -> Measurement:
@@ -89,6 +96,35 @@ def measured(record: Record, source: str) -> Measurement:
     units = record.units
     channels = {n: Channel(n, units[n], record.time, record.column(n)) for n in record.names if n != "time"}
     return Measurement(channels, None, {"origin": "simulated reference machine"}, source)
+
+
+def retaining(recording: Measurement, trial: Trial, which: str) -> Measurement:
+    """The recording of a machine whose cylinders keep friction at rest, which the simulated one's do not.
+
+    The model's friction is a steep function of speed, so that it fades within tenths of a second once a
+    cylinder stands.  Seals keep some of it.  Here each rest keeps its own share, drawn between the two of
+    `trial.retained`, of the breakaway friction against the last motion, as pressure on the bore side.
+    """
+    p = SimpleNamespace(**(vars(figures()) | drawn(which)))
+    channels = dict(recording.channels)
+    for joint in ("boom", "stick"):
+        c = arm_hydraulics.parameters(p, joint)
+        speed = np.asarray(savgol_filter(recording[f"q_{joint}"].values, smoothing(), 2, 1, STEP_S))
+        direction, rest = _rests(speed)
+        share = np.array(
+            [trial.uniform(*trial.retained, "retained", joint, int(r)) for r in range(rest[-1] + 1)]
+        )
+        kept = share[rest] * direction * (c.coulomb + c.static) * (np.abs(speed) < SLOW)
+        bore = recording[pressures(joint)[0]]
+        channels[bore.name] = replace(bore, values=bore.values + kept / c.area_bore)
+    return replace(recording, channels=channels)
+
+
+def _rests(speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(direction of the last motion, number of the rest) of each sample of a joint's speed, rad/s."""
+    signs = held(np.where(np.abs(speed) > SLOW, np.sign(speed), 0.0))
+    standing = np.abs(speed) < SLOW
+    return signs, np.cumsum(np.diff(standing.astype(int), prepend=0) == 1)
 
 
 def _pose(trial: Trial, i: int) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from baselines.load.calibration import Calibration, calibrate, uncalibrated
 from baselines.load.estimate import Estimate, estimate
-from baselines.load.trials import Trial, run
+from baselines.load.trials import Trial, drawn, run
 
 LOADS = (0.0, 500.0, 1000.0, 1500.0, 2000.0, 2500.0)  # kg
 KNOWN = 1500.0  # kg, of the calibration with a known load
@@ -49,29 +49,38 @@ def machines(draws: int, kind: str = "validation") -> list[str]:
 
 
 def validate(
-    chosen: Sequence[str], loads: Sequence[float] = LOADS, poses: int = 4, report: Report | None = None
+    chosen: Sequence[str],
+    loads: Sequence[float] = LOADS,
+    poses: int = 4,
+    retained: tuple[float, float] = (0.0, 0.0),
+    report: Report | None = None,
 ) -> dict[str, Any]:
-    """Figures of all `chosen` machines: by calibration, by motion, by load, by machine."""
+    """Figures of all `chosen` machines: by calibration, by motion, by load, by machine.
+
+    `poses` of each scored trial; `retained`: share of the friction that cylinders keep at rest, from and to.
+    """
+    for machine in chosen:  # an unknown draw is refused before minutes are spent on others
+        drawn(machine)
     found: dict[str, list[Scored]] = {name: [] for name in CALIBRATIONS}
     left_out: dict[str, int] = {}
     for number, machine in enumerate(chosen):
         if report:
             report(machine, number, len(chosen))
-        calibrations = calibrated(machine)
+        calibrations = calibrated(machine, retained)
         for load in loads:
-            recording = run(Trial("score", round(load), load, poses), machine)
+            recording = run(Trial("score", round(load), load, poses, retained), machine)
             for name, calibration in calibrations.items():
                 result = estimate(recording, calibration)
                 found[name] += [Scored(machine, load, e) for e in result.estimates]
             for reason, count in result.left_out.items():
                 left_out[reason] = left_out.get(reason, 0) + count
-    return _figures(found, left_out, chosen, loads)
+    return _figures(found, left_out, chosen, loads) | {"retained": list(retained)}
 
 
-def calibrated(machine: str) -> dict[str, Calibration]:
+def calibrated(machine: str, retained: tuple[float, float] = (0.0, 0.0)) -> dict[str, Calibration]:
     """The three calibrations of a machine, by name."""
-    empty = run(Trial("calibration", 0, 0.0, 6), machine)
-    known = run(Trial("calibration", 1, KNOWN, 4), machine)
+    empty = run(Trial("calibration", 0, 0.0, 6, retained), machine)
+    known = run(Trial("calibration", 1, KNOWN, 4, retained), machine)
     both = calibrate([empty, known], [0.0, KNOWN])
     return dict(zip(CALIBRATIONS, (uncalibrated(), calibrate([empty], [0.0]), both), strict=True))
 

@@ -32,6 +32,10 @@ def load(
         bool, typer.Option("--simulate", help="Score it on the simulated machine and its validation draws.")
     ] = False,
     draws: Annotated[int, typer.Option(metavar="N", min=0, help="Validation draws, with --simulate.")] = 8,
+    retained: Annotated[
+        tuple[float, float],
+        typer.Option(metavar="FROM TO", help="Friction that cylinders keep at rest, with --simulate."),
+    ] = (0.0, 0.0),
     json: JsonOption = None,
 ) -> None:
     """Load in the grab from boom and stick pressures, with a 95 % interval, wherever a moment counts."""
@@ -40,7 +44,7 @@ def load(
     if simulate and calibration:
         raise InputError("--simulate calibrates each machine itself: leave --calibration out")
     if simulate:
-        _simulate(draws, json)
+        _simulate(draws, retained, json)
     else:
         _load(recordings or [], calibration, json)
 
@@ -60,6 +64,7 @@ def calibrate(
     """Fit a machine's own figures to recordings with a known load (default: an empty grab)."""
     from baselines.load.calibration import calibrate as fit, uncalibrated
     from baselines.load.calibration_file import as_dict
+    from baselines.load.influence import influence
     from records.formats import read_measurement
 
     known = _known_loads(loads or [0.0], len(recordings))
@@ -67,13 +72,19 @@ def calibrate(
         report("reading")
         found = [read_measurement(path) for path in recordings]
         report("fitting")
-        figures = as_dict(fit(found, known))
-    before = as_dict(uncalibrated())
+        machine = fit(found, known)
+    before, figures = as_dict(uncalibrated()), as_dict(machine)
+    was, now = influence(uncalibrated()), influence(machine)
     rows = [
-        (n, before["unknowns"][n], before["sd"][n], v, figures["sd"][n])
+        (n, before["unknowns"][n], before["sd"][n], v, figures["sd"][n], was[n], now[n])
         for n, v in figures["unknowns"].items()
     ]
-    show("Load estimate: figures of this machine", ["figure", "before", "sd", "found", "sd "], _rounded(rows))
+    columns = ["figure", "before", "sd", "found", "sd ", "kg before", "kg now"]
+    show("Figures of this machine; what one sd moves an estimate at rest by", columns, _rounded(rows))
+    typer.echo(
+        f"an estimate at rest, all together: {was['total']:.0f} kg before, {now['total']:.0f} kg now (sd)"
+    )
+    figures["influence_kg"] = {"before": was, "now": now}
     write(out, figures)
     typer.echo(f"calibration: {out}")
     write(json, figures)
@@ -117,11 +128,15 @@ def _summary(path: str, result: dict[str, Any]) -> list[tuple[object, ...]]:
     ]
 
 
-def _simulate(draws: int, json: Path | None) -> None:
+def _simulate(draws: int, retained: tuple[float, float], json: Path | None) -> None:
     from baselines.load.validate import machines, validate
 
+    if not -1.0 <= retained[0] <= retained[1] <= 1.0:
+        raise InputError(
+            f"--retained {retained[0]:g} {retained[1]:g}: two shares, -1 to 1, the lower one first"
+        )
     with progress("estimate load") as report:
-        figures = validate(machines(draws), report=report)
+        figures = validate(machines(draws), retained=retained, report=report)
     columns = [
         "calibration",
         "motion",
