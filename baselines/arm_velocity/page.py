@@ -141,6 +141,7 @@ def _tracking(outcome: Outcome, joint: str) -> Figure:
         "xaxis": {"title": {"text": "Speed asked for [rad/s], both ways"}},
         "yaxis": {"title": {"text": "RMS error [rad/s]"}, "rangemode": "tozero"},
         "shapes": [goal],
+        "margin": {"t": 34},  # for the buttons
         "legend": {"orientation": "h", "x": 0, "y": -0.22, "xanchor": "left", "yanchor": "top"},
     }
     caption = "Before: the tables in specs. Dashed grey: what is wanted over all runs with the PI."
