@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from records.record import read
+
 BEGIN, END = "<!-- results:begin -->", "<!-- results:end -->"
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
