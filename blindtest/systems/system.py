@@ -1,0 +1,99 @@
+"""What the generator, the sizes and the score need to know of a machine, whichever it is."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+STEP = 0.02  # s between samples
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A recorded column: unit, standard deviation of its sensor, its quantum and its typical size."""
+
+    name: str
+    unit: str
+    noise: float = 0.0
+    quantum: float = 0.0
+    size: float = 1.0
+
+
+@dataclass(frozen=True)
+class Base:
+    """A parameter of the plain model; `known` ones are given right and stay out of every fit."""
+
+    name: str
+    value: float
+    unit: str
+    known: bool = False
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One run's excitation: commands [n, inputs], and where closed loop a reference [n] with gains."""
+
+    commands: np.ndarray
+    reference: np.ndarray | None = None
+    gains: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)  # kp, ki, kd, limit of the command
+    kind: str = ""
+
+    @property
+    def closed(self) -> bool:
+        """Whether a controller makes the command."""
+        return self.reference is not None
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What a run gave: commands as applied [n, inputs] and outputs [n, outputs]."""
+
+    commands: np.ndarray
+    outputs: np.ndarray
+    events: int = 0
+
+
+class System(Protocol):
+    """A machine: `simulate` is the truth with whatever effects `values` hold."""
+
+    @property
+    def model(self) -> str:
+        """Folder of the plain model, from the root of the project."""
+        ...
+
+    @property
+    def inputs(self) -> tuple[Signal, ...]:
+        """Recorded commands."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        """Measured outputs."""
+        ...
+
+    @property
+    def base(self) -> tuple[Base, ...]:
+        """Parameters of the plain model, with this draw's values."""
+        ...
+
+    @property
+    def starts(self) -> int:
+        """Initial values that a fit leaves free."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """What machine it is."""
+        ...
+
+    def simulate(
+        self,
+        values: Mapping[str, float],
+        drive: Drive,
+        start: np.ndarray,
+        disturbance: np.ndarray | None = None,
+        noise: np.ndarray | None = None,
+    ) -> Trace:
+        """Outputs [n, outputs] of a run; `values`: base and effect parameters by name."""
+        ...

@@ -1,0 +1,49 @@
+"""Whitening: residuals in units of what noise and disturbance can do, so that lambda compares with a
+likelihood.
+
+A run's residual has the covariance C = S^2 + R R', S the sensors' deviations and R the responses of the
+outputs to the disturbance, one column a cosine of its expansion (scaled to its deviation).  C^(-1/2) is
+applied through the singular values of S^-1 R.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+LINES = 48  # cosines of the disturbance in a run of 20 s: up to 1.2 Hz
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """Of one run: deviation of the outputs [outputs] and the directions that the disturbance fills."""
+
+    deviation: np.ndarray
+    directions: np.ndarray  # [n outputs, LINES], orthonormal
+    shrink: np.ndarray  # [LINES]: 1 - 1 / sqrt(1 + s^2)
+
+    def __call__(self, residual: np.ndarray) -> np.ndarray:
+        """Residual [n, outputs] in whitened form [n outputs]."""
+        flat = (residual / self.deviation).ravel()
+        return flat - self.directions @ (self.shrink * (self.directions.T @ flat))
+
+
+def cosines(samples: int) -> np.ndarray:
+    """The first orthonormal cosines of a run, [LINES, samples]."""
+    k, j = np.arange(samples) + 0.5, np.arange(LINES)[:, None]
+    found = np.sqrt(2.0 / samples) * np.cos(np.pi * j * k / samples)
+    found[0] /= np.sqrt(2.0)
+    return found
+
+
+def whitening(
+    deviation: np.ndarray, response: Callable[[np.ndarray], np.ndarray], spectrum: np.ndarray, samples: int
+) -> Whitening:
+    """From the linear `response` of the outputs [n, outputs] to a small disturbance [n]."""
+    shapes = cosines(samples)
+    columns = [
+        (np.sqrt(power) * response(shape) / deviation).ravel()
+        for shape, power in zip(shapes, spectrum, strict=True)
+    ]
+    directions, values, _ = np.linalg.svd(np.stack(columns, axis=1), full_matrices=False)
+    return Whitening(deviation, directions, 1.0 - 1.0 / np.sqrt(1.0 + values**2))

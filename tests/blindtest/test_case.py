@@ -1,0 +1,86 @@
+"""Cases from draw to score: the folder, the seal, what the workflow is given."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blindtest import case, folder
+from blindtest.case import INVISIBLE, VISIBLE
+from blindtest.score import read_truth, score
+from records.record import read
+from specs.errors import InputError
+
+SEED = 7
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return case.draw(SEED, "low", visible=1)
+
+
+@pytest.fixture(scope="module")
+def written(drawn, tmp_path_factory) -> tuple[Path, Path]:
+    root = tmp_path_factory.mktemp("case")
+    return root / "given", folder.write(drawn, root / "given", root / "sealed")
+
+
+def test_every_effect_is_clearly_visible_or_clearly_not(drawn):
+    assert len(drawn.visible) == 1
+    assert all(value >= VISIBLE or value <= INVISIBLE for value in drawn.seen)
+
+
+def test_the_same_seed_gives_the_same_case(drawn):
+    again = case.draw(SEED, "low", visible=1)
+    assert np.array_equal(again.runs[0].outputs, drawn.runs[0].outputs)
+    assert again.seen == drawn.seen
+
+
+def test_the_folder_holds_runs_and_model_and_nothing_of_the_truth(drawn, written):
+    given, truth = written
+    told = json.loads((given / "case.json").read_text())
+    assert sorted(p.name for p in given.iterdir()) == sorted(["case.json", "model", *told["runs"]])
+    assert set(told) == {"model", "runs", "truth_sha256"}
+    assert told["truth_sha256"] == hashlib.sha256(truth.read_bytes()).hexdigest()
+    text = "".join(p.read_text() for p in [given / "case.json", given / "model" / "model.py"])
+    assert not any(p.effect.name in text for p in drawn.placed)
+    record = read(given / told["runs"][0])
+    assert record.names == ["time", "u", "q", "qd"]
+    assert "seed" not in record.meta
+    assert len(told["runs"]) >= 3
+
+
+def test_the_plain_model_loads_and_is_wrong_by_10_to_30_percent(drawn, written):
+    given, _ = written
+    names: dict = {}
+    exec(compile((given / "model" / "model.py").read_text(), "model.py", "exec"), names)
+    told = {v.name: v.start for v in names["MODEL"].parameters}
+    for base in drawn.system.base:
+        off = abs(told[base.name] / base.value - 1.0)
+        assert off < 1e-5 if base.known else 0.0999 < off < 0.3001
+
+
+def test_a_truth_may_not_lie_where_the_workflow_looks(drawn, tmp_path):
+    with pytest.raises(InputError, match="must not lie"):
+        folder.write(drawn, tmp_path, tmp_path / "sealed")
+
+
+def test_the_truth_itself_scores_exact_and_a_stranger_wrong(drawn, written):
+    given, path = written
+    truth = read_truth(path, json.loads((given / "case.json").read_text())["truth_sha256"])
+    own = [{"name": n} for n in truth.visible]
+    assert score(truth, {"verdict": "named", "effects": own}).result == "exact"
+    assert score(truth, {"verdict": "named", "effects": [{"name": "no such"}]}).result == "wrong"
+
+
+def test_high_noise_is_ten_times_the_sensors():
+    low, high = (case.draw(3, noise, visible=0).surroundings.outputs for noise in ("low", "high"))
+    assert high == pytest.approx(10 * low)
+
+
+@pytest.mark.parametrize(("noise", "system"), [("loud", "servo"), ("low", "boat")])
+def test_what_cannot_be_drawn_is_named(noise, system):
+    with pytest.raises(InputError, match=noise if noise != "low" else system):
+        case.draw(0, noise, system)
