@@ -14,7 +14,8 @@ from blindtest.effects.effect import Effect, Scale, Values, combine
 from blindtest.likelihood import Fit, Problem, Run
 from blindtest.sensors import Surroundings
 from blindtest.systems.axis import absent
-from blindtest.systems.kit import KITS, Driven, Kit
+from blindtest.systems.drives import Driven
+from blindtest.systems.kit import KITS, Kit
 from blindtest.systems.system import STEP, Drive, System, Trace
 from blindtest.whitening import LINES, whitening
 from specs.errors import InputError, RunError, nearest
@@ -25,6 +26,7 @@ COUNTS = ((1, 0.5), (2, 0.3), (3, 0.2))
 TARGETS = (60.0, 6000.0)  # lambda that visible effects are sized for
 DISTRACTING = (0.05, 1.0)
 ATTEMPTS = 60
+INPUT_DRAWS = 24  # of the noise on recorded inputs, for its covariance
 
 
 @dataclass(frozen=True)
@@ -140,10 +142,12 @@ class _Draft:
             numbers, shares = zip(*COUNTS, strict=True)
             visible = int(rng.choice(numbers, p=shares))
         hidden = int(rng.integers(0, 3))
-        order = [self.kit.effects[i] for i in rng.permutation(len(self.kit.effects))]
-        chosen: list[Effect] = [self.kit.outside[rng.integers(len(self.kit.outside))]] if outside else []
+        effects, others = self.kit.effects(self.system), self.kit.outside(self.system)
+        order = [effects[i] for i in rng.permutation(len(effects))]
+        chosen: list[Effect] = [others[rng.integers(len(others))]] if outside else []
         for effect in order:
-            if len(chosen) < visible + hidden and effect.name not in {e.name for e in chosen}:
+            fits = not effect.as_it_is or len(chosen) < visible  # nature's sizes make no distractors
+            if len(chosen) < visible + hidden and effect.name not in {e.name for e in chosen} and fits:
                 chosen.append(effect)
         return [self._place(e, visible=i < visible) for i, e in enumerate(chosen[: visible + hidden])]
 
@@ -152,6 +156,7 @@ class _Draft:
         target = float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
         sign = float(self.rng.choice([-1.0, 1.0])) if effect.either_sign else 1.0
         magnitude = sign * effect.largest * (0.1 if visible else 0.005)
+        magnitude = 1.0 if effect.as_it_is else magnitude
         return Placed(effect, magnitude, dict(effect.shape(self.rng)), target)
 
     def _size(self, rounds: int = 5) -> None:
@@ -166,6 +171,8 @@ class _Draft:
 
     @staticmethod
     def _grown(placed: Placed, factor: float) -> Placed:
+        if placed.effect.as_it_is:
+            return placed
         size = min(abs(placed.magnitude) * factor, placed.effect.largest)
         return replace(placed, magnitude=float(np.copysign(size, placed.magnitude)))
 
@@ -205,9 +212,18 @@ class _Draft:
             return (self.system.simulate(values, drive, start, small * shape).outputs - clean) / small
 
         spectrum = self.surroundings.disturbance_spectrum(samples, LINES)
-        spectrum = spectrum + (self.scale.force / self.scale.command * self.surroundings.inputs[0]) ** 2
-        whiten = whitening(deviation, response, spectrum, samples)
-        return Run(drive, start, clean, whiten, np.array([1e-2, 1e-2])[: self.system.starts])
+        whiten = whitening(deviation, response, spectrum, self._shaken(values, drive, start, clean))
+        return Run(drive, start, clean, whiten, np.full(self.system.starts, 1e-2))
+
+    def _shaken(self, values: Values, drive: Drive, start: np.ndarray, clean: np.ndarray) -> list[np.ndarray]:
+        """What the noise on recorded inputs does to a replay: some draws, each a share of the covariance."""
+        rng = np.random.default_rng(int(self.keys[0]))
+        found = []
+        for _ in range(INPUT_DRAWS):
+            noise = self.surroundings.inputs * rng.standard_normal(drive.commands.shape)
+            shaken = self.system.simulate(values, Drive(drive.commands + noise), start).outputs
+            found.append((shaken - clean) / np.sqrt(INPUT_DRAWS))
+        return found
 
     def _start(self, problem: Problem, placed: Sequence[Placed]) -> Fit:
         known = {p.effect.key: p.parameters(self.scale) for p in placed}

@@ -13,13 +13,12 @@ import numpy as np
 
 from blindtest.case import Case
 from blindtest.equivalents import equivalents
-from blindtest.systems.system import STEP
+from blindtest.systems.system import STEP, WRONG
 from records.record import Column, RecordWriter
 from specs.errors import InputError, RunError
 
 MODELS = Path(__file__).parent / "models"
 TIME = Column("time", "s", "Time since the start of the run")
-WRONG = (0.1, 0.3)  # by which share the plain model's parameters are off
 
 
 def write(case: Case, folder: Path, sealed: Path) -> Path:
@@ -71,6 +70,8 @@ def truth(case: Case) -> dict[str, Any]:
 
 def told_values(case: Case) -> dict[str, float]:
     """Base parameters as the plain model has them: 10-30 % wrong unless they are known."""
+    if all(b.told is not None for b in case.system.base):
+        return {b.name: float(b.told) for b in case.system.base if b.told is not None}
     rng = np.random.default_rng([case.seed, case.redrawn, 1])
     off = {b.name: rng.choice([-1.0, 1.0]) * rng.uniform(*WRONG) for b in case.system.base}
     return {b.name: float(b.value if b.known else b.value * (1.0 + off[b.name])) for b in case.system.base}

@@ -3,10 +3,11 @@ likelihood.
 
 A run's residual has the covariance C = S^2 + R R', S the sensors' deviations and R the responses of the
 outputs to the disturbance, one column a cosine of its expansion (scaled to its deviation).  C^(-1/2) is
-applied through the singular values of S^-1 R.
+applied through the singular values of S^-1 R.  Noise on recorded inputs, which a replay on the recording
+feels, adds columns of its own: the responses to some draws of it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +20,8 @@ class Whitening:
     """Of one run: deviation of the outputs [outputs] and the directions that the disturbance fills."""
 
     deviation: np.ndarray
-    directions: np.ndarray  # [n outputs, LINES], orthonormal
-    shrink: np.ndarray  # [LINES]: 1 - 1 / sqrt(1 + s^2)
+    directions: np.ndarray  # [n outputs, columns], orthonormal
+    shrink: np.ndarray  # [columns]: 1 - 1 / sqrt(1 + s^2)
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
         """Residual [n, outputs] in whitened form [n outputs]."""
@@ -37,13 +38,20 @@ def cosines(samples: int) -> np.ndarray:
 
 
 def whitening(
-    deviation: np.ndarray, response: Callable[[np.ndarray], np.ndarray], spectrum: np.ndarray, samples: int
+    deviation: np.ndarray,
+    response: Callable[[np.ndarray], np.ndarray],
+    spectrum: np.ndarray,
+    shaken: Sequence[np.ndarray],
 ) -> Whitening:
-    """From the linear `response` of the outputs [n, outputs] to a small disturbance [n]."""
-    shapes = cosines(samples)
+    """From the linear `response` of the outputs [n, outputs] to a small disturbance [n].
+
+    `shaken`: further changes of the outputs, each a column of the covariance's root.
+    """
+    shapes = cosines(len(shaken[0]))
     columns = [
         (np.sqrt(power) * response(shape) / deviation).ravel()
         for shape, power in zip(shapes, spectrum, strict=True)
     ]
+    columns += [(change / deviation).ravel() for change in shaken]
     directions, values, _ = np.linalg.svd(np.stack(columns, axis=1), full_matrices=False)
     return Whitening(deviation, directions, 1.0 - 1.0 / np.sqrt(1.0 + values**2))

@@ -16,7 +16,7 @@ def _direct(**names: str):
     return lambda v, s: {target: v[name] for name, target in names.items()}
 
 
-def _one(name: str, place: str, port: str, parameter: P, target: str, unit_size, **more) -> Effect:
+def one(name: str, place: str, port: str, parameter: P, target: str, unit_size, **more) -> Effect:
     """An effect of one parameter that grows with the magnitude."""
     return Effect(
         name,
@@ -29,26 +29,26 @@ def _one(name: str, place: str, port: str, parameter: P, target: str, unit_size,
     )
 
 
-def _command(share: float):
+def command(share: float):
     return lambda s: share * s.command
 
 
-def _force(share: float):
+def force(share: float):
     return lambda s: share * s.force
 
 
-def _travel(share: float):
+def travel(share: float):
     return lambda s: share * s.travel
 
 
-def _number(value: float):
+def number(value: float):
     return lambda s: value
 
 
 INPUT = (
-    _one("input_dead_zone", "input", "u", P("half_width", "1", 0.0, 0.9), "in_dead_zone", _command(0.5)),
-    _one("input_delay", "input", "u", P("delay", "s", 0.0, 0.8), "in_delay", _number(0.4)),
-    _one("input_lag", "input", "u", P("lag", "s", 1e-3, 2.0), "in_lag", _number(0.5)),
+    one("input_dead_zone", "input", "u", P("half_width", "1", 0.0, 0.9), "in_dead_zone", command(0.5)),
+    one("input_delay", "input", "u", P("delay", "s", 0.0, 0.8), "in_delay", number(0.4)),
+    one("input_lag", "input", "u", P("lag", "s", 1e-3, 2.0), "in_lag", number(0.5)),
     Effect(
         "input_saturation",
         "input",
@@ -65,27 +65,27 @@ INPUT = (
         lambda m, shape, s: {"rate": s.command / (1.5 * max(m, 1e-4))},
         _direct(rate="in_rate"),
     ),
-    _one("input_backlash", "input", "u", P("gap", "1", 0.0, 1.5), "in_backlash", _command(0.8)),
-    _one("input_hysteresis", "input", "u", P("width", "1", 0.0, 2.0), "in_hysteresis", _command(1.0)),
-    _one(
+    one("input_backlash", "input", "u", P("gap", "1", 0.0, 1.5), "in_backlash", command(0.8)),
+    one("input_hysteresis", "input", "u", P("width", "1", 0.0, 2.0), "in_hysteresis", command(1.0)),
+    one(
         "asymmetric_gain",
         "input",
         "u",
         P("asymmetry", "1", -0.9, 0.9),
         "in_asymmetry",
-        _number(0.5),
+        number(0.5),
         either_sign=True,
     ),
-    _one(
+    one(
         "input_offset",
         "input",
         "u",
         P("offset", "1", -0.8, 0.8),
         "in_offset",
-        _command(0.3),
+        command(0.3),
         either_sign=True,
     ),
-    _one("valve_flow_curve", "input", "u", P("curve", "1", -0.5, 0.9), "in_curve", _number(0.6)),
+    one("valve_flow_curve", "input", "u", P("curve", "1", -0.5, 0.9), "in_curve", number(0.6)),
 )
 
 
@@ -153,7 +153,7 @@ FRICTION = (
         shape=lambda rng: {"plus": float(rng.choice([0.05, 0.95]))},
         shapes=({"plus": 0.95}, {"plus": 0.05}),
     ),
-    _one("load_dependent_friction", "force", "", P("mu", "1", 0.0, 0.9), "load_friction", _number(0.4)),
+    one("load_dependent_friction", "force", "", P("mu", "1", 0.0, 0.9), "load_friction", number(0.4)),
     Effect(
         "quadratic_drag",
         "force",
@@ -181,10 +181,10 @@ def _ripple(rng: np.random.Generator) -> dict[str, float]:
 
 
 FORCE = (
-    _one("constant_load", "force", "", P("F0", N), "load", _force(0.3), either_sign=True),
-    _one("gravity_load", "force", "", P("G", N, 0.0), "gravity", _force(0.8)),
-    _one("stiffness", "force", "", P("k", "N.m/rad", 0.0), "stiffness", lambda s: s.force / s.travel),
-    _one("cubic_stiffness", "force", "", P("k3", "N.m/rad3"), "cubic", lambda s: s.force / s.travel**3),
+    one("constant_load", "force", "", P("F0", N), "load", force(0.3), either_sign=True),
+    one("gravity_load", "force", "", P("G", N, 0.0), "gravity", force(0.8)),
+    one("stiffness", "force", "", P("k", "N.m/rad", 0.0), "stiffness", lambda s: s.force / s.travel),
+    one("cubic_stiffness", "force", "", P("k3", "N.m/rad3"), "cubic", lambda s: s.force / s.travel**3),
     Effect(
         "torque_ripple",
         "force",
@@ -214,7 +214,7 @@ FORCE = (
 )
 
 INERTIA = (
-    _one("pose_dependent_inertia", "inertia", "", P("alpha", "1", -0.7, 0.7), "pose_inertia", _number(0.5)),
+    one("pose_dependent_inertia", "inertia", "", P("alpha", "1", -0.7, 0.7), "pose_inertia", number(0.5)),
 )
 
 COUPLING = (
@@ -257,23 +257,21 @@ def _sensor_lag(name: str, port: str, targets: tuple[str, ...], kind: str, most:
 
 
 OUTPUT = (
-    _one(
-        "sensor_bias", "output", "qd", P("bias", "rad/s"), "out_bias_v", lambda s: s.speed, either_sign=True
-    ),
-    _one("sensor_scale", "output", "q", P("scale", "1", -0.5, 0.5), "out_scale", _number(0.3)),
+    one("sensor_bias", "output", "qd", P("bias", "rad/s"), "out_bias_v", lambda s: s.speed, either_sign=True),
+    one("sensor_scale", "output", "q", P("scale", "1", -0.5, 0.5), "out_scale", number(0.3)),
     _sensor_lag("sensor_delay", "qd", ("out_delay_v",), "delay", 0.4),
     _sensor_lag("sensor_delay", "q", ("out_delay_q",), "delay", 0.4),
     _sensor_lag("sensor_delay", "all", ("out_delay_q", "out_delay_v"), "delay", 0.4),
     _sensor_lag("sensor_lag", "qd", ("out_lag_v",), "lag", 0.4),
     _sensor_lag("sensor_lag", "q", ("out_lag_q",), "lag", 0.4),
-    _one("sensor_backlash", "output", "q", P("gap", "rad", 0.0), "out_backlash", _travel(0.2)),
-    _one("sensor_drift", "output", "q", P("drift", "rad/s"), "out_drift", _travel(0.01), either_sign=True),
+    one("sensor_backlash", "output", "q", P("gap", "rad", 0.0), "out_backlash", travel(0.2)),
+    one("sensor_drift", "output", "q", P("drift", "rad/s"), "out_drift", travel(0.01), either_sign=True),
 )
 
 OUTSIDE = (
-    _one("smooth_shoulder", "input", "u", P("width", "1", 0.0), "x_shoulder", _command(0.5), catalogue=False),
-    _one("place_friction", "force", "", P("F", N, 0.0), "x_place_friction", _force(0.25), catalogue=False),
-    _one("gain_drift", "input", "u", P("drift", "1"), "x_gain_drift", _number(0.5), catalogue=False),
-    _one("half_wave", "input", "u", P("share", "1"), "x_half_wave", _number(0.6), catalogue=False),
+    one("smooth_shoulder", "input", "u", P("width", "1", 0.0), "x_shoulder", command(0.5), catalogue=False),
+    one("place_friction", "force", "", P("F", N, 0.0), "x_place_friction", force(0.25), catalogue=False),
+    one("gain_drift", "input", "u", P("drift", "1"), "x_gain_drift", number(0.5), catalogue=False),
+    one("half_wave", "input", "u", P("share", "1"), "x_half_wave", number(0.6), catalogue=False),
 )
 EFFECTS = (*INPUT, *FRICTION, *FORCE, *INERTIA, *COUPLING, *OUTPUT)

@@ -1,7 +1,7 @@
 """An effect: what it is called, its parameters, how it enters a machine, how large it is drawn."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,11 +53,21 @@ class Effect:
     either_sign: bool = False
     subsystem: str = ""
     catalogue: bool = True
+    as_it_is: bool = False  # its size is given by nature and not drawn
 
     @property
     def key(self) -> str:
         """Name with subsystem and port: two effects of a name at different places are different."""
         return "/".join(part for part in (self.subsystem, self.name, self.port) if part)
+
+
+def on(effect: Effect, subsystem: str) -> Effect:
+    """The effect on one axis of a machine that has several: its machine parameters carry the axis's name."""
+
+    def enter(v: Values, s: Scale) -> Values:
+        return {f"{subsystem}.{name}": value for name, value in effect.enter(v, s).items()}
+
+    return replace(effect, subsystem=subsystem, enter=enter)
 
 
 ADDED_TO = 0.0
@@ -70,9 +80,9 @@ def combine(parts: Sequence[Values], absent: Mapping[str, float]) -> Values:
         for name, value in part.items():
             if name not in whole:
                 whole[name] = value
-            elif np.isinf(absent.get(name, 0.0)):
+            elif np.isinf(neutral := absent.get(name.rsplit(".", 1)[-1], 0.0)):
                 whole[name] = min(whole[name], value)
-            elif absent.get(name, 0.0) == ADDED_TO:
+            elif neutral == ADDED_TO:
                 whole[name] += value
             else:
                 whole[name] = value

@@ -30,3 +30,13 @@ def block(effects: Mapping[str, float]) -> np.ndarray:
             raise InputError(f"an axis has no parameter '{name}'; {nearest(name, values)}")
         values[name] = value
     return np.array(list(values.values()))
+
+
+def blocks(values: Mapping[str, float], names: tuple[str, ...]) -> np.ndarray:
+    """Parameters of several axes [axes, parameters] from values named `axis.parameter`."""
+    own = {name: {} for name in names}
+    for key, value in values.items():
+        axis, _, parameter = key.rpartition(".")
+        if axis in own:
+            own[axis][parameter] = value
+    return np.stack([block(own[name]) for name in names])

@@ -1,10 +1,13 @@
 """What the generator, the sizes and the score need to know of a machine, whichever it is."""
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+
+from specs import parameters
 
 STEP = 0.02  # s between samples
 
@@ -22,12 +25,37 @@ class Signal:
 
 @dataclass(frozen=True)
 class Base:
-    """A parameter of the plain model; `known` ones are given right and stay out of every fit."""
+    """A parameter of the plain model; `known` ones are given right and stay out of every fit.
+
+    `told` is what the plain model says where that is the project's own model, whose values are fixed.
+    """
 
     name: str
     value: float
     unit: str
     known: bool = False
+    told: float | None = None
+
+
+WRONG = (0.1, 0.3)  # by which share the plain model's parameters are off
+
+
+def around(name: str, rng: np.random.Generator, known: bool = False, step: float = 0.0) -> Base:
+    """A parameter of one of the project's models: the truth lies 10-30 % beside its value in specs.
+
+    With `step` the truth is a multiple of it (a delay in whole samples).
+    """
+    spec = _specs()[name]
+    factor = 1.0 if known else 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(*WRONG)
+    value = spec.value * factor
+    if step:
+        value = round(value / step) * step
+    return Base(name, float(value), spec.unit, known, spec.value)
+
+
+@functools.cache
+def _specs() -> dict[str, Any]:
+    return dict(parameters.load("geometry", "slew", "arm", "tool"))
 
 
 @dataclass(frozen=True)

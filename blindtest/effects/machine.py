@@ -1,0 +1,137 @@
+"""The effects of arm, tool and slew drive: those of an axis where they make sense, and their own."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from blindtest.effects import axis
+from blindtest.effects.effect import Effect, Parameter as P, on
+
+_BY_NAME: dict[str, list[Effect]] = {}
+for _effect in (*axis.EFFECTS, *axis.OUTSIDE):
+    _BY_NAME.setdefault(_effect.name, []).append(_effect)
+
+
+def _picked(names: Iterable[str], subsystem: str) -> tuple[Effect, ...]:
+    return tuple(on(e, subsystem) for name in names for e in _BY_NAME[name])
+
+
+def _all_but(*names: str) -> tuple[str, ...]:
+    return tuple(e for e in dict.fromkeys(e.name for e in axis.EFFECTS) if e not in names)
+
+
+# The arm's delay and limits are the plain model's own; its joints are rigid behind their loop.
+_ARM = _all_but("input_delay", "end_stop", "gravity_load", "structural_compliance", "gear_backlash")
+_CROSSTALK = axis.one(
+    "input_crosstalk",
+    "input",
+    "u",
+    P("share", "1", -0.9, 0.9),
+    "in_crosstalk",
+    axis.number(0.3),
+    either_sign=True,
+)
+_LINK = Effect(
+    "gravity_load",
+    "force",
+    "",
+    (P("G", "N.m", 0.0),),
+    lambda m, shape, s: {"G": 0.6 * m * s.force},
+    lambda v, s: {"slope_cos": -v["G"]},
+)
+
+
+def arm(joint: str) -> tuple[Effect, ...]:
+    """Effects of boom or stick."""
+    return (*_picked(_ARM, joint), on(_CROSSTALK, joint), on(_LINK, joint))
+
+
+def arm_outside(joint: str) -> tuple[Effect, ...]:
+    """Effects that are not in the catalogue."""
+    return _picked([e.name for e in axis.OUTSIDE], joint)
+
+
+_TOOL_AXIS = (
+    "coulomb_friction",
+    "asymmetric_coulomb_friction",
+    "stribeck_friction",
+    "asymmetric_viscous_friction",
+    "quadratic_drag",
+    "presliding_hysteresis",
+    "constant_load",
+    "stiffness",
+    "cubic_stiffness",
+    "sensor_scale",
+    "sensor_delay",
+    "sensor_lag",
+    "sensor_backlash",
+    "sensor_drift",
+    "sensor_bias",
+)
+_TOOL_BIAS = axis.one(
+    "sensor_bias", "output", "q", P("bias", "rad"), "out_bias_q", axis.number(0.1), either_sign=True
+)
+
+
+def _factor(name: str, target: str) -> Effect:
+    """A term of the spatial pendulum that the plain model leaves out: as nature has it, factor 1."""
+    return Effect(
+        name,
+        "coupling",
+        "",
+        (P("factor", "1", 0.0, 3.0),),
+        lambda m, shape, s: {"factor": m},
+        lambda v, s: {target: v["factor"]},
+        as_it_is=True,
+        subsystem="tool",
+    )
+
+
+_TOOL_OWN = (
+    _factor("coriolis_coupling", "coriolis"),
+    _factor("centrifugal_coupling", "centrifugal"),
+    _factor("euler_coupling", "euler"),
+    Effect(
+        "wind_load",
+        "force",
+        "",
+        (P("a_x", "m/s2"), P("a_y", "m/s2")),
+        lambda m, shape, s: {"a_x": m * shape["x"], "a_y": m * shape["y"]},
+        lambda v, s: {"wind_x": v["a_x"], "wind_y": v["a_y"]},
+        shape=lambda rng: {"x": float(rng.uniform(-1, 1)), "y": float(rng.choice([-1, 1]))},
+        shapes=({"x": 1.0, "y": 0.3}, {"x": 0.3, "y": 1.0}),
+        either_sign=True,
+        subsystem="tool",
+    ),
+    axis.one(
+        "cross_axis_misalignment",
+        "output",
+        "",
+        P("angle", "rad"),
+        "misalignment",
+        axis.number(0.3),
+        either_sign=True,
+        subsystem="tool",
+    ),
+    axis.one("input_delay", "input", "motion", P("delay", "s", 0.0, 0.8), "motion_delay", axis.number(0.4)),
+    axis.one("input_lag", "input", "motion", P("lag", "s", 1e-3, 2.0), "motion_lag", axis.number(0.4)),
+    axis.one(
+        "input_offset",
+        "input",
+        "qd_slew",
+        P("offset", "rad/s"),
+        "rate_offset",
+        axis.number(0.1),
+        either_sign=True,
+    ),
+)
+
+
+def tool() -> tuple[Effect, ...]:
+    """Effects of the tool on roll and pitch, and what couples them."""
+    both = tuple(e for a in ("roll", "pitch") for e in (*_picked(_TOOL_AXIS, a), on(_TOOL_BIAS, a)))
+    return (*both, *(replace(e, subsystem="tool") for e in _TOOL_OWN))
+
+
+def tool_outside() -> tuple[Effect, ...]:
+    """Effects that are not in the catalogue."""
+    return _picked(["place_friction"], "pitch") + _picked(["place_friction"], "roll")
