@@ -23,9 +23,11 @@ MODEL = of_network(SlewNetwork.load(Path(__file__).with_name("weights.npz")), "{
 def build_from(network: SlewNetwork, name: str, out: Path, fmi_version: int = 2) -> Path:
     """Build `out`/`name`.fmu with this network's weights; returns its path.
 
-    `name` becomes the model identifier: letters, digits and underscores.  Raises InputError for another name.
+    `name` becomes the model identifier: letters, digits and underscores.  Raises InputError for another name,
+    or a network that lacks an input.
     """
     check_name(name)
+    network.check_whole()
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         folder = write_folder(network, name, Path(scratch) / "models")

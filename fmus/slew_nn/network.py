@@ -8,6 +8,9 @@ p_l and p_r the chambers (signals p_slew_b and p_slew_a; p_r drives positive ome
 speed as the encoder gives it in rad/s, I the slew inertia from pose and nominal masses in kg m2.  Histories
 run from old to new, inputs lie in the order written.  Source: the paper (fmus/slew_nn/README.md).
 
+A model may lack an input: without `pressure` networks the speed follows from u, omega and I, and pressures
+stay; a velocity network of one input less does not see I.
+
 A network is a mean over members (an ensemble; usually one).  With `symmetric`, each member g is evaluated on
 the inputs and on their mirror image (u, omega negated, chambers swapped) and the mirrored results averaged,
 so that the model has no preferred direction.
@@ -78,6 +81,19 @@ class SlewNetwork:
     meta: Mapping[str, Any] = field(default_factory=dict)
     visited: np.ndarray | None = None  # bool [CELLS] over `region` of CELL_AXES: where training data was
 
+    @property
+    def sees_inertia(self) -> bool:
+        """Whether the slew inertia is an input."""
+        return self.velocity[0].sizes[0] % HISTORY == 1
+
+    def check_whole(self) -> None:
+        """InputError unless the networks have all inputs of the paper's: only such become an FMU or ONNX."""
+        if not (self.pressure and self.sees_inertia):
+            lacks = "pressure" if not self.pressure else "inertia"
+            raise InputError(
+                f"the network was trained without {lacks}: it cannot stand in for the slew drive"
+            )
+
     def outside(self, inertia: np.ndarray, u: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """Which of n states lie where no training data was, bool [n]; all False if that is not known."""
         if self.visited is None:
@@ -103,12 +119,14 @@ class SlewNetwork:
     def _one_way(
         self, u: np.ndarray, p_l: np.ndarray, p_r: np.ndarray, omega: np.ndarray, inertia: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        known = np.hstack([u, p_l, p_r, omega, inertia[:, None]])
-        last = np.stack([p_l[:, -1], p_r[:, -1]], axis=1)
-        p = np.mean([net(known) + net.residual * last for net in self.pressure], axis=0)
-        left = np.hstack([p_l[:, 1:], p[:, :1]])
-        right = np.hstack([p_r[:, 1:], p[:, 1:]])
-        now = np.hstack([u, left, right, omega, inertia[:, None]])
+        seen = [inertia[:, None]] if self.sees_inertia else []
+        last, histories = np.stack([p_l[:, -1], p_r[:, -1]], axis=1), [u]
+        p = last
+        if self.pressure:
+            known = np.hstack([u, p_l, p_r, omega, *seen])
+            p = np.mean([net(known) + net.residual * last for net in self.pressure], axis=0)
+            histories += [np.hstack([p_l[:, 1:], p[:, :1]]), np.hstack([p_r[:, 1:], p[:, 1:]])]
+        now = np.hstack([*histories, omega, *seen])
         w = np.mean([net(now)[:, 0] + net.residual * omega[:, -1] for net in self.velocity], axis=0)
         return p[:, 0], p[:, 1], w
 

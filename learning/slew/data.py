@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from fmus.slew import traces
 from learning.slew import checks
-from learning.slew.trajectory import Trajectory, of_measurement, of_trace
+from learning.slew.trajectory import GROUPS, NEEDED, Trajectory, of_measurement, of_trace
 from records.formats import read_measurement
 from specs.errors import InputError
 
@@ -31,6 +31,7 @@ class Data:
     kinds: Mapping[str, str]
     sha256: str
     source: str
+    lacking: tuple[str, ...] = ()  # of trajectory.GROUPS, what the recordings do not have
 
     def training(self, closed_loop: bool = True) -> list[Trajectory]:
         """What to train on, with or without the recordings of closed-loop control."""
@@ -41,13 +42,14 @@ class Data:
         return sum(len(t) for t in getattr(self, split)) / 600.0
 
 
-def load(paths: Sequence[Path]) -> Data:
-    """A collection's folder, or two or more recordings, in the order given: the last ones are held out.
+def load(paths: Sequence[Path], without: Collection[str] = ()) -> Data:
+    """A collection's folder, or three or more recordings, in the order given: the last ones are held out.
 
-    Raises InputError naming file and channel for recordings that cannot be learned from.
+    Of the groups of channels in `without`, channels may be missing.  Raises InputError naming file and channel
+    for recordings that cannot be learned from.
     """
     if len(paths) == 1 and paths[0].is_dir():
-        return _of_folder(paths[0])
+        return _of_folder(paths[0], without)
     if len(paths) < 3:
         raise InputError("three or more recordings are needed: to train on, to validate and to hold out")
     bounds = [max(1, round(share * len(paths))) for share in SHARES]
@@ -55,7 +57,7 @@ def load(paths: Sequence[Path]) -> Data:
     split = [SPLITS[0]] * bounds[0] + [SPLITS[1]] * min(bounds[1], len(paths) - bounds[0] - 1)
     split += [SPLITS[2]] * (len(paths) - len(split))
     entries = [(path, {"split": s, "kind": ""}) for path, s in zip(paths, split, strict=True)]
-    return _gathered(entries, ", ".join(map(str, paths)))
+    return _gathered(entries, ", ".join(map(str, paths)), without)
 
 
 def of_traces() -> Data:
@@ -68,7 +70,7 @@ def of_traces() -> Data:
     return Data(tuple(steps), tuple(steps[::10]), tuple(rest), kinds, digest, "slew traces")
 
 
-def _of_folder(folder: Path) -> Data:
+def _of_folder(folder: Path, without: Collection[str]) -> Data:
     manifest = folder / MANIFEST
     try:
         content = json.loads(manifest.read_text(encoding="utf-8"))
@@ -79,14 +81,20 @@ def _of_folder(folder: Path) -> Data:
         ) from None
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{manifest} is damaged: {error}") from None
-    return _gathered(entries, f"{content['collection']}, {content['origin']}, machine {content['machine']}")
+    return _gathered(
+        entries, f"{content['collection']}, {content['origin']}, machine {content['machine']}", without
+    )
 
 
-def _gathered(entries: Iterable[tuple[Path, Mapping[str, Any]]], source: str) -> Data:
+def _gathered(
+    entries: Iterable[tuple[Path, Mapping[str, Any]]], source: str, without: Collection[str]
+) -> Data:
     found: dict[str, list[Trajectory]] = {split: [] for split in SPLITS}
-    kinds, digest = {}, hashlib.sha256()
+    kinds, digest, missing = {}, hashlib.sha256(), set()
     for path, entry in entries:
-        pieces = of_measurement(read_measurement(path), path.stem)
+        measurement = read_measurement(path)
+        pieces = of_measurement(measurement, path.stem, without=without)
+        missing |= set(measurement.missing(NEEDED))
         for piece in pieces:
             digest.update(np.stack([piece.u, piece.p_l, piece.p_r, piece.omega, piece.inertia]).tobytes())
         kinds[path.stem] = str(entry["kind"])
@@ -96,4 +104,5 @@ def _gathered(entries: Iterable[tuple[Path, Mapping[str, Any]]], source: str) ->
             raise InputError(f"no recording in split {split}: {source}")
     checks.check(found["train"])
     train, validation, test = (tuple(found[split]) for split in SPLITS)
-    return Data(train, validation, test, kinds, digest.hexdigest(), source)
+    lacking = tuple(group for group, channels in GROUPS.items() if missing & set(channels))
+    return Data(train, validation, test, kinds, digest.hexdigest(), source, lacking)

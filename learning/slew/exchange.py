@@ -79,6 +79,7 @@ def to_onnx(network: SlewNetwork, folder: Path) -> list[Path]:
     """
     from learning.slew.onnx_write import part_model, step_model
 
+    network.check_whole()
     content = {
         "pressure.onnx": part_model(network.pressure, "pressure").SerializeToString(deterministic=True),
         "velocity.onnx": part_model(network.velocity, "velocity").SerializeToString(deterministic=True),

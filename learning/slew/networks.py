@@ -155,12 +155,14 @@ def _make(recipe: Recipe, part: str, channels: int, outputs: int) -> nn.Module:
 
 def plain(pair: Pair) -> SlewNetwork:
     """The pair as plain weights; its recipe must be `recipe.exportable`."""
-    return SlewNetwork((_plain(pair, "pressure"),), (_plain(pair, "velocity"),), pair.recipe.symmetric)
+    pressure = (_plain(pair, "pressure"),) if pair.pressure is not None else ()
+    return SlewNetwork(pressure, (_plain(pair, "velocity"),), pair.recipe.symmetric)
 
 
 def _plain(pair: Pair, part: str) -> Mlp:
     scales, residual = pair.scales, pair.recipe.residual
-    order = [name for name in NAMES[:4] for _ in range(HISTORY)] + ["inertia"]
+    histories = NAMES[:4] if pair.recipe.pressure else ("u", "omega")
+    order = [name for name in histories for _ in range(HISTORY)] + ["inertia"] * pair.recipe.inertia
     outputs = ["p_l", "p_r"] if part == "pressure" else ["omega"]
     linear = [layer for layer in getattr(pair, part).layers if isinstance(layer, nn.Linear)]
     return Mlp(

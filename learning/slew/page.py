@@ -148,7 +148,7 @@ def _open_loop(network: SlewNetwork, data: Data) -> list[Figure]:
     ]
     caption = f"Recording {shown.name}, {len(omega) * PERIOD_S:g} s on the network's own predictions."
     found = []
-    for name, title, unit, measured, predicted in panels:
+    for name, title, unit, measured, predicted in panels if network.pressure else panels[:2]:
         layout = {"xaxis": {"title": {"text": "time [s]"}}, "yaxis": {"title": {"text": f"{title} [{unit}]"}}}
         lines = [_line(time, measured, "measured"), _line(time, predicted, "network")]
         found.append(Figure(name, title, caption, lines, layout, 300, wide=name == "speed"))

@@ -77,5 +77,10 @@ def recipe(name: str, tiny: bool = False) -> Recipe:
 
 
 def exportable(chosen: Recipe) -> bool:
-    """Whether the recipe's networks have the paper's interface, so that they can be plain weights."""
-    return chosen.architecture == "mlp" and chosen.pressure and chosen.inertia
+    """Whether the recipe's networks can be plain weights."""
+    return chosen.architecture == "mlp"
+
+
+def whole(chosen: Recipe) -> bool:
+    """Whether they also have all inputs of the paper's, so that they can stand in for the slew drive."""
+    return exportable(chosen) and chosen.pressure and chosen.inertia

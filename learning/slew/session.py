@@ -11,14 +11,16 @@ from fmus.slew_nn.network import SlewNetwork
 from learning.slew import ablation, disagreement, page
 from learning.slew.ablation import REFERENCES, Outcome
 from learning.slew.data import Data, load, of_traces
-from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, RECIPES, exportable
+from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, RECIPES, exportable, whole
 from learning.slew.region import share_outside
+from learning.slew.trajectory import GROUPS
 from specs.errors import InputError, nearest
 from specs.version import VERSION
 
 Report = Callable[[str, float, float], None]
 BUDGETS = ("full", "tiny")
 PLAN = {"full": "paper", "tiny": "tiny"}
+FIRST_ORDER = "first_order"
 KEYS = ("velocity_mae", "position_mae")
 ACCEPTED_RATIO = 0.7  # of the first-order reference's errors
 
@@ -42,13 +44,20 @@ class Options:
         """Seconds in place of minutes, to see that all of it runs."""
         return self.budget == "tiny"
 
-    @property
-    def variants(self) -> tuple[str, ...]:
-        """What is trained and fitted."""
+    def variants(self, data: Data) -> tuple[str, ...]:
+        """What is trained and fitted on `data`: less, if the recordings lack channels."""
+        if data.lacking:
+            return (self.recipe, FIRST_ORDER)
         if self.ablation:
             return (*RECIPES, ENSEMBLE, *REFERENCES)
         wanted = (MEMBERS, ENSEMBLE) if self.recipe == ENSEMBLE else (self.recipe,)
         return tuple(dict.fromkeys((PROPOSED.name, *wanted, *REFERENCES)))
+
+    @property
+    def without(self) -> tuple[str, ...]:
+        """What the recordings may lack for this recipe."""
+        alone = not self.ablation and self.recipe in RECIPES
+        return tuple(group for group in GROUPS if alone and not getattr(RECIPES[self.recipe], group))
 
     @property
     def command(self) -> str:
@@ -137,7 +146,7 @@ def _data(options: Options, report: Report) -> Data:
     if options.traces:
         return of_traces()
     if options.data:
-        return load(options.data)
+        return load(options.data, options.without)
     from learning.collection.collect import collect
     from learning.collection.plan import load_plan
 
@@ -148,21 +157,23 @@ def _data(options: Options, report: Report) -> Data:
 
 
 def _outcomes(data: Data, options: Options, report: Report) -> list[Outcome]:
-    names = ablation.trained(options.variants)
-    total = sum(1 if v in REFERENCES else len(options.seeds) for v in names) + (ENSEMBLE in options.variants)
+    variants = options.variants(data)
+    names = ablation.trained(variants)
+    total = sum(1 if v in REFERENCES else len(options.seeds) for v in names) + (ENSEMBLE in variants)
     found: list[Outcome] = []
     report("training", 0, total)
-    for outcome in ablation.run(data, options.variants, options.seeds, options.jobs, options.tiny):
+    for outcome in ablation.run(data, variants, options.seeds, options.jobs, options.tiny):
         found.append(outcome)
         report("training", len(found), total)
-    order = {name: i for i, name in enumerate(options.variants)}
+    order = {name: i for i, name in enumerate(variants)}
     return sorted(found, key=lambda o: (order[o.variant], o.seed))
 
 
 def _chosen(figures: Mapping[str, Any], outcomes: Sequence[Outcome], options: Options) -> Outcome:
     """The best variant on validation (or the one asked for), of it the best seed on validation."""
     able = {o.variant: o for o in _best(outcomes)}
-    name = ablation.winner(figures, list(able)) if options.ablation else options.recipe
+    fit = [name for name in able if name == ENSEMBLE or whole(RECIPES[name])]
+    name = ablation.winner(figures, fit) if options.ablation else options.recipe
     return able[name]
 
 
@@ -236,12 +247,12 @@ def _judged(
     doubt: Mapping[str, float],
 ) -> tuple[bool, list[str]]:
     """Whether the paper's networks are as much better than the plain reference as they should be."""
-    reference, own = figures["first_order"], figures[PROPOSED.name]
+    name = PROPOSED.name if PROPOSED.name in figures else chosen.variant
+    reference, own = figures[FIRST_ORDER], figures[name]
     ratios = [own[k] / reference[k] for k in KEYS]
     outside = share_outside(network, ablation.held_out(data, "test"))
     notes = [
-        f"proposed / first_order: velocity {ratios[0]:.2f}, position {ratios[1]:.2f} "
-        f"(limit {ACCEPTED_RATIO})",
+        f"{name} / first_order: velocity {ratios[0]:.2f}, position {ratios[1]:.2f} (limit {ACCEPTED_RATIO})",
         f"chosen on validation: {chosen.variant}, seed {chosen.seed}; "
         f"{100 * outside:.1f} % of held-out time outside its training data",
         *_in_words(doubt),

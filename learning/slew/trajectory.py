@@ -4,7 +4,7 @@ Row k holds the state at k x 0.1 s and `u`, the mean joystick over the 0.1 s bef
 u_slew, p_slew_a, p_slew_b, qd_slew, q_boom, q_stick and, if recorded, load_told (else no load).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from records.measurement import Measurement, Piece
 from specs.errors import InputError
 
 NEEDED = ("u_slew", "p_slew_a", "p_slew_b", "qd_slew", "q_boom", "q_stick")
+GROUPS = {"pressure": ("p_slew_a", "p_slew_b"), "inertia": ("q_boom", "q_stick")}  # what a variant can lack
 SAMPLE_S = 0.02
 STRIDE = round(PERIOD_S / SAMPLE_S)
 STATES = ("u", "p_l", "p_r", "omega")
@@ -42,17 +43,29 @@ class Trajectory:
         return replace(self, u=-self.u, p_l=self.p_r, p_r=self.p_l, omega=-self.omega)
 
 
-def of_measurement(measurement: Measurement, name: str, phase: int = 0) -> list[Trajectory]:
+def of_measurement(
+    measurement: Measurement, name: str, phase: int = 0, without: Collection[str] = ()
+) -> list[Trajectory]:
     """Trajectories of a recording, one for each piece of more than 2 s; `phase` 0..4 shifts by 0.02 s.
 
-    Raises InputError naming the channels that are missing.
+    Of the GROUPS in `without`, channels may be missing: pressures are then 0, the inertia a constant.
+    Raises InputError naming the channels that are missing, and what can be trained without them.
     """
+    spared = [channel for group in without for channel in GROUPS[group]]
     missing = measurement.missing(NEEDED)
-    if missing:
-        raise InputError(f"{measurement.source or name}: no channel {', '.join(missing)}")
-    names = [*NEEDED, *(n for n in ("load_told",) if n in measurement)]
+    wrong = [channel for channel in missing if channel not in spared]
+    if wrong:
+        raise InputError(f"{measurement.source or name}: no channel {', '.join(wrong)}; {_advice(wrong)}")
+    names = [n for n in (*NEEDED, "load_told") if n in measurement]
     pieces = measurement.pieces(names, SAMPLE_S)
     return [_of_piece(piece, name, phase) for piece in pieces if len(piece) > 20 * STRIDE]
+
+
+def _advice(missing: Collection[str]) -> str:
+    for group, channels in GROUPS.items():
+        if set(missing) <= set(channels):
+            return f"without {group} --recipe no_{group} can still be trained"
+    return "nothing can be trained without it"
 
 
 def of_trace(trace: Trace) -> Trajectory:
@@ -67,12 +80,18 @@ def of_trace(trace: Trace) -> Trajectory:
 def _of_piece(piece: Piece, name: str, phase: int) -> Trajectory:
     rows = slice(STRIDE + phase, None, STRIDE)
     held = np.lib.stride_tricks.sliding_window_view(piece["u_slew"], STRIDE).mean(axis=1)
-    load = piece.columns.get("load_told", np.zeros(len(piece)))
-    inertia = kinematics.inertia_z(piece["q_boom"], piece["q_stick"], load, kinematics.geometry())
-    rest = {"p_l": piece["p_slew_b"], "p_r": piece["p_slew_a"], "omega": piece["qd_slew"], "inertia": inertia}
-    return Trajectory(
-        name, held[phase::STRIDE][: len(piece["u_slew"][rows])], **{k: v[rows] for k, v in rest.items()}
-    )
+    zeros = np.zeros(len(piece))
+    p_a, p_b, load = (piece.columns.get(n, zeros) for n in ("p_slew_a", "p_slew_b", "load_told"))
+    rest = {"p_l": p_b, "p_r": p_a, "omega": piece["qd_slew"], "inertia": _inertia(piece, load)}
+    u = held[phase::STRIDE][: len(zeros[rows])]
+    return Trajectory(name, u, **{k: v[rows] for k, v in rest.items()})
+
+
+def _inertia(piece: Piece, load: np.ndarray) -> np.ndarray:
+    g = kinematics.geometry()
+    if any(channel not in piece.columns for channel in GROUPS["inertia"]):
+        return np.full(len(piece), kinematics.inertia_z(g.start_q_boom, g.start_q_stick, 0.0, g))
+    return kinematics.inertia_z(piece["q_boom"], piece["q_stick"], load, g)
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,10 @@ import pytest
 import torch
 
 from fmus.slew.traces import load
+from fmus.slew_nn.fmu import build_from
 from fmus.slew_nn.network import HISTORY, SlewNetwork
 from learning.slew.disagreement import disagreement, ensemble, members
+from learning.slew.exchange import to_onnx
 from learning.slew.networks import Pair, Scales, plain
 from learning.slew.recipe import RECIPES, Recipe, exportable, recipe
 from learning.slew.region import with_region
@@ -99,6 +101,18 @@ def test_a_loss_that_is_no_number_stops_the_training() -> None:
 def test_other_interfaces_are_not_exported() -> None:
     with pytest.raises(InputError, match="recipe tcn has another interface"):
         train(TRACES[:1], replace(recipe("tcn", tiny=True), epochs=1), 1).network()
+
+
+@pytest.mark.parametrize("name", ["no_pressure", "no_inertia"])
+def test_a_model_that_lacks_an_input_is_kept_but_does_not_stand_in_for_the_drive(name: str, tmp_path) -> None:
+    network = plain(untrained(RECIPES[name]))
+    network.save(tmp_path / "n.npz")
+    found = SlewNetwork.load(tmp_path / "n.npz")
+    assert np.array_equal(roll_out_plain(found, WINDOWS), roll_out_plain(network, WINDOWS))
+    with pytest.raises(InputError, match=f"trained without {name.removeprefix('no_')}"):
+        build_from(found, "less", tmp_path)
+    with pytest.raises(InputError, match=f"trained without {name.removeprefix('no_')}"):
+        to_onnx(found, tmp_path)
 
 
 def test_the_region_travels_with_the_weights(tmp_path) -> None:

@@ -59,8 +59,16 @@ def test_inertia_is_that_of_pose_and_load_told() -> None:
 def test_missing_channels_are_named() -> None:
     whole = measurement()
     less = Measurement({k: v for k, v in whole.channels.items() if k != "p_slew_b"}, source="run 7")
-    with pytest.raises(InputError, match="run 7: no channel p_slew_b"):
+    with pytest.raises(
+        InputError, match="run 7: no channel p_slew_b; without pressure --recipe no_pressure can"
+    ):
         of_measurement(less, "a")
+    (found,) = of_measurement(less, "a", without=("pressure",))
+    assert not found.p_l.any()
+    assert found.omega.any()
+    none = Measurement({k: v for k, v in less.channels.items() if k != "qd_slew"})
+    with pytest.raises(InputError, match="no channel qd_slew; nothing can be trained without it"):
+        of_measurement(none, "a", without=("pressure",))
 
 
 def test_a_gap_makes_two_trajectories() -> None:
