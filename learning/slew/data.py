@@ -45,8 +45,8 @@ class Data:
 def load(paths: Sequence[Path], without: Collection[str] = ()) -> Data:
     """A collection's folder, or three or more recordings, in the order given: the last ones are held out.
 
-    Of the groups of channels in `without`, channels may be missing.  Raises InputError naming file and channel
-    for recordings that cannot be learned from.
+    Of the groups of channels in `without`, channels may be missing.  Raises InputError naming file and
+    channel for recordings that cannot be learned from.
     """
     if len(paths) == 1 and paths[0].is_dir():
         return _of_folder(paths[0], without)
