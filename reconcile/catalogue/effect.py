@@ -1,0 +1,118 @@
+"""The form of a catalogue entry: where an effect attaches, its equation, its parameters and their limits.
+
+An effect is written once, as a CasADi expression of what is at its port (`c`), its parameters (`p`) and its
+hidden states (`w`).  Parameters that enter linearly and are zero where the effect is absent are amplitudes;
+an effect that is not linear in any parameter has a gate instead (0 absent, 1 there), with which it can be
+scored linearly at every start of its parameters before any fit.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Place = Literal["input", "hydraulic", "force", "inertia", "coupling", "output"]
+Scalar = Any  # casadi.SX
+Namespace = Any  # SimpleNamespace of Scalar
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Sizes met in the data at a port, from which starts and smoothing widths are made.
+
+    `u`: largest of the input; `v`, `q`, `f`: of speed, position and force at a force port (f: inertia times
+    acceleration); `y`: of the output; `period_s`: sample period.  All > 0.
+    """
+
+    u: float = 1.0
+    v: float = 1.0
+    q: float = 1.0
+    f: float = 1.0
+    y: float = 1.0
+    inertia: float = 1.0
+    period_s: float = 0.02
+    q_low: float = -1.0
+    q_high: float = 1.0
+    angular: bool = False  # the port turns: q in rad
+
+
+Starts = Callable[[Scales], Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter: `unit` with {u}, {f}, {v}, {q}, {y}, {inertia} for the units at the port.
+
+    `starts` gives the grid of starts; the k-th start of all parameters of an effect belong together.
+    `low`, `high` bound it; a negative `low` of -inf lets its sign be either.
+    """
+
+    name: str
+    unit: str
+    starts: Starts
+    description: str = ""
+    amplitude: bool = False
+    low: float = 0.0
+    high: float = float("inf")
+
+
+@dataclass(frozen=True)
+class Result:
+    """What an effect makes: the new value (input, output), force, or inertia with the force beside it."""
+
+    value: Scalar
+    rates: Mapping[str, Scalar] = field(default_factory=dict)
+    starts: Mapping[str, Scalar] = field(default_factory=dict)
+    force: Scalar = 0.0
+
+
+Build = Callable[[Namespace, Namespace, Namespace], Result]
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """One entry.  `equation` is in words of mathematics; `width` says which scale smooths it.
+
+    `becomes` names the simpler effects it turns into in a limit; `form` tells entries of one name apart.
+    `delays`: the effect is a transport delay, which no equation holds; its one parameter is the delay.
+    """
+
+    name: str
+    place: Place
+    equation: str
+    parameters: tuple[Parameter, ...]
+    build: Build | None
+    source: str
+    hidden: tuple[str, ...] = ()
+    gated: bool = False
+    width: Literal["u", "v", "q", "y", "time"] | None = None
+    becomes: Mapping[str, str] = field(default_factory=dict)
+    form: str = ""
+    needs: tuple[str, ...] = ()  # what the port must have: "q" (a position), "rad" (an angle) ...
+    delays: bool = False
+
+    @property
+    def key(self) -> str:
+        """The entry's own key."""
+        return f"{self.name}.{self.form}" if self.form else self.name
+
+    @property
+    def amplitudes(self) -> tuple[Parameter, ...]:
+        """Parameters that are zero where the effect is absent."""
+        return tuple(p for p in self.parameters if p.amplitude)
+
+    def grid(self, scales: Scales) -> int:
+        """How many starts it has."""
+        return max(len(tuple(p.starts(scales))) for p in self.parameters)
+
+    def start(self, scales: Scales, k: int) -> dict[str, float]:
+        """The k-th start (the last one, if there are fewer)."""
+        found = {}
+        for p in self.parameters:
+            values = tuple(p.starts(scales))
+            found[p.name] = float(values[min(k, len(values) - 1)])
+        return found
+
+
+def none(_: Scales) -> Sequence[float]:
+    """Starts of an amplitude: nothing."""
+    return (0.0,)

@@ -1,0 +1,267 @@
+"""Forces and torques that act where the model moves; friction opposes the speed v, loads do not."""
+
+import math
+
+import casadi as ca
+
+from reconcile.catalogue import smooth
+from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Scales, Starts, none
+
+FRICTION = "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083"
+DAHL = "Dahl, Aerospace Corp. TOR-0158(3107-18)-1 (1968); Canudas de Wit et al., IEEE TAC 40 (1995) 419"
+MECHANICS = "Newtonian mechanics"
+ANY = -float("inf")
+RIPPLES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 24.0)
+
+
+def speed(*shares: float) -> Starts:
+    """Starts as shares of the largest speed."""
+    return lambda s: [a * s.v for a in shares]
+
+
+def _coulomb(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.Fc * smooth.sign(c.v, c.width))
+
+
+def _asymmetric_coulomb(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    s = smooth.sign(c.v, c.width)
+    return Result(-0.5 * (p.Fc_positive * (1.0 + s) - p.Fc_negative * (1.0 - s)))
+
+
+def _stribeck(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    falling = ca.exp(-((c.v / p.vs) ** 2))
+    level = p.Fc + (p.Fs - p.Fc) * falling
+    return Result(-level * smooth.sign(c.v, c.width))
+
+
+def _viscous(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.b * c.v)
+
+
+def _asymmetric_viscous(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    up, down = smooth.positive(c.v, c.width), smooth.positive(-c.v, c.width)
+    return Result(-p.b_positive * up + p.b_negative * down)
+
+
+def _load_dependent(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.mu * smooth.magnitude(c.drive, c.drive_width) * smooth.sign(c.v, c.width))
+
+
+def _quadratic(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.k * c.v * smooth.magnitude(c.v, c.width))
+
+
+def _dahl(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    rate = (c.v - smooth.magnitude(c.v, c.width) * w.bristle) / p.distance
+    return Result(-p.Fc * w.bristle, {"bristle": rate}, {"bristle": smooth.sign(c.v, c.width)})
+
+
+def _constant(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(p.load)
+
+
+def _hanging(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.torque * ca.sin(c.q))
+
+
+def _gravity(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.torque_sin * ca.sin(c.q) - p.torque_cos * ca.cos(c.q))
+
+
+def _stiffness(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.k * c.q)
+
+
+def _stiffness_at(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.k * c.q + p.preload)
+
+
+def _cubic(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.k3 * c.q**3)
+
+
+def _ripple(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(p.sine * ca.sin(p.waves * c.q) + p.cosine * ca.cos(p.waves * c.q))
+
+
+def _end_stop(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(-p.k * smooth.positive(c.q - p.position, c.width))
+
+
+def _end_stop_low(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(p.k * smooth.positive(p.position - c.q, c.width))
+
+
+def _end_stops(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    beyond = smooth.dead_zone(c.q, -p.position, p.position, c.width)
+    return Result(-p.k * beyond)
+
+
+def _amplitude(name: str, unit: str, signed: bool = False) -> Parameter:
+    return Parameter(name, unit, none, amplitude=True, low=ANY if signed else 0.0)
+
+
+def _near(side: float, *shares: float) -> Starts:
+    """Starts within the travel met, from its middle towards one side."""
+
+    def starts(s: Scales) -> list[float]:
+        middle, half = 0.5 * (s.q_low + s.q_high), 0.5 * (s.q_high - s.q_low)
+        return [middle + side * a * half for a in shares]
+
+    return starts
+
+
+def _waves(s: Scales) -> list[float]:
+    """Whole numbers of waves a turn; on other axes 1 to 24 waves over the travel met."""
+    if s.angular:
+        return list(RIPPLES)
+    return [2.0 * math.pi * n / (s.q_high - s.q_low) for n in RIPPLES]
+
+
+def _entry(name: str, equation: str, parameters: tuple[Parameter, ...], build, **more) -> Effect:  # noqa: ANN001, ANN003
+    return Effect(name, "force", equation, parameters, build, more.pop("source", MECHANICS), **more)
+
+
+COULOMB = {"coulomb_friction": "the rest vanishes"}
+
+EFFECTS = (
+    _entry(
+        "coulomb_friction",
+        "F = −Fc sgn(v)",
+        (_amplitude("Fc", "{f}"),),
+        _coulomb,
+        source=FRICTION,
+        width="v",
+    ),
+    _entry(
+        "asymmetric_coulomb_friction",
+        "F = −Fc_positive for v > 0, Fc_negative for v < 0",
+        (_amplitude("Fc_positive", "{f}"), _amplitude("Fc_negative", "{f}")),
+        _asymmetric_coulomb,
+        source=FRICTION,
+        width="v",
+        becomes={"coulomb_friction": "Fc_positive = Fc_negative"},
+    ),
+    _entry(
+        "stribeck_friction",
+        "F = −(Fc + (Fs − Fc) exp(−(v/vs)²)) sgn(v)",
+        (
+            _amplitude("Fc", "{f}"),
+            _amplitude("Fs", "{f}"),
+            Parameter("vs", "{v}", speed(0.02, 0.05, 0.1, 0.2, 0.4)),
+        ),
+        _stribeck,
+        source=FRICTION,
+        width="v",
+        becomes={"coulomb_friction": "Fs = Fc or vs → 0"},
+    ),
+    _entry(
+        "viscous_friction", "F = −b v", (_amplitude("b", "{f}/({v})"),), _viscous, source=FRICTION
+    ),
+    _entry(
+        "asymmetric_viscous_friction",
+        "F = −b_positive v for v > 0, −b_negative v for v < 0",
+        (_amplitude("b_positive", "{f}/({v})"), _amplitude("b_negative", "{f}/({v})")),
+        _asymmetric_viscous,
+        source=FRICTION,
+        width="v",
+        becomes={"viscous_friction": "b_positive = b_negative"},
+    ),
+    _entry(
+        "load_dependent_friction",
+        "F = −mu |drive force| sgn(v)",
+        (_amplitude("mu", "1"),),
+        _load_dependent,
+        source=FRICTION,
+        width="v",
+        needs=("drive",),
+    ),
+    _entry("quadratic_drag", "F = −k v |v|", (_amplitude("k", "{f}/({v})^2"),), _quadratic, width="v"),
+    _entry(
+        "presliding_hysteresis",
+        "F = −Fc z, dz/dt = (v − |v| z)/distance",
+        (
+            _amplitude("Fc", "{f}"),
+            Parameter("distance", "{q}", lambda s: [a * s.q for a in (0.003, 0.01, 0.03, 0.1)], low=1e-9),
+        ),
+        _dahl,
+        source=DAHL,
+        hidden=("bristle",),
+        width="v",
+        becomes={"coulomb_friction": "distance → 0"},
+    ),
+    _entry("constant_load", "F = load", (_amplitude("load", "{f}", signed=True),), _constant),
+    _entry(
+        "gravity_load",
+        "F = −torque sin(q)",
+        (_amplitude("torque", "{f}", signed=True),),
+        _hanging,
+        needs=("rad",),
+    ),
+    _entry(
+        "gravity_load",
+        "F = −torque_sin sin(q) − torque_cos cos(q)",
+        (_amplitude("torque_sin", "{f}", signed=True), _amplitude("torque_cos", "{f}", signed=True)),
+        _gravity,
+        needs=("rad",),
+        form="any_angle",
+    ),
+    _entry("stiffness", "F = −k q", (_amplitude("k", "{f}/({q})"),), _stiffness, needs=("q",)),
+    _entry(
+        "stiffness",
+        "F = −k q + preload",
+        (_amplitude("k", "{f}/({q})"), _amplitude("preload", "{f}", signed=True)),
+        _stiffness_at,
+        needs=("q",),
+        form="preloaded",
+        becomes={"constant_load": "k → 0"},
+    ),
+    _entry("cubic_stiffness", "F = −k3 q³", (_amplitude("k3", "{f}/({q})^3"),), _cubic, needs=("q",)),
+    _entry(
+        "torque_ripple",
+        "F = sine sin(waves q) + cosine cos(waves q)",
+        (
+            _amplitude("sine", "{f}", signed=True),
+            _amplitude("cosine", "{f}", signed=True),
+            Parameter("waves", "1/({q})", _waves, low=0.5),
+        ),
+        _ripple,
+        needs=("q",),
+        source="Holtz and Springob, IEEE Trans. Ind. Electron. 43 (1996) 694",
+    ),
+    _entry(
+        "end_stop",
+        "F = −k max(q − position, 0)",
+        (
+            _amplitude("k", "{f}/({q})"),
+            Parameter("position", "{q}", _near(1.0, 0.9, 0.75, 0.6), low=ANY),
+        ),
+        _end_stop,
+        needs=("q",),
+        width="q",
+        form="upper",
+    ),
+    _entry(
+        "end_stop",
+        "F = k max(position − q, 0)",
+        (
+            _amplitude("k", "{f}/({q})"),
+            Parameter("position", "{q}", _near(-1.0, 0.9, 0.75, 0.6), low=ANY),
+        ),
+        _end_stop_low,
+        needs=("q",),
+        width="q",
+        form="lower",
+    ),
+    _entry(
+        "end_stop",
+        "F = −k (|q| − position) sgn(q) beyond ±position",
+        (
+            _amplitude("k", "{f}/({q})"),
+            Parameter("position", "{q}", lambda s: [a * s.q for a in (0.9, 0.75, 0.6)]),
+        ),
+        _end_stops,
+        needs=("q",),
+        width="q",
+    ),
+)

@@ -1,0 +1,179 @@
+"""Effects between the recorded input and the model's input."""
+
+from collections.abc import Callable
+
+from reconcile.catalogue import smooth
+from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Scales, Starts, none
+
+MATERIAL = "Olsson et al., Eur. J. Control 4 (1998) 176; Tao and Kokotovic, Adaptive Control of Systems with "
+NONSMOOTH = MATERIAL + "Actuator and Sensor Nonlinearities, Wiley 1996"
+LINEAR = "linear system identification: Ljung, System Identification, 2nd ed. 1999, ch. 4"
+
+
+def share(*shares: float) -> Starts:
+    """Starts as shares of the largest input."""
+    return lambda s: [a * s.u for a in shares]
+
+
+def seconds(*values: float) -> Starts:
+    """Starts in s, none below a sample period."""
+    return lambda s: [max(v, s.period_s) for v in values]
+
+
+def _dead_zone(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(smooth.dead_zone(c.u, -p.half_width, p.half_width, c.width))
+
+
+def _dead_zone_sides(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    up, down = smooth.positive(c.u - p.high, c.width), smooth.positive(-c.u - p.low, c.width)
+    return Result(up - down)
+
+
+def _lag(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(w.lagged, {"lagged": (c.u - w.lagged) / p.time}, {"lagged": c.u})
+
+
+def _saturation(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(smooth.clip(c.u, -p.limit, p.limit, c.width))
+
+
+def _rate_limit(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    speed = p.rate * smooth.sign(c.u - w.limited, c.width)
+    return Result(w.limited, {"limited": speed}, {"limited": c.u})
+
+
+def _backlash(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    """Play: the output follows once the gap is used up, with a time constant of `width` s."""
+    pushed = smooth.dead_zone(c.u - w.follower, -0.5 * p.gap, 0.5 * p.gap, 1e-3 * p.gap + 1e-12)
+    return Result(w.follower, {"follower": pushed / c.width}, {"follower": c.u})
+
+
+def _asymmetric(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.u + p.difference * 0.5 * smooth.magnitude(c.u, c.width))
+
+
+def _offset(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.u + p.offset)
+
+
+def _crosstalk(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.u + p.share * c.other)
+
+
+def _flow_curve(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.u + p.curve * c.u * (1.0 - smooth.magnitude(c.u, c.width) / c.size))
+
+
+def _gated(
+    name: str, equation: str, parameter: Parameter, build: Callable[..., Result], **more: object
+) -> Effect:
+    return Effect(name, "input", equation, (parameter,), build, NONSMOOTH, gated=True, **more)  # type: ignore[arg-type]
+
+
+def _delay_starts(s: Scales) -> list[float]:
+    return [0.0]
+
+
+EFFECTS = (
+    _gated(
+        "input_dead_zone",
+        "u' = u − h sgn(u) where |u| > h, else 0",
+        Parameter("half_width", "{u}", share(0.05, 0.1, 0.2, 0.35, 0.5)),
+        _dead_zone,
+        width="u",
+        becomes={"": "half_width → 0"},
+    ),
+    Effect(
+        "input_dead_zone",
+        "input",
+        "u' = max(u − high, 0) − max(−u − low, 0)",
+        (
+            Parameter("high", "{u}", share(0.1, 0.3, 0.1, 0.3)),
+            Parameter("low", "{u}", share(0.1, 0.1, 0.3, 0.3)),
+        ),
+        _dead_zone_sides,
+        NONSMOOTH,
+        gated=True,
+        width="u",
+        form="sides",
+        becomes={"input_dead_zone": "high = low"},
+    ),
+    Effect(
+        "input_delay",
+        "input",
+        "u'(t) = u(t − delay)",
+        (Parameter("delay", "s", _delay_starts, amplitude=True),),
+        None,
+        LINEAR,
+        delays=True,
+    ),
+    _gated(
+        "input_lag",
+        "time du'/dt = u − u'",
+        Parameter("time", "s", seconds(0.03, 0.1, 0.3, 1.0), low=2e-3),
+        _lag,
+        hidden=("lagged",),
+        becomes={"input_delay": "time small against the motion"},
+    ),
+    _gated(
+        "input_saturation",
+        "u' = u held between −limit and limit",
+        Parameter("limit", "{u}", share(0.9, 0.75, 0.6, 0.45, 0.3)),
+        _saturation,
+        width="u",
+        becomes={"": "limit ≥ largest input"},
+    ),
+    _gated(
+        "input_rate_limit",
+        "du'/dt = rate sgn(u − u')",
+        Parameter("rate", "{u}/s", share(0.5, 1.0, 2.0, 5.0, 10.0)),
+        _rate_limit,
+        hidden=("limited",),
+        width="u",
+        becomes={"": "rate → ∞"},
+    ),
+    _gated(
+        "input_backlash",
+        "play of full width gap: u' moves only when |u − u'| = gap/2",
+        Parameter("gap", "{u}", share(0.05, 0.1, 0.2, 0.4)),
+        _backlash,
+        hidden=("follower",),
+        width="time",
+        becomes={"": "gap → 0"},
+    ),
+    Effect(
+        "asymmetric_gain",
+        "input",
+        "u' = (1 + difference/2) u for u > 0, (1 − difference/2) u for u < 0",
+        (Parameter("difference", "1", none, amplitude=True, low=-1.9, high=1.9),),
+        _asymmetric,
+        NONSMOOTH,
+        width="u",
+    ),
+    Effect(
+        "input_offset",
+        "input",
+        "u' = u + offset",
+        (Parameter("offset", "{u}", none, amplitude=True, low=-float("inf")),),
+        _offset,
+        LINEAR,
+    ),
+    Effect(
+        "input_crosstalk",
+        "input",
+        "u' = u + share × the other input",
+        (Parameter("share", "{u}/{other}", none, amplitude=True, low=-float("inf")),),
+        _crosstalk,
+        LINEAR,
+        needs=("other",),
+    ),
+    Effect(
+        "valve_flow_curve",
+        "input",
+        "u' = u (1 + curve (1 − |u|/u_max))",
+        (Parameter("curve", "1", none, amplitude=True, low=-0.9, high=3.0),),
+        _flow_curve,
+        "Merritt, Hydraulic Control Systems, Wiley 1967, ch. 5: flow gain over spool travel",
+        width="u",
+    ),
+)

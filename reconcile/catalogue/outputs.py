@@ -1,0 +1,107 @@
+"""Effects between the model's output and its recording."""
+
+from reconcile.catalogue import smooth
+from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Starts, none
+from reconcile.catalogue.inputs import LINEAR, NONSMOOTH, seconds
+
+ANY = -float("inf")
+
+
+def share(*shares: float) -> Starts:
+    """Starts as shares of the output's size."""
+    return lambda s: [a * s.y for a in shares]
+
+
+def _bias(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.y + p.bias)
+
+
+def _scale(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.y * (1.0 + p.error))
+
+
+def _lag(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(w.shown, {"shown": (c.y - w.shown) / p.time}, {"shown": c.y})
+
+
+def _backlash(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    pushed = smooth.dead_zone(c.y - w.shown, -0.5 * p.gap, 0.5 * p.gap, 1e-3 * p.gap + 1e-12)
+    return Result(w.shown, {"shown": pushed / c.width}, {"shown": c.y})
+
+
+def _drift(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.y + p.rate * c.t)
+
+
+def _cross(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.y + p.share * c.other)
+
+
+EFFECTS = (
+    Effect(
+        "sensor_bias",
+        "output",
+        "y' = y + bias",
+        (Parameter("bias", "{y}", none, amplitude=True, low=ANY),),
+        _bias,
+        LINEAR,
+    ),
+    Effect(
+        "sensor_scale",
+        "output",
+        "y' = (1 + error) y",
+        (Parameter("error", "1", none, amplitude=True, low=-0.9),),
+        _scale,
+        LINEAR,
+    ),
+    Effect(
+        "sensor_delay",
+        "output",
+        "y'(t) = y(t − delay)",
+        (Parameter("delay", "s", none, amplitude=True),),
+        None,
+        LINEAR,
+        delays=True,
+    ),
+    Effect(
+        "sensor_lag",
+        "output",
+        "time dy'/dt = y − y'",
+        (Parameter("time", "s", seconds(0.03, 0.1, 0.3), low=2e-3),),
+        _lag,
+        LINEAR,
+        hidden=("shown",),
+        gated=True,
+        becomes={"sensor_delay": "time small against the motion"},
+    ),
+    Effect(
+        "sensor_backlash",
+        "output",
+        "play of full width gap: y' moves only when |y − y'| = gap/2",
+        (Parameter("gap", "{y}", share(0.02, 0.05, 0.1, 0.2)),),
+        _backlash,
+        NONSMOOTH,
+        hidden=("shown",),
+        gated=True,
+        width="time",
+        becomes={"": "gap → 0"},
+    ),
+    Effect(
+        "sensor_drift",
+        "output",
+        "y' = y + rate t",
+        (Parameter("rate", "{y}/s", none, amplitude=True, low=ANY),),
+        _drift,
+        LINEAR,
+        needs=("t",),
+    ),
+    Effect(
+        "cross_axis_misalignment",
+        "output",
+        "y' = y + share × the other output",
+        (Parameter("share", "{y}/{other}", none, amplitude=True, low=ANY),),
+        _cross,
+        "IEEE Std 1293: misalignment of sensitive axes",
+        needs=("other",),
+    ),
+)

@@ -1,0 +1,99 @@
+"""What a fit is worth: information criterion, closing of the gap on other data, distance from nothing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reconcile.fit.noise import worth
+from reconcile.fit.solve import Fitted
+from reconcile.model import Attached
+from reconcile.study import Study
+
+BIC_GAIN = 10.0
+CLOSED = 0.10  # share of the remaining gap that an effect must close on confirm
+ERRORS = 3.0  # standard errors from nothing
+CONFIRM_GAIN = 6.0  # of twice the log-likelihood on confirm: less may be chance
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Samples of a problem and the share of them that counts as independent."""
+
+    count: int
+    share: float
+
+    @property
+    def effective(self) -> float:
+        """Independent samples."""
+        return max(10.0, self.count * self.share)
+
+
+def sample(fitted: Fitted) -> Sample:
+    """Sample size of the errors that a fit leaves."""
+    raw = fitted.linear.raw
+    names = list(raw[0])
+    count = {n: sum(len(w[n]) for w in raw) for n in names}
+    total = {n: sum(float(w[n] @ w[n]) for w in raw) for n in names}
+    weight = sum(total.values()) or 1.0
+    # outputs count by what they contribute to the errors
+    inverse = sum(total[n] / weight / worth([w[n] for w in raw]) for n in names)
+    return Sample(sum(count.values()), float(1.0 / max(inverse, 1.0)))
+
+
+def likelihood_gain(before: float, after: float, s: Sample) -> float:
+    """Twice the gain in log-likelihood from one cost to a lower one, the noise level free."""
+    return s.effective * float(np.log(max(before, 1e-300) / max(after, 1e-300)))
+
+
+def bic(fitted: Fitted, s: Sample) -> float:
+    """Bayesian information criterion (Schwarz 1978) up to a constant: less is better."""
+    return s.effective * float(np.log(max(fitted.cost, 1e-300))) + len(fitted.free) * np.log(s.effective)
+
+
+def standard_errors(fitted: Fitted, s: Sample) -> np.ndarray:
+    """Of the free parameters, for correlated errors of the size left over."""
+    excess = max(1.0, fitted.linear.cost / max(1, s.count - len(fitted.free))) / s.share
+    return np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0) * excess)
+
+
+def gap(cost: float, count: int) -> float:
+    """Error above the floor, in units of it."""
+    return float(np.sqrt(max(0.0, cost / max(count, 1) - 1.0)))
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """How much of the gap an effect closes on data it was not fitted to."""
+
+    closed: float
+    gain: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether that is enough."""
+        return self.closed >= CLOSED and self.gain > CONFIRM_GAIN
+
+
+def confirm(without: Fitted, with_it: Fitted, count: int) -> Confirmed:
+    """Compare two fits on confirm (costs there)."""
+    before, after = without.linear.cost, with_it.linear.cost
+    s = Sample(count, sample(with_it).share)
+    saved = before - after
+    above = max(before - count, saved, 1e-9)
+    closed = 1.0 - float(np.sqrt(max(0.0, above - saved) / above))
+    return Confirmed(closed if saved > 0 else 0.0, likelihood_gain(before, after, s))
+
+
+def from_nothing(study: Study, fitted: Fitted, a: Attached) -> float:
+    """Standard errors by which an effect's parameters lie away from nothing (jointly, per parameter)."""
+    names = [f.name for f in fitted.free]
+    chosen = [q for q in a.effect.parameters if q.amplitude] or list(a.effect.parameters[:1])
+    index = [names.index(a.name(q.name)) for q in chosen]
+    errors = standard_errors(fitted, sample(fitted))[index]
+    values = np.array([fitted.point.p[study.extended.index[a.name(q.name)]] for q in chosen])
+    return float(np.max(np.abs(values) / np.maximum(errors, 1e-300)))
+
+
+def count_of(fitted: Fitted) -> int:
+    """Samples met by a fit."""
+    return sum(len(e) for w in fitted.linear.raw for e in w.values())

@@ -1,0 +1,1 @@
+"""Simulation-error fits over windows with free initial states and exact sensitivities."""

@@ -1,0 +1,164 @@
+"""An extended model as machine code: compiled once, called for every window, candidate and step of a fit."""
+
+import ctypes
+import hashlib
+import tempfile
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from fmus import compiler
+from fmus.codegen import CASADI_OPTIONS
+from fmus.paths import BUILD, SHIM
+from reconcile.model import Extended
+from specs.errors import RunError
+
+HERE = Path(__file__).parent
+
+
+class _Window(ctypes.Structure):
+    _fields_ = (
+        ("steps", ctypes.c_int),
+        ("h", ctypes.c_double),
+        ("active", ctypes.c_int),
+        ("state", ctypes.c_void_p),
+        ("columns", ctypes.c_int),
+        ("parameter", ctypes.c_void_p),
+        ("input", ctypes.c_void_p),
+        ("u", ctypes.c_void_p),
+        ("shift", ctypes.c_void_p),
+        ("m", ctypes.c_void_p),
+        ("p", ctypes.c_void_p),
+        ("scale", ctypes.c_void_p),
+        ("tolerance", ctypes.c_void_p),
+    )
+
+
+class Compiled:
+    """The equations of `extended` with their derivatives, and the driver that follows a window."""
+
+    def __init__(self, extended: Extended):
+        self.extended = extended
+        x, u, m, p = extended.symbols
+        self.nx, self.nu, self.nm, self.np = (s.numel() for s in (x, u, m, p))
+        f, h, start = extended.functions
+        self.start_function, self.ny = start, h.numel_out(0)
+        self._library = ctypes.CDLL(str(_library(extended)))
+        self._library.follow.restype = ctypes.c_int
+
+    def follow(
+        self,
+        x0: np.ndarray,
+        u: np.ndarray,
+        shift: np.ndarray,
+        m: np.ndarray,
+        p: np.ndarray,
+        step_s: float,
+        active: np.ndarray,
+        scale: np.ndarray,
+        tolerance: np.ndarray,
+        columns: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """States [n + 1, NX], outputs [n + 1, NY] and their slopes [n + 1, active + columns, NY] over n steps.
+
+        `scale`, `tolerance` [NX]: sizes of the states, and errors above which a step is halved.  `columns`: parameter and input index of each sensitivity (-1: none).  None if the states run away.
+        """
+        n, sens = len(u), columns is not None
+        parameter, of_input = columns or (np.empty(0, np.int32), np.empty(0, np.int32))
+        ns = len(active) + len(parameter)
+        x, y = np.empty((n + 1, self.nx)), np.empty((n + 1, self.ny))
+        ys = np.empty((n + 1, ns, self.ny)) if sens else np.empty(0)
+        kept = [np.ascontiguousarray(a, np.int32) for a in (active, parameter, of_input)]
+        real = [np.ascontiguousarray(a, float) for a in (u, shift, m, p, scale, x0, tolerance)]
+        window = _Window(
+            n,
+            step_s,
+            len(active),
+            kept[0].ctypes.data,
+            len(parameter),
+            kept[1].ctypes.data,
+            kept[2].ctypes.data,
+            real[0].ctypes.data,
+            real[1].ctypes.data,
+            real[2].ctypes.data,
+            real[3].ctypes.data,
+            real[4].ctypes.data,
+            real[6].ctypes.data,
+        )
+        pointers = [ctypes.c_void_p(a.ctypes.data) for a in (real[5], x, y)]
+        last = ctypes.c_void_p(ys.ctypes.data if sens else None)
+        done = self._library.follow(ctypes.byref(window), *pointers, last)
+        if done < 0:
+            raise RunError("no memory left for the sensitivities of a window")
+        return (x, y, ys) if done == n and np.isfinite(y).all() else None
+
+
+def _functions(extended: Extended) -> list[ca.Function]:
+    symbols = list(extended.symbols)
+    x, u, _, p = symbols
+    f_function, h_function, _ = extended.functions
+    f, h = f_function(*symbols), h_function(*symbols)
+    fx, fu, hx = (ca.densify(ca.jacobian(e, z)) for e, z in ((f, x), (f, u), (h, x)))
+    return [
+        ca.Function("rx_fj", symbols, [f, fx]),
+        ca.Function("rx_d", symbols, [f, fx, fu, ca.jacobian(f, p)]),
+        ca.Function("rx_h", symbols, [h]),
+        ca.Function("rx_hd", symbols, [h, hx, ca.jacobian(h, p)]),
+    ]
+
+
+def _code(extended: Extended) -> tuple[str, str]:
+    """Generated C code and header."""
+    functions = _functions(extended)
+    generator = ca.CodeGenerator("equations.c", CASADI_OPTIONS)
+    for function in functions:
+        generator.add(function)
+    x, u, m, p = extended.symbols
+    fp, hp = functions[1].sparsity_out(3), functions[3].sparsity_out(2)
+    sizes = {
+        "NX": x.numel(),
+        "NU": u.numel(),
+        "NM": m.numel(),
+        "NP": p.numel(),
+        "NY": functions[2].numel_out(0),
+        "NNZ_FP": fp.nnz(),
+        "NNZ_HP": hp.nnz(),
+        "DISCRETE": int(extended.model.kind == "discrete"),
+        "SZ_W": max(1, *(f.sz_w() for f in functions)),
+        "SZ_IW": max(1, *(f.sz_iw() for f in functions)),
+    }
+    header = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
+    for name, pattern in (("FP", fp), ("HP", hp)):
+        for what, values in (("COLUMN", pattern.colind()), ("ROW", pattern.row())):
+            listed = ", ".join(map(str, values)) or "0"
+            header += f"static const int {name}_{what}[] = {{{listed}}};\n"
+    return generator.dump().replace("#include <math.h>", '#include "slw_math.h"'), header
+
+
+def _library(extended: Extended) -> Path:
+    """The compiled model, cached under build/ by its content."""
+    code, header = _code(extended)
+    host = compiler.host()
+    driver = (HERE / "follow.c").read_text(encoding="utf-8")
+    parts = (code, header, driver, compiler.identity(host.name), repr(compiler.FLAGS))
+    key = hashlib.sha256("".join(parts).encode()).hexdigest()[:32]
+    library = BUILD / "reconcile" / f"{extended.model.name}-{key}{host.suffix}"
+    if not library.is_file():
+        library.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
+            _compile(Path(scratch), code, header, host.name).replace(library)
+    return library
+
+
+def _compile(folder: Path, code: str, header: str, target: str) -> Path:
+    (folder / "equations.c").write_text(code, encoding="utf-8")
+    (folder / "follow.h").write_text(header, encoding="utf-8")
+    include = [f"-I{SHIM}", f"-I{folder}"]
+    objects = [
+        compiler.compile_object(
+            folder / "equations.c", folder / "equations.o", target, include, generated=True
+        ),
+        compiler.compile_object(HERE / "follow.c", folder / "follow.o", target, include),
+    ]
+    return compiler.link_shared(objects, folder / "follow.so", target)

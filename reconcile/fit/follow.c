@@ -1,0 +1,296 @@
+/* Simulates a window of an extended model and carries the sensitivities of its states and outputs along.
+ *
+ * Compiled together with generated equations, dense and column-major unless said otherwise:
+ *   rx_fj (x, u, m, p) -> f, df/dx
+ *   rx_d  (x, u, m, p) -> f, df/dx, df/du, df/dp (its nonzeros, pattern in follow.h)
+ *   rx_h  (x, u, m, p) -> y
+ *   rx_hd (x, u, m, p) -> y, dy/dx, dy/dp (its nonzeros)
+ *
+ * A step is SDIRK2 (Alexander 1977: two stages, L-stable, gamma = 1 - 1/sqrt 2) solved by Newton's method with the
+ * exact Jacobian, so that the sensitivities are those of the very numbers computed.  A step in which f bends
+ * by more than the tolerance is halved, at most DEPTH times.  A discrete model takes f as its next state.
+ * States that are not active stay as they are and cost nothing.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "follow.h" /* generated: NX, NU, NM, NP, NY, patterns, DISCRETE, work sizes */
+
+typedef int Function(const double **arg, double **res, long long *iw, double *w, int mem);
+Function rx_fj, rx_d, rx_h, rx_hd;
+
+#define GAMMA 0.29289321881345254
+#define DEPTH 6
+#define ITERATIONS 12
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+typedef struct {
+  int steps;           /* of the window */
+  double h;            /* s, one step */
+  int active;          /* how many states are active */
+  const int *state;    /* which they are */
+  int columns;         /* sensitivities by parameters; those by the active states' starts come first */
+  const int *parameter; /* of each column, -1: none */
+  const int *input;     /* of each column: the input that its delay shifts, -1: none */
+  const double *u;      /* NU a step */
+  const double *shift;  /* NU a step: d u / d delay */
+  const double *m;      /* NM a step */
+  const double *p;
+  const double *scale;  /* NX: sizes of the states */
+  const double *tolerance; /* NX: error of a state above which a step is halved */
+} Window;
+
+typedef struct {
+  const Window *r;
+  const double *u, *shift, *m;
+  int n, ns;
+  double *w, *s, *next; /* work; sensitivities, NX a column */
+  long long *iw;
+  double x[NX], f[NX], j[NX * NX], fu[NX * NU], fp[NNZ_FP + 1], lu[NX * NX];
+  int pivot[NX];
+} Run;
+
+static void evaluate(Run *k, Function *function, const double *x, double *second, double *third, double *fourth) {
+  const double *arg[8] = {x, k->u, k->m, k->r->p};
+  double *res[8] = {k->f, second, third, fourth};
+  function(arg, res, k->iw, k->w, 0);
+}
+
+/* LU of I - c J over the active states; 0 if singular. */
+static int factorise(Run *k, double c) {
+  const int n = k->n;
+  const int *a = k->r->state;
+  double *lu = k->lu;
+  for (int col = 0; col < n; col++)
+    for (int row = 0; row < n; row++)
+      lu[col * NX + row] = (row == col ? 1.0 : 0.0) - c * k->j[a[col] * NX + a[row]];
+  for (int i = 0; i < n; i++) {
+    int best = i;
+    for (int row = i + 1; row < n; row++)
+      if (fabs(lu[i * NX + row]) > fabs(lu[i * NX + best])) best = row;
+    k->pivot[i] = best;
+    if (!(fabs(lu[i * NX + best]) > 0.0)) return 0;
+    if (best != i)
+      for (int col = 0; col < n; col++) {
+        const double t = lu[col * NX + i];
+        lu[col * NX + i] = lu[col * NX + best];
+        lu[col * NX + best] = t;
+      }
+    for (int row = i + 1; row < n; row++) {
+      const double factor = lu[i * NX + row] /= lu[i * NX + i];
+      if (factor == 0.0) continue;
+      for (int col = i + 1; col < n; col++) lu[col * NX + row] -= factor * lu[col * NX + i];
+    }
+  }
+  return 1;
+}
+
+/* b (active entries in order) becomes the solution. */
+static void solve(const Run *k, double *b) {
+  const int n = k->n;
+  const double *lu = k->lu;
+  for (int i = 0; i < n; i++) {
+    const double t = b[k->pivot[i]];
+    b[k->pivot[i]] = b[i];
+    b[i] = t;
+    for (int row = i + 1; row < n; row++) b[row] -= lu[i * NX + row] * t;
+  }
+  for (int i = n - 1; i >= 0; i--) {
+    b[i] /= lu[i * NX + i];
+    for (int row = 0; row < i; row++) b[row] -= lu[i * NX + row] * b[i];
+  }
+}
+
+static double residual(Run *k, const double *base, const double *x, double c, double *r) {
+  double size = 0.0;
+  evaluate(k, rx_fj, x, k->j, NULL, NULL);
+  for (int i = 0; i < k->n; i++) {
+    const int a = k->r->state[i];
+    r[i] = base[a] + c * k->f[a] - x[a];
+    const double e = r[i] / k->r->scale[a];
+    size += e * e;
+  }
+  return size;
+}
+
+/* Solves x = base + c f(x) from `x` on; f and J are left at the solution.  0 if it fails. */
+static int stage(Run *k, const double *base, double *x, double c) {
+  double r[NX], trial[NX];
+  double size = residual(k, base, x, c, r);
+  for (int iteration = 0; iteration < ITERATIONS; iteration++) {
+    if (!isfinite(size) || !factorise(k, c)) return 0;
+    if (size < 1e-24) return 1;
+    solve(k, r);
+    double share = 1.0, found = size;
+    for (int halving = 0; halving < 6; halving++) {
+      memcpy(trial, x, sizeof trial);
+      for (int i = 0; i < k->n; i++) trial[k->r->state[i]] += share * r[i];
+      double fresh[NX];
+      found = residual(k, base, trial, c, fresh);
+      if (found < size || halving == 5) {
+        memcpy(r, fresh, sizeof fresh);
+        break;
+      }
+      share *= 0.5;
+    }
+    memcpy(x, trial, sizeof trial);
+    if (found < 1e-18) {
+      return factorise(k, c);
+    }
+    size = found;
+  }
+  return factorise(k, c);
+}
+
+/* Derivatives of f by the parameter or shifted input of a column, at the last evaluated point. */
+static void forcing(const Run *k, int column, double *b) {
+  memset(b, 0, NX * sizeof *b);
+  const int parameter = k->r->parameter[column], input = k->r->input[column];
+  if (parameter >= 0)
+    for (int e = FP_COLUMN[parameter]; e < FP_COLUMN[parameter + 1]; e++) b[FP_ROW[e]] = k->fp[e];
+  if (input >= 0)
+    for (int i = 0; i < NX; i++) b[i] += k->fu[input * NX + i] * k->shift[input];
+}
+
+/* Sensitivities after a stage: solves M s = given + c * forcing.  `into` NX a column. */
+static void carry(Run *k, const double *given, double *into, double c) {
+  double b[NX], t[NX];
+  for (int column = 0; column < k->ns; column++) {
+    const double *g = given + (size_t)column * NX;
+    double *out = into + (size_t)column * NX;
+    if (column >= k->n)
+      forcing(k, column - k->n, b);
+    else
+      memset(b, 0, sizeof b);
+    for (int i = 0; i < k->n; i++) t[i] = g[k->r->state[i]] + c * b[k->r->state[i]];
+    solve(k, t);
+    for (int i = 0; i < k->n; i++) out[k->r->state[i]] = t[i];
+  }
+}
+
+static int bends(Run *k, const double *f0, const double *f1, const double *f2, double h) {
+  double e[NX];
+  for (int i = 0; i < k->n; i++) {
+    const int a = k->r->state[i];
+    e[i] = 0.1 * h * ((f2[a] - f1[a]) / (1.0 - GAMMA) - (f1[a] - f0[a]) / GAMMA);
+  }
+  solve(k, e);
+  for (int i = 0; i < k->n; i++)
+    if (!(fabs(e[i]) < k->r->tolerance[k->r->state[i]])) return 1;
+  return 0;
+}
+
+static int advance(Run *k, double h, int depth) {
+  double f0[NX], f1[NX], x1[NX], x2[NX], base[NX];
+  const int sens = k->ns > 0;
+  evaluate(k, rx_fj, k->x, k->j, NULL, NULL);
+  memcpy(f0, k->f, sizeof f0);
+  memcpy(x1, k->x, sizeof x1);
+  int fine = stage(k, k->x, x1, GAMMA * h);
+  memcpy(f1, k->f, sizeof f1);
+  Run first;
+  if (sens) { /* keep the factors of stage one */
+    evaluate(k, rx_d, x1, k->j, k->fu, k->fp);
+    fine = fine && factorise(k, GAMMA * h);
+    first = *k;
+  }
+  memcpy(base, k->x, sizeof base);
+  for (int i = 0; i < k->n; i++) base[k->r->state[i]] += (1.0 - GAMMA) * h * f1[k->r->state[i]];
+  memcpy(x2, x1, sizeof x2);
+  for (int i = 0; i < k->n; i++) x2[k->r->state[i]] += (1.0 - GAMMA) * h * f1[k->r->state[i]];
+  fine = fine && stage(k, base, x2, GAMMA * h);
+  if (depth < DEPTH && (!fine || bends(k, f0, f1, k->f, h)))
+    return advance(k, 0.5 * h, depth + 1) && advance(k, 0.5 * h, depth + 1);
+  if (!fine) return 0;
+  if (sens) {
+    evaluate(k, rx_d, x2, k->j, k->fu, k->fp);
+    if (!factorise(k, GAMMA * h)) return 0;
+    carry(&first, k->s, k->next, GAMMA * h); /* dX1 */
+    for (int c = 0; c < k->ns; c++)
+      for (int i = 0; i < k->n; i++) { /* S + h (1 - g) dF1, dF1 = (dX1 - S) / (h g) */
+        const size_t at = (size_t)c * NX + (size_t)k->r->state[i];
+        k->next[at] = k->s[at] + (1.0 - GAMMA) / GAMMA * (k->next[at] - k->s[at]);
+      }
+    carry(k, k->next, k->s, GAMMA * h);
+  }
+  memcpy(k->x, x2, sizeof x2);
+  return 1;
+}
+
+static int jump(Run *k) {
+  double b[NX];
+  evaluate(k, rx_d, k->x, k->j, k->fu, k->fp);
+  for (int column = 0; column < k->ns; column++) {
+    double *s = k->s + (size_t)column * NX;
+    if (column >= k->n)
+      forcing(k, column - k->n, b);
+    else
+      memset(b, 0, sizeof b);
+    for (int i = 0; i < k->n; i++)
+      for (int c = 0; c < k->n; c++) b[k->r->state[i]] += k->j[k->r->state[c] * NX + k->r->state[i]] * s[k->r->state[c]];
+    for (int i = 0; i < k->n; i++) s[k->r->state[i]] = b[k->r->state[i]];
+  }
+  for (int i = 0; i < k->n; i++) k->x[k->r->state[i]] = k->f[k->r->state[i]];
+  return 1;
+}
+
+static void show(Run *k, double *y, double *ys) {
+  double hx[NY * NX], hp[NNZ_HP + 1];
+  const double *arg[8] = {k->x, k->u, k->m, k->r->p};
+  double *res[8] = {y, hx, hp};
+  if (!ys) {
+    rx_h(arg, res, k->iw, k->w, 0);
+    return;
+  }
+  rx_hd(arg, res, k->iw, k->w, 0);
+  for (int c = 0; c < k->ns; c++, ys += NY) {
+    const double *s = k->s + (size_t)c * NX;
+    const int parameter = c >= k->n ? k->r->parameter[c - k->n] : -1;
+    memset(ys, 0, NY * sizeof *ys);
+    if (parameter >= 0)
+      for (int e = HP_COLUMN[parameter]; e < HP_COLUMN[parameter + 1]; e++) ys[HP_ROW[e]] = hp[e];
+    for (int i = 0; i < k->n; i++) {
+      const int a = k->r->state[i];
+      if (s[a] != 0.0)
+        for (int o = 0; o < NY; o++) ys[o] += hx[a * NY + o] * s[a];
+    }
+  }
+}
+
+/* States x (NX) and outputs y (NY) at steps + 1 times, and unless null d outputs, (active + columns) x NY a
+ * time.  Returns the number of steps done: fewer than wanted if the states are no longer finite; -1: no room. */
+EXPORT int follow(const Window *r, const double *x0, double *x, double *y, double *ys) {
+  Run *k = calloc(1, sizeof *k);
+  const int ns = ys ? r->active + r->columns : 0;
+  double *room = calloc((size_t)SZ_W + 2 * (size_t)(ns + 1) * NX, sizeof *room);
+  long long *iw = calloc(SZ_IW, sizeof *iw);
+  int done = -1;
+  if (k && room && iw) {
+    k->r = r, k->n = r->active, k->ns = ns;
+    k->w = room, k->s = room + SZ_W, k->next = k->s + (size_t)(ns + 1) * NX, k->iw = iw;
+    memcpy(k->x, x0, sizeof k->x);
+    for (int i = 0; ns && i < k->n; i++) k->s[i * NX + r->state[i]] = 1.0;
+    for (done = 0;; done++) {
+      const int row = done < r->steps ? done : r->steps - 1;
+      k->u = r->u + (size_t)row * NU, k->m = r->m + (size_t)row * NM;
+      k->shift = r->shift + (size_t)row * NU;
+      memcpy(x + (size_t)done * NX, k->x, sizeof k->x);
+      show(k, y + (size_t)done * NY, ys ? ys + (size_t)done * NY * (size_t)ns : NULL);
+      if (done == r->steps) break;
+      if (DISCRETE ? !jump(k) : !advance(k, r->h, 0)) break;
+      int finite = 1;
+      for (int i = 0; i < k->n; i++) finite = finite && fabs(k->x[r->state[i]]) < 1e12;
+      if (!finite) break;
+    }
+  }
+  free(k);
+  free(room);
+  free(iw);
+  return done;
+}

@@ -1,0 +1,324 @@
+"""The simulation error of an extended model over windows, with the initial states of each projected out.
+
+A point is a parameter vector and one initial state a window.  `Linear` is the problem linearised there: the
+whitened errors and their slopes by the parameters, freed of everything that initial states could explain
+(variable projection: Golub and Pereyra 1973), so that the rest is a plain least-squares problem.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import qr, solve_triangular
+
+from reconcile.fit.compiled import Compiled
+from reconcile.fit.windows import InputTable, Window, interpolation
+from reconcile.model import ALL_OUTPUTS, Attached
+
+ACCURACY = 2e-4  # of a state's size, of one step
+SHARE_OF_NOISE = 0.05
+LOOSE = 30.0  # sizes of a state by which an initial state is free
+
+
+@dataclass(frozen=True)
+class Point:
+    """Parameters [NP] and initial states [windows, NX]; `present`: the effects that are switched on."""
+
+    p: np.ndarray
+    x0: np.ndarray
+    present: tuple[Attached, ...] = ()
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Errors [M] and slopes [M, K] after projection, whitened; `raw`: errors by window and output.
+
+    `steps`: what turns a change of the parameters [K] into that of the initial states, per window.
+    """
+
+    errors: np.ndarray
+    slopes: np.ndarray
+    raw: list[dict[str, np.ndarray]]
+    steps: list[tuple[np.ndarray, np.ndarray]]
+    states: list[np.ndarray]
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares of the projected errors."""
+        return float(self.errors @ self.errors)
+
+
+class Problem:
+    """Windows to meet with a compiled extended model; `sigma`: noise level of each output."""
+
+    def __init__(self, compiled: Compiled, windows: Sequence[Window], sigma: Mapping[str, float]):
+        self.compiled, self.extended = compiled, compiled.extended
+        self.windows, self.sigma = list(windows), dict(sigma)
+        model = self.extended.model
+        self.model = model
+        self.outputs = [
+            n for n in (v.name for v in model.outputs) if any(len(w.times.get(n, ())) for w in windows)
+        ]
+        defaults = np.array([v.start for v in model.inputs])
+        names = [v.name for v in model.inputs]
+        self.tables = {id(w.run): InputTable(w.run, names, defaults) for w in windows}
+        self.scale = np.ones(compiled.nx)
+        self.tolerance = np.full(compiled.nx, 1e-3)
+        self._modes: dict[int, np.ndarray] = {}
+
+    # ---------------------------------------------------------------- parameters
+
+    def parameter(self, name: str) -> int:
+        """Index of a parameter."""
+        return self.extended.index[name]
+
+    @cached_property
+    def input_delays(self) -> dict[int, list[int]]:
+        """Input -> parameters whose sum is its delay."""
+        found: dict[int, list[int]] = {}
+        for name, parameter in self.model.delays.items():
+            found.setdefault(self.model.index("inputs", name), []).append(self.parameter(parameter))
+        for a in self.extended.attached:
+            if a.effect.delays and a.effect.place == "input":
+                found.setdefault(self.model.index("inputs", a.port), []).append(
+                    self.parameter(a.name("delay"))
+                )
+        return found
+
+    @cached_property
+    def output_delays(self) -> dict[str, list[int]]:
+        """Output -> parameters whose sum is its delay."""
+        found: dict[str, list[int]] = {n: [] for n in self.outputs}
+        for name, sensor in self.model.sensors.items():
+            if sensor.delay and name in found:
+                found[name].append(self.parameter(sensor.delay))
+        for a in self.extended.attached:
+            if a.effect.delays and a.effect.place == "output":
+                for name in self.outputs if a.port == ALL_OUTPUTS else [a.port]:
+                    found[name].append(self.parameter(a.name("delay")))
+        return found
+
+    def active_states(self, present: Sequence[Attached]) -> np.ndarray:
+        """Indices of the model's states and the hidden ones of `present` effects."""
+        names = self.extended.state_names
+        own = [names.index(a.name(h)) for a in present for h in a.effect.hidden]
+        return np.array([*range(len(self.model.states)), *own], dtype=np.int32)
+
+    def with_present(self, point: Point, present: Sequence[Attached]) -> Point:
+        """The point with other effects present; hidden states new to it start where they rest."""
+        fresh = [a for a in present if a not in point.present and a.effect.hidden]
+        x0 = point.x0
+        if fresh:
+            x0 = x0.copy()
+            rows = self.active_states(fresh)[len(self.model.states) :]
+            for k, window in enumerate(self.windows):
+                u, _ = self._inputs(window, point.p)
+                rest = np.asarray(
+                    self.compiled.start_function(x0[k], u[0], self._mode(window)[0], point.p)
+                ).ravel()
+                x0[k, rows] = rest[rows - len(self.model.states)]
+        return replace(point, x0=x0, present=tuple(present))
+
+    def set_scale(self, scale: np.ndarray) -> None:
+        """Sizes of the states; steps are halved until they are right to a share of the noise, where it shows."""
+        self.scale, self.tolerance = scale, ACCURACY * scale
+        for state, (output, order) in self._shown_states().items():
+            if order == 0:
+                self.tolerance[state] = min(self.tolerance[state], SHARE_OF_NOISE * self.sigma[output])
+
+    # ---------------------------------------------------------------- simulation
+
+    def _inputs(self, window: Window, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        delays = {i: float(sum(p[k] for k in ks)) for i, ks in self.input_delays.items()}
+        return self.tables[id(window.run)].rows(window, delays)
+
+    def _mode(self, window: Window) -> np.ndarray:
+        """Modes [steps, NM] of a window: as recorded where an output shows them, else by the guards."""
+        if not self.model.modes:
+            return np.zeros((window.steps, 0))
+        key = id(window)
+        if key not in self._modes:
+            self._modes[key] = _modes_by_guards(self, window)
+        return self._modes[key]
+
+    def simulate(self, point: Point, k: int, columns: Sequence[int] | None = None):
+        """Follow window k; `columns` are parameters to differentiate by."""
+        window = self.windows[k]
+        u, slope = self._inputs(window, point.p)
+        chosen = None
+        if columns is not None:
+            by_input = {q: i for i, qs in self.input_delays.items() for q in qs}
+            inputs = [by_input.get(c, -1) for c in columns]
+            chosen = (np.array(columns, np.int32), np.array(inputs, np.int32))
+        return self.compiled.follow(
+            point.x0[k],
+            u,
+            slope,
+            self._mode(window),
+            point.p,
+            window.step_s,
+            self.active_states(point.present),
+            self.scale,
+            self.tolerance,
+            chosen,
+        )
+
+    def _compare(self, point: Point, k: int, y: np.ndarray, ys: np.ndarray | None, columns: Sequence[int]):
+        """Whitened errors of window k by output, and their slopes."""
+        window, errors, slopes = self.windows[k], {}, []
+        for name in self.outputs:
+            times = window.times.get(name, np.empty(0))
+            late = float(sum(point.p[q] for q in self.output_delays[name]))
+            index, weights, rates = interpolation((times - late - window.start_s) / window.step_s, len(y))
+            column = self.model.index("outputs", name)
+            errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / self.sigma[name]
+            if ys is None:
+                continue
+            part = np.einsum("nk,nkc->nc", weights, ys[index, :, column])
+            first = ys.shape[1] - len(columns)
+            moved = np.sum(rates * y[index, column], axis=1) / window.step_s
+            for q in self.output_delays[name]:
+                for c in np.flatnonzero(np.asarray(columns) == q):
+                    part[:, first + c] -= moved
+            slopes.append(part / self.sigma[name])
+        return errors, np.concatenate(slopes) if slopes else None
+
+    def linear(self, point: Point, columns: Sequence[int]) -> Linear | None:
+        """The problem linearised at a point; None if the model runs away there."""
+        active = self.active_states(point.present)
+        n, loose = len(active), 1.0 / (LOOSE * self.scale[active])
+        errors, slopes, raw, steps, states = [], [], [], [], []
+        for k in range(len(self.windows)):
+            run = self.simulate(point, k, columns)
+            if run is None:
+                return None
+            x, y, ys = run
+            found, slope = self._compare(point, k, y, ys, columns)
+            e = np.concatenate(list(found.values()))
+            free = np.vstack([slope[:, :n], np.diag(loose)])
+            q, r = qr(free, mode="economic")
+            q = q[: len(e)]
+            e_in, p_in = q.T @ e, q.T @ slope[:, n:]
+            errors.append(e - q @ e_in)
+            slopes.append(slope[:, n:] - q @ p_in)
+            steps.append((solve_triangular(r, e_in), solve_triangular(r, p_in)))
+            raw.append(found)
+            states.append(x)
+        return Linear(np.concatenate(errors), np.vstack(slopes), raw, steps, states)
+
+    def moved(self, point: Point, linear: Linear, p: np.ndarray, change: np.ndarray) -> Point:
+        """The point after a step: new parameters, initial states where they fit best to first order."""
+        active = self.active_states(point.present)
+        x0 = point.x0.copy()
+        for k, (own, by) in enumerate(linear.steps):
+            x0[k, active] += own - by @ change
+        return replace(point, p=p, x0=x0)
+
+    def errors(self, point: Point) -> list[dict[str, np.ndarray]] | None:
+        """Whitened errors by window and output, initial states as they are."""
+        found = []
+        for k in range(len(self.windows)):
+            run = self.simulate(point, k)
+            if run is None:
+                return None
+            found.append(self._compare(point, k, run[1], None, ())[0])
+        return found
+
+    # ---------------------------------------------------------------- starting points
+
+    def start(self, values: Mapping[str, float]) -> Point:
+        """A point with parameters by name; initial states from what the outputs show at each start."""
+        p = np.array([values[n] for n in self.extended.parameter_names])
+        x0 = np.zeros((len(self.windows), self.compiled.nx))
+        rest = np.asarray(self.model.x0(p[: len(self.model.parameters)])).ravel()
+        shown = self._shown_states()
+        for k, window in enumerate(self.windows):
+            x0[k, : len(rest)] = rest
+            for state, (output, order) in shown.items():
+                late = float(sum(p[q] for q in self.output_delays[output]))
+                x0[k, state] = _local(window.run.outputs[output], window.start_s + late, order)
+        return Point(p, x0)
+
+    def _shown_states(self) -> dict[int, tuple[str, int]]:
+        """State -> (output that shows it, 0; or shows what it is the rate of, 1)."""
+        found: dict[int, tuple[str, int]] = {}
+        x, u, m, p = self.model.symbols
+        h, f = self.model.h(x, u, m, p), self.model.f(x, u, m, p)
+        for name in self.outputs:
+            expression = h[self.model.index("outputs", name)]
+            for i in range(x.numel()):
+                if ca.is_equal(expression, x[i]):
+                    found[i] = (name, 0)
+        if self.model.kind == "continuous":
+            for i, (name, order) in list(found.items()):
+                for j in range(x.numel()):
+                    if order == 0 and j not in found and ca.is_equal(f[i], x[j]):
+                        found[j] = (name, 1)
+        return found
+
+
+def _local(signal, time: float, order: int) -> float:
+    """Value (order 0) or slope (1) of a signal at a time, by a line through the samples near it."""
+    count = 5 if order == 0 else 11
+    middle = int(np.searchsorted(signal.time, time))
+    low = max(0, min(middle - count // 2, len(signal.time) - count))
+    t, v = signal.time[low : low + count] - time, signal.values[low : low + count]
+    slope, value = np.polyfit(t, v, 1) if len(t) > 1 else (0.0, v[0])
+    return float(slope if order else value)
+
+
+def _modes_by_guards(problem: Problem, window: Window) -> np.ndarray:
+    """Modes from the guards over the run up to the window's end, states at rest (guards of inputs are exact)."""
+    model = problem.model
+    table = problem.tables[id(window.run)]
+    shown = [window.run.outputs.get(_shown_mode(model, i) or "") for i in range(len(model.modes))]
+    times = window.start_s + window.step_s * (np.arange(window.steps) + 0.5)
+    result = np.zeros((window.steps, len(model.modes)))
+    if all(s is not None for s in shown):
+        for i, s in enumerate(shown):
+            at = np.clip(np.searchsorted(s.time, times) - 1, 0, None)  # type: ignore[union-attr]
+            result[:, i] = s.values[at] > 0.5  # type: ignore[union-attr]
+        return result
+    return _timed(problem, window, table, result)
+
+
+def _shown_mode(model, i: int) -> str | None:
+    """The output that is mode i itself."""
+    symbols = model.symbols
+    outputs = model.h(*symbols)
+    for k, v in enumerate(model.outputs):
+        if ca.is_equal(outputs[k], symbols[2][i]):
+            return v.name
+    return None
+
+
+def _timed(problem: Problem, window: Window, table: InputTable, result: np.ndarray) -> np.ndarray:
+    model, h = problem.model, window.step_s
+    before = round((window.start_s - window.run.start_s) / h)
+    whole = replace(window, start_s=window.run.start_s, steps=before + window.steps)
+    p = np.array([v.start for v in model.parameters])
+    delays = {model.index("inputs", n): p[model.index("parameters", d)] for n, d in model.delays.items()}
+    u, _ = table.rows(whole, delays)
+    x0 = np.asarray(model.x0(p)).ravel()
+    m = np.array([mode.start for mode in model.modes])
+    held = np.zeros(len(m))
+    ticks = [[_ticks(model, p, d, h) for d in (mode.on_delay, mode.off_delay)] for mode in model.modes]
+    guards = model.guards.map(len(u))(
+        np.repeat(x0[:, None], len(u), 1), u[:, :-1].T, np.repeat(m[:, None], len(u), 1), p
+    )
+    on, off = (np.asarray(g) for g in guards)
+    for k in range(len(u)):
+        for i in range(len(m)):
+            side = int(m[i] > 0.5)
+            held[i] = held[i] + 1 if (off if side else on)[i, k] > 0 else 0
+            if held[i] > ticks[i][side]:
+                m[i], held[i] = 1.0 - m[i], 0
+        if k >= before:
+            result[k - before] = m
+    return result
+
+
+def _ticks(model, p: np.ndarray, delay: str | None, h: float) -> float:
+    return 0.0 if delay is None else p[model.index("parameters", delay)] / h

@@ -1,0 +1,114 @@
+"""Windows of recordings: inputs as the steps see them, delayed without rounding, and the samples to meet.
+
+An input is held between its samples.  A step of the simulation sees the mean of the delayed input over the
+step, which is differentiable by the delay.  Outputs are read at the recording's own sample times by cubic
+interpolation of the simulated ones, which is where sensor delays act.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from reconcile.data import Block, Run, Signal
+
+WINDOW_S = 2.0
+STEP_S = (0.002, 0.01)  # least and largest step
+MARGIN_S = 0.3  # before the samples, for sensor delays
+
+
+@dataclass(frozen=True)
+class Window:
+    """`steps` of `step_s` from `start_s`, and per output the samples [n] to meet and their times."""
+
+    run: Run
+    start_s: float
+    steps: int
+    step_s: float
+    times: Mapping[str, np.ndarray]
+    samples: Mapping[str, np.ndarray]
+
+
+@dataclass
+class InputTable:
+    """Inputs of a run by step, for a set of delays; computed again when a delay changes."""
+
+    run: Run
+    names: Sequence[str]  # all inputs of the model, in order
+    defaults: np.ndarray
+    _cache: dict[tuple[int, float, float, int, float], tuple[np.ndarray, np.ndarray]] = field(
+        default_factory=dict
+    )
+
+    def rows(self, window: Window, delays: Mapping[int, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Inputs [steps, NU + 1] of a window, the time last, and their slopes by the delay of each."""
+        n, h = window.steps, window.step_s
+        u = np.empty((n, len(self.names) + 1))
+        slope = np.zeros_like(u)
+        for i, name in enumerate(self.names):
+            signal = self.run.inputs.get(name)
+            if signal is None:
+                u[:, i] = self.defaults[i]
+                continue
+            key = (i, window.start_s, h, n, delays.get(i, 0.0))
+            if key not in self._cache:
+                if len(self._cache) > 4000:
+                    self._cache.clear()
+                self._cache[key] = delayed(signal, window.start_s, h, n, delays.get(i, 0.0))
+            u[:, i], slope[:, i] = self._cache[key]
+        u[:, -1] = window.start_s + h * (np.arange(n) + 0.5)
+        return u, slope
+
+
+def delayed(signal: Signal, start: float, h: float, n: int, delay: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of a held signal over each of n steps, `delay` late, and its slope by the delay."""
+    edges = start + h * np.arange(n + 1) - delay
+    steps = np.diff(signal.time, append=signal.time[-1] + 1e6)
+    knots = np.concatenate([[signal.time[0] - 1e6], signal.time, [signal.time[-1] + 1e6]])
+    area = np.concatenate([[0.0, signal.values[0] * 1e6], signal.values[0] * 1e6 + np.cumsum(signal.values * steps)])
+    mean = np.diff(np.interp(edges, knots, area - area[1])) / h
+    at = np.clip(np.searchsorted(signal.time, edges + 1e-9, side="right") - 1, 0, None)
+    return mean, -np.diff(signal.values[at]) / h
+
+
+def cut(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | None = None) -> list[Window]:
+    """Windows that cover the blocks; each starts a margin before its samples."""
+    windows = []
+    for block in blocks:
+        h = step_s or float(np.clip(0.5 * block.run.period_s, *STEP_S))
+        length = block.end_s - block.start_s
+        margin = min(MARGIN_S, 0.25 * length)
+        count = max(1, round((length - margin) / window_s))
+        edges = np.linspace(block.start_s + margin, block.end_s, count + 1)
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            windows.append(_window(block.run, a - margin, a, b, h))
+    return windows
+
+
+def _window(run: Run, start: float, first: float, last: float, h: float) -> Window:
+    # on the run's own grid, so that a discrete model's steps are those of the recording
+    start = run.start_s + np.floor((start - run.start_s) / h + 1e-6) * h
+    times, samples = {}, {}
+    for name, signal in run.outputs.items():
+        inside = (signal.time >= first - 1e-9) & (signal.time < last - 1e-9)
+        times[name], samples[name] = signal.time[inside], signal.values[inside]
+    return Window(run, float(start), int(np.ceil((last - start) / h - 1e-6)), h, times, samples)
+
+
+def interpolation(positions: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cubic Lagrange weights at `positions` [n] (in rows): index [n, 4], weights, slopes by position."""
+    first = np.clip(np.floor(positions).astype(int) - 1, 0, max(rows - 4, 0))
+    t = np.clip(positions, 0.0, rows - 1.0) - first
+    index = first[:, None] + np.arange(4)
+    a, b, c, d = t, t - 1.0, t - 2.0, t - 3.0
+    weights = np.stack([-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0], axis=1)
+    slopes = np.stack(
+        [
+            -(c * d + b * d + b * c) / 6.0,
+            (c * d + a * d + a * c) / 2.0,
+            -(b * d + a * d + a * b) / 2.0,
+            (b * c + a * c + a * b) / 6.0,
+        ],
+        axis=1,
+    )
+    return index, weights, slopes

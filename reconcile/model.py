@@ -1,0 +1,321 @@
+"""A model with candidate effects attached at its ports: one set of equations, all effects switched off.
+
+Every attached effect brings parameters `NAME@PORT.parameter`, hidden states `NAME@PORT.state`, a smoothing
+width `NAME@PORT.width` and, unless it is linear in amplitudes, a gate `NAME@PORT.gate`.  With amplitudes and
+gates at zero the equations are the base model's own.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from fmus.definition import Model
+from fmus.loader import load_model, model_folders
+from reconcile.catalogue import ALL, Effect
+from reconcile.catalogue.effect import Result
+from reconcile.ports import Axis, Ports, find_ports
+from specs.errors import InputError
+
+ORDER = ("asymmetric_gain", "input_offset", "input_crosstalk", "valve_flow_curve", "input_dead_zone")
+# the other input effects follow in the catalogue's order: backlash, saturation, rate limit, lag
+LAST = ("input_backlash", "input_saturation", "input_rate_limit", "input_lag")
+ALL_OUTPUTS = "all outputs"
+
+
+@dataclass(frozen=True)
+class Attached:
+    """An effect at a port; `other`: the second signal of a cross effect; `drive_share`: of its drive force."""
+
+    effect: Effect
+    port: str
+    other: str | None = None
+
+    @property
+    def key(self) -> str:
+        """Prefix of its parameters and states."""
+        return f"{self.effect.key}@{self.port}" + (f"+{self.other}" if self.other else "")
+
+    def name(self, parameter: str) -> str:
+        """Full name of a parameter, gate or hidden state."""
+        return f"{self.key}.{parameter}"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What it is scored by linearly: its amplitudes, or its gate."""
+        if self.effect.gated:
+            return (self.name("gate"),)
+        return tuple(self.name(p.name) for p in self.effect.amplitudes)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """What is fitted once it is in."""
+        return tuple(self.name(p.name) for p in self.effect.parameters)
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A model folder read: the model, its ports and where it lies."""
+
+    model: Model
+    ports: Ports
+    path: Path
+
+
+def read_folder(folder: Path | str) -> Folder:
+    """Load a model folder (a path or a project model's name) with its ports.
+
+    Raises InputError for one that cannot be loaded or is a closed network (MX), which cannot be opened up.
+    """
+    model = load_model(folder)
+    if model.symbolic == "MX":
+        raise InputError(f"model {model.name} is made of matrices (MX); reconcile needs scalar equations")
+    path = Path(folder) if (Path(folder) / "model.py").is_file() else model_folders()[str(folder)]
+    module = sys.modules.get("slewright_model_" + path.name)
+    try:
+        ports = find_ports(model, getattr(module, "PORTS", None))
+    except InputError:
+        raise
+    except Exception as error:  # the file is the user's: whatever its equations do is wrong input
+        raise InputError(f"{path / 'model.py'}: {type(error).__name__}: {error}") from error
+    return Folder(model, ports, path)
+
+
+def candidates(folder: Folder, recorded: Sequence[str], catalogue: Sequence[Effect] = ALL) -> list[Attached]:
+    """Every effect at every port it fits, for outputs and inputs among the `recorded` signals."""
+    ports, found = folder.ports, []
+    controls = [n for n in ports.controls if n in recorded]
+    outputs = [n for n in ports.outputs if n in recorded]
+    for effect in catalogue:
+        if effect.place == "input":
+            found += _crossed(effect, controls)
+        elif effect.place == "output":
+            found += _crossed(effect, outputs)
+            if effect.delays and len(outputs) > 1:
+                found.append(Attached(effect, ALL_OUTPUTS))
+        elif effect.place in ("force", "inertia"):
+            found += [Attached(effect, a.name) for a in ports.axes if _fits(effect, a, folder.model)]
+    return found
+
+
+def _crossed(effect: Effect, names: Sequence[str]) -> list[Attached]:
+    if "other" in effect.needs:
+        return [Attached(effect, n, other) for n in names for other in names if other != n]
+    return [Attached(effect, n) for n in names]
+
+
+def _fits(effect: Effect, axis: Axis, model: Model) -> bool:
+    unit = _unit(model, axis.position) if axis.position else ""
+    known = {"q": bool(axis.position), "rad": unit == "rad", "drive": axis.drive is not None}
+    return all(known.get(need, True) for need in effect.needs)
+
+
+def _unit(model: Model, name: str) -> str:
+    return next(v.unit for v in (*model.states, *model.inputs, *model.outputs) if v.name == name)
+
+
+class Extended:
+    """The base model with `attached` effects: symbols, equations and names of everything."""
+
+    def __init__(self, folder: Folder, attached: Sequence[Attached]):
+        self.folder, self.model = folder, folder.model
+        self.attached = tuple(attached)
+        self.state_names = [v.name for v in self.model.states] + [
+            a.name(h) for a in self.attached for h in a.effect.hidden
+        ]
+        self.parameter_names = [v.name for v in self.model.parameters] + [
+            n for a in self.attached for n in _own_names(a)
+        ]
+        self.index = {n: i for i, n in enumerate(self.parameter_names)}
+
+    @cached_property
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """(x, u, m, p): states with hidden ones, inputs with the time in s last, modes, parameters."""
+        x, _, m, p = self.model.symbols
+        hidden = [ca.SX.sym(n) for n in self.state_names[x.numel() :]]
+        own = [ca.SX.sym(n) for n in self.parameter_names[p.numel() :]]
+        time = ca.SX.sym("time")
+        return ca.vertcat(x, *hidden), ca.vertcat(self.model.symbols[1], time), m, ca.vertcat(p, *own)
+
+    @cached_property
+    def functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
+        """f, h and the start of the hidden states, each of (x, u, m, p)."""
+        return _Assembly(self).functions()
+
+    def base_start(self) -> dict[str, float]:
+        """Start values of all parameters: the model's own; effects absent."""
+        found = {v.name: v.start for v in self.model.parameters}
+        return found | dict.fromkeys(self.parameter_names[len(found) :], 0.0)
+
+    def unit(self, attached: Attached, parameter: str) -> str:
+        """Unit of an effect's parameter at its port."""
+        template = next(p.unit for p in attached.effect.parameters if p.name == parameter)
+        return template.format(**_units(self.folder, attached))
+
+
+def _own_names(a: Attached) -> list[str]:
+    gate = [a.name("gate")] if a.effect.gated else []
+    width = [a.name("width")] if a.effect.width else []
+    return [*gate, *width, *a.free]
+
+
+def _units(folder: Folder, a: Attached) -> dict[str, str]:
+    if a.effect.place in ("force", "inertia"):
+        axis = next(x for x in folder.ports.axes if x.name == a.port)
+        q = _unit(folder.model, axis.position) if axis.position else ""
+        v = _unit(folder.model, axis.velocity)
+        return {"f": axis.unit, "v": v, "q": q, "inertia": axis.inertia_unit, "u": "", "y": "", "other": ""}
+    own = "" if a.port == ALL_OUTPUTS else _unit(folder.model, a.port)
+    other = _unit(folder.model, a.other) if a.other else ""
+    return {"u": own, "y": own, "other": other, "f": "", "v": "", "q": "", "inertia": ""}
+
+
+class _Assembly:
+    """Puts the equations together, place by place."""
+
+    def __init__(self, extended: Extended):
+        self.e, self.model = extended, extended.model
+        self.x, self.u, self.m, self.p = extended.symbols
+        self.nx = len(self.model.states)
+        self.base_p = self.p[: len(self.model.parameters)]
+        self.rates: dict[str, Any] = {}
+        self.starts: dict[str, Any] = {}
+
+    def functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
+        model, base_x = self.model, self.x[: self.nx]
+        inputs = self._inputs()
+        forces = {a.name: self._sum(a, inputs) for a in self.e.folder.ports.axes}
+        pushed = ca.SX(inputs)
+        for axis in self.e.folder.ports.axes:
+            if axis.input:
+                pushed[model.index("inputs", axis.input)] += forces[axis.name]
+        rates = ca.SX(model.f(base_x, pushed, self.m, self.base_p))
+        for axis in self.e.folder.ports.axes:
+            self._move(axis, rates, forces[axis.name], inputs)
+        outputs = self._outputs(ca.SX(model.h(base_x, inputs, self.m, self.base_p)))
+        hidden = self.e.state_names[self.nx :]
+        f = ca.vertcat(rates, *[self._hidden_rate(n) for n in hidden])
+        start = ca.vertcat(*[self.starts[n] for n in hidden]) if hidden else ca.SX(0, 1)
+        arguments = [self.x, self.u, self.m, self.p]
+        return tuple(
+            ca.Function(name, arguments, [ca.densify(ca.SX(r))])
+            for name, r in (("rx_f", f), ("rx_h", outputs), ("rx_start", start))
+        )  # type: ignore[return-value]
+
+    def _hidden_rate(self, name: str) -> ca.SX:
+        if self.model.kind == "continuous":
+            return self.rates[name]
+        state = self.x[self.e.state_names.index(name)]
+        return state + self.model.step * self.rates[name]
+
+    def _inputs(self) -> ca.SX:
+        inputs = ca.SX(self.u[: len(self.model.inputs)])
+        raw = ca.SX(inputs)
+        for name in self.e.folder.ports.controls:
+            i = self.model.index("inputs", name)
+            value = inputs[i]
+            for a in sorted(self._at("input", name), key=_rank):
+                other = raw[self.model.index("inputs", a.other)] if a.other else None
+                value = self._applied(a, value, u=value, other=other, size=self._size(name))
+            inputs[i] = value
+        return inputs
+
+    def _size(self, name: str) -> float:
+        """Full travel of an input."""
+        declared = self.model.inputs[self.model.index("inputs", name)]
+        return float(declared.max or declared.nominal or 1.0)
+
+    def _outputs(self, outputs: ca.SX) -> ca.SX:
+        raw = ca.SX(outputs)
+        for name in self.e.folder.ports.outputs:
+            i = self.model.index("outputs", name)
+            value = outputs[i]
+            for a in self._at("output", name):
+                other = raw[self.model.index("outputs", a.other)] if a.other else None
+                value = self._applied(a, value, y=value, other=other, t=self.u[-1])
+            outputs[i] = value
+        return outputs
+
+    def _sum(self, axis: Axis, inputs: ca.SX) -> ca.SX:
+        """Sum of the forces at an axis."""
+        total = ca.SX(0)
+        for a in self._at("force", axis.name):
+            total += self._gate(a, self._built(a, **self._motion(axis, inputs)).value, 0.0)
+        return total
+
+    def _move(self, axis: Axis, rates: ca.SX, force: ca.SX, inputs: ca.SX) -> None:
+        """Acceleration by forces that no input takes, and by added inertia."""
+        row = self.model.index("states", axis.velocity)
+        inertia = self._inertia(axis, row)
+        per = 1.0 if self.model.kind == "continuous" else self.model.step
+        v = self.x[row] if self.model.kind == "discrete" else 0.0
+        rate = (rates[row] - v) / per
+        if axis.input is None:
+            rate += force / inertia
+        added, beside = ca.SX(0), ca.SX(0)
+        for a in self._at("inertia", axis.name):
+            result = self._built(a, **self._motion(axis, inputs))
+            added += result.value
+            beside += result.force
+        rates[row] = v + per * (rate * inertia + beside) / (inertia + added)
+
+    def _inertia(self, axis: Axis, row: int) -> Any:
+        if axis.input is None:
+            value = axis.inertia if axis.inertia is not None else 1.0
+            return self.base_p[self.model.index("parameters", value)] if isinstance(value, str) else value
+        x, u, m, p = self.model.symbols
+        slope = ca.jacobian(self.model.f(x, u, m, p)[row], u[self.model.index("inputs", axis.input)])
+        per = 1.0 if self.model.kind == "continuous" else self.model.step
+        found = ca.Function("j", [x, u, m, p], [per / slope])
+        return found(self.x[: self.nx], self.u[: len(self.model.inputs)], self.m, self.base_p)
+
+    def _motion(self, axis: Axis, inputs: ca.SX) -> dict[str, Any]:
+        motion: dict[str, Any] = {"v": self.x[self.model.index("states", axis.velocity)]}
+        if axis.position:
+            motion["q"] = self.x[self.model.index("states", axis.position)]
+        if axis.drive:
+            motion["drive"] = inputs[self.model.index("inputs", axis.drive)]
+            motion["drive_width"] = 1e-6
+        return motion
+
+    def _at(self, place: str, port: str) -> list[Attached]:
+        return [
+            a for a in self.e.attached if a.effect.place == place and a.port == port and not a.effect.delays
+        ]
+
+    def _applied(self, a: Attached, before: Any, **context: Any) -> Any:
+        return self._gate(a, self._built(a, **context).value, before)
+
+    def _built(self, a: Attached, **context: Any) -> Result:
+        build = a.effect.build
+        if build is None:
+            raise InputError(f"effect {a.key} has no equation")
+        p = SimpleNamespace(**{q.name: self._parameter(a.name(q.name)) for q in a.effect.parameters})
+        w = SimpleNamespace(**{h: self.x[self.e.state_names.index(a.name(h))] for h in a.effect.hidden})
+        c = SimpleNamespace(**context, width=self._width(a, 1.0))
+        result = build(c, p, w)
+        self.rates |= {a.name(k): r for k, r in result.rates.items()}
+        self.starts |= {a.name(k): s for k, s in result.starts.items()}
+        return result
+
+    def _gate(self, a: Attached, value: Any, absent: Any) -> Any:
+        if not a.effect.gated:
+            return value
+        return absent + self._parameter(a.name("gate")) * (value - absent)
+
+    def _width(self, a: Attached, default: float) -> Any:
+        return self._parameter(a.name("width")) if a.effect.width else default
+
+    def _parameter(self, name: str) -> ca.SX:
+        return self.p[self.e.index[name]]
+
+
+def _rank(a: Attached) -> int:
+    names = (*ORDER, *LAST)
+    return names.index(a.effect.name) if a.effect.name in names else len(ORDER)
+

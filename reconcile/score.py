@@ -1,0 +1,149 @@
+"""Which effects could explain what a fit leaves, told from one linearisation: no candidate is fitted for it.
+
+Every candidate has a column for each amplitude (or its gate) at each start of its shape.  The columns and the
+errors are freed of initial states and of the parameters that are free anyway; what a set of effects would
+gain is then a small least-squares problem on their Gram matrix.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from reconcile.fit.solve import Fitted
+from reconcile.model import Attached
+from reconcile.study import Study
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A candidate at one start of its parameters; `columns`: where it stands in the Gram matrix."""
+
+    attached: Attached
+    shape: dict[str, float]
+    columns: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A set of variants, the cost it would save and the amplitudes at which it does."""
+
+    variants: tuple[Variant, ...]
+    gain: float
+    values: dict[str, float]
+
+
+class Score:
+    """The linear problem at a fit, for all candidates that are not in it."""
+
+    def __init__(self, study: Study, fitted: Fitted, others: Sequence[Attached]):
+        self.study = study
+        base = study.fit_problem.linear(fitted.point, [study.extended.index[f.name] for f in fitted.free])
+        if base is None:
+            raise ArithmeticError("a fit that cannot be simulated")
+        self.variants: list[Variant] = []
+        blocks = []
+        for k in range(max((a.effect.grid(study.port_scales(a)) for a in others), default=0)):
+            blocks.append(self._pass(fitted, others, k, sum(b.shape[1] for b in blocks)))
+        columns = np.hstack(blocks) if blocks else np.zeros((len(base.errors), 0))
+        ridge = np.array([1.0 / f.prior[1] ** 2 if f.prior else 0.0 for f in fitted.free])
+        known = base.slopes.T @ base.slopes + np.diag(ridge + 1e-30)
+        across = base.slopes.T @ columns
+        held = np.linalg.lstsq(known, np.column_stack([base.slopes.T @ base.errors, across]), rcond=1e-13)[0]
+        self.cost = base.cost
+        errors = base.errors - base.slopes @ held[:, 0]
+        free = columns - base.slopes @ held[:, 1:]
+        self.gram = free.T @ columns
+        self.pull = columns.T @ errors
+        self.sizes = np.sum(columns**2, axis=0)
+
+    def _pass(self, fitted: Fitted, others: Sequence[Attached], k: int, first: int) -> np.ndarray:
+        study, extended = self.study, self.study.extended
+        chosen = [a for a in others if k < a.effect.grid(study.port_scales(a))]
+        p = fitted.point.p.copy()
+        names: list[str] = []
+        for a in chosen:
+            start = a.effect.start(study.port_scales(a), k)
+            amplitudes = {q.name for q in a.effect.amplitudes}
+            shape = {a.name(n): v for n, v in start.items() if n not in amplitudes}
+            for n, v in shape.items():
+                p[extended.index[n]] = v
+            columns = tuple(range(first + len(names), first + len(names) + len(a.columns)))
+            self.variants.append(Variant(a, shape, columns))
+            names += a.columns
+        point = study.fit_problem.with_present(
+            replace(fitted.point, p=p), [*fitted.point.present, *(a for a in chosen if a.effect.hidden)]
+        )
+        linear = study.fit_problem.linear(point, [extended.index[n] for n in names])
+        if linear is None:
+            return np.zeros((len(fitted.linear.errors), len(names)))
+        return linear.slopes
+
+    def best(self, count: int, size: int) -> list[Scored]:
+        """The best sets of `size` effects by gain, one variant each."""
+        singles = [self.scored((v,)) for v in self.variants]
+        singles = sorted((s for s in singles if s.gain > 0), key=lambda s: -s.gain)
+        if size == 1:
+            return _distinct(singles, count)
+        pool = [s.variants[0] for s in _distinct(singles, 45, by_shape=2)]
+        sets = [
+            self.scored(pair)
+            for pair in combinations(pool, size)
+            if len({v.attached for v in pair}) == size
+        ]
+        return _distinct(sorted(sets, key=lambda s: -s.gain), count)
+
+    def scored(self, variants: Sequence[Variant]) -> Scored:
+        """Gain of a set; amplitudes of the wrong sign are left out."""
+        columns = [c for v in variants for c in v.columns]
+        names = [n for v in variants for n in v.attached.columns]
+        lows = [self._low(v, n) for v in variants for n in v.attached.columns]
+        # nearly nothing left of a column once what is free anyway is taken out: it cannot be told
+        seen = [i for i, c in enumerate(columns) if self.gram[c, c] > 1e-7 * self.sizes[c] > 0.0]
+        for _ in range(len(columns) + 1):
+            if not seen:
+                break
+            index = np.array([columns[i] for i in seen])
+            gram = self.gram[np.ix_(index, index)]
+            gram = 0.5 * (gram + gram.T) + np.diag(1e-9 * np.diag(gram))
+            values = np.linalg.solve(gram, self.pull[index])
+            wrong = [i for i, value in zip(seen, values, strict=True) if value < lows[i]]
+            if not wrong:
+                gain = float(self.pull[index] @ values)
+                found = {names[i]: float(x) for i, x in zip(seen, values, strict=True)}
+                complete = all(any(n in found for n in v.attached.columns) for v in variants)
+                return Scored(tuple(variants), gain if complete else 0.0, found)
+            seen = [i for i in seen if i not in wrong]
+        return Scored(tuple(variants), 0.0, {})
+
+    def _low(self, v: Variant, name: str) -> float:
+        if v.attached.effect.gated:
+            return 0.0
+        return next(q.low for q in v.attached.effect.amplitudes if v.attached.name(q.name) == name)
+
+
+def starts(scored: Scored) -> dict[str, float]:
+    """Parameters to start a fit of a scored set from."""
+    found: dict[str, float] = {}
+    for v in scored.variants:
+        found |= v.shape
+        if not v.attached.effect.gated:
+            for q in v.attached.effect.amplitudes:
+                name = v.attached.name(q.name)
+                found[name] = min(max(scored.values.get(name, 0.0), q.low), q.high)
+    return found
+
+
+def _distinct(scored: Sequence[Scored], count: int, by_shape: int = 1) -> list[Scored]:
+    """The first `count` with different effects, at most `by_shape` of the same."""
+    seen: dict[frozenset, int] = {}
+    kept = []
+    for s in scored:
+        key = frozenset(v.attached.key for v in s.variants)
+        if seen.get(key, 0) < by_shape:
+            seen[key] = seen.get(key, 0) + 1
+            kept.append(s)
+        if len(kept) == count:
+            break
+    return kept

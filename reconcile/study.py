@@ -1,0 +1,248 @@
+"""Everything a search works on: the compiled model with all candidates, the three problems, sizes and noise."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmus.definition import Model, Variable
+from reconcile.catalogue import Scales
+from reconcile.data import Parts, Run
+from reconcile.fit.compiled import Compiled
+from reconcile.fit.noise import high_pass_level, quantum
+from reconcile.fit.problem import Point, Problem
+from reconcile.fit.solve import Fitted, Free, fit
+from reconcile.fit.windows import cut
+from reconcile.model import ALL_OUTPUTS, Attached, Extended, Folder, candidates
+from specs.errors import InputError
+
+SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be wrong
+WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks are rounded, fit after fit
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Noise level of an output and where it is from."""
+
+    level: float
+    source: str
+
+
+class Study:
+    """A model folder against its recordings, in three parts."""
+
+    def __init__(self, folder: Folder, parts: Parts, catalogue=None):
+        self.folder, self.parts, self.model = folder, parts, folder.model
+        runs = unique([b.run for b in (*parts.fit, *parts.confirm, *parts.holdout)])
+        recorded = set.intersection(*({*r.inputs, *r.outputs} for r in runs))
+        options = {} if catalogue is None else {"catalogue": catalogue}
+        self.candidates = candidates(folder, sorted(recorded), **options)
+        self.extended = Extended(folder, self.candidates)
+        self.compiled = _compiled(self.extended)
+        self.floors = {n: _floor(self.model, n, runs) for n in folder.ports.outputs if n in recorded}
+        sigma = {n: f.level for n, f in self.floors.items()}
+        step = self.model.step if self.model.kind == "discrete" else None
+        self.problems = {
+            which: Problem(self.compiled, cut(getattr(parts, which), step_s=step), sigma)
+            for which in ("fit", "confirm", "holdout")
+        }
+        self.fit_problem = self.problems["fit"]
+        self.values = self._neutral()
+        self.scales = self._scales(runs)
+        self.values = self._neutral()
+        self.base_free = self._base_free()
+
+    # ---------------------------------------------------------------- fits
+
+    def free(self, present: Sequence[Attached]) -> list[Free]:
+        """What a fit with these effects moves."""
+        own = [
+            Free(a.name(q.name), q.low, q.high, self._size(a, q.name))
+            for a in present
+            for q in a.effect.parameters
+        ]
+        return [*self.base_free, *own]
+
+    def fit_set(self, start: Point, present: Sequence[Attached], values: Mapping[str, float]) -> Fitted | None:
+        """Fit a set of effects: from `start` with `values` of the new effects' parameters in place."""
+        p = start.p.copy()
+        for a in self.candidates:
+            for n in (*a.columns, *((a.name("gate"),) if a.effect.gated else ())):
+                if a not in present:
+                    p[self.extended.index[n]] = 0.0
+        for a in present:
+            if a.effect.gated:
+                p[self.extended.index[a.name("gate")]] = 1.0
+        for n, v in values.items():
+            p[self.extended.index[n]] = v
+        point = self.fit_problem.with_present(replace(start, p=p), present)
+        kinked = [a for a in present if a.effect.width not in (None, "time")]
+        free, fitted = self.free(present), None
+        for share in WIDTHS if kinked else WIDTHS[-1:]:
+            p = point.p.copy()
+            for a in kinked:
+                name = a.name("width")
+                p[self.extended.index[name]] = self.values[name] * share / WIDTHS[-1]
+            last = share == WIDTHS[-1]
+            found = fit(self.fit_problem, replace(point, p=p), free, 12 if last else 6, 1e-3 if last else 1e-2)
+            if found is not None:
+                fitted, point = found, found.point
+        return fitted if found is not None else None
+
+    def elsewhere(self, fitted: Fitted, which: str) -> Fitted | None:
+        """The same parameters on another part, with initial states of their own."""
+        problem = self.problems[which]
+        point = problem.start(self.named(fitted.point.p))
+        return fit(problem, problem.with_present(point, fitted.point.present), [], iterations=0)
+
+    def named(self, p: np.ndarray) -> dict[str, float]:
+        """All parameters by name."""
+        return dict(zip(self.extended.parameter_names, map(float, p), strict=True))
+
+    # ---------------------------------------------------------------- sizes
+
+    def port_scales(self, a: Attached) -> Scales:
+        """Scales at the port of a candidate."""
+        return self.scales[a.port]
+
+    def _neutral(self) -> dict[str, float]:
+        """All effects absent, their shapes at the first start, kinks rounded by what the data show."""
+        values = self.extended.base_start()
+        known = getattr(self, "scales", {})
+        for a in self.candidates:
+            s = known.get(a.port, Scales())
+            values |= {a.name(n): v for n, v in a.effect.start(s, 0).items()}
+            if a.effect.gated:
+                values[a.name("gate")] = 0.0
+            if a.effect.width:
+                values[a.name("width")] = _width(a, s)
+        return values
+
+    def _size(self, a: Attached, parameter: str) -> float:
+        s = self.port_scales(a)
+        starts = next(q for q in a.effect.parameters if q.name == parameter).starts(s)
+        return max(abs(v) for v in starts) or 1.0
+
+    def _scales(self, runs: Sequence[Run]) -> dict[str, Scales]:
+        period = min(r.period_s for r in runs)
+        found: dict[str, Scales] = {ALL_OUTPUTS: Scales(period_s=period)}
+        for name in self.folder.ports.controls:
+            values = np.concatenate([r.inputs[name].values for r in runs if name in r.inputs] or [np.ones(1)])
+            found[name] = Scales(u=float(np.max(np.abs(values))) or 1.0, period_s=period)
+        for name in self.floors:
+            values = np.concatenate([r.outputs[name].values for r in runs])
+            found[name] = Scales(y=_span(values), period_s=period)
+        states = self._seen_states()
+        self._set_state_scales(states)
+        for axis in self.folder.ports.axes:
+            v = states[:, self.model.index("states", axis.velocity)]
+            q = states[:, self.model.index("states", axis.position)] if axis.position else np.array([-1.0, 1.0])
+            unit = next((x.unit for x in self.model.states if x.name == axis.position), "")
+            found[axis.name] = Scales(
+                v=float(np.quantile(np.abs(v), 0.98)) or 1.0,
+                q=float(np.max(np.abs(q))) or 1.0,
+                q_low=float(np.min(q)),
+                q_high=float(np.max(q)) if np.ptp(q) > 0 else float(np.min(q)) + 1.0,
+                angular=unit == "rad",
+                period_s=period,
+            )
+        return found
+
+    def _seen_states(self) -> np.ndarray:
+        """States [rows, NX] as the base model passes through them in the fit windows."""
+        problem, rows = self.fit_problem, []
+        point = problem.start(self.values)
+        for k in range(len(problem.windows)):
+            run = problem.simulate(point, k)
+            if run is not None:
+                rows.append(run[0])
+        if not rows:
+            raise InputError(
+                f"model {self.model.name} runs away in every window of the recordings: is it stable, "
+                "and are the recordings in its units?"
+            )
+        return np.vstack(rows)
+
+    def _set_state_scales(self, states: np.ndarray) -> None:
+        scale = np.maximum(np.quantile(np.abs(states), 0.95, axis=0), 1e-9)
+        for i, v in enumerate(self.model.states):
+            if scale[i] <= 1e-9:
+                scale[i] = v.nominal or 1.0
+        hidden = self.extended.state_names[len(self.model.states) :]
+        for i, n in enumerate(hidden, len(self.model.states)):
+            port = n.split("@")[1].split(".")[0].split("+")[0]
+            inputs = [r.inputs[port].values for b in self.parts.fit if port in (r := b.run).inputs]
+            outputs = [r.outputs[port].values for b in self.parts.fit if port in (r := b.run).outputs]
+            found = [np.max(np.abs(x)) for x in (*inputs, *outputs)]
+            scale[i] = max([float(x) for x in found] or [1.0]) or 1.0
+        for problem in self.problems.values():
+            problem.set_scale(scale)
+
+    def _base_free(self) -> list[Free]:
+        """Base parameters that the outputs feel."""
+        model = self.model
+        left = {n for s in model.sensors.values() for n in (s.noise, s.bias, s.quantum) if n}
+        left |= {n for m in model.modes for n in (m.on_delay, m.off_delay) if n}
+        names = [v for v in model.parameters if not v.fixed and v.name not in left]
+        columns = [self.extended.index[v.name] for v in names]
+        point = self.fit_problem.start(self.values)
+        linear = self.fit_problem.linear(point, columns)
+        if linear is None:
+            raise InputError(f"model {model.name} runs away on the recordings from its start parameters")
+        felt = [
+            np.linalg.norm(linear.slopes[:, i]) * _spread(v) > 0.3 for i, v in enumerate(names)
+        ]
+        return [_free(v) for v, f in zip(names, felt, strict=True) if f]
+
+
+def _free(v: Variable) -> Free:
+    low = -np.inf if v.min is None else v.min
+    high = np.inf if v.max is None else v.max
+    if v.unit == "s":
+        low = max(low, 0.0)
+    return Free(v.name, low, high, _spread(v), (v.start, _spread(v)))
+
+
+def _spread(v: Variable) -> float:
+    if v.start:
+        return SPREAD * abs(v.start)
+    if v.min is not None and v.max is not None and v.max - v.min < 1e6:
+        return 0.25 * (v.max - v.min)
+    return v.nominal or 1.0
+
+
+def _width(a: Attached, s: Scales) -> float:
+    sizes = {"u": s.u, "v": s.v, "q": s.q, "y": s.y}
+    if a.effect.width == "time":
+        return 0.25 * s.period_s
+    return WIDTHS[-1] * sizes[a.effect.width or "u"]
+
+
+def _span(values: np.ndarray) -> float:
+    return float(np.max(np.abs(values))) or 1.0
+
+
+def unique(runs: Sequence[Run]) -> list[Run]:
+    """Each run once, in order."""
+    return list({id(r): r for r in runs}.values())
+
+
+def _floor(model: Model, name: str, runs: Sequence[Run]) -> Floor:
+    """Noise of an output: the sensor's specification, unless the recording is noisier than that."""
+    values = [r.outputs[name].values for r in runs if name in r.outputs]
+    seen = float(np.sqrt(np.mean([high_pass_level(v) ** 2 for v in values])))
+    step = max(quantum(v) for v in values)
+    seen = max(seen, step / np.sqrt(12.0), 1e-7 * max(_span(v) for v in values))
+    sensor = model.sensors.get(name)
+    if sensor and sensor.noise:
+        start = next(p.start for p in model.parameters if p.name == sensor.noise)
+        if start > 0 and seen < 1.5 * start:
+            return Floor(float(np.hypot(start, step / np.sqrt(12.0))), "sensor specification")
+    return Floor(seen, "high-pass estimate")
+
+
+_LOADED: dict[tuple, Compiled] = {}
+
+
+def _compiled(extended: Extended) -> Compiled:
+    return Compiled(extended)
