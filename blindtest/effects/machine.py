@@ -135,3 +135,68 @@ def tool() -> tuple[Effect, ...]:
 def tool_outside() -> tuple[Effect, ...]:
     """Effects that are not in the catalogue."""
     return _picked(["place_friction"], "pitch") + _picked(["place_friction"], "roll")
+
+
+# Dead zone, delay, lag, viscous and Coulomb friction, leakage and inertia are the plain model's own.
+_SLEW = (
+    "input_saturation",
+    "input_rate_limit",
+    "input_backlash",
+    "input_hysteresis",
+    "asymmetric_gain",
+    "input_offset",
+    "valve_flow_curve",
+    "asymmetric_coulomb_friction",
+    "stribeck_friction",
+    "asymmetric_viscous_friction",
+    "quadratic_drag",
+    "presliding_hysteresis",
+    "constant_load",
+    "torque_ripple",
+    "sensor_bias",
+    "sensor_scale",
+    "sensor_delay",
+    "sensor_lag",
+    "sensor_backlash",
+    "sensor_drift",
+)
+
+
+def _hydraulic(name: str, parameter: P, target: str, size: float, place: str = "hydraulic") -> Effect:
+    return axis.one(name, place, "", parameter, target, axis.number(size))
+
+
+_HYDRAULIC = (
+    _hydraulic("supply_pressure_sag", P("sag", "1", 0.0, 0.9), "sag", 0.5),
+    _hydraulic("shared_pump_flow", P("share", "1", 0.0, 0.95), "shared", 0.8),
+    _hydraulic("temperature_dependent_viscosity", P("fall", "1", -1.0, 0.95), "warming", 0.8),
+    _hydraulic("counterbalance_drop", P("pressure", "Pa", 0.0, 1.5e7), "counterbalance", 5e6),
+    _hydraulic("compressibility", P("air", "Pa", 0.0, 5e7), "air", 5e6),
+    _hydraulic("brake_engagement", P("lag", "s", 1e-3, 2.0), "brake_lag", 0.5),
+    _hydraulic("relief_limit", P("below", "Pa", 0.0, 2.5e7), "one_relief", 1.5e7),
+    _hydraulic("payload_mass", P("mass", "kg", -500.0, 4000.0), "payload", 2500.0, "inertia"),
+    Effect(
+        "slope_torque",
+        "force",
+        "",
+        (P("sine", "N.m"), P("cosine", "N.m")),
+        lambda m, shape, s: {
+            "sine": 0.5 * m * s.force * shape["sine"],
+            "cosine": 0.5 * m * s.force * shape["cosine"],
+        },
+        lambda v, s: {"slope_sin": v["sine"], "slope_cos": v["cosine"]},
+        shape=lambda rng: {"sine": float(rng.choice([-1, 1])), "cosine": float(rng.uniform(-1, 1))},
+        shapes=({"sine": 1.0, "cosine": 0.3}, {"sine": 0.3, "cosine": 1.0}),
+        either_sign=True,
+    ),
+)
+
+
+def slew() -> tuple[Effect, ...]:
+    """Effects of the slew drive."""
+    return (*(e for name in _SLEW for e in _BY_NAME[name]), *_HYDRAULIC)
+
+
+def slew_outside() -> tuple[Effect, ...]:
+    """Effects that are not in the catalogue."""
+    return axis.OUTSIDE

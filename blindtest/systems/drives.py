@@ -119,7 +119,7 @@ def arm_scale(system: Arm, drives: list[Driven]) -> Scale:
 
 
 def tool(system: System, rng: np.random.Generator) -> list[Driven]:
-    """A suspension that slews at up to 0.35 rad/s and luffs at up to 0.8 m/s, from rest; swing below 0.5 rad."""
+    """A suspension that slews and luffs from rest, the swing below MOST_SWING."""
     samples, kinds = _plan(rng, 16, 22)
     values = {b.name: b.value for b in system.base}
     found: list[Driven] = []
@@ -174,4 +174,42 @@ def tool_scale(system: System, drives: list[Driven]) -> Scale:
         speed=float(np.sqrt(np.mean(outputs[:, 2:] ** 2))),
         travel=travel,
         command=1.0,
+    )
+
+
+def slew(system: System, rng: np.random.Generator) -> list[Driven]:
+    """Joystick open loop, or a speed loop; the inertia changes with an arm that moves in some runs."""
+    samples, count = int(rng.integers(12, 19) / STEP), int(rng.integers(3, 5))
+    closed = rng.random() < 0.3
+    found: list[Driven] = []
+    for kind in [str(k) for k in rng.permutation(KINDS)[:count]]:
+        wanted = signal(kind, samples, rng)
+        commands = np.column_stack([rng.uniform(0.6, 1.0) * wanted, *_inertia(samples, rng)])
+        start = np.array([rng.uniform(-1.0, 1.0), 0.0])
+        if closed:
+            gains = (float(rng.uniform(2.0, 4.0)), 0.0, 0.0, 1.0)
+            found.append((Drive(commands, 0.35 * wanted, gains, f"closed loop, {kind}"), start))
+        else:
+            found.append((Drive(commands, kind=f"open loop, {kind}"), start))
+    return found
+
+
+def _inertia(samples: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Inertia (kg m2) and its rate, each [samples]."""
+    level = rng.uniform(3.0e5, 5.0e5)
+    swing = 0.8e5 * _smooth(signal("ramps", samples, rng), 0.5) if rng.random() < 0.6 else np.zeros(samples)
+    whole = level + swing
+    return whole, np.diff(whole, append=whole[-1]) / STEP
+
+
+def slew_scale(system: System, drives: list[Driven]) -> Scale:
+    """From runs without effects."""
+    traces = _traces(system, drives)
+    outputs = np.concatenate([t.outputs for t in traces])
+    return Scale(
+        force=2e7 * value(system, "slew_displacement"),
+        inertia=4e5,
+        speed=float(np.sqrt(np.mean(outputs[:, 1] ** 2))),
+        travel=float(np.ptp(outputs[:, 0])),
+        command=float(max(np.abs(t.commands[:, 0]).max() for t in traces)),
     )

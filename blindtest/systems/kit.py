@@ -8,7 +8,7 @@ import numpy as np
 
 from blindtest.effects import axis as axis_effects, machine
 from blindtest.effects.effect import Effect, Scale
-from blindtest.systems import arm, drives, servo, tool
+from blindtest.systems import arm, drives, servo, slew, tool
 from blindtest.systems.drives import Driven
 
 JOINTS = ("boom", "stick")
@@ -52,6 +52,14 @@ KITS = {
             drives.tool_scale,
             lambda _: machine.tool(),
             lambda _: machine.tool_outside(),
+        ),
+        Kit(
+            "slew",
+            slew.draw,
+            drives.slew,
+            drives.slew_scale,
+            lambda _: machine.slew(),
+            lambda _: machine.slew_outside(),
         ),
     )
 }
