@@ -3,11 +3,10 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from orchestrator.assembly import assemble
+from orchestrator.assembly import STEP_S, assemble, driven_machine
 from orchestrator.system import System
 from specs import systems
 
-STEP_S = 0.02
 Report = Callable[[str, float, float], None]  # what is being done, how many of how many steps are
 
 
@@ -27,17 +26,5 @@ def bare_machine(outputs: list[str]) -> System:
 
 def arm_loop() -> System:
     """The reference machine with its arm velocity controller, velocity references from outside."""
-    references = [f"qd_{joint}_ref" for joint in ("boom", "stick")]
     sensed = [f"{q}_{joint}" for q in ("q", "qd") for joint in ("boom", "stick")]
-    components = {
-        "arm_velocity": {"fmu": "arm_velocity", "inputs": {systems.SYSTEM: references, "machine": sensed}},
-        "machine": {"fmu": "machine", "inputs": {"arm_velocity": ["u_boom", "u_stick"]}},
-    }
-    data = {
-        "description": "Reference machine and arm velocity controller",
-        "step_s": STEP_S,
-        "stop_s": 60.0,
-        "components": components,
-        "outputs": {"machine": sensed, "arm_velocity": ["u_boom", "u_stick"]},
-    }
-    return assemble(systems.parse("arm_loop", data))
+    return driven_machine("arm_loop", sensed, ["u_boom", "u_stick"])

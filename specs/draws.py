@@ -125,8 +125,8 @@ def named(which: str) -> dict[str, float]:
     choices = [n for n in sets() if n != SEALED]
     if name not in choices or not index.isdigit():
         valid = ", ".join([NOMINAL, *(f"{n}:0 … {n}:{sets()[n] - 1}" for n in choices)])
-        hint = nearest(name, [NOMINAL, *choices]) + " " if name not in choices else ""
-        raise InputError(f"unknown machine '{which}'; {hint}valid: {valid}")
+        sealed = f" (set {name} is sealed)" if name == SEALED else ""
+        raise InputError(f"unknown machine '{which}'{sealed}; valid: {valid}")
     return draw(name, int(index))
 
 

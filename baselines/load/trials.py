@@ -18,13 +18,13 @@ from baselines.load.gate import held
 from baselines.load.sensors import ANGLES, CABIN, STEP_S, TOOL, pressures, smoothing
 from fmus.equations import kinematics
 from fmus.machine import arm_hydraulics
-from orchestrator.assembly import assemble
+from orchestrator.assembly import driven_machine
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
 from orchestrator.system import System
 from records.measurement import Channel, Measurement
 from records.record import Record
-from specs import draws, keys, systems
+from specs import draws, keys
 
 BOOM, STICK = (0.8, 1.4), (-2.1, -0.3)  # rad, pose range
 LOWEST = 2.5 + 2.0  # m, of the arm tip: keep-out height, tool and a little
@@ -53,31 +53,7 @@ class Trial:
 @cache
 def machine() -> System:
     """The reference machine with its arm velocity controller, all sensors that the estimate needs."""
-    feedback = ["q_boom", "q_stick", "qd_boom", "qd_stick"]
-    references = ["qd_boom_ref", "qd_stick_ref"]
-    components = {
-        "arm_velocity": {"fmu": "arm_velocity", "inputs": {systems.SYSTEM: references, "machine": feedback}},
-        "machine": {
-            "fmu": "machine",
-            "inputs": {systems.SYSTEM: ["u_slew"], "arm_velocity": ["u_boom", "u_stick"]},
-        },
-    }
-    data = {
-        "description": "Reference machine and arm velocity controller, slewed from outside",
-        "step_s": STEP_S,
-        "stop_s": 60.0,
-        "components": components,
-        "outputs": {"machine": list(SENSED)},
-    }
-    return assemble(systems.parse("load_trial", data))
-
-
-def drawn(which: str) -> dict[str, float]:
-    """Parameters of a machine: "nominal", "tuning:K" or "validation:K"."""
-    if which == "nominal":
-        return {}
-    name, _, index = which.partition(":")
-    return draws.draw(name, int(index))
+    return driven_machine("load_trial", SENSED)
 
 
 def run(trial: Trial, which: str = "nominal") -> Measurement:
@@ -85,7 +61,7 @@ def run(trial: Trial, which: str = "nominal") -> Measurement:
     poses = [_pose(trial, i) for i in range(trial.poses + 1)]
     ticks, changes = _script(trial, poses)
     start = {"start_q_boom": poses[0][0], "start_q_stick": poses[0][1], "load_mass": trial.load_kg}
-    values = {f"machine.{n}": v for n, v in {**drawn(which), **start}.items()}
+    values = {f"machine.{n}": v for n, v in {**draws.named(which), **start}.items()}
     seed = 1 + int(keys.uniform("load noise", trial.kind, trial.number, which) * 2**30)
     found = measured(simulate(machine(), ticks, Stimuli(changes), values, seed=seed), which)
     return retaining(found, trial, which) if any(trial.retained) else found
@@ -105,7 +81,7 @@ def retaining(recording: Measurement, trial: Trial, which: str) -> Measurement:
     cylinder stands.  Seals keep some of it.  Here each rest keeps its own share, drawn between the two of
     `trial.retained`, of the breakaway friction against the last motion, as pressure on the bore side.
     """
-    p = SimpleNamespace(**(vars(figures()) | drawn(which)))
+    p = SimpleNamespace(**(vars(figures()) | draws.named(which)))
     channels = dict(recording.channels)
     for joint in ("boom", "stick"):
         c = arm_hydraulics.parameters(p, joint)

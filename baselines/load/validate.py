@@ -12,7 +12,8 @@ import numpy as np
 
 from baselines.load.calibration import Calibration, calibrate, uncalibrated
 from baselines.load.estimate import Estimate, estimate
-from baselines.load.trials import Trial, drawn, run
+from baselines.load.trials import Trial, run
+from specs import draws
 
 LOADS = (0.0, 500.0, 1000.0, 1500.0, 2000.0, 2500.0)  # kg
 KNOWN = 1500.0  # kg, of the calibration with a known load
@@ -60,7 +61,7 @@ def validate(
     `poses` of each scored trial; `retained`: share of the friction that cylinders keep at rest, from and to.
     """
     for machine in chosen:  # an unknown draw is refused before minutes are spent on others
-        drawn(machine)
+        draws.named(machine)
     found: dict[str, list[Scored]] = {name: [] for name in CALIBRATIONS}
     left_out: dict[str, int] = {}
     for number, machine in enumerate(chosen):

@@ -12,12 +12,11 @@ import numpy as np
 
 from learning.collection.command import Command
 from learning.collection.plan import PERIOD_S
-from orchestrator.assembly import assemble
+from orchestrator.assembly import driven_machine
 from orchestrator.layout import lay_out
 from orchestrator.master import Master, Options
 from orchestrator.system import System
-from specs import draws, systems
-from specs.errors import InputError
+from specs import draws
 
 STEP_S = 0.02
 TICKS = round(PERIOD_S / STEP_S)  # in one command period
@@ -59,7 +58,7 @@ class LockStep:
 
     def __init__(self, which: str = NOMINAL) -> None:
         """`which`: "nominal", "tuning:K" or "validation:K"; InputError for what is none of them."""
-        self.label, self.parameters = LABEL, machine_parameters(which)
+        self.label, self.parameters = LABEL, draws.named(which)
         self.system = _system()
         self.layout = lay_out(self.system, list(RECORDED))
         fmus = {name: component.sha256 for name, component in self.system.components.items()}
@@ -104,36 +103,5 @@ class LockStepRun:
         self.master.free()
 
 
-def machine_parameters(which: str) -> dict[str, float]:
-    """Parameter values of "nominal" (none: as its files say), "tuning:K" or "validation:K"."""
-    if which == NOMINAL:
-        return {}
-    name, _, index = which.partition(":")
-    choices = [n for n in draws.sets() if n != draws.SEALED]
-    if name not in choices or not index.isdigit():
-        valid = ", ".join([NOMINAL, *(f"{n}:0 … {n}:{draws.sets()[n] - 1}" for n in choices)])
-        sealed = f" (set {name} is sealed)" if name == draws.SEALED else ""
-        raise InputError(f"unknown machine '{which}'{sealed}; valid: {valid}")
-    return draws.draw(name, int(index))
-
-
 def _system() -> System:
-    arm = [f"{kind}_{joint}" for kind in ("q", "qd") for joint in ("boom", "stick")]
-    components = {
-        "arm_velocity": {
-            "fmu": "arm_velocity",
-            "inputs": {systems.SYSTEM: ["qd_boom_ref", "qd_stick_ref"], "machine": arm},
-        },
-        "machine": {
-            "fmu": "machine",
-            "inputs": {systems.SYSTEM: ["u_slew"], "arm_velocity": ["u_boom", "u_stick"]},
-        },
-    }
-    data = {
-        "description": "Reference machine and arm velocity controller, commanded from outside",
-        "step_s": STEP_S,
-        "stop_s": 60.0,
-        "components": components,
-        "outputs": {"arm_velocity": ["u_boom", "u_stick"], "machine": list(SENSED)},
-    }
-    return assemble(systems.parse("collection", data))
+    return driven_machine("collection", SENSED, ["u_boom", "u_stick"])

@@ -6,8 +6,8 @@ import pytest
 
 from learning.collection.draws import Draws
 from learning.collection.excitation import LEAD_S, SHAPES, wanted
-from learning.collection.machine import machine_parameters
 from learning.collection.plan import FOLDER, KINDS, PERIOD_S, clearance, load_plan
+from specs import draws
 from specs.errors import InputError
 
 TINY = (FOLDER / "tiny.toml").read_text()
@@ -81,12 +81,12 @@ def test_an_unknown_plan_names_the_known_ones():
 @pytest.mark.parametrize("which", ["tuning", "tuning:99", "tuning:-1", "test:0", "mine", ""])
 def test_an_unknown_or_sealed_machine_is_refused(which):
     with pytest.raises(InputError):
-        machine_parameters(which)
+        draws.named(which)
 
 
 def test_machines_are_the_draws_of_the_specs():
-    assert machine_parameters("nominal") == {}
-    assert machine_parameters("tuning:1") != machine_parameters("validation:1")
+    assert draws.named("nominal") == {}
+    assert draws.named("tuning:1") != draws.named("validation:1")
 
 
 @pytest.mark.parametrize("kind", SHAPES)
