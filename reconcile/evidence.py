@@ -89,9 +89,11 @@ def from_nothing(study: Study, fitted: Fitted, a: Attached) -> float:
     names = [f.name for f in fitted.free]
     chosen = [q for q in a.effect.parameters if q.amplitude] or list(a.effect.parameters[:1])
     index = [names.index(a.name(q.name)) for q in chosen]
-    errors = standard_errors(fitted, sample(fitted))[index]
+    s = sample(fitted)
+    excess = max(1.0, fitted.linear.cost / max(1, s.count - len(fitted.free))) / s.share
     values = np.array([fitted.point.p[study.extended.index[a.name(q.name)]] for q in chosen])
-    return float(np.max(np.abs(values) / np.maximum(errors, 1e-300)))
+    covariance = fitted.covariance[np.ix_(index, index)] * excess
+    return float(np.sqrt(values @ np.linalg.pinv(covariance) @ values / len(values)))
 
 
 def count_of(fitted: Fitted) -> int:

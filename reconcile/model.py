@@ -93,9 +93,9 @@ def candidates(folder: Folder, recorded: Sequence[str], catalogue: Sequence[Effe
     outputs = [n for n in ports.outputs if n in recorded]
     for effect in catalogue:
         if effect.place == "input":
-            found += _crossed(effect, controls)
+            found += _crossed(effect, controls, folder.model)
         elif effect.place == "output":
-            found += _crossed(effect, outputs)
+            found += _crossed(effect, outputs, folder.model)
             if effect.delays and len(outputs) > 1:
                 found.append(Attached(effect, ALL_OUTPUTS))
         elif effect.place in ("force", "inertia"):
@@ -103,9 +103,10 @@ def candidates(folder: Folder, recorded: Sequence[str], catalogue: Sequence[Effe
     return found
 
 
-def _crossed(effect: Effect, names: Sequence[str]) -> list[Attached]:
+def _crossed(effect: Effect, names: Sequence[str], model: Model) -> list[Attached]:
     if "other" in effect.needs:
-        return [Attached(effect, n, other) for n in names for other in names if other != n]
+        pairs = [(n, other) for n in names for other in names if other != n]
+        return [Attached(effect, n, o) for n, o in pairs if _unit(model, n) == _unit(model, o)]
     return [Attached(effect, n) for n in names]
 
 

@@ -1,11 +1,12 @@
 """Beam search over sets of effects: scored linearly, the best fitted, accepted by the rules, pruned, rivalled.
 
 Sets grow from several of the best of each size, not from the one best: a wrong first choice (Stribeck before
-Coulomb) must not carry the rest.  What is accepted has to pay on data that it was not fitted to.
+Coulomb) must not carry the rest.  They grow with kinks rounded widely, which is quick; the best few are then
+fitted sharply, and what is accepted has to pay on data that it was not fitted to.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,10 +17,11 @@ from reconcile.score import Score, Scored, starts
 from reconcile.study import Study
 
 BEAM = 3
-REFITS = 7  # of each set in the beam
+REFITS = 8  # of each set in the beam
 PAIRS = 5
 LARGEST = 5  # effects in a set
-RIVALS = 7  # fitted for each effect of the answer
+SHARPENED = 4  # sets fitted sharply after the growth
+RIVALS = 6  # fitted for each effect of the answer
 CLOSE = 8.0  # of twice the log-likelihood: sets this near to the best cannot be told from it
 MOST_RIVALS = 4
 
@@ -29,14 +31,11 @@ Report = Callable[..., None]
 
 @dataclass
 class Tried:
-    """All fits so far by the set of effects."""
+    """All fits by the set of effects, sharp and coarse, and what was turned down why."""
 
     fits: dict[Key, Fitted] = field(default_factory=dict)
+    coarse: dict[Key, Fitted] = field(default_factory=dict)
     refused: list[dict] = field(default_factory=list)
-
-    def cheapest(self) -> Fitted:
-        """The fit that leaves least."""
-        return min(self.fits.values(), key=lambda f: f.cost)
 
 
 @dataclass(frozen=True)
@@ -59,77 +58,116 @@ class Search:
         self.tried = Tried()
 
     def run(self) -> Answer:
-        """Grow, prune, confirm, and look for rivals."""
+        """Grow, sharpen, prune, confirm, and look for rivals."""
         start = self.study.fit_problem.start(self.study.values)
         base = self.study.fit_set(start, (), {})
         if base is None:
             raise ArithmeticError("the base model cannot be fitted")
-        self.tried.fits[Key()] = base
-        best = self._grow(base)
-        present = self._confirmed(best)
-        fitted = self.tried.fits[Key(present)]
-        rivals = self._rivals(present, fitted) if present else []
-        present, fitted, alternatives = self._settle(present, fitted, rivals)
+        self.tried.fits[Key()] = self.tried.coarse[Key()] = base
+        best = self._sharpened(self._grow())
+        present = self._confirmed(tuple(self.tried.fits[best].point.present))
+        present, alternatives = self._settle(present)
         gains = {a.key: self._gains(present, a) for a in present}
-        return Answer(tuple(present), fitted, base, alternatives, gains, self.tried)
+        return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
 
     # ---------------------------------------------------------------- growing
 
-    def _grow(self, base: Fitted) -> Key:
+    def _grow(self) -> list[Key]:
+        """Sets by BIC, best first, fitted coarsely."""
         beam, best = [Key()], Key()
         for size in range(1, LARGEST + 1):
             found: set[Key] = set()
             for at, key in enumerate(beam):
-                self.report(f"effects: sets of {size}", at, len(beam))
+                self.report(f"sets of {size}", at, len(beam))
                 found |= self._extended(key, pairs=size == 1)
-            ranked = self._ranked(found)
-            # sets of more effects than this size wait in `tried` until their turn
-            beam = [k for k in ranked if len(k) == size][:BEAM]
-            top = self._ranked(self.tried.fits)[0]
-            if top != best:
-                best = top
-                continue
-            if size >= 2 or len(best) == 0:
+            ranked = self._ranked(self.tried.coarse)
+            if ranked[0] == best and size > 1 or not found:
                 break
-        return best
+            best = ranked[0]
+            # pairs found with the singles wait until their turn; swaps within a size come along
+            beam = [k for k in ranked if len(k) == size][:BEAM]
+        return self._ranked(self.tried.coarse)
 
     def _extended(self, key: Key, pairs: bool) -> set[Key]:
-        fitted = self.tried.fits[key]
+        fitted = self.tried.coarse[key]
         score = Score(self.study, fitted, self._others(key))
         chosen = score.best(REFITS, 1)
         if pairs:
             chosen += score.best(PAIRS, 2)
-        return {k for s in chosen if self._worthwhile(s, score) and (k := self._try(fitted, s)) is not None}
+        chosen = [s for s in chosen if self._worthwhile(s, score, fitted)]
+        return {k for s in chosen if (k := self._try(fitted, s, coarse=True)) is not None}
 
-    def _worthwhile(self, scored: Scored, score: Score) -> bool:
-        return scored.gain > 1e-3 * score.cost or scored.gain > 4.0
+    def _worthwhile(self, scored: Scored, score: Score, fitted: Fitted) -> bool:
+        """Whether the linear gain is at least half of what would be accepted."""
+        s = evidence.sample(fitted)
+        count = sum(len(v.attached.free) for v in scored.variants)
+        gain = evidence.likelihood_gain(score.cost, max(score.cost - scored.gain, 1e-9 * score.cost), s)
+        return gain > 0.5 * (evidence.BIC_GAIN + count * np.log(s.effective))
 
-    def _try(self, fitted: Fitted, scored: Scored) -> Key | None:
-        present = (*fitted.point.present, *(v.attached for v in scored.variants))
+    def _try(
+        self, fitted: Fitted, scored: Scored, coarse: bool = False, again: float = np.inf
+    ) -> Key | None:
+        """Fit a scored set from a fit of less; one that was fitted already only if it left more than `again`."""
+        added = tuple(v.attached for v in scored.variants)
+        kept = tuple(a for a in fitted.point.present if not any(_includes(n, a) for n in added))
+        present, fits = (*kept, *added), self.tried.coarse if coarse else self.tried.fits
         key = Key(present)
-        if key in self.tried.fits:
+        if key in fits and fits[key].cost <= again:
             return key
-        found = self.study.fit_set(fitted.point, present, starts(scored))
-        if found is None or found.cost > fitted.cost:
+        like = sorted(f.cost for k, f in fits.items() if len(k) == len(key))
+        hopeless = 4.0 * like[BEAM - 1] if coarse and len(like) >= BEAM else np.inf
+        found = self.study.fit_set(fitted.point, present, starts(scored), coarse, hopeless)
+        if found is None or (coarse and found.cost > fitted.cost):
             return None
-        self.tried.fits[key] = found
+        if key not in fits or found.cost < fits[key].cost:
+            fits[key] = found
         return key
 
-    def _others(self, key: Key) -> list[Attached]:
-        """Candidates not present, other forms of what is present left out."""
+    def _others(self, key: Iterable[Attached]) -> list[Attached]:
+        """Candidates not present: no other form of what is present, and no limit of it."""
+        key = list(key)
         taken = {(a.effect.name, a.port) for a in key}
-        return [a for a in self.study.candidates if (a.effect.name, a.port) not in taken]
+        return [
+            a
+            for a in self.study.candidates
+            if (a.effect.name, a.port) not in taken and not any(_includes(k, a) for k in key)
+        ]
 
-    def _ranked(self, keys: Iterable[Key]) -> list[Key]:
+    def _ranked(self, fits: dict[Key, Fitted]) -> list[Key]:
         """Keys by BIC, all judged with the sample size of the best fit so far."""
-        s = evidence.sample(self.tried.cheapest())
-        return sorted(keys, key=lambda k: (evidence.bic(self.tried.fits[k], s), len(k)))
+        s = evidence.sample(min(fits.values(), key=lambda f: f.cost))
+        return sorted(fits, key=lambda k: (evidence.bic(fits[k], s), len(k)))
+
+    def _sharpened(self, ranked: Sequence[Key]) -> Key:
+        """The best of the first sets once fitted with sharp kinks and from every start of their shapes."""
+        for at, key in enumerate(ranked[:SHARPENED]):
+            self.report("sharpening", at, SHARPENED)
+            self._sharp(tuple(self.tried.coarse[key].point.present), self.tried.coarse[key])
+        best = self._ranked(self.tried.fits)[0]
+        self._polish(best)
+        return best
+
+    def _polish(self, key: Key) -> None:
+        """Look for a better minimum from the other starts of each shape, where the fit is not at the floor."""
+        fitted = self.tried.fits[key]
+        if fitted.linear.cost < 1.3 * evidence.count_of(fitted):
+            return
+        for a in key:
+            scales = self.study.port_scales(a)
+            for k in range(a.effect.grid(scales) if a.effect.grid(scales) > 1 else 0):
+                start = a.effect.start(scales, k)
+                shape = {a.name(q.name): start[q.name] for q in a.effect.parameters if not q.amplitude}
+                best = self.tried.fits[key]
+                found = self.study.fit_set(best.point, best.point.present, shape, True, 20.0 * best.cost)
+                if found is not None and found.cost < 3.0 * best.cost:
+                    found = self.study.fit_set(found.point, best.point.present, {})
+                    if found is not None and found.cost < best.cost:
+                        self.tried.fits[key] = found
 
     # ---------------------------------------------------------------- acceptance
 
-    def _confirmed(self, best: Key) -> tuple[Attached, ...]:
+    def _confirmed(self, present: tuple[Attached, ...]) -> tuple[Attached, ...]:
         """Take out effects one by one that do not earn their place."""
-        present = tuple(self.tried.fits[best].point.present)
         while present:
             self.report(f"confirming {len(present)}")
             judged = [(a, *self._judge(present, a)) for a in present]
@@ -139,13 +177,12 @@ class Search:
             a, _, why = min(failing, key=lambda j: j[1])
             self.tried.refused.append({"effect": a.effect.name, "port": a.port, "because": why})
             present = tuple(x for x in present if x != a)
-            self._fit_without(present, self.tried.fits[Key((*present, a))])
         return present
 
     def _judge(self, present: Sequence[Attached], a: Attached) -> tuple[float, str]:
         """How far an effect pays in the set, and why not if it does not."""
         study, fitted = self.study, self.tried.fits[Key(present)]
-        without = self._fit_without(tuple(x for x in present if x != a), fitted)
+        without = self._sharp(tuple(x for x in present if x != a), fitted)
         s = evidence.sample(fitted)
         gained = evidence.bic(without, s) - evidence.bic(fitted, s)
         if gained <= evidence.BIC_GAIN:
@@ -159,60 +196,92 @@ class Search:
             return gained, f"closes {100 * share:.0f} % of the gap on confirm"
         return gained, ""
 
-    def _fit_without(self, present: tuple[Attached, ...], richer: Fitted) -> Fitted:
-        """The fit of a smaller set, from the richer one's parameters."""
+    def _sharp(self, present: tuple[Attached, ...], near: Fitted) -> Fitted:
+        """The sharp fit of a set, from parameters of a fit near it."""
         key = Key(present)
         if key not in self.tried.fits:
-            values = {}
-            found = self.study.fit_set(richer.point, present, values)
+            found = self.study.fit_set(near.point, present, {})
             if found is None:
-                base = self.tried.fits[Key()]
-                named = self.study.named(richer.point.p)
+                named = self.study.named(near.point.p)
                 values = {n: named[n] for a in present for n in a.free}
+                base = self.tried.fits[Key()]
                 found = self.study.fit_set(base.point, present, values) or base
             self.tried.fits[key] = found
         return self.tried.fits[key]
 
     def _on_confirm(self, without: Fitted, with_it: Fitted) -> evidence.Confirmed | None:
-        pair = [self.study.elsewhere(f, "confirm") for f in (without, with_it)]
-        if pair[0] is None or pair[1] is None:
-            return None if pair[1] is None else evidence.Confirmed(1.0, np.inf)
-        return evidence.confirm(pair[0], pair[1], evidence.count_of(pair[1]))
+        before, after = (self.study.elsewhere(f, "confirm") for f in (without, with_it))
+        if after is None:
+            return None
+        if before is None:
+            return evidence.Confirmed(1.0, np.inf)
+        return evidence.confirm(before, after, evidence.count_of(after))
 
     def _gains(self, present: Sequence[Attached], a: Attached) -> tuple[float, float]:
         fitted = self.tried.fits[Key(present)]
-        without = self._fit_without(tuple(x for x in present if x != a), fitted)
+        without = self._sharp(tuple(x for x in present if x != a), fitted)
         s = evidence.sample(fitted)
         outside = self._on_confirm(without, fitted)
         return evidence.likelihood_gain(without.cost, fitted.cost, s), 0.0 if outside is None else outside.closed
 
     # ---------------------------------------------------------------- rivals
 
-    def _rivals(self, present: Sequence[Attached], fitted: Fitted) -> list[Key]:
-        """Sets with one effect exchanged that leave about as little."""
+    def _settle(self, present: tuple[Attached, ...]) -> tuple[tuple[Attached, ...], tuple[tuple, ...]]:
+        """The answer after trying rivals for each of its effects, and sets that cannot be told from it."""
+        for _ in range(3):
+            if not present:
+                return (), ()
+            pool = [Key(present), *self._rivals(present)]
+            best = self._simplest(pool)
+            if best == Key(present):
+                return present, self._near(best, pool)
+            present = tuple(self.tried.fits[best].point.present)
+        return present, self._near(Key(present), [Key(present), *self._rivals(present)])
+
+    def _rivals(self, present: Sequence[Attached]) -> set[Key]:
+        """Sets with one effect exchanged, fitted from where the answer is."""
         found: set[Key] = set()
+        fitted = self.tried.fits[Key(present)]
         for at, a in enumerate(present):
             self.report("rivals", at, len(present))
             rest = tuple(x for x in present if x != a)
-            without = self._fit_without(rest, fitted)
-            others = [x for x in self._others(Key(rest)) if x.key != a.key]
-            score = Score(self.study, without, others)
-            for scored in score.best(RIVALS, 1):
-                key = self._try(without, scored)
-                if key is not None:
-                    found.add(key)
-        return list(found)
+            others = [x for x in self._others(rest) if x.key != a.key]
+            for without in (self._stripped(fitted, a), self._sharp(rest, fitted)):
+                score = Score(self.study, without, others)
+                simpler = [score.scored((v,)) for v in score.variants if _includes(a, v.attached)]
+                simpler.sort(key=lambda s: -s.gain)
+                for scored in (*score.best(RIVALS, 1), *simpler[:3]):
+                    key = self._try(without, scored, again=3.0 * fitted.cost)
+                    if key is not None and len(key) <= len(present):
+                        found.add(key)
+        return found
 
-    def _settle(
-        self, present: tuple[Attached, ...], fitted: Fitted, rivals: Sequence[Key]
-    ) -> tuple[tuple[Attached, ...], Fitted, tuple[tuple[Attached, ...], ...]]:
-        """The best of the answer and its rivals, and those that cannot be told from it."""
+    def _stripped(self, fitted: Fitted, a: Attached) -> Fitted:
+        """The answer's fit with one effect switched off and nothing fitted again."""
+        p = fitted.point.p.copy()
+        for n in a.columns:
+            p[self.study.extended.index[n]] = 0.0
+        present = tuple(x for x in fitted.point.present if x != a)
+        point = replace(fitted.point, p=p, present=present)
+        free = tuple(f for f in fitted.free if f.name not in a.free)
+        return replace(fitted, point=point, free=free, cost=np.inf)
+
+    def _simplest(self, pool: Sequence[Key]) -> Key:
+        """The best by BIC, unless one with fewer parameters is worse by no more than what would be accepted."""
         fits = self.tried.fits
-        pool = [k for k in {Key(present), *rivals} if len(k) == len(present)]
         s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
-        best = min(pool, key=lambda k: evidence.bic(fits[k], s))
-        if best != Key(present) and evidence.bic(fits[Key(present)], s) - evidence.bic(fits[best], s) < 1.0:
-            best = Key(present)
+        criterion = {k: evidence.bic(fits[k], s) for k in pool}
+        best = min(pool, key=lambda k: criterion[k])
+        if criterion[pool[0]] - criterion[best] < 1.0:
+            best = pool[0]
+        for k in sorted(pool, key=lambda k: (len(fits[k].free), criterion[k])):
+            if len(fits[k].free) < len(fits[best].free) and criterion[k] - criterion[best] < evidence.BIC_GAIN:
+                return k
+        return best
+
+    def _near(self, best: Key, pool: Sequence[Key]) -> tuple[tuple[Attached, ...], ...]:
+        fits = self.tried.fits
+        s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
         near = [
             k
             for k in pool
@@ -220,14 +289,17 @@ class Search:
             and evidence.likelihood_gain(fits[k].cost, fits[best].cost, s) < CLOSE
             and len(fits[k].free) <= len(fits[best].free)
         ]
-        near.sort(key=lambda k: fits[k].cost)
-        named = {_names(best)}
-        alternatives = []
-        for k in near:
+        named, alternatives = {_names(best)}, []
+        for k in sorted(near, key=lambda k: fits[k].cost):
             if _names(k) not in named and len(alternatives) < MOST_RIVALS - 1:
                 named.add(_names(k))
                 alternatives.append(tuple(fits[k].point.present))
-        return tuple(fits[best].point.present), fits[best], tuple(alternatives)
+        return tuple(alternatives)
+
+
+def _includes(general: Attached, simple: Attached) -> bool:
+    """Whether one effect turns into the other in a limit, at the same port."""
+    return general.port == simple.port and simple.effect.name in general.effect.becomes
 
 
 def _names(key: Key) -> tuple[str, ...]:

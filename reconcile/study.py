@@ -7,6 +7,7 @@ import numpy as np
 
 from fmus.definition import Model, Variable
 from reconcile.catalogue import Scales
+from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run
 from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
@@ -18,6 +19,8 @@ from specs.errors import InputError
 
 SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be wrong
 WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks are rounded, fit after fit
+
+FOLLOWS = 0.01  # of a sample period: time in which play is taken up
 
 
 @dataclass(frozen=True)
@@ -57,14 +60,24 @@ class Study:
     def free(self, present: Sequence[Attached]) -> list[Free]:
         """What a fit with these effects moves."""
         own = [
-            Free(a.name(q.name), q.low, q.high, self._size(a, q.name))
+            Free(a.name(q.name), *self._bounds(a, q), self._size(a, q.name))
             for a in present
             for q in a.effect.parameters
         ]
         return [*self.base_free, *own]
 
-    def fit_set(self, start: Point, present: Sequence[Attached], values: Mapping[str, float]) -> Fitted | None:
-        """Fit a set of effects: from `start` with `values` of the new effects' parameters in place."""
+    def fit_set(
+        self,
+        start: Point,
+        present: Sequence[Attached],
+        values: Mapping[str, float],
+        coarse: bool = False,
+        hopeless: float = np.inf,
+    ) -> Fitted | None:
+        """Fit a set of effects: from `start` with `values` of the new effects' parameters in place.
+
+        `coarse` stops at kinks wide enough to be quick.  None if it cannot be simulated or is `hopeless`.
+        """
         p = start.p.copy()
         for a in self.candidates:
             for n in (*a.columns, *((a.name("gate"),) if a.effect.gated else ())):
@@ -76,18 +89,18 @@ class Study:
         for n, v in values.items():
             p[self.extended.index[n]] = v
         point = self.fit_problem.with_present(replace(start, p=p), present)
-        kinked = [a for a in present if a.effect.width not in (None, "time")]
-        free, fitted = self.free(present), None
-        for share in WIDTHS if kinked else WIDTHS[-1:]:
+        kinked = [a for a in present if a.effect.width]
+        widths = WIDTHS if kinked else WIDTHS[-1:]
+        for share in widths[: 2 if coarse else None]:
             p = point.p.copy()
             for a in kinked:
-                name = a.name("width")
-                p[self.extended.index[name]] = self.values[name] * share / WIDTHS[-1]
-            last = share == WIDTHS[-1]
-            found = fit(self.fit_problem, replace(point, p=p), free, 12 if last else 6, 1e-3 if last else 1e-2)
-            if found is not None:
-                fitted, point = found, found.point
-        return fitted if found is not None else None
+                p[self.extended.index[a.name("width")]] = self.values[a.name("width")] * share / WIDTHS[-1]
+            budget = (12, 1e-3) if share == widths[-1] else (6, 1e-2)
+            found = fit(self.fit_problem, replace(point, p=p), self.free(present), *budget, hopeless)
+            if found is None:
+                return None
+            point = found.point
+        return found
 
     def elsewhere(self, fitted: Fitted, which: str) -> Fitted | None:
         """The same parameters on another part, with initial states of their own."""
@@ -117,6 +130,13 @@ class Study:
             if a.effect.width:
                 values[a.name("width")] = _width(a, s)
         return values
+
+    def _bounds(self, a: Attached, q: Parameter) -> tuple[float, float]:
+        """Bounds of a parameter: a shape stays within ten times its grid, beyond which it cannot be told."""
+        starts = tuple(q.starts(self.port_scales(a)))
+        if q.amplitude or min(starts) <= 0.0:
+            return q.low, q.high
+        return max(q.low, 0.1 * min(starts)), min(q.high, 10.0 * max(starts))
 
     def _size(self, a: Attached, parameter: str) -> float:
         s = self.port_scales(a)
@@ -214,7 +234,7 @@ def _spread(v: Variable) -> float:
 def _width(a: Attached, s: Scales) -> float:
     sizes = {"u": s.u, "v": s.v, "q": s.q, "y": s.y}
     if a.effect.width == "time":
-        return 0.25 * s.period_s
+        return FOLLOWS * s.period_s
     return WIDTHS[-1] * sizes[a.effect.width or "u"]
 
 

@@ -11,7 +11,8 @@ FRICTION = "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 108
 DAHL = "Dahl, Aerospace Corp. TOR-0158(3107-18)-1 (1968); Canudas de Wit et al., IEEE TAC 40 (1995) 419"
 MECHANICS = "Newtonian mechanics"
 ANY = -float("inf")
-RIPPLES = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 24.0)
+TURNS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 24.0)
+TRAVELS = tuple(0.5 * n for n in range(2, 25))
 
 
 def speed(*shares: float) -> Starts:
@@ -112,10 +113,10 @@ def _near(side: float, *shares: float) -> Starts:
 
 
 def _waves(s: Scales) -> list[float]:
-    """Whole numbers of waves a turn; on other axes 1 to 24 waves over the travel met."""
+    """Whole numbers of waves a turn; on other axes 1 to 12 waves over the travel met."""
     if s.angular:
-        return list(RIPPLES)
-    return [2.0 * math.pi * n / (s.q_high - s.q_low) for n in RIPPLES]
+        return list(TURNS)
+    return [2.0 * math.pi * n / (s.q_high - s.q_low) for n in TRAVELS]
 
 
 def _entry(name: str, equation: str, parameters: tuple[Parameter, ...], build, **more) -> Effect:  # noqa: ANN001, ANN003

@@ -91,7 +91,8 @@ class Compiled:
         done = self._library.follow(ctypes.byref(window), *pointers, last)
         if done < 0:
             raise RunError("no memory left for the sensitivities of a window")
-        return (x, y, ys) if done == n and np.isfinite(y).all() else None
+        finite = done == n and np.isfinite(y).all() and (np.abs(ys) < 1e15).all()
+        return (x, y, ys) if finite else None
 
 
 def _functions(extended: Extended) -> list[ca.Function]:

@@ -1,11 +1,14 @@
 """Levenberg-Marquardt on the projected problem, with bounds and a weak prior on the base parameters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from reconcile.fit.problem import Linear, Point, Problem
+
+
+PATIENCE = 4
 
 
 @dataclass(frozen=True)
@@ -35,11 +38,17 @@ class Fitted:
 
 
 def fit(
-    problem: Problem, start: Point, free: Sequence[Free], iterations: int = 12, tolerance: float = 1e-3
+    problem: Problem,
+    start: Point,
+    free: Sequence[Free],
+    iterations: int = 12,
+    tolerance: float = 1e-3,
+    hopeless: float = np.inf,
 ) -> Fitted | None:
     """Least squares from `start`; None if the model runs away there.
 
-    Ends when a step gains less than `tolerance` of the cost, at least 0.05.
+    Ends when a step gains less than `tolerance` of the cost, at least 0.05; gives up (None) when the cost is
+    above `hopeless` after PATIENCE steps.
     """
     free = tuple(free)
     columns = [problem.parameter(f.name) for f in free]
@@ -48,7 +57,9 @@ def fit(
     if linear is None:
         return None
     cost = linear.cost + _prior_cost(point, columns, free)
-    for _ in range(iterations):
+    for done in range(iterations):
+        if done == PATIENCE and cost > hopeless:
+            return None
         change, moving = _step(point, linear, columns, free, size, damping)
         p = point.p.copy()
         p[columns] = np.clip(p[columns] + change, [f.low for f in free], [f.high for f in free])
@@ -132,7 +143,3 @@ def _covariance(linear: Linear, free: Sequence[Free]) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     return np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
 
-
-def defaults(values: Mapping[str, float], extra: Mapping[str, float]) -> dict[str, float]:
-    """`values` with `extra` on top."""
-    return {**values, **extra}

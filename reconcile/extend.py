@@ -1,0 +1,141 @@
+"""The base model with effects in it as a model of the same form: what `reconcile` writes into DIR/model.
+
+A model.py written there calls `extend` with the base folder beside it; the result is a plain Model from which
+FMUs are built like from any other.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from fmus.definition import Model, Sensor, Variable
+from reconcile.catalogue import ALL
+from reconcile.model import ALL_OUTPUTS, Attached, Extended, read_folder
+from specs.errors import InputError, nearest
+
+Entry = tuple[str, str, str | None, Mapping[str, float]]  # key of the effect, port, other signal, values
+
+
+def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, float]) -> Model:
+    """The model in `base` with `effects` at their ports and new start values of its own `parameters`.
+
+    The values of an effect hold its parameters by name and, where it has kinks, `width`.
+    Raises InputError for an effect that is not in the catalogue.
+    """
+    folder = read_folder(base)
+    attached = [Attached(_effect(key), port, other) for key, port, other, _ in effects]
+    values = [dict(v) for *_, v in effects]
+    extended = Extended(folder, attached)
+    model = folder.model
+    own = [_variables(extended, a, v) for a, v in zip(attached, values, strict=True)]
+    hidden = [
+        Variable(_identifier(a.name(h)), "", f"Hidden state of {a.effect.name} at {a.port}")
+        for a in attached
+        for h in a.effect.hidden
+    ]
+    base_parameters = tuple(
+        replace(v, start=parameters.get(v.name, v.start), vr=None) for v in model.parameters
+    )
+    extra = _Equations(extended)
+    changed = replace(
+        model,
+        name=model.name,
+        description=f"{model.description}; with {', '.join(a.effect.name for a in attached) or 'new parameters'}",
+        states=(*model.states, *hidden),
+        parameters=(*base_parameters, *(v for group in own for v in group)),
+        rhs=extra.rhs,
+        out=extra.out,
+        initial=extra.initial,
+    )
+    return _delayed(changed, attached)
+
+
+def _effect(key: str):
+    known = {e.key: e for e in ALL}
+    if key not in known:
+        raise InputError(f"no effect '{key}' in the catalogue; {nearest(key, known)}")
+    return known[key]
+
+
+def _identifier(name: str) -> str:
+    return "".join(c if c.isalnum() else "_" for c in name)
+
+
+def _variables(extended: Extended, a: Attached, values: Mapping[str, float]) -> list[Variable]:
+    found = []
+    for q in a.effect.parameters:
+        unit = extended.unit(a, q.name)
+        text = f"{a.effect.name} at {a.port}: {a.effect.equation}"
+        found.append(Variable(_identifier(a.name(q.name)), unit, text, start=values[q.name]))
+    if a.effect.width:
+        text = f"Width over which the kink of {a.effect.name} is rounded"
+        found.append(Variable(_identifier(a.name("width")), "", text, start=values["width"]))
+    return found
+
+
+class _Equations:
+    """The extended equations as a model file has them: functions of four namespaces."""
+
+    def __init__(self, extended: Extended):
+        self.e = extended
+
+    def _arguments(self, x: Any, u: Any, m: Any, p: Any) -> list[Any]:
+        model = self.e.model
+        states = [getattr(x, _identifier(n)) for n in self.e.state_names]
+        inputs = [*(getattr(u, v.name) for v in model.inputs), ca.SX(0)]
+        modes = [getattr(m, v.name) for v in model.modes]
+        parameters = [
+            ca.SX(1) if n.endswith(".gate") else getattr(p, _identifier(n)) for n in self.e.parameter_names
+        ]
+        return [ca.vertcat(*group) if group else ca.SX(0, 1) for group in (states, inputs, modes, parameters)]
+
+    def rhs(self, x: Any, u: Any, m: Any, p: Any) -> dict[str, Any]:
+        values = self.e.functions[0](*self._arguments(x, u, m, p))
+        return {_identifier(n): values[i] for i, n in enumerate(self.e.state_names)}
+
+    def out(self, x: Any, u: Any, m: Any, p: Any) -> dict[str, Any]:
+        values = self.e.functions[1](*self._arguments(x, u, m, p))
+        return {v.name: values[i] for i, v in enumerate(self.e.model.outputs)}
+
+    def initial(self, p: Any) -> dict[str, Any]:
+        """The base model's start; hidden states where they rest at the inputs' start."""
+        model = self.e.model
+        names = [v.name for v in model.parameters]
+        start = model.x0(ca.vertcat(*[getattr(p, n) for n in names]) if names else ca.SX(0, 1))
+        found = {v.name: start[i] for i, v in enumerate(model.states)}
+        u = SimpleNamespace(**{v.name: ca.SX(v.start) for v in model.inputs})
+        m = SimpleNamespace(**{v.name: ca.SX(v.start) for v in model.modes})
+        hidden = {_identifier(n): ca.SX(0) for n in self.e.state_names[len(model.states) :]}
+        rest = self.e.functions[2](*self._arguments(SimpleNamespace(**found, **hidden), u, m, p))
+        return found | {n: rest[i] for i, n in enumerate(hidden)}
+
+
+def _delayed(model: Model, attached: Sequence[Attached]) -> Model:
+    """Transport delays become the model's own, which the FMU carries out in whole steps."""
+    delays, sensors = dict(model.delays), dict(model.sensors)
+    for a in attached:
+        if not a.effect.delays:
+            continue
+        name = _identifier(a.name("delay"))
+        if a.effect.place == "input":
+            model = _added(model, delays.get(a.port), name)
+            delays.setdefault(a.port, name)
+            continue
+        for output in [v.name for v in model.outputs] if a.port == ALL_OUTPUTS else [a.port]:
+            known = sensors.get(output, Sensor())
+            model = _added(model, known.delay, name)
+            sensors[output] = replace(known, delay=known.delay or name)
+    return replace(model, delays=delays, sensors=sensors)
+
+
+def _added(model: Model, known: str | None, name: str) -> Model:
+    """Where the model has a delay already, the new one is added to it."""
+    if known is None or known == name:
+        return model
+    more = next(v.start for v in model.parameters if v.name == name)
+    parameters = tuple(replace(v, start=v.start + more) if v.name == known else v for v in model.parameters)
+    return replace(model, parameters=parameters)

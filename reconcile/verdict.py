@@ -1,0 +1,101 @@
+"""What an answer amounts to: named, ambiguous, agrees, reestimated, insufficient_excitation or unexplained."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reconcile import evidence
+from reconcile.fit.solve import Fitted, fit
+from reconcile.search import Answer
+from reconcile.study import Study
+
+AT_FLOOR = 1.25  # rms error of the answer, in units of the floor
+WHITE = 0.35  # share of samples that count as independent, below which what is left has a shape
+SEEN = 4.0  # noise levels that an output must move by
+KNOWN = 0.5  # of its prior spread: a parameter known less well was not excited
+MOVED = 3.0  # standard errors by which a re-estimated parameter must have moved
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict in the contract's word, one sentence, and whether something unexplained is left."""
+
+    name: str
+    sentence: str
+    residual: str
+
+
+def nominal(study: Study) -> Fitted | None:
+    """The model as it came: nothing fitted but the initial states."""
+    start = study.fit_problem.start(study.values)
+    return fit(study.fit_problem, start, [], iterations=0)
+
+
+def moved_parameters(study: Study, fitted: Fitted) -> dict[str, dict]:
+    """Base parameters that the fit moved by more than their errors and by more than 1 %."""
+    errors = evidence.standard_errors(fitted, evidence.sample(fitted))
+    units = {v.name: v.unit for v in study.model.parameters}
+    found = {}
+    for f, se in zip(fitted.free, errors, strict=True):
+        if f.prior is None:
+            continue
+        new, old = float(fitted.point.p[study.extended.index[f.name]]), f.prior[0]
+        if abs(new - old) > MOVED * se and abs(new - old) > 0.01 * max(abs(old), 1e-12):
+            interval = [new - 1.96 * float(se), new + 1.96 * float(se)]
+            found[f.name] = {"old": old, "new": new, "unit": units[f.name], "ci95": interval}
+    return found
+
+
+def unseen(study: Study, fitted: Fitted) -> list[str]:
+    """Base parameters that the recordings say nothing about, and outputs that do not move."""
+    found = []
+    for name, floor in study.floors.items():
+        values = [b.run.outputs[name].values for b in study.parts.fit]
+        if max(float(np.std(v)) for v in values) < SEEN * floor.level:
+            found.append(f"output {name} moves by less than {SEEN:g} times its noise")
+    for name in study.folder.ports.controls:
+        values = [b.run.inputs[name].values for b in study.parts.fit if name in b.run.inputs]
+        if values and max(float(np.ptp(v)) for v in values) == 0.0:
+            found.append(f"input {name} is constant")
+    errors = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
+    weak = [
+        f.name for f, se in zip(fitted.free, errors, strict=True) if f.prior and se > KNOWN * f.prior[1]
+    ]
+    if weak and len(weak) == sum(1 for f in fitted.free if f.prior):
+        found.append(f"nothing tells {', '.join(weak)}")
+    if not study.base_free and study.model.parameters:
+        found.append("no parameter of the model shows in the outputs")
+    return found
+
+
+def judge(study: Study, answer: Answer, before: Fitted | None, missing: list[str]) -> Verdict:
+    """The verdict on an answer; `before` is the model as it came, `missing` what `unseen` found."""
+    fitted = answer.fitted
+    s = evidence.sample(fitted)
+    rms = float(np.sqrt(fitted.linear.cost / s.count))
+    left = "unexplained" if rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
+    names = " and ".join(sorted(a.effect.name for a in answer.present))
+    if missing and not answer.present:
+        return Verdict("insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left)
+    if answer.present and answer.alternatives:
+        others = "; ".join(" and ".join(a.effect.name for a in k) for k in answer.alternatives)
+        return Verdict("ambiguous", f"{names}, or as well: {others}.", left)
+    if answer.present:
+        rest = "" if left == "at_floor" else "; something unexplained remains"
+        return Verdict("named", f"The model lacks {names}{rest}.", left)
+    if left == "unexplained":
+        return Verdict("unexplained", f"What is left is {rms:.3g} times the noise, and no effect explains it.", left)
+    return _without_effects(study, answer, before, s, left)
+
+
+def _without_effects(
+    study: Study, answer: Answer, before: Fitted | None, s: evidence.Sample, left: str
+) -> Verdict:
+    moved = moved_parameters(study, answer.fitted)
+    if before is None:
+        return Verdict("reestimated", "Only with new parameter values can the model be simulated.", left)
+    gained = s.effective * np.log(max(before.linear.cost, 1e-300) / max(answer.fitted.linear.cost, 1e-300))
+    price = len(answer.fitted.free) * np.log(s.effective)
+    if moved and gained - price > evidence.BIC_GAIN:
+        return Verdict("reestimated", f"The model fits with other values of {', '.join(moved)}.", left)
+    return Verdict("agrees", "Model and recordings agree within the noise.", left)
