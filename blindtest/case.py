@@ -17,7 +17,7 @@ from blindtest.systems.axis import absent
 from blindtest.systems.drives import Driven
 from blindtest.systems.kit import KITS, Kit
 from blindtest.systems.system import STEP, Drive, System, Trace
-from blindtest.whitening import LINES, whitening
+from blindtest.whitening import LINES, Whitening, whitening
 from specs.errors import InputError, RunError, nearest
 
 VISIBLE, INVISIBLE = 20.0, 3.0
@@ -161,8 +161,10 @@ class _Draft:
 
     def _size(self, rounds: int = 5) -> None:
         """Scale each effect towards its target: lambda grows about with the square of the magnitude."""
+        whitenings: list[Whitening] | None = None
         for k in range(rounds if self.placed else 0):
-            problem, _ = self._problem()
+            problem, _ = self._problem(whitenings)
+            whitenings = [run.whiten for run in problem.runs]  # good enough while sizes are sought
             ratios = [p.target / max(self._linear(problem, i), 1e-9) for i, p in enumerate(self.placed)]
             steps = np.clip(np.sqrt(ratios), 0.1, 6.0)
             self.placed = [self._grown(p, s) for p, s in zip(self.placed, steps, strict=True)]
@@ -189,21 +191,22 @@ class _Draft:
         disturbance = self.surroundings.disturb(samples, rng)
         return self.system.simulate(self._values(self.placed), drive, start, disturbance, noise), rng
 
-    def _problem(self) -> tuple[Problem, list[Recorded]]:
-        """Noise-free replays of the applied commands, and the recordings."""
+    def _problem(self, known: list[Whitening] | None = None) -> tuple[Problem, list[Recorded]]:
+        """Noise-free replays of the applied commands, and the recordings; with `known` whitenings."""
         values, runs, recorded = self._values(self.placed), [], []
         for number, (drive, start) in enumerate(self.drives):
             trace, rng = self._run(number)
             replay = Drive(trace.commands, kind=drive.kind)
             clean = self.system.simulate(values, replay, start).outputs
-            runs.append(self._whitened(values, replay, start, clean))
+            whiten = known[number] if known else self._whitening(values, replay, start, clean)
+            runs.append(Run(replay, start, clean, whiten, np.full(self.system.starts, 1e-2)))
             noisy = trace.commands + self.surroundings.inputs * rng.standard_normal(trace.commands.shape)
             measured = self.surroundings.measure(trace.outputs, rng)
             recorded.append(Recorded(drive.kind, noisy, measured, trace.commands))
         free = tuple(b.name for b in self.system.base if not b.known)
         return Problem(self.system, self.scale, runs, dict(self.base), free), recorded
 
-    def _whitened(self, values: Values, drive: Drive, start: np.ndarray, clean: np.ndarray) -> Run:
+    def _whitening(self, values: Values, drive: Drive, start: np.ndarray, clean: np.ndarray) -> Whitening:
         rates = np.sqrt(np.mean(np.gradient(clean, STEP, axis=0) ** 2, axis=0))
         deviation = self.surroundings.output_deviation(rates)
         samples, small = len(clean), 1e-3 * self.scale.force
@@ -212,8 +215,7 @@ class _Draft:
             return (self.system.simulate(values, drive, start, small * shape).outputs - clean) / small
 
         spectrum = self.surroundings.disturbance_spectrum(samples, LINES)
-        whiten = whitening(deviation, response, spectrum, self._shaken(values, drive, start, clean))
-        return Run(drive, start, clean, whiten, np.full(self.system.starts, 1e-2))
+        return whitening(deviation, response, spectrum, self._shaken(values, drive, start, clean))
 
     def _shaken(self, values: Values, drive: Drive, start: np.ndarray, clean: np.ndarray) -> list[np.ndarray]:
         """What the noise on recorded inputs does to a replay: some draws, each a share of the covariance."""

@@ -1,7 +1,7 @@
 """An effect: what it is called, its parameters, how it enters a machine, how large it is drawn."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ class Scale:
     speed: float  # rad/s, rms over the runs without effects
     travel: float  # rad, largest
     command: float  # largest
+    parts: Mapping[str, "Scale"] = field(default_factory=dict)  # of a machine's parts
 
 
 @dataclass(frozen=True)

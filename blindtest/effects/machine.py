@@ -30,6 +30,7 @@ _CROSSTALK = axis.one(
     axis.number(0.3),
     either_sign=True,
 )
+_CLOCK = axis.one("clock_drift", "output", "all", P("drift", "1", 0.0, 0.05), "out_clock", axis.number(0.01))
 _LINK = Effect(
     "gravity_load",
     "force",
@@ -42,7 +43,7 @@ _LINK = Effect(
 
 def arm(joint: str) -> tuple[Effect, ...]:
     """Effects of boom or stick."""
-    return (*_picked(_ARM, joint), on(_CROSSTALK, joint), on(_LINK, joint))
+    return (*_picked(_ARM, joint), *(on(e, joint) for e in (_CROSSTALK, _LINK, _CLOCK)))
 
 
 def arm_outside(joint: str) -> tuple[Effect, ...]:
@@ -128,7 +129,9 @@ _TOOL_OWN = (
 
 def tool() -> tuple[Effect, ...]:
     """Effects of the tool on roll and pitch, and what couples them."""
-    both = tuple(e for a in ("roll", "pitch") for e in (*_picked(_TOOL_AXIS, a), on(_TOOL_BIAS, a)))
+    both = tuple(
+        e for a in ("roll", "pitch") for e in (*_picked(_TOOL_AXIS, a), on(_TOOL_BIAS, a), on(_CLOCK, a))
+    )
     return (*both, *(replace(e, subsystem="tool") for e in _TOOL_OWN))
 
 
@@ -194,9 +197,40 @@ _HYDRAULIC = (
 
 def slew() -> tuple[Effect, ...]:
     """Effects of the slew drive."""
-    return (*(e for name in _SLEW for e in _BY_NAME[name]), *_HYDRAULIC)
+    return (*(e for name in _SLEW for e in _BY_NAME[name]), *_HYDRAULIC, _CLOCK)
 
 
 def slew_outside() -> tuple[Effect, ...]:
     """Effects that are not in the catalogue."""
     return axis.OUTSIDE
+
+
+def _in_part(effect: Effect, part: str) -> Effect:
+    """The effect in the whole machine: sizes are shares of what is usual in its part."""
+    return replace(
+        effect,
+        subsystem=effect.subsystem or part,
+        size=lambda m, shape, s: effect.size(m, shape, s.parts[part]),
+        enter=lambda v, s: effect.enter(v, s.parts[part]),
+    )
+
+
+def _within(effects: Iterable[Effect], part: str) -> tuple[Effect, ...]:
+    return tuple(_in_part(e, part) for e in effects)
+
+
+def whole() -> tuple[Effect, ...]:
+    """Effects of all parts; the tool's inputs are no recordings there."""
+    tools = [e for e in tool() if e.place != "input"]
+    joints = (*arm("boom"), *arm("stick"))
+    return (*_within(slew(), "slew"), *_within(joints, "arm"), *_within(tools, "tool"))
+
+
+def whole_outside() -> tuple[Effect, ...]:
+    """Effects that are not in the catalogue."""
+    joints = (*arm_outside("boom"), *arm_outside("stick"))
+    return (
+        *_within(slew_outside(), "slew"),
+        *_within(joints, "arm"),
+        *_within(tool_outside(), "tool"),
+    )

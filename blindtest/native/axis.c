@@ -51,17 +51,21 @@ int bt_has_dry(const Axis *a) {
 }
 
 double bt_dry(const Axis *a, double sign, double q, double v, double transmitted) {
-  const double ratio = v / a->stribeck_speed;
-  const double level = sign > 0.0 ? a->coulomb_plus : a->coulomb_minus;
-  return fmax(level + a->stribeck_excess * exp(-ratio * ratio) + a->load_friction * fabs(transmitted) +
-                  a->x_place_friction * (1.0 + sin(5.0 * q)),
-              0.0);
+  double level = sign > 0.0 ? a->coulomb_plus : a->coulomb_minus;
+  level += a->load_friction * fabs(transmitted);
+  if (a->stribeck_excess != 0.0) {
+    const double ratio = v / a->stribeck_speed;
+    level += a->stribeck_excess * exp(-ratio * ratio);
+  }
+  if (a->x_place_friction != 0.0) level += a->x_place_friction * (1.0 + sin(5.0 * q));
+  return fmax(level, 0.0);
 }
 
 double bt_forces(const Axis *a, double q, double v, double dahl) {
-  double f = a->load - a->gravity * sin(q) - a->stiffness * q - a->cubic * q * q * q;
-  f += a->slope_sin * sin(q) + a->slope_cos * cos(q);
-  f += a->ripple_sin * sin(a->ripple_order * q) + a->ripple_cos * cos(a->ripple_order * q);
+  double f = a->load - (a->gravity != 0.0 ? a->gravity * sin(q) : 0.0) - a->stiffness * q - a->cubic * q * q * q;
+  if (a->slope_sin != 0.0 || a->slope_cos != 0.0) f += a->slope_sin * sin(q) + a->slope_cos * cos(q);
+  if (a->ripple_sin != 0.0 || a->ripple_cos != 0.0)
+    f += a->ripple_sin * sin(a->ripple_order * q) + a->ripple_cos * cos(a->ripple_order * q);
   f -= (v > 0.0 ? a->viscous_plus : a->viscous_minus) * v + a->drag * v * fabs(v);
   f -= a->dahl_force * dahl;
   const double depth = fabs(q) - a->stop_position;

@@ -55,6 +55,7 @@
   X(out_delay_v, 0)                                                                                     \
   X(out_lag_q, 0)                                                                                       \
   X(out_lag_v, 0)                                                                                       \
+  X(out_clock, 0)         /* its logger falls behind, s a second (difference equations and slew) */       \
   X(out_backlash, 0)      /* of q, full gap */                                                          \
   X(x_shoulder, 0)        /* outside the catalogue: see README.md */                                    \
   X(x_place_friction, 0)                                                                                \

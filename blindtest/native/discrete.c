@@ -43,8 +43,9 @@ void bt_sensors(const Axis *a, AxisMemory *m, int k, double q, double v, double 
   if (a->out_backlash > 0.0) q = bt_play(&m->play, q, a->out_backlash);
   m->seen_q[k % BT_LINE] = q;
   m->seen_v[k % BT_LINE] = v;
+  const double behind = a->out_clock * k * dt;
   const double start_q = k < BT_LINE ? m->seen_q[0] : 0.0, start_v = k < BT_LINE ? m->seen_v[0] : 0.0;
-  *seen_q = bt_back(m->seen_q, k, a->out_delay_q, dt, start_q) * (1.0 + a->out_scale) + a->out_bias_q +
+  *seen_q = bt_back(m->seen_q, k, a->out_delay_q + behind, dt, start_q) * (1.0 + a->out_scale) + a->out_bias_q +
             a->out_drift * k * dt;
-  *seen_v = bt_back(m->seen_v, k, a->out_delay_v, dt, start_v) + a->out_bias_v;
+  *seen_v = bt_back(m->seen_v, k, a->out_delay_v + behind, dt, start_v) + a->out_bias_v;
 }

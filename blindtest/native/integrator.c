@@ -6,7 +6,7 @@
 #define EXPORT __attribute__((visibility("default")))
 
 static void step(const BtFlow *f, double t, double h, const double *x, double *next) {
-  double k[4][BT_STATES] = {{0.0}}, at[BT_STATES] = {0.0};
+  double k[4][BT_STATES], at[BT_STATES];
   static const double share[4] = {0.0, 0.5, 0.5, 1.0};
   for (int s = 0; s < 4; s++) {
     for (int i = 0; i < f->states; i++) at[i] = x[i] + (s ? share[s] * h * k[s - 1][i] : 0.0);

@@ -47,6 +47,7 @@ typedef struct {
   double u, inertia, inertia_rate, disturbance, drift;
   int released, dry, slide;
   double released_at;
+  double cut_off_whole; /* what the exponential of the cut-off comes to at full opening */
 } Slew;
 
 static double ramp(double x, double width) { /* 0, a parabola, x - width / 2 */
@@ -55,7 +56,8 @@ static double ramp(double x, double width) { /* 0, a parabola, x - width / 2 */
 }
 
 static double turbulent(double size, double drop) {
-  return size * drop / sqrt(hypot(drop, LAMINAR)) / sqrt(REFERENCE);
+  if (size == 0.0) return 0.0;
+  return size * drop / sqrt(sqrt(drop * drop + LAMINAR * LAMINAR) * REFERENCE);
 }
 
 static double quadratic(double size, double over) {
@@ -66,7 +68,7 @@ static double quadratic(double size, double over) {
 static double inlet(const Slew *s, double o, double p) {
   const Base *b = &s->b;
   double limit = b->cut_off_low + (b->cut_off_high - b->cut_off_low) * (1.0 - exp(-o / b->cut_off_scale)) /
-                                      (1.0 - exp(-1.0 / b->cut_off_scale));
+                                      s->cut_off_whole;
   limit *= 1.0 - s->e.sag * o;
   const double left = 1.0 - s->e.shared * fmin(fabs(s->inertia_rate) / 30e3, 1.0);
   const double size = b->inlet_flow * o * (1.0 + b->inlet_curve * (1.0 - o)) * left * s->drift;
@@ -102,17 +104,18 @@ static double inertia(const Slew *s) {
 static double brake(const Slew *s, double t, double w) {
   double on = s->released ? 0.0 : 1.0;
   if (s->released && s->e.brake_lag > 0.0) on = exp(-(t - s->released_at) / s->e.brake_lag);
+  if (on < 1e-9) return 0.0;
   const Base *b = &s->b;
   const double ratio = w / b->brake_decay;
   const double level = b->brake_kinetic + (b->brake_static - b->brake_kinetic) * exp(-ratio * ratio);
-  return on > 1e-9 ? on * level * tanh(w / b->brake_knee) : 0.0;
+  return on * level * tanh(w / b->brake_knee);
 }
 
 /* Torque without the hidden dry friction. */
 static double torque(const Slew *s, double t, const double *x) {
   const Base *b = &s->b;
   const double load = 1.0 + b->friction_load * (1.0 - b->inertia_reference / s->inertia);
-  const double warm = 1.0 - s->e.warming * (1.0 - exp(-t / 15.0));
+  const double warm = s->e.warming == 0.0 ? 1.0 : 1.0 - s->e.warming * (1.0 - exp(-t / 15.0));
   const double base = load * (b->viscous * warm * x[W] + b->dry * tanh(x[W] / b->dry_knee));
   const double rate = s->inertia_rate * (1.0 + s->e.payload / 3.2e3);
   return b->displacement * (x[P_A] - x[P_B]) - base - brake(s, t, x[W]) - rate * x[W] + s->disturbance +
@@ -202,13 +205,14 @@ EXPORT int bt_slew(const double *base, const double *extra, const double *effect
   memcpy(&s.e, extra, sizeof s.e);
   memcpy(&s.a, effects, sizeof s.a);
   s.dry = bt_has_dry(&s.a);
+  s.cut_off_whole = 1.0 - exp(-1.0 / s.b.cut_off_scale);
   double x[STATES] = {start[0], start[1], s.b.boost, s.b.boost};
   s.slide = x[W] > 0.0 ? 1 : x[W] < 0.0 ? -1 : 0;
   double off_since = -1.0, on_since = -1.0;
   const int late = (int)floor(s.b.delay / dt + 1e-9);
   const double rest = s.b.delay - late * dt, first = rest > 1e-9 && rest < dt - 1e-9 ? rest : 0.0;
   double line[BT_LINE] = {0.0};
-  const BtFlow flow = {STATES, 2, longest, rhs, guard, jump, 0, &s};
+  const BtFlow flow = {STATES, s.dry ? 2 : 0, longest, rhs, guard, jump, 0, &s};
   int events = 0;
   for (int k = 0; k < n; k++) {
     double *row = y + 4 * k;

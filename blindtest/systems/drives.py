@@ -1,10 +1,13 @@
 """How each kind of machine is driven in its runs, and what is usual in them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from blindtest.effects.effect import Scale
 from blindtest.excitation import KINDS, signal
 from blindtest.systems.arm import LIMIT, Arm
+from blindtest.systems.machine import Machine
 from blindtest.systems.system import STEP, Drive, System
 from specs.errors import RunError
 
@@ -213,3 +216,43 @@ def slew_scale(system: System, drives: list[Driven]) -> Scale:
         travel=float(np.ptp(outputs[:, 0])),
         command=float(max(np.abs(t.commands[:, 0]).max() for t in traces)),
     )
+
+
+def machine(system: System, rng: np.random.Generator) -> list[Driven]:
+    """Three or four runs of 14-18 s with all three commands at once, open loop; swing below MOST_SWING."""
+    samples, count = int(rng.integers(14, 19) / STEP), int(rng.integers(3, 5))
+    values = {b.name: b.value for b in system.base}
+    found: list[Driven] = []
+    for kind in [str(k) for k in rng.permutation(KINDS)[:count]]:
+        joints = np.column_stack([signal(str(rng.choice(KINDS)), samples, rng) for _ in range(2)])
+        joints = _kept(0.15 * joints, most=0.2)
+        stick = signal(kind, samples, rng)
+        start = np.array([rng.uniform(1.0, 1.15), rng.uniform(-1.5, -1.2), *rng.uniform(-0.05, 0.05, size=2)])
+        for gentler in 0.8 ** np.arange(12):
+            drive = Drive(np.column_stack([stick, gentler * joints]), kind=f"open loop, {kind}")
+            try:
+                outputs = system.simulate(values, drive, start).outputs
+            except RunError:
+                continue
+            if np.abs(outputs[:, 8:10]).max() < MOST_SWING:
+                break
+        found.append((drive, start))
+    return found
+
+
+def machine_scale(system: Machine, drives: list[Driven]) -> Scale:
+    """From runs without effects; each part has its own."""
+    outputs = np.concatenate([t.outputs for t in _traces(system, drives)])
+    speeds = np.sqrt(np.mean(outputs**2, axis=0))
+    travel = np.ptp(outputs, axis=0)
+    most = np.abs(np.concatenate([d.commands for d, _ in drives])).max(axis=0)
+    inertia, response = value(system, "boom_joint_inertia"), value(system, "boom_response")
+    swing = float(np.abs(outputs[:, 8:10]).max())
+    weight = value(system, "gravity") / value(system, "tool_length_y")
+    slew_force = 2e7 * value(system, "slew_displacement")
+    parts = {
+        "slew": Scale(slew_force, 4e5, float(speeds[1]), float(travel[0]), float(most[0])),
+        "arm": Scale(inertia * response * LIMIT / STEP, inertia, float(speeds[6]), float(travel[4]), LIMIT),
+        "tool": Scale(weight * swing, 1.0, float(speeds[10:].mean()), swing, 1.0),
+    }
+    return replace(parts["slew"], parts=parts)

@@ -8,7 +8,7 @@ import numpy as np
 
 from blindtest.effects import axis as axis_effects, machine
 from blindtest.effects.effect import Effect, Scale
-from blindtest.systems import arm, drives, servo, slew, tool
+from blindtest.systems import arm, drives, machine as whole, servo, slew, tool
 from blindtest.systems.drives import Driven
 
 JOINTS = ("boom", "stick")
@@ -60,6 +60,14 @@ KITS = {
             drives.slew_scale,
             lambda _: machine.slew(),
             lambda _: machine.slew_outside(),
+        ),
+        Kit(
+            "machine",
+            whole.draw,
+            drives.machine,
+            drives.machine_scale,
+            lambda _: machine.whole(),
+            lambda _: machine.whole_outside(),
         ),
     )
 }
