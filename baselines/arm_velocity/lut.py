@@ -84,6 +84,7 @@ def make_table(
 ) -> Table:
     """The table of one joint; `seed` is of the bootstrap."""
     found = find(recordings, joint)
+    _check_sign(recordings, joint, found.segments)
     moving = np.abs(found.segments.speed) > STILL
     angle = float(np.median(found.segments.angle[moving]))
     sides = {}
@@ -93,11 +94,13 @@ def make_table(
             curve = fit(data)
             _check_monotone(recordings, found.segments, joint, direction, data, curve)
             sides[direction] = (data, curve, _bootstrap(data, curve, seed, bootstraps))
-    _check_sign(recordings, joint, found.segments, sides)
     return _assemble(joint, found.segments, sides, found.unsteady, found.notes)
 
 
 Side = tuple[Samples, Curve, np.ndarray]  # bootstrap: [bootstraps, 1 + points], dead band first
+
+
+DRAWS = 5  # tries for each bootstrap draw: one without motion says nothing
 
 
 def _speeds() -> np.ndarray:
@@ -110,13 +113,19 @@ def _bootstrap(data: Samples, curve: Curve, seed: int, count: int) -> np.ndarray
     random = np.random.default_rng(seed)
     holds = int(data.hold.max()) + 1
     found = []
-    while len(found) < count:
+    for _ in range(DRAWS * count):
+        if len(found) == count:
+            break
         counts = np.bincount(random.integers(holds, size=holds), minlength=holds)[data.hold].astype(float)
         if np.count_nonzero((data.speed > STILL) & (counts > 0)) < 2:
             continue
         again = fit(data, counts, curve)
         if len(again.speed) >= 2:
             found.append(np.concatenate([[again.dead_band], again.at(_speeds())]))
+    if len(found) < count:
+        raise InputError(
+            f"{holds} holds move the joint too seldom for an interval: hold more joystick values, each way"
+        )
     return np.array(found)
 
 
@@ -226,13 +235,11 @@ def _check_monotone(
     )
 
 
-def _check_sign(
-    recordings: Sequence[Measurement], joint: str, segments: Segments, sides: dict[int, Side]
-) -> None:
+def _check_sign(recordings: Sequence[Measurement], joint: str, segments: Segments) -> None:
     """InputError when the joint goes against its joystick."""
     moving = np.abs(segments.speed) > STILL
     with_it = float(np.mean(np.sign(segments.command) == np.sign(segments.speed), where=moving))
-    if not sides or with_it < 0.5:
+    if with_it < 0.5:
         raise InputError(
             f"{recordings[0].source}: q_{joint} goes against u_{joint} in {1 - with_it:.0%} of its motion; "
             "turn the sign of one of them"
