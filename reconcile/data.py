@@ -97,7 +97,9 @@ def runs_of(measured: Measurement, folder: Folder, name: str) -> list[Run]:
             signals = [_cut(measured, names, start, end) for names in (inputs, outputs)]
             runs.append(Run(name if i == 0 else f"{name}.{i}", start, end, *signals))
     if not runs:
-        raise InputError(f"{where}: no stretch without gaps in which all of {', '.join(outputs)} are recorded")
+        raise InputError(
+            f"{where}: no stretch without gaps in which all of {', '.join(outputs)} are recorded"
+        )
     return runs
 
 

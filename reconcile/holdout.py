@@ -29,9 +29,7 @@ def errors(study: Study, fitted: Fitted | None, which: str = "holdout") -> dict[
         return None
     result = {}
     for name in problem.outputs:
-        parts = [
-            e[name][len(p.times[name]) :] for e, p in zip(raw, prefixes, strict=True)
-        ]
+        parts = [e[name][len(p.times[name]) :] for e, p in zip(raw, prefixes, strict=True)]
         result[name] = problem.sigma[name] * float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
     return result
 

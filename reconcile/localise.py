@@ -79,6 +79,12 @@ def _shares(name: str, squares: np.ndarray, regimes: Sequence[dict[str, np.ndarr
         time, share = float(np.mean(inside)), float(np.sum(squares[inside])) / total
         if time > 0.005 and share > LIFT * time:
             rows.append(
-                {"signal": name, "subsystem": "", "regime": label, "share": round(share, 3), "lift": share / time}
+                {
+                    "signal": name,
+                    "subsystem": "",
+                    "regime": label,
+                    "share": round(share, 3),
+                    "lift": share / time,
+                }
             )
     return rows

@@ -319,4 +319,3 @@ class _Assembly:
 def _rank(a: Attached) -> int:
     names = (*ORDER, *LAST)
     return names.index(a.effect.name) if a.effect.name in names else len(ORDER)
-

@@ -105,7 +105,15 @@ def _found(model: Model) -> tuple[Axis, ...]:
             moved = (row, column) in pairs and state.unit == MOVES[entry.unit]
             if moved and state.name not in known and _is_rate(model, state.name):
                 axes.append(
-                    Axis(state.name, state.name, position, entry.unit, entry.name, None, _drive(model, row, pairs))
+                    Axis(
+                        state.name,
+                        state.name,
+                        position,
+                        entry.unit,
+                        entry.name,
+                        None,
+                        _drive(model, row, pairs),
+                    )
                 )
     if axes:
         return tuple(axes)
@@ -119,7 +127,9 @@ def _found(model: Model) -> tuple[Axis, ...]:
 
 def _is_rate(model: Model, name: str) -> bool:
     unit = next(v.unit for v in model.states if v.name == name)
-    return unit in ("m/s", "rad/s", "deg/s") and (_position(model, name) is not None or len(model.states) == 1)
+    return unit in ("m/s", "rad/s", "deg/s") and (
+        _position(model, name) is not None or len(model.states) == 1
+    )
 
 
 def _position(model: Model, velocity: str) -> str | None:

@@ -150,5 +150,7 @@ def _readme(study: Study, answer: Answer) -> str:
     lines = [f"# {study.model.name}, extended", "", "The base model is in `base/`. Added to it:", ""]
     for a, (_, _, _, values) in zip(answer.present, _entries(study, answer), strict=True):
         numbers = ", ".join(f"{n} = {v:.5g}" for n, v in values.items())
-        lines.append(f"- **{a.effect.name}** at `{a.port}`: {a.effect.equation}; {numbers}. {a.effect.source}")
+        lines.append(
+            f"- **{a.effect.name}** at `{a.port}`: {a.effect.equation}; {numbers}. {a.effect.source}"
+        )
     return "\n".join(lines) + "\n"

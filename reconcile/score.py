@@ -88,9 +88,7 @@ class Score:
             return _distinct(singles, count)
         pool = [s.variants[0] for s in _distinct(singles, 45, by_shape=2)]
         sets = [
-            self.scored(pair)
-            for pair in combinations(pool, size)
-            if len({v.attached for v in pair}) == size
+            self.scored(pair) for pair in combinations(pool, size) if len({v.attached for v in pair}) == size
         ]
         return _distinct(sorted(sets, key=lambda s: -s.gain), count)
 

@@ -104,9 +104,7 @@ class Search:
         gain = evidence.likelihood_gain(score.cost, max(score.cost - scored.gain, 1e-9 * score.cost), s)
         return gain > 0.5 * (evidence.BIC_GAIN + count * np.log(s.effective))
 
-    def _try(
-        self, fitted: Fitted, scored: Scored, coarse: bool = False, again: float = np.inf
-    ) -> Key | None:
+    def _try(self, fitted: Fitted, scored: Scored, coarse: bool = False, again: float = np.inf) -> Key | None:
         """Fit a scored set from a fit of less; one that was fitted already only if it left more than `again`."""
         added = tuple(v.attached for v in scored.variants)
         kept = tuple(a for a in fitted.point.present if not any(_includes(n, a) for n in added))
@@ -222,7 +220,9 @@ class Search:
         without = self._sharp(tuple(x for x in present if x != a), fitted)
         s = evidence.sample(fitted)
         outside = self._on_confirm(without, fitted)
-        return evidence.likelihood_gain(without.cost, fitted.cost, s), 0.0 if outside is None else outside.closed
+        return evidence.likelihood_gain(
+            without.cost, fitted.cost, s
+        ), 0.0 if outside is None else outside.closed
 
     # ---------------------------------------------------------------- rivals
 
@@ -275,7 +275,10 @@ class Search:
         if criterion[pool[0]] - criterion[best] < 1.0:
             best = pool[0]
         for k in sorted(pool, key=lambda k: (len(fits[k].free), criterion[k])):
-            if len(fits[k].free) < len(fits[best].free) and criterion[k] - criterion[best] < evidence.BIC_GAIN:
+            if (
+                len(fits[k].free) < len(fits[best].free)
+                and criterion[k] - criterion[best] < evidence.BIC_GAIN
+            ):
                 return k
         return best
 

@@ -156,7 +156,11 @@ class Study:
         self._set_state_scales(states)
         for axis in self.folder.ports.axes:
             v = states[:, self.model.index("states", axis.velocity)]
-            q = states[:, self.model.index("states", axis.position)] if axis.position else np.array([-1.0, 1.0])
+            q = (
+                states[:, self.model.index("states", axis.position)]
+                if axis.position
+                else np.array([-1.0, 1.0])
+            )
             unit = next((x.unit for x in self.model.states if x.name == axis.position), "")
             found[axis.name] = Scales(
                 v=float(np.quantile(np.abs(v), 0.98)) or 1.0,
@@ -209,9 +213,7 @@ class Study:
         linear = self.fit_problem.linear(point, columns)
         if linear is None:
             raise InputError(f"model {model.name} runs away on the recordings from its start parameters")
-        felt = [
-            np.linalg.norm(linear.slopes[:, i]) * _spread(v) > 0.3 for i, v in enumerate(names)
-        ]
+        felt = [np.linalg.norm(linear.slopes[:, i]) * _spread(v) > 0.3 for i, v in enumerate(names)]
         return [_free(v) for v, f in zip(names, felt, strict=True) if f]
 
 

@@ -58,9 +58,7 @@ def unseen(study: Study, fitted: Fitted) -> list[str]:
         if values and max(float(np.ptp(v)) for v in values) == 0.0:
             found.append(f"input {name} is constant")
     errors = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
-    weak = [
-        f.name for f, se in zip(fitted.free, errors, strict=True) if f.prior and se > KNOWN * f.prior[1]
-    ]
+    weak = [f.name for f, se in zip(fitted.free, errors, strict=True) if f.prior and se > KNOWN * f.prior[1]]
     if weak and len(weak) == sum(1 for f in fitted.free if f.prior):
         found.append(f"nothing tells {', '.join(weak)}")
     if not study.base_free and study.model.parameters:
@@ -84,7 +82,9 @@ def judge(study: Study, answer: Answer, before: Fitted | None, missing: list[str
         rest = "" if left == "at_floor" else "; something unexplained remains"
         return Verdict("named", f"The model lacks {names}{rest}.", left)
     if left == "unexplained":
-        return Verdict("unexplained", f"What is left is {rms:.3g} times the noise, and no effect explains it.", left)
+        return Verdict(
+            "unexplained", f"What is left is {rms:.3g} times the noise, and no effect explains it.", left
+        )
     return _without_effects(study, answer, before, s, left)
 
 

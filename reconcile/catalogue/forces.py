@@ -156,9 +156,7 @@ EFFECTS = (
         width="v",
         becomes={"coulomb_friction": "Fs = Fc or vs → 0"},
     ),
-    _entry(
-        "viscous_friction", "F = −b v", (_amplitude("b", "{f}/({v})"),), _viscous, source=FRICTION
-    ),
+    _entry("viscous_friction", "F = −b v", (_amplitude("b", "{f}/({v})"),), _viscous, source=FRICTION),
     _entry(
         "asymmetric_viscous_friction",
         "F = −b_positive v for v > 0, −b_negative v for v < 0",

@@ -11,14 +11,14 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import qr, solve_triangular
+from scipy.linalg import solve_triangular
 
 from reconcile.fit.compiled import Compiled
 from reconcile.fit.windows import InputTable, Window, interpolation
 from reconcile.model import ALL_OUTPUTS, Attached
 
-ACCURACY = 2e-4  # of a state's size, of one step
-SHARE_OF_NOISE = 0.05
+ACCURACY = 2e-5  # of a state's size, of one step
+SHARE_OF_NOISE = 0.02
 LOOSE = 30.0  # sizes of a state by which an initial state is free
 
 
@@ -173,7 +173,9 @@ class Problem:
             late = float(sum(point.p[q] for q in self.output_delays[name]))
             index, weights, rates = interpolation((times - late - window.start_s) / window.step_s, len(y))
             column = self.model.index("outputs", name)
-            errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / self.sigma[name]
+            errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / self.sigma[
+                name
+            ]
             if ys is None:
                 continue
             part = np.einsum("nk,nkc->nc", weights, ys[index, :, column])
@@ -198,7 +200,7 @@ class Problem:
             found, slope = self._compare(point, k, y, ys, columns)
             e = np.concatenate(list(found.values()))
             free = np.vstack([slope[:, :n], np.diag(loose)])
-            q, r = qr(free, mode="economic")
+            q, r = np.linalg.qr(free)
             q = q[: len(e)]
             e_in, p_in = q.T @ e, q.T @ slope[:, n:]
             errors.append(e - q @ e_in)
@@ -208,12 +210,17 @@ class Problem:
             states.append(x)
         return Linear(np.concatenate(errors), np.vstack(slopes), raw, steps, states)
 
-    def moved(self, point: Point, linear: Linear, p: np.ndarray, change: np.ndarray) -> Point:
-        """The point after a step: new parameters, initial states where they fit best to first order."""
+    def moved(
+        self, point: Point, linear: Linear, p: np.ndarray, change: np.ndarray, share: float = 1.0
+    ) -> Point:
+        """The point after a step: new parameters, initial states where they fit best to first order.
+
+        `share`: of the way that the initial states would go by themselves.
+        """
         active = self.active_states(point.present)
         x0 = point.x0.copy()
         for k, (own, by) in enumerate(linear.steps):
-            x0[k, active] += own - by @ change
+            x0[k, active] += share * own - by @ change
         return replace(point, p=p, x0=x0)
 
     def errors(self, point: Point) -> list[dict[str, np.ndarray]] | None:
@@ -321,4 +328,4 @@ def _timed(problem: Problem, window: Window, table: InputTable, result: np.ndarr
 
 
 def _ticks(model, p: np.ndarray, delay: str | None, h: float) -> float:
-    return 0.0 if delay is None else p[model.index("parameters", delay)] / h
+    return 0.0 if delay is None else float(p[model.index("parameters", delay)]) / h

@@ -63,7 +63,7 @@ def fit(
         change, moving = _step(point, linear, columns, free, size, damping)
         p = point.p.copy()
         p[columns] = np.clip(p[columns] + change, [f.low for f in free], [f.high for f in free])
-        trial = problem.moved(point, linear, p, p[columns] - point.p[columns])
+        trial = problem.moved(point, linear, p, p[columns] - point.p[columns], 1.0 / (1.0 + damping))
         found = problem.linear(trial, columns)
         new = np.inf if found is None else found.cost + _prior_cost(trial, columns, free)
         if found is None or not new < cost:
@@ -81,14 +81,16 @@ def fit(
 def _settled(problem: Problem, start: Point, columns: Sequence[int]):
     """Let the initial states find their place first, as far as that lowers the raw errors."""
     point, linear = start, problem.linear(start, columns)
-    for _ in range(3):
+    share = 1.0
+    for _ in range(5):
         if linear is None:
             break
         raw = _raw_cost(linear)
-        trial = problem.moved(point, linear, point.p, np.zeros(len(columns)))
+        trial = problem.moved(point, linear, point.p, np.zeros(len(columns)), share)
         found = problem.linear(trial, columns)
         if found is None or not _raw_cost(found) < raw:
-            break
+            share *= 0.3
+            continue
         settled = raw - _raw_cost(found) < 1e-2 * raw
         point, linear = trial, found
         if settled:
@@ -107,7 +109,12 @@ def _prior_cost(point: Point, columns: Sequence[int], free: Sequence[Free]) -> f
 
 
 def _step(
-    point: Point, linear: Linear, columns: Sequence[int], free: Sequence[Free], size: np.ndarray, damping: float
+    point: Point,
+    linear: Linear,
+    columns: Sequence[int],
+    free: Sequence[Free],
+    size: np.ndarray,
+    damping: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """One damped step; parameters at a bound that would leave it stay."""
     slopes = linear.slopes * size
@@ -142,4 +149,3 @@ def _covariance(linear: Linear, free: Sequence[Free]) -> np.ndarray:
             information[i, i] += 1.0 / f.prior[1] ** 2
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     return np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
-

@@ -65,7 +65,9 @@ def delayed(signal: Signal, start: float, h: float, n: int, delay: float) -> tup
     edges = start + h * np.arange(n + 1) - delay
     steps = np.diff(signal.time, append=signal.time[-1] + 1e6)
     knots = np.concatenate([[signal.time[0] - 1e6], signal.time, [signal.time[-1] + 1e6]])
-    area = np.concatenate([[0.0, signal.values[0] * 1e6], signal.values[0] * 1e6 + np.cumsum(signal.values * steps)])
+    area = np.concatenate(
+        [[0.0, signal.values[0] * 1e6], signal.values[0] * 1e6 + np.cumsum(signal.values * steps)]
+    )
     mean = np.diff(np.interp(edges, knots, area - area[1])) / h
     at = np.clip(np.searchsorted(signal.time, edges + 1e-9, side="right") - 1, 0, None)
     return mean, -np.diff(signal.values[at]) / h

@@ -62,7 +62,11 @@ def simulate(truth: Truth, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def record(
-    truth: Truth, seconds: float = 40.0, seed: int = 0, noise: tuple[float, float] = (2e-4, 2e-3), size: float = 8.0
+    truth: Truth,
+    seconds: float = 40.0,
+    seed: int = 0,
+    noise: tuple[float, float] = (2e-4, 2e-3),
+    size: float = 8.0,
 ) -> Measurement:
     """A recording at PERIOD with white noise on position (m) and velocity (m/s)."""
     rng = np.random.default_rng(seed + 1000)

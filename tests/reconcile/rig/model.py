@@ -1,6 +1,6 @@
 """A carriage on a straight axis, driven by a force, with viscous friction: a rig of two states.
 
-    mass v' = force − drag v,   x' = v
+mass v' = force − drag v,   x' = v
 """
 
 from fmus.definition import Model, Variable

@@ -1,0 +1,77 @@
+"""What is put into the rig is named with its parameters; nothing is named where nothing is missing."""
+
+import pytest
+
+from tests.reconcile.effects import SINGLE, dead_zone, delay
+from tests.reconcile.truth import Truth, coulomb
+
+QUICK = ("coulomb_friction", "stiffness", "input_dead_zone", "sensor_scale")
+
+
+def named(figures: dict) -> list[str]:
+    return sorted(e["name"] for e in figures["effects"])
+
+
+def check_parameters(figures: dict, name: str, wanted: dict[str, float]) -> None:
+    found = next(e["parameters"] for e in figures["effects"] if e["name"] == name)
+    for parameter, value in wanted.items():
+        assert found[parameter]["value"] == pytest.approx(value, rel=0.1)
+
+
+def check_single(examined, name: str) -> None:
+    truth, wanted = SINGLE[name]
+    figures = examined(truth, seconds=25.0, seed=4)
+    assert figures["verdict"] == "named"
+    assert named(figures) == [name]
+    check_parameters(figures, name, wanted)
+    assert figures["residual_status"] == "at_floor"
+    for gap in figures["gap"].values():
+        assert gap["after"] < 0.1 * gap["nominal"] + gap["floor"]
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_an_effect_alone_is_named_with_its_parameters(examined, name):
+    check_single(examined, name)
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+@pytest.mark.parametrize("name", sorted(set(SINGLE) - set(QUICK)))
+def test_every_other_effect_alone_is_named_with_its_parameters(examined, name):
+    check_single(examined, name)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_nothing_is_named_when_nothing_is_missing(examined, seed):
+    figures = examined(Truth(), seconds=20.0, seed=seed)
+    assert figures["verdict"] == "agrees"
+    assert figures["effects"] == []
+    assert figures["reestimated"] == {}
+
+
+def test_a_wrong_parameter_is_reestimated_and_no_effect(examined):
+    figures = examined(Truth(mass=2.4, drag=1.1), seconds=20.0, seed=5)
+    assert figures["verdict"] == "reestimated"
+    assert figures["effects"] == []
+    moved = figures["reestimated"]
+    assert moved["mass"]["new"] == pytest.approx(2.4, rel=0.01)
+    assert moved["drag"]["new"] == pytest.approx(1.1, rel=0.01)
+    assert moved["mass"]["ci95"][0] < 2.4 < moved["mass"]["ci95"][1]
+
+
+def test_friction_and_dead_zone_are_told_apart(examined):
+    figures = examined(Truth(inputs=dead_zone(1.0), **coulomb(0.8)), seconds=40.0, seed=3)
+    assert named(figures) == ["coulomb_friction", "input_dead_zone"]
+
+
+def test_a_late_input_and_late_sensors_cannot_be_told_apart_and_that_is_said(examined):
+    figures = examined(Truth(inputs=delay(0.06)), seconds=20.0, seed=2)
+    assert figures["verdict"] == "ambiguous"
+    assert sorted(map(tuple, figures["alternatives"])) == [("input_delay",), ("sensor_delay",)]
+
+
+def test_too_little_excitation_is_said(examined):
+    figures = examined(Truth(), seconds=20.0, seed=1, size=0.0)
+    assert figures["verdict"] == "insufficient_excitation"
+    assert "force is constant" in figures["sentence"]
+    assert figures["effects"] == []
