@@ -10,6 +10,8 @@ import pytest
 from blindtest import case, folder
 from blindtest.case import INVISIBLE, VISIBLE
 from blindtest.score import read_truth, score
+from blindtest.systems.servo import Servo
+from blindtest.systems.system import STEP, Drive
 from records.record import read
 from specs.errors import InputError
 
@@ -60,6 +62,46 @@ def test_the_plain_model_loads_and_is_wrong_by_10_to_30_percent(drawn, written):
     for base in drawn.system.base:
         off = abs(told[base.name] / base.value - 1.0)
         assert off < 1e-5 if base.known else 0.0999 < off < 0.3001
+
+
+@pytest.mark.parametrize("name", ["servo", "servo_spring", "servo_actuator"])
+def test_the_servo_without_effects_is_the_plain_servo(name):
+    names: dict = {}
+    exec(compile((folder.MODELS / name / "model.py").read_text(), "model.py", "exec"), names)
+    model, values = names["MODEL"], names["VALUES"]
+    x, step, n = np.array([0.2, *[0.0] * (len(model.states) - 1)]), 0.002, 60
+    command = np.sign(np.sin(np.arange(n) * 0.2)) * 0.5
+    plain, p = [], model.start_parameters()
+    for u in command:
+        plain.append(x[:2])
+        for _ in range(round(STEP / step)):
+            k1 = np.asarray(model.f(x, u, [], p)).ravel()
+            k2 = np.asarray(model.f(x + 0.5 * step * k1, u, [], p)).ravel()
+            k3 = np.asarray(model.f(x + 0.5 * step * k2, u, [], p)).ravel()
+            k4 = np.asarray(model.f(x + step * k3, u, [], p)).ravel()
+            x = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    found = Servo(name, ()).simulate(values, Drive(command[:, None]), np.array([0.2, 0.0])).outputs
+    assert found == pytest.approx(np.array(plain), abs=1e-6)
+
+
+@pytest.mark.parametrize("system", ["arm", "tool"])
+def test_a_case_of_a_project_model_names_it_and_is_wrong_by_10_to_30_percent(system, tmp_path):
+    found = case.draw(1, "low", system, visible=0)
+    assert folder.truth(found)["equivalents"] == [[]]
+    folder.write(found, tmp_path / "given", tmp_path / "sealed")
+    told = json.loads((tmp_path / "given" / "case.json").read_text())
+    assert told["model"] == f"fmus/{system}"
+    columns = read(tmp_path / "given" / told["runs"][0]).names
+    assert columns == ["time", *(s.name for s in (*found.system.inputs, *found.system.outputs))]
+    for base in found.system.base:
+        off = abs(base.value / (base.told or np.nan) - 1.0)
+        assert off < 1e-9 if base.known else 0.05 < off < 0.35  # a delay is a whole number of steps
+
+
+def test_an_effect_outside_the_catalogue_is_sealed_as_such():
+    found = case.draw(2, "low", visible=1, outside=True)
+    assert [e.catalogue for e in found.visible] == [False]
+    assert folder.truth(found)["outside"]
 
 
 def test_a_truth_may_not_lie_where_the_workflow_looks(drawn, tmp_path):

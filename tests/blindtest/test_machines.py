@@ -11,8 +11,11 @@ from fmus.equations import kinematics
 from fmus.slew.model import MODEL as SLEW
 from fmus.tool.model import MODEL as TOOL
 
-
-LIMITS = {"input_saturation": 0.8, "relief_limit": 1.0}  # magnitudes: a gentle run does not reach a limit
+LIMITS = {
+    "input_saturation": 0.8,
+    "input_rate_limit": 0.8,
+    "relief_limit": 1.0,
+}  # magnitudes: a gentle run does not reach a limit
 
 
 def open_loop(name, seed=3):
