@@ -56,6 +56,15 @@ def _parsed(data: dict[str, Any]) -> Calibration:
         raise ValueError(f"covariance is not {len(names)} by {len(names)}")
     if not all(np.all(np.isfinite(a)) for a in (values, covariance, residual, freedom)):
         raise ValueError("a number is not finite")
-    if np.any(residual <= 0.0) or np.any(freedom < 1.0) or np.linalg.eigvalsh(covariance)[0] <= 0.0:
+    if np.any(residual <= 0.0) or np.any(freedom < 1.0) or not _positive(covariance):
         raise ValueError("variances must be positive")
     return Calibration(values, covariance, residual, freedom, tuple(data.get("recordings", ())))
+
+
+def _positive(covariance: np.ndarray) -> bool:
+    """Whether a covariance is positive definite; asked of its correlations, as Pa² would drown rad²."""
+    variances = np.diag(covariance)
+    if np.any(variances <= 0.0):
+        return False
+    sd = np.sqrt(variances)
+    return bool(np.linalg.eigvalsh(covariance / np.outer(sd, sd))[0] > 0.0)

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -56,6 +57,16 @@ def test_calibration_file_keeps_everything(tmp_path: Path) -> None:
     after = read(path)
     for name in ("values", "covariance", "residual", "freedom"):
         assert (getattr(after, name) == getattr(before, name)).all()
+
+
+def test_a_covariance_of_very_different_units_is_read(tmp_path: Path) -> None:
+    """Correlated variances of rad² beside Pa²: positive, whatever rounding makes of the eigenvalues."""
+    n = len(unknowns())
+    sd = np.logspace(-6, 6, n)
+    covariance = np.outer(sd, sd) * (np.eye(n) + 0.9 * (1 - np.eye(n)))
+    path = tmp_path / "c.json"
+    path.write_text(json.dumps(as_dict(uncalibrated()) | {"covariance": covariance.tolist()}))
+    assert (read(path).covariance == covariance).all()
 
 
 @pytest.mark.parametrize(
