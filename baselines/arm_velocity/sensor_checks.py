@@ -9,6 +9,7 @@ from specs.errors import InputError
 
 RAIL_S = 0.5  # that a channel stands on its highest or lowest value to the last digit
 SAME = 1e-6  # joystick: less than this is no change at all
+MOST = 1.02  # joystick: beyond it is no share of the full joystick
 
 
 def channels(recordings: Sequence[Measurement], joints: Sequence[str]) -> dict[str, list[Measurement]]:
@@ -35,7 +36,7 @@ def needed(joint: str) -> list[str]:
 
 
 def excitation(recordings: Sequence[Measurement], joint: str) -> None:
-    """InputError when the joystick of a joint has one value throughout all recordings."""
+    """InputError for a joystick of one value throughout or beyond ±1, and for sensors that are cut off."""
     values = np.concatenate([r[f"u_{joint}"].values for r in recordings])
     if np.ptp(values) <= SAME:
         names = ", ".join(r.source for r in recordings)
@@ -44,6 +45,7 @@ def excitation(recordings: Sequence[Measurement], joint: str) -> None:
             "hold several levels, both ways (docs/calibration.md)"
         )
     for recording in recordings:
+        _share(recording, recording[f"u_{joint}"])
         for name in (f"q_{joint}", f"p_{joint}_a", f"p_{joint}_b"):
             if name in recording:
                 _inside(recording, recording[name], recording[f"u_{joint}"])
@@ -63,6 +65,16 @@ def motion(
             f"{names}: the joystick never leaves the dead band: u_{joint} is held at {command.min():.3g} … "
             f"{command.max():.3g}, q_{joint} never goes faster than {np.abs(speed).max():.2g} rad/s; "
             "hold larger levels"
+        )
+
+
+def _share(recording: Measurement, joystick: Channel) -> None:
+    """InputError when a joystick goes beyond -1 … 1."""
+    at = int(np.argmax(np.abs(joystick.values)))
+    if abs(joystick.values[at]) > MOST:
+        raise InputError(
+            f"{recording.source}: {joystick.name} is {joystick.values[at]:.3g} at {joystick.time[at]:.2f} s; "
+            "valid is -1 … 1. If it is in %, say so: slewright convert --map (docs/recordings.md)"
         )
 
 

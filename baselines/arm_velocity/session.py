@@ -120,6 +120,16 @@ def present_tables() -> dict[str, np.ndarray]:
     return {joint: noise_free.table(known, joint)[1] for joint in JOINTS}
 
 
+def shortfalls(outcome: Outcome) -> list[str]:
+    """One sentence for each joint that misses tracking.TARGET with the new tables and the PI."""
+    errors = {joint: modes["ff_pi"].rms for joint, modes in outcome.tracked.get("after", {}).items()}
+    return [
+        f"{joint}: {rms:.4f} rad/s RMS with PI, wanted at most {tracking.TARGET:g} (why: docs/calibration.md)"
+        for joint, rms in errors.items()
+        if rms > tracking.TARGET
+    ]
+
+
 def figures(outcome: Outcome) -> dict[str, Any]:
     """All of it as plain data, errors in rad/s."""
     return {

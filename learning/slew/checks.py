@@ -9,6 +9,7 @@ from specs.errors import InputError
 from specs.signals import signal
 
 LEAST_LEVELS = 3  # different joystick values
+MOST_JOYSTICK = 1.02  # beyond it is no share of the full joystick
 MOVES = 0.01  # rad/s: less is no motion
 LEAST_MOVING = 0.05  # share of the time
 MOST_SATURATED = 0.02  # share of samples at the end of a sensor's range
@@ -18,6 +19,8 @@ CHANNELS = {"omega": "qd_slew", "p_l": "p_slew_b", "p_r": "p_slew_a"}
 
 def check(chosen: Sequence[Trajectory]) -> None:
     """InputError when joystick or machine hardly move, or a sensor stands at the end of its range."""
+    for trajectory in chosen:
+        _check_joystick(trajectory)
     u = np.concatenate([t.u for t in chosen])
     if len(np.unique(np.round(u, 3))) < LEAST_LEVELS:
         raise InputError(
@@ -32,6 +35,15 @@ def check(chosen: Sequence[Trajectory]) -> None:
         )
     for name, channel in CHANNELS.items():
         _check_range(channel, [getattr(t, name) for t in chosen], [t.name for t in chosen])
+
+
+def _check_joystick(trajectory: Trajectory) -> None:
+    most = float(np.abs(trajectory.u).max())
+    if most > MOST_JOYSTICK:
+        raise InputError(
+            f"{trajectory.name}: |u_slew| is up to {most:.3g}; valid is -1 … 1. If it is in %, say so: "
+            "slewright convert --map (docs/recordings.md)"
+        )
 
 
 def _check_range(channel: str, values: Sequence[np.ndarray], names: Sequence[str]) -> None:

@@ -73,7 +73,9 @@ def lut(
     write(json, figures, seed)
     if write_specs:
         typer.echo(f"written: {session.write_specs(outcome)}")
-    if any(table.lacking for table in outcome.tables.values()):
+    for shortfall in session.shortfalls(outcome):
+        typer.echo(shortfall)
+    if session.shortfalls(outcome) or any(table.lacking for table in outcome.tables.values()):
         raise typer.Exit(1)
 
 

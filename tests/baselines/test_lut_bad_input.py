@@ -41,6 +41,12 @@ def test_constant_excitation(good: Measurement) -> None:
     assert "sweep0: u_boom is 0.3 throughout" in message
 
 
+def test_a_joystick_in_percent(good: Measurement) -> None:
+    message = refused(made.changed(good, u_boom=100 * good["u_boom"].values))
+    assert "u_boom is 100" in message or "u_boom is -100" in message
+    assert "valid is -1 … 1" in message
+
+
 def test_a_joystick_that_stays_in_the_dead_band() -> None:
     message = refused(*made.sweep(made.Joint(), 3, levels=(0.02, 0.05, 0.08)))
     assert "never leaves the dead band" in message
