@@ -10,11 +10,22 @@ def fill(path: Path, name: str, text: str) -> None:
 
     Raises InputError if the markers are missing; the file is replaced whole or not at all.
     """
-    begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
+    head, tail = around(path, name)
+    begin, end = _markers(name)
+    part = path.with_name(path.name + ".part")
+    part.write_text(f"{head}{begin}\n{text}{end}{tail}", encoding="utf-8")
+    part.replace(path)
+
+
+def around(path: Path, name: str) -> tuple[str, str]:
+    """What stands before and after the markers of `name`; raises InputError if they are missing."""
+    begin, end = _markers(name)
     head, found, rest = path.read_text(encoding="utf-8").partition(begin)
     _, closed, tail = rest.partition(end)
     if not (found and closed):
         raise InputError(f"{path}: no '{begin}' … '{end}' to fill")
-    part = path.with_name(path.name + ".part")
-    part.write_text(f"{head}{begin}\n{text}{end}{tail}", encoding="utf-8")
-    part.replace(path)
+    return head, tail
+
+
+def _markers(name: str) -> tuple[str, str]:
+    return f"<!-- {name}:begin -->", f"<!-- {name}:end -->"

@@ -167,6 +167,8 @@ class SlewNetwork:
                 parts["pressure"], parts["velocity"], head["symmetric"], region, head["meta"],
                 arrays.get("visited"),
             )  # fmt: skip
+        except FileNotFoundError:
+            raise InputError(f"there is no slew network at {path}") from None
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
             raise InputError(f"{path} is damaged or not a slew network: {error}") from None
         return made

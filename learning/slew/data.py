@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from fmus.slew import traces
+from fmus.slew_nn.network import HISTORY, PERIOD_S
 from learning.slew import checks
+from learning.slew.score import HORIZON
 from learning.slew.trajectory import GROUPS, NEEDED, Trajectory, of_measurement, of_trace
 from records.formats import read_measurement
 from specs.errors import InputError
@@ -18,6 +20,7 @@ from specs.errors import InputError
 MANIFEST = "collection.json"
 SPLITS = ("train", "validation", "test")
 SHARES = (0.7, 0.15)  # of the recordings without a manifest: train, validation; the rest is held out
+LEAST_S = (2 * HISTORY + HORIZON) * PERIOD_S  # of a recording to be judged on (ablation.BEFORE)
 CLOSED_LOOP = "closed_loop"
 
 
@@ -50,6 +53,9 @@ def load(paths: Sequence[Path], without: Collection[str] = ()) -> Data:
     """
     if len(paths) == 1 and paths[0].is_dir():
         return _of_folder(paths[0], without)
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"no recording at {path}")
     if len(paths) < 3:
         raise InputError("three or more recordings are needed: to train on, to validate and to hold out")
     bounds = [max(1, round(share * len(paths))) for share in SHARES]
@@ -100,8 +106,12 @@ def _gathered(
         kinds[path.stem] = str(entry["kind"])
         found[str(entry["split"])] += pieces
     for split in SPLITS:
-        if not found[split]:
-            raise InputError(f"no recording in split {split}: {source}")
+        longest = max((len(t) for t in found[split]), default=0) * PERIOD_S
+        if longest < LEAST_S:
+            raise InputError(
+                f"no recording of split {split} has {LEAST_S:g} s without a gap, the longest {longest:g} s: "
+                f"{source}"
+            )
     checks.check(found["train"])
     train, validation, test = (tuple(found[split]) for split in SPLITS)
     lacking = tuple(group for group, channels in GROUPS.items() if missing & set(channels))

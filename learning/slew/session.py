@@ -1,5 +1,6 @@
 """`slewright train slew`: recordings in, weights with their provenance, figures and a page out."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -139,6 +140,16 @@ def _check(options: Options) -> None:
         )
     if options.traces and options.data:
         raise InputError("--traces and DATA exclude each other")
+    _check_folder(options.out)
+
+
+def _check_folder(out: Path) -> None:
+    """InputError for a folder that could not be made or written to, before minutes of training."""
+    there = next(p for p in (out, *out.absolute().parents) if p.exists())
+    if not there.is_dir():
+        raise InputError(f"--out {out}: {there} is no folder")
+    if not os.access(there, os.W_OK):
+        raise InputError(f"--out {out}: the folder {there} cannot be written to")
 
 
 def _data(options: Options, report: Report) -> Data:

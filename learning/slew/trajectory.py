@@ -65,7 +65,10 @@ def _advice(missing: Collection[str]) -> str:
     for group, channels in GROUPS.items():
         if set(missing) <= set(channels):
             return f"without {group} --recipe no_{group} can still be trained"
-    return "nothing can be trained without it"
+    return (
+        "nothing can be trained without it (if it has another name there: slewright convert --map, "
+        "docs/recordings.md)"
+    )
 
 
 def of_trace(trace: Trace) -> Trajectory:

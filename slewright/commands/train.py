@@ -56,6 +56,10 @@ def slew(
         data=tuple(data or ()), recipe=recipe, ablation=ablation, traces=traces, machine=machine, jobs=jobs,
         seeds=tuple(range(first_seed, first_seed + seeds)), budget=budget, out=out,
     )  # fmt: skip
+    if doc is not None:
+        from slewright import markers
+
+        markers.around(doc, f"slew-{_kind(options)}")  # refused now, not after the training
     with progress("train slew") as report:
         figures = session.reproduce(reproduce, options, report) if reproduce else session.run(options, report)
     rows = [

@@ -76,6 +76,7 @@ def test_the_traces_split_into_steps_and_everything_else() -> None:
     ("changed", "message"),
     [
         ({"u": np.full(400, 0.4)}, "constant excitation: u_slew has fewer than 3 values"),
+        ({"u": 100.0 * np.sin(np.arange(400) / 20)}, r"a: \|u_slew\| is up to 1\d\d; valid is -1 … 1"),
         ({"omega": np.zeros(400)}, r"the joystick never leaves the dead band: \|u_slew\| up to 1.00"),
         ({"omega": 0.5 * np.ones(400) * np.nan}, "the joystick never|qd_slew is not a number"),
         ({"p_r": np.minimum(4e7 * np.sin(np.arange(400) / 9) ** 2, 2.5e7)}, "p_slew_a is saturated.*cut off"),
@@ -93,6 +94,8 @@ def test_good_recordings_pass() -> None:
 
 
 def test_two_recordings_are_too_few(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.parquet").touch()
     with pytest.raises(InputError, match="three or more recordings"):
         load([tmp_path / "a.parquet", tmp_path / "b.parquet"])
 

@@ -67,8 +67,9 @@ def test_a_model_is_reproduced_and_one_that_is_not_is_told(trained: Path, slewri
         (("--budget", "large"), "no budget 'large'; valid: full, tiny"),
         (("--traces", "a.parquet"), "--traces and DATA exclude each other"),
         (("--machine", "test:0", "--budget", "tiny"), "test"),
-        (("nowhere",), "three or more recordings"),
-        (("--reproduce", "nothing.npz"), "nothing.npz is damaged or not a slew network"),
+        (("nowhere",), "no recording at nowhere"),
+        (("--reproduce", "nothing.npz"), "there is no slew network at nothing.npz"),
+        (("--traces", "--out", "/dev/null"), "/dev/null is no folder"),
     ],
 )
 def test_bad_input_is_named(
