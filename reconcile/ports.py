@@ -17,6 +17,7 @@ import casadi as ca
 
 from fmus.definition import Model
 from specs.errors import InputError, nearest
+from specs.signals import signals
 
 FORCES = {"N": "kg", "N.m": "kg.m2"}
 MOVES = {"N": "m/s", "N.m": "rad/s"}
@@ -54,8 +55,11 @@ def find_ports(model: Model, declared: Mapping[str, Any] | None = None) -> Ports
     """Ports of a model, `declared` (see module docstring) or found."""
     axes = _declared(model, declared) if declared else _found(model)
     taken = {a.input for a in axes if a.input and a.input.startswith("disturbance")}
-    controls = tuple(v.name for v in model.inputs if v.name not in taken and not _disturbs(v.name))
-    return Ports(controls, axes, tuple(v.name for v in model.outputs))
+    controls = [v.name for v in model.inputs if v.name not in taken and not _disturbs(v.name)]
+    known = signals()
+    commands = [n for n in controls if n in known and known[n].kind == "command"]
+    # beside a command, what else the project's models are told (pose, inertia) is no input to doubt
+    return Ports(tuple(commands or controls), axes, tuple(v.name for v in model.outputs))
 
 
 def _disturbs(name: str) -> bool:
@@ -133,15 +137,23 @@ def _is_rate(model: Model, name: str) -> bool:
 
 
 def _position(model: Model, velocity: str) -> str | None:
-    """The state whose rate is `velocity` itself (continuous), or which moves with it (discrete)."""
+    """The state whose rate is `velocity` itself (continuous), or which moves most with it (discrete)."""
     x, u, m, p = model.symbols
     column = model.index("states", velocity)
     unit = next(v.unit for v in model.states if v.name == velocity).removesuffix("/s")
     slopes = ca.jacobian(model.f(x, u, m, p), x)[:, column]
-    found = [v.name for i, v in enumerate(model.states) if v.unit == unit and i in slopes.sparsity().row()]
+    known = slopes.sparsity().row()
+    found = {v.name: slopes[i] for i, v in enumerate(model.states) if v.unit == unit and i in known}
     if model.kind == "continuous":
-        found = [n for n in found if _equals_one(slopes[model.index("states", n)])]
-    return found[0] if found else None
+        return next((n for n, slope in found.items() if _equals_one(slope)), None)
+    at = _start(model)
+    sizes = {n: abs(float(ca.Function("s", [x, u, m, p], [slope])(*at))) for n, slope in found.items()}
+    return max(sizes, key=lambda n: sizes[n]) if sizes else None
+
+
+def _start(model: Model) -> list[ca.DM]:
+    p = model.start_parameters()
+    return [model.x0(p), ca.DM([v.start for v in model.inputs]), ca.DM([v.start for v in model.modes]), p]
 
 
 def _equals_one(expression: ca.SX) -> bool:

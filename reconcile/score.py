@@ -13,7 +13,7 @@ import numpy as np
 
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.study import Study
+from reconcile.study import RANKING, WIDTHS, Study
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class Score:
 
     def __init__(self, study: Study, fitted: Fitted, others: Sequence[Attached]):
         self.study = study
+        study.fit_problem.patience = RANKING
         base = study.fit_problem.linear(fitted.point, [study.extended.index[f.name] for f in fitted.free])
         if base is None:
             raise ArithmeticError("a fit that cannot be simulated")
@@ -57,6 +58,7 @@ class Score:
         self.gram = free.T @ columns
         self.pull = columns.T @ errors
         self.sizes = np.sum(columns**2, axis=0)
+        study.fit_problem.patience = 1.0
 
     def _pass(self, fitted: Fitted, others: Sequence[Attached], k: int, first: int) -> np.ndarray:
         study, extended = self.study, self.study.extended
@@ -67,6 +69,9 @@ class Score:
             start = a.effect.start(study.port_scales(a), k)
             amplitudes = {q.name for q in a.effect.amplitudes}
             shape = {a.name(n): v for n, v in start.items() if n not in amplitudes}
+            if a.effect.width:
+                wide = study.values[a.name("width")] * WIDTHS[1] / WIDTHS[-1]
+                p[extended.index[a.name("width")]] = wide
             for n, v in shape.items():
                 p[extended.index[n]] = v
             columns = tuple(range(first + len(names), first + len(names) + len(a.columns)))

@@ -21,7 +21,7 @@ REFITS = 8  # of each set in the beam
 PAIRS = 5
 LARGEST = 5  # effects in a set
 SHARPENED = 4  # sets fitted sharply after the growth
-RIVALS = 6  # fitted for each effect of the answer
+RIVALS = 5  # fitted for each effect of the answer
 CLOSE = 8.0  # of twice the log-likelihood: sets this near to the best cannot be told from it
 MOST_RIVALS = 4
 
@@ -114,7 +114,13 @@ class Search:
             return key
         like = sorted(f.cost for k, f in fits.items() if len(k) == len(key))
         hopeless = 4.0 * like[BEAM - 1] if coarse and len(like) >= BEAM else np.inf
-        found = self.study.fit_set(fitted.point, present, starts(scored), coarse, hopeless)
+        if np.isfinite(again):  # a rival: coarsely first, and only on if it comes near
+            found = self.study.fit_set(fitted.point, present, starts(scored), True, 10.0 * again)
+            if found is None or found.cost > 3.0 * again:
+                return None
+            found = self.study.fit_set(found.point, present, {})
+        else:
+            found = self.study.fit_set(fitted.point, present, starts(scored), coarse, hopeless)
         if found is None or (coarse and found.cost > fitted.cost):
             return None
         if key not in fits or found.cost < fits[key].cost:

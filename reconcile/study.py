@@ -13,13 +13,14 @@ from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import Fitted, Free, fit
-from reconcile.fit.windows import cut
+from reconcile.fit.windows import WINDOW_S, cut
 from reconcile.model import ALL_OUTPUTS, Attached, Extended, Folder, candidates
 from specs.errors import InputError
 
 SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be wrong
 WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks are rounded, fit after fit
 
+RANKING = 20.0  # times the tolerance of steps where sets are only ranked
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
 
 
@@ -38,18 +39,26 @@ class Study:
         self.folder, self.parts, self.model = folder, parts, folder.model
         runs = unique([b.run for b in (*parts.fit, *parts.confirm, *parts.holdout)])
         recorded = set.intersection(*({*r.inputs, *r.outputs} for r in runs))
+        recorded -= {n for n in folder.ports.outputs if n in recorded and _switches(runs, n)}
         options = {} if catalogue is None else {"catalogue": catalogue}
         self.candidates = candidates(folder, sorted(recorded), **options)
         self.extended = Extended(folder, self.candidates)
         self.compiled = _compiled(self.extended)
-        self.floors = {n: _floor(self.model, n, runs) for n in folder.ports.outputs if n in recorded}
+        shown = [n for n in folder.ports.outputs if n in recorded and not _switches(runs, n)]
+        if not shown:
+            raise InputError(f"the recordings hold no output of {self.model.name} that varies")
+        self.floors = {n: _floor(self.model, n, runs) for n in shown}
         sigma = {n: f.level for n, f in self.floors.items()}
         step = self.model.step if self.model.kind == "discrete" else None
         self.problems = {
-            which: Problem(self.compiled, cut(getattr(parts, which), step_s=step), sigma)
-            for which in ("fit", "confirm", "holdout")
+            which: Problem(self.compiled, cut(getattr(parts, which), seconds, step), sigma)
+            for which, seconds in (("fit", WINDOW_S), ("confirm", WINDOW_S), ("holdout", 2.0 * WINDOW_S))
         }
         self.fit_problem = self.problems["fit"]
+        nominal = [v.nominal or 1.0 for v in self.model.states]
+        hidden = len(self.extended.state_names) - len(nominal)
+        for problem in self.problems.values():
+            problem.set_scale(np.array(nominal + [1.0] * hidden))
         self.values = self._neutral()
         self.scales = self._scales(runs)
         self.values = self._neutral()
@@ -89,6 +98,7 @@ class Study:
         for n, v in values.items():
             p[self.extended.index[n]] = v
         point = self.fit_problem.with_present(replace(start, p=p), present)
+        self.fit_problem.patience = RANKING if coarse else 1.0
         kinked = [a for a in present if a.effect.width]
         widths = WIDTHS if kinked else WIDTHS[-1:]
         for share in widths[: 2 if coarse else None]:
@@ -247,6 +257,11 @@ def _span(values: np.ndarray) -> float:
 def unique(runs: Sequence[Run]) -> list[Run]:
     """Each run once, in order."""
     return list({id(r): r for r in runs}.values())
+
+
+def _switches(runs: Sequence[Run], name: str) -> bool:
+    """Whether an output is a switch, which a simulation error says nothing about."""
+    return all(np.isin(r.outputs[name].values, (0.0, 1.0)).all() for r in runs if name in r.outputs)
 
 
 def _floor(model: Model, name: str, runs: Sequence[Run]) -> Floor:

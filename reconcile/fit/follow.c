@@ -99,8 +99,9 @@ static void solve(const Run *k, double *b) {
     const double t = b[k->pivot[i]];
     b[k->pivot[i]] = b[i];
     b[i] = t;
-    for (int row = i + 1; row < n; row++) b[row] -= lu[i * NX + row] * t;
   }
+  for (int i = 0; i < n; i++)
+    for (int row = i + 1; row < n; row++) b[row] -= lu[i * NX + row] * b[i];
   for (int i = n - 1; i >= 0; i--) {
     b[i] /= lu[i * NX + i];
     for (int row = 0; row < i; row++) b[row] -= lu[i * NX + row] * b[i];

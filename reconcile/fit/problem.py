@@ -59,13 +59,16 @@ class Problem:
         model = self.extended.model
         self.model = model
         self.outputs = [
-            n for n in (v.name for v in model.outputs) if any(len(w.times.get(n, ())) for w in windows)
+            n
+            for n in (v.name for v in model.outputs)
+            if n in self.sigma and any(len(w.times.get(n, ())) for w in windows)
         ]
         defaults = np.array([v.start for v in model.inputs])
         names = [v.name for v in model.inputs]
         self.tables = {id(w.run): InputTable(w.run, names, defaults) for w in windows}
         self.scale = np.ones(compiled.nx)
         self.tolerance = np.full(compiled.nx, 1e-3)
+        self.patience = 1.0  # times the tolerance: more where sets are only ranked
         self._modes: dict[int, np.ndarray] = {}
 
     # ---------------------------------------------------------------- parameters
@@ -161,7 +164,7 @@ class Problem:
             window.step_s,
             self.active_states(point.present),
             self.scale,
-            self.tolerance,
+            self.tolerance * self.patience,
             chosen,
         )
 
