@@ -28,11 +28,11 @@ METRICS = (
     "Open loop over 10 s: from measured history on, each model runs on its own predictions; windows begin "
     "every second of every held-out recording. Velocity is the mean absolute error of the slew speed, "
     "position that of its running sum since the window's beginning. Intervals are 95 % bootstrap "
-    "intervals over recordings and seeds; ratios are paired. The recordings are of the simulated "
-    "reference machine unless said otherwise."
+    "intervals over recordings and seeds; ratios are paired."
 )
 PAPER_TEXT = "The paper's figures (real machine, other recordings) are lines to look at, not a contest."
 SIMULATED = "simulated reference machine"
+OF = f" The recordings are of the {SIMULATED}."
 WHY = (
     "Where the ratios differ from the paper's: the simulated machine's recordings carry little noise and one "
     "unchanging machine, so what a variant lacks is not drowned by what nobody can predict; and its inertia, "
@@ -58,16 +58,16 @@ def write_page(path: Path, shown: Shown) -> Path:
     drawn = [_bars(shown.figures, "velocity", "°/s"), _bars(shown.figures, "position", "°")]
     if shown.network is not None:
         drawn += _open_loop(shown.network, shown.data)
-    best = shown.figures[shown.chosen]
+    best, simulated = shown.figures[shown.chosen], SIMULATED in shown.data.source
     line = (
         f"{shown.chosen}: {best['velocity_mae']:.2f} °/s and {best['position_mae']:.2f}° over 10 s, open loop"
     )
     body = [
         f"<header><h1>Slewright · slew networks</h1><p class='verdict none'>{escape(line)}</p>"
         f"{shell.facts(shown.facts)}</header>",
-        f"<h2>Held-out recordings</h2><p class='soft'>{METRICS}</p>{_table(shown.figures)}",
+        f"<h2>Held-out recordings</h2><p class='soft'>{METRICS}{OF if simulated else ''}</p>{_table(shown.figures)}",
         *(f"<p class='soft'>{escape(note)}</p>" for note in shown.notes),
-        f"<p class='soft'>{PAPER_TEXT} {WHY if SIMULATED in shown.data.source else ''}</p>",
+        f"<p class='soft'>{PAPER_TEXT} {WHY if simulated else ''}</p>",
         f"<div class='figures'>{''.join(map(shell.place, drawn[:2]))}</div>",
         "<h2>Open-loop prediction</h2>" if len(drawn) > 2 else "",
         f"<div class='figures'>{''.join(map(shell.place, drawn[2:]))}</div>",
