@@ -81,9 +81,16 @@ class _Redraw(Exception):
 
 
 def draw(
-    seed: int, noise: str = "low", system: str = "servo", visible: int | None = None, outside: bool = False
+    seed: int,
+    noise: str = "low",
+    system: str = "servo",
+    visible: int | None = None,
+    outside: bool = False,
+    kit: Kit | None = None,
 ) -> Case:
     """The case of a seed; `visible` effects (drawn when None), `outside`: one that is not in the catalogue.
+
+    A `kit` takes the place of the system's own (fewer effects, say).
 
     Raises InputError for an unknown noise or system.
     """
@@ -94,7 +101,7 @@ def draw(
     for attempt in range(ATTEMPTS):
         rng = np.random.default_rng([seed, attempt])
         try:
-            return _Draft(KITS[system], noise, rng, visible, outside).case(seed, attempt)
+            return _Draft(kit or KITS[system], noise, rng, visible, outside).case(seed, attempt)
         except (_Redraw, RunError):
             continue
     raise RunError(f"seed {seed}: no clear case of {system} in {ATTEMPTS} draws")

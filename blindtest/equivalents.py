@@ -119,6 +119,8 @@ class Equivalents:
         most = len(self.visible[i].parameters)
         for _, first in self._ranked(kept, at, most - 1)[:2]:
             fit = self.problem.best(kept, at, first)
+            if not fit.effects:  # it does not run from any start
+                continue
             for _, second in self._ranked((*kept, first), fit, most - len(first.parameters))[:2]:
                 self._keep((*kept, first, second), self.problem.best((*kept, first), fit, second))
 

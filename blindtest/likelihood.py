@@ -97,7 +97,7 @@ class Problem:
             fits.append(self.fit((*kept, added), start))
             if fits[-1].value < ENOUGH:
                 break
-        return min(fits, key=lambda f: f.value)
+        return min(fits, key=lambda f: f.value, default=Fit(np.inf, at.base, (), at.starts))
 
     def screen(self, kept: Sequence[Effect], at: Fit, added: Effect) -> list[tuple[float, Values]]:
         """Linearised lambda of adding an effect at each of its start values."""
@@ -210,7 +210,10 @@ class _Search:
         for _ in range(iterations):
             if cost < 1e-3:
                 break
-            columns = self.jacobian(x, left)
+            try:
+                columns = self.jacobian(x, left)
+            except RunError:  # at the edge of what stays finite: no way on from here
+                break
             gained, damping, x, left, cost = self._step(columns, x, left, cost, damping)
             if gained < max(1e-3 * cost, 0.02):
                 break

@@ -15,7 +15,9 @@ from blindtest.systems.slew import Slew
 from blindtest.systems.system import Base, Drive, Signal, Trace, around
 from blindtest.systems.tool import Tool
 from specs import parameters
+from specs.errors import RunError
 
+FURTHEST = 3.2  # rad: no joint turns further
 REMEMBERED = 12  # runs of the slew, the slowest part: a fit that changes only the tool needs no new one
 G = {name: p.value for name, p in parameters.load("geometry").items()}
 
@@ -111,6 +113,8 @@ class Machine:
         perfect, u = _true(values), drive.commands
         arm_start = np.array([start[0], start[1], 0.0, 0.0])
         joints = self.arm.simulate(perfect, Drive(u[:, 1:]), arm_start).outputs
+        if np.abs(joints[:, :2]).max() > FURTHEST:
+            raise RunError("machine: a joint runs away")
         radius_rate, inertia_rate = rates(*joints.T)
         radius, height = reach(joints[:, 0], joints[:, 1])
         driven = Drive(np.column_stack([u[:, 0], turning_inertia(joints[:, 0], joints[:, 1]), inertia_rate]))

@@ -1,11 +1,17 @@
 """The score against the contract, on made-up truths and answers."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
+from blindtest import case
+from blindtest.equivalents import equivalents
 from blindtest.score import Truth, read_truth, score
+from blindtest.systems.kit import KITS
 from specs.errors import InputError
+
+OTHERS = ("asymmetric_coulomb_friction", "input_offset", "stribeck_friction", "stiffness")
 
 A, B, AB = frozenset({"a"}), frozenset({"b"}), frozenset({"a", "b"})
 
@@ -59,3 +65,24 @@ def test_a_truth_that_was_changed_is_refused(tmp_path):
     path.write_text(json.dumps({"visible": ["a"], "equivalents": [["a"]], "outside": False}))
     with pytest.raises(InputError, match="not the truth"):
         read_truth(path, "0" * 64)
+
+
+def test_the_exact_identity_of_asymmetric_friction_is_found():
+    drawn = _with_friction_and_load()
+    sets = [set(names) for names in equivalents(drawn)]
+    assert sets[0] == {"coulomb_friction", "constant_load"}
+    assert {"asymmetric_coulomb_friction"} in sets
+    assert {"coulomb_friction", "input_offset"} in sets
+
+
+def _with_friction_and_load():
+    """A case whose visible effects are Coulomb friction and a constant load, by the draft's own steps."""
+    kit = KITS["servo"]
+    by_name = {e.name: e for e in kit.effects(None)}
+    wanted = (by_name["coulomb_friction"], by_name["constant_load"])
+    only = replace(kit, effects=lambda _: (*wanted, *(by_name[n] for n in OTHERS)))
+    for seed in range(20):
+        drawn = case.draw(seed, "low", visible=2, kit=replace(only, effects=lambda _: wanted))
+        if len(drawn.visible) == 2:
+            return replace(drawn, kit=only)
+    raise AssertionError("no such case in twenty")
