@@ -1,18 +1,19 @@
 """Recordings as reconcile uses them: every channel at its own times, in three parts that nothing mixes.
 
-Whole runs are dealt to fit, confirm and holdout when the user says so or there are at least three; else each
+Whole runs are dealt to fit, confirm and holdout when the user says so or there are at least four; else each
 run is cut into interleaved blocks with guard gaps between them.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from reconcile.model import Folder
 from records.formats import read_measurement
 from records.measurement import Measurement
-from reconcile.model import Folder
 from specs.errors import InputError, nearest
 
 BLOCK_S = 6.0  # of interleaved blocks, at most
@@ -115,8 +116,8 @@ def _cut(measured: Measurement, names: Sequence[str], start: float, end: float) 
 def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run]) -> Parts:
     """Deal runs to the three sets.
 
-    Whole runs where `confirm` and `holdout` are given or there are at least three runs of similar length; else
-    interleaved blocks of the runs, of which the sets not given take their share.
+    Whole runs where `confirm` and `holdout` are given or there are at least four runs; else interleaved
+    blocks of the runs, of which the sets not given take their share.
     """
     if confirm and holdout:
         return Parts(_whole(runs), _whole(confirm), _whole(holdout))
@@ -149,7 +150,7 @@ def _interleaved(run: Run, pattern: Sequence[str]) -> list[tuple[str, Block]]:
     order = [*pattern, *reversed(pattern)]
     return [
         (order[i % len(order)], Block(run, float(a) + (guard if i else 0.0), float(b)))
-        for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True))
+        for i, (a, b) in enumerate(pairwise(edges))
     ]
 
 
@@ -162,7 +163,7 @@ def _check(dealt: Mapping[str, Sequence[Block]]) -> None:
         )
         if samples < LEAST_SAMPLES // 2:
             raise InputError(
-                f"{samples} samples are left for {which}; longer recordings are needed, or one more with --{which}"
+                f"{samples} samples are left for {which}: record longer, or give one more with --{which}"
                 if which != "fit"
                 else f"{samples} samples to fit; longer recordings are needed"
             )

@@ -41,10 +41,11 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
         replace(v, start=parameters.get(v.name, v.start), vr=None) for v in model.parameters
     )
     extra = _Equations(extended)
+    names = ", ".join(a.effect.name for a in attached)
     changed = replace(
         model,
         name=model.name,
-        description=f"{model.description}; with {', '.join(a.effect.name for a in attached) or 'new parameters'}",
+        description=f"{model.description}; with {names or 'new parameters'}",
         states=(*model.states, *hidden),
         parameters=(*base_parameters, *(v for group in own for v in group)),
         rhs=extra.rhs,

@@ -30,7 +30,7 @@ ALL_OUTPUTS = "all outputs"
 
 @dataclass(frozen=True)
 class Attached:
-    """An effect at a port; `other`: the second signal of a cross effect; `drive_share`: of its drive force."""
+    """An effect at a port; `other`: the second signal of a cross effect."""
 
     effect: Effect
     port: str

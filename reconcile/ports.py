@@ -4,8 +4,8 @@ A model folder may say so itself, as `PORTS` in its model.py:
 
     PORTS = {"axis": {"velocity": "v", "position": "x", "inertia": "mass", "unit": "N", "drive": "force"}}
 
-with `input` in place of `inertia` where the model has an input that takes the force.  `inertia` is a number or
-the name of a parameter.  Where nothing is declared, an axis is looked for at every input whose name begins
+with `input` in place of `inertia` where the model has an input that takes the force.  `inertia` is a number
+or the name of a parameter.  Where nothing is declared, an axis is looked for at every input whose name begins
 with "disturbance" or whose unit is a force or torque, then at every state that is the rate of another.
 """
 
@@ -94,7 +94,7 @@ def _declared(model: Model, declared: Mapping[str, Any]) -> tuple[Axis, ...]:
 
 def _found(model: Model) -> tuple[Axis, ...]:
     """One axis for every velocity that a disturbance, force or torque input moves; else every rate state."""
-    x, u, _, _ = model.symbols
+    u = model.symbols[1]
     pattern = ca.jacobian_sparsity(model.f(*model.symbols), u) if model.inputs else ca.Sparsity(0, 0)
     pairs = set(zip(pattern.row(), pattern.get_col(), strict=True))
     axes: list[Axis] = []

@@ -138,7 +138,7 @@ def _source(study: Study, answer: Answer) -> str:
     effects = "".join(f"    {entry!r},\n" for entry in _entries(study, answer))
     named = ", ".join(a.effect.name for a in answer.present) or "re-estimated parameters"
     return (
-        f'"""Model {study.model.name} with {named}, as `slewright reconcile` found it; equations: README.md."""\n\n'
+        f'"""Model {study.model.name} with {named}, found by `slewright reconcile`; see README.md."""\n\n'
         "from pathlib import Path\n\nfrom reconcile.extend import extend\n\n"
         f"EFFECTS = [\n{effects}]\n"
         f"PARAMETERS = {json.dumps(parameters, indent=4)}\n\n"

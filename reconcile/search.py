@@ -1,4 +1,4 @@
-"""Beam search over sets of effects: scored linearly, the best fitted, accepted by the rules, pruned, rivalled.
+"""Beam search over sets of effects: scored linearly, the best fitted, accepted by the rules, rivalled.
 
 Sets grow from several of the best of each size, not from the one best: a wrong first choice (Stribeck before
 Coulomb) must not carry the rest.  They grow with kinks rounded widely, which is quick; the best few are then
@@ -81,7 +81,7 @@ class Search:
                 self.report(f"sets of {size}", at, len(beam))
                 found |= self._extended(key, pairs=size == 1)
             ranked = self._ranked(self.tried.coarse)
-            if ranked[0] == best and size > 1 or not found:
+            if (ranked[0] == best and size > 1) or not found:
                 break
             best = ranked[0]
             # pairs found with the singles wait until their turn; swaps within a size come along
@@ -105,7 +105,7 @@ class Search:
         return gain > 0.5 * (evidence.BIC_GAIN + count * np.log(s.effective))
 
     def _try(self, fitted: Fitted, scored: Scored, coarse: bool = False, again: float = np.inf) -> Key | None:
-        """Fit a scored set from a fit of less; one that was fitted already only if it left more than `again`."""
+        """Fit a scored set from a fit of less; a set fitted already only if it left more than `again`."""
         added = tuple(v.attached for v in scored.variants)
         kept = tuple(a for a in fitted.point.present if not any(_includes(n, a) for n in added))
         present, fits = (*kept, *added), self.tried.coarse if coarse else self.tried.fits
@@ -152,7 +152,7 @@ class Search:
         return best
 
     def _polish(self, key: Key) -> None:
-        """Look for a better minimum from the other starts of each shape, where the fit is not at the floor."""
+        """Look for a better minimum from the other starts of each shape, if the fit is above the floor."""
         fitted = self.tried.fits[key]
         if fitted.linear.cost < 1.3 * evidence.count_of(fitted):
             return
@@ -273,7 +273,7 @@ class Search:
         return replace(fitted, point=point, free=free, cost=np.inf)
 
     def _simplest(self, pool: Sequence[Key]) -> Key:
-        """The best by BIC, unless one with fewer parameters is worse by no more than what would be accepted."""
+        """The best by BIC, unless one with fewer parameters is hardly worse: by less than BIC_GAIN."""
         fits = self.tried.fits
         s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
         criterion = {k: evidence.bic(fits[k], s) for k in pool}

@@ -1,4 +1,4 @@
-"""Everything a search works on: the compiled model with all candidates, the three problems, sizes and noise."""
+"""What a search works on: the compiled model with all candidates, three problems, sizes and noise."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What an answer amounts to: named, ambiguous, agrees, reestimated, insufficient_excitation or unexplained."""
+"""What an answer amounts to: named, ambiguous, agrees, reestimated, too little excitation or unexplained."""
 
 from dataclasses import dataclass
 

@@ -119,7 +119,7 @@ def _waves(s: Scales) -> list[float]:
     return [2.0 * math.pi * n / (s.q_high - s.q_low) for n in TRAVELS]
 
 
-def _entry(name: str, equation: str, parameters: tuple[Parameter, ...], build, **more) -> Effect:  # noqa: ANN001, ANN003
+def _entry(name: str, equation: str, parameters: tuple[Parameter, ...], build, **more) -> Effect:
     return Effect(name, "force", equation, parameters, build, more.pop("source", MECHANICS), **more)
 
 

@@ -42,7 +42,7 @@ class Compiled:
         self.extended = extended
         x, u, m, p = extended.symbols
         self.nx, self.nu, self.nm, self.np = (s.numel() for s in (x, u, m, p))
-        f, h, start = extended.functions
+        _, h, start = extended.functions
         self.start_function, self.ny = start, h.numel_out(0)
         self._library = ctypes.CDLL(str(_library(extended)))
         self._library.follow.restype = ctypes.c_int
@@ -60,9 +60,10 @@ class Compiled:
         tolerance: np.ndarray,
         columns: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """States [n + 1, NX], outputs [n + 1, NY] and their slopes [n + 1, active + columns, NY] over n steps.
+        """States [n + 1, NX], outputs [n + 1, NY], their slopes [n + 1, active + columns, NY] over n steps.
 
-        `scale`, `tolerance` [NX]: sizes of the states, and errors above which a step is halved.  `columns`: parameter and input index of each sensitivity (-1: none).  None if the states run away.
+        `scale`, `tolerance` [NX]: sizes of the states, and errors above which a step is halved.
+        `columns`: parameter and input index of each sensitivity (-1: none).  None if the states run away.
         """
         n, sens = len(u), columns is not None
         parameter, of_input = columns or (np.empty(0, np.int32), np.empty(0, np.int32))

@@ -1,4 +1,4 @@
-"""Noise levels from the recordings themselves, and how many independent samples correlated errors are worth."""
+"""Noise levels from recordings, and how many independent samples correlated errors are worth."""
 
 from math import comb
 

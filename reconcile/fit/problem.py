@@ -125,7 +125,7 @@ class Problem:
         return replace(point, x0=x0, present=tuple(present))
 
     def set_scale(self, scale: np.ndarray) -> None:
-        """Sizes of the states; steps are halved until they are right to a share of the noise, where it shows."""
+        """Sizes of the states; steps are halved until right to a share of the noise, where it shows."""
         self.scale, self.tolerance = scale, ACCURACY * scale
         for state, (output, order) in self._shown_states().items():
             if order == 0:
@@ -169,7 +169,7 @@ class Problem:
         )
 
     def _compare(self, point: Point, k: int, y: np.ndarray, ys: np.ndarray | None, columns: Sequence[int]):
-        """Whitened errors of window k by output, and their slopes."""
+        """Whitened errors of window k by output, and their slopes output by output."""
         window, errors, slopes = self.windows[k], {}, []
         for name in self.outputs:
             times = window.times.get(name, np.empty(0))
@@ -188,7 +188,7 @@ class Problem:
                 for c in np.flatnonzero(np.asarray(columns) == q):
                     part[:, first + c] -= moved
             slopes.append(part / self.sigma[name])
-        return errors, np.concatenate(slopes) if slopes else None
+        return errors, slopes
 
     def linear(self, point: Point, columns: Sequence[int]) -> Linear | None:
         """The problem linearised at a point; None if the model runs away there."""
@@ -200,7 +200,8 @@ class Problem:
             if run is None:
                 return None
             x, y, ys = run
-            found, slope = self._compare(point, k, y, ys, columns)
+            found, parts = self._compare(point, k, y, ys, columns)
+            slope = np.concatenate(parts)
             e = np.concatenate(list(found.values()))
             free = np.vstack([slope[:, :n], np.diag(loose)])
             q, r = np.linalg.qr(free)
@@ -280,7 +281,7 @@ def _local(signal, time: float, order: int) -> float:
 
 
 def _modes_by_guards(problem: Problem, window: Window) -> np.ndarray:
-    """Modes from the guards over the run up to the window's end, states at rest (guards of inputs are exact)."""
+    """Modes from the guards over the run to the window's end, states at rest (exact for inputs)."""
     model = problem.model
     table = problem.tables[id(window.run)]
     shown = [window.run.outputs.get(_shown_mode(model, i) or "") for i in range(len(model.modes))]

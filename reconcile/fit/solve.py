@@ -7,7 +7,6 @@ import numpy as np
 
 from reconcile.fit.problem import Linear, Point, Problem
 
-
 PATIENCE = 4
 
 
@@ -60,7 +59,7 @@ def fit(
     for done in range(iterations):
         if done == PATIENCE and cost > hopeless:
             return None
-        change, moving = _step(point, linear, columns, free, size, damping)
+        change = _step(point, linear, columns, free, size, damping)
         p = point.p.copy()
         p[columns] = np.clip(p[columns] + change, [f.low for f in free], [f.high for f in free])
         trial = problem.moved(point, linear, p, p[columns] - point.p[columns], 1.0 / (1.0 + damping))
@@ -115,7 +114,7 @@ def _step(
     free: Sequence[Free],
     size: np.ndarray,
     damping: float,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> np.ndarray:
     """One damped step; parameters at a bound that would leave it stay."""
     slopes = linear.slopes * size
     gradient = slopes.T @ linear.errors
@@ -139,7 +138,7 @@ def _step(
         h = hessian[np.ix_(moving, moving)]
         h = h + np.diag(damping * np.diag(h) + 1e-12 * np.max(np.diag(h)) + 1e-30)
         change[moving] = np.linalg.lstsq(h, gradient[moving], rcond=None)[0] * size[moving]
-    return change, moving
+    return change
 
 
 def _covariance(linear: Linear, free: Sequence[Free]) -> np.ndarray:

@@ -7,6 +7,7 @@ interpolation of the simulated ones, which is where sensor delays act.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def cut(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | Non
         margin = min(MARGIN_S, 0.25 * length)
         count = max(1, round((length - margin) / window_s))
         edges = np.linspace(block.start_s + margin, block.end_s, count + 1)
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in pairwise(edges):
             windows.append(_window(block.run, a - margin, a, b, h))
     return windows
 
