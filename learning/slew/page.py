@@ -59,13 +59,14 @@ def write_page(path: Path, shown: Shown) -> Path:
     if shown.network is not None:
         drawn += _open_loop(shown.network, shown.data)
     best, simulated = shown.figures[shown.chosen], SIMULATED in shown.data.source
+    metrics = METRICS + (OF if simulated else "")
     line = (
         f"{shown.chosen}: {best['velocity_mae']:.2f} °/s and {best['position_mae']:.2f}° over 10 s, open loop"
     )
     body = [
         f"<header><h1>Slewright · slew networks</h1><p class='verdict none'>{escape(line)}</p>"
         f"{shell.facts(shown.facts)}</header>",
-        f"<h2>Held-out recordings</h2><p class='soft'>{METRICS}{OF if simulated else ''}</p>{_table(shown.figures)}",
+        f"<h2>Held-out recordings</h2><p class='soft'>{metrics}</p>{_table(shown.figures)}",
         *(f"<p class='soft'>{escape(note)}</p>" for note in shown.notes),
         f"<p class='soft'>{PAPER_TEXT} {WHY if simulated else ''}</p>",
         f"<div class='figures'>{''.join(map(shell.place, drawn[:2]))}</div>",

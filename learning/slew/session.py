@@ -106,9 +106,13 @@ def run(options: Options, report: Report) -> dict[str, Any]:
 def reproduce(path: Path, options: Options, report: Report) -> dict[str, Any]:
     """Train the model at `path` again as it says it was made, and compare its figures within their noise."""
     meta = SlewNetwork.load(path).meta
-    for key in ("recipe", "seeds", "data_sha256", "figures", "noise", "machine", "budget"):
+    for key in ("recipe", "seeds", "source", "data_sha256", "figures", "noise", "machine", "budget"):
         if key not in meta:
             raise InputError(f"{path} does not say how it was made: no '{key}'")
+    if not (options.data or meta.get("traces") or page.SIMULATED in meta["source"]):
+        raise InputError(
+            f"{path} was trained on {meta['source']}: name these recordings after --reproduce FILE"
+        )
     again = replace(
         options, recipe=meta["recipe"], seeds=tuple(meta["seeds"]), machine=meta["machine"],
         budget=meta["budget"], traces=bool(meta.get("traces")), ablation=False,

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from subprocess import CompletedProcess
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from fmus.slew_nn.network import SlewNetwork
+from fmus.slew_nn.untrained import untrained
 from learning.slew import session
 from specs.errors import InputError
 
@@ -58,6 +60,14 @@ def test_a_model_is_reproduced_and_one_that_is_not_is_told(trained: Path, slewri
     assert done.returncode == 0, done.stderr
     assert "the same" in done.stdout
     assert (trained / "again" / "ensemble.npz").read_bytes() == weights.read_bytes()
+
+
+def test_recordings_of_ones_own_are_asked_for(tmp_path: Path) -> None:
+    network = untrained(0)
+    made = {k: {} for k in ("recipe", "seeds", "data_sha256", "figures", "noise", "machine", "budget")}
+    replace(network, meta={**made, "source": "a.csv, b.csv, c.csv"}).save(tmp_path / "own.npz")
+    with pytest.raises(InputError, match=r"own\.npz was trained on a\.csv, b\.csv, c\.csv: name these"):
+        session.reproduce(tmp_path / "own.npz", session.Options(), lambda *_: None)
 
 
 @pytest.mark.parametrize(
