@@ -5,10 +5,12 @@ taken on the same resampled recordings.
 """
 
 import os
+import pickle
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -50,17 +52,19 @@ def held_out(data: Data, split: str) -> Windows:
 
 
 def run(
-    data: Data, variants: Sequence[str], seeds: Sequence[int], jobs: int, tiny: bool = False
+    data: Data, variants: Sequence[str], seeds: Sequence[int], jobs: int, kept: Path, tiny: bool = False
 ) -> Iterator[Outcome]:
     """Outcomes of all variants on all seeds as they are ready, from `jobs` processes with one thread each.
 
-    An ensemble comes last: it is made of the networks of all seeds.
+    Each is kept in the folder `kept`, where a run that was interrupted finds it again.  An ensemble comes
+    last: it is made of the networks of all seeds.
     """
+    kept.mkdir(parents=True, exist_ok=True)
     tasks = [(v, s) for v in trained(variants) for s in ((seeds[0],) if v in REFERENCES else seeds)]
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_start, initargs=(data,)) as pool:
         members: list[Outcome] = []
-        left = {pool.submit(_one, variant, seed, tiny) for variant, seed in tasks}
+        left = {pool.submit(_one, variant, seed, tiny, kept) for variant, seed in tasks}
         try:
             while left:
                 done, left = wait(left, return_when=FIRST_COMPLETED)
@@ -94,8 +98,16 @@ def _start(data: Data) -> None:
     _shared["data"] = data
 
 
-def _one(variant: str, seed: int, tiny: bool) -> Outcome:
-    return fit(_shared["data"], variant, seed, tiny)
+def _one(variant: str, seed: int, tiny: bool, kept: Path) -> Outcome:
+    path = kept / f"{variant}-{seed}.pickle"
+    try:
+        return pickle.loads(path.read_bytes())
+    except (OSError, EOFError, pickle.UnpicklingError):
+        made = fit(_shared["data"], variant, seed, tiny)
+    part = path.with_suffix(".part")
+    part.write_bytes(pickle.dumps(made))
+    part.replace(path)
+    return made
 
 
 def fit(data: Data, variant: str, seed: int, tiny: bool = False) -> Outcome:

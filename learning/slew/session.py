@@ -1,6 +1,7 @@
 """`slewright train slew`: recordings in, weights with their provenance, figures and a page out."""
 
 import os
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -87,6 +88,7 @@ def run(options: Options, report: Report) -> dict[str, Any]:
     network = networks[chosen.variant]
     doubt = _doubt(network, data)
     paths = _write(networks, chosen.variant, figures, data, options)
+    shutil.rmtree(_kept(data, options))
     accepted, notes = _judged(figures, chosen, network, data, paths, doubt)
     return {
         "source": data.source,
@@ -176,11 +178,18 @@ def _outcomes(data: Data, options: Options, report: Report) -> list[Outcome]:
     total = sum(1 if v in REFERENCES else len(options.seeds) for v in names) + (ENSEMBLE in variants)
     found: list[Outcome] = []
     report("training", 0, total)
-    for outcome in ablation.run(data, variants, options.seeds, options.jobs, options.tiny):
+    for outcome in ablation.run(
+        data, variants, options.seeds, options.jobs, _kept(data, options), options.tiny
+    ):
         found.append(outcome)
         report("training", len(found), total)
     order = {name: i for i, name in enumerate(variants)}
     return sorted(found, key=lambda o: (order[o.variant], o.seed))
+
+
+def _kept(data: Data, options: Options) -> Path:
+    """Where the outcomes of an unfinished training on these recordings are."""
+    return options.out / f".unfinished-{data.sha256[:16]}-{options.budget}-{VERSION}"
 
 
 def _chosen(figures: Mapping[str, Any], outcomes: Sequence[Outcome], options: Options) -> Outcome:

@@ -1,12 +1,13 @@
 """Scores and intervals against numbers worked out by hand; bad recordings are refused by name."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from learning.slew import checks
+from learning.slew import ablation, checks
 from learning.slew.ablation import Outcome, table, winner
 from learning.slew.data import Data, load, of_traces
 from learning.slew.score import Score, score
@@ -110,3 +111,14 @@ def test_without_closed_loop_leaves_those_recordings_out() -> None:
     data = replace(DATA, train=some, kinds={"a": "steps", "b": "closed_loop"})
     assert [t.name for t in data.training(closed_loop=False)] == ["a"]
     assert len(data.training()) == 2
+
+
+def test_what_was_trained_before_an_interruption_is_not_trained_again(tmp_path: Path) -> None:
+    kept = outcome("proposed", 1, [1.0, 2.0, 3.0])
+    path = tmp_path / "proposed-1.pickle"
+    path.write_bytes(pickle.dumps(kept))
+    found = ablation._one("proposed", 1, True, tmp_path)  # there are no data here to train on
+    assert found.scores["test"].velocity_mae == 2.0
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(KeyError, match="data"):
+        ablation._one("proposed", 1, True, tmp_path)
