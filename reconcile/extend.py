@@ -87,7 +87,8 @@ class _Equations:
     def _arguments(self, x: Any, u: Any, m: Any, p: Any) -> list[Any]:
         model = self.e.model
         states = [getattr(x, _identifier(n)) for n in self.e.state_names]
-        inputs = [*(getattr(u, v.name) for v in model.inputs), ca.SX(0)]
+        still = [ca.SX(0)] * (1 + len(self.e.folder.ports.axes))  # no clock, no disturbance
+        inputs = [*(getattr(u, v.name) for v in model.inputs), *still]
         modes = [getattr(m, v.name) for v in model.modes]
         parameters = [
             ca.SX(1) if n.endswith(".gate") else getattr(p, _identifier(n)) for n in self.e.parameter_names

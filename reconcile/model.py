@@ -136,12 +136,19 @@ class Extended:
 
     @cached_property
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """(x, u, m, p): states with hidden ones, inputs with the time in s last, modes, parameters."""
+        """(x, u, m, p): u holds the inputs, the time in s and a disturbing force at each axis."""
         x, _, m, p = self.model.symbols
         hidden = [ca.SX.sym(n) for n in self.state_names[x.numel() :]]
         own = [ca.SX.sym(n) for n in self.parameter_names[p.numel() :]]
         time = ca.SX.sym("time")
-        return ca.vertcat(x, *hidden), ca.vertcat(self.model.symbols[1], time), m, ca.vertcat(p, *own)
+        pushes = [ca.SX.sym("push_" + a.name) for a in self.folder.ports.axes]
+        inputs = ca.vertcat(self.model.symbols[1], time, *pushes)
+        return ca.vertcat(x, *hidden), inputs, m, ca.vertcat(p, *own)
+
+    @property
+    def clock(self) -> int:
+        """Where the time stands among the inputs; the forces at the axes follow it."""
+        return len(self.model.inputs)
 
     @cached_property
     def functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
@@ -238,13 +245,13 @@ class _Assembly:
             value = outputs[i]
             for a in self._at("output", name):
                 other = raw[self.model.index("outputs", a.other)] if a.other else None
-                value = self._applied(a, value, y=value, other=other, t=self.u[-1])
+                value = self._applied(a, value, y=value, other=other, t=self.u[self.e.clock])
             outputs[i] = value
         return outputs
 
     def _sum(self, axis: Axis, inputs: ca.SX) -> ca.SX:
         """Sum of the forces at an axis."""
-        total = ca.SX(0)
+        total = self.u[self.e.clock + 1 + self.e.folder.ports.axes.index(axis)]
         for a in self._at("force", axis.name):
             total += self._gate(a, self._built(a, **self._motion(axis, inputs)).value, 0.0)
         return total

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from reconcile import evidence
+from reconcile.fit.disturbance import estimate
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
 from reconcile.score import Score, Scored, starts
@@ -24,6 +25,7 @@ SHARPENED = 4  # sets fitted sharply after the growth
 RIVALS = 5  # fitted for each effect of the answer
 CLOSE = 8.0  # of twice the log-likelihood: sets this near to the best cannot be told from it
 MOST_RIVALS = 4
+ABOVE, WHITE = 1.15, 0.5  # mean square over the floor, share of independent samples: else a disturbance
 
 Key = frozenset
 Report = Callable[..., None]
@@ -59,16 +61,32 @@ class Search:
 
     def run(self) -> Answer:
         """Grow, sharpen, prune, confirm, and look for rivals."""
-        start = self.study.fit_problem.start(self.study.values)
-        base = self.study.fit_set(start, (), {})
-        if base is None:
-            raise ArithmeticError("the base model cannot be fitted")
-        self.tried.fits[Key()] = self.tried.coarse[Key()] = base
-        best = self._sharpened(self._grow())
+        base, best = self._grown()
+        if self._disturbed(self.tried.fits[best]):
+            base, best = self._grown()
         present = self._confirmed(tuple(self.tried.fits[best].point.present))
         present, alternatives = self._settle(present)
         gains = {a.key: self._gains(present, a) for a in present}
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
+
+    def _grown(self) -> tuple[Fitted, Key]:
+        """The base fit and the best set before anything is confirmed."""
+        start = self.study.fit_problem.start(self.study.values)
+        base = self.study.fit_set(start, (), {})
+        if base is None:
+            raise ArithmeticError("the base model cannot be fitted")
+        self.tried = Tried(fits={Key(): base}, coarse={Key(): base})
+        return base, self._sharpened(self._grow())
+
+    def _disturbed(self, fitted: Fitted) -> bool:
+        """Whether what the best set leaves looks like forces nobody recorded; they join the noise model then."""
+        s = evidence.sample(fitted)
+        if fitted.linear.cost < ABOVE * s.count and s.share > WHITE:
+            return False
+        self.report("disturbances")
+        found = estimate(self.study.fit_problem, fitted.point)
+        self.study.set_disturbance(found)
+        return found is not None
 
     # ---------------------------------------------------------------- growing
 

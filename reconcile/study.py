@@ -10,6 +10,7 @@ from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run
 from reconcile.fit.compiled import Compiled
+from reconcile.fit.disturbance import Disturbance
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import Fitted, Free, fit
@@ -121,6 +122,11 @@ class Study:
     def named(self, p: np.ndarray) -> dict[str, float]:
         """All parameters by name."""
         return dict(zip(self.extended.parameter_names, map(float, p), strict=True))
+
+    def set_disturbance(self, disturbance: Disturbance | None) -> None:
+        """Make random forces at the axes part of the noise model of fit and confirm."""
+        for which in ("fit", "confirm"):
+            self.problems[which].disturbance = disturbance
 
     # ---------------------------------------------------------------- sizes
 

@@ -3,6 +3,8 @@
 import ctypes
 import hashlib
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
@@ -26,6 +28,8 @@ class _Window(ctypes.Structure):
         ("columns", ctypes.c_int),
         ("parameter", ctypes.c_void_p),
         ("input", ctypes.c_void_p),
+        ("first", ctypes.c_void_p),
+        ("last", ctypes.c_void_p),
         ("u", ctypes.c_void_p),
         ("shift", ctypes.c_void_p),
         ("m", ctypes.c_void_p),
@@ -33,6 +37,16 @@ class _Window(ctypes.Structure):
         ("scale", ctypes.c_void_p),
         ("tolerance", ctypes.c_void_p),
     )
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Sensitivities wanted: of each the parameter and input (-1: none), and the steps in which it acts."""
+
+    parameter: Sequence[int]
+    input: Sequence[int]
+    first: Sequence[int]
+    last: Sequence[int]
 
 
 class Compiled:
@@ -58,28 +72,31 @@ class Compiled:
         active: np.ndarray,
         scale: np.ndarray,
         tolerance: np.ndarray,
-        columns: tuple[np.ndarray, np.ndarray] | None = None,
+        columns: Columns | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """States [n + 1, NX], outputs [n + 1, NY], their slopes [n + 1, active + columns, NY] over n steps.
 
         `scale`, `tolerance` [NX]: sizes of the states, and errors above which a step is halved.
-        `columns`: parameter and input index of each sensitivity (-1: none).  None if the states run away.
+        None if the states run away.
         """
         n, sens = len(u), columns is not None
-        parameter, of_input = columns or (np.empty(0, np.int32), np.empty(0, np.int32))
-        ns = len(active) + len(parameter)
+        columns = columns or Columns([], [], [], [])
+        ns = len(active) + len(columns.parameter)
         x, y = np.empty((n + 1, self.nx)), np.empty((n + 1, self.ny))
         ys = np.empty((n + 1, ns, self.ny)) if sens else np.empty(0)
-        kept = [np.ascontiguousarray(a, np.int32) for a in (active, parameter, of_input)]
+        listed = (active, columns.parameter, columns.input, columns.first, columns.last)
+        kept = [np.ascontiguousarray(a, np.int32) for a in listed]
         real = [np.ascontiguousarray(a, float) for a in (u, shift, m, p, scale, x0, tolerance)]
         window = _Window(
             n,
             step_s,
             len(active),
             kept[0].ctypes.data,
-            len(parameter),
+            len(columns.parameter),
             kept[1].ctypes.data,
             kept[2].ctypes.data,
+            kept[3].ctypes.data,
+            kept[4].ctypes.data,
             real[0].ctypes.data,
             real[1].ctypes.data,
             real[2].ctypes.data,

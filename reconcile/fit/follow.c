@@ -38,6 +38,7 @@ typedef struct {
   int columns;         /* sensitivities by parameters; those by the active states' starts come first */
   const int *parameter; /* of each column, -1: none */
   const int *input;     /* of each column: the input that its delay shifts, -1: none */
+  const int *first, *last; /* of each column: the steps in which it acts */
   const double *u;      /* NU a step */
   const double *shift;  /* NU a step: d u / d delay */
   const double *m;      /* NM a step */
@@ -49,7 +50,7 @@ typedef struct {
 typedef struct {
   const Window *r;
   const double *u, *shift, *m;
-  int n, ns;
+  int n, ns, step;
   double *w, *s, *next; /* work; sensitivities, NX a column */
   long long *iw;
   double x[NX], f[NX], j[NX * NX], fu[NX * NU], fp[NNZ_FP + 1], lu[NX * NX];
@@ -152,6 +153,7 @@ static int stage(Run *k, const double *base, double *x, double c) {
 /* Derivatives of f by the parameter or shifted input of a column, at the last evaluated point. */
 static void forcing(const Run *k, int column, double *b) {
   memset(b, 0, NX * sizeof *b);
+  if (k->step < k->r->first[column] || k->step >= k->r->last[column]) return;
   const int parameter = k->r->parameter[column], input = k->r->input[column];
   if (parameter >= 0)
     for (int e = FP_COLUMN[parameter]; e < FP_COLUMN[parameter + 1]; e++) b[FP_ROW[e]] = k->fp[e];
@@ -279,6 +281,7 @@ EXPORT int follow(const Window *r, const double *x0, double *x, double *y, doubl
     for (int i = 0; ns && i < k->n; i++) k->s[i * NX + r->state[i]] = 1.0;
     for (done = 0;; done++) {
       const int row = done < r->steps ? done : r->steps - 1;
+      k->step = row;
       k->u = r->u + (size_t)row * NU, k->m = r->m + (size_t)row * NM;
       k->shift = r->shift + (size_t)row * NU;
       memcpy(x + (size_t)done * NX, k->x, sizeof k->x);

@@ -8,12 +8,14 @@ whitened errors and their slopes by the parameters, freed of everything that ini
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from reconcile.fit.compiled import Compiled
+from reconcile.fit.compiled import Columns, Compiled
+from reconcile.fit.disturbance import Disturbance
 from reconcile.fit.windows import InputTable, Window, interpolation
 from reconcile.model import ALL_OUTPUTS, Attached
 
@@ -29,11 +31,14 @@ class Point:
     p: np.ndarray
     x0: np.ndarray
     present: tuple[Attached, ...] = ()
+    pushes: tuple[np.ndarray, ...] = ()  # per window [axes, bins]: disturbing forces, where they are modelled
 
 
 @dataclass(frozen=True)
 class Linear:
     """Errors [M] and slopes [M, K] after projection, whitened; `raw`: errors by window and output.
+
+    `strain`: squares of the disturbances in units of their own spread (0 where none are modelled).
 
     `steps`: what turns a change of the parameters [K] into that of the initial states, per window.
     """
@@ -43,6 +48,8 @@ class Linear:
     raw: list[dict[str, np.ndarray]]
     steps: list[tuple[np.ndarray, np.ndarray]]
     states: list[np.ndarray]
+    strain: float = 0.0
+    modelled: bool = False  # whether disturbances are part of the noise model
 
     @property
     def cost(self) -> float:
@@ -69,6 +76,7 @@ class Problem:
         self.scale = np.ones(compiled.nx)
         self.tolerance = np.full(compiled.nx, 1e-3)
         self.patience = 1.0  # times the tolerance: more where sets are only ranked
+        self.disturbance: Disturbance | None = None
         self._modes: dict[int, np.ndarray] = {}
 
     # ---------------------------------------------------------------- parameters
@@ -135,7 +143,9 @@ class Problem:
 
     def _inputs(self, window: Window, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         delays = {i: float(sum(p[k] for k in ks)) for i, ks in self.input_delays.items()}
-        return self.tables[id(window.run)].rows(window, delays)
+        u, slope = self.tables[id(window.run)].rows(window, delays)
+        axes = len(self.extended.folder.ports.axes)
+        return np.hstack([u, np.zeros((len(u), axes))]), np.hstack([slope, np.ones((len(u), axes))])
 
     def _mode(self, window: Window) -> np.ndarray:
         """Modes [steps, NM] of a window: as recorded where an output shows them, else by the guards."""
@@ -150,11 +160,10 @@ class Problem:
         """Follow window k; `columns` are parameters to differentiate by."""
         window = self.windows[k]
         u, slope = self._inputs(window, point.p)
-        chosen = None
-        if columns is not None:
-            by_input = {q: i for i, qs in self.input_delays.items() for q in qs}
-            inputs = [by_input.get(c, -1) for c in columns]
-            chosen = (np.array(columns, np.int32), np.array(inputs, np.int32))
+        clock, noise = self.extended.clock, self.disturbance
+        if noise is not None and point.pushes:
+            u[:, clock + 1 :] = point.pushes[k][:, noise.bin_of(window)].T
+        chosen = None if columns is None else self._columns(window, columns)
         return self.compiled.follow(
             point.x0[k],
             u,
@@ -168,7 +177,22 @@ class Problem:
             chosen,
         )
 
-    def _compare(self, point: Point, k: int, y: np.ndarray, ys: np.ndarray | None, columns: Sequence[int]):
+    def _columns(self, window: Window, columns: Sequence[int]) -> Columns:
+        """Disturbing forces bin by bin, then parameters."""
+        pushed, n = [], window.steps
+        if self.disturbance is not None:
+            edges = self.disturbance.edges(window)
+            axes = range(len(self.extended.folder.ports.axes))
+            pushed = [(self.extended.clock + 1 + a, e, f) for a in axes for e, f in pairwise(edges.tolist())]
+        by_input = {q: i for i, qs in self.input_delays.items() for q in qs}
+        return Columns(
+            [-1] * len(pushed) + list(columns),
+            [i for i, _, _ in pushed] + [by_input.get(c, -1) for c in columns],
+            [e for _, e, _ in pushed] + [0] * len(columns),
+            [f for _, _, f in pushed] + [n] * len(columns),
+        )
+
+    def compare(self, point: Point, k: int, y: np.ndarray, ys: np.ndarray | None, columns: Sequence[int]):
         """Whitened errors of window k by output, and their slopes output by output."""
         window, errors, slopes = self.windows[k], {}, []
         for name in self.outputs:
@@ -194,38 +218,60 @@ class Problem:
         """The problem linearised at a point; None if the model runs away there."""
         active = self.active_states(point.present)
         n, loose = len(active), 1.0 / (LOOSE * self.scale[active])
-        errors, slopes, raw, steps, states = [], [], [], [], []
+        errors, slopes, raw, steps, states, strain = [], [], [], [], [], 0.0
         for k in range(len(self.windows)):
             run = self.simulate(point, k, columns)
             if run is None:
                 return None
             x, y, ys = run
-            found, parts = self._compare(point, k, y, ys, columns)
+            found, parts = self.compare(point, k, y, ys, columns)
             slope = np.concatenate(parts)
             e = np.concatenate(list(found.values()))
-            free = np.vstack([slope[:, :n], np.diag(loose)])
+            prior, strained = self._prior(point, k)
+            own = n + prior.shape[1]
+            free = np.zeros((len(e) + len(prior) + n, own))
+            free[: len(e)] = slope[:, :own]
+            free[len(e) : len(e) + len(prior), n:] = prior
+            free[len(e) + len(prior) :, :n] = np.diag(loose)
             q, r = np.linalg.qr(free)
-            q = q[: len(e)]
-            e_in, p_in = q.T @ e, q.T @ slope[:, n:]
+            q = q[: len(e) + len(prior)]
+            e = np.concatenate([e, -strained])
+            by = np.vstack([slope[:, own:], np.zeros((len(prior), len(columns)))])
+            e_in, p_in = q.T @ e, q.T @ by
             errors.append(e - q @ e_in)
-            slopes.append(slope[:, n:] - q @ p_in)
+            slopes.append(by - q @ p_in)
             steps.append((solve_triangular(r, e_in), solve_triangular(r, p_in)))
             raw.append(found)
             states.append(x)
-        return Linear(np.concatenate(errors), np.vstack(slopes), raw, steps, states)
+            strain += float(strained @ strained)
+        modelled = self.disturbance is not None
+        return Linear(np.concatenate(errors), np.vstack(slopes), raw, steps, states, strain, modelled)
+
+    def _prior(self, point: Point, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """What makes the disturbances of window k white and of unit size [J, J], and they so [J]."""
+        if self.disturbance is None:
+            return np.zeros((0, 0)), np.zeros(0)
+        whiten = self.disturbance.whitener(self.windows[k])
+        size = whiten.shape[0]
+        return whiten, whiten @ (point.pushes[k].ravel() if point.pushes else np.zeros(size))
 
     def moved(
         self, point: Point, linear: Linear, p: np.ndarray, change: np.ndarray, share: float = 1.0
     ) -> Point:
         """The point after a step: new parameters, initial states where they fit best to first order.
 
-        `share`: of the way that the initial states would go by themselves.
+        `share`: of the way that the initial states (and disturbances) would go by themselves.
         """
         active = self.active_states(point.present)
-        x0 = point.x0.copy()
+        x0, pushes, n = point.x0.copy(), [], len(active)
         for k, (own, by) in enumerate(linear.steps):
-            x0[k, active] += share * own - by @ change
-        return replace(point, p=p, x0=x0)
+            step = share * own - by @ change
+            x0[k, active] += step[:n]
+            if self.disturbance is not None:
+                shape = (len(self.extended.folder.ports.axes), -1)
+                before = point.pushes[k] if point.pushes else 0.0
+                pushes.append(before + step[n:].reshape(shape))
+        return replace(point, p=p, x0=x0, pushes=tuple(pushes))
 
     def errors(self, point: Point) -> list[dict[str, np.ndarray]] | None:
         """Whitened errors by window and output, initial states as they are."""
@@ -234,7 +280,7 @@ class Problem:
             run = self.simulate(point, k)
             if run is None:
                 return None
-            found.append(self._compare(point, k, run[1], None, ())[0])
+            found.append(self.compare(point, k, run[1], None, ())[0])
         return found
 
     # ---------------------------------------------------------------- starting points
