@@ -28,9 +28,11 @@ def reconcile(
     holdout: Sequence[Path] = (),
     names: Path | None = None,
     report: Report | None = None,
+    report_only: bool = False,
 ) -> dict[str, Any]:
     """Run the whole workflow, write DIR/report.json and DIR/model, and return the report.
 
+    `report_only` leaves out what is made from the figures: the extended model and the page.
     Raises InputError for recordings or a model that cannot be used; nothing is written then.
     """
     said = report or (lambda *_: None)
@@ -45,7 +47,7 @@ def reconcile(
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
     out.mkdir(parents=True, exist_ok=True)
     said("writing")
-    if answer.present or figures["reestimated"]:
+    if not report_only and (answer.present or figures["reestimated"]):
         built = _build(reports.write_model(study, answer, out), out)
         figures["model"] = {"folder": "model", "fmu": built}
     _write(out / "report.json", figures)

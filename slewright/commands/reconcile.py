@@ -24,13 +24,16 @@ def reconcile(
         Path | None,
         typer.Option("--map", metavar="FILE", help="Names: a table [names] with theirs = 'ours'."),
     ] = None,
+    report_only: Annotated[
+        bool, typer.Option("--report-only", help="Write report.json alone: no extended model, no page.")
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Find where model and recordings disagree, name the missing effect, add it, show the gap shrink."""
     from reconcile.workflow import reconcile as run
 
     with progress("reconcile") as report:
-        figures = run(runs, model, out, confirm or [], holdout or [], names, report)
+        figures = run(runs, model, out, confirm or [], holdout or [], names, report, report_only)
     _print(figures)
     write(json, figures, figures["seed"])
     typer.echo(f"report: {out / 'report.json'}")
