@@ -23,6 +23,7 @@ from slewright.commands import (
     generate,
     import_,
     reconcile,
+    reconcile_suite,
     simulate,
     testpack,
     train,
@@ -90,6 +91,7 @@ app.command()(build.build)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
 app.command()(reconcile.reconcile)
+app.command("reconcile-suite")(reconcile_suite.reconcile_suite)
 app.command("testpack")(testpack.write_pack)
 app.add_typer(bench.app, name="bench")
 app.add_typer(fit.app, name="fit")

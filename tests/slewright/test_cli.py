@@ -35,6 +35,7 @@ COMMANDS = (
     "estimate",
     "import",
     "reconcile",
+    "reconcile-suite",
     "bench",
     "testpack",
 )

@@ -1,0 +1,77 @@
+"""`slewright reconcile-suite`: hidden-effect cases, answered without knowing the truth, scored."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from slewright.figures import JsonOption, write
+from slewright.progress import progress
+from slewright.tables import show
+
+
+def reconcile_suite(
+    cases: Annotated[int, typer.Option(metavar="N", help="Cases to draw.")],
+    seed: Annotated[int | None, typer.Option(metavar="S", help="Seed (default: a fresh one).")] = None,
+    noise: Annotated[str, typer.Option(help="Noise of sensors, inputs, disturbance: low or high.")] = "low",
+    system: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="One system (default: all): servo, arm, tool, slew, machine."),
+    ] = None,
+    visible: Annotated[
+        str, typer.Option(help="Effects: drawn (1 to 3), none, outside (one that no catalogue has).")
+    ] = "drawn",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the cases; one that is there goes on.")
+    ] = None,
+    workers: Annotated[int, typer.Option(metavar="K", help="Local worker processes.")] = 2,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers do the cases.")
+    ] = None,
+    baselines: Annotated[bool, typer.Option(help="Answer by plain SINDy and greedy BIC too.")] = True,
+    again: Annotated[bool, typer.Option("--again", help="Answer cases that are there once more.")] = False,
+    json: JsonOption = None,
+) -> None:
+    """Draw machines with hidden effects, reconcile them, and score what is named against the sealed truth."""
+    import secrets
+
+    from slewright.suite.plan import settle
+    from slewright.suite.run import run_suite
+    from slewright.suite.summary import summarise
+
+    if cases < 1:
+        raise typer.BadParameter(f"--cases {cases}: at least 1")
+    fresh = secrets.randbelow(2**31) if seed is None else seed
+    folder = out or Path("out/reconcile-suite") / f"{noise}-{system or 'all'}-{visible}-{fresh}"
+    settings = settle(folder, seed, fresh, noise=noise, system=system, visible=visible)
+    typer.echo(f"seed {settings.seed}, cases in {folder}")
+    with progress("reconcile-suite") as report:
+        results = run_suite(settings, cases, folder, workers, dask, baselines, again, report)
+    figures = {"noise": noise, "visible": visible, **summarise(results)}
+    _print(figures, results)
+    write(json, figures, settings.seed)
+
+
+def _print(figures: dict[str, Any], results: list[dict[str, Any]]) -> None:
+    columns = ["cases", "exact", "ambiguous_ok", "right", "wrong", "abstained", "seconds_median"]
+    rows = [(s, *(row[c] for c in columns)) for s, row in figures["by_system"].items()]
+    show("By system", ["system", *columns], [*rows, ("all", *(figures[c] for c in columns))])
+    bad = [r for r in results if r["result"] in ("wrong", "abstained")]
+    lines = [
+        (
+            r["key"],
+            r["system"],
+            r["result"],
+            ", ".join(r["visible"]),
+            r["verdict"],
+            _sets(r),
+            len(r["equivalents"]),
+        )
+        for r in bad
+    ]
+    if lines:
+        show("Not met", ["case", "system", "result", "visible", "verdict", "named", "|E(T)|"], lines)
+
+
+def _sets(result: dict[str, Any]) -> str:
+    return result["workflow_failed"] or " | ".join("+".join(names) for names in result["named"])

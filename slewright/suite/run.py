@@ -1,0 +1,81 @@
+"""All cases of a suite, over local processes or a Dask cluster; goes on where it stopped."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from orchestrator.campaign import pool
+from slewright.suite.plan import Settings
+from slewright.suite.work import Task, work
+from specs.errors import InputError
+
+Report = Callable[..., None]
+Results = list[dict[str, Any]]
+
+
+def run_suite(
+    settings: Settings,
+    count: int,
+    out: Path,
+    workers: int = 1,
+    scheduler: str | None = None,
+    baselines: bool = True,
+    again: bool = False,
+    report: Report | None = None,
+) -> Results:
+    """Do the cases of 0 .. count - 1 that are not done yet; all results that are there, in order.
+
+    `again`: answer the cases that are there once more.  A KeyboardInterrupt passes; what was done is kept.
+    Raises InputError for less than one case or worker.
+    """
+    if count < 1:
+        raise InputError(f"--cases {count}: at least 1")
+    if workers < 1:
+        raise InputError(f"--workers {workers}: at least 1")
+    say = report or (lambda what, done=None, total=None: None)
+    tasks = [_task(settings, n, out, baselines, again) for n in range(count)]
+    todo = [t for t in tasks if again or not _done(t)]
+    done = 0
+    for results in _finished(todo, workers, scheduler):
+        done += len(results)
+        say("cases", done, len(todo))
+    return there(out, count)
+
+
+def there(out: Path, count: int | None = None) -> Results:
+    """The results in a suite's folder, of the first `count` cases."""
+    paths = sorted((out / "cases").glob("*/result.json"))
+    found = [json.loads(p.read_text()) for p in paths]
+    return [r for r in found if count is None or int(r["key"]) < count]
+
+
+def _finished(todo: Sequence[Task], workers: int, scheduler: str | None) -> Iterator[Results]:
+    if scheduler:
+        yield from pool.cluster(todo, scheduler, work)
+    elif workers == 1:
+        yield from (work([task]) for task in todo)
+    elif todo:
+        yield from pool.local(todo, workers, work)
+
+
+def _task(settings: Settings, number: int, out: Path, baselines: bool, again: bool) -> Task:
+    case = settings.case(number)
+    folder = (out / "cases" / case.key).resolve()
+    return {
+        "key": case.key,
+        "ssp": case.system,  # what the pool keeps together
+        "digest": "",
+        "folder": str(folder),
+        "seed": case.seed,
+        "noise": settings.noise,
+        "visible": settings.visible,
+        "baselines": baselines,
+        "again": again,
+    }
+
+
+def _done(task: Task) -> bool:
+    """Whether there is a result; one of a workflow that failed is done again."""
+    path = Path(task["folder"]) / "result.json"
+    return path.is_file() and not json.loads(path.read_text())["workflow_failed"]
