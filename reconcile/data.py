@@ -1,6 +1,6 @@
 """Recordings as reconcile uses them: every channel at its own times, in three parts that nothing mixes.
 
-Whole runs are dealt to fit, confirm and holdout when the user says so or there are at least four; else each
+Whole runs are dealt to fit, confirm and holdout when the user says so or there are at least eight; else each
 run is cut into interleaved blocks with guard gaps between them.
 """
 
@@ -11,15 +11,20 @@ from pathlib import Path
 
 import numpy as np
 
+from reconcile import sizes
 from reconcile.model import Folder
 from records.formats import read_measurement
-from records.measurement import Measurement
+from records.formats.units import converted, spelled
+from records.measurement import Channel, Measurement
 from specs.errors import InputError, nearest
 
 BLOCK_S = 6.0  # of interleaved blocks, at most
 GUARD_S = 0.5  # left out between blocks
 PATTERN = ("fit", "confirm", "fit", "holdout")  # of blocks, in order
-LEAST_SAMPLES = 60  # of an output in all
+WHOLE = 8  # runs: with fewer, every kind of excitation must be in every part
+LEAST_SAMPLES = 30  # of an output in a part
+LEAST_STRETCH = 20  # samples without a gap
+LONGEST_PERIOD_S = 0.5  # between samples: windows of some seconds are simulated, and must hold several
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,7 @@ class Run:
     end_s: float
     inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
+    notes: tuple[str, ...] = ()  # what reading the recording mended
 
     @property
     def period_s(self) -> float:
@@ -69,45 +75,105 @@ class Parts:
     holdout: tuple[Block, ...]
 
 
-def read_run(path: Path | str, folder: Folder, names: Mapping[str, str] | None = None) -> list[Run]:
+def read_run(
+    path: Path | str, folder: Folder, names: Mapping[str, str] | None = None, label: str | None = None
+) -> list[Run]:
     """The stretches of a recording without gaps; raises InputError where nothing of the model is in it."""
     measured = read_measurement(path, names=names)
-    return runs_of(measured, folder, Path(path).stem)
+    return runs_of(measured, folder, label or Path(path).stem)
 
 
 def runs_of(measured: Measurement, folder: Folder, name: str) -> list[Run]:
-    """Runs of a measurement: channels with the names of the model's inputs and outputs."""
-    inputs = [v.name for v in folder.model.inputs if v.name in measured]
-    outputs = [v.name for v in folder.model.outputs if v.name in measured]
+    """Runs of a measurement: channels with the names of the model's inputs and outputs, in its units."""
     where = measured.source or name
-    if not outputs:
-        wanted = ", ".join(v.name for v in folder.model.outputs)
-        raise InputError(f"{where} has none of the model's outputs ({wanted}); name columns with --map")
-    moved = [n for n in folder.ports.controls if n in inputs]
-    if folder.ports.controls and not moved:
-        raise InputError(f"{where} has no input of the model; {nearest('', folder.ports.controls)}")
-    for n in (*inputs, *outputs):
-        if not np.isfinite(measured[n].values).all():
-            first = float(measured[n].time[~np.isfinite(measured[n].values)][0])
-            raise InputError(f"{where}: channel {n} is not a number at {first:.6g} s")
-    step = max(measured[n].period_s for n in (*inputs, *outputs))
+    inputs, outputs = _there(measured, folder, where)
+    units = {v.name: v.unit for v in (*folder.model.inputs, *folder.model.outputs)}
+    channels = {n: _in_unit(measured[n], units[n], where) for n in (*inputs, *outputs)}
+    _check_numbers(channels, where)
+    _check_clock(channels, where)
+    sizes.check(measured, channels, folder, where)
+    step = max(c.period_s for c in channels.values())
     runs = []
-    for i, piece in enumerate(measured.pieces([*inputs, *outputs], step)):
+    pieces = Measurement(channels, source=where).pieces(list(channels), step)
+    for piece in pieces:
         start, end = piece.start_s, piece.start_s + (len(piece) - 1) * step
-        if end - start > 20 * step:
-            signals = [_cut(measured, names, start, end) for names in (inputs, outputs)]
-            runs.append(Run(name if i == 0 else f"{name}.{i}", start, end, *signals))
+        if end - start > LEAST_STRETCH * step:
+            signals = [_cut(channels, names, start, end) for names in (inputs, outputs)]
+            label = name if not runs else f"{name}.{len(runs)}"
+            runs.append(Run(label, start, end, *signals, notes=measured.repairs))
     if not runs:
-        raise InputError(
-            f"{where}: no stretch without gaps in which all of {', '.join(outputs)} are recorded"
-        )
+        raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))
     return runs
 
 
-def _cut(measured: Measurement, names: Sequence[str], start: float, end: float) -> dict[str, Signal]:
+def _there(measured: Measurement, folder: Folder, where: str) -> tuple[list[str], list[str]]:
+    """Names of the model's inputs and outputs that are recorded; at least one control and one output."""
+    inputs = [v.name for v in folder.model.inputs if v.name in measured]
+    outputs = [v.name for v in folder.model.outputs if v.name in measured]
+    for kind, wanted, found in (
+        ("outputs", [v.name for v in folder.model.outputs], outputs),
+        ("inputs", folder.ports.controls, [n for n in folder.ports.controls if n in inputs]),
+    ):
+        if wanted and not found:
+            raise InputError(
+                f"{where} has none of the model's {kind} ({', '.join(wanted)}); it has "
+                f"{', '.join(list(measured.channels)[:8])}: name columns with --map"
+            )
+    return inputs, outputs
+
+
+def _in_unit(channel: Channel, unit: str, where: str) -> Channel:
+    """The channel in the model's unit; one without a unit, or for a variable without one, as it is."""
+    if not channel.unit or not unit or spelled(unit) == channel.unit:
+        return channel
+    values = converted(channel.values, channel.unit, spelled(unit), f"{where}: channel {channel.name}")
+    return Channel(channel.name, unit, channel.time, values, channel.description)
+
+
+def _check_numbers(channels: Mapping[str, Channel], where: str) -> None:
+    for n, c in channels.items():
+        if not np.issubdtype(c.values.dtype, np.number) and c.values.dtype != bool:
+            raise InputError(f"{where}: channel {n} holds no numbers")
+        good = np.isfinite(c.values.astype(float))
+        if not good.all():
+            raise InputError(f"{where}: channel {n} is not a number at {float(c.time[~good][0]):.6g} s")
+        if len(c.time) < 2:
+            raise InputError(f"{where}: channel {n} has one sample")
+
+
+def _check_clock(channels: Mapping[str, Channel], where: str) -> None:
+    name, slowest = max(((n, c.period_s) for n, c in channels.items()), key=lambda x: x[1])
+    if slowest > LONGEST_PERIOD_S:
+        raise InputError(
+            f"{where}: channel {name} has a sample every {slowest:.4g} s, and {LONGEST_PERIOD_S:g} s is the "
+            "most; is the time in s? (--map: theirs = 'time [ms]')"
+        )
+
+
+def _no_stretch(
+    channels: Mapping[str, Channel], inputs: Sequence[str], outputs: Sequence[str], longest: int, where: str
+) -> str:
+    """Why there is no stretch to use: clocks that never meet, or too many gaps."""
+    spans = {n: (c.time[0], c.time[-1]) for n, c in channels.items()}
+    late = max(spans, key=lambda n: spans[n][0])
+    early = min(spans, key=lambda n: spans[n][1])
+    if spans[late][0] > spans[early][1]:
+        return (
+            f"{where}: {early} ends at {spans[early][1]:.6g} s, {late} begins at {spans[late][0]:.6g} s: "
+            "they have no time in common; are their clocks the same?"
+        )
+    return (
+        f"{where}: the longest stretch in which all of {', '.join([*inputs, *outputs])} are recorded without "
+        f"a gap has {longest} samples, and {LEAST_STRETCH + 2} are needed"
+    )
+
+
+def _cut(
+    channels: Mapping[str, Channel], names: Sequence[str], start: float, end: float
+) -> dict[str, Signal]:
     found = {}
     for n in names:
-        channel = measured[n]
+        channel = channels[n]
         inside = (channel.time >= start - 1e-9) & (channel.time <= end + 1e-9)
         found[n] = Signal(channel.time[inside], channel.values[inside].astype(float))
     return found
@@ -116,19 +182,19 @@ def _cut(measured: Measurement, names: Sequence[str], start: float, end: float) 
 def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run]) -> Parts:
     """Deal runs to the three sets.
 
-    Whole runs where `confirm` and `holdout` are given or there are at least four runs; else interleaved
+    Whole runs where `confirm` and `holdout` are given or there are at least eight runs; else interleaved
     blocks of the runs, of which the sets not given take their share.
     """
-    if confirm and holdout:
-        return Parts(_whole(runs), _whole(confirm), _whole(holdout))
-    if not confirm and not holdout and len(runs) >= 4:
-        ordered = list(runs)
-        return Parts(_whole(ordered[: len(ordered) - 2]), _whole(ordered[-2:-1]), _whole(ordered[-1:]))
-    wanted = {"fit"} | ({"confirm"} if not confirm else set()) | ({"holdout"} if not holdout else set())
     dealt: dict[str, list[Block]] = {"fit": [], "confirm": [], "holdout": []}
-    for run in runs:
-        for which, block in _interleaved(run, [p for p in PATTERN if p in wanted]):
-            dealt[which].append(block)
+    if confirm and holdout:
+        dealt["fit"] = list(_whole(runs))
+    elif not confirm and not holdout and len(runs) >= 4:
+        dealt = {k: list(_whole(v)) for k, v in zip(dealt, (runs[:-2], runs[-2:-1], runs[-1:]), strict=True)}
+    else:
+        wanted = {"fit"} | ({"confirm"} if not confirm else set()) | ({"holdout"} if not holdout else set())
+        for run in runs:
+            for which, block in _interleaved(run, [p for p in PATTERN if p in wanted]):
+                dealt[which].append(block)
     if confirm:
         dealt["confirm"] = list(_whole(confirm))
     if holdout:
@@ -155,15 +221,20 @@ def _interleaved(run: Run, pattern: Sequence[str]) -> list[tuple[str, Block]]:
 
 
 def _check(dealt: Mapping[str, Sequence[Block]]) -> None:
+    """Every part holds enough samples of the output that has fewest."""
     for which, blocks in dealt.items():
-        samples = sum(
-            int(np.sum((s.time >= b.start_s) & (s.time <= b.end_s)))
-            for b in blocks
-            for s in list(b.run.outputs.values())[:1]
-        )
-        if samples < LEAST_SAMPLES // 2:
+        samples = min(_samples(blocks).values(), default=0)
+        if samples < LEAST_SAMPLES:
+            more = "" if which == "fit" else f", or give one more with --{which}"
             raise InputError(
-                f"{samples} samples are left for {which}: record longer, or give one more with --{which}"
-                if which != "fit"
-                else f"{samples} samples to fit; longer recordings are needed"
+                f"{samples} samples are left for {which}, and {LEAST_SAMPLES} are needed: record longer{more}"
             )
+
+
+def _samples(blocks: Sequence[Block]) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for b in blocks:
+        for n, s in b.run.outputs.items():
+            inside = (s.time >= b.start_s) & (s.time <= b.end_s)
+            found[n] = found.get(n, 0) + int(np.sum(inside))
+    return found

@@ -30,9 +30,7 @@ class Sample:
 
 def sample(fitted: Fitted) -> Sample:
     """Sample size of the errors that a fit leaves."""
-    raw = fitted.linear.raw
-    if fitted.linear.modelled:  # what correlates the errors is in the noise model
-        return Sample(count_of(fitted), 1.0)
+    raw = fitted.linear.white
     names = list(raw[0])
     count = {n: sum(len(w[n]) for w in raw) for n in names}
     total = {n: sum(float(w[n] @ w[n]) for w in raw) for n in names}

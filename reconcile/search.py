@@ -11,13 +11,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from reconcile import evidence
-from reconcile.fit.disturbance import estimate
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
 from reconcile.score import Score, Scored, starts
 from reconcile.study import Study
 
-BEAM = 3
+BEAM = 2
 REFITS = 8  # of each set in the beam
 PAIRS = 5
 LARGEST = 5  # effects in a set
@@ -25,7 +24,7 @@ SHARPENED = 4  # sets fitted sharply after the growth
 RIVALS = 5  # fitted for each effect of the answer
 CLOSE = 8.0  # of twice the log-likelihood: sets this near to the best cannot be told from it
 MOST_RIVALS = 4
-ABOVE, WHITE = 1.15, 0.5  # mean square over the floor, share of independent samples: else a disturbance
+ROUNDS = 5  # of growth, each with the noise judged by the set of the one before
 
 Key = frozenset
 Report = Callable[..., None]
@@ -58,52 +57,73 @@ class Search:
     def __init__(self, study: Study, report: Report | None = None):
         self.study, self.report = study, report or (lambda *a: None)
         self.tried = Tried()
+        self.gains: dict[str, tuple[float, float]] = {}
 
     def run(self) -> Answer:
-        """Grow, sharpen, prune, confirm, and look for rivals."""
-        base, best = self._grown()
-        if self._disturbed(self.tried.fits[best]):
-            base, best = self._grown()
-        present = self._confirmed(tuple(self.tried.fits[best].point.present))
-        present, alternatives = self._settle(present)
-        gains = {a.key: self._gains(present, a) for a in present}
-        return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
-
-    def _grown(self) -> tuple[Fitted, Key]:
-        """The base fit and the best set before anything is confirmed."""
-        start = self.study.fit_problem.start(self.study.values)
-        base = self.study.fit_set(start, (), {})
+        """Grow, judge the noise by what is left, grow on; then confirm, and look for rivals."""
+        base = self.study.fit_set(self.study.fit_problem.start(self.study.values), (), {})
         if base is None:
             raise ArithmeticError("the base model cannot be fitted")
         self.tried = Tried(fits={Key(): base}, coarse={Key(): base})
-        return base, self._sharpened(self._grow())
+        best: Key | None = None
+        for _ in range(ROUNDS):
+            known, best = best, self._round(best or Key())
+            if best == known:
+                break
+        present = self._confirmed(self._present(best or Key()))
+        self._with_confirm(present)
+        present, alternatives = self._settle(present)
+        gains = {a.key: self.gains.get(a.key) or self._gains(present, a) for a in present}
+        base = self.tried.fits[Key()]
+        return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
 
-    def _disturbed(self, fitted: Fitted) -> bool:
-        """Whether what the best set leaves looks like forces nobody recorded; they join the noise model then."""
-        s = evidence.sample(fitted)
-        if fitted.linear.cost < ABOVE * s.count and s.share > WHITE:
-            return False
-        self.report("disturbances")
-        found = estimate(self.study.fit_problem, fitted.point)
-        self.study.set_disturbance(found)
-        return found is not None
+    def _round(self, key: Key) -> Key:
+        """Judge the noise by what a set leaves, and grow from it."""
+        self.report("noise")
+        self.study.estimate_noise(self.tried.fits[key])
+        self._again([Key(), key])
+        starts = [key] if len(key) < 2 else [key, *(self._fit_near(key - {a}, key) for a in key)]
+        return self._sharpened(self._grow(starts))
+
+    def _again(self, keys: Sequence[Key]) -> None:
+        """Fit some sets again, and forget the others: the noise, or the data, are others now."""
+        before = self.tried.fits
+        fits = {k: self._refitted(before[k]) for k in keys}
+        self.tried = Tried(fits, dict(fits), self.tried.refused)
+
+    def _refitted(self, fitted: Fitted) -> Fitted:
+        return self.study.fit_set(fitted.point, fitted.point.present, {}) or fitted
+
+    def _fit_near(self, key: Key, near: Key) -> Key:
+        self.tried.coarse[key] = self._sharp(tuple(key), self.tried.fits[near])
+        return key
+
+    def _present(self, key: Key) -> tuple[Attached, ...]:
+        return tuple(self.tried.fits[key].point.present)
+
+    def _with_confirm(self, present: tuple[Attached, ...]) -> None:
+        """What is accepted is fitted to fit and confirm together, and rivals with it."""
+        fits, study = self.tried.fits, self.study
+        kept = {k: fits[k] for k in (Key(), Key(present))}
+        study.use_all(fits[Key(present)])
+        moved = {k: self._refitted(study.carried(f) or f) for k, f in kept.items()}
+        self.tried = Tried(moved, {}, self.tried.refused)
 
     # ---------------------------------------------------------------- growing
 
-    def _grow(self) -> list[Key]:
-        """Sets by BIC, best first, fitted coarsely."""
-        beam, best = [Key()], Key()
+    def _grow(self, beam: list[Key]) -> list[Key]:
+        """Sets by BIC, best first, fitted coarsely, that grow out of those in the beam."""
+        best = beam[0]
         for size in range(1, LARGEST + 1):
             found: set[Key] = set()
             for at, key in enumerate(beam):
-                self.report(f"sets of {size}", at, len(beam))
+                self.report(f"step {size}", at, len(beam))
                 found |= self._extended(key, pairs=size == 1)
             ranked = self._ranked(self.tried.coarse)
-            if (ranked[0] == best and size > 1) or not found:
+            if not found or (ranked[0] == best and size > 1):
                 break
             best = ranked[0]
-            # pairs found with the singles wait until their turn; swaps within a size come along
-            beam = [k for k in ranked if len(k) == size][:BEAM]
+            beam = [k for k in ranked if k in found and len(k) < LARGEST][:BEAM]
         return self._ranked(self.tried.coarse)
 
     def _extended(self, key: Key, pairs: bool) -> set[Key]:
@@ -207,6 +227,7 @@ class Search:
         without = self._sharp(tuple(x for x in present if x != a), fitted)
         s = evidence.sample(fitted)
         gained = evidence.bic(without, s) - evidence.bic(fitted, s)
+        self.gains.pop(a.key, None)
         if gained <= evidence.BIC_GAIN:
             return gained, f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
         distance = evidence.from_nothing(study, fitted, a)
@@ -216,6 +237,7 @@ class Search:
         if outside is None or not outside.accepted:
             share = 0.0 if outside is None else outside.closed
             return gained, f"closes {100 * share:.0f} % of the gap on confirm"
+        self.gains[a.key] = (evidence.likelihood_gain(without.cost, fitted.cost, s), outside.closed)
         return gained, ""
 
     def _sharp(self, present: tuple[Attached, ...], near: Fitted) -> Fitted:

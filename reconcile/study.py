@@ -10,7 +10,7 @@ from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run
 from reconcile.fit.compiled import Compiled
-from reconcile.fit.disturbance import Disturbance
+from reconcile.fit import whitening
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import Fitted, Free, fit
@@ -115,18 +115,44 @@ class Study:
 
     def elsewhere(self, fitted: Fitted, which: str) -> Fitted | None:
         """The same parameters on another part, with initial states of their own."""
-        problem = self.problems[which]
-        point = problem.start(self.named(fitted.point.p))
-        return fit(problem, problem.with_present(point, fitted.point.present), [], iterations=0)
+        return self._carried(self.problems[which], replace(fitted, free=()))
 
     def named(self, p: np.ndarray) -> dict[str, float]:
         """All parameters by name."""
         return dict(zip(self.extended.parameter_names, map(float, p), strict=True))
 
-    def set_disturbance(self, disturbance: Disturbance | None) -> None:
-        """Make random forces at the axes part of the noise model of fit and confirm."""
-        for which in ("fit", "confirm"):
-            self.problems[which].disturbance = disturbance
+    def estimate_noise(self, fitted: Fitted) -> None:
+        """Fit the noise model to what a fit leaves, and judge by it from here on."""
+        columns = [self.extended.index[f.name] for f in fitted.free]
+        self.noise = whitening.estimate(self.fit_problem, fitted.point, columns)
+        self.fit_problem.whiteners = self.noise.whiteners()
+        confirm = self.problems["confirm"]
+        if confirm is not self.fit_problem:
+            self._whiten(confirm, fitted)
+
+    def _whiten(self, problem: Problem, fitted: Fitted) -> None:
+        """Carry the noise model over to another problem."""
+        problem.whiteners = None
+        there = self._carried(problem, fitted)
+        if there is not None:
+            problem.whiteners = whitening.transferred(self.noise, problem, there.point).whiteners()
+
+    def use_all(self, fitted: Fitted) -> None:
+        """Fit to the parts fit and confirm together from here on, with the noise as a fit has it."""
+        windows = [*self.problems["fit"].windows, *self.problems["confirm"].windows]
+        problem = Problem(self.compiled, windows, self.fit_problem.sigma)
+        problem.set_scale(self.fit_problem.scale)
+        self._whiten(problem, fitted)
+        self.fit_problem = problem
+
+    def carried(self, fitted: Fitted) -> Fitted | None:
+        """A fit's parameters on the problem in use, with initial states of their own."""
+        return self._carried(self.fit_problem, fitted)
+
+    def _carried(self, problem: Problem, fitted: Fitted) -> Fitted | None:
+        point = problem.start(self.named(fitted.point.p))
+        point = problem.with_present(point, fitted.point.present)
+        return fit(problem, point, fitted.free, iterations=0)
 
     # ---------------------------------------------------------------- sizes
 

@@ -8,14 +8,13 @@ whitened errors and their slopes by the parameters, freed of everything that ini
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from reconcile.fit.compiled import Columns, Compiled
-from reconcile.fit.disturbance import Disturbance
+from reconcile.fit.whitening import Whitener
 from reconcile.fit.windows import InputTable, Window, interpolation
 from reconcile.model import ALL_OUTPUTS, Attached
 
@@ -31,15 +30,13 @@ class Point:
     p: np.ndarray
     x0: np.ndarray
     present: tuple[Attached, ...] = ()
-    pushes: tuple[np.ndarray, ...] = ()  # per window [axes, bins]: disturbing forces, where they are modelled
 
 
 @dataclass(frozen=True)
 class Linear:
     """Errors [M] and slopes [M, K] after projection, whitened; `raw`: errors by window and output.
 
-    `strain`: squares of the disturbances in units of their own spread (0 where none are modelled).
-
+    `white`: errors by window and output in whitened form, `raw` in units of the sensors' noise.
     `steps`: what turns a change of the parameters [K] into that of the initial states, per window.
     """
 
@@ -48,8 +45,7 @@ class Linear:
     raw: list[dict[str, np.ndarray]]
     steps: list[tuple[np.ndarray, np.ndarray]]
     states: list[np.ndarray]
-    strain: float = 0.0
-    modelled: bool = False  # whether disturbances are part of the noise model
+    white: list[dict[str, np.ndarray]]
 
     @property
     def cost(self) -> float:
@@ -76,7 +72,7 @@ class Problem:
         self.scale = np.ones(compiled.nx)
         self.tolerance = np.full(compiled.nx, 1e-3)
         self.patience = 1.0  # times the tolerance: more where sets are only ranked
-        self.disturbance: Disturbance | None = None
+        self.whiteners: list[Whitener] | None = None
         self._modes: dict[int, np.ndarray] = {}
 
     # ---------------------------------------------------------------- parameters
@@ -156,14 +152,15 @@ class Problem:
             self._modes[key] = _modes_by_guards(self, window)
         return self._modes[key]
 
-    def simulate(self, point: Point, k: int, columns: Sequence[int] | None = None):
-        """Follow window k; `columns` are parameters to differentiate by."""
+    def simulate(
+        self, point: Point, k: int, columns: Sequence[int] | None = None, pushed: Columns | None = None
+    ):
+        """Follow window k; `columns` are parameters to differentiate by, `pushed` inputs instead of them."""
         window = self.windows[k]
         u, slope = self._inputs(window, point.p)
-        clock, noise = self.extended.clock, self.disturbance
-        if noise is not None and point.pushes:
-            u[:, clock + 1 :] = point.pushes[k][:, noise.bin_of(window)].T
-        chosen = None if columns is None else self._columns(window, columns)
+        if pushed is not None:
+            slope = np.ones_like(slope)
+        chosen = pushed if columns is None else self._columns(window, columns)
         return self.compiled.follow(
             point.x0[k],
             u,
@@ -178,19 +175,33 @@ class Problem:
         )
 
     def _columns(self, window: Window, columns: Sequence[int]) -> Columns:
-        """Disturbing forces bin by bin, then parameters."""
-        pushed, n = [], window.steps
-        if self.disturbance is not None:
-            edges = self.disturbance.edges(window)
-            axes = range(len(self.extended.folder.ports.axes))
-            pushed = [(self.extended.clock + 1 + a, e, f) for a in axes for e, f in pairwise(edges.tolist())]
         by_input = {q: i for i, qs in self.input_delays.items() for q in qs}
-        return Columns(
-            [-1] * len(pushed) + list(columns),
-            [i for i, _, _ in pushed] + [by_input.get(c, -1) for c in columns],
-            [e for _, e, _ in pushed] + [0] * len(columns),
-            [f for _, _, f in pushed] + [n] * len(columns),
+        inputs = [by_input.get(c, -1) for c in columns]
+        return Columns(list(columns), inputs, [0] * len(columns), [window.steps] * len(columns))
+
+    def responses(
+        self, point: Point, k: int, inputs: Sequence[int], edges: np.ndarray, columns: Sequence[int]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Errors [N] of window k, what is free anyway [N, states + columns], and responses [N, inputs x bins].
+
+        A response is to one unit of an input over one bin; `edges` are the first steps of the bins.
+        """
+        run = self.simulate(point, k, columns)
+        bins = len(edges) - 1
+        pushed = Columns(
+            [-1] * (bins * len(inputs)),
+            [i for i in inputs for _ in range(bins)],
+            list(edges[:-1]) * len(inputs),
+            list(edges[1:]) * len(inputs),
         )
+        moved = self.simulate(point, k, None, pushed)
+        if run is None or moved is None:
+            return None
+        _, y, ys = run
+        found, parts = self.compare(point, k, y, ys, columns)
+        answer = np.concatenate(self.compare(point, k, moved[1], moved[2], ())[1])
+        n = len(self.active_states(point.present))
+        return np.concatenate(list(found.values())), np.concatenate(parts), answer[:, n:]
 
     def compare(self, point: Point, k: int, y: np.ndarray, ys: np.ndarray | None, columns: Sequence[int]):
         """Whitened errors of window k by output, and their slopes output by output."""
@@ -218,7 +229,7 @@ class Problem:
         """The problem linearised at a point; None if the model runs away there."""
         active = self.active_states(point.present)
         n, loose = len(active), 1.0 / (LOOSE * self.scale[active])
-        errors, slopes, raw, steps, states, strain = [], [], [], [], [], 0.0
+        errors, slopes, raw, steps, states, white = [], [], [], [], [], []
         for k in range(len(self.windows)):
             run = self.simulate(point, k, columns)
             if run is None:
@@ -227,51 +238,32 @@ class Problem:
             found, parts = self.compare(point, k, y, ys, columns)
             slope = np.concatenate(parts)
             e = np.concatenate(list(found.values()))
-            prior, strained = self._prior(point, k)
-            own = n + prior.shape[1]
-            free = np.zeros((len(e) + len(prior) + n, own))
-            free[: len(e)] = slope[:, :own]
-            free[len(e) : len(e) + len(prior), n:] = prior
-            free[len(e) + len(prior) :, :n] = np.diag(loose)
+            if self.whiteners is not None:
+                slope, e = self.whiteners[k](slope), self.whiteners[k](e)
+            free = np.vstack([slope[:, :n], np.diag(loose)])
             q, r = np.linalg.qr(free)
-            q = q[: len(e) + len(prior)]
-            e = np.concatenate([e, -strained])
-            by = np.vstack([slope[:, own:], np.zeros((len(prior), len(columns)))])
-            e_in, p_in = q.T @ e, q.T @ by
+            q = q[: len(e)]
+            e_in, p_in = q.T @ e, q.T @ slope[:, n:]
             errors.append(e - q @ e_in)
-            slopes.append(by - q @ p_in)
+            slopes.append(slope[:, n:] - q @ p_in)
             steps.append((solve_triangular(r, e_in), solve_triangular(r, p_in)))
             raw.append(found)
+            white.append(_apart(e, found))
             states.append(x)
-            strain += float(strained @ strained)
-        modelled = self.disturbance is not None
-        return Linear(np.concatenate(errors), np.vstack(slopes), raw, steps, states, strain, modelled)
-
-    def _prior(self, point: Point, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """What makes the disturbances of window k white and of unit size [J, J], and they so [J]."""
-        if self.disturbance is None:
-            return np.zeros((0, 0)), np.zeros(0)
-        whiten = self.disturbance.whitener(self.windows[k])
-        size = whiten.shape[0]
-        return whiten, whiten @ (point.pushes[k].ravel() if point.pushes else np.zeros(size))
+        return Linear(np.concatenate(errors), np.vstack(slopes), raw, steps, states, white)
 
     def moved(
         self, point: Point, linear: Linear, p: np.ndarray, change: np.ndarray, share: float = 1.0
     ) -> Point:
         """The point after a step: new parameters, initial states where they fit best to first order.
 
-        `share`: of the way that the initial states (and disturbances) would go by themselves.
+        `share`: of the way that the initial states would go by themselves.
         """
         active = self.active_states(point.present)
-        x0, pushes, n = point.x0.copy(), [], len(active)
+        x0 = point.x0.copy()
         for k, (own, by) in enumerate(linear.steps):
-            step = share * own - by @ change
-            x0[k, active] += step[:n]
-            if self.disturbance is not None:
-                shape = (len(self.extended.folder.ports.axes), -1)
-                before = point.pushes[k] if point.pushes else 0.0
-                pushes.append(before + step[n:].reshape(shape))
-        return replace(point, p=p, x0=x0, pushes=tuple(pushes))
+            x0[k, active] += share * own - by @ change
+        return replace(point, p=p, x0=x0)
 
     def errors(self, point: Point) -> list[dict[str, np.ndarray]] | None:
         """Whitened errors by window and output, initial states as they are."""
@@ -314,6 +306,12 @@ class Problem:
                     if order == 0 and j not in found and ca.is_equal(f[i], x[j]):
                         found[j] = (name, 1)
         return found
+
+
+def _apart(e: np.ndarray, like: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Errors of a window one output after the other -> by output."""
+    ends = np.cumsum([len(v) for v in like.values()])[:-1]
+    return dict(zip(like, np.split(e, ends), strict=True))
 
 
 def _local(signal, time: float, order: int) -> float:

@@ -98,7 +98,7 @@ def _settled(problem: Problem, start: Point, columns: Sequence[int]):
 
 
 def _raw_cost(linear: Linear) -> float:
-    return float(sum(e @ e for window in linear.raw for e in window.values())) + linear.strain
+    return float(sum(e @ e for window in linear.white for e in window.values()))
 
 
 def _prior_cost(point: Point, columns: Sequence[int], free: Sequence[Free]) -> float:

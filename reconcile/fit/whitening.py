@@ -1,0 +1,229 @@
+"""What errors look like when nothing is missing: sensor noise, forces and input noise that nobody recorded.
+
+A random force at each axis (first-order Gauss-Markov) and noise on each recorded input reach the outputs
+through the model; beside the sensors' noise they make the covariance of a window's errors,
+
+    C = I + A D A',
+
+in units of the sensors' noise: A holds the outputs' responses to cosines of force and input, D their
+variances.  Errors and slopes are multiplied by C^(-1/2) (generalised least squares, Aitken 1936), so that
+sums of squares are likelihoods again.  Sizes and correlation time maximise the likelihood of what a fit leaves.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from reconcile.fit.noise import high_pass_level
+from reconcile.fit.windows import Window
+
+BIN_S = 0.1  # the responses are computed to forces that are constant over bins
+LINES = 48  # cosines of a window, at most
+TIMES_S = (0.05, 0.15, 0.4, 1.0, 3.0)
+FACTORS = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03)  # sizes tried at first, as shares of what is left
+NEGLIGIBLE = 0.05  # singular values of A D^(1/2) below which a direction is as good as the sensors' noise
+
+
+@dataclass(frozen=True)
+class Source:
+    """One cause of coloured errors: `size` (standard deviation) and correlation `time_s` (0: white).
+
+    `column`: where it enters among the inputs; `most`: no larger than that.
+    """
+
+    name: str
+    column: int
+    white: bool
+    size: float = 0.0
+    time_s: float = 0.4
+    most: float = np.inf
+
+    def variances(self, lines: int, length_s: float, step_s: float) -> np.ndarray:
+        """Variance of each of the first orthonormal cosines of a window of `length_s`, sampled at `step_s`."""
+        if self.white:
+            return np.full(lines, self.size**2)
+        keep = np.exp(-step_s / self.time_s)
+        angle = np.pi * np.arange(lines) * step_s / length_s
+        return self.size**2 * (1.0 - keep**2) / (1.0 - 2.0 * keep * np.cos(angle) + keep**2)
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """C^(-1/2) of a window: orthonormal `directions` [N, K] in which errors are shrunk by `shrink` [K]."""
+
+    directions: np.ndarray
+    shrink: np.ndarray
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """Errors [N] or slopes [N, M] in whitened form."""
+        inside = self.directions.T @ values
+        return values - self.directions @ (inside * (self.shrink if inside.ndim == 1 else self.shrink[:, None]))
+
+
+@dataclass(frozen=True)
+class Noise:
+    """The noise model of a problem: its sources, and their responses by window."""
+
+    sources: tuple[Source, ...]
+    responses: "tuple[_Responses, ...]" = field(repr=False, default=())
+
+    @property
+    def present(self) -> bool:
+        """Whether anything beside the sensors' noise is in it."""
+        return any(s.size > 0.0 for s in self.sources)
+
+    def whiteners(self) -> list[Whitener]:
+        """Of every window."""
+        return [r.whitener(self.sources) for r in self.responses]
+
+
+@dataclass(frozen=True)
+class _Responses:
+    """Of one window: responses [N, lines] to each source, errors left [N], what is free anyway [N, F]."""
+
+    window: Window
+    by_source: tuple[np.ndarray, ...]
+    errors: np.ndarray
+    free: np.ndarray
+
+    def roots(self, sources: Sequence[Source]) -> list[np.ndarray]:
+        """Standard deviations of the cosines of each source."""
+        length = self.window.steps * self.window.step_s
+        period = _period(self.window)
+        return [
+            np.sqrt(s.variances(b.shape[1], length, period))
+            for s, b in zip(sources, self.by_source, strict=True)
+        ]
+
+    def whitener(self, sources: Sequence[Source]) -> Whitener:
+        """C^(-1/2) with these sources."""
+        kept = [b * r for b, r in zip(self.by_source, self.roots(sources), strict=True) if r[0] > 0.0]
+        if not kept:
+            return Whitener(np.zeros((len(self.errors), 0)), np.zeros(0))
+        a = np.hstack(kept)
+        values, vectors = np.linalg.eigh(a.T @ a)
+        large = values > max(NEGLIGIBLE**2, 1e-12 * values[-1])
+        values, vectors = values[large], vectors[:, large]
+        return Whitener(a @ (vectors / np.sqrt(values)), 1.0 - 1.0 / np.sqrt(1.0 + values))
+
+
+class _Likelihood:
+    """Log-likelihood of what is left as a function of the sources, freed of what is fitted anyway."""
+
+    def __init__(self, responses: Sequence[_Responses]):
+        self.responses, self.windows = responses, []
+        for r in responses:
+            a = np.hstack(r.by_source)
+            q = np.linalg.qr(r.free)[0]
+            a, e = a - q @ (q.T @ a), r.errors - q @ (q.T @ r.errors)
+            self.windows.append((a.T @ a, a.T @ e))
+
+    def gain(self, sources: Sequence[Source]) -> float:
+        """Twice the log-likelihood over that of sensor noise alone."""
+        total = 0.0
+        for r, (gram, pull) in zip(self.responses, self.windows, strict=True):
+            root = np.concatenate(r.roots(sources))
+            on = np.flatnonzero(root > 0.0)
+            if not len(on):
+                continue
+            inner = np.eye(len(on)) + gram[np.ix_(on, on)] * np.outer(root[on], root[on])
+            factor = cho_factor(inner, lower=True)
+            pulled = pull[on] * root[on]
+            total += float(pulled @ cho_solve(factor, pulled)) - 2.0 * float(np.sum(np.log(np.diag(factor[0]))))
+        return total
+
+    def reach(self, source: int, sources: Sequence[Source]) -> float:
+        """The size of a source that moves the outputs by as much as is left of them."""
+        sizes = [replace(s, size=float(i == source)) for i, s in enumerate(sources)]
+        moved = sum(
+            float(np.sum((r.by_source[source] * r.roots(sizes)[source]) ** 2)) for r in self.responses
+        )
+        left = sum(float(r.errors @ r.errors) for r in self.responses)
+        return float(np.sqrt(left / moved)) if moved > 0.0 else 0.0
+
+
+def estimate(problem, point, columns: Sequence[int], known: Noise | None = None) -> Noise:  # noqa: ANN001
+    """The noise model of greatest likelihood for what a fit leaves (`columns`: its free parameters)."""
+    sources = list(known.sources if known else _sources(problem))
+    responses = tuple(_respond(problem, point, k, sources, columns) for k in range(len(problem.windows)))
+    likelihood = _Likelihood(responses)
+    for _ in range(2):
+        for i in range(len(sources)):
+            sources[i] = _best(likelihood, sources, i)
+    return Noise(tuple(sources), responses)
+
+
+def transferred(noise: Noise, problem, point) -> Noise:  # noqa: ANN001 - Problem, which imports this module
+    """The same sources for the windows of another problem."""
+    sources = noise.sources
+    windows = range(len(problem.windows))
+    return Noise(sources, tuple(_respond(problem, point, k, sources, ()) for k in windows))
+
+
+def _best(likelihood: _Likelihood, sources: Sequence[Source], i: int) -> Source:
+    """A source of greatest likelihood, the others as they are."""
+    reach = min(likelihood.reach(i, sources), sources[i].most)
+    if reach <= 0.0:
+        return replace(sources[i], size=0.0)
+
+    def gain(source: Source) -> float:
+        return likelihood.gain([*sources[:i], source, *sources[i + 1 :]])
+
+    times = (sources[i].time_s,) if sources[i].white else TIMES_S
+    tried = [replace(sources[i], size=0.0)]
+    tried += [
+        replace(sources[i], size=f * reach, time_s=t)
+        for t in times
+        for f in FACTORS
+        if f * reach <= sources[i].most
+    ]
+    best = max(tried, key=gain)
+    for step in (1.8, 1.35, 1.15) if best.size > 0.0 else ():
+        near = [replace(best, size=min(best.size * f, best.most)) for f in (1.0 / step, step)]
+        best = max([best, *near], key=gain)
+    return best
+
+
+def _sources(problem) -> list[Source]:  # noqa: ANN001
+    """A force at each axis, and noise on each recorded input, no larger than its samples jump about."""
+    axes = problem.extended.folder.ports.axes
+    found = [Source("force at " + a.name, problem.extended.clock + 1 + i, False) for i, a in enumerate(axes)]
+    runs = list({id(w.run): w.run for w in problem.windows}.values())
+    for i, v in enumerate(problem.model.inputs):
+        levels = [high_pass_level(r.inputs[v.name].values) for r in runs if v.name in r.inputs]
+        level = float(np.median(levels)) if levels else 0.0
+        if level > 0.0:
+            found.append(Source("noise on " + v.name, i, True, most=1.5 * level))
+    return found
+
+
+def _respond(problem, point, k: int, sources: Sequence[Source], columns: Sequence[int]) -> _Responses:  # noqa: ANN001
+    """Responses of window k to cosines of each source."""
+    window = problem.windows[k]
+    bins = int(np.clip(round(window.steps * window.step_s / BIN_S), 2, window.steps))
+    edges = np.round(np.linspace(0, window.steps, bins + 1)).astype(int)
+    found = problem.responses(point, k, [s.column for s in sources], edges, columns)
+    samples = sum(len(t) for t in window.times.values()) if found is None else len(found[0])
+    if found is None:
+        empty = np.zeros((samples, 1))
+        return _Responses(window, tuple(empty for _ in sources), np.zeros(samples), empty)
+    errors, free, pushed = found
+    shapes = _cosines(bins, min(LINES, bins))
+    # a cosine of unit norm over the samples of the recording, held over bins of several samples
+    held = np.sqrt(bins * _period(window) / (window.steps * window.step_s))
+    by_source = tuple(pushed[:, i * bins : (i + 1) * bins] @ (held * shapes.T) for i in range(len(sources)))
+    return _Responses(window, by_source, errors, free)
+
+
+def _period(window: Window) -> float:
+    return min(float(np.median(np.diff(t))) for t in window.times.values() if len(t) > 1)
+
+
+def _cosines(samples: int, lines: int) -> np.ndarray:
+    """The first orthonormal cosines [lines, samples]."""
+    k, j = np.arange(samples) + 0.5, np.arange(lines)[:, None]
+    found = np.sqrt(2.0 / samples) * np.cos(np.pi * j * k / samples)
+    found[0] /= np.sqrt(2.0)
+    return found
