@@ -18,8 +18,7 @@ from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
 from specs.errors import InputError, nearest
 
-BLOCK_S = 6.0  # of interleaved blocks, at most
-GUARD_S = 0.5  # left out between blocks
+BLOCK_S = 2.5  # of interleaved blocks, at most
 PATTERN = ("fit", "confirm", "fit", "holdout")  # of blocks, in order
 WHOLE = 8  # runs: with fewer, every kind of excitation must be in every part
 LEAST_SAMPLES = 30  # of an output in a part
@@ -188,7 +187,7 @@ def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run]) -
     dealt: dict[str, list[Block]] = {"fit": [], "confirm": [], "holdout": []}
     if confirm and holdout:
         dealt["fit"] = list(_whole(runs))
-    elif not confirm and not holdout and len(runs) >= 4:
+    elif not confirm and not holdout and len(runs) >= WHOLE:
         dealt = {k: list(_whole(v)) for k, v in zip(dealt, (runs[:-2], runs[-2:-1], runs[-1:]), strict=True)}
     else:
         wanted = {"fit"} | ({"confirm"} if not confirm else set()) | ({"holdout"} if not holdout else set())
@@ -211,11 +210,11 @@ def _interleaved(run: Run, pattern: Sequence[str]) -> list[tuple[str, Block]]:
     length = run.end_s - run.start_s
     count = max(len(pattern), int(np.ceil(length / BLOCK_S)))
     edges = np.linspace(run.start_s, run.end_s, count + 1)
-    guard = min(GUARD_S, 0.1 * (edges[1] - edges[0]))
+    # guard gaps: a window leaves out the samples of its first MARGIN_S; see fit/windows.py
     # every second round is turned about, so that a periodic excitation does not fall into step with it
     order = [*pattern, *reversed(pattern)]
     return [
-        (order[i % len(order)], Block(run, float(a) + (guard if i else 0.0), float(b)))
+        (order[i % len(order)], Block(run, float(a), float(b)))
         for i, (a, b) in enumerate(pairwise(edges))
     ]
 

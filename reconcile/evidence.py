@@ -10,6 +10,7 @@ from reconcile.model import Attached
 from reconcile.study import Study
 
 BIC_GAIN = 10.0
+AT_FLOOR = 1.15  # times the noise (root mean square): no more is left than the noise may leave
 CLOSED = 0.10  # share of the remaining gap that an effect must close on confirm
 ERRORS = 3.0  # standard errors from nothing
 CONFIRM_GAIN = 6.0  # of twice the log-likelihood on confirm: less may be chance
@@ -79,7 +80,9 @@ def confirm(without: Fitted, with_it: Fitted, count: int) -> Confirmed:
     before, after = without.linear.cost, with_it.linear.cost
     s = Sample(count, sample(with_it).share)
     saved = before - after
-    above = max(before - count, saved, 1e-9)
+    # what is left is the floor if it is near: sizes of random forces are known to some per cent only
+    floor = after if after < AT_FLOOR**2 * count else count
+    above = max(before - floor, saved, 1e-9)
     closed = 1.0 - float(np.sqrt(max(0.0, above - saved) / above))
     return Confirmed(closed if saved > 0 else 0.0, likelihood_gain(before, after, s))
 

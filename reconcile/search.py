@@ -65,23 +65,29 @@ class Search:
         if base is None:
             raise ArithmeticError("the base model cannot be fitted")
         self.tried = Tried(fits={Key(): base}, coarse={Key(): base})
-        best: Key | None = None
-        for _ in range(ROUNDS):
-            known, best = best, self._round(best or Key())
-            if best == known:
-                break
-        present = self._confirmed(self._present(best or Key()))
+        present = self._confirmed(self._present(self._found()))
         self._with_confirm(present)
         present, alternatives = self._settle(present)
         gains = {a.key: self.gains.get(a.key) or self._gains(present, a) for a in present}
         base = self.tried.fits[Key()]
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
 
+    def _found(self) -> Key:
+        """The best set: grown in rounds, until neither it nor the noise that it leaves changes."""
+        best = Key()
+        for _ in range(ROUNDS):
+            self.report("noise")
+            moved = self.study.estimate_noise(self.tried.fits[best])
+            self._again([Key(), best])
+            if not moved:
+                break
+            known, best = best, self._round(best)
+            if best == known:
+                break
+        return best
+
     def _round(self, key: Key) -> Key:
-        """Judge the noise by what a set leaves, and grow from it."""
-        self.report("noise")
-        self.study.estimate_noise(self.tried.fits[key])
-        self._again([Key(), key])
+        """Grow from a set, and from what is left of it without each of its effects."""
         starts = [key] if len(key) < 2 else [key, *(self._fit_near(key - {a}, key) for a in key)]
         return self._sharpened(self._grow(starts))
 
@@ -148,6 +154,8 @@ class Search:
         kept = tuple(a for a in fitted.point.present if not any(_includes(n, a) for n in added))
         present, fits = (*kept, *added), self.tried.coarse if coarse else self.tried.fits
         key = Key(present)
+        if len(key) > LARGEST:
+            return None
         if key in fits and fits[key].cost <= again:
             return key
         like = sorted(f.cost for k, f in fits.items() if len(k) == len(key))
@@ -176,9 +184,9 @@ class Search:
         ]
 
     def _ranked(self, fits: dict[Key, Fitted]) -> list[Key]:
-        """Keys by BIC, all judged with the sample size of the best fit so far."""
+        """Keys by BIC and what every effect must gain, judged with the sample size of the best fit so far."""
         s = evidence.sample(min(fits.values(), key=lambda f: f.cost))
-        return sorted(fits, key=lambda k: (evidence.bic(fits[k], s), len(k)))
+        return sorted(fits, key=lambda k: (evidence.bic(fits[k], s) + evidence.BIC_GAIN * len(k), len(k)))
 
     def _sharpened(self, ranked: Sequence[Key]) -> Key:
         """The best of the first sets once fitted with sharp kinks and from every start of their shapes."""

@@ -21,6 +21,7 @@ from specs.errors import InputError
 SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be wrong
 WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks are rounded, fit after fit
 
+BEYOND = 30.0  # times the grid of starts to which a shape may go
 RANKING = 20.0  # times the tolerance of steps where sets are only ranked
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
 
@@ -60,6 +61,7 @@ class Study:
         hidden = len(self.extended.state_names) - len(nominal)
         for problem in self.problems.values():
             problem.set_scale(np.array(nominal + [1.0] * hidden))
+        self.noise = whitening.Noise(())
         self.values = self._neutral()
         self.scales = self._scales(runs)
         self.values = self._neutral()
@@ -121,14 +123,15 @@ class Study:
         """All parameters by name."""
         return dict(zip(self.extended.parameter_names, map(float, p), strict=True))
 
-    def estimate_noise(self, fitted: Fitted) -> None:
-        """Fit the noise model to what a fit leaves, and judge by it from here on."""
+    def estimate_noise(self, fitted: Fitted) -> bool:
+        """Fit the noise model to what a fit leaves, and judge by it from here on; whether it changed much."""
         columns = [self.extended.index[f.name] for f in fitted.free]
-        self.noise = whitening.estimate(self.fit_problem, fitted.point, columns)
+        before, self.noise = self.noise, whitening.estimate(self.fit_problem, fitted.point, columns)
         self.fit_problem.whiteners = self.noise.whiteners()
         confirm = self.problems["confirm"]
         if confirm is not self.fit_problem:
             self._whiten(confirm, fitted)
+        return self.noise.differs(before)
 
     def _whiten(self, problem: Problem, fitted: Fitted) -> None:
         """Carry the noise model over to another problem."""
@@ -174,11 +177,11 @@ class Study:
         return values
 
     def _bounds(self, a: Attached, q: Parameter) -> tuple[float, float]:
-        """Bounds of a parameter: a shape stays within ten times its grid, beyond which it cannot be told."""
+        """Bounds of a parameter: a shape stays within BEYOND times its grid, past which it cannot be told."""
         starts = tuple(q.starts(self.port_scales(a)))
         if q.amplitude or min(starts) <= 0.0:
             return q.low, q.high
-        return max(q.low, 0.1 * min(starts)), min(q.high, 10.0 * max(starts))
+        return max(q.low, min(starts) / BEYOND), min(q.high, BEYOND * max(starts))
 
     def _size(self, a: Attached, parameter: str) -> float:
         s = self.port_scales(a)

@@ -37,6 +37,7 @@ class Linear:
     """Errors [M] and slopes [M, K] after projection, whitened; `raw`: errors by window and output.
 
     `white`: errors by window and output in whitened form, `raw` in units of the sensors' noise.
+    `price`: twice what hidden states of effects, free in every window, cost in marginal log-likelihood.
     `steps`: what turns a change of the parameters [K] into that of the initial states, per window.
     """
 
@@ -46,6 +47,7 @@ class Linear:
     steps: list[tuple[np.ndarray, np.ndarray]]
     states: list[np.ndarray]
     white: list[dict[str, np.ndarray]]
+    price: float = 0.0
 
     @property
     def cost(self) -> float:
@@ -228,7 +230,9 @@ class Problem:
     def linear(self, point: Point, columns: Sequence[int]) -> Linear | None:
         """The problem linearised at a point; None if the model runs away there."""
         active = self.active_states(point.present)
-        n, loose = len(active), 1.0 / (LOOSE * self.scale[active])
+        n, own = len(active), len(self.model.states)
+        loose = 1.0 / (np.where(active < own, LOOSE, 1.0) * self.scale[active])
+        price = 0.0
         errors, slopes, raw, steps, states, white = [], [], [], [], [], []
         for k in range(len(self.windows)):
             run = self.simulate(point, k, columns)
@@ -243,6 +247,7 @@ class Problem:
             free = np.vstack([slope[:, :n], np.diag(loose)])
             q, r = np.linalg.qr(free)
             q = q[: len(e)]
+            price += 2.0 * float(np.sum(np.log(np.abs(np.diag(r)[own:]) / loose[own:])))
             e_in, p_in = q.T @ e, q.T @ slope[:, n:]
             errors.append(e - q @ e_in)
             slopes.append(slope[:, n:] - q @ p_in)
@@ -250,7 +255,7 @@ class Problem:
             raw.append(found)
             white.append(_apart(e, found))
             states.append(x)
-        return Linear(np.concatenate(errors), np.vstack(slopes), raw, steps, states, white)
+        return Linear(np.concatenate(errors), np.vstack(slopes), raw, steps, states, white, price)
 
     def moved(
         self, point: Point, linear: Linear, p: np.ndarray, change: np.ndarray, share: float = 1.0

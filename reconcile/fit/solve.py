@@ -8,6 +8,7 @@ import numpy as np
 from reconcile.fit.problem import Linear, Point, Problem
 
 PATIENCE = 4
+SETTLED = 1.5  # ratio of the errors to what better initial states would leave: near enough to go on
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Fitted:
     point: Point
     linear: Linear
     free: tuple[Free, ...]
-    cost: float  # errors and prior
+    cost: float  # errors, prior, and the price of hidden states
     covariance: np.ndarray  # for errors of unit variance
 
     def values(self, problem: Problem) -> dict[str, float]:
@@ -55,7 +56,7 @@ def fit(
     point, linear, damping = _settled(problem, start, columns)
     if linear is None:
         return None
-    cost = linear.cost + _prior_cost(point, columns, free)
+    cost = linear.cost + linear.price + _prior_cost(point, columns, free)
     for done in range(iterations):
         if done == PATIENCE and cost > hopeless:
             return None
@@ -64,7 +65,7 @@ def fit(
         p[columns] = np.clip(p[columns] + change, [f.low for f in free], [f.high for f in free])
         trial = problem.moved(point, linear, p, p[columns] - point.p[columns], 1.0 / (1.0 + damping))
         found = problem.linear(trial, columns)
-        new = np.inf if found is None else found.cost + _prior_cost(trial, columns, free)
+        new = np.inf if found is None else found.cost + found.price + _prior_cost(trial, columns, free)
         if found is None or not new < cost:
             damping = max(10.0 * damping, 1e-3)
             if damping > 1e6:
@@ -85,6 +86,8 @@ def _settled(problem: Problem, start: Point, columns: Sequence[int]):
         if linear is None:
             break
         raw = _raw_cost(linear)
+        if raw < SETTLED * linear.cost:
+            break
         trial = problem.moved(point, linear, point.p, np.zeros(len(columns)), share)
         found = problem.linear(trial, columns)
         if found is None or not _raw_cost(found) < raw:

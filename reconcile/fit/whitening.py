@@ -23,6 +23,7 @@ BIN_S = 0.1  # the responses are computed to forces that are constant over bins
 LINES = 48  # cosines of a window, at most
 TIMES_S = (0.05, 0.15, 0.4, 1.0, 3.0)
 FACTORS = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03)  # sizes tried at first, as shares of what is left
+ALIKE = 1.5  # ratio of sizes within which two noise models judge alike
 NEGLIGIBLE = 0.05  # singular values of A D^(1/2) below which a direction is as good as the sensors' noise
 
 
@@ -69,10 +70,12 @@ class Noise:
     sources: tuple[Source, ...]
     responses: "tuple[_Responses, ...]" = field(repr=False, default=())
 
-    @property
-    def present(self) -> bool:
-        """Whether anything beside the sensors' noise is in it."""
-        return any(s.size > 0.0 for s in self.sources)
+    def differs(self, other: "Noise") -> bool:
+        """Whether a source is larger or smaller by more than ALIKE."""
+        known = {s.name: s.size for s in other.sources}
+        return {s.name for s in self.sources} != set(known) or any(
+            not s.size <= ALIKE * known[s.name] or not known[s.name] <= ALIKE * s.size for s in self.sources
+        )
 
     def whiteners(self) -> list[Whitener]:
         """Of every window."""
