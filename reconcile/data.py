@@ -188,7 +188,7 @@ def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run]) -
     dealt: dict[str, list[Block]] = {"fit": [], "confirm": [], "holdout": []}
     if confirm and holdout:
         dealt["fit"] = list(_whole(runs))
-    elif not confirm and not holdout and len(runs) >= 4:
+    elif not confirm and not holdout and len(runs) >= WHOLE:
         dealt = {k: list(_whole(v)) for k, v in zip(dealt, (runs[:-2], runs[-2:-1], runs[-1:]), strict=True)}
     else:
         wanted = {"fit"} | ({"confirm"} if not confirm else set()) | ({"holdout"} if not holdout else set())
