@@ -1,10 +1,12 @@
 """Forces and torques that act where the model moves; friction opposes the speed v, loads do not."""
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 
-from reconcile.catalogue import smooth
+from reconcile.catalogue import memory, smooth
 from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Scales, Starts, none
 
 FRICTION = "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083"
@@ -20,19 +22,29 @@ def speed(*shares: float) -> Starts:
     return lambda s: [a * s.v for a in shares]
 
 
+def _dry(c: Namespace, forwards: Any, backwards: Any) -> Result:
+    """Dry friction of a level each way: a force with a steep flank at standstill, or in steps exactly."""
+    if c.step is not None:
+        return Result(0.0, dry=(forwards, backwards))
+    s = smooth.sign(c.v, c.width)
+    return Result(-0.5 * (forwards * (1.0 + s) - backwards * (1.0 - s)))
+
+
 def _coulomb(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(-p.Fc * smooth.sign(c.v, c.width))
+    return _dry(c, p.Fc, p.Fc)
 
 
 def _asymmetric_coulomb(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    s = smooth.sign(c.v, c.width)
-    return Result(-0.5 * (p.Fc_positive * (1.0 + s) - p.Fc_negative * (1.0 - s)))
+    return _dry(c, p.Fc_positive, p.Fc_negative)
 
 
 def _stribeck(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    falling = ca.exp(-((c.v / p.vs) ** 2))
-    level = p.Fc + (p.Fs - p.Fc) * falling
-    return Result(-level * smooth.sign(c.v, c.width))
+    """The level of the way it goes, where it turns the static one."""
+
+    def level(v: Any) -> Any:
+        return p.Fc + (p.Fs - p.Fc) * ca.exp(-((ca.fmax(v, 0.0) / p.vs) ** 2))
+
+    return _dry(c, level(c.v), level(-c.v))
 
 
 def _viscous(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -45,7 +57,8 @@ def _asymmetric_viscous(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _load_dependent(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(-p.mu * smooth.magnitude(c.drive, c.drive_width) * smooth.sign(c.v, c.width))
+    level = p.mu * ca.fabs(c.drive)
+    return _dry(c, level, level)
 
 
 def _quadratic(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -53,8 +66,8 @@ def _quadratic(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _dahl(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    rate = (c.v - smooth.magnitude(c.v, c.width) * w.bristle) / p.distance
-    return Result(-p.Fc * w.bristle, {"bristle": rate}, {"bristle": smooth.sign(c.v, c.width)})
+    z = memory.bristle(c, "bristle", w.bristle, p.distance)
+    return replace(z, value=-p.Fc * z.value)
 
 
 def _constant(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -85,17 +98,27 @@ def _ripple(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return Result(p.sine * ca.sin(p.waves * c.q) + p.cosine * ca.cos(p.waves * c.q))
 
 
+def _push(c: Namespace, p: Namespace, depth: Any, speed: Any) -> Any:
+    """Spring with a damper that a body leaves when it would have to pull."""
+    inside = 0.5 * (1.0 + depth / ca.sqrt(depth**2 + c.width**2))
+    return p.k * inside * smooth.positive(depth + p.relaxation * speed, c.width)
+
+
 def _end_stop(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(-p.k * smooth.positive(c.q - p.position, c.width))
+    return Result(-_push(c, p, c.q - p.position, c.v))
 
 
 def _end_stop_low(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(p.k * smooth.positive(p.position - c.q, c.width))
+    return Result(_push(c, p, p.position - c.q, -c.v))
 
 
 def _end_stops(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    beyond = smooth.dead_zone(c.q, -p.position, p.position, c.width)
-    return Result(-p.k * beyond)
+    return Result(_push(c, p, -c.q - p.position, -c.v) - _push(c, p, c.q - p.position, c.v))
+
+
+def _wind(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    against = p.wind - c.v
+    return Result(p.k * against * smooth.magnitude(against, c.width))
 
 
 def _amplitude(name: str, unit: str, signed: bool = False) -> Parameter:
@@ -124,6 +147,10 @@ def _entry(name: str, equation: str, parameters: tuple[Parameter, ...], build, *
 
 
 COULOMB = {"coulomb_friction": "the rest vanishes"}
+
+RELAXATION = Parameter(
+    "relaxation", "s", lambda s: (0.5 * s.period_s,), "Damping of the stop over its stiffness", low=0.0
+)
 
 EFFECTS = (
     _entry(
@@ -173,7 +200,7 @@ EFFECTS = (
         _load_dependent,
         source=FRICTION,
         width="v",
-        needs=("drive",),
+        needs=("driven",),
     ),
     _entry("quadratic_drag", "F = −k v |v|", (_amplitude("k", "{f}/({v})^2"),), _quadratic, width="v"),
     _entry(
@@ -230,10 +257,11 @@ EFFECTS = (
     ),
     _entry(
         "end_stop",
-        "F = −k max(q − position, 0)",
+        "F = −max(k (q − position + relaxation v), 0) where q > position",
         (
             _amplitude("k", "{f}/({q})"),
             Parameter("position", "{q}", _near(1.0, 0.9, 0.75, 0.6), low=ANY),
+            RELAXATION,
         ),
         _end_stop,
         needs=("q",),
@@ -242,10 +270,11 @@ EFFECTS = (
     ),
     _entry(
         "end_stop",
-        "F = k max(position − q, 0)",
+        "F = max(k (position − q − relaxation v), 0) where q < position",
         (
             _amplitude("k", "{f}/({q})"),
             Parameter("position", "{q}", _near(-1.0, 0.9, 0.75, 0.6), low=ANY),
+            RELAXATION,
         ),
         _end_stop_low,
         needs=("q",),
@@ -254,13 +283,27 @@ EFFECTS = (
     ),
     _entry(
         "end_stop",
-        "F = −k (|q| − position) sgn(q) beyond ±position",
+        "F = −sgn(q) max(k (|q| − position + relaxation v sgn(q)), 0) beyond ±position",
         (
             _amplitude("k", "{f}/({q})"),
             Parameter("position", "{q}", lambda s: [a * s.q for a in (0.9, 0.75, 0.6)]),
+            RELAXATION,
         ),
         _end_stops,
         needs=("q",),
         width="q",
+    ),
+    _entry(
+        "wind_load",
+        "F = k (wind − v) |wind − v|",
+        (
+            _amplitude("k", "{f}/({v})^2"),
+            Parameter("wind", "{v}", speed(1.0, -1.0, 4.0, -4.0), low=ANY),
+        ),
+        _wind,
+        width="v",
+        form="relative",
+        source="Simiu and Yeo, Wind Effects on Structures, 4th ed., Wiley 2019, ch. 4: drag of a moving body",
+        becomes={"quadratic_drag": "wind = 0", "constant_load": "k → 0 with k wind² held"},
     ),
 )
