@@ -7,7 +7,7 @@ from typing import Any
 
 from orchestrator.campaign import pool
 from slewright.suite.plan import Settings
-from slewright.suite.work import Task, work
+from slewright.suite.work import PLAIN, Task, work
 from specs.errors import InputError
 
 Report = Callable[..., None]
@@ -76,6 +76,12 @@ def _task(settings: Settings, number: int, out: Path, baselines: bool, again: bo
 
 
 def _done(task: Task) -> bool:
-    """Whether there is a result; one of a workflow that failed is done again."""
+    """Whether there is a result with all that is wanted; where something failed it is done again."""
     path = Path(task["folder"]) / "result.json"
-    return path.is_file() and not json.loads(path.read_text())["workflow_failed"]
+    if not path.is_file():
+        return False
+    found = json.loads(path.read_text())
+    plain = found["baselines"]
+    if task["baselines"] and (len(plain) < len(PLAIN) or any(b["workflow_failed"] for b in plain.values())):
+        return False
+    return not found["workflow_failed"]

@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from slewright.suite.work import PLAIN
+
 RESULTS = ("exact", "ambiguous_ok", "right", "wrong", "abstained")
 NOTHING, AMBIGUOUS = "(nothing)", "(ambiguous)"
 Result = Mapping[str, Any]
@@ -31,6 +33,7 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
         "seconds_median": _median([r["seconds"] for r in results]),
         "confusion": confusion(results),
         "equivalence_sizes": _sorted(Counter(len(r["equivalents"]) for r in results)),
+        "baselines": {name: _baseline(results, name) for name in PLAIN},
         "by_system": {s: _counts(rs) | _cost(rs) for s, rs in _grouped(results, lambda r: [r["system"]])},
         "by_effect": {e: _counts(rs) for e, rs in _grouped(results, lambda r: r["visible"] or [NOTHING])},
     }
@@ -55,6 +58,18 @@ def confusion(results: Iterable[Result]) -> dict[str, dict[str, int]]:
             if (a, b) != (NOTHING, NOTHING) or not true:
                 found.setdefault(a, Counter())[b] += 1
     return {name: _sorted(found[name]) for name in sorted(found)}
+
+
+def _baseline(results: Sequence[Result], name: str) -> dict[str, Any]:
+    """The same counts for a plain answer, over the cases that have it."""
+    found = [r["baselines"][name] for r in results if name in r["baselines"]]
+    return {
+        "cases": len(found),
+        **_counts(found),
+        "false_positive": sum(b["false_positive"] for b in found),
+        "failed": sum(bool(b["workflow_failed"]) for b in found),
+        "seconds_median": _median([b["seconds"] for b in found]),
+    }
 
 
 def _counts(results: Sequence[Result]) -> dict[str, int]:
