@@ -27,6 +27,7 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
     Raises InputError for an effect that is not in the catalogue.
     """
     folder = read_folder(base)
+    effects = [e for e in effects if not _effect(e[0]).clock]  # a clock is the recording's, not the model's
     attached = [Attached(_effect(key), port, other) for key, port, other, _ in effects]
     values = [dict(v) for *_, v in effects]
     extended = Extended(folder, attached)

@@ -165,6 +165,17 @@ class Extended:
         found = {v.name: v.start for v in self.model.parameters}
         return found | dict.fromkeys(self.parameter_names[len(found) :], 0.0)
 
+    def inertia(self, axis: Axis) -> float:
+        """Inertia at an axis as the model starts, in its own unit."""
+        arguments = list(self.symbols)
+        found = ca.Function("inertia", arguments, [ca.SX(_Assembly(self).inertia(axis))])
+        x, u, m, _ = motion.at_start(self.model)
+        sizes = [a.numel() - b.numel() for a, b in zip(arguments[:2], (x, u), strict=True)]
+        x, u = (ca.vertcat(v, ca.DM.zeros(n)) for v, n in zip((x, u), sizes, strict=True))
+        start = self.base_start()
+        value = float(found(x, u, m, [start[n] for n in self.parameter_names]))
+        return value if value > 0.0 and value < 1e30 else 1.0
+
     def unit(self, attached: Attached, parameter: str) -> str:
         """Unit of an effect's parameter at its port."""
         template = next(p.unit for p in attached.effect.parameters if p.name == parameter)
@@ -275,7 +286,7 @@ class _Assembly:
     def _moved(self, rates: ca.SX, forces: dict[str, Any], inputs: ca.SX, pushed: ca.SX) -> None:
         """Accelerations of a continuous model: forces that no input takes, added inertia, shafts."""
         for axis in self.e.folder.ports.axes:
-            row, inertia = self._row(axis), self._inertia(axis)
+            row, inertia = self._row(axis), self.inertia(axis)
             outside = forces[axis.name] if axis.input is None else 0.0
             added, beside = self._added(axis, inputs)
             rigid = rates[row] = (rates[row] * inertia + outside + beside) / (inertia + added)
@@ -337,7 +348,7 @@ class _Assembly:
         """
         more, changed = ca.SX(pushed), {}
         for axis in self.e.folder.ports.axes:
-            row, inertia = self._row(axis), self._inertia(axis)
+            row, inertia = self._row(axis), self.inertia(axis)
             outside = forces[axis.name] if axis.input is None else 0.0
             added, beside = self._added(axis, inputs)
             change = (rates[row] - self.x[row]) * inertia + self.step * (outside + beside)
@@ -372,7 +383,8 @@ class _Assembly:
     def _row(self, axis: Axis) -> int:
         return self.model.index("states", axis.velocity)
 
-    def _inertia(self, axis: Axis) -> Any:
+    def inertia(self, axis: Axis) -> Any:
+        """Inertia that a force at an axis moves."""
         if axis.input is None:
             value = axis.inertia if axis.inertia is not None else 1.0
             return self.base_p[self.model.index("parameters", value)] if isinstance(value, str) else value
@@ -396,7 +408,7 @@ class _Assembly:
             found["q"] = x[self.model.index("states", axis.position)]
         if motion.driven(self.model, self.e.folder.ports, axis):
             x = self.x[: self.nx]
-            found["drive"] = self._inertia(axis) * self._taken_apart(axis, x, inputs)[0]
+            found["drive"] = self.inertia(axis) * self._taken_apart(axis, x, inputs)[0]
         return found
 
     def _force(self, a: Attached, axis: Axis, inputs: ca.SX) -> Result:

@@ -210,6 +210,7 @@ class Study:
                 q_low=float(np.min(q)),
                 q_high=float(np.max(q)) if np.ptp(q) > 0 else float(np.min(q)) + 1.0,
                 angular=unit == "rad",
+                inertia=self.extended.inertia(axis),
                 period_s=period,
             )
         return found

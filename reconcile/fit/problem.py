@@ -102,10 +102,15 @@ class Problem:
             if sensor.delay and name in found:
                 found[name].append(self.parameter(sensor.delay))
         for a in self.extended.attached:
-            if a.effect.delays and a.effect.place == "output":
+            if a.effect.delays and a.effect.place == "output" and not a.effect.clock:
                 for name in self.outputs if a.port == ALL_OUTPUTS else [a.port]:
                     found[name].append(self.parameter(a.name("delay")))
         return found
+
+    @cached_property
+    def clocks(self) -> list[int]:
+        """Parameters whose sum is the delay that all outputs gain per second of a recording."""
+        return [self.parameter(a.name("drift")) for a in self.extended.attached if a.effect.clock]
 
     def active_states(self, present: Sequence[Attached]) -> np.ndarray:
         """Indices of the model's states and the hidden ones of `present` effects."""
@@ -209,6 +214,8 @@ class Problem:
         for name in self.outputs:
             times = window.times.get(name, np.empty(0))
             late = float(sum(point.p[q] for q in self.output_delays[name]))
+            since = times - window.run.start_s
+            late = late + since * float(sum(point.p[q] for q in self.clocks))
             index, weights, rates = interpolation((times - late - window.start_s) / window.step_s, len(y))
             column = self.model.index("outputs", name)
             errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / self.sigma[
@@ -219,9 +226,12 @@ class Problem:
             part = np.einsum("nk,nkc->nc", weights, ys[index, :, column])
             first = ys.shape[1] - len(columns)
             moved = np.sum(rates * y[index, column], axis=1) / window.step_s
-            for q in self.output_delays[name]:
+            weighted = [(q, moved) for q in self.output_delays[name]] + [
+                (q, moved * since) for q in self.clocks
+            ]
+            for q, slope in weighted:
                 for c in np.flatnonzero(np.asarray(columns) == q):
-                    part[:, first + c] -= moved
+                    part[:, first + c] -= slope
             slopes.append(part / self.sigma[name])
         return errors, slopes
 
@@ -287,6 +297,7 @@ class Problem:
             x0[k, : len(rest)] = rest
             for state, (output, order) in shown.items():
                 late = float(sum(p[q] for q in self.output_delays[output]))
+                late += (window.start_s - window.run.start_s) * float(sum(p[q] for q in self.clocks))
                 x0[k, state] = _local(window.run.outputs[output], window.start_s + late, order)
         return Point(p, x0)
 
