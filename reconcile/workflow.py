@@ -7,13 +7,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from reconcile import report as reports, verdict as verdicts
+from reconcile import checks, report as reports, target, untold, verdict as verdicts
 from reconcile.data import Run, read_run, split
-from reconcile.model import Folder, read_folder
-from reconcile.search import Search
-from reconcile.study import Study
-from specs.errors import InputError
-from specs.schema import read_toml
+from reconcile.model import Folder
+from reconcile.search import Answer, Search
+from reconcile.study import Study, unique
 from specs.version import VERSION
 
 Report = Callable[..., None]
@@ -37,20 +35,21 @@ def reconcile(
     """
     said = report or (lambda *_: None)
     began = time.monotonic()
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; name a folder for the report")
-    folder = read_folder(model)
+    given = (runs, confirm, holdout)
+    checks.check_runs(*given)
+    target.check(out, [Path(model), *(p for paths in given for p in paths)])
+    folder = checks.open_folder(model)
     said("reading")
-    renamed = _names(names)
-    sets = [_read(paths, folder, renamed) for paths in (runs, confirm, holdout)]
+    sets = _read(given, folder, names)
     figures, study, answer = examine(folder, *sets, report=said)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
-    out.mkdir(parents=True, exist_ok=True)
     said("writing")
-    if not report_only and (answer.present or figures["reestimated"]):
-        built = _build(reports.write_model(study, answer, out), out)
-        figures["model"] = {"folder": "model", "fmu": built}
-    _write(out / "report.json", figures)
+    with target.staged(out) as part:
+        if not report_only and (answer.present or figures["reestimated"]):
+            built = _build(reports.write_model(study, answer, part), part)
+            figures["model"] = {"folder": "model", "fmu": built}
+        figures["files"] = sorted(p.name for p in part.iterdir())
+        _write(part / target.REPORT, figures)
     return figures
 
 
@@ -70,21 +69,28 @@ def examine(
     missing = verdicts.unseen(study, answer.base)
     verdict = verdicts.judge(study, answer, before, missing)
     said("measuring the gap")
-    return reports.build(study, answer, verdict, before), study, answer
+    figures = reports.build(study, answer, verdict, before)
+    figures |= told(study, answer, figures)
+    return figures, study, answer
 
 
-def _read(paths: Sequence[Path], folder: Folder, names: dict[str, str] | None) -> list[Run]:
-    return [run for path in paths for run in read_run(path, folder, names)]
+def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
+    """What the recordings cannot tell, and what reading them mended."""
+    runs = unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
+    parameters = untold.unseen(study, answer.base)
+    found: dict[str, Any] = {"untold": untold.untold(study.folder, runs), "unseen": parameters}
+    if figures["verdict"] == "insufficient_excitation" and parameters:
+        found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
+    found["nuisances"] = figures["nuisances"] | {r.name: {"mended": list(r.notes)} for r in runs if r.notes}
+    return found
 
 
-def _names(path: Path | None) -> dict[str, str] | None:
-    if path is None:
-        return None
-    data = read_toml(path)
-    found = data.get("names")
-    if set(data) != {"names"} or not isinstance(found, dict):
-        raise InputError(f"{path}: write it as [names] and lines 'their name' = 'our name [unit]'")
-    return {str(k): str(v) for k, v in found.items()}
+def _read(given: Sequence[Sequence[Path]], folder: Folder, names: Path | None) -> list[list[Run]]:
+    """Runs of the recordings of each purpose."""
+    known = [v.name for v in (*folder.model.inputs, *folder.model.outputs)]
+    renamed = checks.read_names(names, known)
+    labels = checks.labels(p for paths in given for p in paths)
+    return [[r for p in paths for r in read_run(p, folder, renamed, labels[p])] for paths in given]
 
 
 def _build(folder: Path, out: Path) -> str:
