@@ -48,8 +48,8 @@ def _backlash(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 def _hysteresis(c: Namespace, p: Namespace, w: Namespace) -> Result:
     """Prandtl-Ishlinskii of two plays: branches that bend, as those of a magnet or a spool do."""
-    wide = memory.play(c, c.u, "wide", w.wide, p.width)
-    narrow = memory.play(c, c.u, "narrow", w.narrow, 0.5 * p.width)
+    wide = memory.play(c, c.u, "wide", w.wide, p.full_width)
+    narrow = memory.play(c, c.u, "narrow", w.narrow, 0.5 * p.full_width)
     value = (1.0 - p.share) * c.u + 0.5 * p.share * (wide.value + narrow.value)
     parts = {k: {**getattr(wide, k), **getattr(narrow, k)} for k in ("rates", "starts", "next")}
     return Result(value, **parts)
@@ -155,9 +155,9 @@ EFFECTS = (
     Effect(
         "input_hysteresis",
         "input",
-        "u' = (1 − share) u + share/2 (play of full width `width` + play of half of it)",
+        "u' = (1 − share) u + share/2 (play of full_width + play of half of it)",
         (
-            Parameter("width", "{u}", share(0.1, 0.2, 0.4, 0.8)),
+            Parameter("full_width", "{u}", share(0.1, 0.2, 0.4, 0.8)),
             Parameter("share", "1", lambda s: (0.5,), low=0.05, high=1.0),
         ),
         _hysteresis,
@@ -165,7 +165,7 @@ EFFECTS = (
         hidden=("wide", "narrow"),
         gated=True,
         width="time",
-        becomes={"": "width → 0"},
+        becomes={"": "full_width → 0"},
     ),
     Effect(
         "asymmetric_gain",

@@ -24,7 +24,8 @@ def lag(c: Namespace, target: Scalar, name: str, state: Scalar, time: Scalar) ->
 
 def play(c: Namespace, target: Scalar, name: str, state: Scalar, gap: Scalar) -> Result:
     """Play of full width `gap`; continuous: once the gap is used up, followed within c.width seconds."""
-    pushed = smooth.dead_zone(target - state, -0.5 * gap, 0.5 * gap, 1e-3 * gap + 1e-12)
+    # a rounded kink would creep back within the gap
+    pushed = ca.fmax(target - state - 0.5 * gap, 0.0) - ca.fmax(state - target - 0.5 * gap, 0.0)
     if c.step is None:
         return Result(state, {name: pushed / c.width}, {name: target})
     return Result(state + pushed, starts={name: target}, next={name: state + pushed})
