@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.definition import Model, Variable
+from reconcile import sites
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run
@@ -75,6 +76,10 @@ class Study:
             for q in a.effect.parameters
         ]
         return [*self.base_free, *own]
+
+    def base(self, name: str) -> Free:
+        """Bounds, size and prior of a base parameter, whether or not the outputs feel it."""
+        return _free(next(v for v in self.model.parameters if v.name == name))
 
     def fit_set(
         self,
@@ -196,6 +201,7 @@ class Study:
             found[name] = Scales(y=_span(values), period_s=period)
         states = self._seen_states()
         self._set_state_scales(states)
+        found |= sites.scales(self.folder.model, self.folder.ports, states, runs, period)
         for axis in self.folder.ports.axes:
             v = states[:, self.model.index("states", axis.velocity)]
             q = (
@@ -250,7 +256,9 @@ class Study:
         model = self.model
         left = {n for s in model.sensors.values() for n in (s.noise, s.bias, s.quantum) if n}
         left |= {n for m in model.modes for n in (m.on_delay, m.off_delay) if n}
+        doubtful = self.folder.ports.doubtful
         names = [v for v in model.parameters if not v.fixed and v.name not in left]
+        names = [v for v in names if doubtful is None or v.name in doubtful]
         columns = [self.extended.index[v.name] for v in names]
         point = self.fit_problem.start(self.values)
         linear = self.fit_problem.linear(point, columns)
