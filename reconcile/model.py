@@ -17,16 +17,16 @@ import casadi as ca
 
 from fmus.definition import Model
 from fmus.loader import load_model, model_folders
-from reconcile import motion
+from reconcile import motion, sites
 from reconcile.catalogue import ALL, Effect, smooth
 from reconcile.catalogue.effect import Result
-from reconcile.ports import Axis, Ports, find_ports
+from reconcile.ports import ALL_OUTPUTS, Axis, Ports, find_ports
 from specs.errors import InputError
 
+NOT_UPRIGHT = ("gravity_load", "stiffness", "cubic_stiffness", "end_stop")  # it turns freely, all around
 # from the command to the drive: what wires do, the linkage, the valve, its travel, its motion; then the rest
 ORDER = ("input_crosstalk", "input_offset", "asymmetric_gain", "input_backlash", "input_hysteresis")
 LAST = ("input_dead_zone", "valve_flow_curve", "input_saturation", "input_rate_limit", "input_lag")
-ALL_OUTPUTS = "all outputs"
 
 
 @dataclass(frozen=True)
@@ -90,24 +90,33 @@ def read_folder(folder: Path | str) -> Folder:
 def candidates(folder: Folder, recorded: Sequence[str], catalogue: Sequence[Effect] = ALL) -> list[Attached]:
     """Every effect at every port it fits, for outputs and inputs among the `recorded` signals."""
     ports, found = folder.ports, []
-    controls = [n for n in ports.controls if n in recorded]
+    controls = [n for n in ports.controls if n in recorded and n not in ports.offsets]
+    shifted = [n for n in ports.offsets if n in recorded]
     outputs = [n for n in ports.outputs if n in recorded]
     for effect in catalogue:
+        at = sites.ports_of(effect, ports, recorded)
+        found += [Attached(sites.fitted(effect, ports, port), port) for port in at]
+        if effect.port:
+            continue
         if effect.place == "input":
-            found += _crossed(effect, controls, folder.model)
+            found += _crossed(effect, controls, folder)
+            found += [Attached(effect, n) for n in shifted if effect.name == "input_offset"]
         elif effect.place == "output":
             if not effect.clock:
-                found += _crossed(effect, outputs, folder.model)
+                found += _crossed(effect, outputs, folder)
             if effect.clock or (effect.delays and len(outputs) > 1):
                 found.append(Attached(effect, ALL_OUTPUTS))
         elif effect.place in ("force", "inertia", "coupling"):
             found += [Attached(effect, a.name) for a in ports.axes if _fits(effect, a, folder)]
-    return found
+    return [a for a in found if a.effect.name not in ports.has.get(a.port, ())]
 
 
-def _crossed(effect: Effect, names: Sequence[str], model: Model) -> list[Attached]:
+def _crossed(effect: Effect, names: Sequence[str], folder: Folder) -> list[Attached]:
+    """At each signal, or each pair; sensors that the model tells apart do not mix (but see `turned`)."""
+    model = folder.model
     if "other" in effect.needs:
-        pairs = [(n, other) for n in names for other in names if other != n]
+        apart = effect.place == "output" and bool(folder.ports.output_groups)
+        pairs = [(n, other) for n in names for other in names if other != n and not apart]
         return [Attached(effect, n, o) for n, o in pairs if _unit(model, n) == _unit(model, o)]
     return [Attached(effect, n) for n in names]
 
@@ -115,7 +124,10 @@ def _crossed(effect: Effect, names: Sequence[str], model: Model) -> list[Attache
 def _fits(effect: Effect, axis: Axis, folder: Folder) -> bool:
     model = folder.model
     unit = _unit(model, axis.position) if axis.position else ""
+    if axis.upright and effect.name in NOT_UPRIGHT:
+        return False
     known = {"q": bool(axis.position), "rad": unit == "rad", "continuous": model.kind == "continuous"}
+    known |= {"upright": axis.upright, "reach2": axis.reach2 is not None}
     if "driven" in effect.needs:
         known["driven"] = motion.driven(model, folder.ports, axis)
     return all(known.get(need, True) for need in effect.needs)
@@ -189,12 +201,15 @@ def _own_names(a: Attached) -> list[str]:
 
 
 def _units(folder: Folder, a: Attached) -> dict[str, str]:
+    if a.effect.port:
+        return sites.units(folder.model, folder.ports, a.port)
     if a.effect.place in ("force", "inertia", "coupling"):
         axis = next(x for x in folder.ports.axes if x.name == a.port)
         q = _unit(folder.model, axis.position) if axis.position else ""
         v = _unit(folder.model, axis.velocity)
         return {"f": axis.unit, "v": v, "q": q, "inertia": axis.inertia_unit, "u": "", "y": "", "other": ""}
-    own = "" if a.port == ALL_OUTPUTS else _unit(folder.model, a.port)
+    alone = folder.ports.members(a.port) == (a.port,)
+    own = _unit(folder.model, a.port) if alone else ""
     other = _unit(folder.model, a.other) if a.other else ""
     return {"u": own, "y": own, "other": other, "f": "", "v": "", "q": "", "inertia": ""}
 
@@ -211,12 +226,17 @@ class _Assembly:
         self.rates: dict[str, Any] = {}
         self.next: dict[str, Any] = {}
         self.built: dict[str, Result] = {}
+        self.used_p = self.base_p  # with what effects make of the model's own parameters
         self.starts: dict[str, Any] = {}
 
     def functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
         model, base_x = self.model, self.x[: self.nx]
         inputs = self._inputs()
+        found = sites.results(self, inputs)
+        self.used_p = sites.parameters(self, found)
         forces = {a.name: self._sum(a, inputs) for a in self.e.folder.ports.axes}
+        for name, force in sites.forces(self, found, inputs).items():
+            forces[name] += force
         pushed = ca.SX(inputs)
         for axis in self.e.folder.ports.axes:
             if axis.input:
@@ -226,7 +246,8 @@ class _Assembly:
             self._moved(rates, forces, inputs, pushed)
         else:
             self._stepped(rates, forces, inputs, pushed)
-        outputs = self._outputs(ca.SX(model.h(base_x, inputs, self.m, self.base_p)))
+        sites.chambers(self, found, rates, inputs)
+        outputs = self._outputs(ca.SX(model.h(base_x, inputs, self.m, self.used_p)))
         hidden = self.e.state_names[self.nx :]
         f = ca.vertcat(rates, *[self._hidden_rate(n) for n in hidden])
         start = ca.vertcat(*[self.starts[n] for n in hidden]) if hidden else ca.SX(0, 1)
@@ -246,7 +267,7 @@ class _Assembly:
 
     def _base(self, x: ca.SX, inputs: ca.SX) -> ca.SX:
         """What the base model's own equations say: rates, or the next states."""
-        return ca.SX(self.model.f(x, inputs, self.m, self.base_p))
+        return ca.SX(self.model.f(x, inputs, self.m, self.used_p))
 
     def _inputs(self) -> ca.SX:
         inputs = ca.SX(self.u[: len(self.model.inputs)])
@@ -258,6 +279,7 @@ class _Assembly:
                 other = raw[self.model.index("inputs", a.other)] if a.other else None
                 value = self._applied(a, value, u=value, other=other, size=self._size(name))
             inputs[i] = value
+        sites.together(self, inputs)
         return inputs
 
     def _size(self, name: str) -> float:
@@ -274,6 +296,7 @@ class _Assembly:
                 other = raw[self.model.index("outputs", a.other)] if a.other else None
                 value = self._applied(a, value, y=value, other=other, t=self.u[self.e.clock])
             outputs[i] = value
+        sites.turned(self, outputs)
         return outputs
 
     def _sum(self, axis: Axis, inputs: ca.SX) -> ca.SX:
@@ -293,7 +316,7 @@ class _Assembly:
             for a in self._at("coupling", axis.name):
                 shown = self._through(a, axis, inertia, added, outside + beside, inputs, pushed)
                 rates[row] += self._parameter(a.name("gate")) * (shown - rigid)
-        if any(a.effect.place == "coupling" for a in self.e.attached):
+        if any(a.effect.place == "coupling" and not a.effect.port for a in self.e.attached):
             driving = self._base(self._side("motor"), inputs)  # pressures feel the speed of their own end
             for i in motion.still(self.model, self.e.folder.ports):
                 rates[i] = driving[i]
@@ -409,12 +432,18 @@ class _Assembly:
         if motion.driven(self.model, self.e.folder.ports, axis):
             x = self.x[: self.nx]
             found["drive"] = self.inertia(axis) * self._taken_apart(axis, x, inputs)[0]
+        for role in ("reach2", "reach2_rate", "elevation"):
+            if getattr(axis, role) is not None:
+                found[role] = sites.value(self, getattr(axis, role), inputs)
         return found
 
     def _force(self, a: Attached, axis: Axis, inputs: ca.SX) -> Result:
         """An effect at an axis, built once."""
         if a.key not in self.built:
-            self.built[a.key] = self._built(a, **self._motion(axis, inputs))
+            found = self._motion(axis, inputs)
+            if a.effect.name == "gravity_load" and "elevation" in found:
+                found["q"] = found["elevation"]
+            self.built[a.key] = self._built(a, **found)
         return self.built[a.key]
 
     def _at(self, place: str, port: str) -> list[Attached]:

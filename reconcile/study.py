@@ -10,8 +10,8 @@ from reconcile import sites
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run
-from reconcile.fit.compiled import Compiled
 from reconcile.fit import whitening
+from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import Fitted, Free, fit

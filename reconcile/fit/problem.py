@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 from reconcile.fit.compiled import Columns, Compiled
 from reconcile.fit.whitening import Whitener
 from reconcile.fit.windows import InputTable, Window, interpolation
-from reconcile.model import ALL_OUTPUTS, Attached
+from reconcile.model import Attached
 
 ACCURACY = 2e-5  # of a state's size, of one step
 SHARE_OF_NOISE = 0.02
@@ -89,9 +89,9 @@ class Problem:
             found.setdefault(self.model.index("inputs", name), []).append(self.parameter(parameter))
         for a in self.extended.attached:
             if a.effect.delays and a.effect.place == "input":
-                found.setdefault(self.model.index("inputs", a.port), []).append(
-                    self.parameter(a.name("delay"))
-                )
+                for name in self.extended.folder.ports.members(a.port):
+                    late = found.setdefault(self.model.index("inputs", name), [])
+                    late.append(self.parameter(a.name("delay")))
         return found
 
     @cached_property
@@ -103,7 +103,7 @@ class Problem:
                 found[name].append(self.parameter(sensor.delay))
         for a in self.extended.attached:
             if a.effect.delays and a.effect.place == "output" and not a.effect.clock:
-                for name in self.outputs if a.port == ALL_OUTPUTS else [a.port]:
+                for name in set(self.extended.folder.ports.members(a.port)) & set(self.outputs):
                     found[name].append(self.parameter(a.name("delay")))
         return found
 
