@@ -9,6 +9,8 @@ from typing import Any
 
 from reconcile import checks, report as reports, target, untold, verdict as verdicts
 from reconcile.data import Run, read_run, split
+from reconcile.experiment import plan
+from reconcile.experiment.propose import Proposal, propose
 from reconcile.model import Folder
 from reconcile.search import Answer, Search
 from reconcile.study import Study, unique
@@ -27,10 +29,12 @@ def reconcile(
     names: Path | None = None,
     report: Report | None = None,
     report_only: bool = False,
+    then: Callable[[Study, Answer], dict[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """Run the whole workflow, write DIR/report.json and DIR/model, and return the report.
 
-    `report_only` leaves out what is made from the figures: the extended model and the page.
+    `report_only` leaves out what is made from the figures: the extended model and the page.  What `then`
+    makes of study and answer is added to the report.
     Raises InputError for recordings or a model that cannot be used; nothing is written then.
     """
     said = report or (lambda *_: None)
@@ -42,12 +46,17 @@ def reconcile(
     said("reading")
     sets = _read(given, folder, names)
     figures, study, answer = examine(folder, *sets, report=said)
+    proposal = _next(study, answer, figures, said)
+    if then:
+        figures |= then(study, answer)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
     said("writing")
     with target.staged(out) as part:
         if not report_only and (answer.present or figures["reestimated"]):
             built = _build(reports.write_model(study, answer, part), part)
             figures["model"] = {"folder": "model", "fmu": built}
+        if proposal and proposal.commands:
+            plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
         figures["files"] = sorted(p.name for p in part.iterdir())
         _write(part / target.REPORT, figures)
     return figures
@@ -83,6 +92,13 @@ def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any
         found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
     found["nuisances"] = figures["nuisances"] | {r.name: {"mended": list(r.notes)} for r in runs if r.notes}
     return found
+
+
+def _next(study: Study, answer: Answer, figures: dict[str, Any], said: Report) -> Proposal | None:
+    """The experiment that would settle what is open; it goes into the figures."""
+    proposal = propose(study, answer, figures["verdict"], said)
+    figures["next_experiment"] = proposal.figures if proposal else None
+    return proposal
 
 
 def _read(given: Sequence[Sequence[Path]], folder: Folder, names: Path | None) -> list[list[Run]]:
