@@ -62,7 +62,7 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         becomes={"": "k → ∞"},
         **common,  # type: ignore[arg-type]
     )
-    gaps = (0.01, 0.04, 0.15)
+    gaps = (7e-4, 7e-3, 0.07)
     gear = Effect(
         "gear_backlash",
         "coupling",

@@ -13,7 +13,7 @@ FRICTION = "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 108
 DAHL = "Dahl, Aerospace Corp. TOR-0158(3107-18)-1 (1968); Canudas de Wit et al., IEEE TAC 40 (1995) 419"
 MECHANICS = "Newtonian mechanics"
 ANY = -float("inf")
-TURNS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 24.0)
+TURNS = (*(float(n) for n in range(1, 13)), 14.0, 16.0, 18.0, 20.0, 24.0)
 TRAVELS = tuple(0.5 * n for n in range(2, 25))
 
 
@@ -260,7 +260,7 @@ EFFECTS = (
         "F = −max(k (q − position + relaxation v), 0) where q > position",
         (
             _amplitude("k", "{f}/({q})"),
-            Parameter("position", "{q}", _near(1.0, 0.9, 0.75, 0.6), low=ANY),
+            Parameter("position", "{q}", _near(1.0, 0.97, 0.85, 0.6), low=ANY),
             RELAXATION,
         ),
         _end_stop,
@@ -273,7 +273,7 @@ EFFECTS = (
         "F = max(k (position − q − relaxation v), 0) where q < position",
         (
             _amplitude("k", "{f}/({q})"),
-            Parameter("position", "{q}", _near(-1.0, 0.9, 0.75, 0.6), low=ANY),
+            Parameter("position", "{q}", _near(-1.0, 0.97, 0.85, 0.6), low=ANY),
             RELAXATION,
         ),
         _end_stop_low,
@@ -286,7 +286,7 @@ EFFECTS = (
         "F = −sgn(q) max(k (|q| − position + relaxation v sgn(q)), 0) beyond ±position",
         (
             _amplitude("k", "{f}/({q})"),
-            Parameter("position", "{q}", lambda s: [a * s.q for a in (0.9, 0.75, 0.6)]),
+            Parameter("position", "{q}", lambda s: [a * s.q for a in (0.97, 0.85, 0.6)]),
             RELAXATION,
         ),
         _end_stops,

@@ -17,8 +17,8 @@ def share(*shares: float) -> Starts:
 
 
 def seconds(*values: float) -> Starts:
-    """Starts in s, none below a sample period."""
-    return lambda s: [max(v, s.period_s) for v in values]
+    """Starts in s, none below a quarter of a sample period."""
+    return lambda s: [max(v, 0.25 * s.period_s) for v in values]
 
 
 def _dead_zone(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -89,7 +89,7 @@ EFFECTS = (
     _gated(
         "input_dead_zone",
         "u' = u − h sgn(u) where |u| > h, else 0",
-        Parameter("half_width", "{u}", share(0.05, 0.1, 0.2, 0.35, 0.5)),
+        Parameter("half_width", "{u}", share(0.01, 0.04, 0.1, 0.25, 0.5)),
         _dead_zone,
         width="u",
         becomes={"": "half_width → 0"},
@@ -121,7 +121,7 @@ EFFECTS = (
     _gated(
         "input_lag",
         "time du'/dt = u − u'",
-        Parameter("time", "s", seconds(0.03, 0.1, 0.3, 1.0), low=2e-3),
+        Parameter("time", "s", seconds(0.01, 0.05, 0.2, 0.8), low=5e-4),
         _lag,
         hidden=("lagged",),
         becomes={"input_delay": "time small against the motion"},
@@ -146,7 +146,7 @@ EFFECTS = (
     _gated(
         "input_backlash",
         "play of full width gap: u' moves only when |u − u'| = gap/2",
-        Parameter("gap", "{u}", share(0.05, 0.1, 0.2, 0.4)),
+        Parameter("gap", "{u}", share(0.01, 0.04, 0.12, 0.4)),
         _backlash,
         hidden=("follower",),
         width="time",
@@ -157,7 +157,7 @@ EFFECTS = (
         "input",
         "u' = (1 − share) u + share/2 (play of full_width + play of half of it)",
         (
-            Parameter("full_width", "{u}", share(0.1, 0.2, 0.4, 0.8)),
+            Parameter("full_width", "{u}", share(0.03, 0.1, 0.3, 0.8)),
             Parameter("share", "1", lambda s: (0.5,), low=0.05, high=1.0),
         ),
         _hysteresis,

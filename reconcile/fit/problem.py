@@ -20,7 +20,7 @@ from reconcile.model import Attached
 
 ACCURACY = 2e-5  # of a state's size, of one step
 SHARE_OF_NOISE = 0.02
-LOOSE = 30.0  # sizes of a state by which an initial state is free
+LOOSE = 3.0  # sizes of a state by which an initial state is free
 
 
 @dataclass(frozen=True)
