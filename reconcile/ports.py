@@ -35,6 +35,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from fmus.definition import Model
 from specs.errors import InputError, nearest
@@ -249,10 +250,32 @@ def _rates(model: Model, pairs: set[tuple[int, int]]) -> tuple[Axis, ...]:
     axes = []
     for row, state in enumerate(model.states):
         if _is_rate(model, state.name):
-            unit = state.unit + "2" if state.unit.endswith("/s") else state.unit + "/s"
+            unit, inertia = _inertia(model, row)
             drive, position = _drive(model, row, pairs), _position(model, state.name)
-            axes.append(Axis(state.name, state.name, position, unit, None, 1.0, drive))
+            axes.append(Axis(state.name, state.name, position, unit, None, inertia, drive))
     return tuple(axes)
+
+
+def _inertia(model: Model, row: int) -> tuple[str, str | float]:
+    """Unit of a force at a rate, and the mass or moment of inertia that divides all that moves it.
+
+    Where the model has none, a force is an acceleration, of unit inertia.
+    """
+    x, u, m, p = model.symbols
+    state = model.states[row]
+    rate = model.f(x, u, m, p)[row] - (x[row] if model.kind == "discrete" else 0.0)
+    rng = np.random.default_rng(0)
+    at = [np.asarray(a).ravel() for a in _start(model)]
+    for force, moves in MOVES.items():
+        for i, v in enumerate(model.parameters):
+            if state.unit != moves or v.unit != FORCES[force] or not ca.depends_on(rate, p[i]):
+                continue
+            slope = ca.Function("s", [x, u, m, p], [rate, p[i] * ca.jacobian(rate, p[i])])
+            points = ([*(a + 0.1 * rng.standard_normal(len(a)) for a in at[:2]), *at[2:]] for _ in range(3))
+            found = np.array([[float(r) for r in slope(*point)] for point in points])
+            if np.allclose(found[:, 0], -found[:, 1], rtol=1e-6) and np.any(found[:, 0]):
+                return force, v.name
+    return (state.unit + "2" if state.unit.endswith("/s") else state.unit + "/s"), 1.0
 
 
 def _is_rate(model: Model, name: str) -> bool:
