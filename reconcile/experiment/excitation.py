@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 LEAD_S = 1.0  # of rest before it begins
 FADE_S = 2.0  # over which an oscillation comes up, so that it does not push the axis away
@@ -68,6 +69,14 @@ def commands(
 def neutral(low: float, high: float) -> float:
     """Where an input rests: at 0 if that is within its range, else at the nearer end."""
     return float(np.clip(0.0, low, high))
+
+
+def smooth(values: np.ndarray, lag: float) -> np.ndarray:
+    """Through two first-order lags (in samples)."""
+    keep, found = np.exp(-1.0 / lag), values
+    for _ in range(2):
+        found = np.asarray(lfilter([1.0 - keep], [1.0, -keep], found))
+    return found
 
 
 def _steps(t: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:

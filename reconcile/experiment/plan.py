@@ -26,6 +26,13 @@ def drivable(folder: Folder) -> bool:
     return bool(controls) and set(controls) <= set(PLAN_COMMANDS)
 
 
+def kept() -> dict[str, tuple[float, float]]:
+    """What the supervisor keeps of the machine's outputs."""
+    limits = load_plan(Path(LIKE)).limits
+    speed = limits.slew_speed_rad_s
+    return {"qd_slew": (-speed, speed), "q_boom": limits.boom_rad, "q_stick": limits.stick_rad}
+
+
 def pose(paths: Sequence[Path]) -> dict[str, float]:
     """Where the arm stood in the recordings, on average, and the load told: {"q_boom", "q_stick", "load_kg"}.
 
@@ -57,8 +64,9 @@ def write(
     """Write OUT/experiment.toml, and OUT/experiment.csv with the inputs over time (`units` by input)."""
     said = json.dumps(figures["sentence"], ensure_ascii=False)
     head = f'name = "experiment"\ndescription = {said}\nseed = 1\n'
-    machine = set(commands) <= set(PLAN_COMMANDS)
-    body = _limits() + _part(figures, stands) + _commands(commands) if machine else _own(figures)
+    driven = {n: commands[n] for n in figures["ranges"]}
+    machine = set(driven) <= set(PLAN_COMMANDS)
+    body = _limits() + _part(figures, stands) + _commands(driven) if machine else _own(figures)
     (out / PLAN).write_text(head + body, encoding="utf-8")
     time = figures["tick_s"] * np.arange(len(next(iter(commands.values()))))
     channels = {n: Channel(n, units[n], time, u) for n, u in commands.items()}

@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 
 from reconcile import evidence
 from reconcile.data import WHOLE, Block, Run, Signal, split
-from reconcile.experiment.excitation import LEAD_S, Excitation, commands
+from reconcile.experiment.excitation import LEAD_S, Excitation, commands, smooth
 from reconcile.experiment.limits import Limits
 from reconcile.fit import whitening
 from reconcile.fit.problem import Point, Problem
@@ -21,6 +21,7 @@ from reconcile.fit.solve import Fitted
 from reconcile.fit.windows import STEP_S, WINDOW_S, Window, cut
 from reconcile.study import Study, unique
 
+FOLLOWS_S = 0.5  # lag, twice, of an input that another follows: it is moved by a machine
 RESTS = 0.05  # of the motion: a machine that moves less by itself stays where it is
 
 
@@ -51,16 +52,16 @@ class Bench:
     # ---------------------------------------------------------------- playing
 
     def inputs(self, chosen: Excitation) -> dict[str, Signal]:
-        """The inputs over time; those that are not driven as they were at first in the recordings."""
-        found = {
-            n: Signal(self.tick_s * np.arange(len(u)), u)
-            for n, u in commands(chosen, self.limits.inputs, self.tick_s).items()
-        }
-        end = np.array([0.0, chosen.duration_s])
-        for n in self.runs[0].inputs:
-            if n not in found:
-                found[n] = Signal(end, np.full(2, float(np.median(self.runs[0].inputs[n].values))))
-        return found
+        """The inputs over time: those driven, what follows from them, and the others as they were."""
+        limits, tick = self.limits, self.tick_s
+        told = commands(chosen, limits.inputs, tick)
+        for rate, place in limits.followers.items():
+            told[rate] = smooth(told[rate], FOLLOWS_S / tick)
+            told[place] = limits.held[place] + tick * np.cumsum(told[rate])
+        time = tick * np.arange(len(next(iter(told.values()))))
+        for name, value in limits.held.items():
+            told.setdefault(name, np.full(len(time), value))
+        return {n: Signal(time, u) for n, u in told.items()}
 
     def play(self, chosen: Excitation, fitted: Fitted) -> Played | None:
         """The whole experiment from rest, without noise; None if the model runs away."""
@@ -82,8 +83,8 @@ class Bench:
 
     def excess(self, played: Played) -> float:
         """By what factor the outputs leave their limits, seen from their start; at most 1 if they do not."""
-        found = played.run.outputs.items()
-        return max((self.limits.excess(n, s.values) for n, s in found), default=0.0)
+        moving = {**played.run.inputs, **played.run.outputs}
+        return max(limit.excess(moving[n].values) for n, limit in self.limits.outputs.items())
 
     def rests(self, chosen: Excitation, played: Played) -> bool:
         """Whether the machine stays where the experiment starts until it is driven."""

@@ -9,7 +9,7 @@ import numpy as np
 from learning.collection.plan import PERIOD_S
 from reconcile import untold
 from reconcile.experiment import plan, say
-from reconcile.experiment.choose import Rated, best, ranked, tellable
+from reconcile.experiment.choose import Rated, best, ranked
 from reconcile.experiment.judges import Pairs, Unseen, difference
 from reconcile.experiment.limits import limits_of
 from reconcile.experiment.predict import Bench
@@ -60,7 +60,7 @@ def _between(study: Study, answer: Answer, report) -> Proposal | None:
     apart = [(sets[i], sets[k]) for (i, k), t in zip(judge.pairs, told, strict=True) if not t]
     figures["sensors"] = say.sensors(apart)
     figures["sentence"] = say.between(study, figures, bench.limits)
-    return Proposal(figures, bench.tick_s, _told(bench, chosen))
+    return _proposal(bench, chosen, figures)
 
 
 def _judged(bench: Bench, judge: Pairs, r: Rated) -> Rated:
@@ -80,14 +80,14 @@ def _for_parameters(study: Study, answer: Answer, report) -> Proposal | None:
     rated = best(bench, [answer.base], Unseen(answer.base, wanted), CLOSE, report)
     if not rated:
         return Proposal(_none(say.no_room(bench.limits)), bench.tick_s, {})
-    chosen, told = rated[0], tellable(rated, CLOSE)
-    figures = _figures(bench, chosen, told) | {"pairs": []}
+    chosen = rated[0]
+    figures = _figures(bench, chosen) | {"pairs": []}
     figures["parameters"] = [
         {"name": f.name, "predicted_margin": float(m)} for f, m in zip(wanted, chosen.margins, strict=True)
     ]
     figures["separable"] = bool((chosen.margins >= CLOSE).all())
     figures["sentence"] = say.parameters(study, figures, bench.limits)
-    return Proposal(figures, bench.tick_s, _told(bench, chosen))
+    return _proposal(bench, chosen, figures)
 
 
 def _bench(study: Study, wide: bool) -> Bench:
@@ -95,22 +95,26 @@ def _bench(study: Study, wide: bool) -> Bench:
     signals = [
         s for b in study.parts.fit for n, s in b.run.inputs.items() if n in study.folder.ports.controls
     ]
-    tick = PERIOD_S if machine else min(s.period_s for s in signals)
-    return Bench(study, limits_of(study, wide), tick, fixed_start=machine)
+    tick = PERIOD_S if machine else round(min(s.period_s for s in signals), 6)
+    limits = limits_of(study, wide, plan.kept() if machine else None)
+    return Bench(study, limits, tick, fixed_start=machine)
 
 
-def _figures(bench: Bench, chosen: Rated, told: np.ndarray | None = None) -> dict[str, Any]:
-    e = chosen.excitation
-    counted = chosen.margins if told is None else chosen.margins[told]
-    span = {
-        n: [float(min(np.min(p.run.outputs[n].values) for p in chosen.played)),
-            float(max(np.max(p.run.outputs[n].values) for p in chosen.played))]
-        for n in bench.limits.outputs
-    }  # fmt: skip
+def _span(chosen: Rated, name: str) -> list[float]:
+    """Range of an output over the plays of all candidates."""
+    values = np.concatenate([p.run.outputs[name].values for p in chosen.played])
+    return [float(np.min(values)), float(np.max(values))]
+
+
+def _figures(bench: Bench, chosen: Rated) -> dict[str, Any]:
+    e, told = chosen.excitation, chosen.margins >= CLOSE
+    counted = chosen.margins[told] if told.any() else chosen.margins
+    span = {n: _span(chosen, n) for n in bench.limits.start}
     return {
         "input": ", ".join(e.inputs),
         "excitation": e.as_dict(),
         "ranges": {n: list(r) for n, r in bench.limits.inputs.items()},
+        "held": bench.limits.held,
         "tick_s": bench.tick_s,
         "duration_s": e.duration_s,
         "predicted_margin": float(np.min(counted)),
@@ -136,5 +140,9 @@ def _none(sentence: str) -> dict[str, Any]:
     }
 
 
-def _told(bench: Bench, chosen: Rated) -> dict[str, np.ndarray]:
-    return {n: s.values for n, s in bench.inputs(chosen.excitation).items() if n in bench.limits.inputs}
+def _proposal(bench: Bench, chosen: Rated, figures: dict[str, Any]) -> Proposal:
+    """With the inputs over time; without them and without files, if that tells nothing."""
+    if figures["predicted_margin"] < CLOSE:
+        return Proposal(figures | {"plan": None, "table": None}, bench.tick_s, {})
+    told = {n: s.values for n, s in bench.inputs(chosen.excitation).items()}
+    return Proposal(figures, bench.tick_s, told)

@@ -17,6 +17,7 @@ from typing import Any
 from blindtest import case as cases, folder as folders
 from blindtest.score import Truth, read_truth, score
 from slewright.suite import child, measures
+from slewright.suite.proposal import keep
 from specs.errors import RunError
 
 REDRAWS = 3  # seeds that are tried where one gives no clear case
@@ -92,6 +93,8 @@ def _answer(folder: Path, name: str, command: Sequence[str]) -> None:
         content = FAILED | {"failed": ended.said or f"ended with {ended.code}"}
         if report.is_file():
             content = json.loads(report.read_text())
+        if name == "report":
+            keep(report.parent, folder)
         write(path, content | {"core_seconds": ended.seconds})
 
 
