@@ -145,7 +145,7 @@ class Bench:
         if linear is None:
             return np.inf  # the rival cannot even be simulated
         left = remaining(self.study, linear.errors, linear.slopes, rival)
-        return weight(truth) * (rival.cost - truth.cost + left)
+        return gain(truth, rival.cost - truth.cost + left, len(linear.errors))
 
     def refitted(self, played: Played, truth: Fitted, rival: Fitted) -> float:
         """The same with both sets really fitted to recordings and experiment together."""
@@ -155,7 +155,8 @@ class Bench:
             if found is None:
                 return self.margin(played, truth, rival)
             costs.append(found.cost)
-        return weight(truth) * (costs[1] - costs[0])
+        samples = sum(len(s.values) for s in played.run.outputs.values())
+        return gain(truth, costs[1] - costs[0], samples)
 
     def _joint(self, played: Played, fitted: Fitted) -> Fitted | None:
         """A fit to the recordings and the played run."""
@@ -176,10 +177,12 @@ def _whiteners(problem: Problem) -> list:
     return problem.whiteners or [lambda values: values] * len(problem.windows)
 
 
-def weight(fitted: Fitted) -> float:
-    """What a unit of cost is worth in twice the log-likelihood: for the noise met and its correlation."""
-    s = evidence.sample(fitted)
-    return s.share / max(1.0, fitted.linear.cost / max(1, s.count))
+def gain(truth: Fitted, more: float, samples: int) -> float:
+    """Twice the log-likelihood that `more` cost is worth, with new `samples` and noise as `truth` met it."""
+    s = evidence.sample(truth)
+    count = s.count + samples
+    expected = count * max(1.0, truth.linear.cost / max(1, s.count))
+    return evidence.likelihood_gain(max(expected + more, 1e-9), expected, evidence.Sample(count, s.share))
 
 
 def information(fitted: Fitted) -> np.ndarray:
