@@ -11,13 +11,14 @@ them.  They show in the values themselves, which lie on a lattice; that is teste
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import comb
 from typing import Any
 
 import numpy as np
 
 from fmus.definition import Model
 from reconcile.data import Run
-from reconcile.fit.noise import high_pass_level
+from reconcile.fit.noise import ORDER
 
 LEAST_LEVELS = 6  # different values: a switch or a staircase of few is no lattice
 OFF = 0.1  # of a step, by which a value may lie off the lattice
@@ -123,6 +124,10 @@ def _lattice(values: Sequence[np.ndarray]) -> tuple[float, float] | None:
 
 
 def _noise(values: Sequence[np.ndarray], step: float) -> float:
-    """Standard deviation of what is on the signal besides the steps, from its high-pass part."""
-    seen = float(np.sqrt(np.mean([high_pass_level(v) ** 2 for v in values])))
-    return float(np.sqrt(max(seen**2 - step**2 / 12.0, 0.0)))
+    """Standard deviation of what is on the signal besides the steps, from its fourth differences.
+
+    Their mean square, no quantile of them: between steps, quantiles are steps themselves.
+    """
+    differences = np.concatenate([np.diff(v, ORDER) for v in values if len(v) > ORDER])
+    seen = float(np.mean(differences**2)) / comb(2 * ORDER, ORDER)
+    return float(np.sqrt(max(seen - step**2 / 12.0, 0.0)))

@@ -222,12 +222,16 @@ class Study:
         return found
 
     def _seen_states(self) -> np.ndarray:
-        """States [rows, NX] as the base model passes through them in the fit windows."""
+        """States [rows, NX] in the fit windows: as recorded where outputs show them, else as simulated."""
         problem, rows = self.fit_problem, []
         point = problem.start(self.values)
-        for k in range(len(problem.windows)):
+        shown = {i: n for i, (n, order) in problem._shown_states().items() if order == 0}
+        for k, window in enumerate(problem.windows):
             run = problem.simulate(point, k)
             if run is not None:
+                times = window.start_s + window.step_s * np.arange(len(run[0]))
+                for i, n in shown.items():
+                    run[0][:, i] = np.interp(times, window.run.outputs[n].time, window.run.outputs[n].values)
                 rows.append(run[0])
         if not rows:
             raise InputError(

@@ -17,6 +17,11 @@ TURNS = (*(float(n) for n in range(1, 13)), 14.0, 16.0, 18.0, 20.0, 24.0)
 TRAVELS = tuple(0.5 * n for n in range(2, 25))
 
 
+STOP = "Johnson, Contact Mechanics, Cambridge 1985, ch. 11: impact with damping (Kelvin-Voigt)"
+# where fits of a stop start: its speed there as a share of the largest, and how fast it swings in it, rad/s
+STOPS = ((0.15, 25.0), (0.5, 25.0), (1.0, 25.0), (0.3, 80.0))
+
+
 def speed(*shares: float) -> Starts:
     """Starts as shares of the largest speed."""
     return lambda s: [a * s.v for a in shares]
@@ -125,14 +130,19 @@ def _amplitude(name: str, unit: str, signed: bool = False) -> Parameter:
     return Parameter(name, unit, none, amplitude=True, low=ANY if signed else 0.0)
 
 
-def _near(side: float, *shares: float) -> Starts:
-    """Starts within the travel met, from its middle towards one side."""
+def _reached(low: bool) -> Starts:
+    """Positions of a stop that explain the travel met: less what the axis runs into it."""
 
     def starts(s: Scales) -> list[float]:
-        middle, half = 0.5 * (s.q_low + s.q_high), 0.5 * (s.q_high - s.q_low)
-        return [middle + side * a * half for a in shares]
+        into = [a * s.v / f for a, f in STOPS]
+        return [s.q_low + d if low else s.q_high - d for d in into]
 
     return starts
+
+
+def _stops(s: Scales) -> list[float]:
+    """Stiffness at which the axis would swing in its stop at these frequencies."""
+    return [s.inertia * f**2 for _, f in STOPS]
 
 
 def _waves(s: Scales) -> list[float]:
@@ -255,43 +265,46 @@ EFFECTS = (
         needs=("q",),
         source="Holtz and Springob, IEEE Trans. Ind. Electron. 43 (1996) 694",
     ),
-    _entry(
-        "end_stop",
-        "F = −max(k (q − position + relaxation v), 0) where q > position",
-        (
-            _amplitude("k", "{f}/({q})"),
-            Parameter("position", "{q}", _near(1.0, 0.97, 0.85, 0.6), low=ANY),
-            RELAXATION,
-        ),
-        _end_stop,
-        needs=("q",),
-        width="q",
-        form="upper",
-    ),
-    _entry(
-        "end_stop",
-        "F = max(k (position − q − relaxation v), 0) where q < position",
-        (
-            _amplitude("k", "{f}/({q})"),
-            Parameter("position", "{q}", _near(-1.0, 0.97, 0.85, 0.6), low=ANY),
-            RELAXATION,
-        ),
-        _end_stop_low,
-        needs=("q",),
-        width="q",
-        form="lower",
-    ),
-    _entry(
-        "end_stop",
-        "F = −sgn(q) max(k (|q| − position + relaxation v sgn(q)), 0) beyond ±position",
-        (
-            _amplitude("k", "{f}/({q})"),
-            Parameter("position", "{q}", lambda s: [a * s.q for a in (0.97, 0.85, 0.6)]),
-            RELAXATION,
-        ),
-        _end_stops,
-        needs=("q",),
-        width="q",
+    *(
+        _entry(
+            "end_stop",
+            equation,
+            (
+                Parameter("position", "{q}", position, low=low),
+                Parameter("k", "{f}/({q})", _stops, "Stiffness of the stop"),
+                RELAXATION,
+            ),
+            build,
+            needs=("q",),
+            width="q",
+            gated=True,
+            form=form,
+            source=STOP,
+            becomes={"": "position beyond the travel"},
+        )
+        for form, build, position, low, equation in (
+            (
+                "upper",
+                _end_stop,
+                _reached(low=False),
+                ANY,
+                "F = −max(k (q − position + relaxation v), 0) where q > position",
+            ),
+            (
+                "lower",
+                _end_stop_low,
+                _reached(low=True),
+                ANY,
+                "F = max(k (position − q − relaxation v), 0) where q < position",
+            ),
+            (
+                "",
+                _end_stops,
+                lambda s: [max(s.q - a * s.v / f, 0.1 * s.q) for a, f in STOPS],
+                0.0,
+                "F = −sgn(q) max(k (|q| − position + relaxation v sgn(q)), 0) beyond ±position",
+            ),
+        )
     ),
     _entry(
         "wind_load",
