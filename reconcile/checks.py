@@ -94,16 +94,34 @@ def labels(paths: Iterable[Path]) -> dict[Path, str]:
     return names
 
 
-def read_names(path: Path | None, known: Iterable[str]) -> dict[str, str] | None:
-    """The table of --map; InputError unless it is one whose names of ours the model has."""
+def read_names(path: Path | None, known: Iterable[str], beside: Sequence[str] = ()) -> dict[str, str] | None:
+    """The table [names] of --map; InputError unless the model has its names; `beside`: other tables."""
     if path is None:
         return None
-    data = read_toml(path)
-    found = data.get("names")
-    if set(data) != {"names"} or not isinstance(found, dict):
-        raise InputError(f"{path}: write it as [names] and lines 'their name' = 'our name [unit]'")
+    found = _tables(path, ("names", *beside)).get("names", {})
     check_names(path, found, known)
     return {str(k): str(v) for k, v in found.items()}
+
+
+def read_disturbances(path: Path | None) -> dict[str, dict[str, str]]:
+    """The table [disturbances] of --map, for a closed FMU: input -> {role: output}."""
+    found = {} if path is None else _tables(path, ("names", "disturbances")).get("disturbances", {})
+    for name, roles in found.items():
+        if not isinstance(roles, dict) or not all(isinstance(v, str) for v in roles.values()):
+            raise InputError(f"{path}: write it as {name} = {{ velocity = 'output', position = 'output' }}")
+    return found
+
+
+def _tables(path: Path, valid: Sequence[str]) -> dict:
+    data = read_toml(path)
+    if not data or not set(data) <= set(valid) or not all(isinstance(v, dict) for v in data.values()):
+        wrong = next((k for k in data if k not in valid or not isinstance(data[k], dict)), "")
+        said = f"'{wrong}' is no table of it; " if wrong else ""
+        raise InputError(
+            f"{path}: {said}write {' and '.join(f'[{v}]' for v in valid)}, "
+            "and below [names] lines 'their name' = 'our name [unit]'"
+        )
+    return data
 
 
 def check_names(path: Path, names: Mapping[str, object], known: Iterable[str]) -> None:

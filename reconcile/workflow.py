@@ -42,9 +42,11 @@ def reconcile(
     given = (runs, confirm, holdout)
     checks.check_runs(*given)
     target.check(out, [Path(model), *(p for paths in given for p in paths)])
+    if Path(model).suffix.lower() == ".fmu":
+        return _closed(given, Path(model), out, names, said, report_only)
     folder = checks.open_folder(model)
     said("reading")
-    sets = _read(given, folder, names)
+    sets = _read(given, folder, checks.read_names(names, _variables(folder)))
     figures, study, answer = examine(folder, *sets, report=said)
     proposal = _next(study, answer, figures, said)
     if then:
@@ -101,12 +103,41 @@ def _next(study: Study, answer: Answer, figures: dict[str, Any], said: Report) -
     return proposal
 
 
-def _read(given: Sequence[Sequence[Path]], folder: Folder, names: Path | None) -> list[list[Run]]:
-    """Runs of the recordings of each purpose."""
-    known = [v.name for v in (*folder.model.inputs, *folder.model.outputs)]
-    renamed = checks.read_names(names, known)
+def _closed(
+    given: Sequence[Sequence[Path]],
+    model: Path,
+    out: Path,
+    names: Path | None,
+    said: Report,
+    report_only: bool,
+) -> dict[str, Any]:
+    """The same for a third-party FMU: effects at its ports, and an SSP that wraps it with them."""
+    from reconcile.closed import report as closed
+    from reconcile.closed.box import Box
+
+    began = time.monotonic()
+    box = Box(model, checks.read_disturbances(names))
+    said("reading")
+    sets = _read(given, box, checks.read_names(names, _variables(box), ("disturbances",)))
+    figures, problem, answer = closed.examine(box, *sets, report=said)
+    figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
+    said("writing")
+    with target.staged(out) as part:
+        if not report_only and (answer.fitted.effects or figures["reestimated"]):
+            figures["model"] = closed.write(problem, answer, part)
+        figures["files"] = sorted(p.name for p in part.iterdir())
+        _write(part / target.REPORT, figures)
+    return figures
+
+
+def _variables(folder) -> list[str]:
+    return [v.name for v in (*folder.model.inputs, *folder.model.outputs)]
+
+
+def _read(given: Sequence[Sequence[Path]], folder, names: dict[str, str] | None) -> list[list[Run]]:
+    """Runs of the recordings of each purpose; `folder`: a model folder or a closed FMU."""
     labels = checks.labels(p for paths in given for p in paths)
-    return [[r for p in paths for r in read_run(p, folder, renamed, labels[p])] for paths in given]
+    return [[r for p in paths for r in read_run(p, folder, names, labels[p])] for paths in given]
 
 
 def _build(folder: Path, out: Path) -> str:

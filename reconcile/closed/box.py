@@ -21,11 +21,16 @@ ROLES = ("velocity", "position")
 
 @dataclass(frozen=True)
 class Feedback:
-    """A disturbance input that takes a force made of outputs: a velocity and, where there is one, a position."""
+    """A disturbance input that takes a force made of outputs: a velocity and, if there is one, a position."""
 
     input: str
     velocity: str
     position: str | None = None
+
+    @property
+    def signals(self) -> dict[str, str]:
+        """Outputs by role."""
+        return {"velocity": self.velocity} | ({"position": self.position} if self.position else {})
 
 
 @dataclass(frozen=True)

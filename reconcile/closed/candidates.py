@@ -29,7 +29,9 @@ def candidates(box: Box, recorded: set[str]) -> list[Attached]:
             if effect.delays and len(outputs) > 1:
                 found.append(Attached(effect, ALL_OUTPUTS))
         elif effect.place == "force":
-            found += [Attached(effect, f.input) for f in box.ports.feedbacks if _fits(effect, f, box, recorded)]
+            found += [
+                Attached(effect, f.input) for f in box.ports.feedbacks if _fits(effect, f, box, recorded)
+            ]
     return found
 
 
@@ -79,7 +81,8 @@ class Sizes:
     def _motion(self, f: Feedback, runs: Sequence[Run], period: float) -> Scales:
         units = {v.name: v.unit for v in (*self.box.model.inputs, *self.box.model.outputs)}
         pushing = [self.scales[n].u for n in self.box.ports.controls if units[n] == units[f.input]]
-        positions = [r.outputs[f.position].values for r in runs if f.position in r.outputs]
+        position = f.position or ""
+        positions = [r.outputs[position].values for r in runs if position in r.outputs]
         q = np.concatenate(positions) if positions else np.array([-1.0, 1.0])
         return Scales(
             v=_most(r.outputs.get(f.velocity) for r in runs),

@@ -20,6 +20,7 @@ from specs.errors import InputError, nearest
 Side = Literal["input", "output", "force"]
 Entry = tuple[str, str, str | None, Mapping[str, float]]  # key of the effect, port, other signal, values
 LATE = "_effects"  # what is added to the name of a signal behind its effects
+BEFORE = "before_"  # and before that of its value a tick ago
 CLOCK = "clock"
 LONGEST_DELAY_S = 2.0
 
@@ -54,7 +55,7 @@ class Port:
             description=", ".join(f"{a.effect.name} at {a.port}" for a in self.effects),
             kind="discrete",
             step=self.step_s,
-            states=(*shown, *hidden, Variable(CLOCK, "s")),
+            states=(*shown, *hidden, *self._before(), Variable(CLOCK, "s")),
             inputs=tuple(told),
             outputs=tuple(late),
             parameters=tuple(self._parameters()),
@@ -63,6 +64,15 @@ class Port:
             delays=self._delays(),
             max_delay=self.step_s * round(LONGEST_DELAY_S / self.step_s),
         )
+
+    def _before(self) -> list[Variable]:
+        """Last values of outputs that an effect sees as they move over the step (inputs are held over it)."""
+        seen = {n for a in self.effects if self._follows(a) for n in self.at(a)}
+        return [Variable(BEFORE + v.name, v.unit, start=v.start) for v in self.signals if v.name in seen]
+
+    def _follows(self, a: Attached) -> bool:
+        """Whether an effect is a filter of a moving signal; play and limits follow its last value."""
+        return self.side == "output" and bool(a.effect.hidden) and a.effect.width is None
 
     def _parameters(self) -> list[Variable]:
         found = []
@@ -82,10 +92,12 @@ class Port:
     def _next(self, x: Any, u: Any, m: Any, p: Any) -> dict[str, Any]:
         raw = {v.name: getattr(u, v.name) for v in self.signals}
         found: dict[str, Any] = {CLOCK: getattr(x, CLOCK) + self.step_s}
+        found |= {v.name: raw[v.name.removeprefix(BEFORE)] for v in self._before()}
         for v in self.signals:
             value = raw[v.name]
             for a in (a for a in self.effects if not a.effect.delays and v.name in self.at(a)):
-                result = self._built(a, x, u, p, value, raw)
+                mean = 0.5 * (value + getattr(x, BEFORE + v.name)) if self._follows(a) else value
+                result = self._built(a, x, u, p, mean, raw)
                 value = value + result.value if self.side == "force" else result.value
                 for h in a.effect.hidden:
                     state = identifier(a.name(h))
@@ -142,11 +154,13 @@ class Passing:
         x = np.zeros(len(self.model.states))
         names = [v.name for v in self.model.states]
         told = dict(zip((v.name for v in self.model.inputs), u, strict=True))
+        for v in self.port._before():
+            x[names.index(v.name)] = told[v.name.removeprefix(BEFORE)]
         own = SimpleNamespace(**{v.name: p[i] for i, v in enumerate(self.model.parameters)})
         for a in self.port.effects:
             if not a.effect.hidden:
                 continue
-            state = SimpleNamespace(**{n: 0.0 for n in names})
+            state = SimpleNamespace(**dict.fromkeys(names, 0.0))
             signals = SimpleNamespace(**told)
             raw = {v.name: told[v.name] for v in self.port.signals}
             result = self.port._built(a, state, signals, own, raw[self.port.at(a)[0]], raw)

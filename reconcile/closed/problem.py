@@ -26,7 +26,6 @@ STEP = 1e-2  # of a parameter's size, for differences
 EVALUATIONS = 12
 REMEMBERED = 400  # answers of the FMU
 FELT = 0.3  # of the noise: a parameter whose prior spread moves the outputs by less is left alone
-PLACES: Mapping[Side, str] = {"input": "input", "output": "output", "force": "force"}
 
 
 @dataclass(frozen=True)
@@ -95,8 +94,8 @@ class ClosedProblem:
         u |= self._through("input", effects, values, {n: u[n] for n in self.box.ports.controls if n in u})
         for f in self.box.ports.feedbacks:
             at = run.start_s + self.step_s * np.arange(ticks)
-            names = {n: run.outputs[n] for n in (f.velocity, f.position) if n in run.outputs}
-            motion = {n: np.interp(at, s.time, s.values) for n, s in names.items()}
+            shown = {n: run.outputs[n] for n in f.signals.values() if n in run.outputs}
+            motion = {n: np.interp(at, s.time, s.values) for n, s in shown.items()}
             given = {f.input: u.get(f.input, np.full(ticks, self.box.start(f.input)))}
             own = [a for a in effects if a.port == f.input]
             if own:
@@ -114,15 +113,16 @@ class ClosedProblem:
             self._ports[side, own] = Passing(port)
         return self._ports[side, own].through(u, values)
 
-    def port(self, side: Side, effects: tuple[Attached, ...], values: Mapping[str, float], step: float) -> Port:
+    def port(
+        self, side: Side, effects: tuple[Attached, ...], values: Mapping[str, float], step: float
+    ) -> Port:
         """The port of one side; of a force at one disturbance input."""
         model, box = self.box.model, self.box
         if side == "force":
             f = next(x for x in box.ports.feedbacks if x.input == effects[0].port)
             signals = [v for v in model.inputs if v.name == f.input]
             outputs = {v.name: v for v in model.outputs}
-            motion = {"velocity": outputs[f.velocity]}
-            motion |= {"position": outputs[f.position]} if f.position else {}
+            motion = {role: outputs[n] for role, n in f.signals.items()}
             return Port(side, step, tuple(signals), effects, values, motion)
         if side == "input":
             signals = [v for v in model.inputs if v.name in box.ports.controls and v.name in self.recorded]
@@ -141,7 +141,7 @@ class ClosedProblem:
     def _shown(
         self, run: Run, effects: Sequence[Attached], values: Mapping[str, float], y: Mapping[str, np.ndarray]
     ):
-        late = {n: 0.0 for n in self.outputs}
+        late = dict.fromkeys(self.outputs, 0.0)
         for a in (a for a in effects if a.effect.delays and a.effect.place == "output"):
             for n in self.outputs if a.port == ALL_OUTPUTS else [a.port]:
                 late[n] += values[a.name("delay")]
@@ -188,42 +188,43 @@ class ClosedProblem:
         return e, np.column_stack(columns) if columns else np.zeros((len(e), 0))
 
     def fit(self, effects: Sequence[Attached], start: Mapping[str, float]) -> ClosedFit | None:
-        """Least squares over the FMU's parameters and those of the effects; None if the FMU fails at `start`."""
+        """Least squares over the parameters of FMU and effects; None if the FMU fails at `start`."""
         free = [*self.base, *(f for a in effects for f in self.sizes.free(a))]
         values = {**{f.name: f.prior[0] for f in self.base if f.prior}, **start}
         if self.residual(effects, values) is None:
             return None
-        low, high = np.array([f.low for f in free]), np.array([f.high for f in free])
-        at = np.clip([values[f.name] for f in free], low, high)
+        if not free:
+            e = self.residual(effects, values)
+            return self._fitted(effects, values, free, np.zeros((0, 0)), 0.0 if e is None else float(e @ e))
+        priors = [(k, *f.prior) for k, f in enumerate(free) if f.prior]
 
         def named(x: np.ndarray) -> dict[str, float]:
             return {**values, **dict(zip((f.name for f in free), map(float, x), strict=True))}
 
         def rows(x: np.ndarray) -> np.ndarray:
             e = self.residual(effects, named(x))
-            held = [(v - f.prior[0]) / f.prior[1] for v, f in zip(x, free, strict=True) if f.prior]
+            held = [(x[k] - mean) / spread for k, mean, spread in priors]
             return np.concatenate([np.full(self._count, 1e6) if e is None else e, held])
 
         def by(x: np.ndarray) -> np.ndarray:
             found = self.slopes(effects, named(x), free)
-            held = [
-                [(i == k) / f.prior[1] for i in range(len(free))] for k, f in enumerate(free) if f.prior
-            ]
-            top = np.zeros((self._count, len(free))) if found is None else found[1]
-            return np.vstack([top, np.array(held).reshape(-1, len(free))])
+            held = np.zeros((len(priors), len(free)))
+            for row, (k, _, spread) in enumerate(priors):
+                held[row, k] = 1.0 / spread
+            return np.vstack([np.zeros((self._count, len(free))) if found is None else found[1], held])
 
-        if not free:
-            return self._fitted(effects, values, free, np.zeros((0, 0)), float(np.sum(rows(at) ** 2)))
-        room = 1e-9 * np.maximum(1.0, np.abs(at))
-        inside = np.clip(at, low + np.where(np.isfinite(low), room, 0), high - np.where(np.isfinite(high), room, 0))
-        size = np.array([f.size for f in free])
+        low, high = np.array([f.low for f in free]), np.array([f.high for f in free])
         done = least_squares(
-            rows, inside, by, (low, high), x_scale=size, max_nfev=EVALUATIONS, ftol=1e-5, xtol=1e-6
+            rows,
+            _inside(np.array([values[f.name] for f in free]), low, high),
+            jac=by,  # type: ignore[arg-type]
+            bounds=(low, high),
+            x_scale=np.array([f.size for f in free]),
+            max_nfev=EVALUATIONS,
+            ftol=1e-5,
+            xtol=1e-6,
         )
-        information = done.jac.T @ done.jac
-        scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-        covariance = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
-        return self._fitted(effects, named(done.x), free, covariance, 2.0 * float(done.cost))
+        return self._fitted(effects, named(done.x), free, _covariance(done.jac), 2.0 * float(done.cost))
 
     def _fitted(self, effects, values, free, covariance, cost: float) -> ClosedFit:
         errors = self.errors(effects, values)
@@ -243,6 +244,20 @@ class ClosedProblem:
                 f"FMU {self.box.path} runs away or fails on the recordings from its own start: is it stable, "
                 "and are the recordings in its units?"
             )
-        e, by = found
+        _, by = found
         kept = [f for f, s in zip(self.base, by.T, strict=True) if np.linalg.norm(s) * f.size > FELT]
         return [replace(f, low=max(f.low, 0.0) if f.prior and f.prior[0] > 0 else f.low) for f in kept]
+
+
+def _inside(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """A start that is strictly within its bounds."""
+    room = 1e-9 * np.maximum(1.0, np.abs(np.clip(x, low, high)))
+    return np.clip(
+        x, low + np.where(np.isfinite(low), room, 0.0), high - np.where(np.isfinite(high), room, 0.0)
+    )
+
+
+def _covariance(slopes: np.ndarray) -> np.ndarray:
+    information = slopes.T @ slopes
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    return np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)

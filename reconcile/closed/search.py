@@ -1,4 +1,4 @@
-"""Effects of a closed FMU, one after the other: ranked by one linearisation, fitted, accepted by the rules."""
+"""Effects of a closed FMU, one after another: ranked by one linearisation, fitted, accepted by the rules."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -132,7 +132,7 @@ class ClosedSearch:
         by = np.column_stack(columns)
         if not amplitudes:
             share = -float(by[:, 0] @ free) / max(float(by[:, 0] @ by[:, 0]), 1e-300)
-            return (2.0 * share - share**2) * float(by[:, 0] @ by[:, 0]) * share if 0 < share else 0.0, start
+            return (2.0 * share - share**2) * float(by[:, 0] @ by[:, 0]) * share if share > 0 else 0.0, start
         values = np.linalg.lstsq(by, -free, rcond=1e-9)[0]
         low = np.array([p.low for p in amplitudes])
         high = np.array([p.high for p in amplitudes])

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ class Given:
         self.names = self.folder / "map.toml"
         self.names.write_text(text, encoding="utf-8")
 
-    def columns_are(self, units: dict[str, str] = UNITS, time: np.ndarray = TIME, **columns: object) -> None:
+    def columns_are(self, units: dict[str, str] = UNITS, time: np.ndarray = TIME, **columns: Any) -> None:
         """Write the recording again with other columns (None: left out)."""
         kept = {n: v for n, v in (COLUMNS | columns).items() if v is not None}
         self.runs = [csv(self.folder / "a.csv", kept, units, time)]  # type: ignore[arg-type]
@@ -258,7 +259,7 @@ def test_channels_keep_their_own_rates(rig):
     assert run.inputs["force"].period_s == pytest.approx(0.02)
     assert run.period_s == pytest.approx(0.004)
     parts = split([run], [], [])
-    assert parts.fit and parts.confirm and parts.holdout
+    assert all((parts.fit, parts.confirm, parts.holdout))
 
 
 def test_a_gap_makes_two_runs_of_a_recording(rig):
@@ -314,9 +315,14 @@ def test_an_earlier_report_is_replaced_unless_something_was_put_beside_it(tmp_pa
 def test_a_failure_while_writing_leaves_what_was_there(tmp_path):
     out = tmp_path / "report"
     out.mkdir()
-    with pytest.raises(ZeroDivisionError), staged(out) as part:
-        (part / "half").write_text("x", encoding="utf-8")
-        raise ZeroDivisionError
+
+    def fails() -> None:
+        with staged(out) as part:
+            (part / "half").write_text("x", encoding="utf-8")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fails()
     assert list(tmp_path.iterdir()) == [out]
     assert not any(out.iterdir())
 
