@@ -18,6 +18,7 @@ TRAVELS = tuple(0.5 * n for n in range(2, 25))
 
 
 STOP = "Johnson, Contact Mechanics, Cambridge 1985, ch. 11: impact with damping (Kelvin-Voigt)"
+STOP_WIDTH = 0.02  # of other kinks: a stop gives way by little of the travel, and its force does not jump
 # where fits of a stop start: its speed there as a share of the largest, and how fast it swings in it, rad/s
 STOPS = ((0.15, 25.0), (0.5, 25.0), (1.0, 25.0), (0.3, 80.0))
 
@@ -105,8 +106,9 @@ def _ripple(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 def _push(c: Namespace, p: Namespace, depth: Any, speed: Any) -> Any:
     """Spring with a damper that a body leaves when it would have to pull."""
-    inside = 0.5 * (1.0 + depth / ca.sqrt(depth**2 + c.width**2))
-    return p.k * inside * smooth.positive(depth + p.relaxation * speed, c.width)
+    width = STOP_WIDTH * c.width
+    inside = 0.5 * (1.0 + depth / ca.sqrt(depth**2 + width**2))
+    return p.k * inside * smooth.positive(depth + p.relaxation * speed, width)
 
 
 def _end_stop(c: Namespace, p: Namespace, w: Namespace) -> Result:
