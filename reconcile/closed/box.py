@@ -80,7 +80,9 @@ class Box:
 def answer(
     system: System, u: Mapping[str, np.ndarray], parameters: Mapping[str, float], ticks: int
 ) -> dict[str, np.ndarray]:
-    """Outputs [ticks + 1] of a closed FMU from its own start; `u` [ticks] held over each step.
+    """Outputs [ticks + 1] of a system from its own start; `u` [ticks] held over each step.
+
+    `parameters` by "component.name".
 
     Raises RunError if the FMU fails.
     """
@@ -92,9 +94,7 @@ def answer(
         at = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
         for k in at:
             changes.setdefault(int(k), {})[name] = float(values[k])
-    component = next(iter(system.components))
-    named = {f"{component}.{n}": float(v) for n, v in parameters.items()}
-    record = simulate(system, ticks, Stimuli(changes), named)
+    record = simulate(system, ticks, Stimuli(changes), {n: float(v) for n, v in parameters.items()})
     return {n: np.asarray(record.column(n), float) for n in system.outputs}
 
 

@@ -13,7 +13,7 @@ from reconcile.model import ALL_OUTPUTS, Attached
 from reconcile.study import SPREAD
 
 WIDTH = 1e-3  # of the largest input: over which a kink is rounded
-FLANK = 1e-2  # of the largest speed: over which dry friction turns
+FLANK = 2e-3  # of the largest speed: over which dry friction turns
 CLOSED_TO = "the FMU is closed: only a disturbance input and an output with its speed let a force be told"
 
 

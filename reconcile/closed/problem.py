@@ -1,19 +1,21 @@
 """Simulation error of a closed FMU with effects at its ports, over whole recordings from its own start.
 
-The errors are taken at the samples of the blocks of each part.  The force of an effect on a disturbance input
-is reckoned from the recorded motion, so that one simulation is one run of the FMU; what is written in the end
-feeds it back.
+The errors are taken at the samples of the blocks of each part.  A force on a disturbance input is fed back
+from the outputs, in a system of the FMU and the force; only where candidates are ranked is their force
+reckoned from the recorded motion.
 """
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from orchestrator.system import System
 from reconcile.closed.box import Box, answer
 from reconcile.closed.candidates import Sizes
-from reconcile.closed.port import Passing, Port, Side
+from reconcile.closed.port import Passing, Port, Side, identifier
 from reconcile.data import Parts, Run
 from reconcile.fit.noise import high_pass_level, quantum, worth
 from reconcile.fit.solve import Free
@@ -25,6 +27,7 @@ from specs.errors import InputError, RunError
 STEP = 1e-2  # of a parameter's size, for differences
 EVALUATIONS = 12
 REMEMBERED = 400  # answers of the FMU
+FORCE_STEP = 0.2  # of a step: a force that is fed back is one step late
 FELT = 0.3  # of the noise: a parameter whose prior spread moves the outputs by less is left alone
 
 
@@ -66,6 +69,7 @@ class ClosedProblem:
         self.sigma = {n: self._noise(n) for n in self.outputs}
         self._answers: dict[bytes, dict[str, np.ndarray]] = {}
         self._ports: dict[tuple, Passing] = {}
+        self._systems: dict[tuple, tuple[System, dict[str, str]]] = {}
         self.base = self._felt()
 
     def _noise(self, name: str) -> float:
@@ -79,14 +83,58 @@ class ClosedProblem:
 
     # ---------------------------------------------------------------- simulation
 
-    def simulate(self, run: Run, effects: Sequence[Attached], values: Mapping[str, float]):
-        """Outputs by name as the recording shows them: at its own sample times."""
+    def simulate(
+        self,
+        run: Run,
+        effects: Sequence[Attached],
+        values: Mapping[str, float],
+        reckoned: Sequence[Attached] = (),
+    ):
+        """Outputs by name as the recording shows them: at its own sample times.
+
+        `reckoned`: of the effects, forces to reckon from the recorded motion.
+        """
+        system, own = self._fed_back([a for a in effects if a.effect.place == "force" and a not in reckoned])
+        told = {identifier(k): v for k, v in values.items()}
+        parameters = {n: told[p] for n, p in own.items()}
+        named = {f.name: values[f.name] for f in self.base if f.name in values}
+        parameters |= {f"{self.box.model.name}.{n}": v for n, v in named.items()}
+        each = round(self.step_s / system.step_s)
         ticks = int(np.ceil((run.end_s - run.start_s) / self.step_s)) + 1
-        u = self._inputs(run, effects, values, ticks)
-        y = self._answer(u, {f.name: values[f.name] for f in self.base if f.name in values}, ticks)
+        u = {n: np.repeat(v, each) for n, v in self._inputs(run, effects, values, ticks, reckoned).items()}
+        y = {n: v[::each] for n, v in self._answer(system, u, parameters, each * ticks).items()}
         return self._shown(run, effects, values, y)
 
-    def _inputs(self, run: Run, effects: Sequence[Attached], values: Mapping[str, float], ticks: int):
+    def _fed_back(self, forces: Sequence[Attached]) -> tuple[System, dict[str, str]]:
+        """The FMU with forces fed back to it, and "component.name" -> parameter of theirs."""
+        if not forces:
+            return self.system, {}
+        key = tuple(forces)
+        if key not in self._systems:
+            from reconcile.closed import wrap
+
+            step = self.box.at_step(FORCE_STEP * self.step_s).step_s
+            ports = {}
+            for f in self.box.ports.feedbacks:
+                own = tuple(a for a in forces if a.port == f.input)
+                if own:
+                    # starts of no consequence, the same for every fit: what is built is found again
+                    values = {n: 1.0 for a in own for n in (*a.free, a.name("width"))}
+                    ports[f"force_effects_{f.input}"] = self.port("force", own, values, step)
+            self._systems[key] = (
+                wrap.system(self, ports, step),
+                {f"{name}.{v.name}": v.name for name, port in ports.items() for v in port.model().parameters},
+            )
+        return self._systems[key]
+
+    def _inputs(
+        self,
+        run: Run,
+        effects: Sequence[Attached],
+        values: Mapping[str, float],
+        ticks: int,
+        reckoned: Sequence[Attached],
+    ):
         u = {}
         for n, signal in run.inputs.items():
             late = sum(values[a.name("delay")] for a in effects if a.effect.delays and a.port == n)
@@ -97,7 +145,7 @@ class ClosedProblem:
             shown = {n: run.outputs[n] for n in f.signals.values() if n in run.outputs}
             motion = {n: np.interp(at, s.time, s.values) for n, s in shown.items()}
             given = {f.input: u.get(f.input, np.full(ticks, self.box.start(f.input)))}
-            own = [a for a in effects if a.port == f.input]
+            own = [a for a in reckoned if a.port == f.input]
             if own:
                 u |= self._through("force", own, values, given | motion)
         return u
@@ -130,12 +178,15 @@ class ClosedProblem:
             signals = [v for v in model.outputs if v.name in self.outputs]
         return Port(side, step, tuple(signals), effects, values, {})
 
-    def _answer(self, u: Mapping[str, np.ndarray], parameters: Mapping[str, float], ticks: int):
-        key = repr(sorted(parameters.items())).encode() + b"".join(u[n].tobytes() for n in sorted(u))
+    def _answer(
+        self, system: System, u: Mapping[str, np.ndarray], parameters: Mapping[str, float], ticks: int
+    ):
+        told = repr((id(system), sorted(parameters.items()), sorted(u))).encode()
+        key = hashlib.sha256(told + b"".join(u[n].tobytes() for n in sorted(u))).digest()
         if key not in self._answers:
             if len(self._answers) >= REMEMBERED:
                 self._answers.clear()
-            self._answers[key] = answer(self.system, u, parameters, ticks)
+            self._answers[key] = answer(system, u, parameters, ticks)
         return self._answers[key]
 
     def _shown(
@@ -154,11 +205,13 @@ class ClosedProblem:
 
     # ---------------------------------------------------------------- errors and fits
 
-    def errors(self, effects: Sequence[Attached], values: Mapping[str, float]):
+    def errors(
+        self, effects: Sequence[Attached], values: Mapping[str, float], reckoned: Sequence[Attached] = ()
+    ):
         """Errors in units of the noise: part -> (run, output) -> [n]; RunError if the FMU fails."""
         found: dict[str, dict[tuple[str, str], np.ndarray]] = {"fit": {}, "confirm": {}, "holdout": {}}
         for run in self.runs:
-            shown = self.simulate(run, effects, values)
+            shown = self.simulate(run, effects, values, reckoned)
             for part, blocks in found.items():
                 spans = [(b.start_s, b.end_s) for b in getattr(self.parts, part) if b.run is run]
                 for n in self.outputs if spans else ():
@@ -167,10 +220,12 @@ class ClosedProblem:
                     blocks[run.name, n] = (signal.values - shown[n])[inside] / self.sigma[n]
         return found
 
-    def residual(self, effects: Sequence[Attached], values: Mapping[str, float]) -> np.ndarray | None:
+    def residual(
+        self, effects: Sequence[Attached], values: Mapping[str, float], reckoned: Sequence[Attached] = ()
+    ) -> np.ndarray | None:
         """Errors on the part to fit in one row [M]; None if the FMU fails or runs away."""
         try:
-            e = np.concatenate(list(self.errors(effects, values)["fit"].values()))
+            e = np.concatenate(list(self.errors(effects, values, reckoned)["fit"].values()))
         except RunError:
             return None
         return e if np.isfinite(e).all() and np.abs(e).max() < 1e12 else None

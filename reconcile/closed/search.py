@@ -119,11 +119,12 @@ class ClosedSearch:
         amplitudes = [] if a.effect.gated else [q_ for q_ in a.effect.parameters if q_.amplitude]
         sizes = {f.name: f.size for f in self.problem.sizes.free(a)}
         free = e - q @ (q.T @ e)
+        reckoned = (a,) if a.effect.place == "force" else ()
         columns = []
         for p in amplitudes or [None]:
             step = SMALL * sizes[a.name(p.name)] if p else 1.0
             moved = self.problem.residual(
-                effects, {**fitted.values, **start, **({a.name(p.name): step} if p else {})}
+                effects, {**fitted.values, **start, **({a.name(p.name): step} if p else {})}, reckoned
             )
             if moved is None:
                 return 0.0, start

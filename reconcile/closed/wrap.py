@@ -5,16 +5,21 @@ disturbance input, fed back from the outputs.  The system steps them in the orde
 (gauss-seidel), so that they add no delay; a force that is fed back is one step late.
 """
 
+import hashlib
 import shutil
+import tempfile
 from pathlib import Path
 
 from lxml import etree
 
 from fmus.build import build_fmu
 from fmus.definition import Variable
+from fmus.paths import BUILD
+from orchestrator.check import load_system
 from orchestrator.pack import pack
+from orchestrator.system import System
 from reconcile.closed.port import LATE, Port, Side
-from reconcile.closed.problem import ClosedFit, ClosedProblem
+from reconcile.closed.problem import FORCE_STEP, ClosedFit, ClosedProblem
 from specs.ssd import ANNOTATION, SIMULATION, SSC, SSD
 from specs.units import UNITS
 
@@ -26,8 +31,9 @@ STEP_S = 0.01  # at most
 def write(problem: ClosedProblem, fitted: ClosedFit, folder: Path) -> Path:
     """Write `folder`: the effects as model folders, the FMU beside them, and the SSP, which is returned."""
     box = problem.box
+    pushed = any(a.effect.place == "force" for a in fitted.effects)
     wanted = min(STEP_S, FINE * min(r.period_s for r in problem.runs))
-    step = box.at_step(wanted).step_s
+    step = box.at_step(FORCE_STEP * problem.step_s if pushed else wanted).step_s
     folder.mkdir(parents=True)
     ports = _ports(problem, fitted, step)
     resources = {f"{box.model.name}.fmu": _copied(box.path, folder / f"{box.model.name}.fmu")}
@@ -38,6 +44,20 @@ def write(problem: ClosedProblem, fitted: ClosedFit, folder: Path) -> Path:
     ssp = pack(text, resources, folder / f"{box.model.name}.ssp")
     (folder / "README.md").write_text(_readme(problem, fitted, ports), encoding="utf-8")
     return ssp
+
+
+def system(problem: ClosedProblem, ports: dict[str, Port], step: float) -> System:
+    """The FMU with these ports as a checked system, for fits; what is built is kept by its content."""
+    resources = {f"{problem.box.model.name}.fmu": problem.box.path}
+    for name, port in ports.items():
+        source = _source(port)
+        folder = BUILD / "reconcile" / "ports" / hashlib.sha256(source.encode()).hexdigest()[:32] / name
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "model.py").write_text(source, encoding="utf-8")
+        resources[f"{name}.fmu"] = build_fmu(folder, 2, out=folder)
+    text = _Ssd(problem, ports, step, {}).text()
+    with tempfile.TemporaryDirectory() as scratch:
+        return load_system(pack(text, resources, Path(scratch) / "fit.ssp"))
 
 
 def _ports(problem: ClosedProblem, fitted: ClosedFit, step: float) -> dict[str, Port]:

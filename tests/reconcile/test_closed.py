@@ -113,6 +113,8 @@ def test_nothing_is_named_where_nothing_is_missing_and_wrong_parameters_are_rees
     assert figures["reestimated"]["drag"]["new"] == pytest.approx(1.1, rel=0.01)
 
 
+@pytest.mark.slow
+@pytest.mark.soak
 def test_a_late_input_and_late_sensors_are_alike_where_the_recording_begins_at_rest(fmu):
     command = np.concatenate([np.zeros(25), rig.excitation(SECONDS, 4)])
     measured = record(Truth(), SECONDS + 0.5, 4)
@@ -132,6 +134,8 @@ def test_a_late_input_and_late_sensors_are_alike_where_the_recording_begins_at_r
     assert sorted(map(tuple, figures["alternatives"])) == [("input_delay",), ("sensor_delay",)]
 
 
+@pytest.mark.slow
+@pytest.mark.soak
 def test_a_force_on_a_named_disturbance_input_is_named_and_fed_back(pushed, tmp_path):
     truth = Truth(**coulomb(1.5))
     run = table(truth, tmp_path / "a.csv")
