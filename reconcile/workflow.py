@@ -14,6 +14,8 @@ from reconcile.experiment.propose import Proposal, propose
 from reconcile.model import Folder
 from reconcile.search import Answer, Search
 from reconcile.study import Study, unique
+from reconcile.system.parts import Part, parts_of
+from records.formats import read_measurement
 from specs.version import VERSION
 
 Report = Callable[..., None]
@@ -44,6 +46,8 @@ def reconcile(
     target.check(out, [Path(model), *(p for paths in given for p in paths)])
     if Path(model).suffix.lower() == ".fmu":
         return _closed(given, Path(model), out, names, said, report_only)
+    if parts := parts_of(model):
+        return _system(given, parts, out, names, said, report_only)
     folder = checks.open_folder(model)
     said("reading")
     sets = _read(given, folder, checks.read_names(names, _variables(folder)))
@@ -101,6 +105,41 @@ def _next(study: Study, answer: Answer, figures: dict[str, Any], said: Report) -
     proposal = propose(study, answer, figures["verdict"], said)
     figures["next_experiment"] = proposal.figures if proposal else None
     return proposal
+
+
+def _system(
+    given: Sequence[Sequence[Path]],
+    parts: Sequence[Part],
+    out: Path,
+    names: Path | None,
+    said: Report,
+    report_only: bool,
+) -> dict[str, Any]:
+    """The same for a system of models: every part is examined, and its extended model lies in DIR/PART."""
+    from reconcile.system.examine import examine as examine_system
+
+    began = time.monotonic()
+    said("reading")
+    known = [n for part in parts for n in _variables(checks.open_folder(part.name))]
+    renamed = checks.read_names(names, list(dict.fromkeys(known)))
+    labels = checks.labels(p for paths in given for p in paths)
+    sets = [[(labels[p], read_measurement(p, names=renamed)) for p in paths] for paths in given]
+    figures, done = examine_system(parts, sets, examine, said)
+    figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
+    said("writing")
+    with target.staged(out) as part:
+        extended = [e for e in done if e.answer.present or e.figures["reestimated"]]
+        for found in [] if report_only else extended:
+            folder = part / found.part.name
+            folder.mkdir()
+            built = _build(reports.write_model(found.study, found.answer, folder), part)
+            figures.setdefault("model", {})[found.part.name] = {
+                "folder": f"{found.part.name}/model",
+                "fmu": built,
+            }
+        figures["files"] = sorted(p.name for p in part.iterdir())
+        _write(part / target.REPORT, figures)
+    return figures
 
 
 def _closed(
