@@ -16,7 +16,7 @@ from reconcile.model import Folder
 from records.formats import read_measurement
 from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
-from specs.errors import InputError, nearest
+from specs.errors import InputError
 
 BLOCK_S = 2.5  # of interleaved blocks, at most
 PATTERN = ("fit", "confirm", "fit", "holdout")  # of blocks, in order

@@ -4,6 +4,7 @@ A model.py written there calls `extend` with the base folder beside it; the resu
 FMUs are built like from any other.
 """
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import casadi as ca
 
 from fmus.definition import Model, Sensor, Variable
+from fmus.loader import load_model
 from reconcile.catalogue import ALL
 from reconcile.model import ALL_OUTPUTS, Attached, Extended, read_folder
 from specs.errors import InputError, nearest
@@ -27,6 +29,7 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
     Raises InputError for an effect that is not in the catalogue.
     """
     folder = read_folder(base)
+    effects = [e for e in effects if not _effect(e[0]).clock]  # a clock is the recording's, not the model's
     attached = [Attached(_effect(key), port, other) for key, port, other, _ in effects]
     values = [dict(v) for *_, v in effects]
     extended = Extended(folder, attached)
@@ -53,6 +56,12 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
         initial=extra.initial,
     )
     return _delayed(changed, attached)
+
+
+def declared_ports(base: Path | str) -> Mapping[str, Any] | None:
+    """PORTS of the model in `base`, for the model that extends it; None where it declares none."""
+    load_model(base)
+    return getattr(sys.modules.get("slewright_model_" + Path(base).name), "PORTS", None)
 
 
 def _effect(key: str):

@@ -1,53 +1,101 @@
-"""Errors on the held-out part: each window's initial state is estimated from a prefix and scored after it."""
+"""Predictions of the held-out part: a window's initial state comes from a prefix, errors count after it."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reconcile.fit.problem import Point, Problem
+from reconcile.fit.problem import Problem
 from reconcile.fit.solve import Fitted, fit
-from reconcile.fit.windows import Window
+from reconcile.fit.windows import Window, cut
 from reconcile.study import Study
 
+WINDOW_S = 4.0  # of held-out windows, at most
 PREFIX = 0.4  # of a window
 
 
-def errors(study: Study, fitted: Fitted | None, which: str = "holdout") -> dict[str, float] | None:
-    """Root mean square error of each output (its unit) after the prefix; None if the model runs away."""
-    problem = study.problems[which]
+@dataclass(frozen=True)
+class Trace:
+    """A held-out window as a model predicts it; all by output and at the output's own times [n].
+
+    `scored`: whether a sample comes after the prefix.  `states` [steps + 1, NX]: at the window's steps.
+    """
+
+    window: Window
+    predicted: dict[str, np.ndarray]
+    scored: dict[str, np.ndarray]
+    states: np.ndarray
+
+    def error(self, name: str) -> np.ndarray:
+        """Measured minus predicted of the samples scored."""
+        inside = self.scored[name]
+        return self.window.samples[name][inside] - self.predicted[name][inside]
+
+    def state_at(self, times: np.ndarray) -> np.ndarray:
+        """States [n, NX] at the nearest steps to times [n]."""
+        rows = np.round((times - self.window.start_s) / self.window.step_s).astype(int)
+        return self.states[np.clip(rows, 0, len(self.states) - 1)]
+
+
+def predict(study: Study, fitted: Fitted | None) -> list[Trace] | None:
+    """Every held-out window from the parameters of a fit; None where the model runs away in one."""
     if fitted is None:
         return None
-    prefixes = [_part(w, None) for w in problem.windows]
-    first = Problem(study.compiled, prefixes, problem.sigma)
-    first.set_scale(problem.scale)
+    step = study.model.step if study.model.kind == "discrete" else None
+    windows = cut(study.parts.holdout, WINDOW_S, step)
+    sigma = {n: f.level for n, f in study.floors.items()}
+    whole, first = (Problem(study.compiled, w, sigma) for w in (windows, [_prefix(w) for w in windows]))
+    for problem in (whole, first):
+        problem.set_scale(study.fit_problem.scale)
     start = first.with_present(first.start(study.named(fitted.point.p)), fitted.point.present)
     found = fit(first, start, [], iterations=0)
     if found is None:
         return None
-    raw = problem.errors(Point(found.point.p, found.point.x0, found.point.present))
-    if raw is None:
-        return None
-    result = {}
-    for name in problem.outputs:
-        parts = [e[name][len(p.times[name]) :] for e, p in zip(raw, prefixes, strict=True)]
-        result[name] = problem.sigma[name] * float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-    return result
+    traces = []
+    for k, window in enumerate(windows):
+        run = whole.simulate(found.point, k)
+        if run is None:
+            return None
+        raw, _ = whole.compare(found.point, k, run[1], None, ())
+        predicted = {n: window.samples[n] - sigma[n] * e for n, e in raw.items()}
+        scored = {n: window.times[n] >= _end_of_prefix(window) for n in raw}
+        traces.append(Trace(window, predicted, scored, run[0]))
+    return traces
 
 
-def horizon_s(study: Study) -> float:
-    """Length of what is scored after the prefix, on average."""
-    spans = [_span(w) for w in study.problems["holdout"].windows]
-    return float(np.mean([(1.0 - PREFIX) * (b - a) for a, b in spans]))
+def rms(traces: Sequence[Trace] | None, name: str) -> float:
+    """Root mean square error of an output (its unit) over the samples scored; NaN without a prediction."""
+    if traces is None:
+        return float("nan")
+    return float(np.sqrt(np.mean(np.concatenate([t.error(name) for t in traces]) ** 2)))
+
+
+def fit_percent(traces: Sequence[Trace] | None, name: str) -> float:
+    """FIT of an output: 100 (1 − |measured − predicted| / |measured − its mean|), samples scored, in %."""
+    if traces is None:
+        return float("nan")
+    measured = np.concatenate([t.window.samples[name][t.scored[name]] for t in traces])
+    spread = float(np.linalg.norm(measured - np.mean(measured)))
+    left = float(np.linalg.norm(np.concatenate([t.error(name) for t in traces])))
+    return 100.0 * (1.0 - left / spread) if spread > 0.0 else float("nan")
+
+
+def horizon_s(traces: Sequence[Trace]) -> float:
+    """Length of what is scored after the prefix, on average (s)."""
+    return float(np.mean([(1.0 - PREFIX) * (b - a) for a, b in map(_span, (t.window for t in traces))]))
 
 
 def _span(window: Window) -> tuple[float, float]:
     return min(t[0] for t in window.times.values()), max(t[-1] for t in window.times.values())
 
 
-def _part(window: Window, _: None) -> Window:
+def _end_of_prefix(window: Window) -> float:
     first, last = _span(window)
-    end = first + PREFIX * (last - first)
-    keep = {n: t < end for n, t in window.times.items()}
+    return first + PREFIX * (last - first)
+
+
+def _prefix(window: Window) -> Window:
+    keep = {n: t < _end_of_prefix(window) for n, t in window.times.items()}
     return replace(
         window,
         times={n: t[keep[n]] for n, t in window.times.items()},

@@ -17,15 +17,16 @@ import casadi as ca
 
 from fmus.definition import Model
 from fmus.loader import load_model, model_folders
-from reconcile.catalogue import ALL, Effect
+from reconcile import motion, sites
+from reconcile.catalogue import ALL, Effect, smooth
 from reconcile.catalogue.effect import Result
-from reconcile.ports import Axis, Ports, find_ports
+from reconcile.ports import ALL_OUTPUTS, Axis, Ports, find_ports
 from specs.errors import InputError
 
-ORDER = ("asymmetric_gain", "input_offset", "input_crosstalk", "valve_flow_curve", "input_dead_zone")
-# the other input effects follow in the catalogue's order: backlash, saturation, rate limit, lag
-LAST = ("input_backlash", "input_saturation", "input_rate_limit", "input_lag")
-ALL_OUTPUTS = "all outputs"
+NOT_UPRIGHT = ("gravity_load", "stiffness", "cubic_stiffness", "end_stop")  # it turns freely, all around
+# from the command to the drive: what wires do, the linkage, the valve, its travel, its motion; then the rest
+ORDER = ("input_crosstalk", "input_offset", "asymmetric_gain", "input_backlash", "input_hysteresis")
+LAST = ("input_dead_zone", "valve_flow_curve", "input_saturation", "input_rate_limit", "input_lag")
 
 
 @dataclass(frozen=True)
@@ -89,30 +90,46 @@ def read_folder(folder: Path | str) -> Folder:
 def candidates(folder: Folder, recorded: Sequence[str], catalogue: Sequence[Effect] = ALL) -> list[Attached]:
     """Every effect at every port it fits, for outputs and inputs among the `recorded` signals."""
     ports, found = folder.ports, []
-    controls = [n for n in ports.controls if n in recorded]
+    controls = [n for n in ports.controls if n in recorded and n not in ports.offsets]
+    shifted = [n for n in ports.offsets if n in recorded]
     outputs = [n for n in ports.outputs if n in recorded]
     for effect in catalogue:
+        at = sites.ports_of(effect, ports, recorded)
+        found += [Attached(sites.fitted(effect, ports, port), port) for port in at]
+        if effect.port:
+            continue
         if effect.place == "input":
-            found += _crossed(effect, controls, folder.model)
+            found += _crossed(effect, controls, folder)
+            found += [Attached(effect, n) for n in shifted if effect.name == "input_offset"]
         elif effect.place == "output":
-            found += _crossed(effect, outputs, folder.model)
-            if effect.delays and len(outputs) > 1:
+            if not effect.clock:
+                found += _crossed(effect, outputs, folder)
+            if effect.clock or (effect.delays and len(outputs) > 1):
                 found.append(Attached(effect, ALL_OUTPUTS))
-        elif effect.place in ("force", "inertia"):
-            found += [Attached(effect, a.name) for a in ports.axes if _fits(effect, a, folder.model)]
-    return found
+        elif effect.place in ("force", "inertia", "coupling"):
+            found += [Attached(effect, a.name) for a in ports.axes if _fits(effect, a, folder)]
+    return [a for a in found if a.effect.name not in ports.has.get(a.port, ())]
 
 
-def _crossed(effect: Effect, names: Sequence[str], model: Model) -> list[Attached]:
+def _crossed(effect: Effect, names: Sequence[str], folder: Folder) -> list[Attached]:
+    """At each signal, or each pair; sensors that the model tells apart do not mix (but see `turned`)."""
+    model = folder.model
     if "other" in effect.needs:
-        pairs = [(n, other) for n in names for other in names if other != n]
+        apart = effect.place == "output" and bool(folder.ports.output_groups)
+        pairs = [(n, other) for n in names for other in names if other != n and not apart]
         return [Attached(effect, n, o) for n, o in pairs if _unit(model, n) == _unit(model, o)]
     return [Attached(effect, n) for n in names]
 
 
-def _fits(effect: Effect, axis: Axis, model: Model) -> bool:
+def _fits(effect: Effect, axis: Axis, folder: Folder) -> bool:
+    model = folder.model
     unit = _unit(model, axis.position) if axis.position else ""
-    known = {"q": bool(axis.position), "rad": unit == "rad", "drive": axis.drive is not None}
+    if axis.upright and effect.name in NOT_UPRIGHT:
+        return False
+    known = {"q": bool(axis.position), "rad": unit == "rad", "continuous": model.kind == "continuous"}
+    known |= {"upright": axis.upright, "reach2": axis.reach2 is not None}
+    if "driven" in effect.needs:
+        known["driven"] = motion.driven(model, folder.ports, axis)
     return all(known.get(need, True) for need in effect.needs)
 
 
@@ -160,6 +177,17 @@ class Extended:
         found = {v.name: v.start for v in self.model.parameters}
         return found | dict.fromkeys(self.parameter_names[len(found) :], 0.0)
 
+    def inertia(self, axis: Axis) -> float:
+        """Inertia at an axis as the model starts, in its own unit."""
+        arguments = list(self.symbols)
+        found = ca.Function("inertia", arguments, [ca.SX(_Assembly(self).inertia(axis))])
+        x, u, m, _ = motion.at_start(self.model)
+        sizes = [a.numel() - b.numel() for a, b in zip(arguments[:2], (x, u), strict=True)]
+        x, u = (ca.vertcat(v, ca.DM.zeros(n)) for v, n in zip((x, u), sizes, strict=True))
+        start = self.base_start()
+        value = float(found(x, u, m, [start[n] for n in self.parameter_names]))
+        return value if value > 0.0 and value < 1e30 else 1.0
+
     def unit(self, attached: Attached, parameter: str) -> str:
         """Unit of an effect's parameter at its port."""
         template = next(p.unit for p in attached.effect.parameters if p.name == parameter)
@@ -173,12 +201,15 @@ def _own_names(a: Attached) -> list[str]:
 
 
 def _units(folder: Folder, a: Attached) -> dict[str, str]:
-    if a.effect.place in ("force", "inertia"):
+    if a.effect.port:
+        return sites.units(folder.model, folder.ports, a.port)
+    if a.effect.place in ("force", "inertia", "coupling"):
         axis = next(x for x in folder.ports.axes if x.name == a.port)
         q = _unit(folder.model, axis.position) if axis.position else ""
         v = _unit(folder.model, axis.velocity)
         return {"f": axis.unit, "v": v, "q": q, "inertia": axis.inertia_unit, "u": "", "y": "", "other": ""}
-    own = "" if a.port == ALL_OUTPUTS else _unit(folder.model, a.port)
+    alone = folder.ports.members(a.port) == (a.port,)
+    own = _unit(folder.model, a.port) if alone else ""
     other = _unit(folder.model, a.other) if a.other else ""
     return {"u": own, "y": own, "other": other, "f": "", "v": "", "q": "", "inertia": ""}
 
@@ -191,35 +222,52 @@ class _Assembly:
         self.x, self.u, self.m, self.p = extended.symbols
         self.nx = len(self.model.states)
         self.base_p = self.p[: len(self.model.parameters)]
+        self.step = self.model.step if self.model.kind == "discrete" else None
         self.rates: dict[str, Any] = {}
+        self.next: dict[str, Any] = {}
+        self.built: dict[str, Result] = {}
+        self.used_p = self.base_p  # with what effects make of the model's own parameters
         self.starts: dict[str, Any] = {}
 
     def functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
         model, base_x = self.model, self.x[: self.nx]
         inputs = self._inputs()
+        found = sites.results(self, inputs)
+        self.used_p = sites.parameters(self, found)
         forces = {a.name: self._sum(a, inputs) for a in self.e.folder.ports.axes}
+        for name, force in sites.forces(self, found, inputs).items():
+            forces[name] += force
         pushed = ca.SX(inputs)
         for axis in self.e.folder.ports.axes:
             if axis.input:
                 pushed[model.index("inputs", axis.input)] += forces[axis.name]
-        rates = ca.SX(model.f(base_x, pushed, self.m, self.base_p))
-        for axis in self.e.folder.ports.axes:
-            self._move(axis, rates, forces[axis.name], inputs)
-        outputs = self._outputs(ca.SX(model.h(base_x, inputs, self.m, self.base_p)))
+        rates = self._base(base_x, pushed)
+        if self.step is None:
+            self._moved(rates, forces, inputs, pushed)
+        else:
+            self._stepped(rates, forces, inputs, pushed)
+        sites.chambers(self, found, rates, inputs)
+        outputs = self._outputs(ca.SX(model.h(base_x, inputs, self.m, self.used_p)))
         hidden = self.e.state_names[self.nx :]
         f = ca.vertcat(rates, *[self._hidden_rate(n) for n in hidden])
         start = ca.vertcat(*[self.starts[n] for n in hidden]) if hidden else ca.SX(0, 1)
         arguments = [self.x, self.u, self.m, self.p]
         return tuple(
-            ca.Function(name, arguments, [ca.densify(ca.SX(r))])
+            ca.Function(name, arguments, [ca.cse(ca.densify(ca.SX(r)))])
             for name, r in (("rx_f", f), ("rx_h", outputs), ("rx_start", start))
         )  # type: ignore[return-value]
 
     def _hidden_rate(self, name: str) -> ca.SX:
         if self.model.kind == "continuous":
             return self.rates[name]
+        if name in self.next:
+            return self.next[name]
         state = self.x[self.e.state_names.index(name)]
         return state + self.model.step * self.rates[name]
+
+    def _base(self, x: ca.SX, inputs: ca.SX) -> ca.SX:
+        """What the base model's own equations say: rates, or the next states."""
+        return ca.SX(self.model.f(x, inputs, self.m, self.used_p))
 
     def _inputs(self) -> ca.SX:
         inputs = ca.SX(self.u[: len(self.model.inputs)])
@@ -231,6 +279,7 @@ class _Assembly:
                 other = raw[self.model.index("inputs", a.other)] if a.other else None
                 value = self._applied(a, value, u=value, other=other, size=self._size(name))
             inputs[i] = value
+        sites.together(self, inputs)
         return inputs
 
     def _size(self, name: str) -> float:
@@ -247,49 +296,155 @@ class _Assembly:
                 other = raw[self.model.index("outputs", a.other)] if a.other else None
                 value = self._applied(a, value, y=value, other=other, t=self.u[self.e.clock])
             outputs[i] = value
+        sites.turned(self, outputs)
         return outputs
 
     def _sum(self, axis: Axis, inputs: ca.SX) -> ca.SX:
         """Sum of the forces at an axis."""
         total = self.u[self.e.clock + 1 + self.e.folder.ports.axes.index(axis)]
         for a in self._at("force", axis.name):
-            total += self._gate(a, self._built(a, **self._motion(axis, inputs)).value, 0.0)
+            total += self._gate(a, self._force(a, axis, inputs).value, 0.0)
         return total
 
-    def _move(self, axis: Axis, rates: ca.SX, force: ca.SX, inputs: ca.SX) -> None:
-        """Acceleration by forces that no input takes, and by added inertia."""
-        row = self.model.index("states", axis.velocity)
-        inertia = self._inertia(axis, row)
-        per = 1.0 if self.model.kind == "continuous" else self.model.step
-        v = self.x[row] if self.model.kind == "discrete" else 0.0
-        rate = (rates[row] - v) / per
-        if axis.input is None:
-            rate += force / inertia
-        added, beside = ca.SX(0), ca.SX(0)
-        for a in self._at("inertia", axis.name):
-            result = self._built(a, **self._motion(axis, inputs))
-            added += result.value
-            beside += result.force
-        rates[row] = v + per * (rate * inertia + beside) / (inertia + added)
+    def _moved(self, rates: ca.SX, forces: dict[str, Any], inputs: ca.SX, pushed: ca.SX) -> None:
+        """Accelerations of a continuous model: forces that no input takes, added inertia, shafts."""
+        for axis in self.e.folder.ports.axes:
+            row, inertia = self._row(axis), self.inertia(axis)
+            outside = forces[axis.name] if axis.input is None else 0.0
+            added, beside = self._added(axis, inputs)
+            rigid = rates[row] = (rates[row] * inertia + outside + beside) / (inertia + added)
+            for a in self._at("coupling", axis.name):
+                shown = self._through(a, axis, inertia, added, outside + beside, inputs, pushed)
+                rates[row] += self._parameter(a.name("gate")) * (shown - rigid)
+        if any(a.effect.place == "coupling" and not a.effect.port for a in self.e.attached):
+            driving = self._base(self._side("motor"), inputs)  # pressures feel the speed of their own end
+            for i in motion.still(self.model, self.e.folder.ports):
+                rates[i] = driving[i]
 
-    def _inertia(self, axis: Axis, row: int) -> Any:
+    def _through(
+        self, a: Attached, axis: Axis, inertia: Any, added: Any, outside: Any, inputs: ca.SX, pushed: ca.SX
+    ) -> Any:
+        """Acceleration of the end of a shaft that the model's axis is; the other end's twist is hidden."""
+        share = self._parameter(a.name("share"))
+        sense = 1.0 if a.effect.shows == "load" else -1.0
+        twist, twist_rate = (self.x[self.e.state_names.index(a.name(h))] for h in a.effect.hidden)
+        # twist: the hidden end against the shown one; what the drive has turned ahead is `sense` times it
+        ahead = {"twist": sense * twist, "twist_rate": sense * twist_rate}
+        torque = self._built(a, inertia=inertia, **ahead).value
+        drive, _ = self._taken_apart(axis, self._side("motor"), inputs)
+        _, rest = self._taken_apart(axis, self._side("load"), pushed)
+        motor = (inertia * drive - torque) / (share * inertia)
+        load = (inertia * rest + outside + torque) / ((1.0 - share) * inertia + added)
+        shown, other = (load, motor) if a.effect.shows == "load" else (motor, load)
+        self.rates |= {a.name("twist"): twist_rate, a.name("twist_rate"): other - shown}
+        self.starts |= {a.name("twist"): ca.SX(0), a.name("twist_rate"): ca.SX(0)}
+        return shown
+
+    def _side(self, side: str) -> ca.SX:
+        """The base model's states at the drive's or the load's end of shafts."""
+        x = ca.SX(self.x[: self.nx])
+        for axis in self.e.folder.ports.axes:
+            for a in self._at("coupling", axis.name):
+                if a.effect.shows == side:
+                    continue
+                gate = self._parameter(a.name("gate"))
+                twist, twist_rate = (self.x[self.e.state_names.index(a.name(h))] for h in a.effect.hidden)
+                x[self._row(axis)] += gate * twist_rate
+                if axis.position:
+                    x[self.model.index("states", axis.position)] += gate * twist
+        return x
+
+    def _taken_apart(self, axis: Axis, x: ca.SX, inputs: ca.SX) -> tuple[Any, Any]:
+        """Acceleration of an axis by its drive, and by the rest of the base model."""
+        row, per = self._row(axis), self.step or 1.0
+        whole = self._base(x, inputs)[row] - (0.0 if self.step is None else x[row])
+        if motion.velocity_loop(self.model, axis):
+            return whole / per, 0.0
+        still_x, still_inputs = motion.without_drive(self.model, self.e.folder.ports, x, inputs)
+        rest = self._base(still_x, still_inputs)[row] - (0.0 if self.step is None else x[row])
+        return (whole - rest) / per, rest / per
+
+    def _stepped(self, rates: ca.SX, forces: dict[str, Any], inputs: ca.SX, pushed: ca.SX) -> None:
+        """Speeds after a step of a discrete model: added inertia, then dry friction, which may stop it.
+
+        Where an input takes forces, what changes a speed is made a force there, so that all else follows it.
+        """
+        more, changed = ca.SX(pushed), {}
+        for axis in self.e.folder.ports.axes:
+            row, inertia = self._row(axis), self.inertia(axis)
+            outside = forces[axis.name] if axis.input is None else 0.0
+            added, beside = self._added(axis, inputs)
+            change = (rates[row] - self.x[row]) * inertia + self.step * (outside + beside)
+            per = 1.0 / (inertia + added)
+            after = self._slowed(axis, self.x[row] + change * per, self.step * per, inputs)
+            if axis.input:
+                more[self.model.index("inputs", axis.input)] += (after - rates[row]) * inertia / self.step
+            else:
+                changed[row] = after - rates[row]
+                follows = motion.follows(self.model, axis)
+                if follows:
+                    changed[self.model.index("states", axis.position)] = follows * changed[row]
+        rates[:] = self._base(self.x[: self.nx], more)
+        for row, change in changed.items():
+            rates[row] += change
+
+    def _slowed(self, axis: Axis, speed: Any, per: Any, inputs: ca.SX) -> Any:
+        """A speed after the step's dry friction (Moreau: what would turn it round stops it)."""
+        for a in self._at("force", axis.name):
+            dry = self._force(a, axis, inputs).dry
+            if dry is not None:
+                forwards, backwards = (per * level for level in dry)
+                width = self._width(a, 1.0)
+                speed = smooth.positive(speed - forwards, width) - smooth.positive(-speed - backwards, width)
+        return speed
+
+    def _added(self, axis: Axis, inputs: ca.SX) -> tuple[Any, Any]:
+        """Added inertia at an axis, and the force that comes with it."""
+        results = [self._force(a, axis, inputs) for a in self._at("inertia", axis.name)]
+        return sum((r.value for r in results), ca.SX(0)), sum((r.force for r in results), ca.SX(0))
+
+    def _row(self, axis: Axis) -> int:
+        return self.model.index("states", axis.velocity)
+
+    def inertia(self, axis: Axis) -> Any:
+        """Inertia that a force at an axis moves."""
         if axis.input is None:
             value = axis.inertia if axis.inertia is not None else 1.0
             return self.base_p[self.model.index("parameters", value)] if isinstance(value, str) else value
         x, u, m, p = self.model.symbols
+        row = self._row(axis)
         slope = ca.jacobian(self.model.f(x, u, m, p)[row], u[self.model.index("inputs", axis.input)])
-        per = 1.0 if self.model.kind == "continuous" else self.model.step
-        found = ca.Function("j", [x, u, m, p], [per / slope])
-        return found(self.x[: self.nx], self.u[: len(self.model.inputs)], self.m, self.base_p)
+        per = self.step or 1.0
+        at = motion.at_start(self.model)
+        found = ca.Function("j", [x, u, m, p], [slope])
+        start = found(at[0], self.u[: len(self.model.inputs)], at[2], self.base_p)
+        here = found(self.x[: self.nx], self.u[: len(self.model.inputs)], self.m, self.base_p)
+        if self.step is None:
+            return per / here
+        # against a stop that the model's step has, a force moves nothing
+        return per / ca.if_else(here == 0.0, start, here)
 
     def _motion(self, axis: Axis, inputs: ca.SX) -> dict[str, Any]:
-        motion: dict[str, Any] = {"v": self.x[self.model.index("states", axis.velocity)]}
+        x = self._side("load")
+        found: dict[str, Any] = {"v": x[self._row(axis)]}
         if axis.position:
-            motion["q"] = self.x[self.model.index("states", axis.position)]
-        if axis.drive:
-            motion["drive"] = inputs[self.model.index("inputs", axis.drive)]
-            motion["drive_width"] = 1e-6
-        return motion
+            found["q"] = x[self.model.index("states", axis.position)]
+        if motion.driven(self.model, self.e.folder.ports, axis):
+            x = self.x[: self.nx]
+            found["drive"] = self.inertia(axis) * self._taken_apart(axis, x, inputs)[0]
+        for role in ("reach2", "reach2_rate", "elevation"):
+            if getattr(axis, role) is not None:
+                found[role] = sites.value(self, getattr(axis, role), inputs)
+        return found
+
+    def _force(self, a: Attached, axis: Axis, inputs: ca.SX) -> Result:
+        """An effect at an axis, built once."""
+        if a.key not in self.built:
+            found = self._motion(axis, inputs)
+            if a.effect.name == "gravity_load" and "elevation" in found:
+                found["q"] = found["elevation"]
+            self.built[a.key] = self._built(a, **found)
+        return self.built[a.key]
 
     def _at(self, place: str, port: str) -> list[Attached]:
         return [
@@ -305,9 +460,10 @@ class _Assembly:
             raise InputError(f"effect {a.key} has no equation")
         p = SimpleNamespace(**{q.name: self._parameter(a.name(q.name)) for q in a.effect.parameters})
         w = SimpleNamespace(**{h: self.x[self.e.state_names.index(a.name(h))] for h in a.effect.hidden})
-        c = SimpleNamespace(**context, width=self._width(a, 1.0))
+        c = SimpleNamespace(**context, width=self._width(a, 1.0), step=self.step)
         result = build(c, p, w)
         self.rates |= {a.name(k): r for k, r in result.rates.items()}
+        self.next |= {a.name(k): r for k, r in result.next.items()}
         self.starts |= {a.name(k): s for k, s in result.starts.items()}
         return result
 

@@ -1,19 +1,41 @@
-"""Where effects attach to a model: its inputs, its outputs, and the axes that forces act on.
+"""Where effects attach to a model: inputs, outputs, the axes that forces act on, and ports of other kinds.
 
-A model folder may say so itself, as `PORTS` in its model.py:
+A model folder may say so itself, as `PORTS` in its model.py: a name and a table each, `kind` being axis where
+it is not given.
 
-    PORTS = {"axis": {"velocity": "v", "position": "x", "inertia": "mass", "unit": "N", "drive": "force"}}
+    PORTS = {
+        "carriage": {"velocity": "v", "position": "x", "inertia": "mass", "unit": "N", "drive": "force"},
+        "oil": {"kind": "hydraulic", "pressures": ("p_a", "p_b"), "supply": "supply_pressure", ...},
+        "pendulum": {"kind": "pendulum", "pitch": "pitch", "roll": "roll", "radius": "radius", ...},
+        "encoder": {"kind": "outputs", "outputs": ("x", "v")},
+        "motion": {"kind": "inputs", "inputs": ("radius", "radius_rate"), "offsets": ("radius_rate",)},
+        "force": {"kind": "input", "has": ("input_delay",)},
+        "parameters": {"kind": "parameters", "doubtful": ("drag",)},
+    }
 
-with `input` in place of `inertia` where the model has an input that takes the force.  `inertia` is a number
-or the name of a parameter.  Where nothing is declared, an axis is looked for at every input whose name begins
-with "disturbance" or whose unit is a force or torque, then at every state that is the rate of another.
+axis        what a force in `unit` accelerates: `inertia` (a number or parameter) or `input` (the model's
+            input that takes the force).  `drive`: what moves it, an input;
+            `elevation`: its angle above the horizontal, where that is not its position; `upright`: it turns
+            about the vertical, all around: a slope loads it, no weight, spring or stop; `reach2`,
+            `reach2_rate`: squared distance (m2) of a payload from it, and its rate.
+hydraulic   two chambers and their supply; the roles are in reconcile/catalogue/hydraulics.py.
+pendulum    two crossed pendulum axes on a turning suspension; roles in reconcile/catalogue/pendulum.py.
+inputs      measured inputs that reach the model together; `offsets`: those that an offset may sit on.
+outputs     outputs of one sensor; `turned`: pairs of outputs that a sensor turned about an axis mixes.
+input       `has`: effects that the model has itself at this input.  Other kinds of port may say so too.
+parameters  `doubtful`: the parameters that may be wrong; all others are known.
+
+A role is the name of a state, input, parameter or mode, a tuple of names, a number, or a function of the
+model's four namespaces (x, u, m, p).  Where no axis is declared, one is looked for at every input whose name
+begins with "disturbance" or whose unit is a force or torque, then at every state that is the rate of another.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from fmus.definition import Model
 from specs.errors import InputError, nearest
@@ -21,12 +43,34 @@ from specs.signals import signals
 
 FORCES = {"N": "kg", "N.m": "kg.m2"}
 MOVES = {"N": "m/s", "N.m": "rad/s"}
-KEYS = ("velocity", "position", "inertia", "input", "unit", "drive")
+ALL_OUTPUTS = "all outputs"
+AXIS = (
+    "velocity", "position", "inertia", "input", "unit", "drive", "elevation", "upright", "reach2",
+    "reach2_rate",
+)  # fmt: skip
+HYDRAULIC = (
+    "pressures", "stiffness", "return", "outlet", "opening", "supply", "flow", "demand", "viscous", "axis",
+    "brake", "released", "difference",
+)  # fmt: skip
+PENDULUM = (
+    "pitch", "roll", "pitch_length", "roll_length", "slew", "slew_rate", "slew_acceleration", "radius",
+    "radius_rate",
+)  # fmt: skip
+KEYS = {
+    "axis": AXIS,
+    "hydraulic": HYDRAULIC,
+    "pendulum": PENDULUM,
+    "inputs": ("inputs", "offsets"),
+    "outputs": ("outputs", "turned"),
+    "input": (),
+    "parameters": ("doubtful",),
+}
+Role = Any  # see the module docstring
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A force port: what a force in `unit` accelerates.  `drive`: the input that moves it, if known."""
+    """A force port: what a force in `unit` accelerates; see the module docstring."""
 
     name: str
     velocity: str
@@ -34,7 +78,11 @@ class Axis:
     unit: str
     input: str | None = None  # takes the force
     inertia: str | float | None = None  # else: parameter or number; 1 makes the force an acceleration
-    drive: str | None = None
+    drive: Role = None
+    elevation: Role = None
+    upright: bool = False
+    reach2: Role = None
+    reach2_rate: Role = None
 
     @property
     def inertia_unit(self) -> str:
@@ -43,53 +91,139 @@ class Axis:
 
 
 @dataclass(frozen=True)
+class Site:
+    """A port of another kind than input, output and axis: what in the model plays which role."""
+
+    name: str
+    kind: str
+    roles: Mapping[str, Role]
+
+
+@dataclass(frozen=True)
 class Ports:
-    """All ports of a model; `controls` are inputs that effects may sit in front of."""
+    """All ports of a model; `controls` are inputs that effects may sit in front of.
+
+    `input_groups`, `output_groups`: names of several signals that an effect hits together.  `offsets`: inputs
+    that take an offset and nothing else.  `has`: effects that the model has itself, by port.  `doubtful`:
+    the parameters that may be wrong (None: all).
+    """
 
     controls: tuple[str, ...]
     axes: tuple[Axis, ...]
     outputs: tuple[str, ...]
+    sites: tuple[Site, ...] = ()
+    input_groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    output_groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    turned: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    offsets: tuple[str, ...] = ()
+    has: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    doubtful: tuple[str, ...] | None = None
+
+    def members(self, port: str) -> tuple[str, ...]:
+        """The signals at an input or output port: several for a group."""
+        if port == ALL_OUTPUTS:
+            return self.outputs
+        return self.input_groups.get(port) or self.output_groups.get(port) or (port,)
+
+    def axis(self, name: str) -> Axis:
+        """The axis of a name."""
+        return next(a for a in self.axes if a.name == name)
+
+    def site(self, name: str) -> Site:
+        """The site of a name."""
+        return next(s for s in self.sites if s.name == name)
 
 
 def find_ports(model: Model, declared: Mapping[str, Any] | None = None) -> Ports:
     """Ports of a model, `declared` (see module docstring) or found."""
-    axes = _declared(model, declared) if declared else _found(model)
+    entries = {name: dict(entry) for name, entry in (declared or {}).items()}
+    kinds = {name: _kind(model, name, entry) for name, entry in entries.items()}
+
+    def of(kind: str) -> dict[str, dict[str, Any]]:
+        return {n: e for n, e in entries.items() if kinds[n] == kind}
+
+    axes = tuple(_axis(model, n, e) for n, e in of("axis").items()) or _found(model)
+    groups = of("inputs")
+    together = {n for e in groups.values() for n in e["inputs"]}
+    free = [n for n in _controls(model, axes) if n not in together]
+    offsets = [n for e in groups.values() for n in e.get("offsets", ())]
+    doubtful = [e["doubtful"] for e in of("parameters").values()]
+    ports = Ports(
+        controls=tuple(free or offsets or together),
+        axes=axes,
+        outputs=tuple(v.name for v in model.outputs),
+        sites=tuple(
+            Site(n, kinds[n], e) for n, e in entries.items() if kinds[n] in ("hydraulic", "pendulum")
+        ),
+        input_groups={n: tuple(e["inputs"]) for n, e in groups.items()},
+        output_groups={n: tuple(e["outputs"]) for n, e in of("outputs").items()},
+        turned={n: tuple(map(tuple, e["turned"])) for n, e in of("outputs").items() if e.get("turned")},
+        offsets=tuple(offsets),
+        has={n: tuple(e["has"]) for n, e in entries.items() if "has" in e},
+        doubtful=tuple(n for names in doubtful for n in names) if doubtful else None,
+    )
+    _check(model, ports)
+    return ports
+
+
+def _kind(model: Model, name: str, entry: Mapping[str, Any]) -> str:
+    """The kind of an entry, its keys checked."""
+    kind = entry.get("kind", "axis")
+    where = f"model {model.name}: PORTS['{name}']"
+    if kind not in KEYS:
+        raise InputError(f"{where}: no kind '{kind}'; {nearest(kind, KEYS)}")
+    wrong = sorted(set(entry) - {*KEYS[kind], "kind", "has"})
+    if wrong:
+        raise InputError(f"{where}: unknown key '{wrong[0]}'; {nearest(wrong[0], KEYS[kind])}")
+    for needed in {"axis": ("velocity",), "inputs": ("inputs",), "outputs": ("outputs",)}.get(kind, ()):
+        if needed not in entry:
+            raise InputError(f"{where}: no '{needed}'")
+    if any(c in name for c in ".@+"):
+        raise InputError(f"{where}: a port's name holds no '.', '@' or '+'")
+    return kind
+
+
+def _check(model: Model, ports: Ports) -> None:
+    """Every signal and parameter that a port names is one of the model's."""
+    for group, kind in ((ports.input_groups, "inputs"), (ports.output_groups, "outputs")):
+        _named(model, kind, [n for names in group.values() for n in names])  # type: ignore[arg-type]
+    _named(model, "outputs", [n for pairs in ports.turned.values() for pair in pairs for n in pair])
+    _named(model, "inputs", ports.offsets)
+    _named(model, "parameters", ports.doubtful or ())
+    axes = [a.name for a in ports.axes]
+    for site in ports.sites:
+        for role in ("axis", "pitch", "roll"):
+            named = site.roles.get(role)
+            if named is not None and named not in axes:
+                raise InputError(f"model {model.name}: PORTS['{site.name}']: {nearest(str(named), axes)}")
+
+
+def _named(model: Model, group: Any, names: Iterable[str]) -> None:
+    for name in names:
+        model.index(group, name)
+
+
+def _controls(model: Model, axes: Iterable[Axis]) -> list[str]:
+    """Commands; where there are none, all inputs that are no disturbance."""
     taken = {a.input for a in axes if a.input and a.input.startswith("disturbance")}
     controls = [v.name for v in model.inputs if v.name not in taken and not _disturbs(v.name)]
     known = signals()
-    commands = [n for n in controls if n in known and known[n].kind == "command"]
     # beside a command, what else the project's models are told (pose, inertia) is no input to doubt
-    return Ports(tuple(commands or controls), axes, tuple(v.name for v in model.outputs))
+    return [n for n in controls if n in known and known[n].kind == "command"] or controls
 
 
 def _disturbs(name: str) -> bool:
     return name.startswith("disturbance")
 
 
-def _declared(model: Model, declared: Mapping[str, Any]) -> tuple[Axis, ...]:
-    axes = []
-    for name, entry in declared.items():
-        wrong = sorted(set(entry) - set(KEYS))
-        if wrong or "velocity" not in entry:
-            what = f"unknown key '{wrong[0]}'; {nearest(wrong[0], KEYS)}" if wrong else "no 'velocity'"
-            raise InputError(f"model {model.name}: PORTS['{name}']: {what}")
-        for key, group in (("velocity", "states"), ("position", "states"), ("input", "inputs")):
-            if entry.get(key) is not None:
-                model.index(group, entry[key])  # type: ignore[arg-type]
-        if isinstance(entry.get("inertia"), str):
-            model.index("parameters", entry["inertia"])
-        axes.append(
-            Axis(
-                name,
-                entry["velocity"],
-                entry.get("position"),
-                entry.get("unit", "N"),
-                entry.get("input"),
-                entry.get("inertia"),
-                entry.get("drive"),
-            )
-        )
-    return tuple(axes)
+def _axis(model: Model, name: str, entry: Mapping[str, Any]) -> Axis:
+    for key, group in (("velocity", "states"), ("position", "states"), ("input", "inputs")):
+        if entry.get(key) is not None:
+            model.index(group, entry[key])  # type: ignore[arg-type]
+    if isinstance(entry.get("inertia"), str):
+        model.index("parameters", entry["inertia"])
+    own = {k: v for k, v in entry.items() if k not in ("kind", "has", "unit", "position")}
+    return Axis(name, position=entry.get("position"), unit=entry.get("unit", "N"), **own)
 
 
 def _found(model: Model) -> tuple[Axis, ...]:
@@ -98,35 +232,50 @@ def _found(model: Model) -> tuple[Axis, ...]:
     pattern = ca.jacobian_sparsity(model.f(*model.symbols), u) if model.inputs else ca.Sparsity(0, 0)
     pairs = set(zip(pattern.row(), pattern.get_col(), strict=True))
     axes: list[Axis] = []
-    candidates = sorted(model.inputs, key=lambda v: not _disturbs(v.name))
-    for entry in candidates:
+    for entry in sorted(model.inputs, key=lambda v: not _disturbs(v.name)):
         if entry.unit not in FORCES:
             continue
         column = model.index("inputs", entry.name)
         for row, state in enumerate(model.states):
             known = {a.velocity for a in axes}
-            position = _position(model, state.name)
             moved = (row, column) in pairs and state.unit == MOVES[entry.unit]
             if moved and state.name not in known and _is_rate(model, state.name):
-                axes.append(
-                    Axis(
-                        state.name,
-                        state.name,
-                        position,
-                        entry.unit,
-                        entry.name,
-                        None,
-                        _drive(model, row, pairs),
-                    )
-                )
-    if axes:
-        return tuple(axes)
+                drive, position = _drive(model, row, pairs), _position(model, state.name)
+                axes.append(Axis(state.name, state.name, position, entry.unit, entry.name, None, drive))
+    return tuple(axes) or _rates(model, pairs)
+
+
+def _rates(model: Model, pairs: set[tuple[int, int]]) -> tuple[Axis, ...]:
+    """An axis at every state that is a rate; forces are accelerations there."""
+    axes = []
     for row, state in enumerate(model.states):
         if _is_rate(model, state.name):
-            unit = state.unit + "2" if state.unit.endswith("/s") else state.unit + "/s"
-            position = _position(model, state.name)
-            axes.append(Axis(state.name, state.name, position, unit, None, 1.0, _drive(model, row, pairs)))
+            unit, inertia = _inertia(model, row)
+            drive, position = _drive(model, row, pairs), _position(model, state.name)
+            axes.append(Axis(state.name, state.name, position, unit, None, inertia, drive))
     return tuple(axes)
+
+
+def _inertia(model: Model, row: int) -> tuple[str, str | float]:
+    """Unit of a force at a rate, and the mass or moment of inertia that divides all that moves it.
+
+    Where the model has none, a force is an acceleration, of unit inertia.
+    """
+    x, u, m, p = model.symbols
+    state = model.states[row]
+    rate = model.f(x, u, m, p)[row] - (x[row] if model.kind == "discrete" else 0.0)
+    rng = np.random.default_rng(0)
+    at = [np.asarray(a).ravel() for a in _start(model)]
+    for force, moves in MOVES.items():
+        for i, v in enumerate(model.parameters):
+            if state.unit != moves or v.unit != FORCES[force] or not ca.depends_on(rate, p[i]):
+                continue
+            slope = ca.Function("s", [x, u, m, p], [rate, p[i] * ca.jacobian(rate, p[i])])
+            points = ([*(a + 0.1 * rng.standard_normal(len(a)) for a in at[:2]), *at[2:]] for _ in range(3))
+            found = np.array([[float(r) for r in slope(*point)] for point in points])
+            if np.allclose(found[:, 0], -found[:, 1], rtol=1e-6) and np.any(found[:, 0]):
+                return force, v.name
+    return (state.unit + "2" if state.unit.endswith("/s") else state.unit + "/s"), 1.0
 
 
 def _is_rate(model: Model, name: str) -> bool:

@@ -1,39 +1,52 @@
-"""The report in the contract's form, and the extended model as a folder of the same form."""
+"""The report in the contract's form (contract.py checks it), with what the page shows beside that."""
 
-import json
-import shutil
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from reconcile import evidence, holdout
+from reconcile import evidence, holdout, localise
+from reconcile.findings import STAGES, Findings, above, gather
 from reconcile.fit.solve import Fitted
-from reconcile.localise import localise
+from reconcile.iso18571 import mean_rating
 from reconcile.model import Attached
 from reconcile.search import Answer
+from reconcile.source import write_model
 from reconcile.study import Study
 from reconcile.verdict import Verdict, moved_parameters
+
+__all__ = ["build", "figures", "gather", "write_model"]
+
+MOST_CONSIDERED = 15
 
 
 def build(study: Study, answer: Answer, verdict: Verdict, before: Fitted | None) -> dict[str, Any]:
     """Everything that report.json holds except seed, versions and time."""
-    fitted = answer.fitted
+    return figures(gather(study, answer, before), verdict)
+
+
+def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
+    """The report of what was found."""
+    study, answer = found.study, found.answer
     own = sorted(a.effect.name for a in answer.present)
     sets = [own, *(sorted(a.effect.name for a in k) for k in answer.alternatives)]
+    scores = _scores(found)
     return {
         "verdict": verdict.name,
         "sentence": verdict.sentence,
         "effects": [_effect(study, answer, a) for a in answer.present],
         "residual_status": verdict.residual,
         "alternatives": sets if answer.present else [],
-        "reestimated": moved_parameters(study, fitted),
+        "reestimated": moved_parameters(study, answer.fitted),
         "nuisances": {},
-        "where": localise(study, answer.base),
-        "gap": _gaps(study, answer, before),
-        "iso18571": None,
+        "where": localise.rows(study, found.located),
+        "gap": _gaps(found),
+        "gap_by_regime": _by_regime(found),
+        "scores": scores,
+        "iso18571": _overall(scores),
         "next_experiment": None,
-        "considered": _considered(study, answer),
+        "considered": _considered(answer),
+        "told_apart": [_apart(found, k) for k in answer.alternatives],
+        "data": _data(study),
     }
 
 
@@ -58,99 +71,150 @@ def _effect(study: Study, answer: Answer, a: Attached) -> dict[str, Any]:
     return {
         "name": a.effect.name,
         "place": a.effect.place,
-        "subsystem": study.model.name,
+        "subsystem": localise.subsystem(study, a.port),
         "port": a.port,
         "verdict": "named" if sure else "ambiguous",
         "equation": a.effect.equation,
         "parameters": parameters,
         "gain_fit": gain_fit,
         "gain_confirm": gain_confirm,
+        "source": a.effect.source,
     }
 
 
-def _gaps(study: Study, answer: Answer, before: Fitted | None) -> dict[str, Any]:
-    stages = {
-        "nominal": holdout.errors(study, before),
-        "reestimated": holdout.errors(study, answer.base),
-        "after": holdout.errors(study, answer.fitted),
-    }
-    units = {v.name: v.unit for v in study.model.outputs}
-    found = {}
-    for name, floor in study.floors.items():
-        above = {
-            k: float("nan") if e is None else float(np.sqrt(max(0.0, e[name] ** 2 - floor.level**2)))
-            for k, e in stages.items()
-        }
-        found[name] = {
+# -------------------------------------------------------------------------------- the gap
+
+
+def _horizon(found: Findings) -> float:
+    traces = next((t for t in found.traces.values() if t), None)
+    return round(holdout.horizon_s(traces), 4) if traces else 0.0
+
+
+def _gaps(found: Findings) -> dict[str, Any]:
+    units, horizon = _units(found.study), _horizon(found)
+    return {
+        name: {
             "unit": units[name],
-            "horizon_s": round(holdout.horizon_s(study), 4),
-            "floor": floor.level,
-            "floor_source": floor.source,
-            **above,
+            "horizon_s": horizon,
+            "floor": found.floors[name].level,
+            "floor_source": found.floors[name].source,
+            **{stage: found.gap(stage, name) for stage in STAGES},
             "run": "holdout",
         }
-    return found
+        for name in found.outputs
+    }
 
 
-def _considered(study: Study, answer: Answer) -> list[dict[str, Any]]:
-    """What was fitted sharply and what it left, best first; and what was taken out why."""
-    s = evidence.sample(answer.fitted)
-    best = evidence.bic(answer.fitted, s)
-    rows = [
-        {
-            "effects": sorted(a.key for a in k),
-            "bic_above_answer": evidence.bic(f, s) - best,
-            "rms_over_floor": float(np.sqrt(f.linear.cost / s.count)),
+def _by_regime(found: Findings) -> list[dict[str, Any]]:
+    """The same gaps in each regime that is named, and outside all of them."""
+    chosen = found.regimes
+    masks = {r.words: {n: found.inside(r, n) for n in found.outputs} for r in chosen}
+    rest = {}
+    for n in found.outputs if chosen else ():
+        each = [masks[r.words][n] for r in chosen]
+        rest[n] = [~np.any(windows, axis=0) for windows in zip(*each, strict=True)]
+    if chosen:
+        masks["elsewhere"] = rest
+    return [{"regime": words, "gap": _inside(found, inside)} for words, inside in masks.items()]
+
+
+def _inside(found: Findings, inside: dict[str, list[np.ndarray]]) -> dict[str, Any]:
+    units, result = _units(found.study), {}
+    for n, masks in inside.items():
+        if not masks:
+            continue
+        time = float(np.mean(np.concatenate(masks)))
+        gaps = {stage: found.gap(stage, n, masks) for stage in STAGES}
+        result[n] = {"unit": units[n], "time": round(time, 4), **gaps}
+    return result
+
+
+def _scores(found: Findings) -> dict[str, Any]:
+    """RMSE, FIT and the rating of ISO/TS 18571 of every output and stage, on the held-out part."""
+    units = _units(found.study)
+    return {
+        n: {
+            "unit": units[n],
+            "rmse": {s: holdout.rms(found.traces[s], n) for s in STAGES},
+            "fit_percent": {s: holdout.fit_percent(found.traces[s], n) for s in STAGES},
+            "iso18571": {s: _rating(found, s, n) for s in STAGES},
         }
-        for k, f in answer.tried.fits.items()
-    ]
+        for n in found.outputs
+    }
+
+
+def _rating(found: Findings, stage: str, name: str) -> float:
+    pairs = []
+    for t in found.traces[stage] or ():
+        inside = t.scored[name]
+        pairs.append((t.window.samples[name][inside], t.predicted[name][inside]))
+    return mean_rating(pairs)
+
+
+def _overall(scores: dict[str, Any]) -> dict[str, float]:
+    """Mean rating over the outputs, of the model as it came and with what was found."""
+    stages = {"before": "nominal", "after": "after"}
+    rated = {k: [s["iso18571"][stage] for s in scores.values()] for k, stage in stages.items()}
+    return {k: float(np.mean(v)) if v else float("nan") for k, v in rated.items()}
+
+
+def _units(study: Study) -> dict[str, str]:
+    return {v.name: v.unit for v in study.model.outputs}
+
+
+# -------------------------------------------------------------------------------- what was considered
+
+
+def _considered(answer: Answer) -> list[dict[str, Any]]:
+    """Sets that were fitted and what they left, best first, and effects taken out; with the reason."""
+    s = evidence.sample(answer.fitted)
+    best, count = evidence.bic(answer.fitted, s), evidence.count_of(answer.fitted)
+    declared = {frozenset(answer.present), *map(frozenset, answer.alternatives)}
+    rows = []
+    for k, f in answer.tried.fits.items():
+        more = evidence.bic(f, s) - best
+        rms = float(np.sqrt(f.linear.cost / max(count, 1)))
+        row = {"effects": sorted(a.key for a in k), "bic_above_answer": more, "rms_over_floor": rms}
+        rows.append(row | {"because": _reason(frozenset(k), more, declared, answer)})
     rows.sort(key=lambda r: r["bic_above_answer"])
-    return rows[:15] + [dict(r) for r in answer.tried.refused]
+    refused = [
+        {"effects": [f"{r['effect']}@{r['port']}"], "because": r["because"]} for r in answer.tried.refused
+    ]
+    return rows[:MOST_CONSIDERED] + refused
 
 
-def write_model(study: Study, answer: Answer, out: Path) -> Path:
-    """The extended model as a folder: model.py, README.md, and the base model's files in base/."""
-    target = out / "model"
-    if target.exists():
-        shutil.rmtree(target)
-    target.mkdir(parents=True)
-    ignored = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(study.folder.path, target / "base", ignore=ignored)
-    (target / "model.py").write_text(_source(study, answer), encoding="utf-8")
-    (target / "README.md").write_text(_readme(study, answer), encoding="utf-8")
-    return target
+def _reason(key: frozenset, more: float, declared: set[frozenset], answer: Answer) -> str:
+    if key == frozenset(answer.present):
+        return "the answer"
+    if key in declared:
+        return "cannot be told from the answer"
+    if more > 0.0:
+        return f"leaves more: BIC {more:.0f} above the answer's"
+    return f"more parameters for a BIC {-more:.1f} lower, which is not enough"
 
 
-def _entries(study: Study, answer: Answer) -> list[tuple[str, str, str | None, dict[str, float]]]:
-    p, index = answer.fitted.point.p, study.extended.index
-    found = []
-    for a in answer.present:
-        values = {q.name: float(p[index[a.name(q.name)]]) for q in a.effect.parameters}
-        if a.effect.width:
-            values["width"] = float(p[index[a.name("width")]])
-        found.append((a.effect.key, a.port, a.other, values))
-    return found
+def _apart(found: Findings, other: tuple[Attached, ...]) -> dict[str, Any]:
+    """How far an alternative predicts the held-out part otherwise than the answer, in units of the floor."""
+    names = sorted(a.effect.name for a in other)
+    fitted = found.answer.tried.fits.get(frozenset(other))
+    here, there = found.traces["after"], holdout.predict(found.study, fitted)
+    if here is None or there is None:
+        return {"effects": names, "differs": None, "gap": None}
+    pairs = list(zip(here, there, strict=True))
+    differs = {}
+    for n in found.outputs:
+        between = np.concatenate([(b.predicted[n] - a.predicted[n])[a.scored[n]] for a, b in pairs])
+        differs[n] = float(np.sqrt(np.mean(between**2))) / found.floors[n].level
+    left = {n: above(holdout.rms(there, n), found.floors[n]) for n in found.outputs}
+    return {"effects": names, "differs": differs, "gap": left}
 
 
-def _source(study: Study, answer: Answer) -> str:
-    p, index = answer.fitted.point.p, study.extended.index
-    parameters = {f.name: float(p[index[f.name]]) for f in answer.fitted.free if f.prior}
-    effects = "".join(f"    {entry!r},\n" for entry in _entries(study, answer))
-    named = ", ".join(a.effect.name for a in answer.present) or "re-estimated parameters"
-    return (
-        f'"""Model {study.model.name} with {named}, found by `slewright reconcile`; see README.md."""\n\n'
-        "from pathlib import Path\n\nfrom reconcile.extend import extend\n\n"
-        f"EFFECTS = [\n{effects}]\n"
-        f"PARAMETERS = {json.dumps(parameters, indent=4)}\n\n"
-        'MODEL = extend(Path(__file__).with_name("base"), EFFECTS, PARAMETERS)\n'
-    )
-
-
-def _readme(study: Study, answer: Answer) -> str:
-    lines = [f"# {study.model.name}, extended", "", "The base model is in `base/`. Added to it:", ""]
-    for a, (_, _, _, values) in zip(answer.present, _entries(study, answer), strict=True):
-        numbers = ", ".join(f"{n} = {v:.5g}" for n, v in values.items())
-        lines.append(
-            f"- **{a.effect.name}** at `{a.port}`: {a.effect.equation}; {numbers}. {a.effect.source}"
-        )
-    return "\n".join(lines) + "\n"
+def _data(study: Study) -> dict[str, list[dict[str, Any]]]:
+    """Which stretches of which runs each part holds."""
+    return {
+        which: [
+            {"run": b.run.name, "start_s": round(b.start_s, 3), "end_s": round(b.end_s, 3)}
+            for b in getattr(study.parts, which)
+        ]
+        for which in ("fit", "confirm", "holdout")
+    }

@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.definition import Model, Variable
+from reconcile import sites
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run
-from reconcile.fit.compiled import Compiled
 from reconcile.fit import whitening
+from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import Fitted, Free, fit
@@ -77,6 +78,10 @@ class Study:
             for q in a.effect.parameters
         ]
         return [*self.base_free, *own]
+
+    def base(self, name: str) -> Free:
+        """Bounds, size and prior of a base parameter, whether or not the outputs feel it."""
+        return _free(next(v for v in self.model.parameters if v.name == name))
 
     def fit_set(
         self,
@@ -199,6 +204,7 @@ class Study:
             found[name] = Scales(y=_span(values), period_s=period)
         states = self._seen_states()
         self._set_state_scales(states)
+        found |= sites.scales(self.folder.model, self.folder.ports, states, runs, period)
         for axis in self.folder.ports.axes:
             v = states[:, self.model.index("states", axis.velocity)]
             q = (
@@ -213,17 +219,22 @@ class Study:
                 q_low=float(np.min(q)),
                 q_high=float(np.max(q)) if np.ptp(q) > 0 else float(np.min(q)) + 1.0,
                 angular=unit == "rad",
+                inertia=self.extended.inertia(axis),
                 period_s=period,
             )
         return found
 
     def _seen_states(self) -> np.ndarray:
-        """States [rows, NX] as the base model passes through them in the fit windows."""
+        """States [rows, NX] in the fit windows: as recorded where outputs show them, else as simulated."""
         problem, rows = self.fit_problem, []
         point = problem.start(self.values)
-        for k in range(len(problem.windows)):
+        shown = {i: n for i, (n, order) in problem._shown_states().items() if order == 0}
+        for k, window in enumerate(problem.windows):
             run = problem.simulate(point, k)
             if run is not None:
+                times = window.start_s + window.step_s * np.arange(len(run[0]))
+                for i, n in shown.items():
+                    run[0][:, i] = np.interp(times, window.run.outputs[n].time, window.run.outputs[n].values)
                 rows.append(run[0])
         if not rows:
             raise InputError(
@@ -252,7 +263,9 @@ class Study:
         model = self.model
         left = {n for s in model.sensors.values() for n in (s.noise, s.bias, s.quantum) if n}
         left |= {n for m in model.modes for n in (m.on_delay, m.off_delay) if n}
+        doubtful = self.folder.ports.doubtful
         names = [v for v in model.parameters if not v.fixed and v.name not in left]
+        names = [v for v in names if doubtful is None or v.name in doubtful]
         columns = [self.extended.index[v.name] for v in names]
         point = self.fit_problem.start(self.values)
         linear = self.fit_problem.linear(point, columns)

@@ -7,13 +7,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from reconcile import report as reports, verdict as verdicts
+from reconcile import checks, report as reports, target, untold, verdict as verdicts
 from reconcile.data import Run, read_run, split
-from reconcile.model import Folder, read_folder
-from reconcile.search import Search
-from reconcile.study import Study
-from specs.errors import InputError
-from specs.schema import read_toml
+from reconcile.experiment import plan
+from reconcile.experiment.propose import Proposal, propose
+from reconcile.model import Folder
+from reconcile.search import Answer, Search
+from reconcile.study import Study, unique
+from reconcile.system.parts import Part, parts_of
+from records.formats import read_measurement
 from specs.version import VERSION
 
 Report = Callable[..., None]
@@ -29,28 +31,40 @@ def reconcile(
     names: Path | None = None,
     report: Report | None = None,
     report_only: bool = False,
+    then: Callable[[Study, Answer], dict[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """Run the whole workflow, write DIR/report.json and DIR/model, and return the report.
 
-    `report_only` leaves out what is made from the figures: the extended model and the page.
+    `report_only` leaves out what is made from the figures: the extended model and the page.  What `then`
+    makes of study and answer is added to the report.
     Raises InputError for recordings or a model that cannot be used; nothing is written then.
     """
     said = report or (lambda *_: None)
     began = time.monotonic()
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; name a folder for the report")
-    folder = read_folder(model)
+    given = (runs, confirm, holdout)
+    checks.check_runs(*given)
+    target.check(out, [Path(model), *(p for paths in given for p in paths)])
+    if Path(model).suffix.lower() == ".fmu":
+        return _closed(given, Path(model), out, names, said, report_only)
+    if parts := parts_of(model):
+        return _system(given, parts, out, names, said, report_only)
+    folder = checks.open_folder(model)
     said("reading")
-    renamed = _names(names)
-    sets = [_read(paths, folder, renamed) for paths in (runs, confirm, holdout)]
+    sets = _read(given, folder, checks.read_names(names, _variables(folder)))
     figures, study, answer = examine(folder, *sets, report=said)
+    proposal = _next(study, answer, figures, said)
+    if then:
+        figures |= then(study, answer)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
-    out.mkdir(parents=True, exist_ok=True)
     said("writing")
-    if not report_only and (answer.present or figures["reestimated"]):
-        built = _build(reports.write_model(study, answer, out), out)
-        figures["model"] = {"folder": "model", "fmu": built}
-    _write(out / "report.json", figures)
+    with target.staged(out) as part:
+        if not report_only and (answer.present or figures["reestimated"]):
+            built = _build(reports.write_model(study, answer, part), part)
+            figures["model"] = {"folder": "model", "fmu": built}
+        if proposal and proposal.commands:
+            plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
+        figures["files"] = sorted(p.name for p in part.iterdir())
+        _write(part / target.REPORT, figures)
     return figures
 
 
@@ -70,21 +84,99 @@ def examine(
     missing = verdicts.unseen(study, answer.base)
     verdict = verdicts.judge(study, answer, before, missing)
     said("measuring the gap")
-    return reports.build(study, answer, verdict, before), study, answer
+    figures = reports.build(study, answer, verdict, before)
+    figures |= told(study, answer, figures)
+    return figures, study, answer
 
 
-def _read(paths: Sequence[Path], folder: Folder, names: dict[str, str] | None) -> list[Run]:
-    return [run for path in paths for run in read_run(path, folder, names)]
+def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
+    """What the recordings cannot tell, and what reading them mended."""
+    runs = unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
+    parameters = untold.unseen(study, answer.base)
+    found: dict[str, Any] = {"untold": untold.untold(study.folder, runs), "unseen": parameters}
+    if figures["verdict"] == "insufficient_excitation" and parameters:
+        found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
+    found["nuisances"] = figures["nuisances"] | {r.name: {"mended": list(r.notes)} for r in runs if r.notes}
+    return found
 
 
-def _names(path: Path | None) -> dict[str, str] | None:
-    if path is None:
-        return None
-    data = read_toml(path)
-    found = data.get("names")
-    if set(data) != {"names"} or not isinstance(found, dict):
-        raise InputError(f"{path}: write it as [names] and lines 'their name' = 'our name [unit]'")
-    return {str(k): str(v) for k, v in found.items()}
+def _next(study: Study, answer: Answer, figures: dict[str, Any], said: Report) -> Proposal | None:
+    """The experiment that would settle what is open; it goes into the figures."""
+    proposal = propose(study, answer, figures["verdict"], said)
+    figures["next_experiment"] = proposal.figures if proposal else None
+    return proposal
+
+
+def _system(
+    given: Sequence[Sequence[Path]],
+    parts: Sequence[Part],
+    out: Path,
+    names: Path | None,
+    said: Report,
+    report_only: bool,
+) -> dict[str, Any]:
+    """The same for a system of models: every part is examined, and its extended model lies in DIR/PART."""
+    from reconcile.system.examine import examine as examine_system
+
+    began = time.monotonic()
+    said("reading")
+    known = [n for part in parts for n in _variables(checks.open_folder(part.name))]
+    renamed = checks.read_names(names, list(dict.fromkeys(known)))
+    labels = checks.labels(p for paths in given for p in paths)
+    sets = [[(labels[p], read_measurement(p, names=renamed)) for p in paths] for paths in given]
+    figures, done = examine_system(parts, sets, examine, said)
+    figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
+    said("writing")
+    with target.staged(out) as part:
+        extended = [e for e in done if e.answer.present or e.figures["reestimated"]]
+        for found in [] if report_only else extended:
+            folder = part / found.part.name
+            folder.mkdir()
+            built = _build(reports.write_model(found.study, found.answer, folder), part)
+            figures.setdefault("model", {})[found.part.name] = {
+                "folder": f"{found.part.name}/model",
+                "fmu": built,
+            }
+        figures["files"] = sorted(p.name for p in part.iterdir())
+        _write(part / target.REPORT, figures)
+    return figures
+
+
+def _closed(
+    given: Sequence[Sequence[Path]],
+    model: Path,
+    out: Path,
+    names: Path | None,
+    said: Report,
+    report_only: bool,
+) -> dict[str, Any]:
+    """The same for a third-party FMU: effects at its ports, and an SSP that wraps it with them."""
+    from reconcile.closed import report as closed
+    from reconcile.closed.box import Box
+
+    began = time.monotonic()
+    box = Box(model, checks.read_disturbances(names))
+    said("reading")
+    sets = _read(given, box, checks.read_names(names, _variables(box), ("disturbances",)))
+    figures, problem, answer = closed.examine(box, *sets, report=said)
+    figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
+    said("writing")
+    with target.staged(out) as part:
+        if not report_only and (answer.fitted.effects or figures["reestimated"]):
+            figures["model"] = closed.write(problem, answer, part)
+        figures["files"] = sorted(p.name for p in part.iterdir())
+        _write(part / target.REPORT, figures)
+    return figures
+
+
+def _variables(folder) -> list[str]:
+    return [v.name for v in (*folder.model.inputs, *folder.model.outputs)]
+
+
+def _read(given: Sequence[Sequence[Path]], folder, names: dict[str, str] | None) -> list[list[Run]]:
+    """Runs of the recordings of each purpose; `folder`: a model folder or a closed FMU."""
+    labels = checks.labels(p for paths in given for p in paths)
+    return [[r for p in paths for r in read_run(p, folder, names, labels[p])] for paths in given]
 
 
 def _build(folder: Path, out: Path) -> str:

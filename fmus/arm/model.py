@@ -72,6 +72,33 @@ def _start(p: Namespace) -> dict[str, ca.SX]:
     return {"boom": p.start_q_boom, "stick": p.start_q_stick}
 
 
+# Where effects attach (reconcile/ports.py).  The rate limit is the controller's own, the delay the model's.
+PORTS = {
+    "boom": {
+        "velocity": "boom_rate",
+        "position": "boom",
+        "unit": "N.m",
+        "input": "disturbance_torque_boom",
+        "drive": "qd_boom_ref",
+    },
+    "stick": {
+        "velocity": "stick_rate",
+        "position": "stick",
+        "unit": "N.m",
+        "input": "disturbance_torque_stick",
+        "drive": "qd_stick_ref",
+        "elevation": lambda x, u, m, p: x.boom + x.stick,
+    },
+    "qd_boom_ref": {"kind": "input", "has": ("input_delay",)},
+    "qd_stick_ref": {"kind": "input", "has": ("input_delay",)},
+    "boom_encoder": {"kind": "outputs", "outputs": ("q_boom", "qd_boom")},
+    "stick_encoder": {"kind": "outputs", "outputs": ("q_stick", "qd_stick")},
+    "parameters": {
+        "kind": "parameters",
+        "doubtful": ("boom_response", "stick_response", "boom_delay", "stick_delay"),
+    },
+}
+
 MODEL = Model(
     name="arm",
     description="Boom and stick under velocity control: first order with delay, kinematics and slew inertia",

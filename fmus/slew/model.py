@@ -43,6 +43,61 @@ def _start(p: Namespace) -> dict[str, Any]:
     return rest | {"qd": 0.0, "spool": 0.0, "relief": 0.0}
 
 
+def _brake(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> Any:
+    return slew_drive.brake(x.qd, 0.0, p)
+
+
+# Where effects attach (reconcile/ports.py).  Of each phenomenon its size is doubted; the shapes of its
+# curves, knees and valve settings are the design's.  REACH: the inertia by the squared radius of the arm tip,
+# I = 41.6 t m2 + 3506 kg r2: least squares over the working range, tool empty (kinematics.inertia_z).
+REACH = (41.6e3, 3506.0)
+PORTS = {
+    "slew": {
+        "velocity": "qd",
+        "position": "q",
+        "unit": "N.m",
+        "input": "disturbance_torque_slew",
+        "upright": True,
+        "reach2": lambda x, u, m, p: (u.inertia - REACH[0]) / REACH[1],
+        "reach2_rate": lambda x, u, m, p: u.inertia_rate / REACH[1],
+        "has": ("coulomb_friction", "viscous_friction", "pose_dependent_inertia"),
+    },
+    "oil": {
+        "kind": "hydraulic",
+        "pressures": ("p_a", "p_b"),
+        "stiffness": lambda x, u, m, p: p.slew_bulk_modulus / p.slew_chamber_volume,
+        "return": "slew_boost_pressure",
+        "outlet": "slew_outlet_flow",
+        "opening": lambda x, u, m, p: slew_drive.opening(x.spool, p),
+        "supply": ("slew_cut_off_low", "slew_cut_off_high"),
+        "flow": ("slew_inlet_flow",),
+        "demand": "inertia_rate",
+        "viscous": ("slew_friction_viscous",),
+        "axis": "slew",
+        "brake": _brake,
+        "released": "brake_is_released",
+        "difference": "relief",
+        "has": ("internal_leakage",),
+    },
+    "u_slew": {"kind": "input", "has": ("input_dead_zone", "input_delay", "input_lag")},
+    "encoder": {"kind": "outputs", "outputs": ("q_slew", "qd_slew")},
+    "parameters": {
+        "kind": "parameters",
+        "doubtful": (
+            "slew_delay",
+            "slew_dead_band",
+            "slew_spool_lag",
+            "slew_inlet_flow",
+            "slew_cut_off_high",
+            "slew_leak_internal",
+            "slew_leak_external",
+            "slew_stop_flow",
+            "slew_friction_viscous",
+            "slew_friction_dry",
+        ),
+    },
+}
+
 MODEL = Model(
     name="slew",
     description="Hydraulic slew drive with two chambers, torque-limited supply and a binary brake",

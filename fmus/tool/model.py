@@ -84,9 +84,61 @@ def _forced(acceleration: ca.SX, force: ca.SX, p: Namespace) -> ca.SX:
     return acceleration - force / _mass(p)
 
 
+def _slew_acceleration(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> ca.SX:
+    """rad/s2: the step's change of the slew rate; v_y of one step ago was the rate times the radius then."""
+    return (u.qd_slew - x.v_y / (u.radius - STEP * u.radius_rate)) / STEP
+
+
 def _mass(p: Namespace) -> ca.SX:
     return p.tool_mass + p.load_mass
 
+
+# Where effects attach (reconcile/ports.py).  A load changes a pendulum by its length alone; it has no drive.
+OWN = ("viscous_friction", "gravity_load", "payload_mass", "pose_dependent_inertia", "torque_ripple")
+PORTS = {
+    "roll": {
+        "velocity": "omega_x",
+        "position": "theta_x",
+        "unit": "N.m",
+        "input": "disturbance_moment_tool_x",
+        "has": OWN,
+    },
+    "pitch": {
+        "velocity": "omega_y",
+        "position": "theta_y",
+        "unit": "N.m",
+        "input": "disturbance_moment_tool_y",
+        "has": OWN,
+    },
+    "pendulum": {
+        "kind": "pendulum",
+        "pitch": "pitch",
+        "roll": "roll",
+        "pitch_length": "tool_length_y",
+        "roll_length": "tool_length_x",
+        "slew": "q_slew",
+        "slew_rate": "qd_slew",
+        "slew_acceleration": _slew_acceleration,
+        "radius": "radius",
+        "radius_rate": "radius_rate",
+    },
+    "motion": {
+        "kind": "inputs",
+        "inputs": ("q_slew", "qd_slew", "radius", "radius_rate", "height"),
+        "offsets": ("qd_slew", "radius_rate"),
+    },
+    "roll_sensor": {"kind": "outputs", "outputs": ("q_tool_x", "qd_tool_x")},
+    "pitch_sensor": {"kind": "outputs", "outputs": ("q_tool_y", "qd_tool_y")},
+    "tool_sensor": {
+        "kind": "outputs",
+        "outputs": ("q_tool_x", "q_tool_y", "qd_tool_x", "qd_tool_y"),
+        "turned": (("q_tool_x", "q_tool_y"), ("qd_tool_x", "qd_tool_y")),
+    },
+    "parameters": {
+        "kind": "parameters",
+        "doubtful": ("tool_length_x", "tool_length_y", "tool_damping_x", "tool_damping_y"),
+    },
+}
 
 MODEL = Model(
     name="tool",

@@ -113,6 +113,8 @@ def pilot(plan: Plan, recording: Recording, gains: Mapping[str, float] | None = 
         return Operator(recording.draws(plan.seed, "operator"), plan.limits, start)
     if recording.kind == "closed_loop":
         return SlewControl(Gains.of(gains or {}), recording, plan.seed)
+    if recording.kind == "replay":
+        return Replay(excitation.stated(part, recording))
     return Replay(excitation.wanted(part, recording, plan.limits, plan.seed))
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from learning.collection.draws import Draws
-from learning.collection.plan import PERIOD_S, Limits, Part, Recording
+from learning.collection.plan import PERIOD_S, PLAN_COMMANDS, Limits, Part, Recording
 from specs.parameters import parameter
 
 LEAD_S = 1.0
@@ -37,6 +37,14 @@ def wanted(part: Part, recording: Recording, limits: Limits, seed: int) -> np.nd
         for joint, (start, span) in enumerate(poses, 1):
             room = ((span[0] - start) / top, (span[1] - start) / top)
             found[lead:, joint] = top * _random(draws, n - lead, ARM, part.period_s, ARM_RAMP_S, 0.35, room)
+    return found
+
+
+def stated(part: Part, recording: Recording) -> np.ndarray:
+    """The commands [n, 3] of a replay."""
+    found = np.zeros((recording.periods, len(PLAN_COMMANDS)))
+    for i, name in enumerate(PLAN_COMMANDS):
+        found[:, i] = (part.commands or {}).get(name, 0.0)  # type: ignore[call-overload]
     return found
 
 

@@ -22,10 +22,11 @@ from specs.schema import ROOT, STRICT, read_toml, validate
 
 FOLDER = ROOT / "collections"
 PERIOD_S = 0.1  # commands are held so long: the policy's rate
-Kind = Literal["steps", "sines", "trapezoids", "random_references", "driving", "closed_loop"]
+Kind = Literal["steps", "sines", "trapezoids", "random_references", "driving", "closed_loop", "replay"]
 KINDS: tuple[str, ...] = get_args(Kind)
 PERIODIC = ("steps", "sines", "trapezoids")  # with the arm at rest
 SPLITS = ("train", "validation", "test")
+PLAN_COMMANDS = ("u_slew", "qd_boom_ref", "qd_stick_ref")  # what a replay may state
 ATTEMPTS = 5000
 RADIUS_M = 0.1  # a drawn radius is met to this
 ROOM_M = 0.2  # between a starting grab and the keep-out with its margin
@@ -68,7 +69,10 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """Recordings of one kind; `amplitude` is of the joystick, `period_s` how long a shape takes."""
+    """Recordings of one kind; `amplitude` is of the joystick, `period_s` how long a shape takes.
+
+    `commands`, of a replay only: a value for every command period, by name (left out: neutral).
+    """
 
     __pydantic_config__: ClassVar[Any] = STRICT
 
@@ -83,6 +87,7 @@ class Part:
         None  # of the hanging grab at the start, evenly; None: as the joints' ranges give
     )
     loads_kg: tuple[float, ...] = (0.0,)
+    commands: dict[Literal["u_slew", "qd_boom_ref", "qd_stick_ref"], tuple[float, ...]] | None = None
 
     def __post_init__(self) -> None:
         ticks = self.recording_s / PERIOD_S
@@ -99,6 +104,22 @@ class Part:
         most = parameter("load_mass", "geometry").max or 0.0
         if not self.loads_kg or not all(0.0 <= load <= most for load in self.loads_kg):
             raise InputError(f"loads_kg = {list(self.loads_kg)}: 0 … {most:g} kg each")
+        self._check_commands()
+
+    def _check_commands(self) -> None:
+        if (self.commands is not None) != (self.kind == "replay"):
+            raise InputError("commands: a replay has them, and no other kind")
+        top = parameter("arm_velocity_limit", "arm_velocity").value
+        count = round(self.recording_s / PERIOD_S)
+        for name, values in (self.commands or {}).items():
+            if len(values) != count:
+                raise InputError(
+                    f"commands.{name}: {len(values)} values; recording_s = {self.recording_s:g} has {count} "
+                    f"periods of {PERIOD_S:g} s"
+                )
+            most = 1.0 if name == "u_slew" else top
+            if max(map(abs, values)) > most:
+                raise InputError(f"commands.{name}: must stay within ±{most:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,6 +179,8 @@ class Plan:
     def digest(self, recording: Recording, more: Any = None) -> str:
         """SHA-256 of all of the plan that one recording depends on, and of `more` (machine, controller)."""
         part = asdict(self.parts[recording.part]) | {"recordings": None}
+        if part["commands"] is None:
+            del part["commands"]
         whole = [
             self.seed,
             asdict(self.limits),

@@ -20,7 +20,8 @@ class Scales:
     """Sizes met in the data at a port, from which starts and smoothing widths are made.
 
     `u`: largest of the input; `v`, `q`, `f`: of speed, position and force at a force port (f: inertia times
-    acceleration); `y`: of the output; `period_s`: sample period.  All > 0.
+    acceleration); `y`: of the output; `p`, `d`: of pressure difference and demand at a hydraulic port;
+    `period_s`: sample period.  All > 0.
     """
 
     u: float = 1.0
@@ -33,6 +34,8 @@ class Scales:
     q_low: float = -1.0
     q_high: float = 1.0
     angular: bool = False  # the port turns: q in rad
+    p: float = 1e7
+    d: float = 1.0
 
 
 Starts = Callable[[Scales], Sequence[float]]
@@ -57,12 +60,21 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Result:
-    """What an effect makes: the new value (input, output), force, or inertia with the force beside it."""
+    """What an effect makes: the new value (input, output), force, or inertia with the force beside it.
+
+    `rates`: of the hidden states; `next`: their values one step on, where the model goes in steps (exact for
+    any step; without it a step adds rate times step).  `dry`: on models in steps, the dry friction against
+    motion forwards and backwards (both >= 0), which a step takes off the speed and stops it at zero.
+    `at`: what an effect at a port of its own kind changes there, by role (hydraulics.py, pendulum.py).
+    """
 
     value: Scalar
     rates: Mapping[str, Scalar] = field(default_factory=dict)
     starts: Mapping[str, Scalar] = field(default_factory=dict)
     force: Scalar = 0.0
+    next: Mapping[str, Scalar] = field(default_factory=dict)
+    dry: tuple[Scalar, Scalar] | None = None
+    at: Mapping[str, Scalar] = field(default_factory=dict)
 
 
 Build = Callable[[Namespace, Namespace, Namespace], Result]
@@ -73,7 +85,13 @@ class Effect:
     """One entry.  `equation` is in words of mathematics; `width` says which scale smooths it.
 
     `becomes` names the simpler effects it turns into in a limit; `form` tells entries of one name apart.
-    `delays`: the effect is a transport delay, which no equation holds; its one parameter is the delay.
+    `delays`: the effect is a transport delay, which no equation holds; its one parameter is the delay, or
+    with `clock` the delay gained per second of the recording.  `shows`: of a coupling, the side of the shaft
+    that the model's axis is (and its outputs show); the other side is hidden.
+    `port`: the kind of port, where it is not what the place says (an input, an output, an axis); `needs` are
+    then roles of it.  `clocked`: it uses the time `c.t`.
+
+    A build finds in `c` what is at the port, the smoothing `width`, and `step` (s; None: continuous).
     """
 
     name: str
@@ -89,6 +107,10 @@ class Effect:
     form: str = ""
     needs: tuple[str, ...] = ()  # what the port must have: "q" (a position), "rad" (an angle) ...
     delays: bool = False
+    clock: bool = False
+    shows: Literal["load", "motor"] = "load"
+    port: Literal["", "hydraulic", "pendulum", "inputs", "offset", "turned"] = ""
+    clocked: bool = False
 
     @property
     def key(self) -> str:

@@ -1,18 +1,26 @@
 """Forces and torques that act where the model moves; friction opposes the speed v, loads do not."""
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 
-from reconcile.catalogue import smooth
+from reconcile.catalogue import memory, smooth
 from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Scales, Starts, none
 
 FRICTION = "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083"
 DAHL = "Dahl, Aerospace Corp. TOR-0158(3107-18)-1 (1968); Canudas de Wit et al., IEEE TAC 40 (1995) 419"
 MECHANICS = "Newtonian mechanics"
 ANY = -float("inf")
-TURNS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 24.0)
+TURNS = (*(float(n) for n in range(1, 13)), 14.0, 16.0, 18.0, 20.0, 24.0)
 TRAVELS = tuple(0.5 * n for n in range(2, 25))
+
+
+STOP = "Johnson, Contact Mechanics, Cambridge 1985, ch. 11: impact with damping (Kelvin-Voigt)"
+STOP_WIDTH = 0.02  # of other kinks: a stop gives way by little of the travel, and its force does not jump
+# where fits of a stop start: its speed there as a share of the largest, and how fast it swings in it, rad/s
+STOPS = ((0.15, 25.0), (0.5, 25.0), (1.0, 25.0), (0.3, 80.0))
 
 
 def speed(*shares: float) -> Starts:
@@ -20,19 +28,29 @@ def speed(*shares: float) -> Starts:
     return lambda s: [a * s.v for a in shares]
 
 
+def _dry(c: Namespace, forwards: Any, backwards: Any) -> Result:
+    """Dry friction of a level each way: a force with a steep flank at standstill, or in steps exactly."""
+    if c.step is not None:
+        return Result(0.0, dry=(forwards, backwards))
+    s = smooth.sign(c.v, c.width)
+    return Result(-0.5 * (forwards * (1.0 + s) - backwards * (1.0 - s)))
+
+
 def _coulomb(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(-p.Fc * smooth.sign(c.v, c.width))
+    return _dry(c, p.Fc, p.Fc)
 
 
 def _asymmetric_coulomb(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    s = smooth.sign(c.v, c.width)
-    return Result(-0.5 * (p.Fc_positive * (1.0 + s) - p.Fc_negative * (1.0 - s)))
+    return _dry(c, p.Fc_positive, p.Fc_negative)
 
 
 def _stribeck(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    falling = ca.exp(-((c.v / p.vs) ** 2))
-    level = p.Fc + (p.Fs - p.Fc) * falling
-    return Result(-level * smooth.sign(c.v, c.width))
+    """The level of the way it goes, where it turns the static one."""
+
+    def level(v: Any) -> Any:
+        return p.Fc + (p.Fs - p.Fc) * ca.exp(-((ca.fmax(v, 0.0) / p.vs) ** 2))
+
+    return _dry(c, level(c.v), level(-c.v))
 
 
 def _viscous(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -45,7 +63,8 @@ def _asymmetric_viscous(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _load_dependent(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(-p.mu * smooth.magnitude(c.drive, c.drive_width) * smooth.sign(c.v, c.width))
+    level = p.mu * ca.fabs(c.drive)
+    return _dry(c, level, level)
 
 
 def _quadratic(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -53,8 +72,8 @@ def _quadratic(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _dahl(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    rate = (c.v - smooth.magnitude(c.v, c.width) * w.bristle) / p.distance
-    return Result(-p.Fc * w.bristle, {"bristle": rate}, {"bristle": smooth.sign(c.v, c.width)})
+    z = memory.bristle(c, "bristle", w.bristle, p.distance)
+    return replace(z, value=-p.Fc * z.value)
 
 
 def _constant(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -85,31 +104,47 @@ def _ripple(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return Result(p.sine * ca.sin(p.waves * c.q) + p.cosine * ca.cos(p.waves * c.q))
 
 
+def _push(c: Namespace, p: Namespace, depth: Any, speed: Any) -> Any:
+    """Spring with a damper that a body leaves when it would have to pull."""
+    width = STOP_WIDTH * c.width
+    inside = 0.5 * (1.0 + depth / ca.sqrt(depth**2 + width**2))
+    return p.k * inside * smooth.positive(depth + p.relaxation * speed, width)
+
+
 def _end_stop(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(-p.k * smooth.positive(c.q - p.position, c.width))
+    return Result(-_push(c, p, c.q - p.position, c.v))
 
 
 def _end_stop_low(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(p.k * smooth.positive(p.position - c.q, c.width))
+    return Result(_push(c, p, p.position - c.q, -c.v))
 
 
 def _end_stops(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    beyond = smooth.dead_zone(c.q, -p.position, p.position, c.width)
-    return Result(-p.k * beyond)
+    return Result(_push(c, p, -c.q - p.position, -c.v) - _push(c, p, c.q - p.position, c.v))
+
+
+def _wind(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    against = p.wind - c.v
+    return Result(p.k * against * smooth.magnitude(against, c.width))
 
 
 def _amplitude(name: str, unit: str, signed: bool = False) -> Parameter:
     return Parameter(name, unit, none, amplitude=True, low=ANY if signed else 0.0)
 
 
-def _near(side: float, *shares: float) -> Starts:
-    """Starts within the travel met, from its middle towards one side."""
+def _reached(low: bool) -> Starts:
+    """Positions of a stop that explain the travel met: less what the axis runs into it."""
 
     def starts(s: Scales) -> list[float]:
-        middle, half = 0.5 * (s.q_low + s.q_high), 0.5 * (s.q_high - s.q_low)
-        return [middle + side * a * half for a in shares]
+        into = [a * s.v / f for a, f in STOPS]
+        return [s.q_low + d if low else s.q_high - d for d in into]
 
     return starts
+
+
+def _stops(s: Scales) -> list[float]:
+    """Stiffness at which the axis would swing in its stop at these frequencies."""
+    return [s.inertia * f**2 for _, f in STOPS]
 
 
 def _waves(s: Scales) -> list[float]:
@@ -124,6 +159,10 @@ def _entry(name: str, equation: str, parameters: tuple[Parameter, ...], build, *
 
 
 COULOMB = {"coulomb_friction": "the rest vanishes"}
+
+RELAXATION = Parameter(
+    "relaxation", "s", lambda s: (0.5 * s.period_s,), "Damping of the stop over its stiffness", low=0.0
+)
 
 EFFECTS = (
     _entry(
@@ -173,7 +212,7 @@ EFFECTS = (
         _load_dependent,
         source=FRICTION,
         width="v",
-        needs=("drive",),
+        needs=("driven",),
     ),
     _entry("quadratic_drag", "F = −k v |v|", (_amplitude("k", "{f}/({v})^2"),), _quadratic, width="v"),
     _entry(
@@ -228,39 +267,58 @@ EFFECTS = (
         needs=("q",),
         source="Holtz and Springob, IEEE Trans. Ind. Electron. 43 (1996) 694",
     ),
-    _entry(
-        "end_stop",
-        "F = −k max(q − position, 0)",
-        (
-            _amplitude("k", "{f}/({q})"),
-            Parameter("position", "{q}", _near(1.0, 0.9, 0.75, 0.6), low=ANY),
-        ),
-        _end_stop,
-        needs=("q",),
-        width="q",
-        form="upper",
+    *(
+        _entry(
+            "end_stop",
+            equation,
+            (
+                Parameter("position", "{q}", position, low=low),
+                Parameter("k", "{f}/({q})", _stops, "Stiffness of the stop"),
+                RELAXATION,
+            ),
+            build,
+            needs=("q",),
+            width="q",
+            gated=True,
+            form=form,
+            source=STOP,
+            becomes={"": "position beyond the travel"},
+        )
+        for form, build, position, low, equation in (
+            (
+                "upper",
+                _end_stop,
+                _reached(low=False),
+                ANY,
+                "F = −max(k (q − position + relaxation v), 0) where q > position",
+            ),
+            (
+                "lower",
+                _end_stop_low,
+                _reached(low=True),
+                ANY,
+                "F = max(k (position − q − relaxation v), 0) where q < position",
+            ),
+            (
+                "",
+                _end_stops,
+                lambda s: [max(s.q - a * s.v / f, 0.1 * s.q) for a, f in STOPS],
+                0.0,
+                "F = −sgn(q) max(k (|q| − position + relaxation v sgn(q)), 0) beyond ±position",
+            ),
+        )
     ),
     _entry(
-        "end_stop",
-        "F = k max(position − q, 0)",
+        "wind_load",
+        "F = k (wind − v) |wind − v|",
         (
-            _amplitude("k", "{f}/({q})"),
-            Parameter("position", "{q}", _near(-1.0, 0.9, 0.75, 0.6), low=ANY),
+            _amplitude("k", "{f}/({v})^2"),
+            Parameter("wind", "{v}", speed(1.0, -1.0, 4.0, -4.0), low=ANY),
         ),
-        _end_stop_low,
-        needs=("q",),
-        width="q",
-        form="lower",
-    ),
-    _entry(
-        "end_stop",
-        "F = −k (|q| − position) sgn(q) beyond ±position",
-        (
-            _amplitude("k", "{f}/({q})"),
-            Parameter("position", "{q}", lambda s: [a * s.q for a in (0.9, 0.75, 0.6)]),
-        ),
-        _end_stops,
-        needs=("q",),
-        width="q",
+        _wind,
+        width="v",
+        form="relative",
+        source="Simiu and Yeo, Wind Effects on Structures, 4th ed., Wiley 2019, ch. 4: drag of a moving body",
+        becomes={"quadratic_drag": "wind = 0", "constant_load": "k → 0 with k wind² held"},
     ),
 )

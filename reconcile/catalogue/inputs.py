@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 
-from reconcile.catalogue import smooth
+from reconcile.catalogue import memory, smooth
 from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Scales, Starts, none
 
 MATERIAL = "Olsson et al., Eur. J. Control 4 (1998) 176; Tao and Kokotovic, Adaptive Control of Systems with "
 NONSMOOTH = MATERIAL + "Actuator and Sensor Nonlinearities, Wiley 1996"
+MERRITT = "Merritt, Hydraulic Control Systems, Wiley 1967, ch. 5: flow gain over spool travel"
 LINEAR = "linear system identification: Ljung, System Identification, 2nd ed. 1999, ch. 4"
 
 
@@ -16,8 +17,8 @@ def share(*shares: float) -> Starts:
 
 
 def seconds(*values: float) -> Starts:
-    """Starts in s, none below a sample period."""
-    return lambda s: [max(v, s.period_s) for v in values]
+    """Starts in s, none below a quarter of a sample period."""
+    return lambda s: [max(v, 0.25 * s.period_s) for v in values]
 
 
 def _dead_zone(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -30,7 +31,7 @@ def _dead_zone_sides(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _lag(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(w.lagged, {"lagged": (c.u - w.lagged) / p.time}, {"lagged": c.u})
+    return memory.lag(c, c.u, "lagged", w.lagged, p.time)
 
 
 def _saturation(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -38,14 +39,20 @@ def _saturation(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _rate_limit(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    speed = p.rate * smooth.sign(c.u - w.limited, c.width)
-    return Result(w.limited, {"limited": speed}, {"limited": c.u})
+    return memory.rate_limit(c, c.u, "limited", w.limited, p.rate)
 
 
 def _backlash(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    """Play: the output follows once the gap is used up, with a time constant of `width` s."""
-    pushed = smooth.dead_zone(c.u - w.follower, -0.5 * p.gap, 0.5 * p.gap, 1e-3 * p.gap + 1e-12)
-    return Result(w.follower, {"follower": pushed / c.width}, {"follower": c.u})
+    return memory.play(c, c.u, "follower", w.follower, p.gap)
+
+
+def _hysteresis(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    """Prandtl-Ishlinskii of two plays: branches that bend, as those of a magnet or a spool do."""
+    wide = memory.play(c, c.u, "wide", w.wide, p.full_width)
+    narrow = memory.play(c, c.u, "narrow", w.narrow, 0.5 * p.full_width)
+    value = (1.0 - p.share) * c.u + 0.5 * p.share * (wide.value + narrow.value)
+    parts = {k: {**getattr(wide, k), **getattr(narrow, k)} for k in ("rates", "starts", "next")}
+    return Result(value, **parts)
 
 
 def _asymmetric(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -61,7 +68,11 @@ def _crosstalk(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _flow_curve(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(c.u + p.curve * c.u * (1.0 - smooth.magnitude(c.u, c.width) / c.size))
+    return Result(c.u - p.curve * c.u * (1.0 - smooth.magnitude(c.u, c.width) / c.size))
+
+
+def _flow_curve_travel(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(c.u - p.curve * c.u * (1.0 - smooth.magnitude(c.u, c.width) / p.travel))
 
 
 def _gated(
@@ -78,7 +89,7 @@ EFFECTS = (
     _gated(
         "input_dead_zone",
         "u' = u − h sgn(u) where |u| > h, else 0",
-        Parameter("half_width", "{u}", share(0.05, 0.1, 0.2, 0.35, 0.5)),
+        Parameter("half_width", "{u}", share(0.01, 0.04, 0.1, 0.25, 0.5)),
         _dead_zone,
         width="u",
         becomes={"": "half_width → 0"},
@@ -110,7 +121,7 @@ EFFECTS = (
     _gated(
         "input_lag",
         "time du'/dt = u − u'",
-        Parameter("time", "s", seconds(0.03, 0.1, 0.3, 1.0), low=2e-3),
+        Parameter("time", "s", seconds(0.01, 0.05, 0.2, 0.8), low=5e-4),
         _lag,
         hidden=("lagged",),
         becomes={"input_delay": "time small against the motion"},
@@ -135,11 +146,26 @@ EFFECTS = (
     _gated(
         "input_backlash",
         "play of full width gap: u' moves only when |u − u'| = gap/2",
-        Parameter("gap", "{u}", share(0.05, 0.1, 0.2, 0.4)),
+        Parameter("gap", "{u}", share(0.01, 0.04, 0.12, 0.4)),
         _backlash,
         hidden=("follower",),
         width="time",
         becomes={"": "gap → 0"},
+    ),
+    Effect(
+        "input_hysteresis",
+        "input",
+        "u' = (1 − share) u + share/2 (play of full_width + play of half of it)",
+        (
+            Parameter("full_width", "{u}", share(0.03, 0.1, 0.3, 0.8)),
+            Parameter("share", "1", lambda s: (0.5,), low=0.05, high=1.0),
+        ),
+        _hysteresis,
+        "Brokate and Sprekels, Hysteresis and Phase Transitions, Springer 1996, ch. 2: Prandtl-Ishlinskii",
+        hidden=("wide", "narrow"),
+        gated=True,
+        width="time",
+        becomes={"": "full_width → 0"},
     ),
     Effect(
         "asymmetric_gain",
@@ -170,10 +196,23 @@ EFFECTS = (
     Effect(
         "valve_flow_curve",
         "input",
-        "u' = u (1 + curve (1 − |u|/u_max))",
-        (Parameter("curve", "1", none, amplitude=True, low=-0.9, high=3.0),),
+        "u' = u (1 − curve (1 − |u|/u_max)), u_max: the input's declared travel",
+        (Parameter("curve", "1", none, amplitude=True, low=-0.9, high=0.95),),
         _flow_curve,
-        "Merritt, Hydraulic Control Systems, Wiley 1967, ch. 5: flow gain over spool travel",
+        MERRITT,
         width="u",
+    ),
+    Effect(
+        "valve_flow_curve",
+        "input",
+        "u' = u (1 − curve (1 − |u|/travel))",
+        (
+            Parameter("curve", "1", none, amplitude=True, low=-0.9, high=0.95),
+            Parameter("travel", "{u}", share(2.0, 5.0)),
+        ),
+        _flow_curve_travel,
+        MERRITT,
+        width="u",
+        form="wide",
     ),
 )

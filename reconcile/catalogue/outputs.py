@@ -1,6 +1,6 @@
 """Effects between the model's output and its recording."""
 
-from reconcile.catalogue import smooth
+from reconcile.catalogue import memory
 from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Starts, none
 from reconcile.catalogue.inputs import LINEAR, NONSMOOTH, seconds
 
@@ -21,12 +21,11 @@ def _scale(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _lag(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(w.shown, {"shown": (c.y - w.shown) / p.time}, {"shown": c.y})
+    return memory.lag(c, c.y, "shown", w.shown, p.time)
 
 
 def _backlash(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    pushed = smooth.dead_zone(c.y - w.shown, -0.5 * p.gap, 0.5 * p.gap, 1e-3 * p.gap + 1e-12)
-    return Result(w.shown, {"shown": pushed / c.width}, {"shown": c.y})
+    return memory.play(c, c.y, "shown", w.shown, p.gap)
 
 
 def _drift(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -67,7 +66,7 @@ EFFECTS = (
         "sensor_lag",
         "output",
         "time dy'/dt = y − y'",
-        (Parameter("time", "s", seconds(0.03, 0.1, 0.3), low=2e-3),),
+        (Parameter("time", "s", seconds(0.005, 0.03, 0.1, 0.3), low=5e-4),),
         _lag,
         LINEAR,
         hidden=("shown",),
@@ -78,7 +77,7 @@ EFFECTS = (
         "sensor_backlash",
         "output",
         "play of full width gap: y' moves only when |y − y'| = gap/2",
-        (Parameter("gap", "{y}", share(0.02, 0.05, 0.1, 0.2)),),
+        (Parameter("gap", "{y}", share(5e-4, 4e-3, 0.03, 0.15)),),
         _backlash,
         NONSMOOTH,
         hidden=("shown",),
@@ -103,5 +102,15 @@ EFFECTS = (
         _cross,
         "IEEE Std 1293: misalignment of sensitive axes",
         needs=("other",),
+    ),
+    Effect(
+        "clock_drift",
+        "output",
+        "y'(t) = y(t − drift (t − start)): the outputs' clock runs slow against the inputs'",
+        (Parameter("drift", "1", none, amplitude=True, low=-0.05, high=0.05),),
+        None,
+        "IEEE Std 1588: skew between clocks",
+        delays=True,
+        clock=True,
     ),
 )

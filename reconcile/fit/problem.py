@@ -16,11 +16,11 @@ from scipy.linalg import solve_triangular
 from reconcile.fit.compiled import Columns, Compiled
 from reconcile.fit.whitening import Whitener
 from reconcile.fit.windows import InputTable, Window, interpolation
-from reconcile.model import ALL_OUTPUTS, Attached
+from reconcile.model import Attached
 
 ACCURACY = 2e-5  # of a state's size, of one step
 SHARE_OF_NOISE = 0.02
-LOOSE = 30.0  # sizes of a state by which an initial state is free
+LOOSE = 3.0  # sizes of a state by which an initial state is free
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,9 @@ class Problem:
             found.setdefault(self.model.index("inputs", name), []).append(self.parameter(parameter))
         for a in self.extended.attached:
             if a.effect.delays and a.effect.place == "input":
-                found.setdefault(self.model.index("inputs", a.port), []).append(
-                    self.parameter(a.name("delay"))
-                )
+                for name in self.extended.folder.ports.members(a.port):
+                    late = found.setdefault(self.model.index("inputs", name), [])
+                    late.append(self.parameter(a.name("delay")))
         return found
 
     @cached_property
@@ -104,10 +104,19 @@ class Problem:
             if sensor.delay and name in found:
                 found[name].append(self.parameter(sensor.delay))
         for a in self.extended.attached:
-            if a.effect.delays and a.effect.place == "output":
-                for name in self.outputs if a.port == ALL_OUTPUTS else [a.port]:
+            if a.effect.delays and a.effect.place == "output" and not a.effect.clock:
+                for name in set(self.extended.folder.ports.members(a.port)) & set(self.outputs):
                     found[name].append(self.parameter(a.name("delay")))
         return found
+
+    @cached_property
+    def clocks(self) -> dict[str, list[int]]:
+        """Output -> parameters whose sum is the delay that it gains per second of a recording."""
+        members = self.extended.folder.ports.members
+        drifts = [a for a in self.extended.attached if a.effect.clock]
+        return {
+            n: [self.parameter(a.name("drift")) for a in drifts if n in members(a.port)] for n in self.outputs
+        }
 
     def active_states(self, present: Sequence[Attached]) -> np.ndarray:
         """Indices of the model's states and the hidden ones of `present` effects."""
@@ -163,7 +172,7 @@ class Problem:
         if pushed is not None:
             slope = np.ones_like(slope)
         chosen = pushed if columns is None else self._columns(window, columns)
-        return self.compiled.follow(
+        run = self.compiled.follow(
             point.x0[k],
             u,
             slope,
@@ -175,11 +184,26 @@ class Problem:
             self.tolerance * self.patience,
             chosen,
         )
+        if run is None or columns is None:
+            return run
+        x, y, ys = run
+        first = len(self.active_states(point.present))
+        for extra, (c, _) in enumerate(self._shifted(columns)[len(columns) :], first + len(columns)):
+            ys[:, first + c] += ys[:, extra]
+        return x, y, ys[:, : first + len(columns)]
 
     def _columns(self, window: Window, columns: Sequence[int]) -> Columns:
-        by_input = {q: i for i, qs in self.input_delays.items() for q in qs}
-        inputs = [by_input.get(c, -1) for c in columns]
-        return Columns(list(columns), inputs, [0] * len(columns), [window.steps] * len(columns))
+        """Columns of parameters; a delay of several inputs has more, one each, which come last."""
+        shifted = self._shifted(columns)
+        more = len(shifted) - len(columns)
+        parameters, inputs = [*columns, *[-1] * more], [i for _, i in shifted]
+        return Columns(parameters, inputs, [0] * len(shifted), [window.steps] * len(shifted))
+
+    def _shifted(self, columns: Sequence[int]) -> list[tuple[int, int]]:
+        """(column, input that its delay shifts, -1: none): each column once, then the further inputs."""
+        late = {c: [i for i, qs in self.input_delays.items() if q in qs] for c, q in enumerate(columns)}
+        further = [(c, i) for c, inputs in late.items() for i in inputs[1:]]
+        return [(c, inputs[0] if inputs else -1) for c, inputs in late.items()] + further
 
     def responses(
         self, point: Point, k: int, inputs: Sequence[int], edges: np.ndarray, columns: Sequence[int]
@@ -211,6 +235,8 @@ class Problem:
         for name in self.outputs:
             times = window.times.get(name, np.empty(0))
             late = float(sum(point.p[q] for q in self.output_delays[name]))
+            since = times - window.run.start_s
+            late = late + since * float(sum(point.p[q] for q in self.clocks[name]))
             index, weights, rates = interpolation((times - late - window.start_s) / window.step_s, len(y))
             column = self.model.index("outputs", name)
             errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / self.sigma[
@@ -221,9 +247,12 @@ class Problem:
             part = np.einsum("nk,nkc->nc", weights, ys[index, :, column])
             first = ys.shape[1] - len(columns)
             moved = np.sum(rates * y[index, column], axis=1) / window.step_s
-            for q in self.output_delays[name]:
+            weighted = [(q, moved) for q in self.output_delays[name]] + [
+                (q, moved * since) for q in self.clocks[name]
+            ]
+            for q, slope in weighted:
                 for c in np.flatnonzero(np.asarray(columns) == q):
-                    part[:, first + c] -= moved
+                    part[:, first + c] -= slope
             slopes.append(part / self.sigma[name])
         return errors, slopes
 
@@ -292,6 +321,7 @@ class Problem:
             x0[k, : len(rest)] = rest
             for state, (output, order) in shown.items():
                 late = float(sum(p[q] for q in self.output_delays[output]))
+                late += (window.start_s - window.run.start_s) * float(sum(p[q] for q in self.clocks[output]))
                 x0[k, state] = _local(window.run.outputs[output], window.start_s + late, order)
         return Point(p, x0)
 

@@ -139,8 +139,10 @@ def _step(
     change = np.zeros(len(free))
     if len(moving):
         h = hessian[np.ix_(moving, moving)]
-        h = h + np.diag(damping * np.diag(h) + 1e-12 * np.max(np.diag(h)) + 1e-30)
-        change[moving] = np.linalg.lstsq(h, gradient[moving], rcond=None)[0] * size[moving]
+        # parameters differ in size by any factor (a force of 1e5 beside a share): each in units of its own
+        own = np.sqrt(np.maximum(np.diag(h), 1e-300))
+        h = h / np.outer(own, own) + np.diag(np.full(len(moving), damping + 1e-12))
+        change[moving] = np.linalg.lstsq(h, gradient[moving] / own, rcond=None)[0] / own * size[moving]
     return change
 
 

@@ -151,6 +151,8 @@ def estimate(problem, point, columns: Sequence[int], known: Noise | None = None)
     """The noise model of greatest likelihood for what a fit leaves (`columns`: its free parameters)."""
     sources = list(known.sources if known else _sources(problem))
     responses = tuple(_respond(problem, point, k, sources, columns) for k in range(len(problem.windows)))
+    if not sources:  # no axis is known, and the inputs are without noise
+        return Noise((), responses)
     likelihood = _Likelihood(responses)
     for _ in range(2):
         for i in range(len(sources)):

@@ -27,14 +27,30 @@ def reconcile(
     report_only: Annotated[
         bool, typer.Option("--report-only", help="Write report.json alone: no extended model, no page.")
     ] = False,
+    driven: Annotated[
+        str | None,
+        typer.Option(
+            "--drive",
+            metavar="machine[:DRAW]",
+            help="Drive the proposed experiment on the simulated reference machine, and answer again.",
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Find where model and recordings disagree, name the missing effect, add it, show the gap shrink."""
     from reconcile.workflow import reconcile as run
+    from slewright.drive import drive, lines, which
 
+    given = (confirm or [], holdout or [], names)
+    machine = which(driven) if driven else None
     with progress("reconcile") as report:
-        figures = run(runs, model, out, confirm or [], holdout or [], names, report, report_only)
+        if machine is None:
+            figures = run(runs, model, out, *given, report, report_only)
+        else:
+            figures = drive(runs, model, out, *given, machine, report)
     _print(figures)
+    for line in lines(figures):
+        typer.echo(line)
     write(json, figures, figures["seed"])
     typer.echo(f"report: {out / 'report.json'}")
 

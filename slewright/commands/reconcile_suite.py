@@ -8,6 +8,7 @@ import typer
 from slewright.figures import JsonOption, write
 from slewright.progress import progress
 from slewright.tables import show
+from specs.errors import InputError
 
 
 def reconcile_suite(
@@ -30,32 +31,47 @@ def reconcile_suite(
     ] = None,
     baselines: Annotated[bool, typer.Option(help="Answer by plain SINDy and greedy BIC too.")] = True,
     again: Annotated[bool, typer.Option("--again", help="Answer cases that are there once more.")] = False,
+    summary: Annotated[bool, typer.Option("--summary", help="Do nothing; figures of what is there.")] = False,
     json: JsonOption = None,
 ) -> None:
     """Draw machines with hidden effects, reconcile them, and score what is named against the sealed truth."""
     import secrets
 
     from slewright.suite.plan import settle
-    from slewright.suite.run import run_suite
-    from slewright.suite.summary import summarise
+    from slewright.suite.run import run_suite, there
+    from slewright.suite.summary import missed, summarise
 
-    if cases < 1:
-        raise typer.BadParameter(f"--cases {cases}: at least 1")
+    if cases < 1 or workers < 1:
+        raise InputError(f"--cases {cases}, --workers {workers}: both are at least 1")
+    if summary and out is None:
+        raise InputError("--summary needs --out DIR, the folder of the suite")
     fresh = secrets.randbelow(2**31) if seed is None else seed
     folder = out or Path("out/reconcile-suite") / f"{noise}-{system or 'all'}-{visible}-{fresh}"
     settings = settle(folder, seed, fresh, noise=noise, system=system, visible=visible)
     typer.echo(f"seed {settings.seed}, cases in {folder}")
-    with progress("reconcile-suite") as report:
-        results = run_suite(settings, cases, folder, workers, dask, baselines, again, report)
-    figures = {"noise": noise, "visible": visible, **summarise(results)}
-    _print(figures, results)
-    write(json, figures, settings.seed)
+    try:
+        with progress("reconcile-suite") as report:
+            if not summary:
+                run_suite(settings, cases, folder, workers, dask, baselines, again, report)
+    finally:  # what is there counts, whatever ended it
+        results = there(folder, cases)
+        figures = {"noise": noise, "visible": visible, "asked": cases, **summarise(results)}
+        figures["missed"] = missed(figures, noise, visible)
+        _print(figures, results)
+        write(json, figures, settings.seed)
+    for text in figures["missed"]:
+        typer.echo(f"missed: {text}")
+    if figures["missed"]:
+        raise typer.Exit(1)
 
 
 def _print(figures: dict[str, Any], results: list[dict[str, Any]]) -> None:
     columns = ["cases", "exact", "ambiguous_ok", "right", "wrong", "abstained", "seconds_median"]
     rows = [(s, *(row[c] for c in columns)) for s, row in figures["by_system"].items()]
     show("By system", ["system", *columns], [*rows, ("all", *(figures[c] for c in columns))])
+    plain = [(name, *(b[c] for c in columns)) for name, b in figures["baselines"].items() if b["cases"]]
+    if plain:
+        show("Plain ways on the same cases", ["way", *columns], plain)
     bad = [r for r in results if r["result"] in ("wrong", "abstained")]
     lines = [
         (

@@ -1,4 +1,4 @@
-"""What is measured on one report beside its score: how far the gap shrank, how near the parameters came."""
+"""What is measured on one report beside its score: how far the gap shrank, parameters, places."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,16 +6,44 @@ from typing import Any
 from slewright.suite.parameters import expected
 
 SEEN = 1.0  # floors: a nominal gap below this is no gap that could shrink
+# What stands in the name of a port for the generator's subsystem; others have one axis.
+AXES = {"roll": ("roll", "_x"), "pitch": ("pitch", "_y"), "boom": ("boom",), "stick": ("stick",)}
 
 
 def of_report(truth: Mapping[str, Any], report: Mapping[str, Any]) -> dict[str, Any]:
-    """`gap_shrink` by signal, and each parameter of the named effects with its error and interval.
-
-    Both are empty unless the report names; parameters are of effects that are among the visible ones.
+    """`gap_shrink` by signal; of named effects that are visible ones: parameters with error and interval, and
+    whether the port is the right one.  All are empty unless the report names.
     """
     if report["verdict"] not in ("named", "ambiguous"):
-        return {"gap_shrink": {}, "parameters": []}
-    return {"gap_shrink": _shrink(report), "parameters": _parameters(truth, report)}
+        return {"gap_shrink": {}, "parameters": [], "port_right": []}
+    pairs = _pairs(truth, report)
+    return {
+        "gap_shrink": _shrink(report),
+        "parameters": [
+            _row(effect, name, value)
+            for placed, effect in pairs
+            for name, value in expected(placed, effect, truth).items()
+        ],
+        "port_right": [port_is_right(placed, effect["port"]) for placed, effect in pairs],
+    }
+
+
+def port_is_right(placed: Mapping[str, Any], port: str) -> bool:
+    """Whether a report's port is where the generator put the effect: the axis, and which of its outputs."""
+    marks = AXES.get(placed["subsystem"], ("",))
+    if placed["place"] == "output" and placed["port"] == "all":
+        return not port.startswith(("q_", "qd_")) and port not in ("q", "qd")
+    if placed["place"] == "output" and placed["port"] in ("q", "qd"):
+        return port.split("_")[0] == placed["port"] and any(m in port for m in marks)
+    return any(m in port for m in marks)
+
+
+def _pairs(
+    truth: Mapping[str, Any], report: Mapping[str, Any]
+) -> list[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+    """Visible effects with the reported ones of their name."""
+    visible = {p["name"]: p for p in truth["placed"] if p["name"] in truth["visible"]}
+    return [(visible[e["name"]], e) for e in report["effects"] if e["name"] in visible]
 
 
 def _shrink(report: Mapping[str, Any]) -> dict[str, float]:
@@ -27,26 +55,20 @@ def _shrink(report: Mapping[str, Any]) -> dict[str, float]:
     return found
 
 
-def _parameters(truth: Mapping[str, Any], report: Mapping[str, Any]) -> list[dict[str, Any]]:
-    rows = []
-    for effect in report["effects"]:
-        for placed in truth["placed"]:
-            if placed["name"] != effect["name"] or placed["name"] not in truth["visible"]:
-                continue
-            for name, value in expected(placed, effect, truth).items():
-                rows.append(_row(effect, name, value))
-    return rows
-
-
 def _row(effect: Mapping[str, Any], name: str, true: float) -> dict[str, Any]:
-    """A parameter in percent of its true value (of nothing else: none of them is zero when visible)."""
-    found = effect["parameters"][name]
-    low, high = found["ci95"]
+    """A parameter in percent of its true value; a difference of two has no interval of its own."""
+    parts = [effect["parameters"][part] for part in name.split(" - ")]
+    value = parts[0]["value"] - sum(p["value"] for p in parts[1:])
     return {
         "effect": effect["name"],
         "parameter": name,
         "true": true,
-        "value": found["value"],
-        "error_percent": 100.0 * abs(found["value"] - true) / max(abs(true), 1e-12),
-        "covered": bool(low <= true <= high) if None not in (low, high) else False,
+        "value": value,
+        "error_percent": 100.0 * abs(value - true) / abs(true),
+        "covered": _within(parts[0]["ci95"], true) if len(parts) == 1 else None,
     }
+
+
+def _within(limits: list[float | None], true: float) -> bool:
+    low, high = limits
+    return low is not None and high is not None and low <= true <= high

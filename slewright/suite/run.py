@@ -1,5 +1,6 @@
 """All cases of a suite, over local processes or a Dask cluster; goes on where it stopped."""
 
+import importlib.util
 import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -7,8 +8,8 @@ from typing import Any
 
 from orchestrator.campaign import pool
 from slewright.suite.plan import Settings
-from slewright.suite.work import Task, work
-from specs.errors import InputError
+from slewright.suite.work import PLAIN, Task, work
+from specs.errors import InputError, RunError
 
 Report = Callable[..., None]
 Results = list[dict[str, Any]]
@@ -27,19 +28,26 @@ def run_suite(
     """Do the cases of 0 .. count - 1 that are not done yet; all results that are there, in order.
 
     `again`: answer the cases that are there once more.  A KeyboardInterrupt passes; what was done is kept.
-    Raises InputError for less than one case or worker.
+    Raises InputError for less than one case or worker, RunError when cases have no result (a worker that
+    died, say), the others done.
     """
     if count < 1:
         raise InputError(f"--cases {count}: at least 1")
     if workers < 1:
         raise InputError(f"--workers {workers}: at least 1")
     say = report or (lambda what, done=None, total=None: None)
+    if scheduler:
+        _check_dask()
     tasks = [_task(settings, n, out, baselines, again) for n in range(count)]
     todo = [t for t in tasks if again or not _done(t)]
-    done = 0
+    done, undrawn = 0, []
+    say("cases", 0, len(todo))
     for results in _finished(todo, workers, scheduler):
         done += len(results)
+        undrawn += [f"case {r['key']}: {r['failed']}" for r in results if r["failed"]]
         say("cases", done, len(todo))
+    if undrawn:
+        raise RunError(f"{len(undrawn)} cases have no result, all others are kept; {undrawn[0]}")
     return there(out, count)
 
 
@@ -59,6 +67,11 @@ def _finished(todo: Sequence[Task], workers: int, scheduler: str | None) -> Iter
         yield from pool.local(todo, workers, work)
 
 
+def _check_dask() -> None:
+    if importlib.util.find_spec("distributed") is None:
+        raise InputError("--dask needs Dask: install slewright[campaign]")
+
+
 def _task(settings: Settings, number: int, out: Path, baselines: bool, again: bool) -> Task:
     case = settings.case(number)
     folder = (out / "cases" / case.key).resolve()
@@ -76,6 +89,12 @@ def _task(settings: Settings, number: int, out: Path, baselines: bool, again: bo
 
 
 def _done(task: Task) -> bool:
-    """Whether there is a result; one of a workflow that failed is done again."""
+    """Whether there is a result with all that is wanted; where something failed it is done again."""
     path = Path(task["folder"]) / "result.json"
-    return path.is_file() and not json.loads(path.read_text())["workflow_failed"]
+    if not path.is_file():
+        return False
+    found = json.loads(path.read_text())
+    plain = found["baselines"]
+    if task["baselines"] and (len(plain) < len(PLAIN) or any(b["workflow_failed"] for b in plain.values())):
+        return False
+    return not found["workflow_failed"]

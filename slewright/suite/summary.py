@@ -5,9 +5,30 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from slewright.suite.work import PLAIN
+
 RESULTS = ("exact", "ambiguous_ok", "right", "wrong", "abstained")
+MET = ("exact", "ambiguous_ok", "right")
 NOTHING, AMBIGUOUS = "(nothing)", "(ambiguous)"
 Result = Mapping[str, Any]
+# What is demanded: (figure, at least or at most, of how much), by noise and kind of cases.
+MUSTS = {
+    ("low", "drawn"): (
+        ("share_met", ">=", 0.90),
+        ("exact_single_unambiguous", ">=", 0.92),
+        ("share_wrong", "<=", 0.02),
+        ("share_ambiguous_beyond", "<=", 0.05),
+        ("gap_shrink_median", ">=", 0.90),
+        ("parameter_error_median", "<=", 10.0),
+        ("coverage95", ">=", 0.90),
+        ("seconds_median", "<=", 20.0),
+    ),
+    ("high", "drawn"): (("share_met", ">=", 0.70), ("share_wrong", "<=", 0.03)),
+    ("low", "none"): (("share_false_positive", "<=", 0.02),),
+    ("high", "none"): (("share_false_positive", "<=", 0.02),),
+    ("low", "outside"): (("share_met", ">=", 0.90),),
+    ("high", "outside"): (("share_met", ">=", 0.90),),
+}
 
 
 def summarise(results: Sequence[Result]) -> dict[str, Any]:
@@ -15,25 +36,44 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
     alone = [r for r in results if len(r["visible"]) == 1 and r["unambiguous"]]
     parameters = [p for r in results if r["result"] == "exact" for p in r["parameters"]]
     shrinks = [s for r in results if r["verdict"] == "named" for s in r["gap_shrink"].values()]
+    ambiguous = _share(r["verdict"] == "ambiguous" for r in results)
+    equivalent = _share(not r["unambiguous"] for r in results)
     return {
         "cases": len(results),
         **_counts(results),
         "redrawn": sum(r["redrawn"] for r in results),
         "failed": sum(bool(r["workflow_failed"]) for r in results),
         "false_positive": sum(r["false_positive"] for r in results),
+        "share_met": _share(r["result"] in MET for r in results),
+        "share_wrong": _share(r["result"] == "wrong" for r in results),
+        "share_false_positive": _share(r["false_positive"] for r in results),
         "exact_single_unambiguous": _share(r["result"] == "exact" for r in alone),
         "single_unambiguous": len(alone),
-        "share_ambiguous": _share(r["verdict"] == "ambiguous" for r in results),
-        "share_equivalent": _share(not r["unambiguous"] for r in results),
+        "share_ambiguous": ambiguous,
+        "share_equivalent": equivalent,
+        "share_ambiguous_beyond": (ambiguous or 0.0) - (equivalent or 0.0),
         "gap_shrink_median": _median(shrinks),
         "parameter_error_median": _median([p["error_percent"] for p in parameters]),
-        "coverage95": _share(p["covered"] for p in parameters),
+        "coverage95": _share(p["covered"] for p in parameters if p["covered"] is not None),
+        "port_right": _share(p for r in results if r["result"] == "exact" for p in r["port_right"]),
         "seconds_median": _median([r["seconds"] for r in results]),
+        "draw_seconds_median": _median([r["draw_seconds"] for r in results]),
         "confusion": confusion(results),
         "equivalence_sizes": _sorted(Counter(len(r["equivalents"]) for r in results)),
+        "baselines": {name: _baseline(results, name) for name in PLAIN},
         "by_system": {s: _counts(rs) | _cost(rs) for s, rs in _grouped(results, lambda r: [r["system"]])},
         "by_effect": {e: _counts(rs) for e, rs in _grouped(results, lambda r: r["visible"] or [NOTHING])},
     }
+
+
+def missed(figures: Mapping[str, Any], noise: str, visible: str) -> list[str]:
+    """The demands that the figures do not meet, in words; what was not measured is not missed."""
+    found = []
+    for name, how, limit in MUSTS[noise, visible]:
+        value = figures[name]
+        if value is not None and (value < limit if how == ">=" else value > limit):
+            found.append(f"{name} = {value:.3g}, must be {how} {limit:g}")
+    return found
 
 
 def confusion(results: Iterable[Result]) -> dict[str, dict[str, int]]:
@@ -55,6 +95,18 @@ def confusion(results: Iterable[Result]) -> dict[str, dict[str, int]]:
             if (a, b) != (NOTHING, NOTHING) or not true:
                 found.setdefault(a, Counter())[b] += 1
     return {name: _sorted(found[name]) for name in sorted(found)}
+
+
+def _baseline(results: Sequence[Result], name: str) -> dict[str, Any]:
+    """The same counts for a plain answer, over the cases that have it."""
+    found = [r["baselines"][name] for r in results if name in r["baselines"]]
+    return {
+        "cases": len(found),
+        **_counts(found),
+        "false_positive": sum(b["false_positive"] for b in found),
+        "failed": sum(bool(b["workflow_failed"]) for b in found),
+        "seconds_median": _median([b["seconds"] for b in found]),
+    }
 
 
 def _counts(results: Sequence[Result]) -> dict[str, int]:

@@ -17,11 +17,13 @@ from typing import Any
 from blindtest import case as cases, folder as folders
 from blindtest.score import Truth, read_truth, score
 from slewright.suite import child, measures
+from slewright.suite.proposal import keep
 from specs.errors import RunError
 
 REDRAWS = 3  # seeds that are tried where one gives no clear case
 FAILED = {"verdict": "failed", "effects": [], "alternatives": [], "gap": {}}
-PARTS = ("report.json", "failed.json", "result.json")
+PLAIN = ("sindy", "greedy_bic")
+PARTS = ("report.json", "result.json", *(f"{name}.json" for name in PLAIN))
 Task = dict[str, Any]  # key, ssp (its system, for the pool), digest, folder, seed, noise, visible, baselines
 
 
@@ -35,10 +37,18 @@ def _one(task: Task) -> dict[str, Any]:
     if task["again"]:
         for name in PARTS:
             (folder / name).unlink(missing_ok=True)
-    if not (folder / "given").is_dir():
-        _draw(task, folder)
-    _answer(folder)
-    result = {"key": task["key"], "digest": "", "failed": "", **_result(folder)}
+    try:
+        if not (folder / "given").is_dir():
+            _draw(task, folder)
+    except RunError as error:
+        return {"key": task["key"], "digest": "", "failed": str(error)}
+    told = json.loads((folder / "given" / "case.json").read_text())
+    recorded, named = told["runs"], model(told["model"])
+    command = ["slewright", "reconcile", *recorded, "--model", named, "--out", "../out", "--report-only"]
+    _answer(folder, "report", command)
+    for method in PLAIN if task["baselines"] else ():
+        _answer(folder, method, ["reconcile.plain", method, named, "../out", *recorded])
+    result = {"key": task["key"], "digest": "", "failed": "", **_result(folder, told["truth_sha256"])}
     write(folder / "result.json", result)
     return result
 
@@ -67,22 +77,25 @@ def _clear(task: Task) -> cases.Case:
     raise AssertionError("never here")
 
 
-def _answer(folder: Path) -> None:
-    """Run the workflow in a folder of its own, far from the truth, unless that is done."""
-    if (folder / "report.json").is_file():
+def _answer(folder: Path, name: str, command: Sequence[str]) -> None:
+    """Run `python -m COMMAND` in a folder of its own, far from the truth, unless NAME.json is there.
+
+    What failed is tried again by the next go.
+    """
+    path = folder / f"{name}.json"
+    if path.is_file() and not json.loads(path.read_text()).get("failed"):
         return
     with tempfile.TemporaryDirectory(prefix="reconcile-") as room:
         given = Path(room) / "given"
         shutil.copytree(folder / "given", given)
-        told = json.loads((given / "case.json").read_text())
-        arguments = ["-m", "slewright", "reconcile", *told["runs"], "--model", model(told["model"])]
-        ended = child.run([*arguments, "--out", "../out", "--report-only"], given)
+        ended = child.run(["-m", *command], given)
         report = Path(room) / "out" / "report.json"
+        content = FAILED | {"failed": ended.said or f"ended with {ended.code}"}
         if report.is_file():
             content = json.loads(report.read_text())
-            write(folder / "report.json", content | {"core_seconds": ended.seconds})
-        else:
-            write(folder / "failed.json", FAILED | {"core_seconds": ended.seconds, "failed": ended.said})
+        if name == "report":
+            keep(report.parent, folder)
+        write(path, content | {"core_seconds": ended.seconds})
 
 
 def model(told: str) -> str:
@@ -90,26 +103,26 @@ def model(told: str) -> str:
     return told if told == "model" else Path(told).stem
 
 
-def _result(folder: Path) -> dict[str, Any]:
-    told = json.loads((folder / "given" / "case.json").read_text())
-    truth = read_truth(folder / "sealed" / "truth.json", told["truth_sha256"])
-    path = folder / "report.json"
-    report = json.loads((path if path.is_file() else folder / "failed.json").read_text())
+def _result(folder: Path, sha256: str) -> dict[str, Any]:
+    truth = read_truth(folder / "sealed" / "truth.json", sha256)
     content = truth.content
+    report = json.loads((folder / "report.json").read_text())
     return {
-        "truth_sha256": told["truth_sha256"],
+        "truth_sha256": sha256,
         "system": content["system"],
         "seed": content["seed"],
         "redrawn": content["redrawn"],
         "visible": content["visible"],
         "outside": truth.outside,
         "equivalents": [sorted(s) for s in truth.equivalents],
-        "verdict": report["verdict"],
-        "seconds": report["core_seconds"],
         "draw_seconds": json.loads((folder / "drawn.json").read_text())["seconds"],
-        "workflow_failed": report.get("failed", ""),
         **scored(truth, report),
         **measures.of_report(content, report),
+        "baselines": {
+            name: scored(truth, json.loads(path.read_text()))
+            for name in PLAIN
+            if (path := folder / f"{name}.json").is_file()
+        },
     }
 
 
@@ -117,6 +130,9 @@ def scored(truth: Truth, report: Mapping[str, Any]) -> dict[str, Any]:
     """The contract's score of an answer; a workflow that failed abstains."""
     found = score(truth, report)
     return {
+        "verdict": report["verdict"],
+        "workflow_failed": report.get("failed", ""),
+        "seconds": report["core_seconds"],
         "result": "abstained" if report["verdict"] == "failed" else found.result,
         "named": [list(names) for names in found.named],
         "false_positive": found.false_positive,

@@ -1,0 +1,49 @@
+"""Effects with a memory: what they show now, how the memory moves, and its exact step in models with steps.
+
+Each gives (value, Result fields `rates`, `next`) for one hidden state.  On a model in steps the value is the
+memory after the step that the present target makes: a held target is followed at once, as at a sampler.
+"""
+
+from typing import Any
+
+import casadi as ca
+
+from reconcile.catalogue import smooth
+from reconcile.catalogue.effect import Namespace, Result
+
+Scalar = Any
+
+
+def lag(c: Namespace, target: Scalar, name: str, state: Scalar, time: Scalar) -> Result:
+    """First order: time dw/dt = target - w; over a step with the target held, by exp(-step/time)."""
+    if c.step is None:
+        return Result(state, {name: (target - state) / time}, {name: target})
+    after = state + (1.0 - ca.exp(-c.step / time)) * (target - state)
+    return Result(after, starts={name: target}, next={name: after})
+
+
+def play(c: Namespace, target: Scalar, name: str, state: Scalar, gap: Scalar) -> Result:
+    """Play of full width `gap`; continuous: once the gap is used up, followed within c.width seconds."""
+    # a rounded kink would creep back within the gap
+    pushed = ca.fmax(target - state - 0.5 * gap, 0.0) - ca.fmax(state - target - 0.5 * gap, 0.0)
+    if c.step is None:
+        return Result(state, {name: pushed / c.width}, {name: target})
+    return Result(state + pushed, starts={name: target}, next={name: state + pushed})
+
+
+def rate_limit(c: Namespace, target: Scalar, name: str, state: Scalar, rate: Scalar) -> Result:
+    """dw/dt = rate sgn(target - w); over a step, at most rate times step."""
+    if c.step is None:
+        return Result(state, {name: rate * smooth.sign(target - state, c.width)}, {name: target})
+    most = rate * c.step
+    after = state + smooth.clip(target - state, -most, most, c.width)
+    return Result(after, starts={name: target}, next={name: after})
+
+
+def bristle(c: Namespace, name: str, state: Scalar, distance: Scalar) -> Result:
+    """Dahl's: distance dz/dt = v - |v| z; over a step with v held, z tends to sgn v exponentially."""
+    way, side = smooth.magnitude(c.v, c.width), smooth.sign(c.v, c.width)
+    if c.step is None:
+        return Result(state, {name: (c.v - way * state) / distance}, {name: side})
+    after = side + (state - side) * ca.exp(-way * c.step / distance)
+    return Result(after, starts={name: side}, next={name: after})

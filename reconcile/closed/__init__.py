@@ -1,0 +1,10 @@
+"""A third-party FMU as the model: a closed box, to which effects attach at its ports only.
+
+box       the FMU: its inputs, outputs and parameters, and simulation of it
+port      effects in front of its inputs, behind its outputs or on a disturbance input, as a model
+candidates  which effects of the catalogue fit which port
+problem   simulation error of box and ports over whole recordings, and its least-squares fit
+search    one effect after the other, accepted by the rules of reconcile/evidence.py; rivals
+report    the figures in the form of the contract
+wrap      an SSP of the FMU with the effects at its ports
+"""

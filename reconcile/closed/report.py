@@ -1,0 +1,157 @@
+"""`slewright reconcile` on a closed FMU: the figures of the contract, and DIR/model with the wrapped FMU."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from reconcile.closed import candidates, wrap
+from reconcile.closed.box import Box
+from reconcile.closed.problem import ClosedFit, ClosedProblem
+from reconcile.closed.search import ClosedAnswer, ClosedSearch, names, sample, standard_errors
+from reconcile.data import Run, split
+from reconcile.model import Attached
+from reconcile.verdict import AT_FLOOR, MOVED, SEEN, WHITE
+
+Report = Callable[..., None]
+
+
+def examine(
+    box: Box,
+    runs: Sequence[Run],
+    confirm: Sequence[Run] = (),
+    holdout: Sequence[Run] = (),
+    report: Report | None = None,
+) -> tuple[dict[str, Any], ClosedProblem, ClosedAnswer]:
+    """Find and name, without writing: the report's figures, the problem and the answer."""
+    problem = ClosedProblem(box, split(runs, confirm, holdout))
+    answer = ClosedSearch(problem, report).run()
+    return build(problem, answer), problem, answer
+
+
+def build(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:
+    """Everything that report.json holds except seed, versions and time."""
+    fitted = answer.fitted
+    own = list(names(fitted))
+    moved = _moved(problem, fitted)
+    missing = _unmoved(problem)
+    verdict, sentence, residual = _judge(answer, moved, missing)
+    return {
+        "verdict": verdict,
+        "sentence": sentence,
+        "effects": [_effect(problem, answer, a) for a in fitted.effects],
+        "residual_status": residual,
+        "alternatives": [own, *(list(names(f)) for f in answer.alternatives)] if own else [],
+        "reestimated": moved,
+        "nuisances": {r.name: {"mended": list(r.notes)} for r in problem.runs if r.notes},
+        "untold": candidates.untold(problem.box, problem.recorded),
+        "where": [],
+        "gap": _gaps(problem, answer),
+        "iso18571": None,
+        "next_experiment": None,
+        "considered": answer.refused,
+    }
+
+
+def write(problem: ClosedProblem, answer: ClosedAnswer, out: Path) -> dict[str, str]:
+    """DIR/model with the FMU in an SSP with its effects: {"folder", "ssp"}."""
+    ssp = wrap.write(problem, answer.fitted, out / "model")
+    return {"folder": "model", "ssp": str(ssp.relative_to(out))}
+
+
+def _judge(answer: ClosedAnswer, moved: dict, missing: list[str]) -> tuple[str, str, str]:
+    fitted, s = answer.fitted, sample(answer.fitted)
+    rms = float(np.sqrt(fitted.squares("fit") / s.count))
+    left = "unexplained" if rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
+    said = " and ".join(names(fitted))
+    if said and answer.alternatives:
+        others = "; ".join(" and ".join(names(f)) for f in answer.alternatives)
+        return "ambiguous", f"{said}, or as well: {others}.", left
+    if said:
+        rest = "" if left == "at_floor" else "; something unexplained remains"
+        return "named", f"The FMU lacks {said} at its ports{rest}.", left
+    if missing:
+        return "insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left
+    if left == "unexplained":
+        return left, f"What is left is {rms:.3g} times the noise, and no effect at a port explains it.", left
+    if moved:
+        return "reestimated", f"The FMU fits with other values of {', '.join(moved)}.", left
+    return "agrees", "FMU and recordings agree within the noise.", left
+
+
+def _unmoved(problem: ClosedProblem) -> list[str]:
+    """Inputs that are constant, and outputs that hardly move."""
+    found = []
+    for n in (n for n in problem.box.ports.controls if n in problem.recorded):
+        if max(float(np.ptp(r.inputs[n].values)) for r in problem.runs) == 0.0:
+            found.append(f"input {n} is constant; drive it")
+    for n, level in problem.sigma.items():
+        if max(float(np.std(r.outputs[n].values)) for r in problem.runs) < SEEN * level:
+            found.append(f"output {n} moves by less than {SEEN:g} times its noise")
+    return found
+
+
+def _moved(problem: ClosedProblem, fitted: ClosedFit) -> dict[str, dict]:
+    """Parameters of the FMU that the fit moved by more than their errors and by more than 1 %."""
+    units = {v.name: v.unit for v in problem.box.model.parameters}
+    found = {}
+    for f, se in zip(fitted.free, standard_errors(fitted), strict=True):
+        if f.prior is None:
+            continue
+        new, old = fitted.values[f.name], f.prior[0]
+        if abs(new - old) > MOVED * se and abs(new - old) > 0.01 * abs(old):
+            interval = [new - 1.96 * float(se), new + 1.96 * float(se)]
+            found[f.name] = {"old": old, "new": new, "unit": units[f.name], "ci95": interval}
+    return found
+
+
+def _effect(problem: ClosedProblem, answer: ClosedAnswer, a: Attached) -> dict[str, Any]:
+    fitted = answer.fitted
+    errors = dict(zip((f.name for f in fitted.free), standard_errors(fitted), strict=True))
+    units = candidates.units(a, problem.box)
+    parameters = {}
+    for q in a.effect.parameters:
+        value, half = fitted.values[a.name(q.name)], 1.96 * float(errors[a.name(q.name)])
+        interval = [value - half, value + half]
+        parameters[q.name] = {"value": value, "unit": q.unit.format(**units), "ci95": interval}
+    sure = all(a.effect.name in names(f) for f in answer.alternatives)
+    gain_fit, gain_confirm = answer.gains[a.key]
+    return {
+        "name": a.effect.name,
+        "place": a.effect.place,
+        "subsystem": problem.box.model.name,
+        "port": a.port,
+        "verdict": "named" if sure else "ambiguous",
+        "equation": a.effect.equation,
+        "parameters": parameters,
+        "gain_fit": gain_fit,
+        "gain_confirm": gain_confirm,
+    }
+
+
+def _gaps(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:
+    """Error above the floor on the held-out part, over whole recordings from the FMU's own start."""
+    start = {f.name: f.prior[0] for f in problem.base if f.prior}
+    stages = {
+        "nominal": problem.errors((), start),
+        "reestimated": answer.base.errors,
+        "after": answer.fitted.errors,
+    }
+    units = {v.name: v.unit for v in problem.box.model.outputs}
+    horizon = float(np.mean([r.end_s - r.start_s for r in problem.runs]))
+    found = {}
+    for n, level in problem.sigma.items():
+        above = {}
+        for stage, errors in stages.items():
+            e = np.concatenate([v for (_, output), v in errors["holdout"].items() if output == n])
+            above[stage] = level * float(np.sqrt(max(0.0, float(np.mean(e**2)) - 1.0)))
+        found[n] = {
+            "unit": units[n],
+            "horizon_s": round(horizon, 4),
+            "floor": level,
+            "floor_source": "high-pass estimate",
+            **above,
+            "run": "holdout",
+        }
+    return found

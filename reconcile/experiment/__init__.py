@@ -1,0 +1,1 @@
+"""The experiment that would settle a doubt: chosen within the limits, with its predicted margin."""

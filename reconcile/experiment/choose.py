@@ -1,0 +1,131 @@
+"""Which experiment to drive next: the one that tells best what is worst told.
+
+A spread of excitations is played with every candidate; what leaves the limits is made smaller until it does
+not.  The best are varied at random.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from reconcile.experiment.excitation import SHAPES, Excitation
+from reconcile.experiment.predict import Bench, Played
+from reconcile.fit.solve import Fitted
+
+AMPLITUDES = (1.0, 0.3)
+PERIODS_S = (1.5, 5.0, 12.0)
+DURATIONS_S = (20.0, 40.0)
+TRIES = 3  # of making an excitation smaller until it stays within the limits
+TIGHTER = 0.9
+SMALLEST = 0.01  # of an input's range: less is no excitation
+VARIED, ROUNDS = 3, 4  # of the best excitations, and how often each
+FEW_STATES = 6  # beyond which fewer excitations are tried, for the time that each takes
+SEED = 1
+
+# The margins of an excitation, one for each thing to be told (a pair, a parameter).
+Judge = Callable[[Bench, Sequence[Played]], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Rated:
+    """An excitation with its margins, and its plays by candidate."""
+
+    excitation: Excitation
+    margins: np.ndarray
+    played: tuple[Played, ...]
+
+
+def best(bench: Bench, fits: Sequence[Fitted], judge: Judge, enough: float, report=None) -> list[Rated]:
+    """Excitations that stay within the limits with every one of `fits`, best first.
+
+    What no excitation tells by `enough` does not count: the rest is told as well as can be.
+    """
+    said = report or (lambda *_: None)
+    first, rated = spread(bench), []
+    total = len(first) + VARIED * ROUNDS
+    for done, e in enumerate(first):
+        said("next experiment", done, total)
+        rated += _rate(bench, e, fits, judge)
+    rng = np.random.default_rng(SEED)
+    for turn in range(ROUNDS):
+        for i, r in enumerate(ranked(rated, enough)[:VARIED]):
+            said("next experiment", len(first) + turn * VARIED + i, total)
+            rated += _rate(bench, _varied(r.excitation, rng), fits, judge)
+    return ranked(rated, enough)
+
+
+def ranked(rated: Sequence[Rated], enough: float) -> list[Rated]:
+    """Best first, by the smallest margin of what can be told at all."""
+    if not rated:
+        return []
+    told = tellable(rated, enough)
+    return sorted(rated, key=lambda r: -float(np.min(r.margins[told])))
+
+
+def tellable(rated: Sequence[Rated], enough: float) -> np.ndarray:
+    """Which margins any excitation brings above `enough`; all, if none."""
+    told = np.max([r.margins for r in rated], axis=0) >= enough
+    return told if told.any() else np.ones_like(told)
+
+
+def spread(bench: Bench) -> list[Excitation]:
+    """Excitations of all shapes to begin with, for each input alone and for all together."""
+    rng = np.random.default_rng(SEED)
+    inputs = list(bench.limits.inputs)
+    driven = [(n,) for n in inputs] + ([tuple(inputs)] if len(inputs) > 1 else [])
+    starts = [(), *_starts(bench)]
+    found = [
+        Excitation(
+            kind,
+            chosen,
+            amplitude,
+            float(rng.choice(PERIODS_S)),
+            float(rng.choice((0.0, 0.0, 0.25, -0.25))) * amplitude,
+            float(rng.choice(DURATIONS_S)),
+            int(rng.integers(1, 1000)),
+            starts[int(rng.integers(len(starts)))],
+        )
+        for chosen in driven
+        for kind in SHAPES
+        for amplitude in AMPLITUDES
+    ]
+    large = len(bench.study.model.states) > FEW_STATES
+    return found[:: 2 * len(driven) - 1] if large or len(driven) > 1 else found
+
+
+def _starts(bench: Bench) -> list[tuple[tuple[str, float], ...]]:
+    """Each position in the middle of its range, where the machine can be put there."""
+    if bench.fixed_start:
+        return []
+    limits = bench.limits
+    middles = [(n, 0.5 * (limits.outputs[n].low + limits.outputs[n].high)) for n in limits.places]
+    return [tuple((n, float(m)) for n, m in middles if np.isfinite(m))] if middles else []
+
+
+def _rate(bench: Bench, e: Excitation, fits: Sequence[Fitted], judge: Judge) -> list[Rated]:
+    """The excitation, made smaller until every candidate stays within the limits; none if that fails."""
+    for _ in range(TRIES):
+        played = [p for f in fits if (p := bench.play(e, f)) is not None]
+        if len(played) < len(fits) or not all(bench.rests(e, p) for p in played):
+            return []
+        excess = max(bench.excess(p) for p in played)
+        if excess <= 1.0:
+            return [Rated(e, np.asarray(judge(bench, played)), tuple(played))]
+        share = TIGHTER / excess
+        e = replace(e, amplitude=share * e.amplitude, offset=share * e.offset)
+        if e.amplitude < SMALLEST:
+            return []
+    return []
+
+
+def _varied(e: Excitation, rng: np.random.Generator) -> Excitation:
+    """Another one near it."""
+    return replace(
+        e,
+        amplitude=float(min(1.0, e.amplitude * np.exp(0.4 * rng.standard_normal()))),
+        period_s=float(np.clip(e.period_s * np.exp(0.5 * rng.standard_normal()), 0.5, 20.0)),
+        offset=float(np.clip(e.offset * np.exp(0.5 * rng.standard_normal()), -0.5, 0.5)),
+        duration_s=max(DURATIONS_S),
+        seed=int(rng.integers(1, 1000)),
+    )

@@ -1,0 +1,211 @@
+"""What an experiment would show: played with fitted models, and how far apart that sets two of them.
+
+The margin of a pair is twice the difference in log-likelihood that recordings and experiment together will
+show between the true set and its rival, once the rival is fitted to both.  It is worked out to first order:
+what the true set's outputs differ by is freed of what the rival's parameters and initial states could make
+up for; that the recordings at hand hold the rival's parameters counts in full.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from reconcile import evidence
+from reconcile.data import WHOLE, Block, Run, Signal, split
+from reconcile.experiment.excitation import LEAD_S, Excitation, commands, smooth
+from reconcile.experiment.limits import Limits
+from reconcile.fit import whitening
+from reconcile.fit.problem import Point, Problem
+from reconcile.fit.solve import Fitted
+from reconcile.fit.windows import STEP_S, WINDOW_S, Window, cut
+from reconcile.study import Study, unique
+
+FOLLOWS_S = 0.5  # lag, twice, of an input that another follows: it is moved by a machine
+RESTS = 0.05  # of the motion: a machine that moves less by itself stays where it is
+
+
+@dataclass(frozen=True)
+class Played:
+    """An experiment as a fitted set of effects predicts it: the run, and states [n + 1, NX] at `step_s`."""
+
+    run: Run
+    states: np.ndarray
+    step_s: float
+
+    def at(self, time_s: float) -> np.ndarray:
+        """States at a time."""
+        return self.states[min(round(time_s / self.step_s), len(self.states) - 1)]
+
+
+class Bench:
+    """Plays excitations with the fitted sets of a study; inputs change every `tick_s`.
+
+    `fixed_start`: the machine cannot be asked to start elsewhere than in the recordings.
+    """
+
+    def __init__(self, study: Study, limits: Limits, tick_s: float, fixed_start: bool = False):
+        self.study, self.limits, self.tick_s, self.fixed_start = study, limits, tick_s, fixed_start
+        self.runs = unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
+        self.period_s = min(r.period_s for r in self.runs)
+
+    # ---------------------------------------------------------------- playing
+
+    def inputs(self, chosen: Excitation) -> dict[str, Signal]:
+        """The inputs over time: those driven, what follows from them, and the others as they were."""
+        limits, tick = self.limits, self.tick_s
+        told = commands(chosen, limits.inputs, tick)
+        for rate, place in limits.followers.items():
+            told[rate] = smooth(told[rate], FOLLOWS_S / tick)
+            told[place] = limits.held[place] + tick * np.cumsum(told[rate])
+        time = tick * np.arange(len(next(iter(told.values()))))
+        for name, value in limits.held.items():
+            told.setdefault(name, np.full(len(time), value))
+        return {n: Signal(time, u) for n, u in told.items()}
+
+    def play(self, chosen: Excitation, fitted: Fitted) -> Played | None:
+        """The whole experiment from rest, without noise; None if the model runs away."""
+        time = np.arange(0.0, chosen.duration_s - 1e-9, self.period_s)
+        first = self.limits.start | dict(chosen.start)
+        rest = {n: Signal(time, np.full(len(time), y)) for n, y in first.items()}
+        run = Run("experiment", 0.0, chosen.duration_s, self.inputs(chosen), rest)
+        h = self._step()
+        zero = {n: np.zeros(len(time)) for n in rest}
+        window = Window(run, 0.0, int(np.ceil(chosen.duration_s / h)), h, dict.fromkeys(rest, time), zero)
+        problem = self._problem([window])
+        point = self._point(problem, fitted)
+        found = problem.simulate(point, 0)
+        if found is None:
+            return None
+        errors, _ = problem.compare(point, 0, found[1], None, ())
+        outputs = {n: Signal(time, -e * problem.sigma[n]) for n, e in errors.items()}
+        return Played(replace(run, outputs=outputs), found[0], h)
+
+    def excess(self, played: Played) -> float:
+        """By what factor the outputs leave their limits, seen from their start; at most 1 if they do not."""
+        moving = {**played.run.inputs, **played.run.outputs}
+        return max(limit.excess(moving[n].values) for n, limit in self.limits.outputs.items())
+
+    def rests(self, chosen: Excitation, played: Played) -> bool:
+        """Whether the machine stays where the experiment starts until it is driven."""
+        for name, place in chosen.start:
+            signal = played.run.outputs[name]
+            moved = np.abs(signal.values[signal.time < LEAD_S] - place)
+            if np.max(moved) > RESTS * np.ptp(signal.values) + 3.0 * self.study.floors[name].level:
+                return False
+        return True
+
+    def _step(self) -> float:
+        model = self.study.model
+        return model.step if model.kind == "discrete" else float(np.clip(0.5 * self.period_s, *STEP_S))
+
+    def _problem(self, windows: list[Window]) -> Problem:
+        known = self.study.fit_problem
+        problem = Problem(self.study.compiled, windows, known.sigma)
+        problem.set_scale(known.scale)
+        return problem
+
+    def _point(self, problem: Problem, fitted: Fitted) -> Point:
+        """Initial states from the outputs, parameters and effects of a fit."""
+        start = problem.start(self.study.named(fitted.point.p))
+        return problem.with_present(start, fitted.point.present)
+
+    # ---------------------------------------------------------------- what a later fit will see
+
+    def windows(self, played: Played) -> list[Window]:
+        """The windows of the new run that a later fit will take, dealt as recordings are."""
+        whole = len(self.runs) + 1 >= WHOLE or _whole(self.study)
+        blocks: tuple[Block, ...] = (Block(played.run, played.run.start_s, played.run.end_s),)
+        if not whole:
+            parts = split([played.run], (), ())
+            blocks = (*parts.fit, *parts.confirm)
+        step = self.study.model.step if self.study.model.kind == "discrete" else None
+        return cut(blocks, WINDOW_S, step)
+
+    def there(self, played: Played, fitted: Fitted, whiten: bool = True) -> tuple[Problem, Point]:
+        """The fit's problem on the new run, at a fit's parameters and the states that were played."""
+        problem = self._problem(self.windows(played))
+        point = self._point(problem, fitted)
+        x0 = point.x0.copy()
+        own = len(self.study.model.states)
+        for k, window in enumerate(problem.windows):
+            x0[k, :own] = played.at(window.start_s)[:own]
+        point = replace(point, x0=x0)
+        noise = getattr(self.study, "noise", None)
+        if whiten and noise is not None and noise.present:
+            problem.whiteners = whitening.transferred(noise, problem, point).whiteners()
+        return problem, point
+
+    # ---------------------------------------------------------------- margins
+
+    def margin(self, played: Played, truth: Fitted, rival: Fitted, whiten: bool = True) -> float:
+        """Predicted margin of `truth`, whose play it is, over `rival`, to first order; see the module."""
+        problem, point = self.there(played, rival, whiten)
+        linear = problem.linear(point, [problem.parameter(f.name) for f in rival.free])
+        if linear is None:
+            return np.inf  # the rival cannot even be simulated
+        left = remaining(self.study, linear.errors, linear.slopes, rival)
+        return gain(truth, rival.cost - truth.cost + left, len(linear.errors))
+
+    def refitted(self, played: Played, truth: Fitted, rival: Fitted) -> float:
+        """The same with both sets really fitted to recordings and experiment together."""
+        costs = []
+        for fitted in (truth, rival):
+            found = self._joint(played, fitted)
+            if found is None:
+                return self.margin(played, truth, rival)
+            costs.append(found.cost)
+        samples = sum(len(s.values) for s in played.run.outputs.values())
+        return gain(truth, costs[1] - costs[0], samples)
+
+    def _joint(self, played: Played, fitted: Fitted) -> Fitted | None:
+        """A fit to the recordings and the played run."""
+        study, known = self.study, self.study.fit_problem
+        problem, point = self.there(played, fitted)
+        joint = self._problem([*known.windows, *problem.windows])
+        if known.whiteners is not None or problem.whiteners is not None:
+            joint.whiteners = [*_whiteners(known), *_whiteners(problem)]
+        start = replace(fitted.point, x0=np.vstack([fitted.point.x0, point.x0]))
+        study.fit_problem = joint
+        try:
+            return study.fit_set(start, fitted.point.present, {})
+        finally:
+            study.fit_problem = known
+
+
+def _whiteners(problem: Problem) -> list:
+    return problem.whiteners or [lambda values: values] * len(problem.windows)
+
+
+def gain(truth: Fitted, more: float, samples: int) -> float:
+    """Twice the log-likelihood that `more` cost is worth, with new `samples` and noise as `truth` met it."""
+    s = evidence.sample(truth)
+    count = s.count + samples
+    expected = count * max(1.0, truth.linear.cost / max(1, s.count))
+    return evidence.likelihood_gain(max(expected + more, 1e-9), expected, evidence.Sample(count, s.share))
+
+
+def information(fitted: Fitted) -> np.ndarray:
+    """Of the free parameters, from recordings and priors [K, K]."""
+    found = fitted.linear.slopes.T @ fitted.linear.slopes
+    return found + np.diag([1.0 / f.prior[1] ** 2 if f.prior else 0.0 for f in fitted.free])
+
+
+def remaining(study: Study, errors: np.ndarray, slopes: np.ndarray, fitted: Fitted) -> float:
+    """Squares left of new `errors`, and lost on the old ones, once the free parameters moved (in bounds)."""
+    if not fitted.free:
+        return float(errors @ errors)
+    size = np.array([f.size for f in fitted.free])
+    values, vectors = np.linalg.eigh(information(fitted) * np.outer(size, size))
+    held = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    q, r = np.linalg.qr(np.vstack([slopes * size, held]))
+    target = q.T @ np.concatenate([errors, np.zeros(len(size))])
+    outside = float(errors @ errors) - float(target @ target)
+    now = np.array([fitted.point.p[study.extended.index[f.name]] for f in fitted.free])
+    low, high = (np.array([getattr(f, end) for f in fitted.free]) for end in ("low", "high"))
+    room = (np.minimum((low - now) / size, -1e-9), np.maximum((high - now) / size, 1e-9))
+    return max(0.0, outside) + 2.0 * float(lsq_linear(r, target, room).cost)
+
+
+def _whole(study: Study) -> bool:
+    return all(b.start_s <= b.run.start_s and b.end_s >= b.run.end_s for b in study.parts.fit)

@@ -1,0 +1,148 @@
+"""The next experiment of a report: for an ambiguous answer, and where recordings move too little."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from learning.collection.plan import PERIOD_S
+from reconcile import untold
+from reconcile.experiment import plan, say
+from reconcile.experiment.choose import Rated, best, ranked
+from reconcile.experiment.judges import Pairs, Unseen, difference
+from reconcile.experiment.limits import limits_of
+from reconcile.experiment.predict import Bench
+from reconcile.search import CLOSE, Answer, Key
+from reconcile.study import Study
+from specs.errors import InputError
+
+JUDGED = 2  # of the best excitations, by real fits
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What report.json says of it, and the inputs over time [n] at `tick_s`."""
+
+    figures: dict[str, Any]
+    tick_s: float
+    commands: Mapping[str, np.ndarray]
+
+
+def propose(study: Study, answer: Answer, verdict: str, report=None) -> Proposal | None:
+    """The experiment that settles `verdict`; None for a verdict that leaves nothing to settle.
+
+    Raises InputError where an input of the model has neither stated nor recorded limits.
+    """
+    if verdict == "ambiguous":
+        return _between(study, answer, report)
+    if verdict == "insufficient_excitation":
+        return _for_parameters(study, answer, report)
+    return None
+
+
+def _between(study: Study, answer: Answer, report) -> Proposal | None:
+    sets = [answer.present, *answer.alternatives]
+    fits = [answer.tried.fits[Key(s)] for s in sets]
+    bench, judge = _bench(study, wide=False), Pairs(fits)
+    rated = [_judged(bench, judge, r) for r in best(bench, fits, judge, CLOSE, report)[:JUDGED]]
+    pairs = [difference(sets[i], sets[k]) for i, k in judge.pairs]
+    if not rated:
+        return Proposal(_none(say.no_room(bench.limits)), bench.tick_s, {})
+    chosen = ranked(rated, CLOSE)[0]
+    figures = _figures(bench, chosen)
+    figures["pairs"] = [
+        {"one": a, "other": b, "predicted_margin": float(m)}
+        for (a, b), m in zip(pairs, chosen.margins, strict=True)
+    ]
+    told = chosen.margins >= CLOSE
+    figures["separable"] = bool(told.all())
+    apart = [(sets[i], sets[k]) for (i, k), t in zip(judge.pairs, told, strict=True) if not t]
+    figures["sensors"] = say.sensors(apart)
+    figures["sentence"] = say.between(study, figures, bench.limits)
+    return _proposal(bench, chosen, figures)
+
+
+def _judged(bench: Bench, judge: Pairs, r: Rated) -> Rated:
+    """The same excitation with margins by real fits."""
+    return Rated(r.excitation, judge.refitted(bench, r.played), r.played)
+
+
+def _for_parameters(study: Study, answer: Answer, report) -> Proposal | None:
+    names = [str(row["parameter"]) for row in untold.unseen(study, answer.base)]
+    wanted = [study.base(n) for n in names] or list(study.base_free)
+    if not wanted:
+        return None
+    try:
+        bench = _bench(study, wide=True)
+    except InputError as error:
+        return Proposal(_none(f"{error}."), 0.0, {})
+    rated = best(bench, [answer.base], Unseen(answer.base, wanted), CLOSE, report)
+    if not rated:
+        return Proposal(_none(say.no_room(bench.limits)), bench.tick_s, {})
+    chosen = rated[0]
+    figures = _figures(bench, chosen) | {"pairs": []}
+    figures["parameters"] = [
+        {"name": f.name, "predicted_margin": float(m)} for f, m in zip(wanted, chosen.margins, strict=True)
+    ]
+    figures["separable"] = bool((chosen.margins >= CLOSE).all())
+    figures["sentence"] = say.parameters(study, figures, bench.limits)
+    return _proposal(bench, chosen, figures)
+
+
+def _bench(study: Study, wide: bool) -> Bench:
+    machine = plan.drivable(study.folder)
+    signals = [
+        s for b in study.parts.fit for n, s in b.run.inputs.items() if n in study.folder.ports.controls
+    ]
+    tick = PERIOD_S if machine else round(min(s.period_s for s in signals), 6)
+    limits = limits_of(study, wide, plan.kept() if machine else None)
+    return Bench(study, limits, tick, fixed_start=machine)
+
+
+def _span(chosen: Rated, name: str) -> list[float]:
+    """Range of an output over the plays of all candidates."""
+    values = np.concatenate([p.run.outputs[name].values for p in chosen.played])
+    return [float(np.min(values)), float(np.max(values))]
+
+
+def _figures(bench: Bench, chosen: Rated) -> dict[str, Any]:
+    e, told = chosen.excitation, chosen.margins >= CLOSE
+    counted = chosen.margins[told] if told.any() else chosen.margins
+    span = {n: _span(chosen, n) for n in bench.limits.start}
+    return {
+        "input": ", ".join(e.inputs),
+        "excitation": e.as_dict(),
+        "ranges": {n: list(r) for n, r in bench.limits.inputs.items()},
+        "held": bench.limits.held,
+        "tick_s": bench.tick_s,
+        "duration_s": e.duration_s,
+        "predicted_margin": float(np.min(counted)),
+        "needed_margin": CLOSE,
+        "predicted_range": span,
+        "limits": {
+            n: {"low": v.low, "high": v.high, "source": v.source} for n, v in bench.limits.outputs.items()
+        },
+        "plan": plan.PLAN,
+        "table": plan.TABLE,
+    }
+
+
+def _none(sentence: str) -> dict[str, Any]:
+    """No experiment, and why."""
+    empty = {"excitation": None, "input": "", "duration_s": 0.0, "predicted_margin": 0.0, "pairs": []}
+    return empty | {
+        "sentence": sentence,
+        "separable": False,
+        "needed_margin": CLOSE,
+        "plan": None,
+        "table": None,
+    }
+
+
+def _proposal(bench: Bench, chosen: Rated, figures: dict[str, Any]) -> Proposal:
+    """With the inputs over time; without them and without files, if that tells nothing."""
+    if figures["predicted_margin"] < CLOSE:
+        return Proposal(figures | {"plan": None, "table": None}, bench.tick_s, {})
+    told = {n: s.values for n, s in bench.inputs(chosen.excitation).items()}
+    return Proposal(figures, bench.tick_s, told)

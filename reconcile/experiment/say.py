@@ -1,0 +1,109 @@
+"""The next experiment in one or two sentences."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from reconcile.experiment.excitation import of_dict
+from reconcile.experiment.limits import Limits
+from reconcile.model import Attached
+from reconcile.study import Study
+
+KINDS = {
+    "steps": "random steps of up to {a}, each held for about {p}",
+    "reversals": "full reversals of ±{a}, from one in {p} to four",
+    "triangle": "a triangle of ±{a} and {p}",
+    "sine": "a sine of ±{a} and {p}",
+    "multisine": "a multisine of ±{a} from {p} to a sixteenth of it",
+    "chirp": "a sweep of ±{a} from twice {p} to a quarter of it",
+    "creep": "rest and slow slopes to ±{a}, a cycle in {p}",
+    "strokes": "strokes of ±{a} with rests between, a cycle in {p}",
+}
+WHERE = ("input", "hydraulic", "force", "inertia", "coupling", "output")
+SENSORS = {
+    "input": "of what really arrives behind {port}",
+    "hydraulic": "of the pressures at {port}",
+    "force": "of the force or torque at {port}",
+    "inertia": "of the force or torque at {port}",
+    "coupling": "of the force or torque at {port}",
+    "output": "of {port} a second time, of another kind",
+}
+
+
+def drive(study: Study, figures: dict[str, Any]) -> str:
+    """What to drive."""
+    e = of_dict(figures["excitation"])
+    units = {v.name: v.unit for v in study.model.inputs}
+    low, high = figures["ranges"][e.inputs[0]]
+    half, unit = 0.5 * (high - low), units[e.inputs[0]]
+    shown = "" if unit == "1" else f" {unit}"
+    text = KINDS[e.kind].format(a=f"{e.amplitude * half:.3g}{shown}", p=f"{e.period_s:.3g} s")
+    centre = 0.5 * (low + high) + e.offset * half
+    around = f" about {centre:.3g}{shown}" if abs(centre) > 1e-9 * half else ""
+    begin = "".join(f", {n} starting from {v:.3g}" for n, v in e.start)
+    return f"drive {' and '.join(e.inputs)} with {text}{around} for {e.duration_s:g} s{begin}"
+
+
+def between(study: Study, figures: dict[str, Any], limits: Limits) -> str:
+    """For candidates that cannot be told apart."""
+    needed = figures["needed_margin"]
+    told = [p for p in figures["pairs"] if p["predicted_margin"] >= needed]
+    untold = [p for p in figures["pairs"] if p["predicted_margin"] < needed]
+    parts = []
+    if told:
+        what = "; ".join(_pair(p) for p in told)
+        least = min(p["predicted_margin"] for p in told)
+        parts.append(
+            f"To tell {what} apart, {drive(study, figures)}: a margin of "
+            f"{least:.3g} is predicted, {needed:g} is needed.{_range(figures, limits)}"
+        )
+    if untold:
+        what = "; ".join(_pair(p) for p in untold)
+        would = f"; a sensor {figures['sensors'][0]} would" if figures["sensors"] else ""
+        parts.append(f"No excitation within the limits tells {what} apart{would}.")
+    return " ".join(parts)
+
+
+def parameters(study: Study, figures: dict[str, Any], limits: Limits) -> str:
+    """For parameters that the recordings do not show."""
+    needed = figures["needed_margin"]
+    told = [p["name"] for p in figures["parameters"] if p["predicted_margin"] >= needed]
+    untold = [p["name"] for p in figures["parameters"] if p["predicted_margin"] < needed]
+    parts = []
+    if told:
+        parts.append(f"To see {', '.join(told)}, {drive(study, figures)}.{_range(figures, limits)}")
+    if untold:
+        parts.append(f"No excitation within the limits shows {', '.join(untold)} in these outputs.")
+    return " ".join(parts)
+
+
+def no_room(limits: Limits) -> str:
+    """Where every excitation leaves the limits."""
+    listed = ", ".join(f"{n} {v.low:.3g} … {v.high:.3g} ({v.source})" for n, v in limits.outputs.items())
+    return f"No excitation stays within the limits: {listed}; state wider ones as min and max in model.py."
+
+
+def sensors(apart: Sequence[tuple[Sequence[Attached], Sequence[Attached]]]) -> list[str]:
+    """Where a further sensor would tell sets apart: at the first port at which they differ."""
+    found = []
+    for one, other in apart:
+        differing = [a for a in (*one, *other) if (a in one) != (a in other)]
+        differing.sort(key=lambda a: WHERE.index(a.effect.place))
+        if differing:
+            first = differing[0]
+            found.append(SENSORS[first.effect.place].format(port=first.port))
+    return list(dict.fromkeys(found))
+
+
+def _pair(p: dict[str, Any]) -> str:
+    one, other = (" and ".join(p[k]) or "its absence" for k in ("one", "other"))
+    return f"{one} and {other}"
+
+
+def _range(figures: dict[str, Any], limits: Limits) -> str:
+    """What was taken for a limit, where nothing is stated."""
+    loose = [n for n, v in limits.outputs.items() if v.source == "none"]
+    if not loose:
+        return ""
+    spans = figures["predicted_range"]
+    moved = ", ".join(f"{n} from {spans[n][0]:.3g} to {spans[n][1]:.3g}" for n in loose)
+    return f" No limits of the outputs are stated; with the model as it is {moved} are expected."

@@ -1,0 +1,162 @@
+"""SINDy (Brunton, Proctor, Kutz, PNAS 113 (2016) 3932) with pysindy, its terms read as effects.
+
+For every axis of the model: the measured speed is differentiated (smoothed finite differences) and regressed
+on a library of its position, speed and the inputs (STLSQ, the threshold chosen by BIC).  The same is done
+with what the fitted plain model predicts at the same instants; a term that is in the first and not in the
+second is read as the effect that it stands for.  It is a generous reading: thresholds of dead zones and
+limits are in the library on a grid, and a term needs no right coefficient.  It cannot say what no such term
+stands for: delays, lags, play, sensors.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from reconcile.data import Parts, Signal
+from reconcile.fit.solve import Fitted
+from reconcile.fit.windows import Window
+from reconcile.model import Folder
+from reconcile.ports import Axis
+from reconcile.study import Study
+
+THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # of a term's share of the acceleration (rms)
+Columns = dict[
+    str, np.ndarray
+]  # library: "effect: term" -> values; a term without effect has none before ":"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """An axis in one window: times, position, speed, inputs."""
+
+    time: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    inputs: dict[str, np.ndarray]
+
+
+def name(folder: Folder, parts: Parts) -> list[str]:
+    """Names of the effects that stand in the equations found, strongest first."""
+    study = Study(folder, parts, catalogue=())
+    base = study.fit_set(study.fit_problem.start(study.values), (), {})
+    found: dict[str, float] = {}
+    for axis in folder.ports.axes:
+        measured = list(_motions(study, axis, None))
+        plain = [] if base is None else list(_motions(study, axis, base))
+        known = {effect for effect, _ in terms(plain)}
+        for effect, share in terms(measured):
+            if effect not in known:
+                found[effect] = max(share, found.get(effect, 0.0))
+    return sorted(found, key=lambda e: -found[e])
+
+
+def terms(motions: Sequence[Motion]) -> list[tuple[str, float]]:
+    """Effects in the sparse equation of an axis, and their terms' share of its acceleration."""
+    if not motions:
+        return []
+    parts = [library(m) for m in motions]
+    names = list(parts[0])
+    columns = np.column_stack([np.concatenate([p[n] for p in parts]) for n in names])
+    wanted = np.concatenate([_derivative(m) for m in motions])
+    size = np.sqrt(np.mean(columns**2, axis=0))
+    seen = np.flatnonzero(size > 1e-9 * size.max())
+    scale = float(np.sqrt(np.mean(wanted**2))) or 1.0
+    shares = _sparse(columns[:, seen] / size[seen], wanted / scale)
+    chosen = [(names[i].split(":")[0], float(s)) for i, s in zip(seen, np.abs(shares), strict=True) if s > 0]
+    return [(effect, share) for effect, share in chosen if effect]
+
+
+def library(m: Motion) -> Columns:
+    """Terms of one axis; before the colon stands the effect that a term is read as."""
+    q, v, top = m.q, m.v, float(np.quantile(np.abs(m.v), 0.98)) or 1.0
+    found: Columns = {
+        ":v": v,
+        "constant_load:1": np.ones_like(v),
+        "stiffness:q": q,
+        "cubic_stiffness:q3": q**3,
+        "gravity_load:sin q": np.sin(q),
+        "coulomb_friction:sgn v": np.sign(v),
+        "stribeck_friction:sgn v exp": np.sign(v) * np.exp(-((v / (0.2 * top)) ** 2)),
+        "asymmetric_viscous_friction:|v|": np.abs(v),
+        "quadratic_drag:v|v|": v * np.abs(v),
+    }
+    for n, u in m.inputs.items():
+        most = float(np.abs(u).max()) or 1.0
+        found |= {
+            f":{n}": u,
+            f"asymmetric_gain:|{n}|": np.abs(u),
+            f"valve_flow_curve:{n}|{n}|": u * np.abs(u),
+        }
+        found[f"load_dependent_friction:|{n}| sgn v"] = np.abs(u) * np.sign(v)
+        found[f"pose_dependent_inertia:{n} cos q"] = u * np.cos(q)
+        for share in (0.1, 0.3):
+            found[f"input_dead_zone:{n} beyond {share}"] = np.sign(u) * np.maximum(
+                np.abs(u) - share * most, 0
+            )
+        for share in (0.5, 0.75):
+            found[f"input_saturation:{n} within {share}"] = np.clip(u, -share * most, share * most)
+    return found
+
+
+def _sparse(columns: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Coefficients [K] of scaled columns: STLSQ at the threshold with the lowest BIC."""
+    from pysindy import STLSQ
+
+    best, least = np.zeros(columns.shape[1]), np.inf
+    for threshold in THRESHOLDS:
+        fitted = STLSQ(threshold=threshold, alpha=1e-3).fit(columns, wanted[:, None])
+        c = np.asarray(fitted.coef_).ravel()
+        left = float(np.sum((wanted - columns @ c) ** 2))
+        bic = len(wanted) * np.log(max(left, 1e-300)) + np.count_nonzero(c) * np.log(len(wanted))
+        if bic < least:
+            best, least = c, bic
+    return best
+
+
+def _derivative(m: Motion) -> np.ndarray:
+    from pysindy import SmoothedFiniteDifference
+
+    return np.asarray(SmoothedFiniteDifference()(m.v[:, None], t=m.time)).ravel()  # type: ignore[arg-type]
+
+
+def _motions(study: Study, axis: Axis, fitted: Fitted | None) -> Iterator[Motion]:
+    """The axis in every window: as measured, or as the plain model's fit has it."""
+    problem = study.fit_problem
+    speed, place = (_shown(study.folder, s) for s in (axis.velocity, axis.position))
+    for k, window in enumerate(problem.windows):
+        values = dict(window.samples)
+        if fitted is not None:
+            raw = fitted.linear.raw[k]
+            values = {n: window.samples[n] - problem.sigma[n] * raw[n] for n in raw}
+        main = speed or place
+        if main is None or main not in values or len(window.times[main]) < 20:
+            continue
+        time = window.times[main]
+        v = values[main] if speed else np.gradient(values[main], time)
+        q = np.zeros(len(v))
+        if place is not None and place in values:
+            q = np.interp(time, window.times[place], values[place])
+        yield Motion(time, q, v, _inputs(study, window, time))
+
+
+def _inputs(study: Study, window: Window, time: np.ndarray) -> dict[str, np.ndarray]:
+    named = study.folder.ports.controls
+    return {n: _held(window.run.inputs[n], time) for n in named if n in window.run.inputs}
+
+
+def _held(signal: Signal, time: np.ndarray) -> np.ndarray:
+    at = np.searchsorted(signal.time, time + 1e-9, side="right") - 1
+    return signal.values[np.clip(at, 0, None)]
+
+
+def _shown(folder: Folder, state: str | None) -> str | None:
+    """The output that is a state itself."""
+    if state is None:
+        return None
+    x, u, m, p = folder.model.symbols
+    shown = folder.model.h(x, u, m, p)
+    i = folder.model.index("states", state)
+    same = [k for k in range(shown.numel()) if ca.is_equal(shown[k], x[i])]
+    return folder.model.outputs[same[0]].name if same else None

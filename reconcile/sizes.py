@@ -1,0 +1,162 @@
+"""Columns without a unit whose size says that they are in another one: degrees for radians, mm for m.
+
+What is looked at: the range that the model states for the variable; speed against position where both are
+recorded; and what the model itself answers to the recorded inputs.  A factor of 57.3 or 1000 is no missing
+effect and no wrong parameter; a column that states its unit is taken at its word.
+"""
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from fmus.definition import Model
+from fmus.discrete import DiscreteStepper
+from fmus.stepper import Stepper
+from records.measurement import Channel, Measurement
+from specs.errors import InputError, RunError
+from specs.units import UNITS, compatible
+
+FACTORS = (180.0 / np.pi, 1000.0)
+EXACT, ROUGH = 1.25, 2.0  # times which a ratio may be from a factor: of speeds, of a model's answer
+EVERY_S = 0.2  # changes over this are compared
+RANGE = 1.5  # times the stated range that a value may be
+LONGEST_S = 20.0  # of simulation for a comparison
+
+
+def check(measured: Measurement, channels: Mapping[str, Channel], folder, where: str) -> None:
+    """Raise InputError for a column without a unit whose size is off by 57.3 or 1000."""
+    bare = [n for n in channels if _unstated(measured, n)]
+    model = folder.model
+    variables = {v.name: v for v in (*model.inputs, *model.outputs)}
+    for n in (n for n in bare if variables[n].unit not in ("", "1")):
+        bounds = [abs(b) for b in (variables[n].min, variables[n].max) if b is not None]
+        size = float(np.max(np.abs(channels[n].values)))
+        limit = RANGE * max(bounds, default=np.inf)
+        if size > limit and any(size / f <= limit for f in FACTORS):
+            factor = next(f for f in FACTORS if size / f <= limit)
+            said = f"it reaches {size:.4g} where the model has {max(bounds):.4g} {variables[n].unit} at most"
+            raise InputError(_sentence(where, n, said, variables[n].unit, factor))
+    if not bare or not isinstance(model, Model):
+        return
+    found = [
+        (n, said, factor)
+        for n, said, factor in (*_against_speed(channels, model), *_against_model(channels, model))
+        if n in bare and variables[n].unit not in ("", "1")
+    ]
+    if found:
+        n, said, factor = next((x for x in found if _likely(variables[x[0]].unit, x[2])), found[0])
+        raise InputError(_sentence(where, n, said, variables[n].unit, factor))
+
+
+def _unstated(measured: Measurement, name: str) -> bool:
+    """Whether the file gives no unit (a signal of the project is then taken in its own, which is noted)."""
+    noted = any(r.startswith(f"{name}: the file states no unit") for r in measured.repairs)
+    return noted or not measured[name].unit
+
+
+def _sentence(where: str, name: str, said: str, unit: str, factor: float) -> str:
+    likely = _likely(unit, factor)
+    hint = f" Is it in {likely}?" if likely else ""
+    return (
+        f"{where}: column {name} states no unit, and {said}.{hint}\n"
+        f"Say which with --map: '{name}' = '{name} [{likely or unit}]' (as it is: [{unit}])"
+    )
+
+
+def _likely(unit: str, factor: float) -> str | None:
+    """The unit of the same quantity whose numbers are `factor` times those in `unit`."""
+    if unit not in UNITS:
+        return None
+    fitting = [u for u in UNITS if u != unit and compatible(u, unit)]
+    near = [u for u in fitting if abs(UNITS[unit].factor / UNITS[u].factor / factor - 1.0) < 0.05]
+    return near[0] if near else None
+
+
+def _factor(ratio: float, slack: float) -> float | None:
+    """Which of the factors a ratio is, or 1 over which; None if none."""
+    return next(
+        (v for f in FACTORS for v in (f, 1.0 / f) if 1.0 / slack < ratio / v < slack),
+        None,
+    )
+
+
+def _against_speed(channels: Mapping[str, Channel], model: Model) -> Iterator[tuple[str, str, float]]:
+    """Positions whose changes are not what the speed recorded beside them adds up to."""
+    for q, v in _rates(model):
+        if q in channels and v in channels:
+            travelled = channels[v].values.astype(float)
+            travelled = np.concatenate([[0.0], np.cumsum(travelled[:-1] * np.diff(channels[v].time))])
+            whole = Channel(v, "", channels[v].time, travelled)
+            factor = _factor(_spread(_changes(channels[q])) / max(_spread(_changes(whole)), 1e-300), EXACT)
+            if factor:
+                yield q, f"its slope is {factor:.4g} times {v}", factor
+                yield v, f"it is {1 / factor:.4g} times the slope of {q}", 1.0 / factor
+
+
+def _rates(model: Model) -> list[tuple[str, str]]:
+    """Pairs of outputs (position, speed): states shown as they are, one the rate of the other."""
+    if model.kind != "continuous" or model.symbolic != "SX":
+        return []
+    x, h, f = model.symbols[0], model.h(*model.symbols), model.f(*model.symbols)
+    shown = {
+        i: v.name for k, v in enumerate(model.outputs) for i in range(x.numel()) if ca.is_equal(h[k], x[i])
+    }
+    return [(shown[i], shown[j]) for i in shown for j in shown if i != j and ca.is_equal(f[i], x[j])]
+
+
+def _against_model(channels: Mapping[str, Channel], model: Model) -> Iterator[tuple[str, str, float]]:
+    """Outputs, or the input before them, whose changes are off from what the model answers."""
+    answer = _answer(channels, model)
+    ratios = {}
+    for n in (v.name for v in model.outputs if v.name in channels):
+        if n in answer:
+            ratios[n] = _spread(_changes(channels[n])) / max(_spread(np.diff(answer[n])), 1e-300)
+    factors = {n: _factor(r, ROUGH) for n, r in ratios.items()}
+    moving = [v.name for v in model.inputs if v.name in channels and np.ptp(channels[v.name].values) > 0]
+    common = set(factors.values())
+    if len(common) == 1 and len(moving) == 1 and (factor := common.pop()):
+        said = f"the outputs are {factor:.4g} times what the model answers to it"
+        yield moving[0], said, 1.0 / factor
+    for n, factor in factors.items():
+        if factor:
+            yield n, f"its changes are {factor:.4g} times what the model answers to the inputs", factor
+
+
+def _changes(channel: Channel) -> np.ndarray:
+    """Changes over every EVERY_S of the first LONGEST_S."""
+    at = np.arange(channel.time[0], min(channel.time[-1], channel.time[0] + LONGEST_S), EVERY_S)
+    return np.diff(np.interp(at, channel.time, channel.values.astype(float)))
+
+
+def _spread(values: np.ndarray) -> float:
+    """Root mean square about the median."""
+    values = np.asarray(values, float)
+    return float(np.sqrt(np.mean((values - np.median(values)) ** 2)))
+
+
+def _answer(channels: Mapping[str, Channel], model: Model) -> dict[str, np.ndarray]:
+    """Outputs every EVERY_S of the model from its own start under the recorded inputs; {} if it runs away."""
+    if model.symbolic != "SX" or (model.kind == "discrete" and (model.modes or model.sensors)):
+        return {}
+    stepper = Stepper(model) if model.kind == "continuous" else DiscreteStepper(model)
+    driven = [channels[v.name] for v in model.inputs if v.name in channels]
+    start = max(c.time[0] for c in channels.values())
+    end = min(start + LONGEST_S, min(c.time[-1] for c in channels.values()))
+    rows = []
+    per = max(1, round(EVERY_S / model.step))
+    period = min((c.period_s for c in driven), default=0.02)
+    ticks = max(1, round(period / model.step))
+    try:
+        for first, last in pairwise(range(0, int((end - start) / model.step), per)):
+            rows.append(list(stepper.outputs().values()))
+            for k in range(first, last, ticks):
+                now = start + k * model.step
+                stepper.set(**{c.name: float(c.values[c.held(np.array([now]), 1e-6)[0][0]]) for c in driven})
+                stepper.advance(min(ticks, last - k))
+    except RunError:
+        return {}
+    columns = np.array(rows).T
+    good = len(rows) > 3 and np.isfinite(columns).all() and np.abs(columns).max() < 1e30
+    return {v.name: columns[i] for i, v in enumerate(model.outputs)} if good else {}

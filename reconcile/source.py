@@ -1,0 +1,58 @@
+"""The extended model as a folder of the same form: model.py, README.md, and the base model in base/."""
+
+import json
+import shutil
+from pathlib import Path
+
+from reconcile.search import Answer
+from reconcile.study import Study
+
+
+def write_model(study: Study, answer: Answer, out: Path) -> Path:
+    """Write DIR/model and return it; one that is there is replaced."""
+    target = out / "model"
+    if target.exists():
+        shutil.rmtree(target)
+    target.mkdir(parents=True)
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(study.folder.path, target / "base", ignore=ignored)
+    (target / "model.py").write_text(_source(study, answer), encoding="utf-8")
+    (target / "README.md").write_text(_readme(study, answer), encoding="utf-8")
+    return target
+
+
+def _entries(study: Study, answer: Answer) -> list[tuple[str, str, str | None, dict[str, float]]]:
+    p, index = answer.fitted.point.p, study.extended.index
+    found = []
+    for a in answer.present:
+        values = {q.name: float(p[index[a.name(q.name)]]) for q in a.effect.parameters}
+        if a.effect.width:
+            values["width"] = float(p[index[a.name("width")]])
+        found.append((a.effect.key, a.port, a.other, values))
+    return found
+
+
+def _source(study: Study, answer: Answer) -> str:
+    p, index = answer.fitted.point.p, study.extended.index
+    parameters = {f.name: float(p[index[f.name]]) for f in answer.fitted.free if f.prior}
+    effects = "".join(f"    {entry!r},\n" for entry in _entries(study, answer))
+    named = ", ".join(a.effect.name for a in answer.present) or "re-estimated parameters"
+    return (
+        f'"""Model {study.model.name} with {named}, found by `slewright reconcile`; see README.md."""\n\n'
+        "from pathlib import Path\n\nfrom reconcile.extend import declared_ports, extend\n\n"
+        f"EFFECTS = [\n{effects}]\n"
+        f"PARAMETERS = {json.dumps(parameters, indent=4)}\n\n"
+        'BASE = Path(__file__).with_name("base")\n'
+        "MODEL = extend(BASE, EFFECTS, PARAMETERS)\n"
+        "PORTS = declared_ports(BASE)\n"
+    )
+
+
+def _readme(study: Study, answer: Answer) -> str:
+    lines = [f"# {study.model.name}, extended", "", "The base model is in `base/`. Added to it:", ""]
+    for a, (_, _, _, values) in zip(answer.present, _entries(study, answer), strict=True):
+        numbers = ", ".join(f"{n} = {v:.5g}" for n, v in values.items())
+        lines.append(
+            f"- **{a.effect.name}** at `{a.port}`: {a.effect.equation}; {numbers}. {a.effect.source}"
+        )
+    return "\n".join(lines) + "\n"

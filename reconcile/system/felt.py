@@ -1,0 +1,143 @@
+"""The motion of a part as its neighbours feel it: the fitted part's own, and what of the rest is not noise.
+
+A recording has the noise, delay and errors of its sensors; a neighbour feels the true motion.  So the fitted
+part is simulated over the whole run, without the sensors that its fit found, and to this is added what the
+recording shows beside it, smoothed and shrunk by how far it stands above the noise.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+
+from reconcile.data import Block, Run
+from reconcile.fit.noise import high_pass_level
+from reconcile.fit.problem import Problem
+from reconcile.fit.solve import Fitted, fit
+from reconcile.fit.windows import cut
+from reconcile.study import Study
+
+HALF_WIDTH = 5  # samples each side that smoothing looks at
+PAIRS = {"q_slew": "qd_slew", "q_boom": "qd_boom", "q_stick": "qd_stick"}  # angle and its rate
+LATE = 1.5  # samples by which a rate may be late against its angle and still be used with it
+
+
+def of_part(study: Study, fitted: Fitted, run: Run, wanted: Sequence[str]) -> dict[str, np.ndarray] | None:
+    """Angles and rates among `wanted` at the angles' sample times, each [n]; None if it runs away."""
+    step = study.model.step if study.model.kind == "discrete" else None
+    length = run.end_s - run.start_s + run.period_s
+    problem = Problem(
+        study.compiled, cut([Block(run, run.start_s, run.end_s)], length, step), study.fit_problem.sigma
+    )
+    problem.set_scale(study.fit_problem.scale)
+    point = problem.start(study.named(fitted.point.p))
+    found = fit(problem, problem.with_present(point, fitted.point.present), [], iterations=0)
+    if found is None:
+        return None
+    window, states = problem.windows[0], found.linear.states[0]
+    shown = _outputs(study, states, found.point.p)
+    grid = window.start_s + window.step_s * np.arange(len(states))
+    motion: dict[str, np.ndarray] = {}
+    for q, v in PAIRS.items():
+        if q not in wanted or q not in run.outputs:
+            continue
+        times = run.outputs[q].time
+        own = [np.interp(times, grid, shown[n]) for n in (q, v)]
+        left = [_left(problem, found, n, times) for n in (q, v)]
+        for n, simulated, rest in zip((q, v), own, _smoothed(left[0], left[1], run.period_s), strict=True):
+            motion[n] = simulated + rest
+    return motion
+
+
+def _outputs(study: Study, states: np.ndarray, p: np.ndarray) -> Mapping[str, np.ndarray]:
+    """The base model's outputs [n] at states [n, NX]: what moves, without what its sensors add."""
+    model = study.model
+    x, u, m, parameters = model.symbols
+    shown = ca.Function("shown", [x, u, m, parameters], [model.h(x, u, m, parameters)])
+    n, fixed = len(states), p[: parameters.numel()]
+    zeros = [np.zeros((s.numel(), n)) for s in (u, m)]
+    values = shown.map(n)(states[:, : x.numel()].T, *zeros, np.repeat(fixed[:, None], n, 1))
+    return {v.name: row for v, row in zip(model.outputs, np.asarray(values), strict=True)}
+
+
+def _left(problem: Problem, found: Fitted, name: str, times: np.ndarray) -> np.ndarray | None:
+    """What the fitted part leaves of an output, at `times` [n]; None where it was not recorded."""
+    window = problem.windows[0]
+    if name not in problem.outputs or not len(window.times.get(name, ())):
+        return None
+    return np.interp(times, window.times[name], found.linear.raw[0][name] * problem.sigma[name])
+
+
+def recorded(run: Run, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+    """The same of a part that cannot be fitted: recorded angles and rates, smoothed."""
+    motion: dict[str, np.ndarray] = {}
+    for q, v in PAIRS.items():
+        if q in wanted and q in run.outputs:
+            angle = run.outputs[q]
+            rate = run.outputs.get(v)
+            seen = None if rate is None else np.interp(angle.time, rate.time, rate.values)
+            motion[q], motion[v] = joined(angle.values, seen, run.period_s)
+    return motion
+
+
+def joined(
+    angle: np.ndarray, rate: np.ndarray | None, period_s: float, half_width: int = HALF_WIDTH
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angle and rate [n] by local parabolas through both, weighed by their noise; a late rate is left out."""
+    if rate is not None and abs(_lateness(angle, rate, period_s)) > LATE:
+        rate = None
+    (q, v), _ = _parabolas(angle, rate, period_s, half_width)
+    return q, v
+
+
+def _smoothed(
+    angle: np.ndarray | None, rate: np.ndarray | None, period_s: float
+) -> tuple[np.ndarray | float, np.ndarray | float]:
+    """What is left of angle and rate, smoothed, and shrunk to what stands above smoothed noise."""
+    if angle is None:
+        return 0.0, 0.0
+    smoothed, noise = _parabolas(angle, rate, period_s, HALF_WIDTH)
+    parts = []
+    for values, level in zip(smoothed, noise, strict=True):
+        power = float(np.mean(values**2))
+        parts.append(values * max(0.0, 1.0 - level**2 / power) if power > 0.0 else values)
+    return parts[0], parts[1]
+
+
+def _parabolas(angle: np.ndarray, rate: np.ndarray | None, period_s: float, half_width: int):
+    """((angle, rate) [n], their noise levels) of q + v t + a t²/2 fitted around every sample."""
+    t = period_s * np.arange(-half_width, half_width + 1)
+    one, zero = np.ones_like(t), np.zeros_like(t)
+    sigma = max(high_pass_level(angle), 1e-12)
+    rows, weights = np.column_stack([one, t, 0.5 * t**2]), np.full(len(t), 1.0 / sigma)
+    series = [angle]
+    if rate is not None:
+        level = max(high_pass_level(rate), 1e-12)
+        rows = np.vstack([rows, np.column_stack([zero, one, t])])
+        weights = np.concatenate([weights, np.full(len(t), 1.0 / level)])
+        series.append(rate)
+    filters = np.linalg.pinv(rows * weights[:, None]) * weights
+    found = []
+    for k in (0, 1):
+        parts = np.split(filters[k], len(series))
+        found.append(sum(_filtered(s, f, half_width) for s, f in zip(series, parts, strict=True)))
+    noise = [float(np.sqrt(np.sum((filters[k] / weights) ** 2))) for k in (0, 1)]
+    return found, noise
+
+
+def _filtered(values: np.ndarray, weights: np.ndarray, half_width: int) -> np.ndarray:
+    """Weighted sums around every sample; beyond the ends the signal goes on as a mirrored one does."""
+    before = 2.0 * values[0] - values[half_width:0:-1]
+    after = 2.0 * values[-1] - values[-2 : -half_width - 2 : -1]
+    return np.correlate(np.concatenate([before, values, after]), weights, mode="valid")
+
+
+def _lateness(angle: np.ndarray, rate: np.ndarray, period_s: float, most: int = 25) -> float:
+    """Samples by which a rate comes after the slope of its angle, where that is plain to see; else 0."""
+    slope = np.gradient(angle, period_s)
+    if np.std(slope) < 1e-9 or np.std(rate) < 1e-9 or len(rate) < 4 * most:
+        return 0.0
+    errors = [
+        np.mean((rate[most + k : len(rate) - most + k] - slope[most:-most]) ** 2) for k in range(most + 1)
+    ]
+    return float(np.argmin(errors))

@@ -1,0 +1,97 @@
+"""The parts of a system, in the order in which they are looked at, and what their signals are made of.
+
+Every part keeps its own model (slew continuous, arm and tool in steps) and is fitted by itself; where it
+feels another part, it is given that part's motion (felt.py).  What one part lacks cannot turn up in another,
+and an effect carries the name of its part.  Here is written, once, how the sensors of a machine become the
+signals that the models speak of.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmus.equations import kinematics
+from records.measurement import Channel, Measurement
+from specs.errors import InputError
+
+JOINTS = ("q_boom", "q_stick")
+RATES = ("qd_boom", "qd_stick")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part: its model, the signals of other parts that it feels, and what is made of them.
+
+    `derive`: columns by name, each [n], and the load in kg [n] -> the part's inputs by name, each [n].
+    """
+
+    name: str
+    feels: tuple[str, ...] = ()
+    derive: Callable[[Mapping[str, np.ndarray]], dict[str, tuple[str, np.ndarray]]] | None = None
+
+
+def _turned(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
+    """Inertia of the slew and its rate."""
+    p, load = kinematics.geometry(), c["load"]
+    boom, stick, boom_rate, stick_rate = (c[n] for n in (*JOINTS, *RATES))
+    return {
+        "inertia": ("kg.m2", kinematics.inertia_z(boom, stick, load, p)),
+        "inertia_rate": ("kg.m2/s", kinematics.inertia_rate(boom, stick, boom_rate, stick_rate, load, p)),
+    }
+
+
+def _hung(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
+    """Motion of the tool's suspension."""
+    p = kinematics.geometry()
+    boom, stick, boom_rate, stick_rate = (c[n] for n in (*JOINTS, *RATES))
+    radius, height = kinematics.arm_tip(boom, stick, p)
+    radius_rate, _ = kinematics.arm_tip_rate(boom, stick, boom_rate, stick_rate, p)
+    return {
+        "q_slew": ("rad", c["q_slew"]),
+        "qd_slew": ("rad/s", c["qd_slew"]),
+        "radius": ("m", radius),
+        "radius_rate": ("m/s", radius_rate),
+        "height": ("m", height),
+    }
+
+
+SYSTEMS: dict[str, tuple[Part, ...]] = {
+    "nominal": (
+        Part("arm"),
+        Part("slew", (*JOINTS, *RATES), _turned),
+        Part("tool", ("q_slew", "qd_slew", *JOINTS, *RATES), _hung),
+    )
+}
+
+
+def parts_of(model: str) -> tuple[Part, ...] | None:
+    """Parts of a system by its name or the path of its file in specs/systems; None if it is no system."""
+    name = model.removesuffix(".toml").rsplit("/", 1)[-1]
+    return SYSTEMS.get(name) if model in (name, f"specs/systems/{name}.toml") else None
+
+
+def with_signals(measured: Measurement) -> Measurement:
+    """The measurement with what its IMU says of the tool's angles and their rates, where they are not in it.
+
+    On level ground the IMU's roll and pitch are the joint angles.  Its rates are those of the tool's body:
+    w_x = q_x' − sin q_y W, w_y = cos q_x q_y' + sin q_x cos q_y W, w_z = −sin q_x q_y' + cos q_x cos q_y W.
+    """
+    names = [f"imu_tool_{n}" for n in ("roll", "pitch", "rate_x", "rate_y", "rate_z")]
+    wanted = ("q_tool_x", "q_tool_y", "qd_tool_x", "qd_tool_y")
+    if measured.missing(names) or not measured.missing(wanted):
+        return measured
+    roll, pitch, *rates = (measured[n] for n in names)
+    if any(len(c.time) != len(roll.time) for c in (pitch, *rates)):
+        raise InputError(f"{measured.source or 'the recording'}: the channels of imu_tool do not go together")
+    w_x, w_y, w_z = (c.values for c in rates)
+    sine, cosine = np.sin(roll.values), np.cos(roll.values)
+    found = {
+        "q_tool_x": ("rad", roll.values),
+        "q_tool_y": ("rad", pitch.values),
+        "qd_tool_x": ("rad/s", w_x + np.tan(pitch.values) * (sine * w_y + cosine * w_z)),
+        "qd_tool_y": ("rad/s", cosine * w_y - sine * w_z),
+    }
+    made = {n: Channel(n, unit, roll.time, v) for n, (unit, v) in found.items()}
+    said = (*measured.repairs, "angles and rates of the tool are made of imu_tool_*")
+    return replace(measured, channels={**made, **measured.channels}, repairs=said)

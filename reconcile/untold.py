@@ -1,0 +1,158 @@
+"""What the recordings cannot tell: effects for lack of channels, parameters for lack of motion."""
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from fmus.definition import Model
+from reconcile.catalogue import ALL, Effect
+from reconcile.data import Run
+from reconcile.fit.solve import Fitted
+from reconcile.model import Folder, candidates
+
+UNKNOWN = 0.5  # of its prior spread: a parameter known less well cannot be seen
+
+# Effects that only a further channel tells apart: what is lacking, and what it is then taken for.
+TWINS = (
+    ("internal_leakage", "viscous_friction", "pressures", ("Pa",)),
+    ("compressibility", "structural_compliance", "pressures", ("Pa",)),
+    ("relief_limit", "input_saturation", "pressures", ("Pa",)),
+    ("supply_pressure_sag", "shared_pump_flow", "pressures", ("Pa",)),
+)
+NEEDS = {
+    "q": "no axis of the model has a position",
+    "rad": "no axis of the model turns by an angle",
+    "other": "there is no second signal of the same unit",
+    "drive": "no input is known to drive an axis",
+}
+
+
+def untold(folder: Folder, runs: Sequence[Run]) -> list[dict[str, str]]:
+    """Effects that these recordings cannot tell, and because of what: [{"effect", "because"}]."""
+    everywhere = set.intersection(*({*r.inputs, *r.outputs} for r in runs))
+    all_names = [*folder.ports.controls, *folder.ports.outputs]
+    possible, told = candidates(folder, all_names), candidates(folder, sorted(everywhere))
+    rows: dict[str, list[str]] = {}
+    for a in possible:
+        if a not in told:
+            lacking = [n for n in (a.port, a.other) if n in all_names and n not in everywhere]
+            rows.setdefault(a.effect.name, []).extend(_lack(n, folder, runs) for n in lacking)
+    present = {a.effect.name for a in possible}
+    for effect in ALL:
+        if effect.name not in present and (why := _unfit(effect, folder)):
+            rows.setdefault(effect.name, []).append(why)
+    for name, twin, channels, units in TWINS:
+        known = {v.unit for v in folder.model.outputs if v.name in everywhere}
+        if {name, twin} & present and not known & set(units):
+            rows.setdefault(name, []).append(f"without {channels} it looks like {twin}")
+    for state in _hidden_axes(folder, everywhere):
+        for name in sorted({a.effect.name for a in possible if a.port == state}):
+            rows.setdefault(name, []).append(f"no recorded output shows axis {state}")
+    return [{"effect": n, "because": "; ".join(dict.fromkeys(why))} for n, why in sorted(rows.items())]
+
+
+def _lack(name: str, folder: Folder, runs: Sequence[Run]) -> str:
+    kind = "output" if name in folder.ports.outputs else "input"
+    without = [r.name for r in runs if name not in r.inputs and name not in r.outputs]
+    if len(without) == len(runs):
+        return f"{kind} {name} is not recorded"
+    return f"{kind} {name} is not recorded in {', '.join(without[:3])}"
+
+
+def _unfit(effect: Effect, folder: Folder) -> str:
+    """Why an effect of the catalogue fits no port of this model."""
+    if effect.place in ("force", "inertia") and not folder.ports.axes:
+        return "no axis of the model is known that a force moves; declare PORTS in model.py"
+    return next((NEEDS[n] for n in effect.needs if n in NEEDS), "")
+
+
+def _hidden_axes(folder: Folder, recorded: set[str]) -> list[str]:
+    """Axes whose motion reaches no recorded output."""
+    model = folder.model
+    outputs = [v.name for v in model.outputs]
+    shown = {i for n in recorded & set(outputs) for i in _behind(model, [outputs.index(n)])}
+    index = [v.name for v in model.states]
+    return [a.name for a in folder.ports.axes if index.index(a.velocity) not in shown]
+
+
+def _behind(model: Model, rows: Sequence[int]) -> set[int]:
+    """States that outputs `rows` depend on, at once or in time."""
+    symbols = model.symbols
+    hx = np.array(ca.DM(ca.jacobian_sparsity(model.h(*symbols), symbols[0]), 1)) != 0
+    fx = np.array(ca.DM(ca.jacobian_sparsity(model.f(*symbols), symbols[0]), 1)) != 0
+    found = set(np.flatnonzero(hx[list(rows)].any(axis=0)))
+    while more := set(np.flatnonzero(fx[sorted(found)].any(axis=0))) - found:
+        found |= more
+    return {int(i) for i in found}
+
+
+def unseen(study, fitted: Fitted) -> list[dict[str, object]]:
+    """Base parameters that the recordings say nothing about: [{"parameter", "because", "drive"}].
+
+    `drive` names the inputs to drive for it; empty where no input would help.
+    """
+    model: Model = study.model
+    known = {f.name: f for f in fitted.free if f.prior}
+    errors = dict(zip((f.name for f in fitted.free), np.sqrt(np.diag(fitted.covariance)), strict=True))
+    rows = []
+    for v in model.parameters:
+        f = known.get(v.name)
+        told = f is not None and f.prior is not None and errors[v.name] <= UNKNOWN * f.prior[1]
+        if not (told or v.fixed or v.name in _sensing(model)):
+            rows.append(_advice(study.folder, study.floors, v.name))
+    return rows
+
+
+def _sensing(model: Model) -> set[str]:
+    """Parameters that are no part of the motion: of sensors' noise and of switches' timers."""
+    own = {n for s in model.sensors.values() for n in (s.noise, s.bias, s.quantum) if n}
+    return own | {n for m in model.modes for n in (m.on_delay, m.off_delay) if n}
+
+
+def _advice(folder: Folder, recorded, name: str) -> dict[str, object]:
+    """What a parameter's effect on the equations is made of, and which inputs move that."""
+    model = folder.model
+    p = model.symbols[3]
+    i = model.index("parameters", name)
+    f, h = model.f(*model.symbols), model.h(*model.symbols)
+    outputs = [k for k, v in enumerate(model.outputs) if v.name in recorded]
+    behind = _behind(model, outputs)
+    slope = ca.jacobian(ca.vertcat(f[sorted(behind)], h[outputs]), p[i])
+    if slope.nnz() == 0:
+        lines = [n for n, d in model.delays.items() if d == name]
+        if not lines:
+            return {"parameter": name, "because": "no recorded output depends on it", "drive": []}
+        return {"parameter": name, "because": f"{lines[0]} moves too little", "drive": lines}
+    symbols = {s.name() for s in ca.symvar(slope)}
+    moving = [v.name for v in (*model.states, *model.inputs) if v.name in symbols]
+    drive = [v.name for v in model.inputs if v.name in symbols] + _movers(folder, symbols)
+    drive = [n for n in dict.fromkeys(drive) if n in folder.ports.controls]
+    because = f"{' and '.join(moving)} {'moves' if len(moving) == 1 else 'move'} too little"
+    return {"parameter": name, "because": because if moving else "it hardly shows", "drive": drive}
+
+
+def _movers(folder: Folder, symbols: set[str]) -> list[str]:
+    """Inputs that move any of the states among `symbols`."""
+    model = folder.model
+    rows = {i for i, v in enumerate(model.states) if v.name in symbols}
+    if not rows or not model.inputs:
+        return []
+    args = model.symbols
+    fx = np.array(ca.DM(ca.jacobian_sparsity(model.f(*args), args[0]), 1)) != 0
+    fu = np.array(ca.DM(ca.jacobian_sparsity(model.f(*args), args[1]), 1)) != 0
+    while more := {int(i) for i in np.flatnonzero(fx[sorted(rows)].any(axis=0))} - rows:
+        rows |= more
+    return [v.name for i, v in enumerate(model.inputs) if fu[sorted(rows), i].any()]
+
+
+def sentence(rows: Sequence[dict]) -> str:
+    """What to drive to see the parameters, in one sentence; "" where nothing is unseen."""
+    if not rows:
+        return ""
+    said = [
+        f"{r['parameter']} ({r['because']}{'; drive ' + ' and '.join(r['drive']) if r['drive'] else ''})"
+        for r in rows[:4]
+    ]
+    rest = f" and {len(rows) - 4} more" if len(rows) > 4 else ""
+    return f"Not seen: {', '.join(said)}{rest}."

@@ -1,0 +1,53 @@
+"""Units and numbers as people write them: N·m·s/rad, m/s², 0.0108."""
+
+import math
+import re
+
+RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+def written(unit: str) -> str:
+    """A unit of the project in print: `kg.m2` is kg·m²; nothing for `1`."""
+    if unit in ("", "1"):
+        return ""
+    powers = re.sub(r"(?<=[A-Za-z])(-?\d+)", lambda m: m[1].translate(RAISED), unit)
+    return powers.replace(".", "·")
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number's text with its unit."""
+    return f"{text} {written(unit)}".rstrip()
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number with some significant digits, powers of ten beyond 1e-4 and 1e6; a dash for none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value and not 1e-4 <= abs(value) < 1e6:
+        head, _, power = f"{value:.{max(digits - 1, 0)}e}".partition("e")
+        if "." in head:
+            head = head.rstrip("0").rstrip(".")
+        return f"{head}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
+    return f"{value:.{digits}g}".replace("-", "−")
+
+
+def number_with_error(value: float, interval: list[float]) -> str:
+    """A number with no more digits than its interval [low, high] lets one know."""
+    half = 0.5 * abs(interval[1] - interval[0])
+    if not half or not math.isfinite(half) or not value:
+        return number(value)
+    digits = 2 + max(0, math.floor(math.log10(abs(value))) - math.floor(math.log10(half)))
+    return number(value, min(digits, 8))
+
+
+def percent(share: float | None) -> str:
+    """A share in %, without more digits than anybody reads."""
+    if share is None or not math.isfinite(share):
+        return "–"
+    value = 100.0 * share
+    return f"{value:.0f} %" if abs(value) >= 9.95 else f"{value:.1f} %"
+
+
+def listed(names: list[str], last: str = "and") -> str:
+    """a, b and c."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""

@@ -1,0 +1,388 @@
+"""The hidden-effect suite: which cases it draws, what an answer is given, resuming, scores and figures."""
+
+import json
+import secrets
+
+import numpy as np
+import pytest
+
+from slewright import __main__ as entry
+from slewright.suite import child, measures, work
+from slewright.suite.parameters import TABLE, expected
+from slewright.suite.plan import BLOCK, Settings, settle
+from slewright.suite.run import run_suite, there
+from slewright.suite.summary import AMBIGUOUS, NOTHING, confusion, summarise
+from specs.errors import InputError
+
+KEYS = {
+    *("cases", "exact", "ambiguous_ok", "wrong", "abstained", "redrawn", "false_positive", "confusion"),
+    *("gap_shrink_median", "parameter_error_median", "coverage95", "seconds_median", "baselines"),
+}
+SEEN = {"exact", "ambiguous_ok", "right", "wrong", "abstained"}
+
+
+def command(*arguments: object) -> int:
+    return entry.run(["reconcile-suite", *map(str, arguments)])
+
+
+# ---------------------------------------------------------------- which cases
+
+
+def test_twenty_cases_hold_every_system_at_least_three_times_and_follow_from_the_seed():
+    settings = Settings(seed=5)
+    kinds = [settings.case(n).system for n in range(40)]
+    for block in (kinds[:20], kinds[20:]):
+        assert {k: block.count(k) for k in BLOCK} == BLOCK
+        assert min(block.count(k) for k in BLOCK) >= 0.15 * len(block)
+    assert kinds[:20] != kinds[20:]
+    assert settings.case(7) == Settings(seed=5).case(7)
+    assert len({settings.case(n).seed for n in range(40)} | {Settings(seed=6).case(0).seed}) == 41
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"noise": "loud"}, "no noise 'loud'"),
+        ({"system": "boat"}, "no system 'boat'"),
+        ({"visible": "some"}, "no set of visible effects 'some'"),
+        ({"seed": -1}, "seed -1 is negative"),
+    ],
+)
+def test_settings_that_there_are_not_are_named(wrong, said):
+    with pytest.raises(InputError, match=said):
+        Settings(**({"seed": 1} | wrong))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--cases", "0"], "--cases 0"),
+        (["--cases", "2", "--workers", "0"], "--workers 0"),
+        (["--cases", "2", "--summary"], "--summary needs --out"),
+        (["--cases", "2", "--noise", "loud", "--out", "new"], "no noise 'loud'; did you mean low"),
+        (["--cases", "2", "--system", "servos", "--out", "new"], "did you mean servo"),
+    ],
+)
+def test_wrong_input_is_said_and_nothing_is_written(arguments, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert command(*arguments) == 2
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_of_another_suite_or_of_something_else_is_refused(tmp_path):
+    out = tmp_path / "suite"
+    assert settle(out, 3, 99, noise="low", system="servo", visible="none").seed == 3
+    assert settle(out, None, 99, noise="low", system="servo", visible="none").seed == 3
+    for seed, wanted, said in (
+        (4, {"noise": "low"}, "seed 3, not 4"),
+        (None, {"noise": "high"}, "noise low, not high"),
+    ):
+        with pytest.raises(InputError, match=said):
+            settle(out, seed, 99, **({"system": "servo", "visible": "none"} | wanted))
+    (tmp_path / "else").mkdir()
+    (tmp_path / "else" / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="something else"):
+        settle(tmp_path / "else", 1, 1, noise="low")
+
+
+# ---------------------------------------------------------------- what an answer is given
+
+
+@pytest.fixture
+def answers(monkeypatch):
+    """A workflow that names nothing at once; what it was started with is kept, `stop` interrupts a call."""
+    calls: list[dict] = []
+
+    def run(arguments, folder, limit_s=0.0):
+        calls.append({"arguments": list(arguments), "files": sorted(p.name for p in folder.iterdir())})
+        if len(calls) == run.stop:
+            raise KeyboardInterrupt
+        (folder.parent / "out").mkdir()
+        report = {"verdict": "agrees", "effects": [], "alternatives": [], "gap": {}}
+        (folder.parent / "out" / "report.json").write_text(json.dumps(report))
+        return child.Ended(0, 1.5, "")
+
+    run.stop = 0
+    run.calls = calls
+    monkeypatch.setattr(child, "run", run)
+    return run
+
+
+QUIET = ("--system", "servo", "--visible", "none", "--no-baselines", "--workers", "1")
+
+
+def test_an_answer_is_given_recordings_and_model_only_and_the_truth_is_what_was_sealed(answers, tmp_path):
+    out = tmp_path / "suite"
+    assert command("--cases", 1, "--seed", 11, "--out", out, *QUIET) == 0
+    case = out / "cases" / "0000"
+    told = json.loads((case / "given" / "case.json").read_text())
+    (call,) = answers.calls
+    assert call["files"] == sorted(["case.json", "model", *told["runs"]])
+    assert str(tmp_path) not in " ".join(call["arguments"])
+    assert not any("11" in a for a in call["arguments"])  # no seed
+    result = json.loads((case / "result.json").read_text())
+    assert result["result"] == "exact"
+    assert result["truth_sha256"] == told["truth_sha256"]
+    (case / "sealed" / "truth.json").write_text('{"visible": [], "equivalents": [[]], "outside": false}')
+    with pytest.raises(InputError, match="not the truth"):
+        run_suite(Settings(11, "low", "servo", "none"), 1, out, again=True)
+
+
+def test_an_interrupted_suite_keeps_what_it_has_and_goes_on(answers, tmp_path, capsys):
+    out, figures = tmp_path / "suite", tmp_path / "figures.json"
+    answers.stop = 2
+    assert command("--cases", 3, "--seed", 12, "--out", out, "--json", figures, *QUIET) == 130
+    assert json.loads(figures.read_text())["cases"] == 1
+    kept = (out / "cases" / "0000" / "result.json").stat().st_mtime_ns
+    answers.stop = 0
+    assert command("--cases", 3, "--out", out, "--json", figures, *QUIET) == 0
+    found = json.loads(figures.read_text())
+    assert (found["cases"], found["exact"], found["seed"]) == (3, 3, 12)
+    assert (out / "cases" / "0000" / "result.json").stat().st_mtime_ns == kept
+    assert len(answers.calls) == 4  # one, one interrupted, two more
+    command("--cases", 3, "--out", out, "--summary", *QUIET)
+    assert len(answers.calls) == 4
+    assert "By system" in capsys.readouterr().out
+
+
+def test_a_workflow_that_fails_abstains_and_is_tried_again(answers, monkeypatch, tmp_path):
+    monkeypatch.setattr(child, "run", lambda *a, **k: child.Ended(3, 0.5, "slewright: it broke"))
+    settings = settle(tmp_path / "suite", 13, 0, noise="low", system="servo", visible="none")
+    (result,) = run_suite(settings, 1, tmp_path / "suite", baselines=False)
+    assert (result["result"], result["workflow_failed"]) == ("abstained", "slewright: it broke")
+    assert summarise([result])["failed"] == 1
+    monkeypatch.setattr(child, "run", answers)
+    (result,) = run_suite(settings, 1, tmp_path / "suite", baselines=False)
+    assert (result["result"], result["workflow_failed"]) == ("exact", "")
+
+
+def test_a_child_is_timed_sees_little_of_the_environment_and_is_ended_when_it_hangs(tmp_path, monkeypatch):
+    monkeypatch.setenv("SECRET_PLACE", "here")
+    text = "import os, sys; sum(range(10**6)); sys.exit(7 if 'SECRET_PLACE' in os.environ else 5)"
+    ended = child.run(["-c", text], tmp_path)
+    assert ended.code == 5
+    assert 0.0 < ended.seconds < 10.0
+    hung = child.run(["-c", "import time; print('slow', flush=True); time.sleep(60)"], tmp_path, limit_s=2.0)
+    assert hung.code != 0
+
+
+# ---------------------------------------------------------------- measures
+
+
+def placed(name, parameters, place="force", port="", subsystem=""):
+    return {"name": name, "parameters": parameters, "place": place, "port": port, "subsystem": subsystem}
+
+
+def truth(*effects, **more):
+    base = {"tool_length_x": 2.0, "tool_length_y": 1.5, "slew_relief_pressure": 3e7}
+    return {
+        "placed": list(effects),
+        "visible": [e["name"] for e in effects],
+        "base": base,
+        "scale": {"inertia": 4.0},
+    } | more
+
+
+def reported(name, port="", **values):
+    parameters = {
+        n: {"value": v, "unit": u, "ci95": [v - half, v + half]} for n, (v, u, half) in values.items()
+    }
+    return {"name": name, "port": port, "parameters": parameters, "verdict": "named"}
+
+
+@pytest.mark.parametrize(
+    ("effect", "answer", "wanted"),
+    [
+        (
+            placed("asymmetric_coulomb_friction", {"Fc_plus": 3.0, "Fc_minus": 1.0}),
+            reported("asymmetric_coulomb_friction", Fc_positive=(3.0, "N.m", 1), Fc_negative=(1.0, "N.m", 1)),
+            {"Fc_positive": 3.0, "Fc_negative": 1.0},
+        ),
+        (  # a torque in the truth, an acceleration in a model without inertia
+            placed("coulomb_friction", {"Fc": 2.0}),
+            reported("coulomb_friction", Fc=(0.5, "rad/s2", 0.1)),
+            {"Fc": 0.5},
+        ),
+        (
+            placed("presliding_hysteresis", {"Fc": 2.0, "sigma": 40.0}),
+            reported("presliding_hysteresis", Fc=(2.0, "N.m", 1), distance=(0.05, "rad", 0.01)),
+            {"Fc": 2.0, "distance": 0.05},
+        ),
+        (
+            placed("gravity_load", {"G": 5.0}, subsystem="boom"),
+            reported("gravity_load", torque_sin=(0.1, "N.m", 1), torque_cos=(5.0, "N.m", 1)),
+            {"torque_cos": 5.0},
+        ),
+        (
+            placed("end_stop", {"position": 0.8, "k": 100.0}),
+            reported("end_stop", position=(-0.8, "rad", 0.1), k=(1.0, "N.m/rad", 1)),
+            {"position": -0.8},
+        ),
+        (
+            placed("relief_limit", {"below": 1e7}, place="hydraulic"),
+            reported("relief_limit", limit=(2e7, "Pa", 1e5)),
+            {"limit": 2e7},
+        ),
+        (
+            placed("sensor_lag", {"lag": 0.1}, "output", "q"),
+            reported("sensor_lag", "q", time=(0.1, "s", 0)),
+            {"time": 0.1},
+        ),
+    ],
+)
+def test_true_parameters_come_in_the_names_and_units_of_a_report(effect, answer, wanted):
+    assert expected(effect, answer, truth(effect)) == pytest.approx(wanted)
+
+
+def test_a_force_on_the_tool_is_an_acceleration_in_the_truth_and_a_moment_in_a_report():
+    from specs import parameters
+
+    geometry = parameters.load("geometry")
+    moment = 0.2 * (geometry["tool_mass"].value + geometry["load_mass"].value) * 1.5**2
+    effect = placed("constant_load", {"F0": 0.2}, subsystem="pitch")
+    answer = reported("constant_load", "pitch", load=(1.0, "N.m", 1))
+    assert expected(effect, answer, truth(effect)) == pytest.approx({"load": moment})
+
+
+def test_every_effect_that_both_sides_know_has_a_parameter_to_judge():
+    from blindtest.systems.kit import KITS
+    from reconcile.catalogue import ALL
+
+    drawn: set[str] = set()
+    for name, kit in KITS.items():
+        assert name in BLOCK
+        drawn |= {e.name for e in kit.effects(kit.draw(np.random.default_rng(1)))}
+    for name in drawn & {e.name for e in ALL}:
+        known = {p.name for e in ALL if e.name == name for p in e.parameters}
+        assert any(set(key.split(" - ")) <= known for key in TABLE.get(name, {})), name
+
+
+def test_error_interval_and_shrinking_are_measured_against_the_truth():
+    effect = placed("coulomb_friction", {"Fc": 2.0})
+    report = {
+        "verdict": "named",
+        "effects": [reported("coulomb_friction", Fc=(2.2, "N.m", 0.1))],
+        "gap": {
+            "q": {"floor": 0.1, "nominal": 1.0, "after": 0.05},
+            "qd": {"floor": 0.1, "nominal": 0.01, "after": 0.05},  # no gap to begin with
+        },
+    }
+    found = measures.of_report(truth(effect), report)
+    (row,) = found["parameters"]
+    assert row["error_percent"] == pytest.approx(10.0)
+    assert row["covered"] is False
+    assert found["gap_shrink"] == {"q": pytest.approx(0.95)}
+    assert measures.of_report(truth(effect), report | {"verdict": "unexplained"})["parameters"] == []
+
+
+@pytest.mark.parametrize(
+    ("effect", "port", "right"),
+    [
+        (placed("sensor_delay", {}, "output", "q"), "q", True),
+        (placed("sensor_delay", {}, "output", "q"), "qd", False),
+        (placed("sensor_delay", {}, "output", "all"), "all outputs", True),
+        (placed("sensor_delay", {}, "output", "all"), "qd", False),
+        (placed("sensor_bias", {}, "output", "qd", "roll"), "qd_tool_x", True),
+        (placed("sensor_bias", {}, "output", "qd", "roll"), "qd_tool_y", False),
+        (placed("coulomb_friction", {}, "force", "", "stick"), "boom", False),
+        (placed("input_offset", {}, "input", "u", "boom"), "qd_boom_ref", True),
+    ],
+)
+def test_the_port_is_judged_by_axis_and_kind(effect, port, right):
+    assert measures.port_is_right(effect, port) is right
+
+
+# ---------------------------------------------------------------- figures
+
+
+def result(outcome, visible, named, verdict="named", sizes=1, **more):
+    return {
+        "result": outcome,
+        "visible": visible,
+        "named": named,
+        "verdict": verdict,
+        "unambiguous": sizes == 1,
+        "equivalents": [visible] * sizes,
+        "false_positive": not visible and bool(named),
+        "redrawn": 1,
+        "seconds": 2.0,
+        "draw_seconds": 1.0,
+        "workflow_failed": "",
+        "system": "servo",
+        "parameters": [],
+        "gap_shrink": {},
+        "port_right": [],
+        "baselines": {},
+    } | more
+
+
+def test_confusion_counts_what_was_named_instead():
+    found = confusion(
+        [
+            result("exact", ["a"], [["a"]]),
+            result("wrong", ["a"], [["b"]]),
+            result("abstained", ["a", "c"], [["a"]]),
+            result("abstained", ["c"], []),
+            result("ambiguous_ok", ["c"], [["c"], ["d"]], "ambiguous", 2),
+            result("wrong", ["a"], [["a", "e"]]),
+            result("wrong", [], [["f"]]),
+            result("exact", [], [], "agrees"),
+        ]
+    )
+    assert found == {
+        "a": {"a": 3, "b": 1},
+        "c": {NOTHING: 2, AMBIGUOUS: 1},
+        NOTHING: {"e": 1, "f": 1, NOTHING: 1},
+    }
+
+
+def test_figures_are_medians_and_shares_over_the_right_cases():
+    exact = {"error_percent": 4.0, "covered": True}
+    found = summarise(
+        [
+            result("exact", ["a"], [["a"]], parameters=[exact], gap_shrink={"q": 0.9, "v": 0.8}),
+            result("wrong", ["a"], [["b"]], parameters=[{"error_percent": 90.0, "covered": False}]),
+            result("ambiguous_ok", ["a"], [["a"], ["c"]], "ambiguous", 2, gap_shrink={"q": 0.1}),
+            result("abstained", ["a", "b"], [], "unexplained"),
+        ]
+    )
+    assert (found["cases"], found["exact"], found["ambiguous_ok"], found["wrong"], found["abstained"]) == (
+        4,
+        1,
+        1,
+        1,
+        1,
+    )
+    assert found["exact_single_unambiguous"] == 0.5
+    assert found["parameter_error_median"] == 4.0
+    assert found["coverage95"] == 1.0
+    assert found["gap_shrink_median"] == pytest.approx(0.85)
+    assert (found["share_ambiguous"], found["share_equivalent"], found["redrawn"]) == (0.25, 0.25, 4)
+    assert found["equivalence_sizes"] == {"1": 3, "2": 1}
+
+
+def test_figures_over_nothing_are_there():
+    assert summarise([])["cases"] == 0
+
+
+# ---------------------------------------------------------------- the real workflow
+
+
+@pytest.mark.slow
+def test_a_fresh_case_is_answered_and_scored_whatever_comes_out(tmp_path):
+    seed, out, figures = secrets.randbelow(2**31), tmp_path / "suite", tmp_path / "figures.json"
+    code = command(
+        "--cases", 1, "--seed", seed, "--system", "servo", "--workers", 1, "--out", out, "--json", figures
+    )
+    assert code in (0, 1), seed
+    found = json.loads(figures.read_text())
+    assert set(found) >= KEYS, seed
+    (case,) = there(out)
+    assert case["result"] in SEEN, seed
+    assert case["workflow_failed"] == "", seed
+    assert set(case["baselines"]) == set(work.PLAIN)
+    assert not any(b["workflow_failed"] for b in case["baselines"].values()), seed
+    told = json.loads((out / "cases" / "0000" / "given" / "case.json").read_text())
+    assert case["truth_sha256"] == told["truth_sha256"]
+    assert [p.name for p in (out / "cases").iterdir()] == ["0000"]
