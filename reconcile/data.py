@@ -18,8 +18,8 @@ from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
 
-BLOCK_S = 2.5  # of interleaved blocks, at most
-PATTERN = ("fit", "confirm", "fit", "holdout")  # of blocks, in order
+BLOCK_S = 2.0  # of interleaved blocks, at most
+PATTERN = ("fit", "fit", "confirm", "fit", "fit", "holdout", "fit")  # of blocks, in order
 WHOLE = 8  # runs: with fewer, every kind of excitation must be in every part
 LEAST_SAMPLES = 30  # of an output in a part
 LEAST_STRETCH = 20  # samples without a gap

@@ -14,6 +14,7 @@ AT_FLOOR = 1.15  # times the noise (root mean square): no more is left than the 
 CLOSED = 0.10  # share of the remaining gap that an effect must close on confirm
 ERRORS = 3.0  # standard errors from nothing
 CONFIRM_GAIN = 6.0  # of twice the log-likelihood on confirm: less may be chance
+TELLING = 25.0  # the same, expected of the effect as it was fitted: less gain may be chance as well
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,11 @@ def sample(fitted: Fitted) -> Sample:
     # outputs count by what they contribute to the errors
     inverse = sum(total[n] / weight / worth([w[n] for w in raw]) for n in names)
     return Sample(sum(count.values()), float(1.0 / max(inverse, 1.0)))
+
+
+def all_count(fitted: Fitted) -> Sample:
+    """The same where all samples count: while sets grow, what is missing still correlates the errors."""
+    return Sample(count_of(fitted), 1.0)
 
 
 def likelihood_gain(before: float, after: float, s: Sample) -> float:
@@ -68,10 +74,13 @@ class Confirmed:
 
     closed: float
     gain: float
+    expected: float = np.inf  # gain if the effect is as it was fitted
 
     @property
     def accepted(self) -> bool:
-        """Whether that is enough."""
+        """Whether that is enough; where confirm shows too little to judge, that it does not speak against."""
+        if self.expected < TELLING and self.gain < CONFIRM_GAIN:
+            return self.gain > -0.25 * self.expected
         return self.closed >= CLOSED and self.gain > CONFIRM_GAIN
 
 
@@ -84,7 +93,9 @@ def confirm(without: Fitted, with_it: Fitted, count: int) -> Confirmed:
     floor = after if after < AT_FLOOR**2 * count else count
     above = max(before - floor, saved, 1e-9)
     closed = 1.0 - float(np.sqrt(max(0.0, above - saved) / above))
-    return Confirmed(closed if saved > 0 else 0.0, likelihood_gain(before, after, s))
+    moved = without.linear.errors - with_it.linear.errors
+    expected = s.share * float(moved @ moved) * count / max(after, count)
+    return Confirmed(closed if saved > 0 else 0.0, likelihood_gain(before, after, s), expected)
 
 
 def from_nothing(study: Study, fitted: Fitted, a: Attached) -> float:

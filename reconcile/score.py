@@ -16,6 +16,9 @@ from reconcile.model import Attached
 from reconcile.study import RANKING, WIDTHS, Study
 
 
+LEAST = 10.0  # squared errors that a variant must save in a pursuit
+
+
 @dataclass(frozen=True)
 class Variant:
     """A candidate at one start of its parameters; `columns`: where it stands in the Gram matrix."""
@@ -55,6 +58,7 @@ class Score:
         self.cost = base.cost
         errors = base.errors - base.slopes @ held[:, 0]
         free = columns - base.slopes @ held[:, 1:]
+        self.slopes = columns
         self.gram = free.T @ columns
         self.pull = columns.T @ errors
         self.sizes = np.sum(columns**2, axis=0)
@@ -96,6 +100,23 @@ class Score:
             self.scored(pair) for pair in combinations(pool, size) if len({v.attached for v in pair}) == size
         ]
         return _distinct(sorted(sets, key=lambda s: -s.gain), count)
+
+    def pursuit(self, count: int) -> list[Variant]:
+        """Variants that together gain most, found one after the other (orthogonal matching pursuit)."""
+        chosen: list[Variant] = []
+        gained = 0.0
+        for _ in range(count):
+            taken = {v.attached for v in chosen}
+            found = [self.scored((*chosen, v)) for v in self.variants if v.attached not in taken]
+            best = max(found, key=lambda s: s.gain, default=None)
+            if best is None or best.gain < gained + LEAST:
+                break
+            chosen, gained = list(best.variants), best.gain
+        return chosen
+
+    def of(self, variants: Sequence[Variant]) -> np.ndarray:
+        """Slopes [N, columns] of some variants."""
+        return self.slopes[:, [c for v in variants for c in v.columns]]
 
     def scored(self, variants: Sequence[Variant]) -> Scored:
         """Gain of a set; amplitudes of the wrong sign are left out."""

@@ -24,6 +24,7 @@ SHARPENED = 4  # sets fitted sharply after the growth
 RIVALS = 5  # fitted for each effect of the answer
 CLOSE = 8.0  # of twice the log-likelihood: sets this near to the best cannot be told from it
 MOST_RIVALS = 4
+MISSING = 6  # effects that may be missing when the noise is judged
 ROUNDS = 5  # of growth, each with the noise judged by the set of the one before
 
 Key = frozenset
@@ -75,16 +76,32 @@ class Search:
     def _found(self) -> Key:
         """The best set: grown in rounds, until neither it nor the noise that it leaves changes."""
         best = Key()
+        self._judge_noise(best)
         for _ in range(ROUNDS):
-            self.report("noise")
-            moved = self.study.estimate_noise(self.tried.fits[best])
+            moved = self._judge_noise(best)
             self._again([Key(), best])
-            if not moved:
+            if best and not moved:
                 break
             known, best = best, self._round(best)
             if best == known:
                 break
+        self.study.estimate_noise(self.tried.fits[best])
+        self.study.whiten_confirm(self.tried.fits[best])
+        self._again([Key(), best])
         return best
+
+    def _judge_noise(self, key: Key) -> bool:
+        """Judge the noise by what a set leaves that no effect would explain; whether it changed much."""
+        self.report("noise")
+        study, fitted = self.study, self.tried.fits[key]
+        score = Score(study, fitted, self._others(key))
+        missing = score.pursuit(MISSING)
+        if study.fit_problem.whiteners is not None:  # the noise model takes slopes as they are
+            study.fit_problem.whiteners = None
+            score = Score(study, fitted, [v.attached for v in missing])
+            chosen = {(v.attached, tuple(v.shape.items())) for v in missing}
+            missing = [v for v in score.variants if (v.attached, tuple(v.shape.items())) in chosen]
+        return study.estimate_noise(fitted, score.of(missing))
 
     def _round(self, key: Key) -> Key:
         """Grow from a set, and from what is left of it without each of its effects."""
@@ -143,7 +160,7 @@ class Search:
 
     def _worthwhile(self, scored: Scored, score: Score, fitted: Fitted) -> bool:
         """Whether the linear gain is at least half of what would be accepted."""
-        s = evidence.sample(fitted)
+        s = evidence.all_count(fitted)
         count = sum(len(v.attached.free) for v in scored.variants)
         gain = evidence.likelihood_gain(score.cost, max(score.cost - scored.gain, 1e-9 * score.cost), s)
         return gain > 0.5 * (evidence.BIC_GAIN + count * np.log(s.effective))
@@ -184,8 +201,8 @@ class Search:
         ]
 
     def _ranked(self, fits: dict[Key, Fitted]) -> list[Key]:
-        """Keys by BIC and what every effect must gain, judged with the sample size of the best fit so far."""
-        s = evidence.sample(min(fits.values(), key=lambda f: f.cost))
+        """Keys by BIC and what every effect must gain, best first."""
+        s = evidence.all_count(min(fits.values(), key=lambda f: f.cost))
         return sorted(fits, key=lambda k: (evidence.bic(fits[k], s) + evidence.BIC_GAIN * len(k), len(k)))
 
     def _sharpened(self, ranked: Sequence[Key]) -> Key:

@@ -15,7 +15,7 @@ from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import Fitted, Free, fit
-from reconcile.fit.windows import WINDOW_S, cut
+from reconcile.fit.windows import HOLDOUT_S, WINDOW_S, cut, span
 from reconcile.model import ALL_OUTPUTS, Attached, Extended, Folder, candidates
 from specs.errors import InputError
 
@@ -54,8 +54,12 @@ class Study:
         sigma = {n: f.level for n, f in self.floors.items()}
         step = self.model.step if self.model.kind == "discrete" else None
         self.problems = {
-            which: Problem(self.compiled, cut(getattr(parts, which), seconds, step), sigma)
-            for which, seconds in (("fit", WINDOW_S), ("confirm", WINDOW_S), ("holdout", 2.0 * WINDOW_S))
+            which: Problem(self.compiled, windows(getattr(parts, which), seconds, step), sigma)
+            for which, windows, seconds in (
+                ("fit", span, WINDOW_S),
+                ("confirm", span, WINDOW_S),
+                ("holdout", cut, HOLDOUT_S),
+            )
         }
         self.fit_problem = self.problems["fit"]
         nominal = [v.nominal or 1.0 for v in self.model.states]
@@ -128,15 +132,21 @@ class Study:
         """All parameters by name."""
         return dict(zip(self.extended.parameter_names, map(float, p), strict=True))
 
-    def estimate_noise(self, fitted: Fitted) -> bool:
-        """Fit the noise model to what a fit leaves, and judge by it from here on; whether it changed much."""
+    def estimate_noise(self, fitted: Fitted, more: np.ndarray | None = None) -> bool:
+        """Fit the noise model to what a fit leaves, and judge by it from here on; whether it changed much.
+
+        `more`: slopes [N, F], not whitened, of what may be missing and is not to count as noise.
+        """
         columns = [self.extended.index[f.name] for f in fitted.free]
-        before, self.noise = self.noise, whitening.estimate(self.fit_problem, fitted.point, columns)
+        ends = np.cumsum([sum(map(len, w.values())) for w in fitted.linear.raw])[:-1]
+        parts = [] if more is None else np.split(more, ends)
+        before, self.noise = self.noise, whitening.estimate(self.fit_problem, fitted.point, columns, parts)
         self.fit_problem.whiteners = self.noise.whiteners()
-        confirm = self.problems["confirm"]
-        if confirm is not self.fit_problem:
-            self._whiten(confirm, fitted)
         return self.noise.differs(before)
+
+    def whiten_confirm(self, fitted: Fitted) -> None:
+        """Judge by the same noise on confirm."""
+        self._whiten(self.problems["confirm"], fitted)
 
     def _whiten(self, problem: Problem, fitted: Fitted) -> None:
         """Carry the noise model over to another problem."""

@@ -84,12 +84,17 @@ class Noise:
 
 @dataclass(frozen=True)
 class _Responses:
-    """Of one window: responses [N, lines] to each source, errors left [N], what is free anyway [N, F]."""
+    """Of one window: responses [N, lines] to each source, errors left [N], and their slopes [N, ...].
+
+    `free`: by the window's initial state; `shared`: by what is common to all windows.
+    """
 
     window: Window
+    sources: tuple[Source, ...]
     by_source: tuple[np.ndarray, ...]
     errors: np.ndarray
     free: np.ndarray
+    shared: np.ndarray
 
     def roots(self, sources: Sequence[Source]) -> list[np.ndarray]:
         """Standard deviations of the cosines of each source."""
@@ -113,29 +118,44 @@ class _Responses:
 
 
 class _Likelihood:
-    """Log-likelihood of what is left as a function of the sources, freed of what is fitted anyway."""
+    """Log-likelihood of what is left as a function of the sources, freed of what is fitted anyway.
+
+    Initial states are taken out window by window; what all windows share (parameters, and columns that stand
+    for effects that may be missing) costs its degrees of freedom (restricted likelihood: Patterson and
+    Thompson 1971).
+    """
 
     def __init__(self, responses: Sequence[_Responses]):
         self.responses, self.windows = responses, []
-        for r in responses:
-            a = np.hstack(r.by_source)
-            q = np.linalg.qr(r.free)[0]
-            a, e = a - q @ (q.T @ a), r.errors - q @ (q.T @ r.errors)
-            self.windows.append((a.T @ a, a.T @ e))
+        basis = _basis([r.shared - _within(r.free, r.shared) for r in responses])
+        for r, x in zip(responses, basis, strict=True):
+            a, e = np.hstack(r.by_source), r.errors
+            a, e = a - _within(r.free, a), e - _within(r.free, e)
+            self.windows.append((a.T @ a, a.T @ e, a.T @ x, x.T @ e, x.T @ x, float(e @ e)))
+        self.alone = self._deviance([replace(s, size=0.0) for s in responses[0].sources] if responses else [])
 
     def gain(self, sources: Sequence[Source]) -> float:
         """Twice the log-likelihood over that of sensor noise alone."""
-        total = 0.0
-        for r, (gram, pull) in zip(self.responses, self.windows, strict=True):
+        return self.alone - self._deviance(sources)
+
+    def _deviance(self, sources: Sequence[Source]) -> float:
+        """Minus twice the restricted log-likelihood."""
+        total, inner, pulled = 0.0, 0.0, 0.0
+        for r, (gram, pull, cross, xe, xx, ee) in zip(self.responses, self.windows, strict=True):
             root = np.concatenate(r.roots(sources))
             on = np.flatnonzero(root > 0.0)
+            total, inner, pulled = total + ee, inner + xx, pulled + xe
             if not len(on):
                 continue
-            inner = np.eye(len(on)) + gram[np.ix_(on, on)] * np.outer(root[on], root[on])
-            factor = cho_factor(inner, lower=True)
-            pulled = pull[on] * root[on]
-            total += float(pulled @ cho_solve(factor, pulled)) - 2.0 * float(np.sum(np.log(np.diag(factor[0]))))
-        return total
+            factor = cho_factor(np.eye(len(on)) + gram[np.ix_(on, on)] * np.outer(root[on], root[on]), lower=True)
+            b, c = pull[on] * root[on], cross[on] * root[on, None]
+            solved = cho_solve(factor, np.column_stack([b, c]))
+            total += 2.0 * float(np.sum(np.log(np.diag(factor[0])))) - float(b @ solved[:, 0])
+            inner, pulled = inner - c.T @ solved[:, 1:], pulled - c.T @ solved[:, 0]
+        if not np.size(pulled):
+            return total
+        total += float(np.linalg.slogdet(inner)[1])
+        return total - float(pulled @ np.linalg.solve(inner, pulled))
 
     def reach(self, source: int, sources: Sequence[Source]) -> float:
         """The size of a source that moves the outputs by as much as is left of them."""
@@ -147,10 +167,18 @@ class _Likelihood:
         return float(np.sqrt(left / moved)) if moved > 0.0 else 0.0
 
 
-def estimate(problem, point, columns: Sequence[int], known: Noise | None = None) -> Noise:  # noqa: ANN001
-    """The noise model of greatest likelihood for what a fit leaves (`columns`: its free parameters)."""
-    sources = list(known.sources if known else _sources(problem))
+def estimate(problem, point, columns: Sequence[int], more: Sequence[np.ndarray] = ()) -> Noise:  # noqa: ANN001
+    """The noise model of greatest likelihood for what a fit leaves.
+
+    `columns`: the fit's free parameters; `more`: slopes [N, F] by window of what may be missing, of which the
+    errors are freed as well, so that it does not count as noise.
+    """
+    sources = _sources(problem)
     responses = tuple(_respond(problem, point, k, sources, columns) for k in range(len(problem.windows)))
+    if more:
+        responses = tuple(
+            replace(r, shared=np.hstack([r.shared, m])) for r, m in zip(responses, more, strict=True)
+        )
     if not sources:  # no axis is known, and the inputs are without noise
         return Noise((), responses)
     likelihood = _Likelihood(responses)
@@ -213,13 +241,33 @@ def _respond(problem, point, k: int, sources: Sequence[Source], columns: Sequenc
     samples = sum(len(t) for t in window.times.values()) if found is None else len(found[0])
     if found is None:
         empty = np.zeros((samples, 1))
-        return _Responses(window, tuple(empty for _ in sources), np.zeros(samples), empty)
+        nothing = np.zeros((samples, len(columns)))
+        return _Responses(
+            window, tuple(sources), tuple(empty for _ in sources), np.zeros(samples), empty, nothing
+        )
     errors, free, pushed = found
     shapes = _cosines(bins, min(LINES, bins))
     # a cosine of unit norm over the samples of the recording, held over bins of several samples
     held = np.sqrt(bins * _period(window) / (window.steps * window.step_s))
     by_source = tuple(pushed[:, i * bins : (i + 1) * bins] @ (held * shapes.T) for i in range(len(sources)))
-    return _Responses(window, by_source, errors, free)
+    states = free.shape[1] - len(columns)
+    return _Responses(window, tuple(sources), by_source, errors, free[:, :states], free[:, states:])
+
+
+def _within(free: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The part of values [N, ...] that lies in the span of `free` [N, F]."""
+    q = np.linalg.qr(free)[0]
+    return q @ (q.T @ values)
+
+
+def _basis(slopes: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Orthonormal columns, over all windows together, of the span of shared slopes, by window."""
+    whole = np.vstack(slopes)
+    size = np.linalg.norm(whole, axis=0)
+    whole = whole[:, size > 0.0] / size[size > 0.0]
+    u, s, _ = np.linalg.svd(whole, full_matrices=False)
+    ends = np.cumsum([len(w) for w in slopes])[:-1]
+    return np.split(u[:, s > 1e-6 * (s[0] if len(s) else 1.0)], ends)
 
 
 def _period(window: Window) -> float:

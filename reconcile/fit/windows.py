@@ -14,8 +14,10 @@ import numpy as np
 from reconcile.data import Block, Run, Signal
 
 WINDOW_S = 20.0
+HOLDOUT_S = 4.0
 STEP_S = (0.002, 0.01)  # least and largest step
 MARGIN_S = 0.3  # before the samples, for sensor delays
+GUARD_S = 0.2  # left out where a block follows one of another part
 
 
 @dataclass(frozen=True)
@@ -75,27 +77,51 @@ def delayed(signal: Signal, start: float, h: float, n: int, delay: float) -> tup
 
 
 def cut(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | None = None) -> list[Window]:
-    """Windows that cover the blocks; each starts a margin before its samples."""
+    """Windows that each cover a block, or a part of it; each starts a margin before its samples."""
     windows = []
     for block in blocks:
-        h = step_s or float(np.clip(0.5 * block.run.period_s, *STEP_S))
         length = block.end_s - block.start_s
         margin = min(MARGIN_S, 0.25 * length)
         count = max(1, round((length - margin) / window_s))
         edges = np.linspace(block.start_s + margin, block.end_s, count + 1)
         for a, b in pairwise(edges):
-            windows.append(_window(block.run, a - margin, a, b, h))
+            windows.append(_window(block.run, a - margin, [(a, b)], _step(block.run, step_s)))
     return windows
 
 
-def _window(run: Run, start: float, first: float, last: float, h: float) -> Window:
+def span(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | None = None) -> list[Window]:
+    """Windows over whole runs, or long parts of them, of which only the samples in the blocks are to be met.
+
+    Slow effects show over times that no block has; what lies between the blocks is simulated, not met.
+    """
+    windows = []
+    for run in {id(b.run): b.run for b in blocks}.values():
+        own = [b for b in blocks if b.run is run]
+        inside = [(b.start_s + (GUARD_S if b.start_s > run.start_s else 0.0), b.end_s) for b in own]
+        inside[0] = (inside[0][0] + MARGIN_S, inside[0][1])
+        first, last = own[0].start_s, own[-1].end_s
+        edges = np.linspace(first, last, max(1, round((last - first) / window_s)) + 1)
+        for a, b in pairwise(edges):
+            parts = [(max(c, a), min(d, b)) for c, d in inside if min(d, b) > max(c, a)]
+            if parts:
+                windows.append(_window(run, max(first, min(a, parts[0][0]) - MARGIN_S), parts, _step(run, step_s)))
+    return windows
+
+
+def _step(run: Run, step_s: float | None) -> float:
+    return step_s or float(np.clip(0.5 * run.period_s, *STEP_S))
+
+
+def _window(run: Run, start: float, parts: Sequence[tuple[float, float]], h: float) -> Window:
     # on the run's own grid, so that a discrete model's steps are those of the recording
     start = run.start_s + np.floor((start - run.start_s) / h + 1e-6) * h
     times, samples = {}, {}
     for name, signal in run.outputs.items():
-        inside = (signal.time >= first - 1e-9) & (signal.time < last - 1e-9)
+        inside = np.zeros(len(signal.time), dtype=bool)
+        for first, last in parts:
+            inside |= (signal.time >= first - 1e-9) & (signal.time < last - 1e-9)
         times[name], samples[name] = signal.time[inside], signal.values[inside]
-    return Window(run, float(start), int(np.ceil((last - start) / h - 1e-6)), h, times, samples)
+    return Window(run, float(start), int(np.ceil((parts[-1][1] - start) / h - 1e-6)), h, times, samples)
 
 
 def interpolation(positions: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
