@@ -140,7 +140,7 @@ EFFECTS = (
         Parameter("rate", "{u}/s", share(0.5, 1.0, 2.0, 5.0, 10.0)),
         _rate_limit,
         hidden=("limited",),
-        width="u",
+        width="time",
         becomes={"": "rate → ∞"},
     ),
     _gated(
