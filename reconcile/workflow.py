@@ -12,7 +12,6 @@ from reconcile.data import Run, read_run, split
 from reconcile.experiment import plan
 from reconcile.experiment.propose import Proposal, propose
 from reconcile.model import Folder
-from reconcile.page import page
 from reconcile.search import Answer, Search
 from reconcile.study import Study, unique
 from reconcile.system.parts import Part, parts_of
@@ -65,7 +64,7 @@ def reconcile(
         if proposal and proposal.commands:
             plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
         if not report_only:
-            page.write_for(part / target.PAGE, [(study, answer)], _plain(figures), folder.model.name)
+            _show(part, figures, [(study, answer)], folder.model.name)
         figures["files"] = sorted(p.name for p in part.iterdir())
         _write(part / target.REPORT, figures)
     return figures
@@ -167,8 +166,7 @@ def _system(
                 "fmu": built,
             }
         if not report_only:
-            answers = [(found.study, found.answer) for found in done]
-            page.write_for(part / target.PAGE, answers, _plain(figures), ", ".join(e.part.name for e in done))
+            _show(part, figures, [(e.study, e.answer) for e in done], ", ".join(e.part.name for e in done))
         figures["files"] = sorted(p.name for p in part.iterdir())
         _write(part / target.REPORT, figures)
     return figures
@@ -197,11 +195,20 @@ def _closed(
         if not report_only and (answer.fitted.effects or figures["reestimated"]):
             figures["model"] = closed.write(problem, answer, part)
         if not report_only:
-            shown = closed_holdout.shown(problem, answer)
-            page.write_page(part / target.PAGE, _plain(figures), shown, box.model.name)
+            from reconcile.page.page import write_page
+
+            drawn = closed_holdout.shown(problem, answer)
+            write_page(part / target.PAGE, _plain(figures), drawn, box.model.name)
         figures["files"] = sorted(p.name for p in part.iterdir())
         _write(part / target.REPORT, figures)
     return figures
+
+
+def _show(folder: Path, figures: dict[str, Any], answers: Sequence[tuple[Study, Answer]], title: str) -> None:
+    """Write the page of an answer, or of those of a system's parts, into a folder."""
+    from reconcile.page.page import write_for
+
+    write_for(folder / target.PAGE, answers, _plain(figures), title)
 
 
 def _variables(folder) -> list[str]:

@@ -1,6 +1,6 @@
 """DIR/report.html from the figures of report.json and what is drawn beside them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -16,14 +16,18 @@ from reconcile.words import number, percent
 from records.report import shell
 from records.report.figures import Figure
 
+MOST = 3  # held-out stretches drawn
 LONG = 90  # characters of a sentence that need a smaller letter
 TONES = {"named": "good", "agrees": "good", "reestimated": "good", "unexplained": "bad"}
 
 
-def write_for(path: Path, study: Study, answer: Answer, figures: Mapping[str, Any]) -> Path:
-    """Write the page of an answer; `figures`: the report, in JSON's own types."""
-    found = gather(study, answer, nominal(study))
-    return write_page(path, figures, shown(found), study.model.name)
+def write_for(
+    path: Path, answers: Sequence[tuple[Study, Answer]], figures: Mapping[str, Any], title: str
+) -> Path:
+    """Write the page of an answer, or of the answers of a system's parts; `figures`: the report as JSON."""
+    each = [shown(gather(study, answer, nominal(study))) for study, answer in answers]
+    stretches = [s for one in each for s in one.stretches[: max(1, MOST // len(each))]]
+    return write_page(path, figures, Shown(stretches, [g for one in each for g in one.gathered]), title)
 
 
 def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str) -> Path:

@@ -50,8 +50,7 @@ def _where(e: Figures) -> str:
 
 
 def _interval(limits: Sequence[float], unit: str) -> str:
-    value = 0.5 * (limits[0] + limits[1])
-    low, high = (number_with_error(v, list(limits)) if value else number(v) for v in limits)
+    low, high = (number_with_error(v, list(limits)) for v in limits)
     return with_unit(f"{low} … {high}", unit)
 
 
@@ -88,15 +87,23 @@ def gap(figures: Figures) -> str:
     some = next(iter(figures["gap"].values()))
     rows = []
     for n, g in figures["gap"].items():
-        cells = [number(g[k], 3) for k in ("floor", *STAGES)]
+        cells = [number(g["floor"], 3), *(_left(g[k]) for k in STAGES)]
         rows.append([n, written(g["unit"]) or "–", *cells, percent(closed(g)), *_scores(figures, n)])
     head = ["Signal", "Unit", "Floor", *HEADS, "Closed", "RMSE", "FIT", "ISO/TS 18571"]
-    sources = sorted({f"{g['floor_source']} ({n})" for n, g in figures["gap"].items()})
+    by_source: dict[str, list[str]] = {}
+    for n, g in figures["gap"].items():
+        by_source.setdefault(g["floor_source"], []).append(n)
+    sources = [f"{source} ({listed(names)})" for source, names in by_source.items()]
     return (
         f"<p>Error above the floor, √(rmse² − floor²), on recordings that nothing was fitted to, "
         f"{number(some['horizon_s'], 3)} s ahead on average. RMSE, FIT and rating: as it came → after. "
         f"Floors: {escape('; '.join(sources))}.</p>{shell.table(head, rows)}"
     )
+
+
+def _left(value: float | None, unit: str = "") -> str:
+    """A gap; what is not above the floor is said so."""
+    return "at the floor" if value == 0.0 else with_unit(number(value, 3), unit)
 
 
 def _scores(figures: Figures, name: str) -> list[str]:
@@ -114,7 +121,7 @@ def _scores(figures: Figures, name: str) -> list[str]:
 def by_regime(figures: Figures) -> str:
     """The gaps again, regime by regime."""
     rows = [
-        [row["regime"], n, percent(g["time"]), *(with_unit(number(g[k], 3), g["unit"]) for k in STAGES)]
+        [row["regime"], n, percent(g["time"]), *(_left(g[k], g["unit"]) for k in STAGES)]
         for row in figures.get("gap_by_regime", [])
         for n, g in row["gap"].items()
     ]
