@@ -137,7 +137,7 @@ EFFECTS = (
     _gated(
         "input_rate_limit",
         "du'/dt = rate sgn(u − u')",
-        Parameter("rate", "{u}/s", share(0.5, 1.0, 2.0, 5.0, 10.0)),
+        Parameter("rate", "{u}/s", share(0.5, 2.0, 8.0, 30.0)),
         _rate_limit,
         hidden=("limited",),
         width="time",
