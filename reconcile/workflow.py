@@ -16,6 +16,7 @@ from reconcile.search import Answer, Search
 from reconcile.study import Study, unique
 from reconcile.system.parts import Part, parts_of
 from records.formats import read_measurement
+from specs.errors import InputError
 from specs.version import VERSION
 
 Report = Callable[..., None]
@@ -45,6 +46,8 @@ def reconcile(
     checks.check_runs(*given)
     target.check(out, [Path(model), *(p for paths in given for p in paths)])
     if Path(model).suffix.lower() == ".fmu":
+        if then:
+            raise InputError(f"{model} is closed; --drive needs a model folder")
         return _closed(given, Path(model), out, names, said, report_only)
     if parts := parts_of(model):
         return _system(given, parts, out, names, said, report_only)

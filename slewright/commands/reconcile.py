@@ -12,7 +12,9 @@ from slewright.tables import show
 
 def reconcile(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Recordings to fit.")],
-    model: Annotated[str, typer.Option(metavar="MODEL", help="A model folder, or a model of the project.")],
+    model: Annotated[
+        str, typer.Option(metavar="MODEL", help="A model folder, a model of the project, or an .fmu.")
+    ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report and the extended model.")],
     confirm: Annotated[
         list[Path] | None, typer.Option(metavar="RUN", help="Recordings that accept or turn down an effect.")
@@ -22,7 +24,7 @@ def reconcile(
     ] = None,
     names: Annotated[
         Path | None,
-        typer.Option("--map", metavar="FILE", help="Names: a table [names] with theirs = 'ours'."),
+        typer.Option("--map", metavar="FILE", help="Names: a table [names] with theirs = 'ours [unit]'."),
     ] = None,
     report_only: Annotated[
         bool, typer.Option("--report-only", help="Write report.json alone: no extended model, no page.")
