@@ -51,8 +51,8 @@ def _hysteresis(c: Namespace, p: Namespace, w: Namespace) -> Result:
     wide = memory.play(c, c.u, "wide", w.wide, p.full_width)
     narrow = memory.play(c, c.u, "narrow", w.narrow, 0.5 * p.full_width)
     value = (1.0 - p.share) * c.u + 0.5 * p.share * (wide.value + narrow.value)
-    parts = {k: {**getattr(wide, k), **getattr(narrow, k)} for k in ("rates", "starts", "next")}
-    return Result(value, **parts)
+    rates, starts = {**wide.rates, **narrow.rates}, {**wide.starts, **narrow.starts}
+    return Result(value, rates, starts, next={**wide.next, **narrow.next})
 
 
 def _asymmetric(c: Namespace, p: Namespace, w: Namespace) -> Result:
