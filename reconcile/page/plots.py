@@ -74,10 +74,10 @@ def gathered(number: int, g: Gathered) -> Figure:
     x, y = g.before
     some = np.unique(np.linspace(0, len(x) - 1, min(len(x), MOST_POINTS)).round().astype(int))
     dots = {"color": COLOURS["reestimated"], "size": 4, "opacity": 0.35}
-    data: list[dict[str, Any]] = [_points(x[some], y[some], "in bins of time", marker=dots, mode="markers")]
-    data.append(_means(x, y, "mean, re-estimated model", COLOURS["reestimated"]))
+    data: list[dict[str, Any]] = [_points(x[some], y[some], "samples", marker=dots, mode="markers")]
+    data.append(_means(x, y, "mean before", COLOURS["reestimated"]))
     if g.after is not None:
-        data.append(_means(*g.after, "mean, after", COLOURS["after"]))
+        data.append(_means(*g.after, "mean after", COLOURS["after"]))
     layout = {
         "xaxis": {"title": {"text": _title(g.against, g.against_unit)}},
         "yaxis": {"title": {"text": _title(g.name, g.unit)}, "range": _middle(y)},
@@ -85,7 +85,8 @@ def gathered(number: int, g: Gathered) -> Figure:
     }
     shade = f" Red: {g.regime}." if g.regime else ""
     caption = (
-        f"What would have to be added to make the model good, without what its own parameters could do. "
+        "What would have to be added to make the re-estimated model good, less what its own parameters could "
+        "do; samples and means over equally many of them. "
         f"{_capital(g.against)} accounts for {percent(g.accounts.get(g.against))} of it.{shade}"
     )
     return Figure(f"residual-{number}", f"{_capital(g.name)} against {g.against}", caption, data, layout, 360)
@@ -94,7 +95,7 @@ def gathered(number: int, g: Gathered) -> Figure:
 def accounts(number: int, g: Gathered) -> Figure:
     """How much of a residual each regressor accounts for."""
     names = list(g.accounts)[::-1]
-    colours = [COLOURS["after"] if n == g.against else "#b9c6d3" for n in names]
+    colours = [COLOURS["after"] if n == g.against and g.goes else "#b9c6d3" for n in names]
     bar = {
         "type": "bar", "orientation": "h", "y": names, "x": [round(100 * g.accounts[n], 1) for n in names],
         "marker": {"color": colours}, "showlegend": False, "hovertemplate": "%{y}: %{x} %<extra></extra>",

@@ -238,6 +238,31 @@ def next_experiment(figures: Figures) -> str:
     )
 
 
+def driven(figures: Figures) -> str:
+    """The experiment that was driven: predicted against achieved margins."""
+    done = figures.get("experiment")
+    if not done:
+        return ""
+    rows = [
+        [
+            _name(p["one"]), _name(p["other"]), number(p.get("predicted_margin"), 3),
+            number(p.get("achieved_margin"), 3),
+        ]
+        for p in done["pairs"]
+    ]  # fmt: skip
+    head = ["Candidate", "against", "Predicted margin", "Achieved margin"]
+    table = shell.table(head, rows) if rows else ""
+    turned = f"{_spaced(done['before'])} before, {_spaced(figures['verdict'])} after"
+    return (
+        f"<h2>The experiment that was driven</h2><p>{escape(turned)}. "
+        f"{escape(str(done['proposal'].get('sentence', '')))}</p>{table}"
+    )
+
+
+def _spaced(verdict: str) -> str:
+    return verdict.replace("_", " ")
+
+
 def _name(value: Any) -> str:
     return listed([str(v) for v in value]) if isinstance(value, list) else str(value)
 

@@ -45,7 +45,7 @@ class Stretch:
 class Gathered:
     """A residual [N] against what it goes with [N], before and (where it is known) after; a regime's bounds.
 
-    `accounts`: the share that every regressor accounts for, by label.
+    `accounts`: the share that every regressor accounts for, by label; `goes`: whether it goes with one.
     """
 
     name: str
@@ -57,6 +57,7 @@ class Gathered:
     bounds: Sequence[tuple[float, float]]
     regime: str
     accounts: Mapping[str, float]
+    goes: bool
 
 
 @dataclass(frozen=True)
@@ -159,6 +160,7 @@ def _one(x: Located, after) -> Gathered:
         bounds,
         regime.words if regime is not None and bounds else "",
         {"a constant": x.constant} | accounts,
+        x.best is not None,
     )
 
 
