@@ -59,7 +59,9 @@ class Whitener:
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Errors [N] or slopes [N, M] in whitened form."""
         inside = self.directions.T @ values
-        return values - self.directions @ (inside * (self.shrink if inside.ndim == 1 else self.shrink[:, None]))
+        return values - self.directions @ (
+            inside * (self.shrink if inside.ndim == 1 else self.shrink[:, None])
+        )
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,9 @@ class _Likelihood:
             inner = np.eye(len(on)) + gram[np.ix_(on, on)] * np.outer(root[on], root[on])
             factor = cho_factor(inner, lower=True)
             pulled = pull[on] * root[on]
-            total += float(pulled @ cho_solve(factor, pulled)) - 2.0 * float(np.sum(np.log(np.diag(factor[0]))))
+            total += float(pulled @ cho_solve(factor, pulled)) - 2.0 * float(
+                np.sum(np.log(np.diag(factor[0])))
+            )
         return total
 
     def reach(self, source: int, sources: Sequence[Source]) -> float:
@@ -157,11 +161,11 @@ def estimate(problem, point, columns: Sequence[int], known: Noise | None = None)
     return Noise(tuple(sources), responses)
 
 
-def transferred(noise: Noise, problem, point) -> Noise:  # noqa: ANN001 - Problem, which imports this module
-    """The same sources for the windows of another problem."""
+def transferred(noise: Noise, problem, point, bin_s: float = BIN_S) -> Noise:  # noqa: ANN001
+    """The same sources for the windows of another problem; wider bins are quicker and coarser."""
     sources = noise.sources
     windows = range(len(problem.windows))
-    return Noise(sources, tuple(_respond(problem, point, k, sources, ()) for k in windows))
+    return Noise(sources, tuple(_respond(problem, point, k, sources, (), bin_s) for k in windows))
 
 
 def _best(likelihood: _Likelihood, sources: Sequence[Source], i: int) -> Source:
@@ -201,10 +205,12 @@ def _sources(problem) -> list[Source]:  # noqa: ANN001
     return found
 
 
-def _respond(problem, point, k: int, sources: Sequence[Source], columns: Sequence[int]) -> _Responses:  # noqa: ANN001
+def _respond(  # noqa: ANN001
+    problem, point, k: int, sources: Sequence[Source], columns: Sequence[int], bin_s: float = BIN_S
+) -> _Responses:
     """Responses of window k to cosines of each source."""
     window = problem.windows[k]
-    bins = int(np.clip(round(window.steps * window.step_s / BIN_S), 2, window.steps))
+    bins = int(np.clip(round(window.steps * window.step_s / bin_s), 2, window.steps))
     edges = np.round(np.linspace(0, window.steps, bins + 1)).astype(int)
     found = problem.responses(point, k, [s.column for s in sources], edges, columns)
     samples = sum(len(t) for t in window.times.values()) if found is None else len(found[0])
