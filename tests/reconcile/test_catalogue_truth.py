@@ -27,6 +27,7 @@ SEED = 7030
 TARGETS = (1500.0, 6000.0)  # lambda that effects are sized for
 AT_FLOOR = 1.1  # mean square of what is left over that of the noise
 CLOSE = 0.1  # of a parameter
+CLOSE_OF = {"vs": 0.2}  # told by the few samples near standstill only
 QUICK = ("coulomb_friction", "input_dead_zone")
 SEEDS = {"structural_compliance": 7010}  # elsewhere the largest that is drawn is too small to be told exactly
 LEFT_OUT = {
@@ -132,4 +133,4 @@ def test_an_entry_fits_its_truth_to_the_noise_with_its_parameters(system, key, t
     for name, value in TABLE[placed.effect.name].items():
         wanted = value(true, setting)
         if name in reported["parameters"] and wanted:
-            assert values[a.name(name)] == pytest.approx(wanted, rel=CLOSE), name
+            assert values[a.name(name)] == pytest.approx(wanted, rel=CLOSE_OF.get(name, CLOSE)), name
