@@ -28,7 +28,8 @@ def number(value: float | None, digits: int = 4) -> str:
         if "." in head:
             head = head.rstrip("0").rstrip(".")
         return f"{head}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
-    return f"{value:.{digits}g}".replace("-", "−")
+    text = f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
+    return text.replace("-", "−")
 
 
 def number_with_error(value: float, interval: list[float]) -> str:

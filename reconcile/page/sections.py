@@ -66,7 +66,7 @@ def doubt(figures: Figures) -> str:
         differs = known["differs"] if known else None
         cells = [number(differs[s], 2) if differs else ("0" if i == 0 else "–") for s in signals]
         left = known["gap"] if known else {s: figures["gap"][s]["after"] for s in signals} if i == 0 else None
-        cells += [with_unit(number(left[s], 3), figures["gap"][s]["unit"]) if left else "–" for s in signals]
+        cells += [_left(left[s], figures["gap"][s]["unit"]) if left else "–" for s in signals]
         rows.append([listed(list(names)) + (" (answer)" if i == 0 else ""), *cells])
     head = ["Set", *(f"{s}: differs by / floor" for s in signals), *(f"{s}: gap after" for s in signals)]
     return (
@@ -168,7 +168,7 @@ def parameters(figures: Figures) -> str:
 
 def _nuisances(nuisances: Figures) -> str:
     rows = [
-        [run, str(k), listed([str(x) for x in v]) if isinstance(v, list) else str(v)]
+        [run, _spaced(str(k)), listed([str(x) for x in v]) if isinstance(v, list) else str(v)]
         for run, n in nuisances.items()
         for k, v in n.items()
     ]
@@ -217,14 +217,14 @@ def next_experiment(figures: Figures) -> str:
     ]
     table = shell.table(["Candidate", "against", "Predicted margin"], rows) if rows else ""
     facts = [
-        (label, str(wanted[k]))
+        (label, wanted[k] if isinstance(wanted[k], str) else number(wanted[k]))
         for k, label in (
             ("input", "Input"),
             ("duration_s", "Duration [s]"),
             ("plan", "Plan"),
             ("table", "Table"),
         )
-        if wanted.get(k)
+        if wanted.get("plan") and wanted.get(k)
     ]
     need = (
         f"<p class='soft'>A margin of {number(wanted['needed_margin'], 3)} is needed.</p>"
