@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from reconcile import replicates, report as reports, verdict as verdicts
-from reconcile.contract import check
+from reconcile.contract import Report, check
 from reconcile.data import Run, Signal
 from reconcile.findings import Findings, above
 from reconcile.page.equation import equation
 from reconcile.page.page import write_page
-from reconcile.page.shown import shown
+from reconcile.page.shown import Shown, shown
 from reconcile.workflow import _plain
 from tests.reconcile.answers import answered, recorded
 from tests.reconcile.truth import Truth, coulomb
@@ -140,6 +140,19 @@ def test_names_are_escaped(friction, figures, tmp_path):
     text = write_page(tmp_path / "r.html", spoiled, shown(friction), "<rig>").read_text("utf-8")
     assert "<b>bold" not in text
     assert "&lt;rig&gt;" in text
+
+
+def test_a_report_of_the_contracts_keys_alone_has_a_page(figures, tmp_path):
+    wanted = {k: figures[k] for k in Report.model_fields}
+    text = write_page(tmp_path / "r.html", wanted, Shown(), "rig").read_text("utf-8")
+    assert figures["sentence"] in text
+
+
+def test_a_model_that_runs_away_has_a_page(figures, tmp_path):
+    spoiled = copy.deepcopy(figures)
+    spoiled["gap"]["position"] |= {"nominal": None, "reestimated": None}
+    text = write_page(tmp_path / "r.html", spoiled, Shown(), "rig").read_text("utf-8")
+    assert "<th scope='row'>position</th><td>m</td>" in text
 
 
 def test_equations_are_set_with_symbols():
