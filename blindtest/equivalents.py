@@ -86,6 +86,9 @@ class Equivalents:
         start = Fit(float("inf"), self.truth.base, values, self.truth.starts)
         return effects, self.problem.fit(effects, start)
 
+    def _best(self, kept: Sequence[Effect], at: Fit, effect: Effect) -> Fit:
+        return self.problem.best(kept, at, effect, EQUIVALENT)
+
     def _keep(self, effects: Sequence[Effect], fit: Fit) -> bool:
         if fit.value >= EQUIVALENT:
             return False
@@ -108,7 +111,7 @@ class Equivalents:
         for place, (linear, effect) in enumerate(ranked):
             if linear > HOPELESS + 0.3 * at.value or (place >= NEAREST and effect.name not in near):
                 continue
-            fit = self.problem.best(kept, at, effect)
+            fit = self._best(kept, at, effect)
             if self._keep((*kept, effect), fit):
                 self.swaps.append((i, effect, fit.effects[-1]))
                 hit = True
@@ -118,11 +121,11 @@ class Equivalents:
         """Swap i for two effects that have no more parameters."""
         most = len(self.visible[i].parameters)
         for _, first in self._ranked(kept, at, most - 1)[:2]:
-            fit = self.problem.best(kept, at, first)
+            fit = self._best(kept, at, first)
             if not fit.effects:  # it does not run from any start
                 continue
             for _, second in self._ranked((*kept, first), fit, most - len(first.parameters))[:2]:
-                self._keep((*kept, first, second), self.problem.best((*kept, first), fit, second))
+                self._keep((*kept, first, second), self._best((*kept, first), fit, second))
 
     def _merge(self, i: int, j: int) -> None:
         """Swap i and j for one effect."""
@@ -130,7 +133,7 @@ class Equivalents:
         most = count((self.visible[i], self.visible[j]))
         for linear, effect in self._ranked(kept, at, most)[:3]:
             if linear < HOPELESS + 0.3 * at.value:
-                self._keep((*kept, effect), self.problem.best(kept, at, effect))
+                self._keep((*kept, effect), self._best(kept, at, effect))
 
     def _double(self) -> None:
         """Two swaps that each succeeded, together."""
@@ -138,7 +141,7 @@ class Equivalents:
             if i != j and e.name != f.name:
                 kept, at = self._without(i, j)
                 start = Fit(float("inf"), at.base, (*at.effects, p, q), at.starts)
-                self._keep((*kept, e, f), self.problem.fit((*kept, e, f), start))
+                self._keep((*kept, e, f), self.problem.fit((*kept, e, f), start, EQUIVALENT))
 
 
 def equivalents(case: Case) -> list[list[str]]:

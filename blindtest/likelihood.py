@@ -22,6 +22,7 @@ MAGNITUDES = (0.03, 0.1, 0.3)
 ITERATIONS = 14
 ABSURD = 1e9  # deviations: a trial step that leads there is too long
 ENOUGH = 1.5  # a fit below this needs no further step: every threshold is above it
+FAR, CRAWL = 20.0, 0.1  # times what is wanted, and gained by a step (share): no number of steps leads there
 
 
 @dataclass(frozen=True)
@@ -78,32 +79,31 @@ class Problem:
         starts = np.stack([run.start for run in self.runs])
         return Fit(np.inf, base, tuple(known[e.key] for e in effects), starts)
 
-    def fit(self, effects: Sequence[Effect], start: Fit, iterations: int = ITERATIONS) -> Fit:
-        """The best fit from `start`."""
-        return _Search(self, effects, start).run(iterations)
+    def fit(self, effects: Sequence[Effect], start: Fit, wanted: float = 0.0) -> Fit:
+        """The best fit from `start`; given up where it cannot come down to `wanted`, if that is given."""
+        return _Search(self, effects, start).run(ITERATIONS, wanted)
 
-    def candidates(self, effect: Effect) -> list[Values]:
+    def candidates(self, effect: Effect, magnitudes: Sequence[float] = MAGNITUDES) -> list[Values]:
         """Sizes from which a fit of an effect may start."""
         signs = (1.0, -1.0) if effect.either_sign else (1.0,)
-        grid = itertools.product(MAGNITUDES, signs, effect.shapes)
+        grid = itertools.product(magnitudes, signs, effect.shapes)
         return [effect.size(s * m * effect.largest, shape, self.scale) for m, s, shape in grid]
 
-    def best(self, kept: Sequence[Effect], at: Fit, added: Effect, deep: int = 1) -> Fit:
+    def best(self, kept: Sequence[Effect], at: Fit, added: Effect, wanted: float = 0.0) -> Fit:
         """Fit of `kept` and one more effect, starting at the fit `at` of `kept` alone."""
         ranked = sorted(self.screen(kept, at, added), key=lambda found: found[0])
-        fits = []
-        for _, values in ranked[:deep]:
-            start = Fit(np.inf, at.base, (*at.effects, values), at.starts)
-            fits.append(self.fit((*kept, added), start))
-            if fits[-1].value < ENOUGH:
-                break
-        return min(fits, key=lambda f: f.value, default=Fit(np.inf, at.base, (), at.starts))
+        if not ranked:
+            return Fit(np.inf, at.base, (), at.starts)
+        start = Fit(np.inf, at.base, (*at.effects, ranked[0][1]), at.starts)
+        return self.fit((*kept, added), start, wanted)
 
-    def screen(self, kept: Sequence[Effect], at: Fit, added: Effect) -> list[tuple[float, Values]]:
+    def screen(
+        self, kept: Sequence[Effect], at: Fit, added: Effect, magnitudes: Sequence[float] = MAGNITUDES
+    ) -> list[tuple[float, Values]]:
         """Linearised lambda of adding an effect at each of its start values."""
         tangent, left = self.tangent(kept, at)
         found = []
-        for values in self.candidates(added):
+        for values in self.candidates(added, magnitudes):
             trial = Fit(np.inf, at.base, (*at.effects, values), at.starts)
             try:
                 change = self.residual((*kept, added), trial) - left
@@ -199,8 +199,8 @@ class _Search:
                 columns[rows, i] = (self.residual(moved, run) - left[rows]) / step
         return columns
 
-    def run(self, iterations: int) -> Fit:
-        """Steps until nothing is gained any more."""
+    def run(self, iterations: int, wanted: float = 0.0) -> Fit:
+        """Steps until nothing is gained any more, or too little to come down to `wanted` in the end."""
         x, damping = np.clip(self.vector, self.low, self.high), 1e-4
         try:
             left = self.residual(x)
@@ -208,14 +208,14 @@ class _Search:
             return self.at(x)
         cost = 0.5 * float(left @ left)
         for _ in range(iterations):
-            if cost < 1e-3:
+            if cost < ENOUGH:
                 break
             try:
                 columns = self.jacobian(x, left)
             except RunError:  # at the edge of what stays finite: no way on from here
                 break
             gained, damping, x, left, cost = self._step(columns, x, left, cost, damping)
-            if gained < max(1e-3 * cost, 0.02):
+            if gained < max(1e-3 * cost, 0.02) or (cost > FAR * wanted > 0.0 and gained < CRAWL * cost):
                 break
         found = self.at(x)
         return Fit(cost, found.base, found.effects, found.starts)

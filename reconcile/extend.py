@@ -83,7 +83,10 @@ def _variables(extended: Extended, a: Attached, values: Mapping[str, float]) -> 
         found.append(Variable(_identifier(a.name(q.name)), unit, text, start=values[q.name]))
     if a.effect.width:
         text = f"Width over which the kink of {a.effect.name} is rounded"
-        found.append(Variable(_identifier(a.name("width")), "", text, start=values["width"]))
+        width = values["width"]
+        if a.effect.width == "time":  # what is followed faster than a step of the FMU is overshot
+            width = max(width, extended.model.step)
+        found.append(Variable(_identifier(a.name("width")), "", text, start=width))
     return found
 
 

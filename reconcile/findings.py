@@ -73,9 +73,26 @@ def above(rms: float, floor: Floor) -> float:
 
 def gather(study: Study, answer: Answer, before: Fitted | None) -> Findings:
     """Measure everything that is shown; `before`: the model as it came."""
-    fits = dict(zip(STAGES, (before, answer.base, answer.fitted), strict=True))
+    base = _reestimated(study, answer)
+    fits = dict(zip(STAGES, (before, base, answer.fitted), strict=True))
     traces = {stage: holdout.predict(study, f) for stage, f in fits.items()}
-    return Findings(study, answer, traces, locate(study, answer.base), _floors(study))
+    return Findings(study, answer, traces, locate(study, base), _floors(study))
+
+
+def _reestimated(study: Study, answer: Answer) -> Fitted:
+    """The model without effects, fitted as well as its own parameters can.
+
+    The search weighs errors by what noise would look like if nothing were missing; what a missing effect does
+    is anything but that, so that without the effect the plain sum of squares is what predicts best.
+    """
+    if not answer.present:
+        return answer.base
+    problem = study.fit_problem
+    weighed, problem.whiteners = problem.whiteners, None
+    try:
+        return study.fit_set(answer.base.point, (), {}) or answer.base
+    finally:
+        problem.whiteners = weighed
 
 
 def _floors(study: Study) -> dict[str, Floor]:

@@ -63,21 +63,13 @@ def predict(study: Study, fitted: Fitted | None) -> list[Trace] | None:
     return traces
 
 
-def rms(traces: Sequence[Trace] | None, name: str) -> float:
-    """Root mean square error of an output (its unit) over the samples scored; NaN without a prediction."""
-    if traces is None:
-        return float("nan")
-    return float(np.sqrt(np.mean(np.concatenate([t.error(name) for t in traces]) ** 2)))
-
-
-def fit_percent(traces: Sequence[Trace] | None, name: str) -> float:
-    """FIT of an output: 100 (1 − |measured − predicted| / |measured − its mean|), samples scored, in %."""
-    if traces is None:
-        return float("nan")
-    measured = np.concatenate([t.window.samples[name][t.scored[name]] for t in traces])
-    spread = float(np.linalg.norm(measured - np.mean(measured)))
-    left = float(np.linalg.norm(np.concatenate([t.error(name) for t in traces])))
-    return 100.0 * (1.0 - left / spread) if spread > 0.0 else float("nan")
+def pairs(traces: Sequence[Trace] | None, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Measured and predicted samples scored of an output, window by window; nothing without a prediction."""
+    found = []
+    for t in traces or ():
+        inside = t.scored[name]
+        found.append((t.window.samples[name][inside], t.predicted[name][inside]))
+    return found
 
 
 def horizon_s(traces: Sequence[Trace]) -> float:

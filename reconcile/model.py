@@ -382,7 +382,7 @@ class _Assembly:
             else:
                 changed[row] = after - rates[row]
                 follows = motion.follows(self.model, axis)
-                if follows:
+                if follows and axis.position:
                     changed[self.model.index("states", axis.position)] = follows * changed[row]
         rates[:] = self._base(self.x[: self.nx], more)
         for row, change in changed.items():

@@ -7,8 +7,8 @@ import numpy as np
 from reconcile import evidence, holdout, localise
 from reconcile.findings import STAGES, Findings, above, gather
 from reconcile.fit.solve import Fitted
-from reconcile.iso18571 import mean_rating
 from reconcile.model import Attached
+from reconcile.scores import overall, rms, scores
 from reconcile.search import Answer
 from reconcile.source import write_model
 from reconcile.study import Study
@@ -29,7 +29,7 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
     study, answer = found.study, found.answer
     own = sorted(a.effect.name for a in answer.present)
     sets = [own, *(sorted(a.effect.name for a in k) for k in answer.alternatives)]
-    scores = _scores(found)
+    scored = _scores(found)
     return {
         "verdict": verdict.name,
         "sentence": verdict.sentence,
@@ -41,8 +41,8 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
         "where": localise.rows(study, found.located),
         "gap": _gaps(found),
         "gap_by_regime": _by_regime(found),
-        "scores": scores,
-        "iso18571": _overall(scores),
+        "scores": scored,
+        "iso18571": overall(scored),
         "next_experiment": None,
         "considered": _considered(answer),
         "told_apart": [_apart(found, k) for k in answer.alternatives],
@@ -130,32 +130,11 @@ def _inside(found: Findings, inside: dict[str, list[np.ndarray]]) -> dict[str, A
 
 
 def _scores(found: Findings) -> dict[str, Any]:
-    """RMSE, FIT and the rating of ISO/TS 18571 of every output and stage, on the held-out part."""
+    """RMSE, FIT and rating of every output on the held-out part."""
     units = _units(found.study)
     return {
-        n: {
-            "unit": units[n],
-            "rmse": {s: holdout.rms(found.traces[s], n) for s in STAGES},
-            "fit_percent": {s: holdout.fit_percent(found.traces[s], n) for s in STAGES},
-            "iso18571": {s: _rating(found, s, n) for s in STAGES},
-        }
-        for n in found.outputs
+        n: scores({s: holdout.pairs(found.traces[s], n) for s in STAGES}, units[n]) for n in found.outputs
     }
-
-
-def _rating(found: Findings, stage: str, name: str) -> float:
-    pairs = []
-    for t in found.traces[stage] or ():
-        inside = t.scored[name]
-        pairs.append((t.window.samples[name][inside], t.predicted[name][inside]))
-    return mean_rating(pairs)
-
-
-def _overall(scores: dict[str, Any]) -> dict[str, float]:
-    """Mean rating over the outputs, of the model as it came and with what was found."""
-    stages = {"before": "nominal", "after": "after"}
-    rated = {k: [s["iso18571"][stage] for s in scores.values()] for k, stage in stages.items()}
-    return {k: float(np.mean(v)) if v else float("nan") for k, v in rated.items()}
 
 
 def _units(study: Study) -> dict[str, str]:
@@ -205,7 +184,7 @@ def _apart(found: Findings, other: tuple[Attached, ...]) -> dict[str, Any]:
     for n in found.outputs:
         between = np.concatenate([(b.predicted[n] - a.predicted[n])[a.scored[n]] for a, b in pairs])
         differs[n] = float(np.sqrt(np.mean(between**2))) / found.floors[n].level
-    left = {n: above(holdout.rms(there, n), found.floors[n]) for n in found.outputs}
+    left = {n: above(rms(holdout.pairs(there, n)), found.floors[n]) for n in found.outputs}
     return {"effects": names, "differs": differs, "gap": left}
 
 

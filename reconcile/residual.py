@@ -63,8 +63,11 @@ class _Piece:
     by_output: dict[str, slice]
 
 
-def residuals(study: Study, fitted: Fitted) -> list[Residual]:
-    """What a fit leaves on fit and confirm: forces at axes, then errors of outputs."""
+def residuals(study: Study, fitted: Fitted, errors: Sequence[str] = ()) -> list[Residual]:
+    """What a fit leaves on fit and confirm: forces at axes, then errors of outputs.
+
+    `errors`: outputs whose errors are looked at whatever accounts for them.
+    """
     problem, point = _on_short_windows(study, fitted)
     if problem is None or point is None:
         return []
@@ -83,7 +86,7 @@ def residuals(study: Study, fitted: Fitted) -> list[Residual]:
         signals = tuple(n for n, a in accounted.items() if a > ACCOUNTED and _axis_of(study, pieces, n) == i)
         if signals:
             found.append(_force_residual(axis, i, signals, windows, pieces, forces))
-    rest = [n for n in problem.outputs if accounted.get(n, 0.0) <= ACCOUNTED]
+    rest = [n for n in problem.outputs if n in errors or accounted.get(n, 0.0) <= ACCOUNTED]
     units = {v.name: v.unit for v in study.model.outputs}
     return found + [_error_residual(problem, n, units[n], windows, pieces) for n in rest]
 

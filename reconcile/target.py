@@ -10,7 +10,7 @@ from typing import Any
 
 from specs.errors import InputError, RunError
 
-REPORT = "report.json"
+REPORT, PAGE = "report.json", "report.html"
 
 
 def check(out: Path, used: Iterable[Path]) -> None:

@@ -28,16 +28,18 @@ def number(value: float | None, digits: int = 4) -> str:
         if "." in head:
             head = head.rstrip("0").rstrip(".")
         return f"{head}·10{str(int(power)).translate(RAISED)}".replace("-", "−")
-    return f"{value:.{digits}g}".replace("-", "−")
+    text = f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
+    return text.replace("-", "−")
 
 
 def number_with_error(value: float, interval: list[float]) -> str:
     """A number with no more digits than its interval [low, high] lets one know."""
     half = 0.5 * abs(interval[1] - interval[0])
-    if not half or not math.isfinite(half) or not value:
+    largest = max(abs(value), *map(abs, interval))
+    if not half or not math.isfinite(half) or not 1e-3 <= largest < 1e6:
         return number(value)
-    digits = 2 + max(0, math.floor(math.log10(abs(value))) - math.floor(math.log10(half)))
-    return number(value, min(digits, 8))
+    decimals = min(8, max(0, 1 - math.floor(math.log10(half))))
+    return f"{value:.{decimals}f}".replace("-", "−")
 
 
 def percent(share: float | None) -> str:
@@ -45,6 +47,8 @@ def percent(share: float | None) -> str:
     if share is None or not math.isfinite(share):
         return "–"
     value = 100.0 * share
+    if 99.5 <= value < 100.0:
+        return f"{min(value, 99.9):.1f} %"
     return f"{value:.0f} %" if abs(value) >= 9.95 else f"{value:.1f} %"
 
 

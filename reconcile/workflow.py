@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from reconcile import checks, report as reports, target, untold, verdict as verdicts
+from reconcile import checks, nuisance, report as reports, target, untold, verdict as verdicts
 from reconcile.data import Run, read_run, split
 from reconcile.experiment import plan
 from reconcile.experiment.propose import Proposal, propose
@@ -16,6 +16,7 @@ from reconcile.search import Answer, Search
 from reconcile.study import Study, unique
 from reconcile.system.parts import Part, parts_of
 from records.formats import read_measurement
+from specs.errors import InputError
 from specs.version import VERSION
 
 Report = Callable[..., None]
@@ -45,6 +46,8 @@ def reconcile(
     checks.check_runs(*given)
     target.check(out, [Path(model), *(p for paths in given for p in paths)])
     if Path(model).suffix.lower() == ".fmu":
+        if then:
+            raise InputError(f"{model} is closed; --drive needs a model folder")
         return _closed(given, Path(model), out, names, said, report_only)
     if parts := parts_of(model):
         return _system(given, parts, out, names, said, report_only)
@@ -63,6 +66,8 @@ def reconcile(
             figures["model"] = {"folder": "model", "fmu": built}
         if proposal and proposal.commands:
             plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
+        if not report_only:
+            _show(part, figures, [(study, answer)], folder.model.name)
         figures["files"] = sorted(p.name for p in part.iterdir())
         _write(part / target.REPORT, figures)
     return figures
@@ -75,18 +80,35 @@ def examine(
     holdout: Sequence[Run] = (),
     report: Report | None = None,
 ):
-    """Find and name, without writing: the report's figures, the study and the answer."""
+    """Find and name, without writing: the report's figures, the study and the answer.
+
+    Where the clocks of inputs and outputs differ by run, the recordings are set right and examined again.
+    """
     said = report or (lambda *_: None)
+    given = (runs, confirm, holdout)
+    figures, study, answer = _examined(folder, given, said)
+    clocks = nuisance.differing(study, answer)
+    if clocks:
+        said("clocks that differ by recording")
+        clocks = nuisance.settled(given, clocks, study, answer)
+        right = [nuisance.corrected(runs, clocks) for runs in given]
+        figures, study, answer = _examined(folder, right, said)
+        figures["sentence"] += f" {nuisance.said(clocks)}."
+        figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
+    figures |= told(study, answer, figures)
+    return figures, study, answer
+
+
+def _examined(folder: Folder, given: Sequence[Sequence[Run]], said: Report):
+    """One study of the recordings of each purpose, its search, and the report's figures."""
     said("compiling")
-    study = Study(folder, split(runs, confirm, holdout))
+    study = Study(folder, split(*given))
     before = verdicts.nominal(study)
     answer = Search(study, said).run()
     missing = verdicts.unseen(study, answer.base)
     verdict = verdicts.judge(study, answer, before, missing)
     said("measuring the gap")
-    figures = reports.build(study, answer, verdict, before)
-    figures |= told(study, answer, figures)
-    return figures, study, answer
+    return reports.build(study, answer, verdict, before), study, answer
 
 
 def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
@@ -96,7 +118,16 @@ def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any
     found: dict[str, Any] = {"untold": untold.untold(study.folder, runs), "unseen": parameters}
     if figures["verdict"] == "insufficient_excitation" and parameters:
         found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
-    found["nuisances"] = figures["nuisances"] | {r.name: {"mended": list(r.notes)} for r in runs if r.notes}
+    alike = nuisance.alike(answer.present, runs)
+    found["nuisances"] = {
+        r.name: row
+        for r in runs
+        if (
+            row := figures["nuisances"].get(r.name, {})
+            | alike.get(r.name, {})
+            | ({"mended": list(r.notes)} if r.notes else {})
+        )
+    }
     return found
 
 
@@ -137,6 +168,8 @@ def _system(
                 "folder": f"{found.part.name}/model",
                 "fmu": built,
             }
+        if not report_only:
+            _show(part, figures, [(e.study, e.answer) for e in done], ", ".join(e.part.name for e in done))
         figures["files"] = sorted(p.name for p in part.iterdir())
         _write(part / target.REPORT, figures)
     return figures
@@ -151,7 +184,7 @@ def _closed(
     report_only: bool,
 ) -> dict[str, Any]:
     """The same for a third-party FMU: effects at its ports, and an SSP that wraps it with them."""
-    from reconcile.closed import report as closed
+    from reconcile.closed import holdout as closed_holdout, report as closed
     from reconcile.closed.box import Box
 
     began = time.monotonic()
@@ -164,9 +197,21 @@ def _closed(
     with target.staged(out) as part:
         if not report_only and (answer.fitted.effects or figures["reestimated"]):
             figures["model"] = closed.write(problem, answer, part)
+        if not report_only:
+            from reconcile.page.page import write_page
+
+            drawn = closed_holdout.shown(problem, answer)
+            write_page(part / target.PAGE, _plain(figures), drawn, box.model.name)
         figures["files"] = sorted(p.name for p in part.iterdir())
         _write(part / target.REPORT, figures)
     return figures
+
+
+def _show(folder: Path, figures: dict[str, Any], answers: Sequence[tuple[Study, Answer]], title: str) -> None:
+    """Write the page of an answer, or of those of a system's parts, into a folder."""
+    from reconcile.page.page import write_for
+
+    write_for(folder / target.PAGE, answers, _plain(figures), title)
 
 
 def _variables(folder) -> list[str]:

@@ -113,6 +113,15 @@ _TOOL_OWN = (
         either_sign=True,
         subsystem="tool",
     ),
+    axis.one(
+        "pendulum_length_change",
+        "inertia",
+        "",
+        P("rate", "m/s", -0.1, 0.1),
+        "hoist",
+        axis.number(0.03),
+        either_sign=True,
+    ),
     axis.one("input_delay", "input", "motion", P("delay", "s", 0.0, 0.8), "motion_delay", axis.number(0.4)),
     axis.one("input_lag", "input", "motion", P("lag", "s", 1e-3, 2.0), "motion_lag", axis.number(0.4)),
     axis.one(

@@ -9,6 +9,7 @@
  *   centrifugal  roll: W^2 lx sin tx
  *   Euler        pitch: -W' lx sin tx                roll: W' ly sin ty
  *   wind (world)  pitch: radial part inwards         roll: tangential part
+ *   lengths that change by l' m a second: -2 l'/l w of either axis
  */
 #include <math.h>
 #include <string.h>
@@ -22,7 +23,7 @@ typedef struct {
 } Base;
 
 typedef struct {
-  double coriolis, centrifugal, euler, wind_x, wind_y, misalignment, lag, delay, offset;
+  double coriolis, centrifugal, euler, wind_x, wind_y, misalignment, lag, delay, offset, hoist;
 } Coupling;
 
 /* What the suspension does at a sample: slew angle and rate, radius and its rate. */
@@ -57,6 +58,7 @@ EXPORT int bt_tool(const double *base, const double *coupling, const double *eff
   memcpy(axis, effects, sizeof axis);
   memset(memory, 0, sizeof memory);
   Suspension now = {0}, next; /* as of the last step, and of this one */
+  const double length_x = b.length_x, length_y = b.length_y;
   double tx = start[0], ty = start[1], wx = start[2], wy = start[3];
   for (int k = 0; k < n; k++) {
     double *row = y + 4 * k;
@@ -72,6 +74,8 @@ EXPORT int bt_tool(const double *base, const double *coupling, const double *eff
     next = now;
     suspension(u, k, dt, &c, &next);
     if (k == 0) now = next;
+    b.length_x = fmax(length_x + c.hoist * k * dt, 0.2);
+    b.length_y = fmax(length_y + c.hoist * k * dt, 0.2);
     const double W = next.rate, W_rate = (next.rate - now.rate) / dt;
     const double along = (next.radius_rate - now.radius_rate) / dt;
     const double across = (next.rate * next.radius - now.rate * now.radius) / dt;
@@ -85,8 +89,8 @@ EXPORT int bt_tool(const double *base, const double *coupling, const double *eff
     roll += c.centrifugal * W * W * b.length_x * sin(tx) + c.euler * W_rate * b.length_y * sin(ty);
     const double push_x = bt_forces(&axis[0], tx, wx, memory[0].dahl) + disturbance[k];
     const double push_y = bt_forces(&axis[1], ty, wy, memory[1].dahl) + disturbance[k];
-    const double free_x = wx + dt * (roll / b.length_x - b.damping_x * wx + push_x);
-    const double free_y = wy + dt * (pitch / b.length_y - b.damping_y * wy + push_y);
+    const double free_x = wx + dt * ((roll - 2.0 * c.hoist * wx) / b.length_x - b.damping_x * wx + push_x);
+    const double free_y = wy + dt * ((pitch - 2.0 * c.hoist * wy) / b.length_y - b.damping_y * wy + push_y);
     const double new_x = bt_moreau(&axis[0], free_x, tx, wx, dt, 0.0);
     wy = bt_moreau(&axis[1], free_y, ty, wy, dt, 0.0);
     wx = new_x;

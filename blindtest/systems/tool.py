@@ -26,6 +26,7 @@ COUPLING = (
     "motion_lag",
     "motion_delay",
     "rate_offset",
+    "hoist",
 )
 
 

@@ -1,4 +1,7 @@
-"""The catalogue of effects: one small file a place; what the contract names and is not here is in MISSING."""
+"""The catalogue of effects: one small file a place; what the contract names and is not here is in MISSING.
+
+Sensor quantization cannot be told by a fit; reconcile/quantization.py finds it in the values.
+"""
 
 from reconcile.catalogue import (
     couplings,
@@ -25,9 +28,6 @@ ALL: tuple[Effect, ...] = (
     *outputs.EFFECTS,
 )
 
-MISSING = (
-    "tool_reaction",
-    "sensor_quantization",
-)
+MISSING = ("tool_reaction",)
 
 __all__ = ["ALL", "MISSING", "Effect", "Scales"]

@@ -51,8 +51,8 @@ def _hysteresis(c: Namespace, p: Namespace, w: Namespace) -> Result:
     wide = memory.play(c, c.u, "wide", w.wide, p.full_width)
     narrow = memory.play(c, c.u, "narrow", w.narrow, 0.5 * p.full_width)
     value = (1.0 - p.share) * c.u + 0.5 * p.share * (wide.value + narrow.value)
-    parts = {k: {**getattr(wide, k), **getattr(narrow, k)} for k in ("rates", "starts", "next")}
-    return Result(value, **parts)
+    rates, starts = {**wide.rates, **narrow.rates}, {**wide.starts, **narrow.starts}
+    return Result(value, rates, starts, next={**wide.next, **narrow.next})
 
 
 def _asymmetric(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -137,10 +137,10 @@ EFFECTS = (
     _gated(
         "input_rate_limit",
         "du'/dt = rate sgn(u − u')",
-        Parameter("rate", "{u}/s", share(0.5, 1.0, 2.0, 5.0, 10.0)),
+        Parameter("rate", "{u}/s", share(0.5, 2.0, 8.0, 30.0)),
         _rate_limit,
         hidden=("limited",),
-        width="u",
+        width="time",
         becomes={"": "rate → ∞"},
     ),
     _gated(

@@ -32,11 +32,12 @@ def play(c: Namespace, target: Scalar, name: str, state: Scalar, gap: Scalar) ->
 
 
 def rate_limit(c: Namespace, target: Scalar, name: str, state: Scalar, rate: Scalar) -> Result:
-    """dw/dt = rate sgn(target - w); over a step, at most rate times step."""
+    """dw/dt = rate sgn(target - w), reached within c.width seconds; over a step, at most rate times step."""
     if c.step is None:
-        return Result(state, {name: rate * smooth.sign(target - state, c.width)}, {name: target})
+        speed = ca.fmin(ca.fmax((target - state) / c.width, -rate), rate)
+        return Result(state, {name: speed}, {name: target})
     most = rate * c.step
-    after = state + smooth.clip(target - state, -most, most, c.width)
+    after = state + ca.fmin(ca.fmax(target - state, -most), most)
     return Result(after, starts={name: target}, next={name: after})
 
 

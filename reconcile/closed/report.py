@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from reconcile.closed import candidates, wrap
+from reconcile.closed import candidates, holdout, wrap
 from reconcile.closed.box import Box
 from reconcile.closed.problem import ClosedFit, ClosedProblem
 from reconcile.closed.search import ClosedAnswer, ClosedSearch, names, sample, standard_errors
 from reconcile.data import Run, split
 from reconcile.model import Attached
+from reconcile.scores import overall
 from reconcile.verdict import AT_FLOOR, MOVED, SEEN, WHITE
 
 Report = Callable[..., None]
@@ -36,6 +37,7 @@ def build(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:
     own = list(names(fitted))
     moved = _moved(problem, fitted)
     missing = _unmoved(problem)
+    scored = holdout.scored(problem, holdout.stages(problem, answer))
     verdict, sentence, residual = _judge(answer, moved, missing)
     return {
         "verdict": verdict,
@@ -48,7 +50,8 @@ def build(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:
         "untold": candidates.untold(problem.box, problem.recorded),
         "where": [],
         "gap": _gaps(problem, answer),
-        "iso18571": None,
+        "scores": scored,
+        "iso18571": overall(scored),
         "next_experiment": None,
         "considered": answer.refused,
     }

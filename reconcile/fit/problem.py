@@ -124,6 +124,10 @@ class Problem:
         own = [names.index(a.name(h)) for a in present for h in a.effect.hidden]
         return np.array([*range(len(self.model.states)), *own], dtype=np.int32)
 
+    def freedom(self, active: np.ndarray) -> np.ndarray:
+        """Spread of the initial values of some states: effects' own are within the size of what they follow."""
+        return np.where(active < len(self.model.states), LOOSE, 1.0) * self.scale[active]
+
     def with_present(self, point: Point, present: Sequence[Attached]) -> Point:
         """The point with other effects present; hidden states new to it start where they rest."""
         fresh = [a for a in present if a not in point.present and a.effect.hidden]
@@ -260,7 +264,7 @@ class Problem:
         """The problem linearised at a point; None if the model runs away there."""
         active = self.active_states(point.present)
         n, own = len(active), len(self.model.states)
-        loose = 1.0 / (np.where(active < own, LOOSE, 1.0) * self.scale[active])
+        loose = 1.0 / self.freedom(active)
         price = 0.0
         errors, slopes, raw, steps, states, white = [], [], [], [], [], []
         for k in range(len(self.windows)):

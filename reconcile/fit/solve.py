@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from reconcile.fit.problem import Linear, Point, Problem
+from reconcile.fit.states import settle
 
 PATIENCE = 4
-SETTLED = 1.5  # ratio of the errors to what better initial states would leave: near enough to go on
+LONGER, GOING = 4, 0.05  # times the iterations for a fit that still gains this share of its cost in each
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Fitted:
     point: Point
     linear: Linear
     free: tuple[Free, ...]
-    cost: float  # errors, prior, and the price of hidden states
+    cost: float  # errors and prior
     covariance: np.ndarray  # for errors of unit variance
 
     def values(self, problem: Problem) -> dict[str, float]:
@@ -53,55 +54,39 @@ def fit(
     free = tuple(free)
     columns = [problem.parameter(f.name) for f in free]
     size = np.array([f.size for f in free])
-    point, linear, damping = _settled(problem, start, columns)
+    (point, linear), damping = _settled(problem, start, columns), 0.0
     if linear is None:
         return None
     cost = linear.cost + linear.price + _prior_cost(point, columns, free)
-    for done in range(iterations):
+    for done in range(LONGER * iterations):
         if done == PATIENCE and cost > hopeless:
             return None
         change = _step(point, linear, columns, free, size, damping)
         p = point.p.copy()
         p[columns] = np.clip(p[columns] + change, [f.low for f in free], [f.high for f in free])
         trial = problem.moved(point, linear, p, p[columns] - point.p[columns], 1.0 / (1.0 + damping))
-        found = problem.linear(trial, columns)
+        trial, found = _settled(problem, trial, columns)
         new = np.inf if found is None else found.cost + found.price + _prior_cost(trial, columns, free)
         if found is None or not new < cost:
             damping = max(10.0 * damping, 1e-3)
-            if damping > 1e6:
+            if damping > 1e6 or done >= iterations:
                 break
             continue
         gained = cost - new
+        if done >= iterations and gained < GOING * new:
+            point, linear, cost = trial, found, new
+            break
         point, linear, cost, damping = trial, found, new, 0.2 * damping if damping > 1e-6 else 0.0
         if gained < max(tolerance * cost, 0.05) and damping < 1e-3:
             break
     return Fitted(point, linear, free, cost, _covariance(linear, free))
 
 
-def _settled(problem: Problem, start: Point, columns: Sequence[int]):
-    """Let the initial states find their place first, as far as that lowers the raw errors."""
-    point, linear = start, problem.linear(start, columns)
-    share = 1.0
-    for _ in range(5):
-        if linear is None:
-            break
-        raw = _raw_cost(linear)
-        if raw < SETTLED * linear.cost:
-            break
-        trial = problem.moved(point, linear, point.p, np.zeros(len(columns)), share)
-        found = problem.linear(trial, columns)
-        if found is None or not _raw_cost(found) < raw:
-            share *= 0.3
-            continue
-        settled = raw - _raw_cost(found) < 1e-2 * raw
-        point, linear = trial, found
-        if settled:
-            break
-    return point, linear, 0.0
-
-
-def _raw_cost(linear: Linear) -> float:
-    return float(sum(e @ e for window in linear.white for e in window.values()))
+def _settled(problem: Problem, start: Point, columns: Sequence[int]) -> tuple[Point, Linear | None]:
+    """The point with initial states that have found their place, and the problem linearised there."""
+    linear = problem.linear(start, columns)
+    point = None if linear is None else settle(problem, start, linear)
+    return (start, linear) if point is None else (point, problem.linear(point, columns))
 
 
 def _prior_cost(point: Point, columns: Sequence[int], free: Sequence[Free]) -> float:
@@ -118,7 +103,7 @@ def _step(
     size: np.ndarray,
     damping: float,
 ) -> np.ndarray:
-    """One damped step; parameters at a bound that would leave it stay."""
+    """One damped step within the bounds."""
     slopes = linear.slopes * size
     gradient = slopes.T @ linear.errors
     hessian = slopes.T @ slopes
@@ -128,21 +113,28 @@ def _step(
             hessian[i, i] += weight**2
             gradient[i] += weight * (f.prior[0] - point.p[c]) / f.prior[1]
     value = point.p[list(columns)] if columns else np.empty(0)
-    stuck = np.array(
-        [
-            (v <= f.low and g < 0) or (v >= f.high and g > 0)
-            for v, f, g in zip(value, free, gradient, strict=True)
-        ],
-        dtype=bool,
-    )
-    moving = np.flatnonzero(~stuck)
-    change = np.zeros(len(free))
-    if len(moving):
+    room = [(np.array(b) - value) / size for b in ([f.low for f in free], [f.high for f in free])]
+    return _within(hessian, gradient, damping, *room) * size
+
+
+def _within(
+    hessian: np.ndarray, gradient: np.ndarray, damping: float, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """The damped step inside its bounds: what would cross one ends there, the others make the best of it."""
+    change, moving = np.zeros(len(gradient)), np.arange(len(gradient))
+    while len(moving):
+        held = np.setdiff1d(np.arange(len(gradient)), moving)
         h = hessian[np.ix_(moving, moving)]
+        pull = gradient[moving] - hessian[np.ix_(moving, held)] @ change[held]
         # parameters differ in size by any factor (a force of 1e5 beside a share): each in units of its own
         own = np.sqrt(np.maximum(np.diag(h), 1e-300))
         h = h / np.outer(own, own) + np.diag(np.full(len(moving), damping + 1e-12))
-        change[moving] = np.linalg.lstsq(h, gradient[moving] / own, rcond=None)[0] / own * size[moving]
+        change[moving] = np.linalg.lstsq(h, pull / own, rcond=None)[0] / own
+        crossing = moving[(change[moving] < low[moving]) | (change[moving] > high[moving])]
+        if not len(crossing):
+            break
+        change[crossing] = np.clip(change[crossing], low[crossing], high[crossing])
+        moving = np.setdiff1d(moving, crossing)
     return change
 
 

@@ -1,7 +1,10 @@
 """Greedy choice by BIC: the one effect that lowers it most, then the next, until none does."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from reconcile.catalogue import ALL, Effect
 from reconcile.data import Parts
 from reconcile.evidence import count_of
 from reconcile.fit.solve import Fitted
@@ -13,9 +16,9 @@ FITTED = 5  # of the best by linearised gain, at each step
 LARGEST = 5  # effects
 
 
-def name(folder: Folder, parts: Parts) -> list[str]:
+def name(folder: Folder, parts: Parts, catalogue: Sequence[Effect] = ALL) -> list[str]:
     """Names of the effects, in the order in which they were taken."""
-    study = Study(folder, parts)
+    study = Study(folder, parts, catalogue)
     best = study.fit_set(study.fit_problem.start(study.values), (), {})
     while best is not None and len(best.point.present) < LARGEST:
         found = _step(study, best)

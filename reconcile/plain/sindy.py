@@ -1,11 +1,11 @@
 """SINDy (Brunton, Proctor, Kutz, PNAS 113 (2016) 3932) with pysindy, its terms read as effects.
 
 For every axis of the model: the measured speed is differentiated (smoothed finite differences) and regressed
-on a library of its position, speed and the inputs (STLSQ, the threshold chosen by BIC).  The same is done
-with what the fitted plain model predicts at the same instants; a term that is in the first and not in the
-second is read as the effect that it stands for.  It is a generous reading: thresholds of dead zones and
-limits are in the library on a grid, and a term needs no right coefficient.  It cannot say what no such term
-stands for: delays, lags, play, sensors.
+on a library of its position, speed and the inputs (STLSQ; of the thresholds, the largest that is hardly worse
+than the best on the confirm part).  The same is done with what the fitted plain model predicts at the same
+instants; a term that is in the first and not in the second is read as the effect that it stands for.  It is
+a generous reading: thresholds of dead zones and limits are in the library on a grid, and a term needs no
+right coefficient.  It cannot say what no such term stands for: delays, lags, play, sensors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,7 +21,9 @@ from reconcile.model import Folder
 from reconcile.ports import Axis
 from reconcile.study import Study
 
-THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # of a term's share of the acceleration (rms)
+THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # of a term's share of the acceleration (rms)
+RIDGE = 0.01  # times the samples: terms that are nearly the same must not stand against each other
+HARDLY = 1.1  # times the least error on confirm: as good as the best
 Columns = dict[
     str, np.ndarray
 ]  # library: "effect: term" -> values; a term without effect has none before ":"
@@ -43,29 +45,39 @@ def name(folder: Folder, parts: Parts) -> list[str]:
     base = study.fit_set(study.fit_problem.start(study.values), (), {})
     found: dict[str, float] = {}
     for axis in folder.ports.axes:
-        measured = list(_motions(study, axis, None))
-        plain = [] if base is None else list(_motions(study, axis, base))
-        known = {effect for effect, _ in terms(plain)}
-        for effect, share in terms(measured):
+        known = set() if base is None else set(_terms(study, axis, base))
+        for effect, share in _terms(study, axis, None).items():
             if effect not in known:
                 found[effect] = max(share, found.get(effect, 0.0))
     return sorted(found, key=lambda e: -found[e])
 
 
-def terms(motions: Sequence[Motion]) -> list[tuple[str, float]]:
-    """Effects in the sparse equation of an axis, and their terms' share of its acceleration."""
-    if not motions:
-        return []
-    parts = [library(m) for m in motions]
-    names = list(parts[0])
-    columns = np.column_stack([np.concatenate([p[n] for p in parts]) for n in names])
-    wanted = np.concatenate([_derivative(m) for m in motions])
+def _terms(study: Study, axis: Axis, fitted: Fitted | None) -> dict[str, float]:
+    """Effects in the sparse equation of an axis as measured, or as a fit predicts it."""
+    return terms(*(list(_motions(study, axis, fitted, which)) for which in ("fit", "confirm")))
+
+
+def terms(motions: Sequence[Motion], confirm: Sequence[Motion]) -> dict[str, float]:
+    """Effects in the sparse equation of an axis, and their terms' share of its acceleration (rms)."""
+    if not motions or not confirm:
+        return {}
+    names, columns, wanted = _regression(motions)
     size = np.sqrt(np.mean(columns**2, axis=0))
-    seen = np.flatnonzero(size > 1e-9 * size.max())
     scale = float(np.sqrt(np.mean(wanted**2))) or 1.0
-    shares = _sparse(columns[:, seen] / size[seen], wanted / scale)
-    chosen = [(names[i].split(":")[0], float(s)) for i, s in zip(seen, np.abs(shares), strict=True) if s > 0]
-    return [(effect, share) for effect, share in chosen if effect]
+    seen = np.flatnonzero(size > 1e-9 * size.max())
+    _, others, theirs = _regression(confirm)
+    shares = _sparse(
+        columns[:, seen] / size[seen], wanted / scale, others[:, seen] / size[seen], theirs / scale
+    )
+    found = {names[i].split(":")[0]: float(s) for i, s in zip(seen, np.abs(shares), strict=True) if s > 0}
+    return {effect: share for effect, share in found.items() if effect}
+
+
+def _regression(motions: Sequence[Motion]) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Names and values of the library's terms, and the acceleration."""
+    parts = [library(m) for m in motions]
+    columns = np.column_stack([np.concatenate([p[n] for p in parts]) for n in parts[0]])
+    return list(parts[0]), columns, np.concatenate([_derivative(m) for m in motions])
 
 
 def library(m: Motion) -> Columns:
@@ -100,19 +112,17 @@ def library(m: Motion) -> Columns:
     return found
 
 
-def _sparse(columns: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Coefficients [K] of scaled columns: STLSQ at the threshold with the lowest BIC."""
+def _sparse(columns: np.ndarray, wanted: np.ndarray, others: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+    """Coefficients [K] of scaled columns: STLSQ at the largest threshold that does on confirm (others)."""
     from pysindy import STLSQ
 
-    best, least = np.zeros(columns.shape[1]), np.inf
+    fits = []
     for threshold in THRESHOLDS:
-        fitted = STLSQ(threshold=threshold, alpha=1e-3).fit(columns, wanted[:, None])
+        fitted = STLSQ(threshold=threshold, alpha=RIDGE * len(wanted)).fit(columns, wanted[:, None])
         c = np.asarray(fitted.coef_).ravel()
-        left = float(np.sum((wanted - columns @ c) ** 2))
-        bic = len(wanted) * np.log(max(left, 1e-300)) + np.count_nonzero(c) * np.log(len(wanted))
-        if bic < least:
-            best, least = c, bic
-    return best
+        fits.append((float(np.sqrt(np.mean((theirs - others @ c) ** 2))), c))
+    least = min(error for error, _ in fits)
+    return [c for error, c in fits if error <= HARDLY * least][-1]
 
 
 def _derivative(m: Motion) -> np.ndarray:
@@ -121,9 +131,13 @@ def _derivative(m: Motion) -> np.ndarray:
     return np.asarray(SmoothedFiniteDifference()(m.v[:, None], t=m.time)).ravel()  # type: ignore[arg-type]
 
 
-def _motions(study: Study, axis: Axis, fitted: Fitted | None) -> Iterator[Motion]:
-    """The axis in every window: as measured, or as the plain model's fit has it."""
-    problem = study.fit_problem
+def _motions(study: Study, axis: Axis, fitted: Fitted | None, which: str) -> Iterator[Motion]:
+    """The axis in every window of a part: as measured, or as the plain model's fit has it."""
+    problem = study.problems[which]
+    if fitted is not None and which != "fit":
+        fitted = study.elsewhere(fitted, which)
+        if fitted is None:
+            return
     speed, place = (_shown(study.folder, s) for s in (axis.velocity, axis.position))
     for k, window in enumerate(problem.windows):
         values = dict(window.samples)

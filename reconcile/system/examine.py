@@ -65,7 +65,7 @@ def examine(
         said = _within(report, part)
         folder = read_folder(part.name)
         try:
-            runs = [[run for r in group for run in _runs(part, folder, r)] for group in recordings]
+            runs = [[run for r in group for run in own_runs(part, folder, r)] for group in recordings]
         except InputError as error:
             left_out[part.name] = str(error)
             continue
@@ -83,7 +83,7 @@ def _within(report: Report, part: Part) -> Report:
     return lambda what, *rest: report(f"{part.name}: {what}", *rest)
 
 
-def _runs(part: Part, folder: Folder, r: Recording) -> list[Run]:
+def own_runs(part: Part, folder: Folder, r: Recording) -> list[Run]:
     """Runs of a part: its own channels, and what it feels of the others."""
     runs = runs_of(_given(part, r), folder, r.label)
     return [replace(run, name=r.label if i == 0 else f"{r.label}#{i}") for i, run in enumerate(runs)]

@@ -1,5 +1,6 @@
 """`slewright reconcile`: finds what a model lacks against recordings, names it, adds it, shows it."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,10 +10,14 @@ from slewright.figures import JsonOption, write
 from slewright.progress import progress
 from slewright.tables import show
 
+MOST = 3  # regimes printed
+
 
 def reconcile(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Recordings to fit.")],
-    model: Annotated[str, typer.Option(metavar="MODEL", help="A model folder, or a model of the project.")],
+    model: Annotated[
+        str, typer.Option(metavar="MODEL", help="A model folder, a model of the project, or an .fmu.")
+    ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report and the extended model.")],
     confirm: Annotated[
         list[Path] | None, typer.Option(metavar="RUN", help="Recordings that accept or turn down an effect.")
@@ -22,7 +27,7 @@ def reconcile(
     ] = None,
     names: Annotated[
         Path | None,
-        typer.Option("--map", metavar="FILE", help="Names: a table [names] with theirs = 'ours'."),
+        typer.Option("--map", metavar="FILE", help="Names: a table [names] with theirs = 'ours [unit]'."),
     ] = None,
     report_only: Annotated[
         bool, typer.Option("--report-only", help="Write report.json alone: no extended model, no page.")
@@ -37,7 +42,10 @@ def reconcile(
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Find where model and recordings disagree, name the missing effect, add it, show the gap shrink."""
+    """Find where model and recordings disagree, name the missing effect, add it, show the gap shrink.
+
+    Every verdict is an answer and ends with 0: there is no limit here that could be missed.
+    """
     from reconcile.workflow import reconcile as run
     from slewright.drive import drive, lines, which
 
@@ -52,7 +60,8 @@ def reconcile(
     for line in lines(figures):
         typer.echo(line)
     write(json, figures, figures["seed"])
-    typer.echo(f"report: {out / 'report.json'}")
+    page = out / "report.html"
+    typer.echo(f"report: {page if page.is_file() else out / 'report.json'}")
 
 
 def _print(figures: dict[str, Any]) -> None:
@@ -64,11 +73,24 @@ def _print(figures: dict[str, Any]) -> None:
     if rows:
         show("Effects", ["effect", "port", "verdict", "parameter", "value", "unit", "95 %"], rows)
     gaps = [
-        (name, g["unit"], *(f"{g[k]:.3g}" for k in ("floor", "nominal", "reestimated", "after")))
+        (name, g["unit"], *(_number(g[k]) for k in ("floor", "nominal", "reestimated", "after")), _closed(g))
         for name, g in figures["gap"].items()
     ]
-    show("Gap above the floor", ["signal", "unit", "floor", "nominal", "re-estimated", "after"], gaps)
+    columns = ["signal", "unit", "floor", "nominal", "re-estimated", "after", "closed"]
+    show("Gap above the floor, held out", columns, gaps)
+    for w in figures["where"][:MOST]:
+        typer.echo(f"where: {w['signal']}, {w['regime']} ({w['share']:.0%} of the gap)")
     typer.echo(f"{figures['verdict']}: {figures['sentence']}")
+
+
+def _number(value: float | None) -> str:
+    return "runs away" if value is None or not math.isfinite(value) else f"{value:.3g}"
+
+
+def _closed(gap: dict[str, Any]) -> str:
+    before, after = gap["nominal"], gap["after"]
+    known = before and after is not None and math.isfinite(before) and math.isfinite(after)
+    return f"{1 - after / before:.1%}" if known else ""
 
 
 def _interval(limits: list[float]) -> str:

@@ -38,13 +38,14 @@ def reconcile_suite(
     import secrets
 
     from slewright.suite.plan import settle
-    from slewright.suite.run import run_suite, there
+    from slewright.suite.run import check_packages, run_suite, there
     from slewright.suite.summary import missed, summarise
 
     if cases < 1 or workers < 1:
         raise InputError(f"--cases {cases}, --workers {workers}: both are at least 1")
     if summary and out is None:
         raise InputError("--summary needs --out DIR, the folder of the suite")
+    check_packages(dask, baselines and not summary)
     fresh = secrets.randbelow(2**31) if seed is None else seed
     folder = out or Path("out/reconcile-suite") / f"{noise}-{system or 'all'}-{visible}-{fresh}"
     settings = settle(folder, seed, fresh, noise=noise, system=system, visible=visible)

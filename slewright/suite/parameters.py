@@ -104,6 +104,7 @@ TABLE: dict[str, Row] = {
     "brake_engagement": _as(time="lag"),
     "relief_limit": {"limit": lambda v, s: s.base["slew_relief_pressure"] - v["below"]},
     "payload_mass": _same("mass"),
+    "pendulum_length_change": _same("rate"),
     "slope_torque": _as(torque_sin="sine", torque_cos="cosine"),
 }
 

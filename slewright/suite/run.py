@@ -36,8 +36,7 @@ def run_suite(
     if workers < 1:
         raise InputError(f"--workers {workers}: at least 1")
     say = report or (lambda what, done=None, total=None: None)
-    if scheduler:
-        _check_dask()
+    check_packages(scheduler, baselines)
     tasks = [_task(settings, n, out, baselines, again) for n in range(count)]
     todo = [t for t in tasks if again or not _done(t)]
     done, undrawn = 0, []
@@ -67,9 +66,12 @@ def _finished(todo: Sequence[Task], workers: int, scheduler: str | None) -> Iter
         yield from pool.local(todo, workers, work)
 
 
-def _check_dask() -> None:
-    if importlib.util.find_spec("distributed") is None:
+def check_packages(scheduler: str | None, baselines: bool) -> None:
+    """Say before any case is drawn what will be missing."""
+    if scheduler and importlib.util.find_spec("distributed") is None:
         raise InputError("--dask needs Dask: install slewright[campaign]")
+    if baselines and importlib.util.find_spec("pysindy") is None:
+        raise InputError("plain SINDy needs pysindy: install slewright[suite], or say --no-baselines")
 
 
 def _task(settings: Settings, number: int, out: Path, baselines: bool, again: bool) -> Task:

@@ -118,6 +118,16 @@ def test_wind_hangs_the_tool_aslant_in_the_world():
     assert y[0] == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_tool_let_down_slowly_swings_as_its_adiabatic_invariant_says():
+    system, values, _, _ = open_loop("tool")
+    samples, rate = 4000, 0.0125  # 2 m to 3 m in 80 s
+    still = np.tile([0.0, 0.0, 10.0, 0.0, 8.0], (samples, 1))
+    values = values | {f"tool_{n}_{a}": v for a in "xy" for n, v in (("damping", 0.0), ("length", 2.0))}
+    swing = system.simulate(values | {"hoist": rate}, Drive(still), np.array([0.02, 0.0, 0.0, 0.0])).outputs
+    first, last = (np.abs(swing[part, 0]).max() for part in (slice(0, 200), slice(-200, None)))
+    assert last / first == pytest.approx((2.0 / 3.0) ** 0.75, rel=0.03)
+
+
 def test_a_carriage_sticks_against_a_slope_and_a_worse_supply_is_slower():
     system, values, drive, start = open_loop("slew")
     still = Drive(np.column_stack([np.zeros(100), *drive.commands[:100, 1:].T]))

@@ -26,6 +26,7 @@ from tests.reconcile.test_bad_input import csv
 from tests.reconcile.truth import Truth, coulomb, record
 
 SECONDS = 14.0
+SLOW = [pytest.mark.slow, pytest.mark.soak]
 PUSHED = (
     ('inputs=(Variable("force"', 'inputs=(Variable("load", "N", "Load"), Variable("force"'),
     ("(u.force - p.drag", "(u.force + u.load - p.drag"),
@@ -76,7 +77,7 @@ def rms(path: Path, measured: Measurement) -> dict[str, float]:
     ("truth", "named", "parameter", "value"),
     [
         (Truth(inputs=dead_zone(1.0)), "input_dead_zone", "half_width", 1.0),
-        (Truth(inputs=delay(0.06)), "input_delay", "delay", 0.06),
+        pytest.param(Truth(inputs=delay(0.06)), "input_delay", "delay", 0.06, marks=SLOW),
         (Truth(velocity=lambda v: 1.08 * v), "sensor_scale", "error", 0.08),
     ],
 )

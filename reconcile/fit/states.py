@@ -1,0 +1,76 @@
+"""Initial states of windows, moved to where they fit best: each window by itself.
+
+The projection (problem.py) takes initial states out to first order.  Where a model is far from linear in them
+(chambers, spools, brakes), what is left after it is right only at initial states near the best ones; and one
+window that has not found its own must not hold up the others.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from reconcile.fit.problem import Linear, Point, Problem
+
+OPEN = 0.2  # of what a window leaves after projection: more left before it, and its state is settled
+ROUNDS = 8
+
+
+def settle(problem: Problem, point: Point, linear: Linear) -> Point | None:
+    """The point with the initial states of open windows moved; None if none is open."""
+    x0, moved = point.x0.copy(), False
+    for k in open_windows(linear):
+        x0[k] = _window(problem, point, k)
+        moved = True
+    return replace(point, x0=x0) if moved else None
+
+
+def open_windows(linear: Linear) -> list[int]:
+    """Windows whose errors are well above what the projection leaves of them."""
+    found, first = [], 0
+    for k, white in enumerate(linear.white):
+        count = sum(len(e) for e in white.values())
+        left = float(np.sum(linear.errors[first : first + count] ** 2))
+        raw = float(sum(e @ e for e in white.values()))
+        if raw > (1.0 + OPEN) * left + 1.0:
+            found.append(k)
+        first += count
+    return found
+
+
+def _window(problem: Problem, point: Point, k: int) -> np.ndarray:
+    """Initial state [NX] of window k after at most ROUNDS damped Gauss-Newton steps."""
+    x0, share = point.x0[k], 1.0
+    here = _errors(problem, point, k, x0)
+    for _ in range(ROUNDS if here else 0):
+        raw, left, step = here  # type: ignore[misc]
+        if raw <= (1.0 + 0.2 * OPEN) * left + 0.2 or share < 1e-3:
+            break
+        trial = x0.copy()
+        trial[problem.active_states(point.present)] += share * step
+        there = _errors(problem, point, k, trial)
+        if there is None or there[0] >= raw:
+            share *= 0.3
+            continue
+        x0, here, share = trial, there, min(1.0, 3.0 * share)
+    return x0
+
+
+def _errors(problem: Problem, point: Point, k: int, x0: np.ndarray) -> tuple[float, float, np.ndarray] | None:
+    """Squares before and after projection, and the step of the active initial states that it takes."""
+    active = problem.active_states(point.present)
+    states = point.x0.copy()
+    states[k] = x0
+    at = replace(point, x0=states)
+    run = problem.simulate(at, k, ())
+    if run is None:
+        return None
+    found, parts = problem.compare(at, k, run[1], run[2], ())
+    e, slope = np.concatenate(list(found.values())), np.concatenate(parts)
+    if problem.whiteners is not None:
+        e, slope = problem.whiteners[k](e), problem.whiteners[k](slope)
+    loose = np.diag(1.0 / problem.freedom(active))
+    q, r = np.linalg.qr(np.vstack([slope, loose]))
+    inside = q[: len(e)].T @ e
+    left = e - q[: len(e)] @ inside
+    return float(e @ e), float(left @ left), solve_triangular(r, inside)

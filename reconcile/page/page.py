@@ -1,0 +1,98 @@
+"""DIR/report.html from the figures of report.json and what is drawn beside them."""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from reconcile.findings import gather
+from reconcile.page import plots, sections
+from reconcile.page.shown import Shown, shown
+from reconcile.search import Answer
+from reconcile.study import Study
+from reconcile.verdict import nominal
+from reconcile.words import number, percent
+from records.report import shell
+from records.report.figures import Figure
+
+MOST = 3  # held-out stretches drawn
+LONG = 90  # characters of a sentence that need a smaller letter
+TONES = {"named": "good", "agrees": "good", "reestimated": "good", "unexplained": "bad"}
+
+
+def write_for(
+    path: Path, answers: Sequence[tuple[Study, Answer]], figures: Mapping[str, Any], title: str
+) -> Path:
+    """Write the page of an answer, or of the answers of a system's parts; `figures`: the report as JSON."""
+    each = [shown(gather(study, answer, nominal(study))) for study, answer in answers]
+    stretches = [s for one in each for s in one.stretches[: max(1, MOST // len(each))]]
+    return write_page(path, figures, Shown(stretches, [g for one in each for g in one.gathered]), title)
+
+
+def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str) -> Path:
+    """Write the page; `title`: the model's name.  The same content gives the same bytes."""
+    overlays = [plots.overlay(i, s) for i, s in enumerate(shown.stretches)]
+    gap = plots.gaps(figures["gap"])
+    pairs = [(plots.gathered(i, g), plots.accounts(i, g)) for i, g in enumerate(shown.gathered)]
+    body = [
+        f"<style>{_style()}</style>",
+        _head(figures, title),
+        sections.named(figures),
+        sections.doubt(figures),
+        _overlays(overlays),
+        f"<h2>The gap</h2>{sections.gap(figures)}{_grid([gap])}{sections.by_regime(figures)}",
+        f"<h2>Where they disagree</h2>{sections.where(figures)}",
+        _grid([f for pair in pairs for f in pair]),
+        sections.parameters(figures),
+        sections.considered(figures),
+        sections.untold(figures),
+        sections.driven(figures),
+        sections.next_experiment(figures),
+        sections.measured(figures),
+    ]
+    drawn = [*overlays, gap, *(f for pair in pairs for f in pair)]
+    return shell.write_whole(path, shell.document(f"reconcile {title}", body, drawn))
+
+
+def _head(figures: Mapping[str, Any], title: str) -> str:
+    sentence = figures["sentence"]
+    tone = TONES.get(figures["verdict"], "none") + (" long" if len(sentence) > LONG else "")
+    return (
+        f"<header><h1>Slewright · reconcile {escape(title)}</h1>"
+        f"<p class='verdict {tone}'>{escape(sentence)}</p>{shell.facts(_facts(figures))}</header>"
+    )
+
+
+def _facts(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+    rated = figures["iso18571"] or {}
+    found = [
+        ("Verdict", figures["verdict"].replace("_", " ")),
+        (
+            "What is left",
+            "noise alone" if figures["residual_status"] == "at_floor" else "something unexplained",
+        ),
+    ]
+    closed = [c for g in figures["gap"].values() if (c := sections.closed(g)) is not None]
+    if closed:
+        found.append(("Gap closed, held out", percent(sorted(closed)[len(closed) // 2])))
+    if rated.get("after") is not None and rated.get("before") is not None:
+        found.append(("ISO/TS 18571, held out", f"{rated['before']:.2f} → {rated['after']:.2f}"))
+    runs = {b["run"] for part in figures.get("data", {}).values() for b in part}
+    found += [("Recordings", str(len(runs)))] if runs else []
+    found.append(("Time", f"{number(figures.get('elapsed_s'), 3)} s"))
+    return found
+
+
+def _overlays(drawn: list[Figure]) -> str:
+    if not drawn:
+        return ""
+    return f"<h2>Before and after</h2>{_grid(drawn)}"
+
+
+def _grid(drawn: list[Figure]) -> str:
+    return f"<div class='figures'>{''.join(map(shell.place, drawn))}</div>" if drawn else ""
+
+
+def _style() -> str:
+    return resources.files("reconcile.page").joinpath("style.css").read_text("utf-8")

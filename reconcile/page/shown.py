@@ -1,0 +1,177 @@
+"""What the page draws beside the figures of the report: held-out stretches, and residuals.
+
+Plain arrays, so that a closed FMU's answer can be drawn like a model folder's.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from reconcile.findings import STAGES, Findings
+from reconcile.localise import Located
+from reconcile.regimes import Regime
+from reconcile.residual import residuals
+
+WINDOWS = 2  # drawn
+RESIDUALS = 3
+
+
+@dataclass(frozen=True)
+class Course:
+    """A signal over time [n]: measured, and predicted by stage."""
+
+    name: str
+    unit: str
+    floor: float
+    time: np.ndarray
+    measured: np.ndarray
+    predicted: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A held-out window: predictions run freely from `scored_s` on, after the initial state is estimated."""
+
+    run: str
+    start_s: float
+    end_s: float
+    scored_s: float
+    outputs: Sequence[Course]
+    inputs: Sequence[Course]
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """A residual [N] against what it goes with [N], before and (where it is known) after; a regime's bounds.
+
+    `accounts`: the share that every regressor accounts for, by label; `goes`: whether it goes with one.
+    """
+
+    name: str
+    unit: str
+    against: str
+    against_unit: str
+    before: tuple[np.ndarray, np.ndarray]
+    after: tuple[np.ndarray, np.ndarray] | None
+    bounds: Sequence[tuple[float, float]]
+    regime: str
+    accounts: Mapping[str, float]
+    goes: bool
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Everything that is drawn."""
+
+    stretches: Sequence[Stretch] = field(default=())
+    gathered: Sequence[Gathered] = field(default=())
+
+
+def shown(found: Findings) -> Shown:
+    """What to draw of what was found: the windows that tell most first."""
+    order = sorted(range(_count(found)), key=lambda k: -_telling(found, k))
+    located = [x for x in found.located if x.accounts][:RESIDUALS]
+    return Shown([_stretch(found, k) for k in order[:WINDOWS]], _gathered(found, located))
+
+
+# -------------------------------------------------------------------------------- held-out windows
+
+
+def _count(found: Findings) -> int:
+    return next((len(t) for t in found.traces.values() if t), 0)
+
+
+def _telling(found: Findings, k: int) -> float:
+    """How far the answer closes the gap in a window; where it has no effects, how far new parameters do."""
+    before = found.traces["reestimated" if found.answer.present else "nominal"]
+    return _squares(found, before, k) - _squares(found, found.traces["after"], k)
+
+
+def _squares(found: Findings, traces, k: int) -> float:
+    if traces is None:
+        return 0.0
+    return sum(float(np.sum((traces[k].error(n) / found.floors[n].level) ** 2)) for n in found.outputs)
+
+
+def _stretch(found: Findings, k: int) -> Stretch:
+    known = {s: t for s in STAGES if (t := found.traces[s]) is not None}
+    one = next(iter(known.values()))[k]
+    units = {v.name: v.unit for v in (*found.study.model.outputs, *found.study.model.inputs)}
+    outputs, window = [], one.window
+    for n in found.outputs:
+        predicted = {s: t[k].predicted[n] for s, t in known.items()}
+        level = found.floors[n].level
+        outputs.append(Course(n, units[n], level, window.times[n], window.samples[n], predicted))
+    times = window.times[found.outputs[0]]
+    inputs = []
+    for n in found.study.folder.ports.controls:
+        signal = window.run.inputs.get(n)
+        if signal is not None:
+            inside = (signal.time >= times[0]) & (signal.time <= times[-1])
+            inputs.append(Course(n, units[n], 0.0, signal.time[inside], signal.values[inside], {}))
+    scored = times[one.scored[found.outputs[0]]]
+    return Stretch(
+        window.run.name,
+        float(times[0]),
+        float(times[-1]),
+        float(scored[0]),
+        _first(found, outputs, k),
+        inputs,
+    )
+
+
+def _first(found: Findings, outputs: list[Course], k: int) -> list[Course]:
+    """Signals with the largest gap first."""
+
+    def size(c: Course) -> float:
+        worst = c.predicted.get("reestimated", c.predicted.get("nominal", c.measured))
+        return -float(np.mean((c.measured - worst) ** 2)) / c.floor**2
+
+    return sorted(outputs, key=size)
+
+
+# -------------------------------------------------------------------------------- residuals
+
+
+def _gathered(found: Findings, located: Sequence[Located]) -> list[Gathered]:
+    errors = [x.residual.signals[0] for x in located if x.residual.axis is None]
+    after = {}
+    if located and found.answer.present:
+        after = {r.name: r for r in residuals(found.study, found.answer.fitted, errors)}
+    return [_one(x, after.get(x.residual.name)) for x in located]
+
+
+def _one(x: Located, after) -> Gathered:
+    regime = x.places[0].regime if x.places else None
+    best = x.best or (regime.regressor if regime else max(x.accounts, key=lambda r: x.accounts[r]))
+    left = None
+    if after is not None and len(after.values) == len(x.values):  # the same windows: the same regressor
+        left = (x.against[best], after.values)
+    bounds = _bounds(regime, x.against[best]) if regime is not None and regime.regressor == best else []
+    accounts = {r.label: x.accounts[r] for r in sorted(x.accounts, key=lambda r: -x.accounts[r])}
+    return Gathered(
+        x.residual.name,
+        x.residual.unit,
+        best.label,
+        best.unit,
+        (x.against[best], x.values),
+        left,
+        bounds,
+        regime.words if regime is not None and bounds else "",
+        {"a constant": x.constant} | accounts,
+        x.best is not None,
+    )
+
+
+def _bounds(regime: Regime, x: np.ndarray) -> list[tuple[float, float]]:
+    """Stretches of the regressor that a regime covers, within the values met."""
+    low, high = float(np.min(x)), float(np.max(x))
+    sides = [(regime.low, regime.high)]
+    if regime.size:
+        sides = [(-regime.high, regime.high)] if regime.low <= 0.0 else [
+            (-regime.high, -regime.low),
+            (regime.low, regime.high),
+        ]  # fmt: skip
+    found = [(max(a, low), min(b, high)) for a, b in sides]
+    return [(a, b) for a, b in found if b > a]

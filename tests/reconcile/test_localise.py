@@ -1,0 +1,74 @@
+"""Where the disagreement is: the regime in plain words, what it goes with, and no regime for a constant."""
+
+import numpy as np
+import pytest
+
+from reconcile import localise
+from reconcile.localise import THROUGHOUT
+from tests.reconcile.answers import answered, recorded
+from tests.reconcile.effects import SINGLE, dead_zone, lag
+from tests.reconcile.truth import Truth, coulomb
+
+
+def where(truth: Truth, seed: int = 3) -> list[dict]:
+    found = answered(recorded(truth, seconds=24.0, seed=seed))
+    return localise.rows(found.study, found.located)
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_friction_disagrees_at_low_speed_and_at_reversals(seed):
+    first = where(Truth(**coulomb(1.0)), seed)[0]
+    assert first["goes_with"] == "v"
+    assert first["regime"].startswith("|v| < ")
+    assert "reversals" in first["regime"]
+    assert first["share"] > 1.25 * first["time"]
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_dead_zone_disagrees_at_small_commands(seed):
+    first = where(Truth(inputs=dead_zone(1.0)), seed)[0]
+    assert first["goes_with"] == "force"
+    assert first["regime"].startswith("|force| < ")
+    assert "small commands" in first["regime"]
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_gravity_goes_with_the_pose(seed):
+    first = where(Truth(force=lambda x, v, t: -3.0 * np.sin(2.0 * x)), seed)[0]
+    assert first["goes_with"] == "x"
+    assert " x " in f" {first['regime'].replace(',', ' ')} "
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [Truth(velocity=lambda v: v + 0.05), Truth(force=lambda x, v, t: 1.5)],
+    ids=["sensor bias", "constant load"],
+)
+def test_a_constant_has_no_regime(truth):
+    rows = where(truth)
+    assert [(r["regime"], r["share"], r["goes_with"]) for r in rows] == [(THROUGHOUT, 1.0, None)]
+
+
+def test_sensors_that_contradict_each_other_are_seen_in_the_sensor_and_not_as_a_force():
+    first = where(SINGLE["sensor_scale"][0])[0]
+    assert (first["signal"], first["quantity"]) == ("velocity", "error of velocity")
+    assert "moving fast" in first["regime"]
+
+
+def test_a_lag_of_the_input_shows_after_changes_of_the_command():
+    assert "large changes" in where(Truth(inputs=lag(0.12)))[0]["regime"]
+
+
+def test_nothing_is_said_where_nothing_disagrees():
+    assert where(Truth()) == []
+
+
+def test_the_residual_force_has_the_missing_ones_shape_with_wrong_parameters_as_well():
+    found = answered(recorded(Truth(mass=2.6, force=lambda x, v, t: -1.5 * x), seconds=24.0, seed=3))
+    located = found.located[0]
+    assert (located.residual.name, located.residual.unit) == ("residual force at v", "N")
+    pose = next(r for r in located.against if r.kind == "pose")
+    assert located.best == pose
+    x, means = located.against[pose], located.values
+    assert np.corrcoef(x, means)[0, 1] < -0.85
+    assert abs(np.corrcoef(x, located.residual.values)[0, 1]) < 0.7  # what the fit of the mass had hidden

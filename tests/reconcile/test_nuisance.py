@@ -1,0 +1,85 @@
+"""A clock that differs by recording is found and taken out; one that all share stays a hypothesis."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reconcile.data import Run, runs_of, split
+from reconcile.nuisance import Clock, corrected, differing, settled
+from reconcile.search import Answer, Tried
+from reconcile.study import Study
+from reconcile.workflow import examine
+from records.measurement import Measurement
+from tests.reconcile.truth import Truth, coulomb, record
+
+SECONDS = 12.0
+
+
+def late(measured: Measurement, offset_s: float = 0.0, drift: float = 0.0) -> Measurement:
+    """A recording whose outputs' clock is late, and runs late, against the input's."""
+    channels = {
+        n: c if n == "force" else replace(c, time=c.time * (1.0 + drift) + offset_s)
+        for n, c in measured.channels.items()
+    }
+    return replace(measured, channels=channels)
+
+
+def runs(rig, *clocks: tuple[float, float], truth: Truth | None = None) -> list[Run]:
+    """One run for each (offset, drift)."""
+    found = []
+    for k, (offset, drift) in enumerate(clocks):
+        measured = late(record(truth or Truth(), SECONDS, seed=k), offset, drift)
+        found += runs_of(measured, rig, f"run{k}")
+    return found
+
+
+def answered(study: Study) -> Answer:
+    """The base model fitted, as a search answers that finds nothing."""
+    base = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert base is not None
+    return Answer((), base, base, (), {}, Tried())
+
+
+def clocks_of(rig, *clocks: tuple[float, float]) -> dict[str, Clock]:
+    given = (runs(rig, *clocks), [], [])
+    study = Study(rig, split(*given))
+    answer = answered(study)
+    found = differing(study, answer)
+    return settled(given, found, study, answer) if found else found
+
+
+def test_an_offset_of_one_run_is_found_to_a_fraction_of_a_sample(rig):
+    found = clocks_of(rig, (0.0, 0.0), (0.05, 0.0), (0.0, 0.0))
+    assert found["run1"].offset_s == pytest.approx(0.05, abs=0.001)
+    assert abs(found["run0"].offset_s) < 0.001
+    assert abs(found["run2"].offset_s) < 0.001
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.04])
+def test_what_all_runs_share_is_no_nuisance(rig, offset):
+    assert clocks_of(rig, (offset, 0.0), (offset, 0.0)) == {}
+
+
+def test_a_drift_of_one_run_is_found(rig):
+    found = clocks_of(rig, (0.0, 0.0), (0.0, 0.004))
+    assert found["run1"].offset_s + found["run1"].drift * SECONDS / 2 == pytest.approx(0.024, abs=0.004)
+
+
+def test_setting_a_run_right_moves_its_outputs_alone(rig):
+    [run] = runs(rig, (0.05, 0.0))
+    [right] = corrected([run], {run.name: Clock(0.05)})
+    assert np.allclose(right.outputs["position"].time, run.outputs["position"].time - 0.05)
+    assert right.inputs is run.inputs
+    assert right.start_s >= run.start_s
+    assert right.end_s <= run.end_s
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+def test_friction_is_named_beside_a_clock_that_is_late_in_one_recording(rig):
+    given = runs(rig, (0.0, 0.0), (0.05, 0.0), truth=Truth(**coulomb(1.0)))
+    figures = examine(rig, given)[0]
+    assert [e["name"] for e in figures["effects"]] == ["coulomb_friction"]
+    assert figures["nuisances"]["run1"]["time_offset_s"] == pytest.approx(0.05, abs=0.002)
+    assert "late against" in figures["sentence"]

@@ -1,0 +1,201 @@
+"""report.json: the contract's form, scores on the held-out part, floors, regimes; the page that shows it."""
+
+import copy
+import json
+import re
+
+import numpy as np
+import pytest
+
+from reconcile import replicates, report as reports, verdict as verdicts
+from reconcile.contract import Report, check
+from reconcile.data import Run, Signal
+from reconcile.findings import Findings, above
+from reconcile.page.equation import equation
+from reconcile.page.page import write_page
+from reconcile.page.shown import Shown, shown
+from reconcile.workflow import _plain
+from tests.reconcile.answers import answered, recorded
+from tests.reconcile.truth import Truth, coulomb
+
+DATED = {"seed": 0, "versions": {"slewright": "0"}, "elapsed_s": 1.5}
+
+
+@pytest.fixture(scope="module")
+def friction() -> Findings:
+    return answered(recorded(Truth(mass=2.3, **coulomb(1.0)), seconds=30.0, seed=3), ["coulomb_friction@v"])
+
+
+@pytest.fixture(scope="module")
+def figures(friction: Findings) -> dict:
+    verdict = verdicts.judge(friction.study, friction.answer, None, [])
+    return json.loads(json.dumps(_plain(reports.figures(friction, verdict)) | DATED, allow_nan=False))
+
+
+@pytest.fixture(scope="module")
+def page(friction: Findings, figures: dict, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    return write_page(path, figures, shown(friction), "rig").read_text("utf-8")
+
+
+def test_the_report_has_the_contracts_form(figures):
+    assert check(figures) == []
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda r: r.pop("iso18571"), "iso18571"),
+        (lambda r: r["effects"][0].pop("port"), "effects.0.port"),
+        (lambda r: r.update(verdict="certain"), "verdict"),
+        (lambda r: r.update(verdict="agrees"), "verdict: agrees with effects"),
+        (lambda r: r.update(alternatives=[["viscous_friction"]]), "alternatives: the answer itself"),
+        (lambda r: r.update(verdict="ambiguous"), "ambiguous needs 2 to 4"),
+        (lambda r: r["effects"][0]["parameters"]["Fc"].update(ci95=[2.0, 3.0]), "is not in its interval"),
+        (lambda r: r["gap"]["position"].update(after=float("nan")), "gap.position.after"),
+        (lambda r: r["where"][0].update(share=1.2), "where.0.share"),
+        (lambda r: r["where"][0].update(signal="pressure"), "where: pressure has no gap"),
+    ],
+)
+def test_what_is_not_in_the_contracts_form_is_found(figures, spoil, said):
+    report = copy.deepcopy(figures)
+    spoil(report)
+    assert any(said in line for line in check(report)), check(report)
+
+
+def test_the_gap_is_the_held_out_error_above_the_floor(figures, friction):
+    for name, gap in figures["gap"].items():
+        errors = np.concatenate([t.error(name) for t in friction.traces["after"] or []])
+        rms = float(np.sqrt(np.mean(errors**2)))
+        assert gap["after"] == pytest.approx(np.sqrt(max(0.0, rms**2 - gap["floor"] ** 2)))
+        assert figures["scores"][name]["rmse"]["after"] == pytest.approx(rms)
+        assert gap["after"] < 0.05 * gap["reestimated"] < 0.05 * gap["nominal"]
+
+
+def test_scores_improve_with_what_was_found(figures):
+    assert figures["iso18571"]["before"] < 0.9 < figures["iso18571"]["after"] <= 1.0
+    for scores in figures["scores"].values():
+        fit = scores["fit_percent"]
+        assert fit["nominal"] < fit["reestimated"] < fit["after"] <= 100.0
+
+
+def test_only_held_out_blocks_are_scored(figures, friction):
+    held = [(b["start_s"], b["end_s"]) for b in figures["data"]["holdout"]]
+    other = [(b["start_s"], b["end_s"]) for part in ("fit", "confirm") for b in figures["data"][part]]
+    for trace in friction.traces["after"] or []:
+        times = trace.window.times["position"][trace.scored["position"]]
+        assert any(a - 1e-6 <= times[0] and times[-1] <= b + 1e-6 for a, b in held)
+        assert not any(a < times[-1] and times[0] < b for a, b in other)
+
+
+def test_regimes_and_the_rest_make_up_the_whole(figures):
+    shares = [row["gap"]["position"]["time"] for row in figures["gap_by_regime"]]
+    assert figures["gap_by_regime"][-1]["regime"] == "elsewhere"
+    assert sum(shares) == pytest.approx(1.0, abs=1e-3) if len(shares) == 2 else sum(shares) > 0.99
+
+
+def test_what_was_turned_down_is_there_with_its_reason(figures):
+    reasons = {tuple(c["effects"]): c["because"] for c in figures["considered"]}
+    assert reasons["coulomb_friction@v",] == "the answer"
+    assert "BIC" in reasons[()]
+    assert reasons["sensor_lag@position",] == "BIC gains 3.1, not more than 10"
+
+
+# -------------------------------------------------------------------------------- the page
+
+
+def test_the_page_loads_nothing(page):
+    own = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)  # plotly's source names addresses
+    assert "http" not in own.replace("http-equiv", "")
+    assert not re.search(r"<(link|img|iframe)\b|\bsrc=|@import|url\(", own)
+    assert "default-src 'none'" in own
+
+
+def test_the_page_says_sentence_equation_signals_and_parameters(page, figures):
+    assert figures["sentence"] in page
+    assert equation("F = −Fc sgn(v)", ["Fc"]) in page
+    for name in figures["gap"]:
+        assert f"<th scope='row'>{name}</th>" in page
+    assert figures["where"][0]["regime"].replace("<", "&lt;") in page
+    assert "mass" in page
+    assert "sensor_lag@position" in page
+
+
+def test_the_page_draws_what_was_held_out_and_the_residual(page, figures):
+    text = re.search(r"id='figures'>(.*?)</script>", page, flags=re.DOTALL)
+    assert text is not None
+    drawn = {f["name"]: f for f in json.loads(text[1])}
+    assert {"overlay-0", "gaps", "residual-0", "accounts-0"} <= set(drawn)
+    overlay = drawn["overlay-0"]
+    assert {"measured", "as it came", "re-estimated", "after"} <= {t["name"] for t in overlay["data"]}
+    titles = [a["title"]["text"] for k, a in overlay["layout"].items() if k.startswith("yaxis")]
+    assert {"position [m]", "velocity [m/s]", "force [N]"} <= set(titles)
+    blocks = [(b["start_s"], b["end_s"]) for b in figures["data"]["holdout"]]
+    first, last = overlay["layout"]["xaxis"]["range"]
+    assert any(a <= first and last <= b for a, b in blocks)
+
+
+def test_names_are_escaped(friction, figures, tmp_path):
+    spoiled = figures | {"sentence": "a <b>bold</b> claim"}
+    text = write_page(tmp_path / "r.html", spoiled, shown(friction), "<rig>").read_text("utf-8")
+    assert "<b>bold" not in text
+    assert "&lt;rig&gt;" in text
+
+
+def test_a_report_of_the_contracts_keys_alone_has_a_page(figures, tmp_path):
+    wanted = {k: figures[k] for k in Report.model_fields}
+    text = write_page(tmp_path / "r.html", wanted, Shown(), "rig").read_text("utf-8")
+    assert figures["sentence"] in text
+
+
+def test_a_model_that_runs_away_has_a_page(figures, tmp_path):
+    spoiled = copy.deepcopy(figures)
+    spoiled["gap"]["position"] |= {"nominal": None, "reestimated": None}
+    text = write_page(tmp_path / "r.html", spoiled, Shown(), "rig").read_text("utf-8")
+    assert "<th scope='row'>position</th><td>m</td>" in text
+
+
+def test_equations_are_set_with_symbols():
+    text = equation("F = −Fc_positive sgn(v) for v > 0", ["Fc_positive"])
+    assert "<i>F</i><sub>c, positive</sub> sgn(<i>v</i>) for <i>v</i> &gt; 0" in text
+
+
+# -------------------------------------------------------------------------------- floors
+
+
+def run(name: str, seed: int, level: float, shift_s: float = 0.0, drive: float = 1.0) -> Run:
+    rng = np.random.default_rng(seed)
+    t = shift_s + 0.02 * np.arange(1000)
+    u = drive * np.sin(0.7 * (t - shift_s))
+    y = 3.0 * np.sin(0.7 * (t - shift_s)) + 0.1 * seed + level * rng.standard_normal(len(t))
+    return Run(name, float(t[0]), float(t[-1]), {"force": Signal(t, u)}, {"position": Signal(t, y)})
+
+
+def test_replicate_runs_give_the_floor_whatever_they_start_from():
+    runs = [run("a", 1, 0.05), run("b", 2, 0.05, shift_s=4.0), run("c", 3, 0.05, drive=0.8)]
+    found = replicates.pairs(runs, ["force"])
+    assert [(a.name, b.name) for a, b in found] == [("a", "b")]
+    assert replicates.levels(found, ["position"], 2.4)["position"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_runs_at_rest_are_no_replicates():
+    assert replicates.pairs([run("a", 1, 0.05, drive=0.0), run("b", 2, 0.05, drive=0.0)], ["force"]) == []
+
+
+def test_the_floor_of_the_report_rests_on_replicates_where_there_are_some():
+    first = recorded(Truth(), seconds=12.0, seed=3)[0]
+    rng = np.random.default_rng(0)
+    noisy = {
+        n: Signal(s.time, s.values + 0.01 * rng.standard_normal(len(s.values)))
+        for n, s in first.outputs.items()
+    }
+    again = Run("again", first.start_s, first.end_s, first.inputs, noisy)
+    found = answered([first, again])
+    assert found.floors["position"].source == "replicate runs (again, run)"
+    assert found.floors["position"].level == pytest.approx(0.01 / np.sqrt(2.0), rel=0.15)
+
+
+def test_an_error_below_the_floor_leaves_no_gap(friction):
+    floor = friction.floors["position"]
+    assert above(0.5 * floor.level, floor) == 0.0
+    assert np.isnan(above(float("nan"), floor))
