@@ -13,9 +13,10 @@ import numpy as np
 
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.study import RANKING, WIDTHS, Study
+from reconcile.study import WIDTHS, Study
 
 
+ROUGH = 500.0  # times the tolerance of steps: slopes need only rank
 LEAST = 10.0  # squared errors that a variant must save in a pursuit
 
 
@@ -42,14 +43,16 @@ class Score:
 
     def __init__(self, study: Study, fitted: Fitted, others: Sequence[Attached]):
         self.study = study
-        study.fit_problem.patience = RANKING
+        study.fit_problem.patience = ROUGH
         base = study.fit_problem.linear(fitted.point, [study.extended.index[f.name] for f in fitted.free])
         if base is None:
             raise ArithmeticError("a fit that cannot be simulated")
         self.variants: list[Variant] = []
         blocks = []
-        for k in range(max((a.effect.grid(study.port_scales(a)) for a in others), default=0)):
-            blocks.append(self._pass(fitted, others, k, sum(b.shape[1] for b in blocks)))
+        plain, hidden = ([a for a in others if bool(a.effect.hidden) == h] for h in (False, True))
+        for group in (plain, hidden):  # apart: without hidden states a pass is quick
+            for k in range(max((a.effect.grid(study.port_scales(a)) for a in group), default=0)):
+                blocks.append(self._pass(fitted, group, k, sum(b.shape[1] for b in blocks)))
         columns = np.hstack(blocks) if blocks else np.zeros((len(base.errors), 0))
         ridge = np.array([1.0 / f.prior[1] ** 2 if f.prior else 0.0 for f in fitted.free])
         known = base.slopes.T @ base.slopes + np.diag(ridge + 1e-30)

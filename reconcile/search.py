@@ -17,8 +17,8 @@ from reconcile.score import Score, Scored, starts
 from reconcile.study import Study
 
 BEAM = 2
-REFITS = 8  # of each set in the beam
-PAIRS = 5
+REFITS = 6  # of each set in the beam
+PAIRS = 4
 LARGEST = 5  # effects in a set
 SHARPENED = 4  # sets fitted sharply after the growth
 RIVALS = 5  # fitted for each effect of the answer
@@ -94,7 +94,10 @@ class Search:
         """Judge the noise by what a set leaves that no effect would explain; whether it changed much."""
         self.report("noise")
         study, fitted = self.study, self.tried.fits[key]
-        score = Score(study, fitted, self._others(key))
+        others = self._others(key)
+        if study.fit_problem.whiteners is None:  # a first look: those that are quick
+            others = [a for a in others if not a.effect.hidden]
+        score = Score(study, fitted, others)
         missing = score.pursuit(MISSING)
         if study.fit_problem.whiteners is not None:  # the noise model takes slopes as they are
             study.fit_problem.whiteners = None
@@ -104,9 +107,8 @@ class Search:
         return study.estimate_noise(fitted, score.of(missing))
 
     def _round(self, key: Key) -> Key:
-        """Grow from a set, and from what is left of it without each of its effects."""
-        starts = [key] if len(key) < 2 else [key, *(self._fit_near(key - {a}, key) for a in key)]
-        return self._sharpened(self._grow(starts))
+        """Grow from a set."""
+        return self._sharpened(self._grow(key))
 
     def _again(self, keys: Sequence[Key]) -> None:
         """Fit some sets again, and forget the others: the noise, or the data, are others now."""
@@ -115,11 +117,7 @@ class Search:
         self.tried = Tried(fits, dict(fits), self.tried.refused)
 
     def _refitted(self, fitted: Fitted) -> Fitted:
-        return self.study.fit_set(fitted.point, fitted.point.present, {}) or fitted
-
-    def _fit_near(self, key: Key, near: Key) -> Key:
-        self.tried.coarse[key] = self._sharp(tuple(key), self.tried.fits[near])
-        return key
+        return self.study.fit_set(fitted.point, fitted.point.present, {}, near=True) or fitted
 
     def _present(self, key: Key) -> tuple[Attached, ...]:
         return tuple(self.tried.fits[key].point.present)
@@ -134,16 +132,16 @@ class Search:
 
     # ---------------------------------------------------------------- growing
 
-    def _grow(self, beam: list[Key]) -> list[Key]:
-        """Sets by BIC, best first, fitted coarsely, that grow out of those in the beam."""
-        best = beam[0]
-        for size in range(1, LARGEST + 1):
+    def _grow(self, start: Key) -> list[Key]:
+        """Sets by BIC, best first, fitted coarsely, that grow out of a set."""
+        best, beam = start, [start]
+        for step in range(LARGEST - len(start)):
             found: set[Key] = set()
             for at, key in enumerate(beam):
-                self.report(f"step {size}", at, len(beam))
-                found |= self._extended(key, pairs=size == 1)
+                self.report(f"step {step + 1}", at, len(beam))
+                found |= self._extended(key, pairs=step == 0)
             ranked = self._ranked(self.tried.coarse)
-            if not found or (ranked[0] == best and size > 1):
+            if not found or ranked[0] == best:
                 break
             best = ranked[0]
             beam = [k for k in ranked if k in found and len(k) < LARGEST][:BEAM]
@@ -175,13 +173,13 @@ class Search:
             return None
         if key in fits and fits[key].cost <= again:
             return key
-        like = sorted(f.cost for k, f in fits.items() if len(k) == len(key))
-        hopeless = 4.0 * like[BEAM - 1] if coarse and len(like) >= BEAM else np.inf
+        # a fit that has gained next to nothing after its first steps is given up
+        hopeless = fitted.cost - 2.0 if coarse else np.inf
         if np.isfinite(again):  # a rival: coarsely first, and only on if it comes near
             found = self.study.fit_set(fitted.point, present, starts(scored), True, 10.0 * again)
             if found is None or found.cost > 3.0 * again:
                 return None
-            found = self.study.fit_set(found.point, present, {})
+            found = self.study.fit_set(found.point, present, {}, near=True)
         else:
             found = self.study.fit_set(fitted.point, present, starts(scored), coarse, hopeless)
         if found is None or (coarse and found.cost > fitted.cost):
@@ -269,7 +267,7 @@ class Search:
         """The sharp fit of a set, from parameters of a fit near it."""
         key = Key(present)
         if key not in self.tried.fits:
-            found = self.study.fit_set(near.point, present, {})
+            found = self.study.fit_set(near.point, present, {}, near=not present or Key(present) < Key(near.point.present))
             if found is None:
                 named = self.study.named(near.point.p)
                 values = {n: named[n] for a in present for n in a.free}
@@ -317,14 +315,14 @@ class Search:
             self.report("rivals", at, len(present))
             rest = tuple(x for x in present if x != a)
             others = [x for x in self._others(rest) if x.key != a.key]
-            for without in (self._stripped(fitted, a), self._sharp(rest, fitted)):
-                score = Score(self.study, without, others)
-                simpler = [score.scored((v,)) for v in score.variants if _includes(a, v.attached)]
-                simpler.sort(key=lambda s: -s.gain)
-                for scored in (*score.best(RIVALS, 1), *simpler[:3]):
-                    key = self._try(without, scored, again=3.0 * fitted.cost)
-                    if key is not None and len(key) <= len(present):
-                        found.add(key)
+            without = self._stripped(fitted, a)
+            score = Score(self.study, without, others)
+            simpler = [score.scored((v,)) for v in score.variants if _includes(a, v.attached)]
+            simpler.sort(key=lambda s: -s.gain)
+            for scored in (*score.best(RIVALS, 1), *simpler[:3]):
+                key = self._try(without, scored, again=3.0 * fitted.cost)
+                if key is not None and len(key) <= len(present):
+                    found.add(key)
         return found
 
     def _stripped(self, fitted: Fitted, a: Attached) -> Fitted:

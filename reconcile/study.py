@@ -94,10 +94,12 @@ class Study:
         values: Mapping[str, float],
         coarse: bool = False,
         hopeless: float = np.inf,
+        near: bool = False,
     ) -> Fitted | None:
         """Fit a set of effects: from `start` with `values` of the new effects' parameters in place.
 
-        `coarse` stops at kinks wide enough to be quick.  None if it cannot be simulated or is `hopeless`.
+        `coarse` stops at kinks wide enough to be quick; `near`: the start is near enough to be sharp at once.
+        None if it cannot be simulated or is `hopeless`.
         """
         p = start.p.copy()
         for a in self.candidates:
@@ -113,7 +115,7 @@ class Study:
         self.fit_problem.patience = RANKING if coarse else 1.0
         kinked = [a for a in present if a.effect.width]
         widths = WIDTHS if kinked else WIDTHS[-1:]
-        for share in widths[: 2 if coarse else None]:
+        for share in widths[-1 if near else 0 : 2 if coarse else None]:
             p = point.p.copy()
             for a in kinked:
                 p[self.extended.index[a.name("width")]] = self.values[a.name("width")] * share / WIDTHS[-1]

@@ -4,7 +4,7 @@ import ctypes
 import hashlib
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import casadi as ca
@@ -50,16 +50,21 @@ class Columns:
 
 
 class Compiled:
-    """The equations of `extended` with their derivatives, and the driver that follows a window."""
+    """The equations of `extended`, twice: whole, and without the effects that have hidden states.
+
+    Without them a step costs a fraction; it is taken wherever none of them is present or asked for.
+    """
 
     def __init__(self, extended: Extended):
         self.extended = extended
-        x, u, m, p = extended.symbols
-        self.nx, self.nu, self.nm, self.np = (s.numel() for s in (x, u, m, p))
-        _, h, start = extended.functions
-        self.start_function, self.ny = start, h.numel_out(0)
-        self._library = ctypes.CDLL(str(_library(extended)))
-        self._library.follow.restype = ctypes.c_int
+        self._whole = _Library(extended)
+        self.nx, self.ny = self._whole.nx, self._whole.ny
+        self.start_function = extended.functions[2]
+        lean = [a for a in extended.attached if not a.effect.hidden]
+        self._lean = _Library(Extended(extended.folder, lean)) if len(lean) < len(extended.attached) else None
+        names = self._lean.extended.parameter_names if self._lean else []
+        self._kept = np.array([extended.index[n] for n in names], dtype=int)
+        self._place = {int(full): i for i, full in enumerate(self._kept)} | {-1: -1}
 
     def follow(
         self,
@@ -79,6 +84,47 @@ class Compiled:
         `scale`, `tolerance` [NX]: sizes of the states, and errors above which a step is halved.
         None if the states run away.
         """
+        wanted = columns.parameter if columns else []
+        lean = self._lean
+        if lean is None or max(active, default=0) >= lean.nx or any(c not in self._place for c in wanted):
+            return self._whole.follow(x0, u, shift, m, p, step_s, active, scale, tolerance, columns)
+        if columns:
+            columns = replace(columns, parameter=[self._place[c] for c in wanted])
+        n = lean.nx
+        found = lean.follow(
+            x0[:n], u, shift, m, p[self._kept], step_s, active, scale[:n], tolerance[:n], columns
+        )
+        if found is None:
+            return None
+        x = np.zeros((len(found[0]), self.nx))
+        x[:, :n] = found[0]
+        return x, found[1], found[2]
+
+
+class _Library:
+    """One extended model as machine code."""
+
+    def __init__(self, extended: Extended):
+        self.extended = extended
+        x, _, _, _ = extended.symbols
+        self.nx, self.ny = x.numel(), extended.functions[1].numel_out(0)
+        self._library = ctypes.CDLL(str(_library(extended)))
+        self._library.follow.restype = ctypes.c_int
+
+    def follow(
+        self,
+        x0: np.ndarray,
+        u: np.ndarray,
+        shift: np.ndarray,
+        m: np.ndarray,
+        p: np.ndarray,
+        step_s: float,
+        active: np.ndarray,
+        scale: np.ndarray,
+        tolerance: np.ndarray,
+        columns: Columns | None = None,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """As Compiled.follow."""
         n, sens = len(u), columns is not None
         columns = columns or Columns([], [], [], [])
         ns = len(active) + len(columns.parameter)
