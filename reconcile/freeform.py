@@ -1,0 +1,152 @@
+"""Terms of no particular form: whether a force or command that depends on what is seen would explain more.
+
+Where the catalogue's effects leave something, or explain it less well than a few free terms would, the answer
+must say so (`unexplained`).  A term is a force at an axis, or a change of a command, in proportion to a plain
+function of speed, place, command or time along the fitted trajectory.  Terms are chosen one after the other in
+the linearised, whitened problem (forward selection by BIC, with the price of choosing among many).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from reconcile import evidence
+from reconcile.fit.solve import Fitted
+from reconcile.study import Study
+
+MOST = 4  # terms
+BIN_S = 0.1  # a term's force is constant over so long
+
+Shape = Callable[[np.ndarray], np.ndarray]
+OF_SPEED: dict[str, Shape] = {
+    "sgn v": lambda v: np.tanh(v / 0.02),
+    "v": lambda v: v,
+    "v²": lambda v: v**2,
+    "v³": lambda v: v**3,
+    "slow": lambda v: np.tanh(v / 0.02) * np.exp(-((v / 0.15) ** 2)),
+}
+OF_PLACE: dict[str, Shape] = {
+    "1": np.ones_like,
+    "q": lambda q: q,
+    "q²": lambda q: q**2,
+    "q³": lambda q: q**3,
+    "q⁴": lambda q: q**4,
+}
+OF_COMMAND: dict[str, Shape] = {
+    "u": lambda u: u,
+    "|u|": np.abs,
+    "u²": lambda u: u**2,
+    "u³": lambda u: u**3,
+    "u|u|": lambda u: u * np.abs(u),
+    "small u": lambda u: np.clip(u, -0.1, 0.1),
+    "large u": lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.6, 0.0),
+    "small |u|": lambda u: np.minimum(np.abs(u), 0.3),
+}
+
+
+@dataclass(frozen=True)
+class FreeForm:
+    """Chosen `terms` ("port: function"), what they gain (twice log-likelihood, and less its price)."""
+
+    terms: tuple[str, ...]
+    gain: float
+    bic_gain: float
+    closed: float  # share of the squared error above the noise that they take away
+
+    def figures(self) -> dict[str, Any]:
+        """As the report shows it."""
+        return {"terms": list(self.terms), "gain": self.gain, "gap_closed": self.closed}
+
+
+def examine(study: Study, fitted: Fitted) -> FreeForm:
+    """The best free-form terms beside what is in a fit."""
+    labels, errors, columns = _problem(study, fitted)
+    count = evidence.count_of(fitted)
+    price = np.log(count) + 2.0 * np.log(max(len(labels), 1))
+    chosen: list[int] = []
+    left, gained = errors, 0.0
+    basis = np.zeros((len(errors), 0))
+    for _ in range(min(MOST, len(labels))):
+        free = columns - basis @ (basis.T @ columns)
+        size = np.sum(free**2, axis=0)
+        seen = size > 1e-6 * np.maximum(np.sum(columns**2, axis=0), 1e-300)
+        gains = np.where(seen, (free.T @ left) ** 2 / np.where(seen, size, 1.0), 0.0)
+        best = int(np.argmax(gains))
+        if gains[best] < price:
+            break
+        unit = free[:, best] / np.sqrt(size[best])
+        basis, left = np.column_stack([basis, unit]), left - unit * (unit @ left)
+        chosen.append(best)
+        gained += float(gains[best])
+    above = max(float(errors @ errors) - count, gained, 1e-9)
+    return FreeForm(tuple(labels[i] for i in chosen), gained, gained - price * len(chosen), gained / above)
+
+
+def _problem(study: Study, fitted: Fitted) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Labels of the terms, errors [N] and slopes [N, terms], whitened, freed of what is fitted anyway."""
+    problem, point = study.fit_problem, fitted.point
+    columns = [study.extended.index[f.name] for f in fitted.free]
+    parts, labels = [], []
+    states = len(problem.active_states(point.present))
+    for k in range(len(problem.windows)):
+        labels, found = _window(study, fitted, k, columns)
+        if problem.whiteners is not None:
+            found = problem.whiteners[k](found)
+        q = np.linalg.qr(found[:, 1 : 1 + states])[0]
+        parts.append(found - q @ (q.T @ found))
+    whole = np.vstack(parts)
+    known = whole[:, 1 + states : 1 + states + len(columns)]
+    rest = whole[:, [0, *range(1 + states + len(columns), whole.shape[1])]]
+    u, s, _ = np.linalg.svd(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300), full_matrices=False)
+    u = u[:, s > 1e-8]
+    rest = rest - u @ (u.T @ rest)
+    return labels, rest[:, 0], rest[:, 1:]
+
+
+def _window(study: Study, fitted: Fitted, k: int, columns: Sequence[int]) -> tuple[list[str], np.ndarray]:
+    """Errors, slopes by initial states and parameters, and by the terms, side by side [N, ...]."""
+    problem, point, window = study.fit_problem, fitted.point, study.fit_problem.windows[k]
+    axes, controls = study.folder.ports.axes, study.folder.ports.controls
+    bins = int(np.clip(round(window.steps * window.step_s / BIN_S), 2, window.steps))
+    edges = np.round(np.linspace(0, window.steps, bins + 1)).astype(int)
+    at = [study.extended.clock + 1 + i for i in range(len(axes))]
+    at += [study.model.index("inputs", n) for n in controls]
+    run = problem.simulate(point, k)
+    found = problem.responses(point, k, at, edges, columns)
+    if run is None or found is None:
+        raise ArithmeticError("a fit that cannot be simulated")
+    errors, free, pushed = found
+    middle = (edges[:-1] + edges[1:]) // 2
+    seconds = (window.start_s - window.run.start_s + window.step_s * middle) / max(
+        window.run.end_s - window.run.start_s, 1e-9
+    )
+    labels, slopes = [], []
+    for i, (port, shapes) in enumerate(_terms(study, run[0][middle], window, middle, seconds)):
+        for label, values in shapes.items():
+            labels.append(f"{port}: {label}")
+            slopes.append(pushed[:, i * bins : (i + 1) * bins] @ values)
+    return labels, np.column_stack([errors, free, *slopes])
+
+
+def _terms(study: Study, states, window, middle, seconds):  # noqa: ANN001, ANN202
+    """(port, {label: values per bin}) for every axis, then every control."""
+    for axis in study.folder.ports.axes:
+        s = study.scales[axis.name]
+        v = states[:, study.model.index("states", axis.velocity)] / s.v
+        shapes = {n: f(v) for n, f in OF_SPEED.items()} | {"t": seconds, "v t": v * seconds}
+        if axis.position:
+            half = 0.5 * (s.q_high - s.q_low) or 1.0
+            q = (states[:, study.model.index("states", axis.position)] - 0.5 * (s.q_high + s.q_low)) / half
+            shapes |= {n: f(q) for n, f in OF_PLACE.items()}
+            sign = OF_SPEED["sgn v"](v)
+            shapes |= {f"{n} sgn v": f(q) * sign for n, f in OF_PLACE.items() if n != "1"}
+            shapes |= {f"{n} v": f(q) * v for n, f in OF_PLACE.items() if n != "1"}
+        yield axis.name, shapes
+    inputs = [v.name for v in study.model.inputs]
+    for name in study.folder.ports.controls:
+        table = study.fit_problem.tables[id(window.run)]
+        u = table.rows(window, {})[0][middle, inputs.index(name)] / study.scales[name].u
+        shapes = {n: f(u) for n, f in OF_COMMAND.items()} | {"u t": u * seconds, "1": np.ones_like(u)}
+        yield name, shapes
