@@ -181,7 +181,7 @@ def test_the_fmu_of_an_extended_drive_is_what_the_fit_simulates(tmp_path: Path) 
 
 
 def test_coupling_terms_are_those_of_a_point_in_a_turning_frame() -> None:
-    """Together with the plain terms they are the projected acceleration of the point, by differences of it."""
+    """With the plain terms they are the projected acceleration of the point, by differences of it."""
     length, h = 2.0, 1e-4
     q_y, q_x, w_y, w_x = 0.2, -0.15, 0.3, 0.4
     slew_rate, slew_acceleration, radius, radius_rate = 0.35, 0.2, 10.0, 0.6
