@@ -15,10 +15,13 @@ import casadi as ca
 
 from fmus.definition import Model, Sensor, Variable
 from fmus.loader import load_model
+from reconcile import sites
 from reconcile.catalogue import ALL
-from reconcile.model import ALL_OUTPUTS, Attached, Extended, read_folder
+from reconcile.model import Attached, Extended, read_folder
+from reconcile.ports import Ports
 from specs.errors import InputError, nearest
 
+CLOCK = "running_time"
 Entry = tuple[str, str, str | None, Mapping[str, float]]  # key of the effect, port, other signal, values
 
 
@@ -30,7 +33,10 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
     """
     folder = read_folder(base)
     effects = [e for e in effects if not _effect(e[0]).clock]  # a clock is the recording's, not the model's
-    attached = [Attached(_effect(key), port, other) for key, port, other, _ in effects]
+    attached = [
+        Attached(sites.fitted(_effect(key), folder.ports, port), port, other)
+        for key, port, other, _ in effects
+    ]
     values = [dict(v) for *_, v in effects]
     extended = Extended(folder, attached)
     model = folder.model
@@ -40,6 +46,8 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
         for a in attached
         for h in a.effect.hidden
     ]
+    if any(_clocked(a) for a in attached):
+        hidden.append(Variable(CLOCK, "s", "Time since the start, for effects that change with it"))
     base_parameters = tuple(
         replace(v, start=parameters.get(v.name, v.start), vr=None) for v in model.parameters
     )
@@ -55,13 +63,17 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
         out=extra.out,
         initial=extra.initial,
     )
-    return _delayed(changed, attached)
+    return _delayed(changed, folder.ports, attached)
 
 
 def declared_ports(base: Path | str) -> Mapping[str, Any] | None:
     """PORTS of the model in `base`, for the model that extends it; None where it declares none."""
     load_model(base)
     return getattr(sys.modules.get("slewright_model_" + Path(base).name), "PORTS", None)
+
+
+def _clocked(a: Attached) -> bool:
+    return a.effect.clocked or "t" in a.effect.needs
 
 
 def _effect(key: str):
@@ -99,8 +111,9 @@ class _Equations:
     def _arguments(self, x: Any, u: Any, m: Any, p: Any) -> list[Any]:
         model = self.e.model
         states = [getattr(x, _identifier(n)) for n in self.e.state_names]
-        still = [ca.SX(0)] * (1 + len(self.e.folder.ports.axes))  # no clock, no disturbance
-        inputs = [*(getattr(u, v.name) for v in model.inputs), *still]
+        pushes = [ca.SX(0)] * len(self.e.folder.ports.axes)  # nobody pushes
+        time = getattr(x, CLOCK, ca.SX(0)) + (0.5 * model.step if model.kind == "discrete" else 0.0)
+        inputs = [*(getattr(u, v.name) for v in model.inputs), time, *pushes]
         modes = [getattr(m, v.name) for v in model.modes]
         parameters = [
             ca.SX(1) if n.endswith(".gate") else getattr(p, _identifier(n)) for n in self.e.parameter_names
@@ -109,7 +122,11 @@ class _Equations:
 
     def rhs(self, x: Any, u: Any, m: Any, p: Any) -> dict[str, Any]:
         values = self.e.functions[0](*self._arguments(x, u, m, p))
-        return {_identifier(n): values[i] for i, n in enumerate(self.e.state_names)}
+        found = {_identifier(n): values[i] for i, n in enumerate(self.e.state_names)}
+        if hasattr(x, CLOCK):
+            model = self.e.model
+            found[CLOCK] = ca.SX(1) if model.kind == "continuous" else getattr(x, CLOCK) + model.step
+        return found
 
     def out(self, x: Any, u: Any, m: Any, p: Any) -> dict[str, Any]:
         values = self.e.functions[1](*self._arguments(x, u, m, p))
@@ -125,10 +142,11 @@ class _Equations:
         m = SimpleNamespace(**{v.name: ca.SX(v.start) for v in model.modes})
         hidden = {_identifier(n): ca.SX(0) for n in self.e.state_names[len(model.states) :]}
         rest = self.e.functions[2](*self._arguments(SimpleNamespace(**found, **hidden), u, m, p))
-        return found | {n: rest[i] for i, n in enumerate(hidden)}
+        clock = {CLOCK: ca.SX(0)} if any(_clocked(a) for a in self.e.attached) else {}
+        return found | {n: rest[i] for i, n in enumerate(hidden)} | clock
 
 
-def _delayed(model: Model, attached: Sequence[Attached]) -> Model:
+def _delayed(model: Model, ports: Ports, attached: Sequence[Attached]) -> Model:
     """Transport delays become the model's own, which the FMU carries out in whole steps."""
     delays, sensors = dict(model.delays), dict(model.sensors)
     for a in attached:
@@ -136,10 +154,11 @@ def _delayed(model: Model, attached: Sequence[Attached]) -> Model:
             continue
         name = _identifier(a.name("delay"))
         if a.effect.place == "input":
-            model = _added(model, delays.get(a.port), name)
-            delays.setdefault(a.port, name)
+            for member in ports.members(a.port):
+                model = _added(model, delays.get(member), name)
+                delays.setdefault(member, name)
             continue
-        for output in [v.name for v in model.outputs] if a.port == ALL_OUTPUTS else [a.port]:
+        for output in ports.members(a.port):
             known = sensors.get(output, Sensor())
             model = _added(model, known.delay, name)
             sensors[output] = replace(known, delay=known.delay or name)

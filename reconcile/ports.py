@@ -65,6 +65,7 @@ KEYS = {
     "input": (),
     "parameters": ("doubtful",),
 }
+SCALED = ("supply", "flow", "viscous", "pitch_length", "roll_length")  # roles that are parameters
 Role = Any  # see the module docstring
 
 
@@ -192,10 +193,35 @@ def _check(model: Model, ports: Ports) -> None:
     _named(model, "parameters", ports.doubtful or ())
     axes = [a.name for a in ports.axes]
     for site in ports.sites:
+        _check_roles(model, site)
         for role in ("axis", "pitch", "roll"):
             named = site.roles.get(role)
             if named is not None and named not in axes:
                 raise InputError(f"model {model.name}: PORTS['{site.name}']: {nearest(str(named), axes)}")
+
+
+def _check_roles(model: Model, site: Site) -> None:
+    """Raise InputError for a role that names nothing of the model, or is no parameter where it has to be."""
+    for role, value in site.roles.items():
+        if role in ("kind", "has", "axis", "pitch", "roll") or callable(value):
+            continue
+        known = {v.name for group in _groups(model, role) for v in group}
+        for name in names_of(value):
+            if isinstance(name, str) and name not in known:
+                valid = ", ".join(sorted(known))
+                raise InputError(
+                    f"model {model.name}: PORTS['{site.name}']['{role}']: no '{name}'; valid: {valid}"
+                )
+
+
+def _groups(model: Model, role: str) -> tuple[Any, ...]:
+    if role in SCALED:
+        return (model.parameters,)
+    return (model.states, model.inputs, model.modes, model.parameters)
+
+
+def names_of(value: Any) -> tuple[Any, ...]:
+    return tuple(value) if isinstance(value, tuple | list) else (value,)
 
 
 def _named(model: Model, group: Any, names: Iterable[str]) -> None:

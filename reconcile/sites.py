@@ -15,10 +15,8 @@ import numpy as np
 
 from fmus.definition import Model
 from reconcile.catalogue.effect import Effect, Result, Scales
-from reconcile.ports import Ports, Role, Site
-from specs.errors import InputError
+from reconcile.ports import SCALED, Ports, Role, Site, names_of
 
-SCALED = ("supply", "flow", "viscous", "pitch_length", "roll_length")  # roles that are parameters
 CHAMBERS = ("a", "b")
 GROUPED = ("input_delay",)  # effects of one input that also hit a group together
 Assembly = Any  # reconcile.model's
@@ -55,30 +53,6 @@ def fitted(effect: Effect, ports: Ports, port: str) -> Effect:
 @cache
 def _for_members(effect: Effect, members: tuple[str, ...]) -> Effect:
     return replace(effect, hidden=tuple(f"{h}_{m}" for h in effect.hidden for m in members))
-
-
-def check_roles(model: Model, site: Site) -> None:
-    """Raise InputError for a role that names nothing of the model, or is no parameter where it has to be."""
-    for role, value in site.roles.items():
-        if role in ("kind", "has", "axis", "pitch", "roll") or callable(value):
-            continue
-        known = {v.name for group in _groups(model, role) for v in group}
-        for name in _names(value):
-            if isinstance(name, str) and name not in known:
-                valid = ", ".join(sorted(known))
-                raise InputError(
-                    f"model {model.name}: PORTS['{site.name}']['{role}']: no '{name}'; valid: {valid}"
-                )
-
-
-def _groups(model: Model, role: str) -> tuple[Any, ...]:
-    if role in SCALED:
-        return (model.parameters,)
-    return (model.states, model.inputs, model.modes, model.parameters)
-
-
-def _names(value: Any) -> tuple[Any, ...]:
-    return tuple(value) if isinstance(value, tuple | list) else (value,)
 
 
 def scales(
@@ -191,7 +165,7 @@ def parameters(assembly: Assembly, found: Sequence[tuple[Site, dict[str, Any]]])
     p = ca.SX(assembly.base_p)
     for site, at in found:
         for role in SCALED:
-            for name in _names(site.roles[role]) if role in at else ():
+            for name in names_of(site.roles[role]) if role in at else ():
                 p[assembly.model.index("parameters", name)] *= at[role]
     return p
 

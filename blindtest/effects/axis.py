@@ -182,7 +182,7 @@ def _ripple(rng: np.random.Generator) -> dict[str, float]:
 
 FORCE = (
     one("constant_load", "force", "", P("F0", N), "load", force(0.3), either_sign=True),
-    one("gravity_load", "force", "", P("G", N, 0.0), "gravity", force(0.8)),
+    one("gravity_load", "force", "", P("G", N), "gravity", force(0.8)),  # a fit may have it upright
     one("stiffness", "force", "", P("k", "N.m/rad", 0.0), "stiffness", lambda s: s.force / s.travel),
     one("cubic_stiffness", "force", "", P("k3", "N.m/rad3"), "cubic", lambda s: s.force / s.travel**3),
     Effect(

@@ -35,7 +35,7 @@ _LINK = Effect(
     "gravity_load",
     "force",
     "",
-    (P("G", "N.m", 0.0),),
+    (P("G", "N.m"),),
     lambda m, shape, s: {"G": 0.6 * m * s.force},
     lambda v, s: {"slope_cos": -v["G"]},
 )

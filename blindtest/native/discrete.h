@@ -9,6 +9,7 @@ enum { BT_LINE = 256 }; /* samples of the longest delay */
 
 typedef struct {
   Chain chain;
+  double before; /* what comes of no command: the chain before the first sample is filled with it */
   double limited, lagged, dahl, play, lag_q, lag_v;
   double line[BT_LINE], seen_q[BT_LINE], seen_v[BT_LINE];
   int began;

@@ -188,6 +188,8 @@ EXPORT int bt_servo(const double *base, const double *axis, const double *contro
   s.slide = x[V] > 0.0 ? 1 : x[V] < 0.0 ? -1 : 0;
   s.shaft = soft(&s) && s.a.shaft_gap <= 0.0 ? 2 : 0; /* 2: always touching, without a gap */
   Chain chain = {0};
+  const double before = bt_chain(&s.a, &chain, 0.0, 0.0); /* no command, for as long as anything remembers */
+  x[LAG] = x[ACTUATOR] = s.target = s.from = before;
   const int parts = stretches(&s, dt, at);
   const int late = (int)floor(s.a.in_delay / dt + 1e-9);
   const double rest = fmod(s.a.in_delay, dt);
@@ -216,7 +218,7 @@ EXPORT int bt_servo(const double *base, const double *axis, const double *contro
     double done = 0.0;
     for (int i = 0; i < parts; i++) {
       const int index = k - late - (!whole && done < rest - 1e-12 ? 1 : 0);
-      const double target = index < 0 ? 0.0 : held[index];
+      const double target = index < 0 ? before : held[index];
       s.from = isfinite(s.a.in_rate) ? limited(&s, t + done) : target;
       s.target = target;
       s.since = t + done;

@@ -226,13 +226,14 @@ EXPORT int bt_slew(const double *base, const double *extra, const double *effect
     s.inertia = u[3 * k + 1];
     s.inertia_rate = u[3 * k + 2];
     s.disturbance = disturbance[k];
+    if (k == 0) x[SPOOL] = memory.before;
     const double t = k * dt;
     s.drift = 1.0 + s.a.x_gain_drift * (1.0 - exp(-t / 10.0));
     const double bounds[3] = {0.0, first, dt};
     for (int i = first > 0.0 ? 0 : 1; i < 2; i++) {
       const double from = first > 0.0 ? bounds[i] : 0.0;
       const int index = k - late - (first > 0.0 && i == 0 ? 1 : 0);
-      s.u = index < 0 ? 0.0 : line[index % BT_LINE];
+      s.u = index < 0 ? memory.before : line[index % BT_LINE];
       brake_mode(&s, t + from, &off_since, &on_since);
       const int found = bt_advance(&flow, t + from, t + bounds[i + 1], x);
       if (found < 0) return -1;

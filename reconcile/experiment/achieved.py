@@ -51,7 +51,7 @@ def _margin(better: Fitted | None, other: Fitted | None) -> float | None:
 
 
 def _fitted(study: Study, answer: Answer, c: Candidate) -> Fitted | None:
-    known = answer.tried.fits.get(Key(c.present))
-    if known is not None:
-        return known
-    return study.fit_set(answer.tried.fits[Key()].point, c.present, c.values)
+    """The better fit of where the second search came and of going on from the first answer."""
+    base = answer.tried.fits[Key()]
+    found = [answer.tried.fits.get(Key(c.present)), study.fit_set(base.point, c.present, c.values)]
+    return min((f for f in found if f is not None), key=lambda f: f.cost, default=None)

@@ -17,7 +17,8 @@ AMPLITUDES = (1.0, 0.3)
 PERIODS_S = (1.5, 5.0, 12.0)
 DURATIONS_S = (20.0, 40.0)
 TRIES = 3  # of making an excitation smaller until it stays within the limits
-TIGHTER = 0.9
+TIGHTER, LEAST_SHARE = 0.9, 0.2
+SURE = 4  # of the best, whose motion is checked with uncertain parameters
 SMALLEST = 0.01  # of an input's range: less is no excitation
 VARIED, ROUNDS = 3, 4  # of the best excitations, and how often each
 FEW_STATES = 6  # beyond which fewer excitations are tried, for the time that each takes
@@ -52,7 +53,20 @@ def best(bench: Bench, fits: Sequence[Fitted], judge: Judge, enough: float, repo
         for i, r in enumerate(ranked(rated, enough)[:VARIED]):
             said("next experiment", len(first) + turn * VARIED + i, total)
             rated += _rate(bench, _varied(r.excitation, rng), fits, judge)
-    return ranked(rated, enough)
+    return ranked([_sure(bench, r, fits, judge) for r in ranked(rated, enough)[:SURE]], enough)
+
+
+def _sure(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge) -> Rated:
+    """The excitation, made smaller until it keeps the limits with parameters as uncertain as they are."""
+    for _ in range(TRIES):
+        excess = bench.doubtful(r.excitation, fits)
+        if excess <= 1.0:
+            return r
+        smaller = _rate(bench, _shrunk(r.excitation, excess), fits, judge)
+        if not smaller:
+            break
+        r = smaller[0]
+    return r
 
 
 def ranked(rated: Sequence[Rated], enough: float) -> list[Rated]:
@@ -112,11 +126,15 @@ def _rate(bench: Bench, e: Excitation, fits: Sequence[Fitted], judge: Judge) -> 
         excess = max(bench.excess(p) for p in played)
         if excess <= 1.0:
             return [Rated(e, np.asarray(judge(bench, played)), tuple(played))]
-        share = TIGHTER / excess
-        e = replace(e, amplitude=share * e.amplitude, offset=share * e.offset)
+        e = _shrunk(e, excess)
         if e.amplitude < SMALLEST:
             return []
     return []
+
+
+def _shrunk(e: Excitation, excess: float) -> Excitation:
+    share = max(TIGHTER / excess, LEAST_SHARE)
+    return replace(e, amplitude=share * e.amplitude, offset=share * e.offset)
 
 
 def _varied(e: Excitation, rng: np.random.Generator) -> Excitation:

@@ -15,7 +15,7 @@ RIDGE = 1e-9  # of a prior, so that what nothing shows has a margin of nothing
 
 @dataclass(frozen=True)
 class Pairs:
-    """Margins of every pair of `fits`, the smaller one of either being true."""
+    """Margins of every pair of `fits`, whichever of the two is true."""
 
     fits: Sequence[Fitted]
 
@@ -24,22 +24,39 @@ class Pairs:
         """Which two each margin is of."""
         return list(combinations(range(len(self.fits)), 2))
 
-    def __call__(self, bench: Bench, played: Sequence[Played], whiten: bool = False) -> np.ndarray:
-        """Margins [pairs]."""
-        return np.array([self._smaller(bench, played, *pair, whiten) for pair in self.pairs])
+    def __call__(self, bench: Bench, played: Sequence[Played]) -> np.ndarray:
+        """Margins [pairs]; the noise of all plays is taken to be that of the first, which differ little."""
+        whiteners = bench.whiteners(played[0], self.fits[0])
+        both = [list(self._linear(bench, played, *pair, whiteners).values()) for pair in self.pairs]
+        return self.counted(np.array(both))
 
-    def _smaller(self, bench: Bench, played: Sequence[Played], i: int, k: int, whiten: bool) -> float:
-        fits = self.fits
-        return min(bench.margin(played[a], fits[a], fits[b], whiten) for a, b in ((i, k), (k, i)))
+    def counted(self, both: np.ndarray) -> np.ndarray:
+        """Margins [pairs] of [pairs, 2]: the smaller one, as far as a margin is needed."""
+        return np.nanmin(np.where(self.needed(), both, np.nan), axis=1)
+
+    def needed(self) -> np.ndarray:
+        """In which of [pairs, 2] a margin is needed, one or the other being true.
+
+        Against a rival of more parameters none is: if the simpler set is true it wins by being simpler.
+        """
+        size = [len(f.free) for f in self.fits]
+        return np.array([[size[i] >= size[k], size[k] >= size[i]] for i, k in self.pairs])
+
+    def _linear(self, bench: Bench, played: Sequence[Played], i: int, k: int, whiteners) -> dict:
+        """Margin to first order by (true one, rival)."""
+        both = ((i, k), (k, i))
+        return {(a, b): bench.margin(played[a], self.fits[a], self.fits[b], whiteners) for a, b in both}
 
     def refitted(self, bench: Bench, played: Sequence[Played]) -> np.ndarray:
-        """Margins [pairs] by real fits to recordings and experiment, for the side with the smaller one."""
-        found = []
-        for i, k in self.pairs:
-            fits = self.fits
-            a, b = min(((i, k), (k, i)), key=lambda p: bench.margin(played[p[0]], fits[p[0]], fits[p[1]]))
-            found.append(bench.refitted(played[a], fits[a], fits[b]))
-        return np.array(found)
+        """Margins [pairs, 2] by real fits to recordings and experiment: the first being true, the second.
+
+        A fit that ends in a worse place than the first order says has not found the best: the less counts.
+        """
+        return np.array([self._refitted(bench, played, *pair) for pair in self.pairs])
+
+    def _refitted(self, bench: Bench, played: Sequence[Played], i: int, k: int) -> list[float]:
+        linear = self._linear(bench, played, i, k, bench.whiteners(played[i], self.fits[i]))
+        return [min(m, bench.refitted(played[a], self.fits[a], self.fits[b])) for (a, b), m in linear.items()]
 
 
 @dataclass(frozen=True)
@@ -49,11 +66,12 @@ class Unseen:
     fitted: Fitted
     wanted: Sequence[Free]
 
-    def __call__(self, bench: Bench, played: Sequence[Played], whiten: bool = False) -> np.ndarray:
+    def __call__(self, bench: Bench, played: Sequence[Played]) -> np.ndarray:
         """Margins [wanted]."""
         known = [f for f in self.fitted.free if f.name not in {w.name for w in self.wanted}]
         free = [*self.wanted, *known]
-        problem, point = bench.there(played[0], replace(self.fitted, free=tuple(free)), whiten)
+        whiteners = bench.whiteners(played[0], self.fitted)
+        problem, point = bench.there(played[0], replace(self.fitted, free=tuple(free)), whiteners)
         linear = problem.linear(point, [problem.parameter(f.name) for f in free])
         if linear is None:
             return np.zeros(len(self.wanted))

@@ -6,6 +6,7 @@ what the true set's outputs differ by is freed of what the rival's parameters an
 up for; that the recordings at hand hold the rival's parameters counts in full.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,10 +19,13 @@ from reconcile.experiment.limits import Limits
 from reconcile.fit import whitening
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import Fitted
+from reconcile.fit.whitening import Whitener
 from reconcile.fit.windows import STEP_S, WINDOW_S, Window, cut
 from reconcile.study import Study, unique
 
 FOLLOWS_S = 0.5  # lag, twice, of an input that another follows: it is moved by a machine
+QUICK_BIN_S = 0.5  # of the noise's forces, while excitations are compared
+DOUBT, WAYS = 2.0, 2
 RESTS = 0.05  # of the motion: a machine that moves less by itself stays where it is
 
 
@@ -86,6 +90,15 @@ class Bench:
         moving = {**played.run.inputs, **played.run.outputs}
         return max(limit.excess(moving[n].values) for n, limit in self.limits.outputs.items())
 
+    def doubtful(self, chosen: Excitation, fits: Sequence[Fitted]) -> float:
+        """The largest excess with parameters off by DOUBT errors, the ways they are known least."""
+        found = 0.0
+        for fitted in fits:
+            for p in _off(self.study, fitted):
+                played = self.play(chosen, replace(fitted, point=replace(fitted.point, p=p)))
+                found = max(found, np.inf if played is None else self.excess(played))
+        return found
+
     def rests(self, chosen: Excitation, played: Played) -> bool:
         """Whether the machine stays where the experiment starts until it is driven."""
         for name, place in chosen.start:
@@ -122,7 +135,9 @@ class Bench:
         step = self.study.model.step if self.study.model.kind == "discrete" else None
         return cut(blocks, WINDOW_S, step)
 
-    def there(self, played: Played, fitted: Fitted, whiten: bool = True) -> tuple[Problem, Point]:
+    def there(
+        self, played: Played, fitted: Fitted, whiteners: list[Whitener] | None = None
+    ) -> tuple[Problem, Point]:
         """The fit's problem on the new run, at a fit's parameters and the states that were played."""
         problem = self._problem(self.windows(played))
         point = self._point(problem, fitted)
@@ -130,17 +145,25 @@ class Bench:
         own = len(self.study.model.states)
         for k, window in enumerate(problem.windows):
             x0[k, :own] = played.at(window.start_s)[:own]
-        point = replace(point, x0=x0)
+        problem.whiteners = whiteners
+        return problem, replace(point, x0=x0)
+
+    def whiteners(self, played: Played, fitted: Fitted, bin_s: float = QUICK_BIN_S) -> list[Whitener] | None:
+        """Of the windows of the new run, with the noise that the recordings showed."""
         noise = getattr(self.study, "noise", None)
-        if whiten and noise is not None and noise.present:
-            problem.whiteners = whitening.transferred(noise, problem, point).whiteners()
-        return problem, point
+        if noise is None or not noise.present or self.study.fit_problem.whiteners is None:
+            return None
+        problem, point = self.there(played, fitted)
+        felt = replace(noise, sources=tuple(s for s in noise.sources if s.size > 0.0))
+        return whitening.transferred(felt, problem, point, bin_s).whiteners()
 
     # ---------------------------------------------------------------- margins
 
-    def margin(self, played: Played, truth: Fitted, rival: Fitted, whiten: bool = True) -> float:
+    def margin(
+        self, played: Played, truth: Fitted, rival: Fitted, whiteners: list[Whitener] | None = None
+    ) -> float:
         """Predicted margin of `truth`, whose play it is, over `rival`, to first order; see the module."""
-        problem, point = self.there(played, rival, whiten)
+        problem, point = self.there(played, rival, whiteners)
         linear = problem.linear(point, [problem.parameter(f.name) for f in rival.free])
         if linear is None:
             return np.inf  # the rival cannot even be simulated
@@ -149,19 +172,19 @@ class Bench:
 
     def refitted(self, played: Played, truth: Fitted, rival: Fitted) -> float:
         """The same with both sets really fitted to recordings and experiment together."""
-        costs = []
+        costs, whiteners = [], self.whiteners(played, truth, whitening.BIN_S)
         for fitted in (truth, rival):
-            found = self._joint(played, fitted)
+            found = self._joint(played, fitted, whiteners)
             if found is None:
-                return self.margin(played, truth, rival)
+                return self.margin(played, truth, rival, whiteners)
             costs.append(found.cost)
         samples = sum(len(s.values) for s in played.run.outputs.values())
         return gain(truth, costs[1] - costs[0], samples)
 
-    def _joint(self, played: Played, fitted: Fitted) -> Fitted | None:
+    def _joint(self, played: Played, fitted: Fitted, whiteners: list[Whitener] | None) -> Fitted | None:
         """A fit to the recordings and the played run."""
         study, known = self.study, self.study.fit_problem
-        problem, point = self.there(played, fitted)
+        problem, point = self.there(played, fitted, whiteners)
         joint = self._problem([*known.windows, *problem.windows])
         if known.whiteners is not None or problem.whiteners is not None:
             joint.whiteners = [*_whiteners(known), *_whiteners(problem)]
@@ -175,6 +198,23 @@ class Bench:
 
 def _whiteners(problem: Problem) -> list:
     return problem.whiteners or [lambda values: values] * len(problem.windows)
+
+
+def _off(study: Study, fitted: Fitted) -> list[np.ndarray]:
+    """Parameters off by DOUBT standard errors to both sides, in the WAYS in which they are known least."""
+    if not fitted.free:
+        return []
+    size = np.array([f.size for f in fitted.free])
+    columns = [study.extended.index[f.name] for f in fitted.free]
+    values, vectors = np.linalg.eigh(fitted.covariance / np.outer(size, size))
+    found = []
+    for i in range(max(0, len(size) - WAYS), len(size)):
+        for sign in (-1.0, 1.0):
+            p = fitted.point.p.copy()
+            p[columns] += sign * DOUBT * np.sqrt(max(values[i], 0.0)) * vectors[:, i] * size
+            p[columns] = np.clip(p[columns], [f.low for f in fitted.free], [f.high for f in fitted.free])
+            found.append(p)
+    return found
 
 
 def gain(truth: Fitted, more: float, samples: int) -> float:

@@ -1,7 +1,7 @@
 """The next experiment of a report: for an ambiguous answer, and where recordings move too little."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,15 +9,13 @@ import numpy as np
 from learning.collection.plan import PERIOD_S
 from reconcile import untold
 from reconcile.experiment import plan, say
-from reconcile.experiment.choose import Rated, best, ranked
+from reconcile.experiment.choose import Rated, best
 from reconcile.experiment.judges import Pairs, Unseen, difference
 from reconcile.experiment.limits import limits_of
 from reconcile.experiment.predict import Bench
 from reconcile.search import CLOSE, Answer, Key
 from reconcile.study import Study
 from specs.errors import InputError
-
-JUDGED = 2  # of the best excitations, by real fits
 
 
 @dataclass(frozen=True)
@@ -45,15 +43,20 @@ def _between(study: Study, answer: Answer, report) -> Proposal | None:
     sets = [answer.present, *answer.alternatives]
     fits = [answer.tried.fits[Key(s)] for s in sets]
     bench, judge = _bench(study, wide=False), Pairs(fits)
-    rated = [_judged(bench, judge, r) for r in best(bench, fits, judge, CLOSE, report)[:JUDGED]]
+    rated = best(bench, fits, judge, CLOSE, report)
     pairs = [difference(sets[i], sets[k]) for i, k in judge.pairs]
     if not rated:
         return Proposal(_none(say.no_room(bench.limits)), bench.tick_s, {})
-    chosen = ranked(rated, CLOSE)[0]
+    both = judge.refitted(bench, rated[0].played)
+    chosen = replace(rated[0], margins=judge.counted(both))
     figures = _figures(bench, chosen)
+    needed = [
+        [float(m) if n else None for m, n in zip(*row, strict=True)]
+        for row in zip(both, judge.needed(), strict=True)
+    ]
     figures["pairs"] = [
-        {"one": a, "other": b, "predicted_margin": float(m)}
-        for (a, b), m in zip(pairs, chosen.margins, strict=True)
+        {"one": a, "other": b, "predicted_margin": float(m), "if_one": x, "if_other": y}
+        for (a, b), m, (x, y) in zip(pairs, chosen.margins, needed, strict=True)
     ]
     told = chosen.margins >= CLOSE
     figures["separable"] = bool(told.all())
@@ -61,11 +64,6 @@ def _between(study: Study, answer: Answer, report) -> Proposal | None:
     figures["sensors"] = say.sensors(apart)
     figures["sentence"] = say.between(study, figures, bench.limits)
     return _proposal(bench, chosen, figures)
-
-
-def _judged(bench: Bench, judge: Pairs, r: Rated) -> Rated:
-    """The same excitation with margins by real fits."""
-    return Rated(r.excitation, judge.refitted(bench, r.played), r.played)
 
 
 def _for_parameters(study: Study, answer: Answer, report) -> Proposal | None:

@@ -59,6 +59,7 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
         "seconds_median": _median([r["seconds"] for r in results]),
         "draw_seconds_median": _median([r["draw_seconds"] for r in results]),
         "confusion": confusion(results),
+        "equivalents_added": sum(r["equivalents_added"] for r in results),
         "equivalence_sizes": _sorted(Counter(len(r["equivalents"]) for r in results)),
         "baselines": {name: _baseline(results, name) for name in PLAIN},
         "by_system": {s: _counts(rs) | _cost(rs) for s, rs in _grouped(results, lambda r: [r["system"]])},

@@ -17,6 +17,7 @@ from typing import Any
 from blindtest import case as cases, folder as folders
 from blindtest.score import Truth, read_truth, score
 from slewright.suite import child, measures
+from slewright.suite.membership import completed
 from slewright.suite.proposal import keep
 from specs.errors import RunError
 
@@ -48,7 +49,7 @@ def _one(task: Task) -> dict[str, Any]:
     _answer(folder, "report", command)
     for method in PLAIN if task["baselines"] else ():
         _answer(folder, method, ["reconcile.plain", method, named, "../out", *recorded])
-    result = {"key": task["key"], "digest": "", "failed": "", **_result(folder, told["truth_sha256"])}
+    result = {"key": task["key"], "digest": "", "failed": "", **_result(task, folder, told["truth_sha256"])}
     write(folder / "result.json", result)
     return result
 
@@ -65,6 +66,7 @@ def _draw(task: Task, folder: Path) -> None:
 
 
 def _clear(task: Task) -> cases.Case:
+    """The case of a task: the first of its seeds that gives a clear one."""
     visible = {"drawn": None, "none": 0, "outside": 1}[task["visible"]]
     for more in range(REDRAWS):
         try:
@@ -103,10 +105,11 @@ def model(told: str) -> str:
     return told if told == "model" else Path(told).stem
 
 
-def _result(folder: Path, sha256: str) -> dict[str, Any]:
-    truth = read_truth(folder / "sealed" / "truth.json", sha256)
-    content = truth.content
+def _result(task: Task, folder: Path, sha256: str) -> dict[str, Any]:
+    sealed = read_truth(folder / "sealed" / "truth.json", sha256)
+    content = sealed.content
     report = json.loads((folder / "report.json").read_text())
+    truth = completed(sealed, report, folder / "sealed", lambda: _clear(task))
     return {
         "truth_sha256": sha256,
         "system": content["system"],
@@ -115,6 +118,7 @@ def _result(folder: Path, sha256: str) -> dict[str, Any]:
         "visible": content["visible"],
         "outside": truth.outside,
         "equivalents": [sorted(s) for s in truth.equivalents],
+        "equivalents_added": len(truth.equivalents) - len(sealed.equivalents),
         "draw_seconds": json.loads((folder / "drawn.json").read_text())["seconds"],
         **scored(truth, report),
         **measures.of_report(content, report),

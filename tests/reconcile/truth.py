@@ -39,11 +39,11 @@ def excitation(seconds: float, seed: int, size: float = 8.0) -> np.ndarray:
     return size * (0.6 * steps + 0.4 * sweep)
 
 
-def simulate(truth: Truth, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Position and velocity at DT under a held command at PERIOD."""
+def simulate(truth: Truth, command: np.ndarray, start: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Position and velocity at DT under a held command at PERIOD, from rest at a position."""
     per = round(PERIOD / DT)
     u = truth.inputs(np.repeat(command, per))
-    x = v = 0.0
+    x, v = start, 0.0
     xs, vs = np.empty(len(u)), np.empty(len(u))
     for k in range(len(u)):
         xs[k], vs[k] = x, v
@@ -69,9 +69,19 @@ def record(
     size: float = 8.0,
 ) -> Measurement:
     """A recording at PERIOD with white noise on position (m) and velocity (m/s)."""
+    return record_driven(truth, excitation(seconds, seed, size), seed, noise)
+
+
+def record_driven(
+    truth: Truth,
+    command: np.ndarray,
+    seed: int = 0,
+    noise: tuple[float, float] = (2e-4, 2e-3),
+    start: float = 0.0,
+) -> Measurement:
+    """The same with a command of one's own [n] at PERIOD."""
     rng = np.random.default_rng(seed + 1000)
-    command = excitation(seconds, seed, size)
-    x, v = simulate(truth, command)
+    x, v = simulate(truth, command, start)
     per = round(PERIOD / DT)
     t = PERIOD * np.arange(len(command))
     columns = {

@@ -2,12 +2,17 @@
 
 import json
 import secrets
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from blindtest import case
+from blindtest.score import Truth, score
+from blindtest.systems.kit import KITS
 from slewright import __main__ as entry
 from slewright.suite import child, measures, work
+from slewright.suite.membership import completed
 from slewright.suite.parameters import TABLE, expected
 from slewright.suite.plan import BLOCK, Settings, settle
 from slewright.suite.run import run_suite, there
@@ -115,16 +120,16 @@ QUIET = ("--system", "servo", "--visible", "none", "--no-baselines", "--workers"
 def test_an_answer_is_given_recordings_and_model_only_and_the_truth_is_what_was_sealed(answers, tmp_path):
     out = tmp_path / "suite"
     assert command("--cases", 1, "--seed", 11, "--out", out, *QUIET) == 0
-    case = out / "cases" / "0000"
-    told = json.loads((case / "given" / "case.json").read_text())
+    place = out / "cases" / "0000"
+    told = json.loads((place / "given" / "case.json").read_text())
     (call,) = answers.calls
     assert call["files"] == sorted(["case.json", "model", *told["runs"]])
     assert str(tmp_path) not in " ".join(call["arguments"])
     assert not any("11" in a for a in call["arguments"])  # no seed
-    result = json.loads((case / "result.json").read_text())
+    result = json.loads((place / "result.json").read_text())
     assert result["result"] == "exact"
     assert result["truth_sha256"] == told["truth_sha256"]
-    (case / "sealed" / "truth.json").write_text('{"visible": [], "equivalents": [[]], "outside": false}')
+    (place / "sealed" / "truth.json").write_text('{"visible": [], "equivalents": [[]], "outside": false}')
     with pytest.raises(InputError, match="not the truth"):
         run_suite(Settings(11, "low", "servo", "none"), 1, out, again=True)
 
@@ -246,7 +251,6 @@ def test_a_force_on_the_tool_is_an_acceleration_in_the_truth_and_a_moment_in_a_r
 
 
 def test_every_effect_that_both_sides_know_has_a_parameter_to_judge():
-    from blindtest.systems.kit import KITS
     from reconcile.catalogue import ALL
 
     drawn: set[str] = set()
@@ -293,6 +297,59 @@ def test_the_port_is_judged_by_axis_and_kind(effect, port, right):
     assert measures.port_is_right(effect, port) is right
 
 
+# ---------------------------------------------------------------- declared sets
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    """A servo whose one visible effect is a constant load, which an input offset equals exactly."""
+    kit = KITS["servo"]
+    by_name = {e.name: e for e in kit.effects(None)}
+    few = tuple(by_name[n] for n in ("constant_load", "input_offset", "input_saturation"))
+    for seed in range(20):
+        drawn = case.draw(seed, "low", visible=1, kit=replace(kit, effects=lambda _: few[:1]))
+        if drawn.visible:
+            return replace(drawn, kit=replace(kit, effects=lambda _: few))
+    raise AssertionError("no such case in twenty")
+
+
+def sealed_of(drawn, **more):
+    content = {
+        "placed": [
+            {"name": p.effect.name, "parameters": p.parameters(drawn.scale)} | more for p in drawn.placed
+        ]
+    }
+    visible = frozenset(e.name for e in drawn.visible)
+    return Truth(visible, (visible,), False, content)
+
+
+LOAD, OFFSET, LIMIT = ["constant_load"], ["input_offset"], ["input_saturation"]
+
+
+@pytest.mark.parametrize(("other", "outcome"), [(OFFSET, "ambiguous_ok"), (LIMIT, "abstained")])
+def test_a_declared_set_that_the_search_did_not_try_is_fitted(loaded, other, outcome, tmp_path):
+    answer = {"verdict": "ambiguous", "effects": [{"name": LOAD[0]}], "alternatives": [LOAD, other]}
+    whole = completed(sealed_of(loaded), answer, tmp_path, lambda: loaded)
+    assert score(whole, answer).result == outcome
+    again = completed(sealed_of(loaded), answer, tmp_path, lambda: pytest.fail("it is known by now"))
+    assert again == whole
+
+
+def test_a_case_that_is_drawn_otherwise_than_it_was_sealed_is_left_alone(loaded, tmp_path):
+    answer = {"verdict": "ambiguous", "effects": [{"name": LOAD[0]}], "alternatives": [LOAD, OFFSET]}
+    truth_ = sealed_of(loaded, parameters={"F0": 1e3})
+    assert completed(truth_, answer, tmp_path, lambda: loaded) == truth_
+
+
+def test_sets_that_nothing_hangs_on_are_not_fitted(loaded, tmp_path):
+    for answer in (
+        {"verdict": "named", "effects": [{"name": "constant_load"}]},
+        {"verdict": "unexplained", "effects": []},
+    ):
+        truth_ = sealed_of(loaded)
+        assert completed(truth_, answer, tmp_path, lambda: pytest.fail("not asked for")) == truth_
+
+
 # ---------------------------------------------------------------- figures
 
 
@@ -304,6 +361,7 @@ def result(outcome, visible, named, verdict="named", sizes=1, **more):
         "verdict": verdict,
         "unambiguous": sizes == 1,
         "equivalents": [visible] * sizes,
+        "equivalents_added": 0,
         "false_positive": not visible and bool(named),
         "redrawn": 1,
         "seconds": 2.0,
@@ -378,11 +436,11 @@ def test_a_fresh_case_is_answered_and_scored_whatever_comes_out(tmp_path):
     assert code in (0, 1), seed
     found = json.loads(figures.read_text())
     assert set(found) >= KEYS, seed
-    (case,) = there(out)
-    assert case["result"] in SEEN, seed
-    assert case["workflow_failed"] == "", seed
-    assert set(case["baselines"]) == set(work.PLAIN)
-    assert not any(b["workflow_failed"] for b in case["baselines"].values()), seed
+    (done,) = there(out)
+    assert done["result"] in SEEN, seed
+    assert done["workflow_failed"] == "", seed
+    assert set(done["baselines"]) == set(work.PLAIN)
+    assert not any(b["workflow_failed"] for b in done["baselines"].values()), seed
     told = json.loads((out / "cases" / "0000" / "given" / "case.json").read_text())
-    assert case["truth_sha256"] == told["truth_sha256"]
+    assert done["truth_sha256"] == told["truth_sha256"]
     assert [p.name for p in (out / "cases").iterdir()] == ["0000"]

@@ -1,0 +1,56 @@
+"""Whether a set that somebody declares is in E(T), though the search for E(T) did not try it.
+
+E(T) is defined by lambda, not by the search; so declared sets are fitted too, at every place where effects of
+these names can be.
+"""
+
+import itertools
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from blindtest.case import Case
+from blindtest.effects.effect import Effect
+from blindtest.equivalents import EQUIVALENT, count
+from blindtest.likelihood import Fit
+
+MOST_PLACES = 16  # combinations of places that are fitted
+
+
+def least(case: Case, names: Iterable[str]) -> float:
+    """The least lambda of a set of effects with these names and no more parameters than T, infinite if none.
+
+    It ends at the first set below EQUIVALENT.
+    """
+    pools = [_places(case, name) for name in sorted(set(names))]
+    most, found = count(case.visible), float("inf")
+    sets = (s for s in itertools.product(*pools) if count(s) <= most)
+    for effects in itertools.islice(sets, MOST_PLACES):
+        found = min(found, _fitted(case, effects))
+        if found < EQUIVALENT:
+            break
+    return found
+
+
+def _places(case: Case, name: str) -> list[Effect]:
+    """Effects of a name, those of T first, then those on T's axes."""
+    own, axes = {e.key for e in case.visible}, {e.subsystem for e in case.visible}
+    found = [e for e in case.kit.effects(case.system) if e.name == name]
+    return sorted(found, key=lambda e: (e.key not in own, e.subsystem not in axes))
+
+
+def _fitted(case: Case, effects: Sequence[Effect]) -> float:
+    """Lambda of a set: what it shares with T from T's own fit, the others added one after the other."""
+    known = dict(zip((e.key for e in case.visible), case.truth_fit.effects, strict=True))
+    kept = tuple(e for e in effects if e.key in known)
+    start = Fit(np.inf, case.truth_fit.base, tuple(known[e.key] for e in kept), case.truth_fit.starts)
+    at, left = case.problem.fit(kept, start), [e for e in effects if e.key not in known]
+    while left:
+        ranked = [(min((s for s, _ in case.problem.screen(kept, at, e)), default=np.inf), e) for e in left]
+        added = min(ranked, key=lambda pair: pair[0])[1]
+        left.remove(added)
+        at = case.problem.best(kept, at, added, 0.0 if left else EQUIVALENT)
+        if not at.effects:  # it does not run from any start
+            return float("inf")
+        kept = (*kept, added)
+    return at.value

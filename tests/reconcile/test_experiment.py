@@ -1,0 +1,274 @@
+"""The proposed experiment: within the limits, its margin as predicted, and said so where none would help.
+
+Candidates are given, not searched for: what is tested is what is proposed between them.
+"""
+
+import json
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from learning.collection.plan import load_plan
+from reconcile.catalogue import ALL
+from reconcile.data import runs_of, split
+from reconcile.experiment import plan
+from reconcile.experiment.achieved import candidates, margins
+from reconcile.experiment.excitation import SHAPES, Excitation, commands, of_dict
+from reconcile.experiment.propose import Proposal, propose
+from reconcile.fit.solve import Fitted
+from reconcile.model import Folder
+from reconcile.search import CLOSE, Answer, Key, Tried
+from reconcile.study import Study
+from records.formats import read_measurement
+from specs.errors import InputError
+from tests.reconcile.effects import delay, lag, stribeck
+from tests.reconcile.truth import PERIOD, Truth, record, record_driven
+
+NOISE = (1e-3, 1e-2)
+
+
+def fitted_base(study: Study) -> Fitted:
+    """The base model fitted, nothing added."""
+    found = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert found is not None
+    return found
+
+
+@dataclass
+class Doubt:
+    """Recordings of a truth, and an answer between candidates of one effect each, the first one true."""
+
+    rig: Folder
+    truth: Truth
+    names: tuple[str, ...]
+    seconds: float
+    size: float = 8.0
+    seed: int = 4
+
+    def __post_init__(self) -> None:
+        options = {"seconds": self.seconds, "seed": self.seed, "noise": NOISE, "size": self.size}
+        self.runs = runs_of(record(self.truth, **options), self.rig, "short")  # type: ignore[arg-type]
+        self.study, self.answer = self.answered(self.runs)
+
+    def answered(self, runs) -> tuple[Study, Answer]:
+        study = Study(self.rig, split(runs, (), ()), [e for e in ALL if e.name in self.names])
+        base = fitted_base(study)
+        true = self._best(study, base, self.names[0])
+        study.estimate_noise(true)  # as the search does it
+        study.use_all(true)
+        base = fitted_base(study)
+        fits, sets = {Key(): base}, []
+        for name in self.names:
+            found = self._best(study, base, name)
+            sets.append(found.point.present)
+            fits[Key(found.point.present)] = found
+        return study, Answer(sets[0], fits[Key(sets[0])], base, tuple(sets[1:]), {}, Tried(fits))
+
+    def _best(self, study: Study, base: Fitted, name: str) -> Fitted:
+        """The best fit of an effect over its ports and forms."""
+        own = [a for a in study.candidates if a.effect.name == name]
+        tried = [study.fit_set(base.point, (a,), self._values(study, a)) for a in own]
+        return min((f for f in tried if f is not None), key=lambda f: f.cost)
+
+    @staticmethod
+    def _values(study: Study, a) -> dict[str, float]:
+        return {a.name(n): v for n, v in a.effect.start(study.port_scales(a), 0).items()}
+
+    def proposal(self) -> Proposal:
+        found = propose(self.study, self.answer, "ambiguous")
+        assert found is not None
+        return found
+
+    def driven(self, proposal: Proposal, seed: int = 77):
+        """The study and answer with the experiment's recording in front of the others."""
+        start = proposal.figures["excitation"]["start"].get("position", 0.0)
+        measured = record_driven(self.truth, proposal.commands["force"], seed, NOISE, start)
+        return self.answered([*runs_of(measured, self.rig, "experiment"), *self.runs])
+
+
+@pytest.fixture(scope="module")
+def lags(rig: Folder) -> Doubt:
+    """A speed that comes late: smoothed, or delayed?  The motion was too slow to show it."""
+    return Doubt(rig, Truth(velocity=lag(0.03)), ("sensor_lag", "sensor_delay"), 12.0, 2.0)
+
+
+@pytest.fixture(scope="module")
+def proposed(lags: Doubt) -> Proposal:
+    return lags.proposal()
+
+
+def test_shapes_stay_within_the_range_and_begin_and_end_at_rest():
+    for kind in SHAPES:
+        chosen = Excitation(kind, ("u",), 1.0, 3.0, 0.3, 20.0, 5)
+        found = commands(chosen, {"u": (-2.0, 6.0), "other": (1.0, 4.0)}, 0.02)
+        assert len(found["u"]) == 1000
+        assert found["u"].min() >= -2.0
+        assert found["u"].max() <= 6.0
+        assert np.ptp(found["u"][50:-60]) > 2.0
+        assert not found["u"][:50].any()
+        assert not found["u"][-50:].any()
+        assert (found["other"] == 1.0).all()
+        assert of_dict(json.loads(json.dumps(chosen.as_dict()))) == chosen
+
+
+def test_what_tells_two_sensors_apart_does_so_by_about_the_margin_predicted(lags, proposed):
+    figures = proposed.figures
+    assert figures["separable"]
+    assert figures["predicted_margin"] > CLOSE
+    study, answer = lags.driven(proposed)
+    declared = candidates(lags.study, lags.answer)
+    before, after = margins(lags.study, lags.answer, declared)[0], margins(study, answer, declared)[0]
+    assert abs(before["achieved_margin"]) < CLOSE  # the recordings alone do not tell
+    assert after["one"] == ["sensor_lag"]
+    assert after["achieved_margin"] > CLOSE
+    assert 0.5 < after["achieved_margin"] / figures["pairs"][0]["if_one"] < 2.0
+
+
+def test_a_simple_effect_needs_no_margin_over_the_general_one_that_includes_it(rig):
+    truth = Truth(**stribeck(0.5, 0.8, 0.1))
+    doubt = Doubt(rig, truth, ("stribeck_friction", "coulomb_friction"), 8.0)
+    proposal = doubt.proposal()
+    pair = proposal.figures["pairs"][0]
+    assert pair["if_other"] is None  # that needs no margin
+    assert pair["predicted_margin"] == pair["if_one"] > CLOSE
+
+
+def test_the_experiment_keeps_where_the_recordings_were(lags, proposed):
+    figures = proposed.figures
+    measured = record_driven(lags.truth, proposed.commands["force"], 1, (0.0, 0.0))
+    for name in ("position", "velocity"):
+        limit = figures["limits"][name]
+        assert limit["source"] == "recorded"
+        low, high = figures["predicted_range"][name]
+        assert limit["low"] <= low < high <= limit["high"]
+        seen = measured[name].values
+        span = limit["high"] - limit["low"]
+        assert seen.min() > limit["low"] - 0.1 * span  # the truth is near what was predicted
+        assert seen.max() < limit["high"] + 0.1 * span
+
+
+def test_stated_limits_of_outputs_open_a_wider_range(lags, proposed):
+    stated = {"position": 4.0, "velocity": 5.0}
+    wider = [replace(v, min=-stated[v.name], max=stated[v.name]) for v in lags.rig.model.outputs]
+    lags.study.model = replace(lags.rig.model, outputs=tuple(wider))
+    try:
+        figures = lags.proposal().figures
+    finally:
+        lags.study.model = lags.rig.model
+    assert figures["limits"]["position"] == {"low": -4.0, "high": 4.0, "source": "stated"}
+    assert np.ptp(figures["predicted_range"]["position"]) > np.ptp(
+        proposed.figures["predicted_range"]["position"]
+    )
+    assert figures["predicted_margin"] > proposed.figures["predicted_margin"]
+
+
+def test_a_bias_and_a_drift_are_told_apart_by_a_longer_run(rig):
+    doubt = Doubt(
+        rig,
+        Truth(velocity=lambda y: y + 0.012),
+        ("sensor_bias", "sensor_drift"),
+        5.0,
+    )
+    proposal = doubt.proposal()
+    assert proposal.figures["separable"]
+    study, answer = doubt.driven(proposal)
+    reached = margins(study, answer, candidates(doubt.study, doubt.answer))
+    assert reached[0]["one"] == ["sensor_bias"]
+    assert reached[0]["achieved_margin"] > CLOSE
+
+
+def test_where_no_excitation_helps_that_is_said_with_the_sensor_that_would(rig):
+    doubt = Doubt(rig, Truth(inputs=delay(0.06)), ("input_delay", "sensor_delay"), 10.0)
+    late = doubt.answer.alternatives
+    both = [a for a in doubt.study.candidates if a.effect.name == "sensor_delay" and a.port == "all outputs"]
+    assert [list(s) for s in late] == [both]  # all sensors late by as much: exactly the same
+    proposal = doubt.proposal()
+    assert proposal.figures["separable"] is False
+    assert proposal.figures["predicted_margin"] < CLOSE
+    assert proposal.figures["plan"] is None
+    assert proposal.commands == {}
+    assert (
+        "No excitation within the limits tells input_delay and sensor_delay apart"
+        in proposal.figures["sentence"]
+    )
+    assert "a sensor of what really arrives behind force would" in proposal.figures["sentence"]
+
+
+def test_a_rig_that_was_not_driven_is_told_what_to_drive_for_each_parameter(rig):
+    runs = runs_of(record(Truth(), 10.0, 1, NOISE, 0.0), rig, "still")
+    study = Study(rig, split(runs, (), ()), [])
+    base = fitted_base(study)
+    answer = Answer((), base, base, (), {}, Tried({Key(): base}))
+    proposal = propose(study, answer, "insufficient_excitation")
+    assert proposal is not None
+    assert sorted(p["name"] for p in proposal.figures["parameters"]) == ["drag", "mass"]
+    assert "To see mass, drag, drive force with" in proposal.figures["sentence"]
+    assert "No limits of the outputs are stated" in proposal.figures["sentence"]
+    new = runs_of(record_driven(Truth(), proposal.commands["force"], 3, NOISE), rig, "experiment")
+    second = Study(rig, split([*new, *runs], (), ()), [])
+    fitted = fitted_base(second)
+    for f, se in zip(fitted.free, np.sqrt(np.diag(fitted.covariance)), strict=True):
+        predicted = next(p["predicted_margin"] for p in proposal.figures["parameters"] if p["name"] == f.name)
+        assert f.prior is not None
+        assert 0.3 < (f.prior[1] / se) ** 2 / predicted < 3.0
+
+
+def test_nothing_is_proposed_where_nothing_is_open(lags):
+    assert propose(lags.study, lags.answer, "named") is None
+
+
+def test_a_rig_of_ones_own_gets_the_table_of_its_inputs(proposed, lags, tmp_path):
+    plan.write_for(tmp_path, proposed, lags.rig, [])
+    table = read_measurement(tmp_path / "experiment.csv")
+    assert table["force"].unit == "N"
+    assert table["force"].values == pytest.approx(proposed.commands["force"])
+    assert np.diff(table["force"].time) == pytest.approx(PERIOD)
+    text = (tmp_path / "experiment.toml").read_text()
+    assert 'table = "experiment.csv"' in text
+    assert proposed.figures["sentence"] in text
+
+
+def test_a_plan_for_the_machine_is_one_that_collect_takes(tmp_path):
+    time = np.arange(200) * 0.1
+    told = {"u_slew": 0.5 * np.sin(time), "qd_boom_ref": 0.1 * np.sin(0.7 * time)}
+    figures = {"sentence": "Drive.", "ranges": dict.fromkeys(told), "duration_s": 20.0, "tick_s": 0.1}
+    units = {"u_slew": "1", "qd_boom_ref": "rad/s"}
+    plan.write(tmp_path, figures, told, units, {"q_boom": 1.2, "q_stick": -9.0, "load_kg": 500.0})
+    found = load_plan(tmp_path / "experiment.toml")
+    assert [r.seconds for r in found.recordings] == [20.0]
+    only = found.recordings[0]
+    assert only.q_boom == pytest.approx(1.2, abs=0.03)
+    assert found.limits.stick_rad[0] <= only.q_stick <= found.limits.stick_rad[0] + 0.05  # as near as allowed
+    assert only.load_kg == 500.0
+    stated = found.parts["experiment"].commands
+    assert stated is not None
+    for name, values in told.items():
+        assert stated[name] == pytest.approx(values, abs=1e-4)  # type: ignore[index]
+
+
+def test_a_margin_grows_with_the_length_of_the_experiment(lags, proposed):
+    from reconcile.experiment.judges import Pairs
+    from reconcile.experiment.limits import limits_of
+    from reconcile.experiment.predict import Bench
+
+    bench = Bench(lags.study, limits_of(lags.study), PERIOD)
+    fits = [lags.answer.tried.fits[Key(s)] for s in (lags.answer.present, *lags.answer.alternatives)]
+    e = of_dict(proposed.figures["excitation"])
+    found = []
+    for seconds in (10.0, 20.0, 40.0):
+        played = [p for f in fits if (p := bench.play(replace(e, duration_s=seconds), f))]
+        found.append(float(Pairs(fits)(bench, played)[0]))
+    assert all(a < b for a, b in pairwise(found))
+
+
+def test_an_input_without_a_range_is_named(lags):
+    inputs = [replace(v, min=None, max=None) for v in lags.rig.model.inputs]
+    still = runs_of(record(Truth(), 10.0, 1, NOISE, 0.0), lags.rig, "still")
+    study = Study(lags.rig, split(still, (), ()), [])
+    study.model = replace(lags.rig.model, inputs=tuple(inputs))
+    from reconcile.experiment.limits import limits_of
+
+    with pytest.raises(InputError, match=r"no input has a range \(force\)"):
+        limits_of(study)

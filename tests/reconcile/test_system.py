@@ -1,0 +1,166 @@
+"""A system part after part: sensors to signals, the motion that neighbours feel, one answer of several."""
+
+import numpy as np
+import pytest
+
+from fmus.arm.model import MODEL as ARM
+from fmus.discrete import DiscreteStepper
+from fmus.machine.model import MODEL as MACHINE
+from fmus.stepper import Stepper
+from reconcile.data import Run, Signal, runs_of
+from reconcile.system import felt
+from reconcile.system.examine import Recording, _given, merged
+from reconcile.system.parts import SYSTEMS, parts_of, with_signals
+from records.measurement import Channel, Measurement
+from specs.errors import InputError
+
+PERIOD = 0.02
+
+
+def measured(columns: dict[str, np.ndarray], units: dict[str, str] | None = None) -> Measurement:
+    n = len(next(iter(columns.values())))
+    time = PERIOD * np.arange(n)
+    return Measurement({k: Channel(k, (units or {}).get(k, ""), time, v) for k, v in columns.items()})
+
+
+def test_a_system_is_known_by_name_and_by_its_file() -> None:
+    assert [p.name for p in parts_of("nominal") or ()] == ["arm", "slew", "tool"]
+    assert parts_of("specs/systems/nominal.toml") == SYSTEMS["nominal"]
+    assert parts_of("slew") is None
+    assert parts_of("elsewhere/nominal.toml") is None
+
+
+def test_the_tools_angles_and_rates_are_those_of_the_reference_machine() -> None:
+    """Its IMU without bias, noise and mounting error against its true joints, slewing and swinging."""
+    clean = {
+        v.name: 0.0
+        for v in MACHINE.parameters
+        if v.name.startswith("imu_tool") and ("bias" in v.name or "mount" in v.name)
+    }
+    stepper = Stepper(MACHINE, clean, step=0.002)
+    rows = []
+    stepper.set(u_slew=1.0, u_boom=-0.4)
+    for _ in range(200):
+        stepper.advance(10)
+        rows.append(stepper.outputs())
+    columns = {n: np.array([r[n] for r in rows]) for n in rows[0] if n.startswith(("imu_tool", "true_q"))}
+    found = with_signals(measured(columns))
+    for n in ("q_tool_x", "q_tool_y", "qd_tool_x", "qd_tool_y"):
+        true = columns[f"true_{n}"]
+        assert np.max(np.abs(true)) > 0.03
+        assert found[n].values == pytest.approx(true, abs=1e-6)
+    assert any("imu_tool" in said for said in found.repairs)
+
+
+def driven_arm(n: int = 400) -> dict[str, np.ndarray]:
+    """Recorded references and true outputs of the arm, with the inputs it makes for others."""
+    stepper, rows, t = DiscreteStepper(ARM), [], PERIOD * np.arange(n)
+    references = np.column_stack([0.12 * np.sign(np.sin(1.3 * t)), 0.15 * np.sin(0.9 * t)])
+    for boom, stick in references:
+        stepper.set(qd_boom_ref=boom, qd_stick_ref=stick)
+        rows.append(stepper.outputs())
+        stepper.advance()
+    columns = {k: np.array([r[k] for r in rows]) for k in rows[0]}
+    return columns | {"qd_boom_ref": references[:, 0], "qd_stick_ref": references[:, 1]}
+
+
+def test_a_neighbour_is_given_what_the_arm_makes_of_its_motion() -> None:
+    arm = driven_arm()
+    joints = ("q_boom", "q_stick", "qd_boom", "qd_stick")
+    time = PERIOD * np.arange(len(arm["q_boom"]))
+    still = {n: np.zeros(len(time)) for n in ("u_slew", "q_slew", "qd_slew", "q_tool_x", "q_tool_y")}
+    r = Recording("run", measured({n: arm[n] for n in joints} | still))
+    r.motion = {n: Channel(n, "", time, (arm | still)[n]) for n in (*joints, "q_slew", "qd_slew")}
+    _, slew, tool = SYSTEMS["nominal"]
+    for part, names in ((slew, ("inertia", "inertia_rate")), (tool, ("radius", "radius_rate", "height"))):
+        given = _given(part, r)
+        for n in names:
+            assert given[n].values == pytest.approx(arm[n], rel=1e-12, abs=1e-9)
+
+
+def test_what_is_felt_is_nearer_to_the_truth_than_the_recording() -> None:
+    rng, t = np.random.default_rng(1), PERIOD * np.arange(600)
+    angle, rate = 0.5 * np.sin(0.8 * t), 0.4 * np.cos(0.8 * t)
+    noisy = {
+        "q_slew": Signal(t, angle + 2e-4 * rng.standard_normal(len(t))),
+        "qd_slew": Signal(t, rate + 1e-3 * rng.standard_normal(len(t))),
+    }
+    found = felt.recorded(Run("run", 0.0, t[-1], {}, noisy), ("q_slew", "qd_slew"))
+    assert np.std(found["q_slew"] - angle) < 0.6 * 2e-4
+    assert np.std(found["qd_slew"] - rate) < 0.5 * 1e-3
+
+
+def test_a_late_rate_is_left_out() -> None:
+    rng, t = np.random.default_rng(2), PERIOD * np.arange(600)
+    angle, rate = 0.3 * np.sin(2.5 * t), 0.75 * np.cos(2.5 * t)
+    late = np.concatenate([np.full(10, rate[0]), rate[:-10]]) + 1e-3 * rng.standard_normal(len(t))
+    _, found = felt.joined(angle + 1e-4 * rng.standard_normal(len(t)), late, PERIOD)
+    assert np.std((found - rate)[10:-10]) < 5e-3
+
+
+def figures(
+    verdict: str, effects: list[dict], alternatives: list[list[str]], status: str = "at_floor"
+) -> dict:
+    rest = {"reestimated": {}, "nuisances": {}, "where": [], "gap": {}, "scores": {}, "considered": []}
+    return rest | {
+        "verdict": verdict,
+        "sentence": "The model lacks something.",
+        "effects": effects,
+        "alternatives": alternatives,
+        "residual_status": status,
+        "iso18571": None,
+    }
+
+
+class Part:
+    """A part's figures without the study behind them."""
+
+    def __init__(self, name: str, found: dict):
+        self.part, self.figures = SYSTEMS["nominal"][("arm", "slew", "tool").index(name)], found
+
+
+def effect(name: str, gain: float, verdict: str = "named") -> dict:
+    return {"name": name, "gain_fit": gain, "verdict": verdict}
+
+
+def test_one_answer_the_strongest_first_with_whole_sets_as_alternatives() -> None:
+    slew = figures("named", [effect("shared_pump_flow", 50.0)], [["shared_pump_flow"]])
+    rivals = [["coriolis_coupling"], ["wind_load"]]
+    tool = figures("ambiguous", [effect("coriolis_coupling", 900.0, "ambiguous")], rivals, "unexplained")
+    whole = merged([Part("slew", slew), Part("tool", tool)])  # type: ignore[list-item]
+    assert [(e["subsystem"], e["name"]) for e in whole["effects"]] == [
+        ("tool", "coriolis_coupling"),
+        ("slew", "shared_pump_flow"),
+    ]
+    assert whole["verdict"] == "named"
+    assert whole["residual_status"] == "unexplained"
+    assert whole["alternatives"] == [
+        ["coriolis_coupling", "shared_pump_flow"],
+        ["shared_pump_flow", "wind_load"],
+    ]
+
+
+def test_without_effects_what_stands_in_the_way_is_the_verdict() -> None:
+    parts = [Part("arm", figures("agrees", [], [])), Part("tool", figures("unexplained", [], []))]
+    assert merged(parts)["verdict"] == "unexplained"  # type: ignore[arg-type]
+    assert merged(parts[:1])["alternatives"] == []  # type: ignore[arg-type]
+
+
+def test_a_part_whose_neighbours_are_not_recorded_says_so() -> None:
+    tool = SYSTEMS["nominal"][2]
+    with pytest.raises(InputError, match="has no q_slew, qd_slew, q_boom"):
+        _given(tool, Recording("run", measured({"q_tool_x": np.zeros(50)})))
+
+
+def test_runs_of_a_part_hold_its_derived_inputs() -> None:
+    from reconcile.model import read_folder
+
+    arm = driven_arm()
+    names = ("q_boom", "q_stick", "qd_boom", "qd_stick")
+    still = {n: np.zeros(400) for n in ("u_slew", "q_slew", "qd_slew", "p_slew_a", "p_slew_b")}
+    folder = read_folder("slew")
+    units = {v.name: v.unit for v in (*folder.model.inputs, *folder.model.outputs)}
+    r = Recording("run", measured({n: arm[n] for n in names} | still, units))
+    run = runs_of(_given(SYSTEMS["nominal"][1], r), folder, "run")[0]
+    assert {"u_slew", "inertia", "inertia_rate"} <= set(run.inputs)
+    assert run.inputs["inertia"].values[50:] == pytest.approx(arm["inertia"][50:], rel=1e-2)
