@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconcile import evidence
+from reconcile import evidence, freeform
 from reconcile.fit.solve import Fitted, fit
+from reconcile.freeform import FreeForm
 from reconcile.search import Answer
 from reconcile.study import Study
 
@@ -13,6 +14,7 @@ AT_FLOOR = 1.25  # rms error of the answer, in units of the floor
 WHITE = 0.35  # share of samples that count as independent, below which what is left has a shape
 SEEN = 4.0  # noise levels that an output must move by
 KNOWN = 0.5  # of its prior spread: a parameter known less well was not excited
+FREE_GAIN = 15.0  # of BIC, by which free-form terms must be better than what is named
 MOVED = 3.0  # standard errors by which a re-estimated parameter must have moved
 
 
@@ -66,12 +68,32 @@ def unseen(study: Study, fitted: Fitted) -> list[str]:
     return found
 
 
-def judge(study: Study, answer: Answer, before: Fitted | None, missing: list[str]) -> Verdict:
+@dataclass(frozen=True)
+class Free:
+    """Free-form terms beside the answer, and in place of it."""
+
+    beside: FreeForm
+    instead: FreeForm
+
+
+def free_form(study: Study, answer: Answer) -> Free:
+    """What terms of no particular form would explain."""
+    beside = freeform.examine(study, answer.fitted)
+    return Free(beside, freeform.examine(study, answer.base) if answer.present else beside)
+
+
+def judge(study: Study, answer: Answer, before: Fitted | None, missing: list[str], free: Free) -> Verdict:
     """The verdict on an answer; `before` is the model as it came, `missing` what `unseen` found."""
     fitted = answer.fitted
     s = evidence.sample(fitted)
     rms = float(np.sqrt(fitted.linear.cost / s.count))
-    left = "unexplained" if rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
+    shaped = free.beside.bic_gain > FREE_GAIN
+    left = "unexplained" if shaped or rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
+    if answer.present and free.instead.bic_gain > _earned(answer, s) + FREE_GAIN:
+        what = ", ".join(free.instead.terms)
+        near = " and ".join(sorted(a.effect.name for a in answer.present))
+        text = f"No effect of the catalogue explains it as well as free terms do ({what}); the nearest is {near}."
+        return Verdict("unexplained", text, "unexplained")
     names = " and ".join(sorted(a.effect.name for a in answer.present))
     if missing and not answer.present:
         return Verdict("insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left)
@@ -82,10 +104,16 @@ def judge(study: Study, answer: Answer, before: Fitted | None, missing: list[str
         rest = "" if left == "at_floor" else "; something unexplained remains"
         return Verdict("named", f"The model lacks {names}{rest}.", left)
     if left == "unexplained":
-        return Verdict(
-            "unexplained", f"What is left is {rms:.3g} times the noise, and no effect explains it.", left
-        )
+        what = f"; free terms would: {', '.join(free.beside.terms)}" if shaped else ""
+        text = f"What is left is {rms:.3g} times the noise, and no effect explains it{what}."
+        return Verdict("unexplained", text, left)
     return _without_effects(study, answer, before, s, left)
+
+
+def _earned(answer: Answer, s: evidence.Sample) -> float:
+    """What the named effects gain over the model without them, less their price."""
+    price = (len(answer.fitted.free) - len(answer.base.free)) * np.log(s.count)
+    return answer.base.cost - answer.fitted.cost - price
 
 
 def _without_effects(

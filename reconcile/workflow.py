@@ -103,12 +103,16 @@ def _examined(folder: Folder, given: Sequence[Sequence[Run]], said: Report):
     """One study of the recordings of each purpose, its search, and the report's figures."""
     said("compiling")
     study = Study(folder, split(*given))
-    before = verdicts.nominal(study)
     answer = Search(study, said).run()
+    before = verdicts.nominal(study)
     missing = verdicts.unseen(study, answer.base)
-    verdict = verdicts.judge(study, answer, before, missing)
+    free = verdicts.free_form(study, answer)
+    verdict = verdicts.judge(study, answer, before, missing, free)
     said("measuring the gap")
-    return reports.build(study, answer, verdict, before), study, answer
+    figures = reports.build(study, answer, verdict, before)
+    if verdict.residual == "unexplained":
+        figures["free_form"] = [f.figures() for f in (free.instead, free.beside) if f.terms][:1]
+    return figures, study, answer
 
 
 def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
