@@ -191,8 +191,10 @@ def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run]) -
         dealt = {k: list(_whole(v)) for k, v in zip(dealt, (runs[:-2], runs[-2:-1], runs[-1:]), strict=True)}
     else:
         wanted = {"fit"} | ({"confirm"} if not confirm else set()) | ({"holdout"} if not holdout else set())
+        extremes = _extremes(runs)
         for run in runs:
-            for which, block in _interleaved(run, [p for p in PATTERN if p in wanted]):
+            pattern = [p for p in PATTERN if p in wanted]
+            for which, block in _interleaved(run, pattern, extremes[run.name]):
                 dealt[which].append(block)
     if confirm:
         dealt["confirm"] = list(_whole(confirm))
@@ -206,17 +208,41 @@ def _whole(runs: Iterable[Run]) -> tuple[Block, ...]:
     return tuple(Block(r, r.start_s, r.end_s) for r in runs)
 
 
-def _interleaved(run: Run, pattern: Sequence[str]) -> list[tuple[str, Block]]:
+def _interleaved(run: Run, pattern: Sequence[str], telling: Sequence[float]) -> list[tuple[str, Block]]:
+    """Blocks of a run by turns; `telling`: times (s) of extremes, which are best in a block to fit."""
     length = run.end_s - run.start_s
     count = max(len(pattern), int(np.ceil(length / BLOCK_S)))
     edges = np.linspace(run.start_s, run.end_s, count + 1)
-    # guard gaps: a window leaves out the samples of its first MARGIN_S; see fit/windows.py
     # every second round is turned about, so that a periodic excitation does not fall into step with it
     order = [*pattern, *reversed(pattern)]
+    at = np.clip(np.searchsorted(edges, telling, side="right") - 1, 0, count - 1)
+
+    def dealt(turn: int) -> list[str]:
+        return [order[(i + turn) % len(order)] for i in range(count)]
+
+    def loss(turn: int) -> tuple[int, int]:
+        """Blocks short of each part's share, then extremes outside fit."""
+        found = dealt(turn)
+        short = sum(max(0, count // len(pattern) * pattern.count(p) - found.count(p)) for p in set(pattern))
+        return short, sum(found[i] != "fit" for i in at)
+
+    parts = dealt(min(range(len(order)), key=loss))
     return [
-        (order[i % len(order)], Block(run, float(a), float(b)))
-        for i, (a, b) in enumerate(pairwise(edges))
+        (part, Block(run, float(a), float(b))) for part, (a, b) in zip(parts, pairwise(edges), strict=True)
     ]
+
+
+def _extremes(runs: Sequence[Run]) -> dict[str, list[float]]:
+    """Run -> times at which a signal is larger or smaller than anywhere else: stops and limits show there."""
+    found: dict[str, list[float]] = {r.name: [] for r in runs}
+    names = {n for r in runs for n in (*r.inputs, *r.outputs)}
+    for name in sorted(names):
+        signals = [(r, r.inputs.get(name) or r.outputs.get(name)) for r in runs]
+        known = [(r, s) for r, s in signals if s is not None]
+        for pick, best in ((np.argmax, max), (np.argmin, min)):
+            run, signal = best(known, key=lambda pair: float(pair[1].values[pick(pair[1].values)]))
+            found[run.name].append(float(signal.time[pick(signal.values)]))
+    return found
 
 
 def _check(dealt: Mapping[str, Sequence[Block]]) -> None:

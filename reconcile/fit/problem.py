@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 
 from reconcile.fit.compiled import Columns, Compiled
 from reconcile.fit.whitening import Whitener
-from reconcile.fit.windows import InputTable, Window, interpolation
+from reconcile.fit.windows import InputTable, Window, interpolation, straight
 from reconcile.model import Attached
 
 ACCURACY = 2e-5  # of a state's size, of one step
@@ -74,6 +74,8 @@ class Problem:
         self.scale = np.ones(compiled.nx)
         self.tolerance = np.full(compiled.nx, 1e-3)
         self.patience = 1.0  # times the tolerance: more where sets are only ranked
+        # between its steps a discrete model says nothing of curves: its positions go straight
+        self.between = interpolation if model.kind == "continuous" else straight
         self.whiteners: list[Whitener] | None = None
         self._modes: dict[int, np.ndarray] = {}
 
@@ -241,7 +243,7 @@ class Problem:
             late = float(sum(point.p[q] for q in self.output_delays[name]))
             since = times - window.run.start_s
             late = late + since * float(sum(point.p[q] for q in self.clocks[name]))
-            index, weights, rates = interpolation((times - late - window.start_s) / window.step_s, len(y))
+            index, weights, rates = self.between((times - late - window.start_s) / window.step_s, len(y))
             column = self.model.index("outputs", name)
             errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / self.sigma[
                 name

@@ -124,6 +124,14 @@ def _window(run: Run, start: float, parts: Sequence[tuple[float, float]], h: flo
     return Window(run, float(start), int(np.ceil((parts[-1][1] - start) / h - 1e-6)), h, times, samples)
 
 
+def straight(positions: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Linear weights at `positions` [n] (in rows): index [n, 2], weights, slopes by position."""
+    first = np.clip(np.floor(positions).astype(int), 0, max(rows - 2, 0))
+    t = np.clip(positions, 0.0, rows - 1.0) - first
+    ones = np.ones_like(t)
+    return first[:, None] + np.arange(2), np.stack([1.0 - t, t], axis=1), np.stack([-ones, ones], axis=1)
+
+
 def interpolation(positions: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cubic Lagrange weights at `positions` [n] (in rows): index [n, 4], weights, slopes by position."""
     first = np.clip(np.floor(positions).astype(int) - 1, 0, max(rows - 4, 0))
