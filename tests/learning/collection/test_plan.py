@@ -1,9 +1,11 @@
 """Collection plans: what they stand for, and every mistake named."""
 
+import re
 from pathlib import Path
 
 import pytest
 
+from learning.collection.collect import pilot
 from learning.collection.draws import Draws
 from learning.collection.excitation import LEAD_S, SHAPES, wanted
 from learning.collection.plan import FOLDER, KINDS, PERIOD_S, clearance, load_plan
@@ -113,3 +115,42 @@ def test_random_numbers_belong_to_their_key():
     assert one != [other.normal() for _ in range(500)]
     assert sum(one) / 500 == pytest.approx(0.0, abs=0.15)
     assert (sum(x * x for x in one) / 500) ** 0.5 == pytest.approx(1.0, abs=0.15)
+
+
+def replay(tmp_path: Path, commands: str, kind: str = "replay") -> Path:
+    """A plan of one part of 2 s with these commands."""
+    limits = TINY.split("[limits]")[1].split("[gains]")[0]
+    path = tmp_path / "plan.toml"
+    path.write_text(
+        f'name = "own"\ndescription = "one"\n[limits]{limits}\n[parts.own]\nkind = "{kind}"\n'
+        f"recording_s = 2.0\nrecordings = {{ train = 1 }}\n{commands}\n"
+    )
+    return path
+
+
+def test_a_replay_tells_the_machine_what_the_plan_states(tmp_path):
+    values = [round(0.05 * k, 2) for k in range(20)]
+    plan = load_plan(replay(tmp_path, f"commands = {{ u_slew = {values} }}"))
+    told = pilot(plan, plan.recordings[0])
+    assert [told(k, {}).u_slew for k in range(20)] == values
+    assert {told(k, {}).qd_boom_ref for k in range(20)} == {0.0}
+
+
+@pytest.mark.parametrize(
+    ("commands", "kind", "said"),
+    [
+        ("commands = { u_slew = [0.1, 0.2] }", "replay", "u_slew: 2 values; recording_s = 2 has 20 periods"),
+        (f"commands = {{ u_slew = {[1.5] * 20} }}", "replay", "u_slew: must stay within ±1"),
+        (f"commands = {{ qd_boom_ref = {[0.5] * 20} }}", "replay", "qd_boom_ref: must stay within ±0.2"),
+        (f"commands = {{ u_boom = {[0.5] * 20} }}", "replay", "u_boom"),
+        (
+            f"commands = {{ u_slew = {[0.5] * 20} }}",
+            "steps",
+            "commands: a replay has them, and no other kind",
+        ),
+        ("", "replay", "commands: a replay has them, and no other kind"),
+    ],
+)
+def test_commands_that_cannot_be_replayed_are_named(tmp_path, commands, kind, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        load_plan(replay(tmp_path, commands, kind))
