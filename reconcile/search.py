@@ -74,20 +74,27 @@ class Search:
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
 
     def _found(self) -> Key:
-        """The best set: grown in rounds, until neither it nor the noise that it leaves changes."""
-        best = Key()
-        self._judge_noise(best)
-        for _ in range(ROUNDS):
-            moved = self._judge_noise(best)
-            self._again([Key(), best])
-            if best and not moved:
-                break
-            known, best = best, self._round(best)
-            if best == known:
-                break
+        """The best set: in short windows first, then in whole runs."""
+        best = self._rounds(Key(), 2)
+        known = {k: self.tried.fits[k] for k in (Key(), best)}
+        self.study.lengthen(known[best])
+        self.tried = Tried({k: self.study.carried(f) or f for k, f in known.items()}, {}, self.tried.refused)
+        best = self._rounds(best, ROUNDS)
         self.study.estimate_noise(self.tried.fits[best])
         self.study.whiten_confirm(self.tried.fits[best])
         self._again([Key(), best])
+        return best
+
+    def _rounds(self, best: Key, most: int) -> Key:
+        """Grow in rounds, until neither the best set nor the noise that it leaves changes."""
+        if self.study.fit_problem.whiteners is None:
+            self._judge_noise(best)
+        for _ in range(most):
+            moved = self._judge_noise(best)
+            self._again([Key(), best])
+            known, best = best, self._round(best)
+            if best == known and (best or not moved):
+                break
         return best
 
     def _judge_noise(self, key: Key) -> bool:
@@ -317,12 +324,27 @@ class Search:
             others = [x for x in self._others(rest) if x.key != a.key]
             without = self._stripped(fitted, a)
             score = Score(self.study, without, others)
-            simpler = [score.scored((v,)) for v in score.variants if _includes(a, v.attached)]
-            simpler.sort(key=lambda s: -s.gain)
-            for scored in (*score.best(RIVALS, 1), *simpler[:3]):
+            found |= self._simplified(fitted, a)
+            for scored in score.best(RIVALS, 1):
                 key = self._try(without, scored, again=3.0 * fitted.cost)
                 if key is not None and len(key) <= len(present):
                     found.add(key)
+        return found
+
+    def _simplified(self, fitted: Fitted, a: Attached) -> set[Key]:
+        """The answer with an effect in its simpler forms, which start from what it came to."""
+        values, found = self.study.named(fitted.point.p), set()
+        sizes = [abs(values[a.name(q.name)]) for q in a.effect.amplitudes] or [0.0]
+        for b in [x for x in self.study.candidates if _includes(a, x)]:
+            rest = tuple(x for x in fitted.point.present if x != a)
+            same = {q.name: values.get(a.name(q.name), float(np.mean(sizes))) for q in b.effect.parameters}
+            start = {b.name(n): v for n, v in same.items()}
+            fit = self.study.fit_set(fitted.point, (*rest, b), start, near=True)
+            if fit is not None:
+                key = Key((*rest, b))
+                if key not in self.tried.fits or fit.cost < self.tried.fits[key].cost:
+                    self.tried.fits[key] = fit
+                found.add(key)
         return found
 
     def _stripped(self, fitted: Fitted, a: Attached) -> Fitted:

@@ -15,7 +15,7 @@ from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import Fitted, Free, fit
-from reconcile.fit.windows import HOLDOUT_S, WINDOW_S, cut, span
+from reconcile.fit.windows import HOLDOUT_S, SHORT_S, WINDOW_S, cut, span
 from reconcile.model import ALL_OUTPUTS, Attached, Extended, Folder, candidates
 from specs.errors import InputError
 
@@ -54,14 +54,15 @@ class Study:
         sigma = {n: f.level for n, f in self.floors.items()}
         step = self.model.step if self.model.kind == "discrete" else None
         self.problems = {
-            which: Problem(self.compiled, windows(getattr(parts, which), seconds, step), sigma)
+            which: Problem(self.compiled, windows(_blocks(parts, which), seconds, step), sigma)
             for which, windows, seconds in (
                 ("fit", span, WINDOW_S),
+                ("short", cut, SHORT_S),
                 ("confirm", span, WINDOW_S),
                 ("holdout", cut, HOLDOUT_S),
             )
         }
-        self.fit_problem = self.problems["fit"]
+        self.fit_problem = self.problems["short"]
         nominal = [v.nominal or 1.0 for v in self.model.states]
         hidden = len(self.extended.state_names) - len(nominal)
         for problem in self.problems.values():
@@ -156,6 +157,11 @@ class Study:
         there = self._carried(problem, fitted)
         if there is not None:
             problem.whiteners = whitening.transferred(self.noise, problem, there.point).whiteners()
+
+    def lengthen(self, fitted: Fitted) -> None:
+        """Fit to whole runs from here on, where weak and slow effects show; strong ones must be in by now."""
+        self._whiten(self.problems["fit"], fitted)
+        self.fit_problem = self.problems["fit"]
 
     def use_all(self, fitted: Fitted) -> None:
         """Fit to the parts fit and confirm together from here on, with the noise as a fit has it."""
@@ -285,6 +291,11 @@ class Study:
             raise InputError(f"model {model.name} runs away on the recordings from its start parameters")
         felt = [np.linalg.norm(linear.slopes[:, i]) * _spread(v) > 0.3 for i, v in enumerate(names)]
         return [_free(v) for v, f in zip(names, felt, strict=True) if f]
+
+
+def _blocks(parts: Parts, which: str):  # noqa: ANN202
+    """Blocks of a problem: the short windows are those to fit as well."""
+    return parts.fit if which == "short" else getattr(parts, which)
 
 
 def _free(v: Variable) -> Free:

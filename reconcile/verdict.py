@@ -82,11 +82,12 @@ def free_form(study: Study, answer: Answer) -> Free:
     return Free(beside, freeform.examine(study, answer.base) if answer.present else beside)
 
 
-def judge(study: Study, answer: Answer, before: Fitted | None, missing: list[str], free: Free) -> Verdict:
+def judge(study: Study, answer: Answer, before: Fitted | None, missing: list[str], free: Free | None = None) -> Verdict:
     """The verdict on an answer; `before` is the model as it came, `missing` what `unseen` found."""
     fitted = answer.fitted
     s = evidence.sample(fitted)
     rms = float(np.sqrt(fitted.linear.cost / s.count))
+    free = free or free_form(study, answer)
     shaped = free.beside.bic_gain > FREE_GAIN
     left = "unexplained" if shaped or rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
     if answer.present and free.instead.bic_gain > _earned(answer, s) + FREE_GAIN:
