@@ -37,12 +37,14 @@ class Trace:
         return self.states[np.clip(rows, 0, len(self.states) - 1)]
 
 
-def predict(study: Study, fitted: Fitted | None) -> list[Trace] | None:
-    """Every held-out window from the parameters of a fit; None where the model runs away in one."""
+def predict(
+    study: Study, fitted: Fitted | None, windows: Sequence[Window] | None = None
+) -> list[Trace] | None:
+    """Every held-out window, or those given, from the parameters of a fit; None where the model runs away."""
     if fitted is None:
         return None
     step = study.model.step if study.model.kind == "discrete" else None
-    windows = cut(study.parts.holdout, WINDOW_S, step)
+    windows = windows or cut(study.parts.holdout, WINDOW_S, step)
     sigma = {n: f.level for n, f in study.floors.items()}
     whole, first = (Problem(study.compiled, w, sigma) for w in (windows, [_prefix(w) for w in windows]))
     for problem in (whole, first):

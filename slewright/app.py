@@ -18,6 +18,7 @@ from slewright.commands import (
     collect,
     convert,
     dossier,
+    effects,
     estimate,
     fit,
     generate,
@@ -91,6 +92,7 @@ app.command()(build.build)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
 app.command()(reconcile.reconcile)
+app.command()(effects.effects)
 app.command("reconcile-suite")(reconcile_suite.reconcile_suite)
 app.command("testpack")(testpack.write_pack)
 app.add_typer(bench.app, name="bench")

@@ -109,6 +109,44 @@ def slew_nn(
         raise typer.Exit(1)
 
 
+@app.command()
+def pendulum(
+    data: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder of the recordings, with LICENSE and model/.")
+    ] = Path("tests/data/dfki_simple_pendulum"),
+    json: JsonOption = None,
+    markdown: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", callback=check_target, help="Fill the part between this page's markers."
+        ),
+    ] = None,
+) -> None:
+    """Reconcile recordings of a real pendulum with a model without gravity, and predict held-out runs."""
+    from reconcile.measured import limits, measure, page
+    from slewright import markers
+    from specs.version import VERSION
+
+    with progress("bench pendulum") as report:
+        figures = measure(data, report)
+    columns = ["recording", "held out", "before, rad", "after, rad", "down"]
+    rows = [
+        (run, row["held_out"], p["before"], p["after"], f"{100 * p['down']:.1f} %")
+        for run, row in figures["runs"].items()
+        for p in [row["position"]]
+    ]
+    show(f"error of the position {figures['ahead_s']:g} s ahead, root mean square", columns, rows)
+    typer.echo(f"{figures['verdict']}: {figures['sentence']}")
+    found = limits(figures)
+    if markdown:
+        markers.fill(markdown, "pendulum", page(figures, VERSION))
+    write(json, {**figures, "missed": found}, figures["seed"])
+    for must in found:
+        typer.echo(f"slewright: missed: {must}", err=True)
+    if found:
+        raise typer.Exit(1)
+
+
 def _slew_nn_row(name: str, f: dict[str, float]) -> list[str]:
     spread = f"{f['ratio_p25']:.2f} … {f['ratio_p75']:.2f}"
     times = (f"{f['fmu_us']:.2f}", f"{f['bare_us']:.2f}", f"{f['ratio']:.2f}")

@@ -36,6 +36,7 @@ COMMANDS = (
     "import",
     "reconcile",
     "reconcile-suite",
+    "effects",
     "bench",
     "testpack",
 )

@@ -1,0 +1,33 @@
+"""`slewright effects`: the catalogue of effects that reconcile knows."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slewright.figures import JsonOption, check_target, write
+from slewright.tables import show
+
+MARKERS = "effects"
+
+
+def effects(
+    markdown: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", callback=check_target, help="Fill the table between this page's markers."
+        ),
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """List the effects that reconcile can name: equation, parameters and where each is from."""
+    from rich.markup import escape
+
+    from slewright import catalogue, markers
+
+    rows = catalogue.rows()
+    columns = ("effect", "place", "equation", "parameters")
+    show("Effects", columns, [[escape(row[c]) for c in columns] for row in rows])
+    if markdown:
+        markers.fill(markdown, MARKERS, catalogue.table(rows))
+    write(json, {"effects": rows})
