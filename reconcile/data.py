@@ -21,7 +21,7 @@ from specs.errors import InputError
 BLOCK_S = 2.0  # of interleaved blocks, at most
 PATTERN = ("fit", "fit", "confirm", "fit", "fit", "holdout", "fit")  # of blocks, in order
 WHOLE = 8  # runs: with fewer, every kind of excitation must be in every part
-LEAST_SAMPLES = 30  # of an output in a part
+LEAST_SAMPLES = 20  # of any output, in each part
 LEAST_STRETCH = 20  # samples without a gap
 LONGEST_PERIOD_S = 0.5  # between samples: windows of some seconds are simulated, and must hold several
 

@@ -70,6 +70,11 @@ class Noise:
     sources: tuple[Source, ...]
     responses: "tuple[_Responses, ...]" = field(repr=False, default=())
 
+    @property
+    def present(self) -> bool:
+        """Whether anything beside the sensors' noise is in it."""
+        return any(s.size > 0.0 for s in self.sources)
+
     def differs(self, other: "Noise") -> bool:
         """Whether a source is larger or smaller by more than ALIKE."""
         known = {s.name: s.size for s in other.sources}
@@ -188,11 +193,11 @@ def estimate(problem, point, columns: Sequence[int], more: Sequence[np.ndarray] 
     return Noise(tuple(sources), responses)
 
 
-def transferred(noise: Noise, problem, point) -> Noise:  # noqa: ANN001 - Problem, which imports this module
-    """The same sources for the windows of another problem."""
+def transferred(noise: Noise, problem, point, bin_s: float = BIN_S) -> Noise:  # noqa: ANN001
+    """The same sources for the windows of another problem; wider bins are quicker and coarser."""
     sources = noise.sources
     windows = range(len(problem.windows))
-    return Noise(sources, tuple(_respond(problem, point, k, sources, ()) for k in windows))
+    return Noise(sources, tuple(_respond(problem, point, k, sources, (), bin_s) for k in windows))
 
 
 def _best(likelihood: _Likelihood, sources: Sequence[Source], i: int) -> Source:
@@ -232,10 +237,12 @@ def _sources(problem) -> list[Source]:  # noqa: ANN001
     return found
 
 
-def _respond(problem, point, k: int, sources: Sequence[Source], columns: Sequence[int]) -> _Responses:  # noqa: ANN001
+def _respond(  # noqa: ANN001
+    problem, point, k: int, sources: Sequence[Source], columns: Sequence[int], bin_s: float = BIN_S
+) -> _Responses:
     """Responses of window k to cosines of each source."""
     window = problem.windows[k]
-    bins = int(np.clip(round(window.steps * window.step_s / BIN_S), 2, window.steps))
+    bins = int(np.clip(round(window.steps * window.step_s / bin_s), 2, window.steps))
     edges = np.round(np.linspace(0, window.steps, bins + 1)).astype(int)
     found = problem.responses(point, k, [s.column for s in sources], edges, columns)
     samples = sum(len(t) for t in window.times.values()) if found is None else len(found[0])
