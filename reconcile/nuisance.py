@@ -121,16 +121,16 @@ class _Rows:
 
 
 def _rows(study: Study, fitted: Fitted) -> _Rows | None:
-    """Rows of all parts; a run that is fitted counts with what is fitted of it alone."""
+    """Rows of all parts, initial states of their own; a run that is fitted counts with what is fitted of it."""
     delay, drift = (_columns(study, n) for n in ("sensor_delay", "clock_drift"))
     if delay is None:
         return None
     free = [study.extended.index[f.name] for f in fitted.free]
     names: list[str] = []
     found = []
-    for which in ("fit", "confirm", "holdout"):
+    for which in ("short", "holdout"):  # where what is missing has not led the model far away
         problem = study.problems[which]
-        point = fitted.point if which == "fit" else getattr(study.elsewhere(fitted, which), "point", None)
+        point = getattr(study.elsewhere(fitted, which), "point", None)
         linear = point and problem.linear(point, [*free, delay, *([drift] if drift is not None else [])])
         if not linear:
             continue
@@ -142,10 +142,11 @@ def _rows(study: Study, fitted: Fitted) -> _Rows | None:
         found.append((linear.errors[keep], linear.slopes[keep], at[keep]))
     errors, slopes, at = (np.concatenate(x) for x in zip(*found, strict=True))
     s = evidence.sample(fitted)
-    excess = max(1.0, float(errors @ errors) / max(1, len(errors) - len(free))) / s.share
     ridge = np.array([1.0 / f.prior[1] ** 2 if f.prior else 0.0 for f in fitted.free])
     k = len(free)
-    return _Rows(errors, slopes[:, :k], slopes[:, k:], at, names, ridge, excess, s.effective, _length(study))
+    rows = _Rows(errors, slopes[:, :k], slopes[:, k:], at, names, ridge, 1.0, s.effective, _length(study))
+    left = _solved(rows, _by_run(rows, rows.late.shape[1]))[0]  # with clocks at their best: the noise
+    return replace(rows, excess=max(1.0, left / max(1, len(errors) - k)) / s.share)
 
 
 def _columns(study: Study, name: str) -> int | None:
