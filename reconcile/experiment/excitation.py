@@ -1,9 +1,9 @@
 """Excitations of a model's inputs: a few shapes with amplitude, period and offset, within an input's range.
 
 steps       levels of random size and alternating sign, each held for about the period
-reversals   full to either side, at first once a period, at last four times
+reversals   full to either side, at first once a period, at last as often as `fastest` says
 triangle    slopes up and down
-sine, multisine (the period and eight shorter ones), chirp (from twice the period to a quarter of it)
+sine, multisine (eight periods, the longest of them given), chirp (from twice the period on)
 creep       rest, a slow slope up and down again, rest, the same to the other side
 strokes     hold to one side, rest, hold to the other side, rest
 """
@@ -16,6 +16,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 LEAD_S = 1.0  # of rest before it begins
+SHORTEST_S = 0.4  # period: what is faster says more of how a simulation steps than of a machine
+FASTER = {"reversals": 4.0, "multisine": 16.0, "chirp": 4.0}  # than the period, at most
 FADE_S = 2.0  # over which an oscillation comes up, so that it does not push the axis away
 
 
@@ -66,6 +68,11 @@ def commands(
     return found
 
 
+def fastest(kind: str, period_s: float) -> float:
+    """The shortest period of an excitation whose own is `period_s`."""
+    return min(period_s, max(period_s / FASTER.get(kind, 1.0), SHORTEST_S))
+
+
 def neutral(low: float, high: float) -> float:
     """Where an input rests: at 0 if that is within its range, else at the nearer end."""
     return float(np.clip(0.0, low, high))
@@ -94,7 +101,7 @@ def _phase(t: np.ndarray, first_s: float, last_s: float) -> np.ndarray:
 
 def _reversals(t: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:
     # a quarter period ahead: the first push is half as long, so that speed goes to both sides
-    return np.where((_phase(t, period, 0.25 * period) + 0.25) % 1.0 < 0.5, 1.0, -1.0)
+    return np.where((_phase(t, period, fastest("reversals", period)) + 0.25) % 1.0 < 0.5, 1.0, -1.0)
 
 
 def _triangle(t: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:
@@ -106,13 +113,13 @@ def _sine(t: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:
 
 
 def _multisine(t: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:
-    lines = np.geomspace(1.0, 16.0, 8) / period
+    lines = 1.0 / np.geomspace(period, fastest("multisine", period), 8)
     whole = np.sum([np.sin(2 * np.pi * (f * t + rng.random())) for f in lines], axis=0)
     return _fade(t) * whole / max(float(np.abs(whole).max()), 1e-9)
 
 
 def _chirp(t: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:
-    return _fade(t) * np.sin(2 * np.pi * _phase(t, 2.0 * period, 0.25 * period))
+    return _fade(t) * np.sin(2 * np.pi * _phase(t, 2.0 * period, fastest("chirp", period)))
 
 
 def _creep(t: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
+from reconcile.experiment.excitation import Excitation
 from reconcile.experiment.predict import Bench, Played
 from reconcile.fit.solve import Fitted, Free
 from reconcile.model import Attached
@@ -47,16 +48,25 @@ class Pairs:
         both = ((i, k), (k, i))
         return {(a, b): bench.margin(played[a], self.fits[a], self.fits[b], whiteners) for a, b in both}
 
-    def refitted(self, bench: Bench, played: Sequence[Played]) -> np.ndarray:
+    def refitted(self, bench: Bench, chosen: Excitation, played: Sequence[Played]) -> np.ndarray:
         """Margins [pairs, 2] by real fits to recordings and experiment: the first being true, the second.
 
-        A fit that ends in a worse place than the first order says has not found the best: the less counts.
+        A fit that ends in a worse place than the first order says has not found the best, and what finer
+        steps of the simulation take away was not the machine's: the least counts.
         """
-        return np.array([self._refitted(bench, played, *pair) for pair in self.pairs])
+        fine = bench.checking()
+        again = [p or q for p, q in zip((fine.play(chosen, f) for f in self.fits), played, strict=True)]
+        return np.array([self._refitted(bench, fine, played, again, *pair) for pair in self.pairs])
 
-    def _refitted(self, bench: Bench, played: Sequence[Played], i: int, k: int) -> list[float]:
+    def _refitted(
+        self, bench: Bench, fine: Bench, played: Sequence[Played], again: Sequence[Played], i: int, k: int
+    ) -> list[float]:
         linear = self._linear(bench, played, i, k, bench.whiteners(played[i], self.fits[i]))
-        return [min(m, bench.refitted(played[a], self.fits[a], self.fits[b])) for (a, b), m in linear.items()]
+        finer = self._linear(fine, again, i, k, fine.whiteners(again[i], self.fits[i]))
+        return [
+            min(linear[a, b], finer[a, b], bench.refitted(played[a], self.fits[a], self.fits[b]))
+            for a, b in linear
+        ]
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from reconcile.fit.windows import STEP_S, WINDOW_S, Window, cut
 from reconcile.study import Study, unique
 
 FOLLOWS_S = 0.5  # lag, twice, of an input that another follows: it is moved by a machine
+FINER = 4.0
 QUICK_BIN_S = 0.5  # of the noise's forces, while excitations are compared
 DOUBT, WAYS = 2.0, 2
 RESTS = 0.05  # of the motion: a machine that moves less by itself stays where it is
@@ -50,8 +51,15 @@ class Bench:
 
     def __init__(self, study: Study, limits: Limits, tick_s: float, fixed_start: bool = False):
         self.study, self.limits, self.tick_s, self.fixed_start = study, limits, tick_s, fixed_start
+        self.finer = 1.0  # steps of the simulation than the fits'
         self.runs = unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
         self.period_s = min(r.period_s for r in self.runs)
+
+    def checking(self) -> "Bench":
+        """The same with finer steps: what differs between the two is no property of the machine."""
+        found = Bench(self.study, self.limits, self.tick_s, self.fixed_start)
+        found.finer = FINER
+        return found
 
     # ---------------------------------------------------------------- playing
 
@@ -110,7 +118,9 @@ class Bench:
 
     def _step(self) -> float:
         model = self.study.model
-        return model.step if model.kind == "discrete" else float(np.clip(0.5 * self.period_s, *STEP_S))
+        if model.kind == "discrete":
+            return model.step
+        return float(np.clip(0.5 * self.period_s, *STEP_S)) / self.finer
 
     def _problem(self, windows: list[Window]) -> Problem:
         known = self.study.fit_problem
@@ -132,8 +142,7 @@ class Bench:
         if not whole:
             parts = split([played.run], (), ())
             blocks = (*parts.fit, *parts.confirm)
-        step = self.study.model.step if self.study.model.kind == "discrete" else None
-        return cut(blocks, WINDOW_S, step)
+        return cut(blocks, WINDOW_S, self._step())
 
     def there(
         self, played: Played, fitted: Fitted, whiteners: list[Whitener] | None = None

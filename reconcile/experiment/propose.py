@@ -47,7 +47,7 @@ def _between(study: Study, answer: Answer, report) -> Proposal | None:
     pairs = [difference(sets[i], sets[k]) for i, k in judge.pairs]
     if not rated:
         return Proposal(_none(say.no_room(bench.limits)), bench.tick_s, {})
-    both = judge.refitted(bench, rated[0].played)
+    both = judge.refitted(bench, rated[0].excitation, rated[0].played)
     chosen = replace(rated[0], margins=judge.counted(both))
     figures = _figures(bench, chosen)
     needed = [

@@ -3,18 +3,18 @@
 from collections.abc import Sequence
 from typing import Any
 
-from reconcile.experiment.excitation import of_dict
+from reconcile.experiment.excitation import fastest, of_dict
 from reconcile.experiment.limits import Limits
 from reconcile.model import Attached
 from reconcile.study import Study
 
 KINDS = {
     "steps": "random steps of up to {a}, each held for about {p}",
-    "reversals": "full reversals of ±{a}, from one in {p} to four",
+    "reversals": "full reversals of ±{a}, one in {p} at first, one in {s} at last",
     "triangle": "a triangle of ±{a} and {p}",
     "sine": "a sine of ±{a} and {p}",
-    "multisine": "a multisine of ±{a} from {p} to a sixteenth of it",
-    "chirp": "a sweep of ±{a} from twice {p} to a quarter of it",
+    "multisine": "a multisine of ±{a}, periods from {p} to {s}",
+    "chirp": "a sweep of ±{a}, periods from twice {p} to {s}",
     "creep": "rest and slow slopes to ±{a}, a cycle in {p}",
     "strokes": "strokes of ±{a} with rests between, a cycle in {p}",
 }
@@ -36,7 +36,11 @@ def drive(study: Study, figures: dict[str, Any]) -> str:
     low, high = figures["ranges"][e.inputs[0]]
     half, unit = 0.5 * (high - low), units[e.inputs[0]]
     shown = "" if unit == "1" else f" {unit}"
-    text = KINDS[e.kind].format(a=f"{e.amplitude * half:.3g}{shown}", p=f"{e.period_s:.3g} s")
+    text = KINDS[e.kind].format(
+        a=f"{e.amplitude * half:.3g}{shown}",
+        p=f"{e.period_s:.3g} s",
+        s=f"{fastest(e.kind, e.period_s):.3g} s",
+    )
     centre = 0.5 * (low + high) + e.offset * half
     around = f" about {centre:.3g}{shown}" if abs(centre) > 1e-9 * half else ""
     begin = "".join(f", {n} starting from {v:.3g}" for n, v in e.start)
