@@ -130,7 +130,7 @@ def _window(study: Study, fitted: Fitted, k: int, columns: Sequence[int]) -> tup
     return labels, np.column_stack([errors, free, *slopes])
 
 
-def _terms(study: Study, states, window, middle, seconds):  # noqa: ANN001, ANN202
+def _terms(study: Study, states, window, middle, seconds):
     """(port, {label: values per bin}) for every axis, then every control."""
     for axis in study.folder.ports.axes:
         s = study.scales[axis.name]

@@ -15,7 +15,6 @@ from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
 from reconcile.study import WIDTHS, Study
 
-
 ROUGH = 500.0  # times the tolerance of steps: slopes need only rank
 LEAST = 10.0  # squared errors that a variant must save in a pursuit
 

@@ -274,7 +274,9 @@ class Search:
         """The sharp fit of a set, from parameters of a fit near it."""
         key = Key(present)
         if key not in self.tried.fits:
-            found = self.study.fit_set(near.point, present, {}, near=not present or Key(present) < Key(near.point.present))
+            found = self.study.fit_set(
+                near.point, present, {}, near=not present or Key(present) < Key(near.point.present)
+            )
             if found is None:
                 named = self.study.named(near.point.p)
                 values = {n: named[n] for a in present for n in a.free}

@@ -293,7 +293,7 @@ class Study:
         return [_free(v) for v, f in zip(names, felt, strict=True) if f]
 
 
-def _blocks(parts: Parts, which: str):  # noqa: ANN202
+def _blocks(parts: Parts, which: str):
     """Blocks of a problem: the short windows are those to fit as well."""
     return parts.fit if which == "short" else getattr(parts, which)
 

@@ -82,7 +82,9 @@ def free_form(study: Study, answer: Answer) -> Free:
     return Free(beside, freeform.examine(study, answer.base) if answer.present else beside)
 
 
-def judge(study: Study, answer: Answer, before: Fitted | None, missing: list[str], free: Free | None = None) -> Verdict:
+def judge(
+    study: Study, answer: Answer, before: Fitted | None, missing: list[str], free: Free | None = None
+) -> Verdict:
     """The verdict on an answer; `before` is the model as it came, `missing` what `unseen` found."""
     fitted = answer.fitted
     s = evidence.sample(fitted)
@@ -93,7 +95,7 @@ def judge(study: Study, answer: Answer, before: Fitted | None, missing: list[str
     if answer.present and free.instead.bic_gain > _earned(answer, s) + FREE_GAIN:
         what = ", ".join(free.instead.terms)
         near = " and ".join(sorted(a.effect.name for a in answer.present))
-        text = f"No effect of the catalogue explains it as well as free terms do ({what}); the nearest is {near}."
+        text = f"Free terms explain it better ({what}) than any effect of the catalogue; nearest is {near}."
         return Verdict("unexplained", text, "unexplained")
     names = " and ".join(sorted(a.effect.name for a in answer.present))
     if missing and not answer.present:

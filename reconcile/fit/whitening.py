@@ -60,7 +60,9 @@ class Whitener:
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Errors [N] or slopes [N, M] in whitened form."""
         inside = self.directions.T @ values
-        return values - self.directions @ (inside * (self.shrink if inside.ndim == 1 else self.shrink[:, None]))
+        return values - self.directions @ (
+            inside * (self.shrink if inside.ndim == 1 else self.shrink[:, None])
+        )
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,9 @@ class _Likelihood:
             total, inner, pulled = total + ee, inner + xx, pulled + xe
             if not len(on):
                 continue
-            factor = cho_factor(np.eye(len(on)) + gram[np.ix_(on, on)] * np.outer(root[on], root[on]), lower=True)
+            factor = cho_factor(
+                np.eye(len(on)) + gram[np.ix_(on, on)] * np.outer(root[on], root[on]), lower=True
+            )
             b, c = pull[on] * root[on], cross[on] * root[on, None]
             solved = cho_solve(factor, np.column_stack([b, c]))
             total += 2.0 * float(np.sum(np.log(np.diag(factor[0])))) - float(b @ solved[:, 0])
@@ -172,7 +176,7 @@ class _Likelihood:
         return float(np.sqrt(left / moved)) if moved > 0.0 else 0.0
 
 
-def estimate(problem, point, columns: Sequence[int], more: Sequence[np.ndarray] = ()) -> Noise:  # noqa: ANN001
+def estimate(problem, point, columns: Sequence[int], more: Sequence[np.ndarray] = ()) -> Noise:
     """The noise model of greatest likelihood for what a fit leaves.
 
     `columns`: the fit's free parameters; `more`: slopes [N, F] by window of what may be missing, of which the
@@ -193,7 +197,7 @@ def estimate(problem, point, columns: Sequence[int], more: Sequence[np.ndarray] 
     return Noise(tuple(sources), responses)
 
 
-def transferred(noise: Noise, problem, point, bin_s: float = BIN_S) -> Noise:  # noqa: ANN001
+def transferred(noise: Noise, problem, point, bin_s: float = BIN_S) -> Noise:
     """The same sources for the windows of another problem; wider bins are quicker and coarser."""
     sources = noise.sources
     windows = range(len(problem.windows))
@@ -224,7 +228,7 @@ def _best(likelihood: _Likelihood, sources: Sequence[Source], i: int) -> Source:
     return best
 
 
-def _sources(problem) -> list[Source]:  # noqa: ANN001
+def _sources(problem) -> list[Source]:
     """A force at each axis, and noise on each recorded input, no larger than its samples jump about."""
     axes = problem.extended.folder.ports.axes
     found = [Source("force at " + a.name, problem.extended.clock + 1 + i, False) for i, a in enumerate(axes)]
@@ -237,7 +241,7 @@ def _sources(problem) -> list[Source]:  # noqa: ANN001
     return found
 
 
-def _respond(  # noqa: ANN001
+def _respond(
     problem, point, k: int, sources: Sequence[Source], columns: Sequence[int], bin_s: float = BIN_S
 ) -> _Responses:
     """Responses of window k to cosines of each source."""

@@ -105,7 +105,9 @@ def span(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | No
         for a, b in pairwise(edges):
             parts = [(max(c, a), min(d, b)) for c, d in inside if min(d, b) > max(c, a)]
             if parts:
-                windows.append(_window(run, max(first, min(a, parts[0][0]) - MARGIN_S), parts, _step(run, step_s)))
+                windows.append(
+                    _window(run, max(first, min(a, parts[0][0]) - MARGIN_S), parts, _step(run, step_s))
+                )
     return windows
 
 

@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from reconcile.data import Parts, Signal
-from reconcile.fit.solve import Fitted
 from reconcile.fit.problem import Problem
+from reconcile.fit.solve import Fitted
 from reconcile.fit.windows import Window, cut
 from reconcile.model import Folder
 from reconcile.ports import Axis
