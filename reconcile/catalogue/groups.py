@@ -14,7 +14,7 @@ def _lag(c: Namespace, p: Namespace, w: Namespace) -> Result:
     parts = {
         m: memory.lag(c, u, f"lagged_{m}", getattr(w, f"lagged_{m}"), p.time) for m, u in c.values.items()
     }
-    merged = {k: {n: v for r in parts.values() for n, v in getattr(r, k).items()} for k in _FIELDS}
+    merged: dict = {k: {n: v for r in parts.values() for n, v in getattr(r, k).items()} for k in _FIELDS}
     return Result(None, at={m: r.value for m, r in parts.items()}, **merged)
 
 

@@ -13,14 +13,14 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from reconcile import evidence
-from reconcile.data import WHOLE, Block, Run, Signal, split
+from reconcile.data import PATTERN, WHOLE, Block, Run, Signal
 from reconcile.experiment.excitation import LEAD_S, Excitation, commands, smooth
 from reconcile.experiment.limits import Limits
 from reconcile.fit import whitening
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import Fitted
 from reconcile.fit.whitening import Whitener
-from reconcile.fit.windows import STEP_S, WINDOW_S, Window, cut
+from reconcile.fit.windows import STEP_S, WINDOW_S, Window, span
 from reconcile.study import Study, unique
 
 FOLLOWS_S = 0.5  # lag, twice, of an input that another follows: it is moved by a machine
@@ -136,13 +136,12 @@ class Bench:
     # ---------------------------------------------------------------- what a later fit will see
 
     def windows(self, played: Played) -> list[Window]:
-        """The windows of the new run that a later fit will take, dealt as recordings are."""
+        """The windows of the new run that a later fit will take: as much of it as is not held out."""
+        run = played.run
         whole = len(self.runs) + 1 >= WHOLE or _whole(self.study)
-        blocks: tuple[Block, ...] = (Block(played.run, played.run.start_s, played.run.end_s),)
-        if not whole:
-            parts = split([played.run], (), ())
-            blocks = (*parts.fit, *parts.confirm)
-        return cut(blocks, WINDOW_S, self._step())
+        share = 1.0 if whole else 1.0 - PATTERN.count("holdout") / len(PATTERN)
+        block = Block(run, run.start_s, run.start_s + share * (run.end_s - run.start_s))
+        return span([block], WINDOW_S, self._step())
 
     def there(
         self, played: Played, fitted: Fitted, whiteners: list[Whitener] | None = None
