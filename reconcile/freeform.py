@@ -2,8 +2,8 @@
 
 Where the catalogue's effects leave something, or explain it less well than a few free terms would, the answer
 must say so (`unexplained`).  A term is a force at an axis, or a change of a command, in proportion to a plain
-function of speed, place, command or time along the fitted trajectory.  Terms are chosen one after the other in
-the linearised, whitened problem (forward selection by BIC, with the price of choosing among many).
+function of speed, place, command or time along the fitted trajectory.  Terms are chosen one by one in the
+linearised, whitened problem (forward selection by BIC, with the price of choosing among many).
 """
 
 from collections.abc import Callable, Sequence

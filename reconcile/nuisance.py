@@ -121,14 +121,14 @@ class _Rows:
 
 
 def _rows(study: Study, fitted: Fitted) -> _Rows | None:
-    """Rows of all parts, initial states of their own; a run that is fitted counts with what is fitted of it."""
+    """Rows of fit and holdout; a run that is fitted counts with what is fitted of it."""
     delay, drift = (_columns(study, n) for n in ("sensor_delay", "clock_drift"))
     if delay is None:
         return None
     free = [study.extended.index[f.name] for f in fitted.free]
     names: list[str] = []
     found = []
-    for which in ("short", "holdout"):  # where what is missing has not led the model far away
+    for which in ("short", "holdout"):  # the model gets not far
         problem = study.problems[which]
         point = getattr(study.elsewhere(fitted, which), "point", None)
         linear = point and problem.linear(point, [*free, delay, *([drift] if drift is not None else [])])

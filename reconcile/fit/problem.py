@@ -127,7 +127,7 @@ class Problem:
         return np.array([*range(len(self.model.states)), *own], dtype=np.int32)
 
     def freedom(self, active: np.ndarray) -> np.ndarray:
-        """Spread of the initial values of some states: effects' own are within the size of what they follow."""
+        """Spread of the initial values of states: effects' own are within the size of what they follow."""
         return np.where(active < len(self.model.states), LOOSE, 1.0) * self.scale[active]
 
     def with_present(self, point: Point, present: Sequence[Attached]) -> Point:
@@ -214,7 +214,7 @@ class Problem:
     def responses(
         self, point: Point, k: int, inputs: Sequence[int], edges: np.ndarray, columns: Sequence[int]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Errors [N] of window k, what is free anyway [N, states + columns], and responses [N, inputs x bins].
+        """Errors [N] of window k, slopes by what is free [N, states + columns], responses [N, inputs x bins].
 
         A response is to one unit of an input over one bin; `edges` are the first steps of the bins.
         """

@@ -7,7 +7,7 @@ through the model; beside the sensors' noise they make the covariance of a windo
 
 in units of the sensors' noise: A holds the outputs' responses to cosines of force and input, D their
 variances.  Errors and slopes are multiplied by C^(-1/2) (generalised least squares, Aitken 1936), so that
-sums of squares are likelihoods again.  Sizes and correlation time maximise the likelihood of what a fit leaves.
+sums of squares are likelihoods again.  Sizes and correlation time maximise the likelihood of what is left.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ class Source:
     most: float = np.inf
 
     def variances(self, lines: int, length_s: float, step_s: float) -> np.ndarray:
-        """Variance of each of the first orthonormal cosines of a window of `length_s`, sampled at `step_s`."""
+        """Variance of each of the first orthonormal cosines of a window, sampled at `step_s`."""
         if self.white:
             return np.full(lines, self.size**2)
         keep = np.exp(-step_s / self.time_s)
