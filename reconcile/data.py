@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from records.formats import read_measurement
 from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
+
+if TYPE_CHECKING:
+    from reconcile.closed.box import Box
 
 BLOCK_S = 2.0  # of interleaved blocks, at most
 PATTERN = ("fit", "fit", "confirm", "fit", "fit", "holdout", "fit")  # of blocks, in order
@@ -82,7 +86,7 @@ def read_run(
     return runs_of(measured, folder, label or Path(path).stem)
 
 
-def runs_of(measured: Measurement, folder: Folder, name: str) -> list[Run]:
+def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Run]:
     """Runs of a measurement: channels with the names of the model's inputs and outputs, in its units."""
     where = measured.source or name
     inputs, outputs = _there(measured, folder, where)
@@ -105,7 +109,7 @@ def runs_of(measured: Measurement, folder: Folder, name: str) -> list[Run]:
     return runs
 
 
-def _there(measured: Measurement, folder: Folder, where: str) -> tuple[list[str], list[str]]:
+def _there(measured: Measurement, folder: "Folder | Box", where: str) -> tuple[list[str], list[str]]:
     """Names of the model's inputs and outputs that are recorded; at least one control and one output."""
     inputs = [v.name for v in folder.model.inputs if v.name in measured]
     outputs = [v.name for v in folder.model.outputs if v.name in measured]

@@ -117,8 +117,8 @@ def page(figures: dict[str, Any], version: str) -> str:
             )
     lines += [
         "",
-        f"Root mean square error of the position over {figures['ahead_s']:g} s ahead, of the re-estimated base "
-        "model and of the extended one:",
+        f"Root mean square error of the position over {figures['ahead_s']:g} s ahead, of the re-estimated "
+        "base model and of the extended one:",
         "",
         "| recording | use | before [rad] | after [rad] | down |",
         "|---|---|--:|--:|--:|",

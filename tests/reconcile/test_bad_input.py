@@ -100,7 +100,7 @@ def _made(path: Path, text: str | None = None) -> Path:
     return path
 
 
-def _holed(every: int = 15) -> dict[str, np.ndarray]:
+def _holed(every: int = 15) -> dict[str, Any]:
     """Gaps of 6 samples in the position after every `every` samples."""
     values = COLUMNS["position"].copy()
     values[np.arange(len(values)) % every > every - 7] = np.nan
