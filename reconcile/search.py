@@ -2,7 +2,9 @@
 
 Sets grow from several of the best of each size, not from the one best: a wrong first choice (Stribeck before
 Coulomb) must not carry the rest.  They grow with kinks rounded widely, which is quick; the best few are then
-fitted sharply, and what is accepted has to pay on data that it was not fitted to.
+fitted sharply, and what is accepted has to pay on data that it was not fitted to.  Growth goes in rounds: the
+noise is judged by what the best set leaves and no candidate would explain, and what is weak shows once that is
+known.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -224,7 +226,7 @@ class Search:
         fitted = self.tried.fits[key]
         if fitted.linear.cost < 1.3 * evidence.count_of(fitted):
             return
-        for a in key:
+        for a in sorted(key, key=lambda a: a.key):
             scales = self.study.port_scales(a)
             for k in range(a.effect.grid(scales) if a.effect.grid(scales) > 1 else 0):
                 start = a.effect.start(scales, k)
@@ -309,12 +311,12 @@ class Search:
         for _ in range(3):
             if not present:
                 return (), ()
-            pool = [Key(present), *self._rivals(present)]
+            pool = [Key(present), *sorted(self._rivals(present), key=_keys)]
             best = self._simplest(pool)
             if best == Key(present):
                 return present, self._near(best, pool)
             present = tuple(self.tried.fits[best].point.present)
-        return present, self._near(Key(present), [Key(present), *self._rivals(present)])
+        return present, self._near(Key(present), [Key(present), *sorted(self._rivals(present), key=_keys)])
 
     def _rivals(self, present: Sequence[Attached]) -> set[Key]:
         """Sets with one effect exchanged, fitted from where the answer is."""
@@ -396,6 +398,11 @@ class Search:
 def _includes(general: Attached, simple: Attached) -> bool:
     """Whether one effect turns into the other in a limit, at the same port."""
     return general.port == simple.port and simple.effect.name in general.effect.becomes
+
+
+def _keys(key: Key) -> list[str]:
+    """An order of sets that does not depend on where they lie in memory."""
+    return sorted(a.key for a in key)
 
 
 def _names(key: Key) -> tuple[str, ...]:
