@@ -4,8 +4,8 @@ Sets grow from several of the best of each size, not from the one best: a wrong 
 Coulomb) must not carry the rest.  They grow with kinks rounded widely, which is quick; the best few are then
 fitted sharply, and what is accepted has to pay on data that it was not fitted to.
 
-Growth goes in rounds: the noise is judged by what the best set leaves and no candidate would explain, and what
-is weak shows once that is known.
+Growth goes in rounds: the noise is judged by what the best set leaves and no candidate would explain; what is
+weak shows once that is known.
 """
 
 from collections.abc import Callable, Iterable, Sequence
