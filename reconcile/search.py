@@ -1,4 +1,4 @@
-"""Beam search over sets of effects: scored linearly, the best fitted, accepted by the rules, rivalled.
+"""Beam search over sets of effects: scored linearly, the best fitted, accepted by the rules; then rivals.py.
 
 Sets grow from several of the best of each size, not from the one best: a wrong first choice (Stribeck before
 Coulomb) must not carry the rest.  They grow with kinks rounded widely, which is quick; the best few are then
@@ -9,13 +9,14 @@ weak shows once that is known.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from reconcile import evidence
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
+from reconcile.rivals import Key, Rivals, includes
 from reconcile.score import Score, Scored, starts
 from reconcile.study import Study
 
@@ -24,13 +25,9 @@ REFITS = 6  # of each set in the beam
 PAIRS = 4
 LARGEST = 5  # effects in a set
 SHARPENED = 4  # sets fitted sharply after the growth
-RIVALS = 5  # fitted for each effect of the answer
-CLOSE = 10.0  # of twice the log-likelihood: sets this near to the best cannot be told from it
-MOST_RIVALS = 4
 MISSING = 6  # effects that may be missing when the noise is judged
 ROUNDS = 5  # of growth, each with the noise judged by the set of the one before
 
-Key = frozenset
 Report = Callable[..., None]
 
 
@@ -71,7 +68,7 @@ class Search:
         self.tried = Tried(fits={Key(): base}, coarse={Key(): base})
         present = self._confirmed(self._present(self._found()))
         self._with_confirm(present)
-        present, alternatives = self._settle(present)
+        present, alternatives = Rivals(self).settle(present)
         gains = {a.key: self.gains.get(a.key) or self._gains(present, a) for a in present}
         base = self.tried.fits[Key()]
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
@@ -104,7 +101,7 @@ class Search:
         """Judge the noise by what a set leaves that no effect would explain; whether it changed much."""
         self.report("noise")
         study, fitted = self.study, self.tried.fits[key]
-        others = self._others(key)
+        others = self.others(key)
         if study.fit_problem.whiteners is None:  # a first look: those that are quick
             others = [a for a in others if not a.effect.hidden]
         score = Score(study, fitted, others)
@@ -159,12 +156,12 @@ class Search:
 
     def _extended(self, key: Key, pairs: bool) -> set[Key]:
         fitted = self.tried.coarse[key]
-        score = Score(self.study, fitted, self._others(key))
+        score = Score(self.study, fitted, self.others(key))
         chosen = score.best(REFITS, 1)
         if pairs:
             chosen += score.best(PAIRS, 2)
         chosen = [s for s in chosen if self._worthwhile(s, score, fitted)]
-        return {k for s in chosen if (k := self._try(fitted, s, coarse=True)) is not None}
+        return {k for s in chosen if (k := self.attempt(fitted, s, coarse=True)) is not None}
 
     def _worthwhile(self, scored: Scored, score: Score, fitted: Fitted) -> bool:
         """Whether the linear gain is at least half of what would be accepted."""
@@ -173,10 +170,12 @@ class Search:
         gain = evidence.likelihood_gain(score.cost, max(score.cost - scored.gain, 1e-9 * score.cost), s)
         return gain > 0.5 * (evidence.BIC_GAIN + count * np.log(s.effective))
 
-    def _try(self, fitted: Fitted, scored: Scored, coarse: bool = False, again: float = np.inf) -> Key | None:
+    def attempt(
+        self, fitted: Fitted, scored: Scored, coarse: bool = False, again: float = np.inf
+    ) -> Key | None:
         """Fit a scored set from a fit of less; a set fitted already only if it left more than `again`."""
         added = tuple(v.attached for v in scored.variants)
-        kept = tuple(a for a in fitted.point.present if not any(_includes(n, a) for n in added))
+        kept = tuple(a for a in fitted.point.present if not any(includes(n, a) for n in added))
         present, fits = (*kept, *added), self.tried.coarse if coarse else self.tried.fits
         key = Key(present)
         if len(key) > LARGEST:
@@ -198,14 +197,14 @@ class Search:
             fits[key] = found
         return key
 
-    def _others(self, key: Iterable[Attached]) -> list[Attached]:
+    def others(self, key: Iterable[Attached]) -> list[Attached]:
         """Candidates not present: no other form of what is present, and no limit of it."""
         key = list(key)
         taken = {(a.effect.name, a.port) for a in key}
         return [
             a
             for a in self.study.candidates
-            if (a.effect.name, a.port) not in taken and not any(_includes(k, a) for k in key)
+            if (a.effect.name, a.port) not in taken and not any(includes(k, a) for k in key)
         ]
 
     def _ranked(self, fits: dict[Key, Fitted]) -> list[Key]:
@@ -304,107 +303,3 @@ class Search:
         return evidence.likelihood_gain(
             without.cost, fitted.cost, s
         ), 0.0 if outside is None else outside.closed
-
-    # ---------------------------------------------------------------- rivals
-
-    def _settle(self, present: tuple[Attached, ...]) -> tuple[tuple[Attached, ...], tuple[tuple, ...]]:
-        """The answer after trying rivals for each of its effects, and sets that cannot be told from it."""
-        for _ in range(3):
-            if not present:
-                return (), ()
-            pool = [Key(present), *sorted(self._rivals(present), key=_keys)]
-            best = self._simplest(pool)
-            if best == Key(present):
-                return present, self._near(best, pool)
-            present = tuple(self.tried.fits[best].point.present)
-        return present, self._near(Key(present), [Key(present), *sorted(self._rivals(present), key=_keys)])
-
-    def _rivals(self, present: Sequence[Attached]) -> set[Key]:
-        """Sets with one effect exchanged, fitted from where the answer is."""
-        found: set[Key] = set()
-        fitted = self.tried.fits[Key(present)]
-        for at, a in enumerate(present):
-            self.report("rivals", at, len(present))
-            rest = tuple(x for x in present if x != a)
-            others = [x for x in self._others(rest) if x.key != a.key]
-            without = self._stripped(fitted, a)
-            score = Score(self.study, without, others)
-            found |= self._simplified(fitted, a)
-            for scored in score.best(RIVALS, 1):
-                key = self._try(without, scored, again=3.0 * fitted.cost)
-                if key is not None and len(key) <= len(present):
-                    found.add(key)
-        return found
-
-    def _simplified(self, fitted: Fitted, a: Attached) -> set[Key]:
-        """The answer with an effect in its simpler forms, which start from what it came to."""
-        values, found = self.study.named(fitted.point.p), set()
-        sizes = [abs(values[a.name(q.name)]) for q in a.effect.amplitudes] or [0.0]
-        for b in [x for x in self.study.candidates if _includes(a, x)]:
-            rest = tuple(x for x in fitted.point.present if x != a)
-            same = {q.name: values.get(a.name(q.name), float(np.mean(sizes))) for q in b.effect.parameters}
-            start = {b.name(n): v for n, v in same.items()}
-            fit = self.study.fit_set(fitted.point, (*rest, b), start, near=True)
-            if fit is not None:
-                key = Key((*rest, b))
-                if key not in self.tried.fits or fit.cost < self.tried.fits[key].cost:
-                    self.tried.fits[key] = fit
-                found.add(key)
-        return found
-
-    def _stripped(self, fitted: Fitted, a: Attached) -> Fitted:
-        """The answer's fit with one effect switched off and nothing fitted again."""
-        p = fitted.point.p.copy()
-        for n in a.columns:
-            p[self.study.extended.index[n]] = 0.0
-        present = tuple(x for x in fitted.point.present if x != a)
-        point = replace(fitted.point, p=p, present=present)
-        free = tuple(f for f in fitted.free if f.name not in a.free)
-        return replace(fitted, point=point, free=free, cost=np.inf)
-
-    def _simplest(self, pool: Sequence[Key]) -> Key:
-        """The best by BIC, unless one with fewer parameters is hardly worse: by less than BIC_GAIN."""
-        fits = self.tried.fits
-        s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
-        criterion = {k: evidence.bic(fits[k], s) for k in pool}
-        best = min(pool, key=lambda k: criterion[k])
-        if criterion[pool[0]] - criterion[best] < 1.0:
-            best = pool[0]
-        for k in sorted(pool, key=lambda k: (len(fits[k].free), criterion[k])):
-            if (
-                len(fits[k].free) < len(fits[best].free)
-                and criterion[k] - criterion[best] < evidence.BIC_GAIN
-            ):
-                return k
-        return best
-
-    def _near(self, best: Key, pool: Sequence[Key]) -> tuple[tuple[Attached, ...], ...]:
-        fits = self.tried.fits
-        s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
-        near = [
-            k
-            for k in pool
-            if k != best
-            and evidence.likelihood_gain(fits[k].cost, fits[best].cost, s) < CLOSE
-            and len(fits[k].free) <= len(fits[best].free)
-        ]
-        named, alternatives = {_names(best)}, []
-        for k in sorted(near, key=lambda k: fits[k].cost):
-            if _names(k) not in named and len(alternatives) < MOST_RIVALS - 1:
-                named.add(_names(k))
-                alternatives.append(tuple(fits[k].point.present))
-        return tuple(alternatives)
-
-
-def _includes(general: Attached, simple: Attached) -> bool:
-    """Whether one effect turns into the other in a limit, at the same port."""
-    return general.port == simple.port and simple.effect.name in general.effect.becomes
-
-
-def _keys(key: Key) -> list[str]:
-    """An order of sets that does not depend on where they lie in memory."""
-    return sorted(a.key for a in key)
-
-
-def _names(key: Key) -> tuple[str, ...]:
-    return tuple(sorted(a.effect.name for a in key))

@@ -10,7 +10,7 @@ from reconcile.closed.candidates import candidates
 from reconcile.closed.problem import ClosedFit, ClosedProblem
 from reconcile.evidence import Confirmed, Sample
 from reconcile.model import Attached
-from reconcile.search import CLOSE, MOST_RIVALS
+from reconcile.rivals import CLOSE, MOST_RIVALS
 
 LARGEST = 3  # effects in a set
 REFITS = 6  # fitted of each ranking

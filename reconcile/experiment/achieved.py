@@ -9,7 +9,8 @@ from reconcile import evidence
 from reconcile.experiment.judges import difference
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.search import Answer, Key
+from reconcile.rivals import Key
+from reconcile.search import Answer
 from reconcile.study import Study
 
 

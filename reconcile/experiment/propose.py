@@ -13,7 +13,8 @@ from reconcile.experiment.choose import Rated, best
 from reconcile.experiment.judges import Pairs, Unseen, difference
 from reconcile.experiment.limits import limits_of
 from reconcile.experiment.predict import Bench
-from reconcile.search import CLOSE, Answer, Key
+from reconcile.rivals import CLOSE, Key
+from reconcile.search import Answer
 from reconcile.study import Study
 from specs.errors import InputError
 

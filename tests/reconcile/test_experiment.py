@@ -19,7 +19,8 @@ from reconcile.experiment.excitation import SHAPES, Excitation, commands, of_dic
 from reconcile.experiment.propose import Proposal, propose
 from reconcile.fit.solve import Fitted
 from reconcile.model import Folder
-from reconcile.search import CLOSE, Answer, Key, Tried
+from reconcile.rivals import CLOSE, Key
+from reconcile.search import Answer, Tried
 from reconcile.study import Study
 from records.formats import read_measurement
 from specs.errors import InputError

@@ -1,0 +1,130 @@
+"""Sets that might be the answer as well: each effect exchanged for others and for its own simpler forms."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reconcile import evidence
+from reconcile.fit.solve import Fitted
+from reconcile.model import Attached
+from reconcile.score import Score
+
+if TYPE_CHECKING:
+    from reconcile.search import Search
+
+RIVALS = 5  # fitted for each effect of the answer
+CLOSE = 10.0  # of twice the log-likelihood: sets this near to the best cannot be told from it
+MOST_RIVALS = 4
+
+Key = frozenset
+
+
+class Rivals:
+    """The rivals of a search's answer."""
+
+    def __init__(self, search: "Search"):
+        self.search = search
+
+    def settle(self, present: tuple[Attached, ...]) -> tuple[tuple[Attached, ...], tuple[tuple, ...]]:
+        """The answer after trying rivals for each of its effects, and sets that cannot be told from it."""
+        for _ in range(3):
+            if not present:
+                return (), ()
+            pool = [Key(present), *sorted(self._rivals(present), key=_keys)]
+            best = self._simplest(pool)
+            if best == Key(present):
+                return present, self._near(best, pool)
+            present = tuple(self.search.tried.fits[best].point.present)
+        return present, self._near(Key(present), [Key(present), *sorted(self._rivals(present), key=_keys)])
+
+    def _rivals(self, present: Sequence[Attached]) -> set[Key]:
+        """Sets with one effect exchanged, fitted from where the answer is."""
+        found: set[Key] = set()
+        fitted = self.search.tried.fits[Key(present)]
+        for at, a in enumerate(present):
+            self.search.report("rivals", at, len(present))
+            rest = tuple(x for x in present if x != a)
+            others = [x for x in self.search.others(rest) if x.key != a.key]
+            without = self._stripped(fitted, a)
+            score = Score(self.search.study, without, others)
+            found |= self._simplified(fitted, a)
+            for scored in score.best(RIVALS, 1):
+                key = self.search.attempt(without, scored, again=3.0 * fitted.cost)
+                if key is not None and len(key) <= len(present):
+                    found.add(key)
+        return found
+
+    def _simplified(self, fitted: Fitted, a: Attached) -> set[Key]:
+        """The answer with an effect in its simpler forms, which start from what it came to."""
+        values, found = self.search.study.named(fitted.point.p), set()
+        sizes = [abs(values[a.name(q.name)]) for q in a.effect.amplitudes] or [0.0]
+        for b in [x for x in self.search.study.candidates if includes(a, x)]:
+            rest = tuple(x for x in fitted.point.present if x != a)
+            same = {q.name: values.get(a.name(q.name), float(np.mean(sizes))) for q in b.effect.parameters}
+            start = {b.name(n): v for n, v in same.items()}
+            fit = self.search.study.fit_set(fitted.point, (*rest, b), start, near=True)
+            if fit is not None:
+                key = Key((*rest, b))
+                if key not in self.search.tried.fits or fit.cost < self.search.tried.fits[key].cost:
+                    self.search.tried.fits[key] = fit
+                found.add(key)
+        return found
+
+    def _stripped(self, fitted: Fitted, a: Attached) -> Fitted:
+        """The answer's fit with one effect switched off and nothing fitted again."""
+        p = fitted.point.p.copy()
+        for n in a.columns:
+            p[self.search.study.extended.index[n]] = 0.0
+        present = tuple(x for x in fitted.point.present if x != a)
+        point = replace(fitted.point, p=p, present=present)
+        free = tuple(f for f in fitted.free if f.name not in a.free)
+        return replace(fitted, point=point, free=free, cost=np.inf)
+
+    def _simplest(self, pool: Sequence[Key]) -> Key:
+        """The best by BIC, unless one with fewer parameters is hardly worse: by less than BIC_GAIN."""
+        fits = self.search.tried.fits
+        s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
+        criterion = {k: evidence.bic(fits[k], s) for k in pool}
+        best = min(pool, key=lambda k: criterion[k])
+        if criterion[pool[0]] - criterion[best] < 1.0:
+            best = pool[0]
+        for k in sorted(pool, key=lambda k: (len(fits[k].free), criterion[k])):
+            if (
+                len(fits[k].free) < len(fits[best].free)
+                and criterion[k] - criterion[best] < evidence.BIC_GAIN
+            ):
+                return k
+        return best
+
+    def _near(self, best: Key, pool: Sequence[Key]) -> tuple[tuple[Attached, ...], ...]:
+        fits = self.search.tried.fits
+        s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
+        near = [
+            k
+            for k in pool
+            if k != best
+            and evidence.likelihood_gain(fits[k].cost, fits[best].cost, s) < CLOSE
+            and len(fits[k].free) <= len(fits[best].free)
+        ]
+        named, alternatives = {_names(best)}, []
+        for k in sorted(near, key=lambda k: fits[k].cost):
+            if _names(k) not in named and len(alternatives) < MOST_RIVALS - 1:
+                named.add(_names(k))
+                alternatives.append(tuple(fits[k].point.present))
+        return tuple(alternatives)
+
+
+def includes(general: Attached, simple: Attached) -> bool:
+    """Whether one effect turns into the other in a limit, at the same port."""
+    return general.port == simple.port and simple.effect.name in general.effect.becomes
+
+
+def _keys(key: Key) -> list[str]:
+    """An order of sets that does not depend on where they lie in memory."""
+    return sorted(a.key for a in key)
+
+
+def _names(key: Key) -> tuple[str, ...]:
+    return tuple(sorted(a.effect.name for a in key))
