@@ -14,7 +14,7 @@ from reconcile.experiment.propose import Proposal, propose
 from reconcile.model import Folder
 from reconcile.search import Answer, Search
 from reconcile.study import Study, unique
-from reconcile.system.parts import Part, parts_of
+from reconcile.system.parts import Part, part_named, parts_of, with_signals
 from records.formats import read_measurement
 from specs.errors import InputError
 from specs.version import VERSION
@@ -225,7 +225,20 @@ def _variables(folder) -> list[str]:
 def _read(given: Sequence[Sequence[Path]], folder, names: dict[str, str] | None) -> list[list[Run]]:
     """Runs of the recordings of each purpose; `folder`: a model folder or a closed FMU."""
     labels = checks.labels(p for paths in given for p in paths)
+    part = part_named(folder.model.name) if isinstance(folder, Folder) else None
+    if part is not None and part.derive is not None:
+        return [[r for p in paths for r in _as_part(p, part, folder, names, labels[p])] for paths in given]
     return [[r for p in paths for r in read_run(p, folder, names, labels[p])] for paths in given]
+
+
+def _as_part(path: Path, part: Part, folder: Folder, names: dict[str, str] | None, label: str) -> list[Run]:
+    """Runs of a model that is a part of the machine: what it feels is made of the machine's sensors."""
+    from reconcile.system.examine import Recording, own_runs
+
+    measured = with_signals(read_measurement(path, names=names))
+    if measured.missing(part.feels):
+        return read_run(path, folder, names, label)
+    return own_runs(part, folder, Recording(label, measured))
 
 
 def _build(folder: Path, out: Path) -> str:

@@ -71,6 +71,11 @@ def parts_of(model: str) -> tuple[Part, ...] | None:
     return SYSTEMS.get(name) if model in (name, f"specs/systems/{name}.toml") else None
 
 
+def part_named(name: str) -> Part | None:
+    """The part of a system that a model of this name is; None if it is none."""
+    return next((part for parts in SYSTEMS.values() for part in parts if part.name == name), None)
+
+
 def with_signals(measured: Measurement) -> Measurement:
     """The measurement with what its IMU says of the tool's angles and their rates, where they are not in it.
 

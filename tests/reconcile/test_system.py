@@ -8,9 +8,11 @@ from fmus.discrete import DiscreteStepper
 from fmus.machine.model import MODEL as MACHINE
 from fmus.stepper import Stepper
 from reconcile.data import Run, Signal, runs_of
+from reconcile.model import read_folder
 from reconcile.system import felt
 from reconcile.system.examine import Recording, _given, merged
 from reconcile.system.parts import SYSTEMS, parts_of, with_signals
+from reconcile.workflow import _read
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
 
@@ -164,3 +166,24 @@ def test_runs_of_a_part_hold_its_derived_inputs() -> None:
     run = runs_of(_given(SYSTEMS["nominal"][1], r), folder, "run")[0]
     assert {"u_slew", "inertia", "inertia_rate"} <= set(run.inputs)
     assert run.inputs["inertia"].values[50:] == pytest.approx(arm["inertia"][50:], rel=1e-2)
+
+
+def test_a_part_alone_is_given_what_it_feels_of_the_machine(tmp_path) -> None:
+    """A recording of the machine's joints against the model of its tool: radius and its rate are made."""
+    t = PERIOD * np.arange(200)
+    angles = {"q_slew": 0.4 * t, "q_boom": 1.1 + 0.1 * np.sin(t), "q_stick": -1.2 + 0.0 * t}
+    rates = {"qd_slew": 0.4 + 0.0 * t, "qd_boom": 0.1 * np.cos(t), "qd_stick": 0.0 * t}
+    swing = {"q_tool_x": 0.1 * np.sin(2.0 * t), "q_tool_y": 0.1 * np.cos(2.0 * t)}
+    path = tmp_path / "machine.csv"
+    columns = {"time [s]": t} | {
+        f"{n} [{unit}]": v
+        for unit, group in (("rad", angles | swing), ("rad/s", rates))
+        for n, v in group.items()
+    }
+    np.savetxt(
+        path, np.column_stack([*columns.values()]), delimiter=",", header=",".join(columns), comments=""
+    )
+    (runs,) = _read([[path]], read_folder("tool"), None)
+    radius, rate = (runs[0].inputs[n].values for n in ("radius", "radius_rate"))
+    assert np.gradient(radius, PERIOD)[20:-20] == pytest.approx(rate[20:-20], abs=2e-3)
+    assert np.ptp(radius) > 0.3
