@@ -74,6 +74,7 @@ class Problem:
         self.scale = np.ones(compiled.nx)
         self.tolerance = np.full(compiled.nx, 1e-3)
         self.patience = 1.0  # times the tolerance: more where sets are only ranked
+        self.heat = 1.0  # times the noise: more far from an answer, where steps at full sharpness overshoot
         # between its steps a discrete model says nothing of curves: its positions go straight
         self.between = interpolation if model.kind == "continuous" else straight
         self.whiteners: list[Whitener] | None = None
@@ -245,9 +246,8 @@ class Problem:
             late = late + since * float(sum(point.p[q] for q in self.clocks[name]))
             index, weights, rates = self.between((times - late - window.start_s) / window.step_s, len(y))
             column = self.model.index("outputs", name)
-            errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / self.sigma[
-                name
-            ]
+            sigma = self.heat * self.sigma[name]
+            errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / sigma
             if ys is None:
                 continue
             part = np.einsum("nk,nkc->nc", weights, ys[index, :, column])
@@ -259,7 +259,7 @@ class Problem:
             for q, slope in weighted:
                 for c in np.flatnonzero(np.asarray(columns) == q):
                     part[:, first + c] -= slope
-            slopes.append(part / self.sigma[name])
+            slopes.append(part / sigma)
         return errors, slopes
 
     def linear(self, point: Point, columns: Sequence[int]) -> Linear | None:

@@ -10,6 +10,8 @@ from reconcile.fit.states import settle
 
 PATIENCE = 4
 LONGER, GOING = 4, 0.05  # times the iterations for a fit that still gains this share of its cost in each
+HOT = 5.0  # deviations of the noise: errors above it are first fitted as if the noise were of their size
+WARMING = (8, 1e-2)  # iterations and tolerance of that
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,32 @@ def fit(
     """Least squares from `start`; None if the model runs away there.
 
     Ends when a step gains less than `tolerance` of the cost, at least 0.05; gives up (None) when the cost is
-    above `hopeless` after PATIENCE steps.
+    above `hopeless` after PATIENCE steps.  Where errors are far above the noise the fit begins as if the
+    noise were as large, so that the prior holds what they do not tell yet (a homotopy from wide to sharp).
     """
+    if iterations and (heat := _heat(problem, start)) > HOT:
+        problem.heat = heat
+        warm = _descend(problem, start, free, *WARMING, np.inf)
+        problem.heat = 1.0
+        start = warm.point if warm else start
+    return _descend(problem, start, free, iterations, tolerance, hopeless)
+
+
+def _heat(problem: Problem, start: Point) -> float:
+    """Root mean square of the errors at a point, in deviations of the noise, initial states taken out."""
+    linear = problem.linear(start, ())
+    return 1.0 if linear is None else float(np.sqrt(linear.cost / max(len(linear.errors), 1)))
+
+
+def _descend(
+    problem: Problem,
+    start: Point,
+    free: Sequence[Free],
+    iterations: int,
+    tolerance: float,
+    hopeless: float,
+) -> Fitted | None:
+    """Least squares at the problem's heat."""
     free = tuple(free)
     columns = [problem.parameter(f.name) for f in free]
     size = np.array([f.size for f in free])
