@@ -54,35 +54,43 @@ def fit(
     above `hopeless` after PATIENCE steps.  Where errors are far above the noise the fit begins as if the
     noise were as large, so that the prior holds what they do not tell yet (a homotopy from wide to sharp).
     """
-    if iterations and (heat := _heat(problem, start)) > HOT:
-        problem.heat = heat
-        warm = _descend(problem, start, free, *WARMING, np.inf)
+    free = tuple(free)
+    columns = [problem.parameter(f.name) for f in free]
+    point, linear = _settled(problem, start, columns)
+    if linear is None:
+        return None
+    heat = float(np.sqrt(linear.cost / max(len(linear.errors), 1)))
+    if iterations and heat > HOT:
+        warm = _warmed(problem, point, free, heat)
+        point, linear = (point, linear) if warm is None else _settled(problem, warm, columns)
+        if linear is None:
+            return None
+    return _descend(problem, point, linear, free, iterations, tolerance, hopeless)
+
+
+def _warmed(problem: Problem, point: Point, free: tuple[Free, ...], heat: float) -> Point | None:
+    """Where a fit ends that takes the noise to be `heat` times as large."""
+    problem.heat = heat
+    try:
+        linear = problem.linear(point, [problem.parameter(f.name) for f in free])
+        found = None if linear is None else _descend(problem, point, linear, free, *WARMING)
+    finally:
         problem.heat = 1.0
-        start = warm.point if warm else start
-    return _descend(problem, start, free, iterations, tolerance, hopeless)
-
-
-def _heat(problem: Problem, start: Point) -> float:
-    """Root mean square of the errors at a point, in deviations of the noise, initial states taken out."""
-    linear = problem.linear(start, ())
-    return 1.0 if linear is None else float(np.sqrt(linear.cost / max(len(linear.errors), 1)))
+    return None if found is None else found.point
 
 
 def _descend(
     problem: Problem,
-    start: Point,
-    free: Sequence[Free],
+    point: Point,
+    linear: Linear,
+    free: tuple[Free, ...],
     iterations: int,
     tolerance: float,
-    hopeless: float,
+    hopeless: float = np.inf,
 ) -> Fitted | None:
     """Least squares at the problem's heat."""
-    free = tuple(free)
     columns = [problem.parameter(f.name) for f in free]
-    size = np.array([f.size for f in free])
-    (point, linear), damping = _settled(problem, start, columns), 0.0
-    if linear is None:
-        return None
+    size, damping = np.array([f.size for f in free]), 0.0
     cost = linear.cost + linear.price + _prior_cost(point, columns, free)
     for done in range(LONGER * iterations):
         if done == PATIENCE and cost > hopeless:
