@@ -43,11 +43,14 @@ WRONG = (0.1, 0.3)  # by which share the plain model's parameters are off
 def around(name: str, rng: np.random.Generator, known: bool = False, step: float = 0.0) -> Base:
     """A parameter of one of the project's models: the truth lies 10-30 % beside its value in specs.
 
+    It lies on the other side where it would leave the range that specs state: a plain model may rely on that.
     With `step` the truth is a multiple of it (a delay in whole samples).
     """
     spec = _specs()[name]
     factor = 1.0 if known else 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(*WRONG)
     value = spec.value * factor
+    if value < (-np.inf if spec.min is None else spec.min) or value > (np.inf if spec.max is None else spec.max):
+        value = spec.value * (2.0 - factor)
     if step:
         value = round(value / step) * step
     return Base(name, float(value), spec.unit, known, spec.value)

@@ -12,6 +12,7 @@ PATIENCE = 4
 LONGER, GOING = 4, 0.05  # times the iterations for a fit that still gains this share of its cost in each
 HOT = 5.0  # deviations of the noise: errors above it are first fitted as if the noise were of their size
 WARMING = (8, 1e-2)  # iterations and tolerance of that
+STAGES, COOLING, WARM = 5, 0.3, 1.3  # until the noise is taken as it is
 
 
 @dataclass(frozen=True)
@@ -59,13 +60,21 @@ def fit(
     point, linear = _settled(problem, start, columns)
     if linear is None:
         return None
-    heat = float(np.sqrt(linear.cost / max(len(linear.errors), 1)))
-    if iterations and heat > HOT:
+    heat = _size(linear)
+    for _ in range(STAGES if iterations and heat > HOT else 0):
         warm = _warmed(problem, point, free, heat)
-        point, linear = (point, linear) if warm is None else _settled(problem, warm, columns)
-        if linear is None:
-            return None
+        moved, found = (point, None) if warm is None else _settled(problem, warm, columns)
+        if found is None or not found.cost < linear.cost:
+            break
+        point, linear, heat = moved, found, min(_size(found), COOLING * heat)
+        if heat < WARM:
+            break
     return _descend(problem, point, linear, free, iterations, tolerance, hopeless)
+
+
+def _size(linear: Linear) -> float:
+    """Root mean square of the errors, in deviations of the noise."""
+    return float(np.sqrt(linear.cost / max(len(linear.errors), 1)))
 
 
 def _warmed(problem: Problem, point: Point, free: tuple[Free, ...], heat: float) -> Point | None:
