@@ -14,7 +14,7 @@ from reconcile.fit import whitening
 from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
-from reconcile.fit.solve import Fitted, Free, fit
+from reconcile.fit.solve import LONGER, Fitted, Free, fit
 from reconcile.fit.windows import HOLDOUT_S, SHORT_S, WINDOW_S, cut, span
 from reconcile.model import ALL_OUTPUTS, Attached, Extended, Folder, candidates
 from specs.errors import InputError
@@ -121,7 +121,8 @@ class Study:
             for a in kinked:
                 p[self.extended.index[a.name("width")]] = self.values[a.name("width")] * share / WIDTHS[-1]
             budget = (12, 1e-3) if share == widths[-1] else (6, 1e-2)
-            found = fit(self.fit_problem, replace(point, p=p), self.free(present), *budget, hopeless)
+            longer = 2 if coarse else LONGER
+            found = fit(self.fit_problem, replace(point, p=p), self.free(present), *budget, hopeless, longer)
             if found is None:
                 return None
             point = found.point

@@ -48,11 +48,13 @@ def fit(
     iterations: int = 12,
     tolerance: float = 1e-3,
     hopeless: float = np.inf,
+    longer: int = LONGER,
 ) -> Fitted | None:
     """Least squares from `start`; None if the model runs away there.
 
-    Ends when a step gains less than `tolerance` of the cost, at least 0.05; gives up (None) when the cost is
-    above `hopeless` after PATIENCE steps.  Where errors are far above the noise the fit begins as if the
+    Ends when a step gains less than `tolerance` of the cost, at least 0.05, and after `iterations` of them, or
+    `longer` times as many while each gains much; gives up (None) when the cost is above `hopeless` after
+    PATIENCE steps.  Where errors are far above the noise the fit begins as if the
     noise were as large, so that the prior holds what they do not tell yet (a homotopy from wide to sharp).
     """
     free = tuple(free)
@@ -69,7 +71,7 @@ def fit(
         point, linear, heat = moved, found, min(_size(found), COOLING * heat)
         if heat < WARM:
             break
-    return _descend(problem, point, linear, free, iterations, tolerance, hopeless)
+    return _descend(problem, point, linear, free, iterations, tolerance, hopeless, longer)
 
 
 def _size(linear: Linear) -> float:
@@ -96,12 +98,13 @@ def _descend(
     iterations: int,
     tolerance: float,
     hopeless: float = np.inf,
+    longer: int = LONGER,
 ) -> Fitted | None:
     """Least squares at the problem's heat."""
     columns = [problem.parameter(f.name) for f in free]
     size, damping = np.array([f.size for f in free]), 0.0
     cost = linear.cost + linear.price + _prior_cost(point, columns, free)
-    for done in range(LONGER * iterations):
+    for done in range(longer * iterations):
         if done == PATIENCE and cost > hopeless:
             return None
         change = _step(point, linear, columns, free, size, damping)
