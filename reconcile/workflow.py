@@ -32,12 +32,12 @@ def reconcile(
     names: Path | None = None,
     report: Report | None = None,
     report_only: bool = False,
-    then: Callable[[Study, Answer], dict[str, Any]] | None = None,
+    then: Callable[[Study, Answer, dict[str, Any]], dict[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """Run the whole workflow, write DIR/report.json and DIR/model, and return the report.
 
     `report_only` leaves out what is made from the figures: the extended model and the page.  What `then`
-    makes of study and answer is added to the report.
+    makes of study, answer and figures is added to the report.
     Raises InputError for recordings or a model that cannot be used; nothing is written then.
     """
     said = report or (lambda *_: None)
@@ -47,7 +47,7 @@ def reconcile(
     target.check(out, [Path(model), *(p for paths in given for p in paths)])
     if Path(model).suffix.lower() == ".fmu":
         if then:
-            raise InputError(f"{model} is closed; --drive needs a model folder")
+            raise InputError(f"{model} is closed; --drive and --before need a model folder")
         return _closed(given, Path(model), out, names, said, report_only)
     if parts := parts_of(model):
         return _system(given, parts, out, names, said, report_only)
@@ -57,7 +57,7 @@ def reconcile(
     figures, study, answer = examine(folder, *sets, report=said)
     proposal = _next(study, answer, figures, said)
     if then:
-        figures |= then(study, answer)
+        figures |= then(study, answer, figures)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
     said("writing")
     with target.staged(out) as part:
