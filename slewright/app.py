@@ -16,6 +16,7 @@ from slewright.commands import (
     campaign,
     check,
     collect,
+    compare,
     convert,
     dossier,
     effects,
@@ -87,6 +88,7 @@ app.command()(simulate.simulate)
 app.command()(check.check)
 app.command()(campaign.campaign)
 app.command()(collect.collect)
+app.command()(compare.compare)
 app.command()(convert.convert)
 app.command()(build.build)
 app.command()(generate.generate)

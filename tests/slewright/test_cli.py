@@ -23,6 +23,7 @@ COMMANDS = (
     "simulate",
     "campaign",
     "collect",
+    "compare",
     "convert",
     "check",
     "build",
