@@ -24,6 +24,7 @@ from slewright.commands import (
     fit,
     generate,
     import_,
+    optimum,
     reconcile,
     reconcile_suite,
     simulate,
@@ -95,6 +96,7 @@ app.command()(generate.generate)
 app.command()(dossier.dossier)
 app.command()(reconcile.reconcile)
 app.command()(effects.effects)
+app.command()(optimum.optimum)
 app.command("reconcile-suite")(reconcile_suite.reconcile_suite)
 app.command("testpack")(testpack.write_pack)
 app.add_typer(bench.app, name="bench")

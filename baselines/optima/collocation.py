@@ -1,7 +1,7 @@
-"""Direct collocation: an optimal control problem of a few phases, transcribed with Radau IIA and solved by IPOPT.
+"""Direct collocation: an optimal control problem in phases, transcribed with Radau IIA, solved by IPOPT.
 
-A phase has N intervals of equal length h; in each the input is constant and the state a polynomial through the
-Radau points c_1 .. c_3 = 1 (order 5, stiffly accurate), which meets the dynamics there:
+A phase has N intervals of equal length h; in each the input is constant and the state a polynomial
+through the Radau points c_1 .. c_3 = 1 (order 5, stiffly accurate), which meets the dynamics there:
 
     sum_j C[j, i] x_j = h f(x_i, u),    i = 1 .. 3,    x_0: end of the interval before
 
@@ -58,7 +58,7 @@ class Unknowns:
 
 @dataclass(frozen=True)
 class Solution:
-    """States [nx, 3 N] and inputs [nu, N] by phase, the phases' lengths (s), the objective, and how it went."""
+    """States [nx, 3 N], inputs [nu, N] and length (s) of each phase, the objective, and how it went."""
 
     states: list[np.ndarray]
     inputs: list[np.ndarray]

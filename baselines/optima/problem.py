@@ -7,11 +7,11 @@ appears one tick (0.02 s) after its target, and reaches the spool `slew_delay` a
     least time        min T_1,  with the least swing that costs no more than a little time as a tie-break
     least tool rate   min 1/15 s  int sqrt(q'_x^2 + q'_y^2 + e^2) dt,  T_1 given by the speed asked for
 
-The window's start at rest, the arm locked in its start pose for slew-only targets.  Local optima.
+The window starts at rest, the arm locked in its start pose for slew-only targets.  Local optima.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -19,12 +19,12 @@ import numpy as np
 
 from baselines.bench import STEP_S
 from baselines.optima.collocation import POINTS, TAU, Phase, Problem, Solution
-from baselines.optima.plant import ARM, DRIVE, PRESSURE, STATES, TOOL, Plant
+from baselines.optima.plant import DRIVE, PRESSURE, TOOL, Plant
 from fmus.equations import kinematics
 from records.metrics import BAND_DEG
 
 WINDOW_S = 15.0
-RESERVE_DEG = 0.15  # of the band: what the whole machine may differ by
+RESERVES_DEG = (0.15, 0.4, 0.8)  # of the band, tried in turn: what the whole machine may differ by
 END_DEG = 0.3  # largest slew error at the end of the window
 SPARE_S = 0.03  # a command's switching times are rounded to ticks
 ROUNDING = np.radians(0.2)  # rad/s, of the tool rate's root
@@ -35,7 +35,7 @@ MOVING = (*DRIVE, *TOOL)
 
 @dataclass(frozen=True)
 class Case:
-    """Slew-only: `travel_deg` (45 to 135) from rest with the arm in a pose (rad), a load (kg), one machine."""
+    """Slew-only: `travel_deg` (45 to 135) from rest, the arm in a pose (rad), a load (kg), one machine."""
 
     travel_deg: float
     load_kg: float = 0.0
@@ -69,7 +69,7 @@ class SlewProblem:
     case: Case
     draw: Mapping[str, float]
     intervals: tuple[int, int] = INTERVALS
-    end_deg: float = field(default=END_DEG)
+    reserve_deg: float = RESERVES_DEG[0]
 
     @cached_property
     def plant(self) -> Plant:
@@ -131,11 +131,11 @@ class SlewProblem:
         going, staying = problem.parts
         problem.demand(going.h * n + staying.h * m, left, left)
         angle = MOVING.index("slew")
-        travel, band = np.radians(self.case.travel_deg), np.radians(BAND_DEG - RESERVE_DEG)
+        travel, band = np.radians(self.case.travel_deg), np.radians(BAND_DEG - self.reserve_deg)
         problem.demand(going.ends[angle, -1], travel - band, travel + band)
         problem.demand(staying.states[angle, :], travel - band, travel + band)
         end = staying.ends[:, -1]
-        reserve = np.radians(self.end_deg)
+        reserve = np.radians(END_DEG)
         problem.demand(end[angle], travel - reserve, travel + reserve)
         problem.demand(end[MOVING.index("slew_rate")], -0.002, 0.002)
         return problem
@@ -190,6 +190,3 @@ def smooth_guess(problem: Problem, of: SlewProblem, length: float) -> np.ndarray
         inputs.append(np.interp(middles, points, x[MOVING.index("spool")])[None, :])
         begin += span
     return problem.guess(states, inputs, lengths)
-
-
-__all__ = ("ARM", "STATES", "Case", "SlewProblem", "smooth_guess")

@@ -19,11 +19,8 @@ from records.record import Record
 
 WINDOW_S = 15.0
 TICKS = round(WINDOW_S / STEP_S)
-RECORDED = tuple(
-    f"true_{name}"
-    for name in ("q_slew", "qd_slew", "q_boom", "q_stick", "q_tool_x", "q_tool_y")
-    + ("qd_tool_x", "qd_tool_y", "tool_x", "tool_y", "tool_z")
-)
+JOINTS = ("q_slew", "qd_slew", "q_boom", "q_stick", "q_tool_x", "q_tool_y", "qd_tool_x", "qd_tool_y")
+RECORDED = tuple(f"true_{name}" for name in (*JOINTS, "tool_x", "tool_y", "tool_z"))
 
 
 @dataclass(frozen=True)
@@ -45,9 +42,7 @@ def machine() -> System:
     return driven_machine("optima", list(RECORDED))
 
 
-def run(
-    command: np.ndarray, parameters: Mapping[str, float], target: tuple[float, float, float]
-) -> Outcome:
+def run(command: np.ndarray, parameters: Mapping[str, float], target: tuple[float, float, float]) -> Outcome:
     """Run `command` [750, 3] (joystick, boom and stick reference by tick of 0.02 s) from rest.
 
     `parameters`: the machine's (SI), start pose and load with them; `target`: grab point [m].
@@ -62,9 +57,7 @@ def record(
     """The record of `run`."""
     names = ("u_slew", "qd_boom_ref", "qd_stick_ref")
     changed = np.flatnonzero(np.any(np.diff(command, axis=0) != 0, axis=1)) + 1
-    stimuli = Stimuli(
-        {int(k): dict(zip(names, map(float, command[k]), strict=True)) for k in (0, *changed)}
-    )
+    stimuli = Stimuli({int(k): dict(zip(names, map(float, command[k]), strict=True)) for k in (0, *changed)})
     overrides = {f"machine.{name}": value for name, value in parameters.items()}
     targets = [{"time": 0.0, **dict(zip("xyz", target, strict=True))}]
     return simulate(machine(), TICKS, stimuli, overrides, record=list(RECORDED), meta={"targets": targets})

@@ -35,6 +35,7 @@ COMMANDS = (
     "calibrate",
     "estimate",
     "import",
+    "optimum",
     "reconcile",
     "reconcile-suite",
     "effects",
