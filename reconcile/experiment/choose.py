@@ -17,6 +17,8 @@ AMPLITUDES = (1.0, 0.25)
 PERIODS_S = (0.6, 2.0, 6.0, 15.0)
 OFFSETS = (0.0, 0.0, 0.25, -0.25)  # of the amplitude
 DURATION_S, LONGEST_S = 30.0, 60.0  # while excitations are compared, and of the best
+SHORTER_S = (12.0, 20.0, 30.0)  # that do, if they tell by PLENTY
+PLENTY = 10.0  # times what is needed: beyond it an experiment had better be simple and short
 PLACES = (0.5, 0.15, 0.85)  # of a position's range, where an experiment may start
 TRIES = 3  # of making an excitation smaller until it stays within the limits
 TIGHTER, LEAST_SHARE = 0.9, 0.2
@@ -55,7 +57,19 @@ def best(bench: Bench, fits: Sequence[Fitted], judge: Judge, enough: float, repo
         for i, r in enumerate(_different(ranked(rated, enough))):
             said("next experiment", len(first) + turn * VARIED + i, total)
             rated += _rate(bench, _varied(bench, r.excitation, rng), fits, judge)
-    return ranked([_sure(bench, r, fits, judge) for r in ranked(rated, enough)[:SURE]], enough)
+    found = ranked([_sure(bench, r, fits, judge) for r in ranked(rated, enough)[:SURE]], enough)
+    return [_short(bench, found[0], fits, judge, enough), *found[1:]] if found else []
+
+
+def _short(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge, enough: float) -> Rated:
+    """The excitation, as short as still tells by PLENTY what it tells at all."""
+    told = tellable([r], enough)
+    for seconds in SHORTER_S:
+        if seconds < r.excitation.duration_s:
+            for shorter in _rate(bench, replace(r.excitation, duration_s=seconds), fits, judge):
+                if np.min(shorter.margins[told]) >= PLENTY * enough:
+                    return shorter
+    return r
 
 
 def _sure(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge) -> Rated:
@@ -72,11 +86,16 @@ def _sure(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge) -> Rated
 
 
 def ranked(rated: Sequence[Rated], enough: float) -> list[Rated]:
-    """Best first, by the smallest margin of what can be told at all."""
+    """Best first, by the smallest margin of what can be told at all; with PLENTY those of fewest inputs."""
     if not rated:
         return []
     told = tellable(rated, enough)
-    return sorted(rated, key=lambda r: -float(np.min(r.margins[told])))
+
+    def order(r: Rated) -> tuple[float, int, float]:
+        least = float(np.min(r.margins[told]))
+        return -min(least, PLENTY * enough), len(r.excitation.inputs), -least
+
+    return sorted(rated, key=order)
 
 
 def _different(best_first: Sequence[Rated]) -> list[Rated]:

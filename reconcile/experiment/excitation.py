@@ -25,6 +25,9 @@ FASTER = {"reversals": 4.0, "multisine": 16.0, "chirp": 4.0, "binary": 16.0}  # 
 RUNGS = 6  # of a ladder
 FADE_S = 2.0  # over which an oscillation comes up, so that it does not push the axis away
 
+Times = np.ndarray  # of a shape, [n] in s from its beginning
+Rng = np.random.Generator
+
 
 @dataclass(frozen=True)
 class Excitation:
@@ -91,9 +94,6 @@ def smooth(values: np.ndarray, lag: float) -> np.ndarray:
     for _ in range(2):
         found = np.asarray(lfilter([1.0 - keep], [1.0, -keep], found))
     return found
-
-
-Times, Rng = np.ndarray, np.random.Generator
 
 
 def _steps(t: Times, period: float, fast: float, rng: Rng) -> np.ndarray:
