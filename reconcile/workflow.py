@@ -50,7 +50,7 @@ def reconcile(
             raise InputError(f"{model} is closed; --drive and --before need a model folder")
         return _closed(given, Path(model), out, names, said, report_only)
     if parts := parts_of(model):
-        return _system(given, parts, out, names, said, report_only)
+        return _system(given, parts, out, names, said, report_only, then)
     folder = checks.open_folder(model)
     said("reading")
     sets = _read(given, folder, checks.read_names(names, _variables(folder)))
@@ -149,8 +149,10 @@ def _system(
     names: Path | None,
     said: Report,
     report_only: bool,
+    then: Callable[[Study, Answer, dict[str, Any]], dict[str, Any]] | None,
 ) -> dict[str, Any]:
     """The same for a system of models: every part is examined, and its extended model lies in DIR/PART."""
+    from reconcile.system.doubt import next_experiment
     from reconcile.system.examine import examine as examine_system
 
     began = time.monotonic()
@@ -160,6 +162,10 @@ def _system(
     labels = checks.labels(p for paths in given for p in paths)
     sets = [[(labels[p], read_measurement(p, names=renamed)) for p in paths] for paths in given]
     figures, done = examine_system(parts, sets, examine, said)
+    doubt = next_experiment(done, said)
+    figures["next_experiment"] = doubt[1].figures if doubt else None
+    for e in done if then else ():
+        figures |= then(e.study, e.answer, figures)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
     said("writing")
     with target.staged(out) as part:
@@ -172,6 +178,8 @@ def _system(
                 "folder": f"{found.part.name}/model",
                 "fmu": built,
             }
+        if doubt and doubt[1].commands:
+            plan.write_for(part, doubt[1], doubt[0].folder, [p for paths in given for p in paths])
         if not report_only:
             _show(part, figures, [(e.study, e.answer) for e in done], ", ".join(e.part.name for e in done))
         figures["files"] = sorted(p.name for p in part.iterdir())

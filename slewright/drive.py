@@ -41,9 +41,10 @@ def drive(
     """
     from reconcile.checks import open_folder
     from reconcile.experiment import plan
+    from reconcile.system.parts import parts_of
     from reconcile.workflow import reconcile
 
-    if not plan.drivable(open_folder(model)):
+    if not parts_of(model) and not plan.drivable(open_folder(model)):
         raise InputError(
             f"--drive: model {model} has inputs that the reference machine does not take "
             f"({', '.join(plan.PLAN_COMMANDS)}); drive DIR/{plan.PLAN} on your own machine"
@@ -51,7 +52,7 @@ def drive(
     given = (confirm, holdout, names, report)
     first = reconcile(runs, model, out, *given)
     proposal = first["next_experiment"]
-    if not proposal or not proposal["plan"]:
+    if not proposal or not proposal["plan"] or not proposal.get("collect", True):
         return first
     new = record(out / proposal["plan"], out, machine, report)
     return reconcile([new, *runs], model, out, *given, then=compare(first, new))
@@ -63,6 +64,8 @@ def compare(first: dict[str, Any], new: Path) -> Callable[..., dict[str, Any]]:
     def then(study, answer, figures: dict[str, Any]) -> dict[str, Any]:
         from reconcile.experiment.achieved import compared
 
+        if study.folder.model.name != first["next_experiment"].get("subsystem", study.folder.model.name):
+            return {}
         found = compared(study, answer, first)
         return {"experiment": found | {"recording": str(new), "after": figures["verdict"]}}
 

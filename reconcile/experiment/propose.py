@@ -122,6 +122,7 @@ def _figures(bench: Bench, chosen: Rated) -> dict[str, Any]:
         "limits": {
             n: {"low": v.low, "high": v.high, "source": v.source} for n, v in bench.limits.outputs.items()
         },
+        "collect": plan.drivable(bench.study.folder),
         "plan": plan.PLAN,
         "table": plan.TABLE,
     }
