@@ -24,7 +24,7 @@ def part(name: str, verdict: str, gain: float = 0.0, each: str = "ambiguous") ->
 @pytest.fixture
 def proposals(monkeypatch):
     """What is proposed by part: commands, none that help, or no range."""
-    known: dict[str, dict | None] = {}
+    known: dict[str, Any] = {}
 
     def propose(study, answer, verdict, report):
         if known[study] is None:
