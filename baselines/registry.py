@@ -54,6 +54,17 @@ class Controller:
         return {f"{SLOT}.{name}": value for name, value in self.settings.items()}
 
 
+_SHAPER = (
+    Range("shaper_speed_limit", 0.25, 0.7, log=False),
+    Range("shaper_brake_share", 0.3, 1.2),
+    Range("shaper_lag", 0.15, 1.0),
+    Range("shaper_speed_gain", 0.5, 6.0),
+    Range("shaper_angle_gain", 0.3, 3.0),
+    Range("shaper_brake_lead", 0.5, 4.0),
+    Range("shaper_sway_gain", 0.03, 0.5),
+    Range("shaper_sway_lead", 0.2, 0.9, log=False),
+)
+
 _ALL = (
     Controller(
         "pi",
@@ -79,6 +90,19 @@ _ALL = (
             Range("parabola_speed_gain", 0.5, 6.0),
             Range("parabola_preview", 0.15, 0.6, log=False),
         ),
+    ),
+    *(
+        Controller(
+            kind + ("_sway" if sway else ""),
+            "shaper",
+            "shaper",
+            f"{kind.upper()}-shaped profile, tracked" + (", with sway feedback" if sway else ""),
+            settings={"shaper_kind": float(number), "shaper_sway": float(sway)},
+            tuned=_SHAPER if (kind, sway) == ("zv", True) else (),  # one file of gains for the family
+            aim="gentle",
+        )
+        for sway in (False, True)
+        for number, kind in enumerate(("zv", "zvd", "ei"), 1)
     ),
 )
 

@@ -19,6 +19,9 @@ Namespace = Any
 Scalar = Any
 
 STEP = 0.02  # s, period of every controller
+BAND_LEARNT = (-0.03, 0.08)  # of the joystick: what the learnt part of the dead band may be
+STILL, RUNAWAY = 0.01, 0.03  # rad/s: standing, faster than asked for
+NEAR = 0.1  # rad: the last few degrees
 GEOMETRY = {  # parameters of geometry.toml that `inertia` and `arm` use
     "carriage_mass", "carriage_length", "carriage_width", "carriage_x",
     "cabin_mass", "cabin_length", "cabin_width", "cabin_x", "cabin_y",
@@ -26,6 +29,9 @@ GEOMETRY = {  # parameters of geometry.toml that `inertia` and `arm` use
     "boom_foot_x", "boom_foot_z", "tool_mass", "tool_length",
     "boom_min", "boom_max", "stick_min", "stick_max",
 }  # fmt: skip
+FILTER = 1.5  # 1/s, of the regression of the inertia
+LIVELY = 50e3  # N.m: torque that counts as an acceleration
+RATIOS = (0.7, 2.0)  # of the inertia to the told one
 TARGETS = ("target_x", "target_y", "target_z", "load_told", "pace")
 ENCODERS = ("q_slew", "qd_slew", "q_boom", "q_stick", "qd_boom", "qd_stick")
 COMMANDS = ("u_slew", "qd_boom_ref", "qd_stick_ref")
@@ -38,17 +44,23 @@ COMMAND_STATES = (
 OBSERVER_STATES = (
     Variable("angle", "rad", "Slew angle of the observer"),
     Variable("bias", "rad/s", "Bias of the cabin's gyro"),
+    Variable("slow_torque", "N.m", "Filtered torque of the motor"),
+    Variable("slow_speed", "rad/s", "Filtered slew speed"),
+    Variable("ratio", "1", "Slew inertia over that of the pose with the told load", start=1.0),
 )
 
 
 def inputs(*more: str) -> tuple[Variable, ...]:
-    """What every controller reads, with the signals of the gyro and `more`."""
-    return from_signals(*TARGETS, *ENCODERS, "imu_cabin_rate_z", *more)
+    """What every controller reads, with gyro, motor pressures and `more`."""
+    return from_signals(*TARGETS, *ENCODERS, "imu_cabin_rate_z", "p_slew_a", "p_slew_b", *more)
 
 
-def parameters(*files: str, without: tuple[str, ...] = ()) -> tuple[Variable, ...]:
+def parameters(
+    *files: str, without: tuple[str, ...] = (), with_gravity: bool = False
+) -> tuple[Variable, ...]:
     """Parameters of geometry.toml, control.toml and the controller's own `files`, but for some of no use."""
-    shared = (*(v for v in from_parameters("geometry") if v.name in GEOMETRY), *from_parameters("control"))
+    wanted = GEOMETRY | ({"gravity"} if with_gravity else set())
+    shared = (*(v for v in from_parameters("geometry") if v.name in wanted), *from_parameters("control"))
     return (*(v for v in shared if v.name not in without), *from_parameters(*files))
 
 
@@ -67,9 +79,26 @@ def clip(value: Scalar, low: Scalar, high: Scalar) -> Scalar:
     return ca.fmin(ca.fmax(value, low), high)
 
 
-def inertia(u: Namespace, p: Namespace) -> Scalar:
-    """Slew inertia of the present pose with the load that the controller was told."""
-    return kinematics.inertia_z(u.q_boom, u.q_stick, u.load_told, p) + p.control_inertia_extra
+def inertia(x: Namespace, u: Namespace, p: Namespace) -> Scalar:
+    """Slew inertia of the present pose with the load that was told, times the ratio found on the way."""
+    return x.ratio * _told_inertia(u, p)
+
+
+def weighed(x: Namespace, u: Namespace, speed: Scalar, p: Namespace) -> dict[str, Scalar]:
+    """Next states of the estimator of the inertia's ratio to the told one, from motor pressures and gyro.
+
+    Torque of the motor less friction is inertia times acceleration; both filtered (gradient estimator).
+    """
+    dry = p.control_friction_dry * clip(speed / STILL, -1.0, 1.0)
+    torque = p.control_displacement * (u.p_slew_a - u.p_slew_b) - p.control_friction_viscous * speed - dry
+    turning = FILTER * (speed - x.slow_speed)
+    phi = _told_inertia(u, p) * turning / LIVELY
+    step = STEP * p.control_ratio_rate * phi * (x.slow_torque / LIVELY - x.ratio * phi)
+    return {
+        "slow_torque": x.slow_torque + STEP * FILTER * (torque - x.slow_torque),
+        "slow_speed": x.slow_speed + STEP * turning,
+        "ratio": clip(x.ratio + step, *RATIOS),
+    }
 
 
 def observed(angle: Scalar, bias: Scalar, u: Namespace, p: Namespace) -> tuple[Scalar, Scalar, Scalar]:
@@ -80,13 +109,24 @@ def observed(angle: Scalar, bias: Scalar, u: Namespace, p: Namespace) -> tuple[S
     return speed, angle + STEP * (speed + 2 * rate * miss), bias - STEP * rate * rate * miss
 
 
-def joystick(v: Scalar, p: Namespace) -> Scalar:
-    """Joystick that makes the slew settle at the speed `v`: dead band and curve of the valve undone.
+def joystick(v: Scalar, p: Namespace, learnt: Scalar = 0.0) -> Scalar:
+    """Joystick at which the slew settles at the speed `v`: dead band with its `learnt` part and curve undone.
 
     The jump over the dead band is a ramp of `control_dead_band_ramp` rad/s to either side of 0.
     """
-    band = p.control_dead_band * clip(v / p.control_dead_band_ramp, -1.0, 1.0)
+    band = (p.control_dead_band + learnt) * clip(v / p.control_dead_band_ramp, -1.0, 1.0)
     return clip(band + v * p.control_valve_slope * (1.0 + p.control_valve_bend * ca.fabs(v)), -1.0, 1.0)
+
+
+def learnt_band(band: Scalar, v: Scalar, speed: Scalar, active: Scalar, rate: Scalar, p: Namespace) -> Scalar:
+    """Next learnt part of the dead band: more while the slew stands though asked to move, less if it races.
+
+    Only near the target (`active` 1): on the way the joystick is far outside the dead band.
+    """
+    slow = active * (ca.fabs(v) > p.control_dead_band_ramp)
+    stuck = slow * (ca.fabs(speed) < STILL)
+    runaway = slow * (speed * v > 0) * (ca.fabs(speed) > ca.fabs(v) + RUNAWAY)
+    return clip(band + STEP * rate * (stuck - 2 * runaway), *BAND_LEARNT)
 
 
 def braking(moment: Scalar, p: Namespace) -> Scalar:
@@ -119,3 +159,7 @@ def target_angle(u: Namespace) -> Scalar:
 def _joint(target: Scalar, q: Scalar, low: Scalar, high: Scalar, p: Namespace) -> Scalar:
     target = clip(target, low + p.control_arm_margin, high - p.control_arm_margin)
     return clip(p.control_arm_gain * (target - q), -p.control_arm_rate_limit, p.control_arm_rate_limit)
+
+
+def _told_inertia(u: Namespace, p: Namespace) -> Scalar:
+    return kinematics.inertia_z(u.q_boom, u.q_stick, u.load_told, p) + p.control_inertia_extra
