@@ -6,6 +6,7 @@ the truth in another, its SHA-256 with the recordings.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -195,7 +196,7 @@ class _Draft:
         rng = np.random.default_rng(int(self.keys[number]))
         samples = len(drive.commands)
         noise = self.surroundings.outputs * rng.standard_normal((samples, len(self.system.outputs)))
-        disturbance = self.surroundings.disturb(samples, rng)
+        disturbance = self.surroundings.disturb(samples, rng, self.system.disturbances)
         return self.system.simulate(self._values(self.placed), drive, start, disturbance, noise), rng
 
     def _problem(self, known: list[Whitening] | None = None) -> tuple[Problem, list[Recorded]]:
@@ -218,11 +219,15 @@ class _Draft:
         deviation = self.surroundings.output_deviation(rates)
         samples, small = len(clean), 1e-3 * self.scale.force
 
-        def response(shape: np.ndarray) -> np.ndarray:
-            return (self.system.simulate(values, drive, start, small * shape).outputs - clean) / small
+        def response(shape: np.ndarray, which: int) -> np.ndarray:
+            push = np.zeros((samples, self.system.disturbances))
+            push[:, which] = small * shape
+            push = push[:, 0] if self.system.disturbances == 1 else push
+            return (self.system.simulate(values, drive, start, push).outputs - clean) / small
 
+        responses = [partial(response, which=i) for i in range(self.system.disturbances)]
         spectrum = self.surroundings.disturbance_spectrum(samples, LINES)
-        return whitening(deviation, response, spectrum, self._shaken(values, drive, start, clean))
+        return whitening(deviation, responses, spectrum, self._shaken(values, drive, start, clean))
 
     def _shaken(self, values: Values, drive: Drive, start: np.ndarray, clean: np.ndarray) -> list[np.ndarray]:
         """What the noise on recorded inputs does to a replay: some draws, each a share of the covariance."""

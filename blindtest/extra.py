@@ -30,7 +30,7 @@ def extra(
     begin = _start(case, start or {})
     samples = len(applied)
     noise = case.surroundings.outputs * rng.standard_normal((samples, len(system.outputs)))
-    disturbance = case.surroundings.disturb(samples, rng)
+    disturbance = case.surroundings.disturb(samples, rng, system.disturbances)
     placed = [p.effect.enter(p.parameters(case.scale), case.scale) for p in case.placed]
     values = {b.name: b.value for b in system.base} | combine(placed, absent())
     trace = system.simulate(values, Drive(applied, kind="extra"), begin, disturbance, noise)

@@ -25,8 +25,13 @@ class Surroundings:
         """Deviation of each output [outputs] with quanta and jitter, given its rms rate of change."""
         return np.sqrt(self.outputs**2 + self.quanta**2 / 12.0 + (rates * self.jitter) ** 2)
 
-    def disturb(self, samples: int, rng: np.random.Generator) -> np.ndarray:
-        """A coloured disturbance [samples]: first-order Gauss-Markov."""
+    def disturb(self, samples: int, rng: np.random.Generator, count: int = 1) -> np.ndarray:
+        """Coloured disturbances [samples], or [samples, count] of several, independent of each other."""
+        found = [self._disturb(samples, rng) for _ in range(count)]
+        return found[0] if count == 1 else np.stack(found, axis=1)
+
+    def _disturb(self, samples: int, rng: np.random.Generator) -> np.ndarray:
+        """First-order Gauss-Markov [samples]."""
         deviation, time = self.disturbance
         keep = np.exp(-STEP / time)
         white = rng.standard_normal(samples)

@@ -39,17 +39,18 @@ def cosines(samples: int) -> np.ndarray:
 
 def whitening(
     deviation: np.ndarray,
-    response: Callable[[np.ndarray], np.ndarray],
+    responses: Sequence[Callable[[np.ndarray], np.ndarray]],
     spectrum: np.ndarray,
     shaken: Sequence[np.ndarray],
 ) -> Whitening:
-    """From the linear `response` of the outputs [n, outputs] to a small disturbance [n].
+    """From the linear responses of the outputs [n, outputs] to small disturbances [n], one a disturbance.
 
     `shaken`: further changes of the outputs, each a column of the covariance's root.
     """
     shapes = cosines(len(shaken[0]))
     columns = [
         (np.sqrt(power) * response(shape) / deviation).ravel()
+        for response in responses
         for shape, power in zip(shapes, spectrum, strict=True)
     ]
     columns += [(change / deviation).ravel() for change in shaken]

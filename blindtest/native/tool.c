@@ -45,7 +45,7 @@ static void suspension(const double *u, int k, double dt, const Coupling *c, Sus
 }
 
 /* n samples; u [n][5]: slew angle, slew rate, radius, radius rate, height; effects: Axis of roll, then pitch;
- * disturbance [n]: angular acceleration of both; noise, y [n][4]: roll, pitch, rates; start [4] likewise. */
+ * disturbance [n][2]: angular acceleration of each; noise, y [n][4]: roll, pitch, rates; start [4] likewise. */
 EXPORT int bt_tool(const double *base, const double *coupling, const double *effects, int n, double dt,
                    const double *u, const double *disturbance, const double *noise, const double *start,
                    double *y) {
@@ -87,8 +87,8 @@ EXPORT int bt_tool(const double *base, const double *coupling, const double *eff
     double roll = -across * cos(tx) - (b.gravity * cos(ty) + wy * wy * b.length_y) * sin(tx) + tangential;
     roll += c.coriolis * (-W * next.radius_rate + 2.0 * W * b.length_y * wy * cos(ty));
     roll += c.centrifugal * W * W * b.length_x * sin(tx) + c.euler * W_rate * b.length_y * sin(ty);
-    const double push_x = bt_forces(&axis[0], tx, wx, memory[0].dahl) + disturbance[k];
-    const double push_y = bt_forces(&axis[1], ty, wy, memory[1].dahl) + disturbance[k];
+    const double push_x = bt_forces(&axis[0], tx, wx, memory[0].dahl) + disturbance[2 * k];
+    const double push_y = bt_forces(&axis[1], ty, wy, memory[1].dahl) + disturbance[2 * k + 1];
     const double free_x = wx + dt * ((roll - 2.0 * c.hoist * wx) / b.length_x - b.damping_x * wx + push_x);
     const double free_y = wy + dt * ((pitch - 2.0 * c.hoist * wy) / b.length_y - b.damping_y * wy + push_y);
     const double new_x = bt_moreau(&axis[0], free_x, tx, wx, dt, 0.0);

@@ -37,6 +37,7 @@ class Arm:
         Signal("qd_stick", "rad/s", noise=5e-4, quantum=5e-5),
     )
     starts: int = 4
+    disturbances: int = 1
 
     def simulate(
         self,

@@ -84,6 +84,7 @@ class Machine:
     name: str = "machine"
     model: str = "specs/systems/nominal.toml"
     starts: int = 4
+    disturbances: int = 1
     memory: Memory = field(default_factory=Memory, compare=False)
 
     @property

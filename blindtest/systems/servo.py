@@ -33,6 +33,7 @@ class Servo:
     )
     inputs: tuple[Signal, ...] = (Signal("u", "1", noise=5e-4, size=1.0),)
     starts: int = 2
+    disturbances: int = 1
 
     @property
     def model(self) -> str:

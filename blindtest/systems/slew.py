@@ -61,6 +61,7 @@ class Slew:
         Signal("p_slew_b", "Pa", noise=5e4, quantum=1e4),
     )
     starts: int = 2
+    disturbances: int = 1
 
     def simulate(
         self,

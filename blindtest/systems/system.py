@@ -111,6 +111,11 @@ class System(Protocol):
         ...
 
     @property
+    def disturbances(self) -> int:
+        """Independent disturbances that act on it."""
+        ...
+
+    @property
     def name(self) -> str:
         """What machine it is."""
         ...
@@ -123,5 +128,8 @@ class System(Protocol):
         disturbance: np.ndarray | None = None,
         noise: np.ndarray | None = None,
     ) -> Trace:
-        """Outputs [n, outputs] of a run; `values`: base and effect parameters by name."""
+        """Outputs [n, outputs] of a run; `values`: base and effect parameters by name.
+
+        `disturbance` [n], or [n, disturbances] where there are several.
+        """
         ...

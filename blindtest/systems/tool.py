@@ -32,7 +32,7 @@ COUPLING = (
 
 @dataclass(frozen=True)
 class Tool:
-    """The tool; a disturbance is an angular acceleration of both axes, rad/s2."""
+    """The tool; disturbances [n, 2] are angular accelerations of roll and of pitch, rad/s2."""
 
     base: tuple[Base, ...]
     name: str = "tool"
@@ -51,6 +51,7 @@ class Tool:
         Signal("qd_tool_y", "rad/s", noise=2e-3, quantum=1e-4),
     )
     starts: int = 4
+    disturbances: int = 2
 
     def simulate(
         self,
@@ -70,7 +71,7 @@ class Tool:
             ctypes.c_int(n),
             ctypes.c_double(STEP),
             doubles(np.ascontiguousarray(drive.commands, dtype=float)),
-            doubles(np.zeros(n) if disturbance is None else np.ascontiguousarray(disturbance)),
+            doubles(np.zeros((n, 2)) if disturbance is None else np.ascontiguousarray(disturbance)),
             doubles(np.zeros((n, 4)) if noise is None else np.ascontiguousarray(noise)),
             doubles(np.ascontiguousarray(start, dtype=float)),
             doubles(y),

@@ -166,6 +166,7 @@ def _functions(extended: Extended) -> list[ca.Function]:
     f, h = f_function(*symbols), h_function(*symbols)
     fx, fu, hx = (ca.densify(ca.jacobian(e, z)) for e, z in ((f, x), (f, u), (h, x)))
     return [
+        ca.Function("rx_f", symbols, [f]),
         ca.Function("rx_fj", symbols, [f, fx]),
         ca.Function("rx_d", symbols, [f, fx, fu, ca.jacobian(f, p)]),
         ca.Function("rx_h", symbols, [h]),
@@ -176,17 +177,18 @@ def _functions(extended: Extended) -> list[ca.Function]:
 def _code(extended: Extended) -> tuple[str, str]:
     """Generated C code and header."""
     functions = _functions(extended)
+    by_name = {f.name(): f for f in functions}
     generator = ca.CodeGenerator("equations.c", CASADI_OPTIONS)
     for function in functions:
         generator.add(function)
     x, u, m, p = extended.symbols
-    fp, hp = functions[1].sparsity_out(3), functions[3].sparsity_out(2)
+    fp, hp = by_name["rx_d"].sparsity_out(3), by_name["rx_hd"].sparsity_out(2)
     sizes = {
         "NX": x.numel(),
         "NU": u.numel(),
         "NM": m.numel(),
         "NP": p.numel(),
-        "NY": functions[2].numel_out(0),
+        "NY": by_name["rx_h"].numel_out(0),
         "NNZ_FP": fp.nnz(),
         "NNZ_HP": hp.nnz(),
         "DISCRETE": int(extended.model.kind == "discrete"),

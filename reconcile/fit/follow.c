@@ -1,14 +1,16 @@
 /* Simulates a window of an extended model and carries the sensitivities of its states and outputs along.
  *
  * Compiled together with generated equations, dense and column-major unless said otherwise:
+ *   rx_f  (x, u, m, p) -> f
  *   rx_fj (x, u, m, p) -> f, df/dx
  *   rx_d  (x, u, m, p) -> f, df/dx, df/du, df/dp (its nonzeros, pattern in follow.h)
  *   rx_h  (x, u, m, p) -> y
  *   rx_hd (x, u, m, p) -> y, dy/dx, dy/dp (its nonzeros)
  *
  * A step is SDIRK2 (Alexander 1977: two stages, L-stable, gamma = 1 - 1/sqrt 2) solved by Newton's method with the
- * exact Jacobian, so that the sensitivities are those of the very numbers computed.  A step in which f bends
- * by more than the tolerance is halved, at most DEPTH times.  A discrete model takes f as its next state.
+ * exact Jacobian, so that the sensitivities are those of the very numbers computed; while the Jacobian of the step's
+ * start serves (simplified Newton), it is not computed again.  A step in which f bends by more than the tolerance
+ * is halved, at most DEPTH times.  A discrete model takes f as its next state.
  * States that are not active stay as they are and cost nothing.
  */
 #include <math.h>
@@ -18,11 +20,13 @@
 #include "follow.h" /* generated: NX, NU, NM, NP, NY, patterns, DISCRETE, work sizes */
 
 typedef int Function(const double **arg, double **res, long long *iw, double *w, int mem);
-Function rx_fj, rx_d, rx_h, rx_hd;
+Function rx_f, rx_fj, rx_d, rx_h, rx_hd;
 
 #define GAMMA 0.29289321881345254
 #define DEPTH 6
 #define ITERATIONS 12
+#define QUICK 10   /* iterations with the Jacobian of the step's start */
+#define SHRINKS 0.1 /* of the squared residual: slower than that, and the Jacobian is computed again */
 
 #if defined(_WIN32)
 #define EXPORT __declspec(dllexport)
@@ -47,14 +51,21 @@ typedef struct {
   const double *tolerance; /* NX: error of a state above which a step is halved */
 } Window;
 
+/* The equations linearised at a point, and the factors of I - c J there. */
+typedef struct {
+  double fu[NX * NU], fp[NNZ_FP + 1], lu[NX * NX];
+  int pivot[NX];
+} Tangent;
+
 typedef struct {
   const Window *r;
   const double *u, *shift, *m;
   int n, ns, step;
   double *w, *s, *next; /* work; sensitivities, NX a column */
   long long *iw;
-  double x[NX], f[NX], j[NX * NX], fu[NX * NU], fp[NNZ_FP + 1], lu[NX * NX];
-  int pivot[NX];
+  Tangent *at, stages[2]; /* `at` is the one in use */
+  double x[NX], f[NX], j[NX * NX];
+  int place[NX]; /* of a state among the active ones, -1: not active */
 } Run;
 
 static void evaluate(Run *k, Function *function, const double *x, double *second, double *third, double *fourth) {
@@ -67,7 +78,8 @@ static void evaluate(Run *k, Function *function, const double *x, double *second
 static int factorise(Run *k, double c) {
   const int n = k->n;
   const int *a = k->r->state;
-  double *lu = k->lu;
+  double *lu = k->at->lu;
+  int *pivot = k->at->pivot;
   for (int col = 0; col < n; col++)
     for (int row = 0; row < n; row++)
       lu[col * NX + row] = (row == col ? 1.0 : 0.0) - c * k->j[a[col] * NX + a[row]];
@@ -75,7 +87,7 @@ static int factorise(Run *k, double c) {
     int best = i;
     for (int row = i + 1; row < n; row++)
       if (fabs(lu[i * NX + row]) > fabs(lu[i * NX + best])) best = row;
-    k->pivot[i] = best;
+    pivot[i] = best;
     if (!(fabs(lu[i * NX + best]) > 0.0)) return 0;
     if (best != i)
       for (int col = 0; col < n; col++) {
@@ -94,24 +106,28 @@ static int factorise(Run *k, double c) {
 
 /* b (active entries in order) becomes the solution. */
 static void solve(const Run *k, double *b) {
-  const int n = k->n;
-  const double *lu = k->lu;
+  const int n = k->n, *pivot = k->at->pivot;
+  const double *lu = k->at->lu;
   for (int i = 0; i < n; i++) {
-    const double t = b[k->pivot[i]];
-    b[k->pivot[i]] = b[i];
+    const double t = b[pivot[i]];
+    b[pivot[i]] = b[i];
     b[i] = t;
   }
-  for (int i = 0; i < n; i++)
+  for (int i = 0; i < n; i++) { /* most columns are mostly zero */
+    if (b[i] == 0.0) continue;
     for (int row = i + 1; row < n; row++) b[row] -= lu[i * NX + row] * b[i];
+  }
   for (int i = n - 1; i >= 0; i--) {
+    if (b[i] == 0.0) continue;
     b[i] /= lu[i * NX + i];
     for (int row = 0; row < i; row++) b[row] -= lu[i * NX + row] * b[i];
   }
 }
 
-static double residual(Run *k, const double *base, const double *x, double c, double *r) {
+/* Squared, in sizes of the states; the Jacobian is computed where `j` has room for it. */
+static double residual(Run *k, const double *base, const double *x, double c, double *r, double *j) {
   double size = 0.0;
-  evaluate(k, rx_fj, x, k->j, NULL, NULL);
+  evaluate(k, j ? rx_fj : rx_f, x, j, NULL, NULL);
   for (int i = 0; i < k->n; i++) {
     const int a = k->r->state[i];
     r[i] = base[a] + c * k->f[a] - x[a];
@@ -121,10 +137,31 @@ static double residual(Run *k, const double *base, const double *x, double c, do
   return size;
 }
 
-/* Solves x = base + c f(x) from `x` on; f and J are left at the solution.  0 if it fails. */
+/* Solves x = base + c f(x) from `x` on with the factors that are there; f is left at the solution.  0 if the
+ * residual does not shrink quickly; x is then as it was. */
+static int quick(Run *k, const double *base, double *x, double c) {
+  double r[NX], trial[NX];
+  memcpy(trial, x, sizeof trial);
+  double size = residual(k, base, trial, c, r, NULL);
+  for (int iteration = 0; isfinite(size) && iteration < QUICK; iteration++) {
+    if (size < 1e-22) {
+      memcpy(x, trial, sizeof trial);
+      return 1;
+    }
+    solve(k, r);
+    for (int i = 0; i < k->n; i++) trial[k->r->state[i]] += r[i];
+    const double found = residual(k, base, trial, c, r, NULL);
+    if (!(found < SHRINKS * size) && !(found < 1e-18)) return 0;
+    size = found < 1e-18 ? 0.0 : found;
+  }
+  return 0;
+}
+
+/* As quick, by Newton's method with the Jacobian of every iteration. */
 static int stage(Run *k, const double *base, double *x, double c) {
   double r[NX], trial[NX];
-  double size = residual(k, base, x, c, r);
+  if (quick(k, base, x, c)) return 1;
+  double size = residual(k, base, x, c, r, k->j);
   for (int iteration = 0; iteration < ITERATIONS; iteration++) {
     if (!isfinite(size) || !factorise(k, c)) return 0;
     if (size < 1e-24) return 1;
@@ -134,7 +171,7 @@ static int stage(Run *k, const double *base, double *x, double c) {
       memcpy(trial, x, sizeof trial);
       for (int i = 0; i < k->n; i++) trial[k->r->state[i]] += share * r[i];
       double fresh[NX];
-      found = residual(k, base, trial, c, fresh);
+      found = residual(k, base, trial, c, fresh, k->j);
       if (found < size || halving == 5) {
         memcpy(r, fresh, sizeof fresh);
         break;
@@ -150,28 +187,25 @@ static int stage(Run *k, const double *base, double *x, double c) {
   return factorise(k, c);
 }
 
-/* Derivatives of f by the parameter or shifted input of a column, at the last evaluated point. */
-static void forcing(const Run *k, int column, double *b) {
-  memset(b, 0, NX * sizeof *b);
+/* Adds c times the derivatives of f by a column's parameter or shifted input to b [active]. */
+static void force(const Run *k, int column, double c, double *b) {
   if (k->step < k->r->first[column] || k->step >= k->r->last[column]) return;
   const int parameter = k->r->parameter[column], input = k->r->input[column];
   if (parameter >= 0)
-    for (int e = FP_COLUMN[parameter]; e < FP_COLUMN[parameter + 1]; e++) b[FP_ROW[e]] = k->fp[e];
+    for (int e = FP_COLUMN[parameter]; e < FP_COLUMN[parameter + 1]; e++)
+      if (k->place[FP_ROW[e]] >= 0) b[k->place[FP_ROW[e]]] += c * k->at->fp[e];
   if (input >= 0)
-    for (int i = 0; i < NX; i++) b[i] += k->fu[input * NX + i] * k->shift[input];
+    for (int i = 0; i < k->n; i++) b[i] += c * k->at->fu[input * NX + k->r->state[i]] * k->shift[input];
 }
 
 /* Sensitivities after a stage: solves M s = given + c * forcing.  `into` NX a column. */
 static void carry(Run *k, const double *given, double *into, double c) {
-  double b[NX], t[NX];
+  double t[NX];
   for (int column = 0; column < k->ns; column++) {
     const double *g = given + (size_t)column * NX;
     double *out = into + (size_t)column * NX;
-    if (column >= k->n)
-      forcing(k, column - k->n, b);
-    else
-      memset(b, 0, sizeof b);
-    for (int i = 0; i < k->n; i++) t[i] = g[k->r->state[i]] + c * b[k->r->state[i]];
+    for (int i = 0; i < k->n; i++) t[i] = g[k->r->state[i]];
+    if (column >= k->n) force(k, column - k->n, c, t);
     solve(k, t);
     for (int i = 0; i < k->n; i++) out[k->r->state[i]] = t[i];
   }
@@ -195,14 +229,9 @@ static int advance(Run *k, double h, int depth) {
   evaluate(k, rx_fj, k->x, k->j, NULL, NULL);
   memcpy(f0, k->f, sizeof f0);
   memcpy(x1, k->x, sizeof x1);
-  int fine = stage(k, k->x, x1, GAMMA * h);
+  k->at = &k->stages[1];
+  int fine = factorise(k, GAMMA * h) && stage(k, k->x, x1, GAMMA * h);
   memcpy(f1, k->f, sizeof f1);
-  Run first;
-  if (sens) { /* keep the factors of stage one */
-    evaluate(k, rx_d, x1, k->j, k->fu, k->fp);
-    fine = fine && factorise(k, GAMMA * h);
-    first = *k;
-  }
   memcpy(base, k->x, sizeof base);
   for (int i = 0; i < k->n; i++) base[k->r->state[i]] += (1.0 - GAMMA) * h * f1[k->r->state[i]];
   memcpy(x2, x1, sizeof x2);
@@ -212,14 +241,19 @@ static int advance(Run *k, double h, int depth) {
     return advance(k, 0.5 * h, depth + 1) && advance(k, 0.5 * h, depth + 1);
   if (!fine) return 0;
   if (sens) {
-    evaluate(k, rx_d, x2, k->j, k->fu, k->fp);
-    if (!factorise(k, GAMMA * h)) return 0;
-    carry(&first, k->s, k->next, GAMMA * h); /* dX1 */
+    for (int i = 0; i < 2; i++) {
+      k->at = &k->stages[i];
+      evaluate(k, rx_d, i ? x2 : x1, k->j, k->at->fu, k->at->fp);
+      if (!factorise(k, GAMMA * h)) return 0;
+    }
+    k->at = &k->stages[0];
+    carry(k, k->s, k->next, GAMMA * h); /* dX1 */
     for (int c = 0; c < k->ns; c++)
       for (int i = 0; i < k->n; i++) { /* S + h (1 - g) dF1, dF1 = (dX1 - S) / (h g) */
         const size_t at = (size_t)c * NX + (size_t)k->r->state[i];
         k->next[at] = k->s[at] + (1.0 - GAMMA) / GAMMA * (k->next[at] - k->s[at]);
       }
+    k->at = &k->stages[1];
     carry(k, k->next, k->s, GAMMA * h);
   }
   memcpy(k->x, x2, sizeof x2);
@@ -228,16 +262,21 @@ static int advance(Run *k, double h, int depth) {
 
 static int jump(Run *k) {
   double b[NX];
-  evaluate(k, rx_d, k->x, k->j, k->fu, k->fp);
+  const int *a = k->r->state;
+  k->at = &k->stages[0];
+  if (k->ns)
+    evaluate(k, rx_d, k->x, k->j, k->at->fu, k->at->fp);
+  else
+    evaluate(k, rx_f, k->x, NULL, NULL, NULL);
   for (int column = 0; column < k->ns; column++) {
     double *s = k->s + (size_t)column * NX;
-    if (column >= k->n)
-      forcing(k, column - k->n, b);
-    else
-      memset(b, 0, sizeof b);
-    for (int i = 0; i < k->n; i++)
-      for (int c = 0; c < k->n; c++) b[k->r->state[i]] += k->j[k->r->state[c] * NX + k->r->state[i]] * s[k->r->state[c]];
-    for (int i = 0; i < k->n; i++) s[k->r->state[i]] = b[k->r->state[i]];
+    memset(b, 0, sizeof b);
+    if (column >= k->n) force(k, column - k->n, 1.0, b);
+    for (int c = 0; c < k->n; c++) {
+      if (s[a[c]] == 0.0) continue;
+      for (int i = 0; i < k->n; i++) b[i] += k->j[a[c] * NX + a[i]] * s[a[c]];
+    }
+    for (int i = 0; i < k->n; i++) s[a[i]] = b[i];
   }
   for (int i = 0; i < k->n; i++) k->x[k->r->state[i]] = k->f[k->r->state[i]];
   return 1;
@@ -278,6 +317,8 @@ EXPORT int follow(const Window *r, const double *x0, double *x, double *y, doubl
     k->r = r, k->n = r->active, k->ns = ns;
     k->w = room, k->s = room + SZ_W, k->next = k->s + (size_t)(ns + 1) * NX, k->iw = iw;
     memcpy(k->x, x0, sizeof k->x);
+    for (int i = 0; i < NX; i++) k->place[i] = -1;
+    for (int i = 0; i < k->n; i++) k->place[r->state[i]] = i;
     for (int i = 0; ns && i < k->n; i++) k->s[i * NX + r->state[i]] = 1.0;
     for (done = 0;; done++) {
       const int row = done < r->steps ? done : r->steps - 1;

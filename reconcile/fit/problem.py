@@ -74,10 +74,12 @@ class Problem:
         self.scale = np.ones(compiled.nx)
         self.tolerance = np.full(compiled.nx, 1e-3)
         self.patience = 1.0  # times the tolerance: more where sets are only ranked
+        self.heat = 1.0  # times the noise: more far from an answer, where steps at full sharpness overshoot
         # between its steps a discrete model says nothing of curves: its positions go straight
         self.between = interpolation if model.kind == "continuous" else straight
         self.whiteners: list[Whitener] | None = None
         self._modes: dict[int, np.ndarray] = {}
+        self._weights: dict[tuple[int, str], tuple[np.ndarray, ...]] = {}
 
     # ---------------------------------------------------------------- parameters
 
@@ -243,11 +245,10 @@ class Problem:
             late = float(sum(point.p[q] for q in self.output_delays[name]))
             since = times - window.run.start_s
             late = late + since * float(sum(point.p[q] for q in self.clocks[name]))
-            index, weights, rates = self.between((times - late - window.start_s) / window.step_s, len(y))
+            index, weights, rates = self._between(k, name, times - late, len(y))
             column = self.model.index("outputs", name)
-            errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / self.sigma[
-                name
-            ]
+            sigma = self.heat * self.sigma[name]
+            errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / sigma
             if ys is None:
                 continue
             part = np.einsum("nk,nkc->nc", weights, ys[index, :, column])
@@ -259,8 +260,19 @@ class Problem:
             for q, slope in weighted:
                 for c in np.flatnonzero(np.asarray(columns) == q):
                     part[:, first + c] -= slope
-            slopes.append(part / self.sigma[name])
+            slopes.append(part / sigma)
         return errors, slopes
+
+    def _between(
+        self, k: int, name: str, times: np.ndarray, rows: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Interpolation of window k's rows at `times`; kept, since most delays stay as they are."""
+        key = (k, name)
+        if key not in self._weights or not np.array_equal(self._weights[key][0], times):
+            window = self.windows[k]
+            found = self.between((times - window.start_s) / window.step_s, rows)
+            self._weights[key] = (times, *found)
+        return self._weights[key][1:]
 
     def linear(self, point: Point, columns: Sequence[int]) -> Linear | None:
         """The problem linearised at a point; None if the model runs away there."""

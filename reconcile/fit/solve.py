@@ -10,6 +10,8 @@ from reconcile.fit.states import settle
 
 PATIENCE = 4
 LONGER, GOING = 4, 0.05  # times the iterations for a fit that still gains this share of its cost in each
+HOT = 5.0  # deviations of the noise: errors above it are first fitted as if the noise were of their size
+WARMING = (8, 1e-2)  # iterations and tolerance of that
 
 
 @dataclass(frozen=True)
@@ -49,14 +51,46 @@ def fit(
     """Least squares from `start`; None if the model runs away there.
 
     Ends when a step gains less than `tolerance` of the cost, at least 0.05; gives up (None) when the cost is
-    above `hopeless` after PATIENCE steps.
+    above `hopeless` after PATIENCE steps.  Where errors are far above the noise the fit begins as if the
+    noise were as large, so that the prior holds what they do not tell yet (a homotopy from wide to sharp).
     """
     free = tuple(free)
     columns = [problem.parameter(f.name) for f in free]
-    size = np.array([f.size for f in free])
-    (point, linear), damping = _settled(problem, start, columns), 0.0
+    point, linear = _settled(problem, start, columns)
     if linear is None:
         return None
+    heat = float(np.sqrt(linear.cost / max(len(linear.errors), 1)))
+    if iterations and heat > HOT:
+        warm = _warmed(problem, point, free, heat)
+        point, linear = (point, linear) if warm is None else _settled(problem, warm, columns)
+        if linear is None:
+            return None
+    return _descend(problem, point, linear, free, iterations, tolerance, hopeless)
+
+
+def _warmed(problem: Problem, point: Point, free: tuple[Free, ...], heat: float) -> Point | None:
+    """Where a fit ends that takes the noise to be `heat` times as large."""
+    problem.heat = heat
+    try:
+        linear = problem.linear(point, [problem.parameter(f.name) for f in free])
+        found = None if linear is None else _descend(problem, point, linear, free, *WARMING)
+    finally:
+        problem.heat = 1.0
+    return None if found is None else found.point
+
+
+def _descend(
+    problem: Problem,
+    point: Point,
+    linear: Linear,
+    free: tuple[Free, ...],
+    iterations: int,
+    tolerance: float,
+    hopeless: float = np.inf,
+) -> Fitted | None:
+    """Least squares at the problem's heat."""
+    columns = [problem.parameter(f.name) for f in free]
+    size, damping = np.array([f.size for f in free]), 0.0
     cost = linear.cost + linear.price + _prior_cost(point, columns, free)
     for done in range(LONGER * iterations):
         if done == PATIENCE and cost > hopeless:

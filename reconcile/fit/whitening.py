@@ -12,6 +12,7 @@ sums of squares are likelihoods again.  Sizes and correlation time maximise the 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -103,12 +104,16 @@ class _Responses:
     free: np.ndarray
     shared: np.ndarray
 
+    @cached_property
+    def period_s(self) -> float:
+        """Sample period of the window's recording."""
+        return _period(self.window)
+
     def roots(self, sources: Sequence[Source]) -> list[np.ndarray]:
         """Standard deviations of the cosines of each source."""
         length = self.window.steps * self.window.step_s
-        period = _period(self.window)
         return [
-            np.sqrt(s.variances(b.shape[1], length, period))
+            np.sqrt(s.variances(b.shape[1], length, self.period_s))
             for s, b in zip(sources, self.by_source, strict=True)
         ]
 
