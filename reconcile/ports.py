@@ -54,7 +54,7 @@ HYDRAULIC = (
 )  # fmt: skip
 PENDULUM = (
     "pitch", "roll", "pitch_length", "roll_length", "slew", "slew_rate", "slew_acceleration", "radius",
-    "radius_rate",
+    "radius_rate", "radius_acceleration", "height", "gravity",
 )  # fmt: skip
 KEYS = {
     "axis": AXIS,

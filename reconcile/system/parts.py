@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.equations import kinematics
+from fmus.tool import model as tool
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
 
@@ -42,8 +43,13 @@ def _turned(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
 
 
 def _hung(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
-    """Motion of the tool's suspension."""
+    """Motion of the tool's suspension, as it is at the end of the tool's step.
+
+    In the system slew and arm step first (Gauss-Seidel), and a step of the tool is given where they came to:
+    with their motion at its start it would swing one step late.
+    """
     p = kinematics.geometry()
+    c = {n: np.interp(c["time"] + tool.STEP, c["time"], v) for n, v in c.items()}
     boom, stick, boom_rate, stick_rate = (c[n] for n in (*JOINTS, *RATES))
     radius, height = kinematics.arm_tip(boom, stick, p)
     radius_rate, _ = kinematics.arm_tip_rate(boom, stick, boom_rate, stick_rate, p)

@@ -1,5 +1,7 @@
 """A system part after part: sensors to signals, the motion that neighbours feel, one answer of several."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -7,14 +9,16 @@ from fmus.arm.model import MODEL as ARM
 from fmus.discrete import DiscreteStepper
 from fmus.machine.model import MODEL as MACHINE
 from fmus.stepper import Stepper
+from reconcile.contract import check
 from reconcile.data import Run, Signal, runs_of
 from reconcile.model import read_folder
 from reconcile.system import felt
 from reconcile.system.examine import Recording, _given, merged
 from reconcile.system.parts import SYSTEMS, parts_of, with_signals
-from reconcile.workflow import _read
+from reconcile.workflow import _plain, _read
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
+from tests.reconcile.reports import REPORT
 
 PERIOD = 0.02
 
@@ -74,10 +78,12 @@ def test_a_neighbour_is_given_what_the_arm_makes_of_its_motion() -> None:
     r = Recording("run", measured({n: arm[n] for n in joints} | still))
     r.motion = {n: Channel(n, "", time, (arm | still)[n]) for n in (*joints, "q_slew", "qd_slew")}
     _, slew, tool = SYSTEMS["nominal"]
-    for part, names in ((slew, ("inertia", "inertia_rate")), (tool, ("radius", "radius_rate", "height"))):
-        given = _given(part, r)
-        for n in names:
-            assert given[n].values == pytest.approx(arm[n], rel=1e-12, abs=1e-9)
+    given = _given(slew, r)
+    for n in ("inertia", "inertia_rate"):
+        assert given[n].values == pytest.approx(arm[n], rel=1e-12, abs=1e-9)
+    given = _given(tool, r)  # where slew and arm are at the end of the tool's step
+    for n in ("radius", "radius_rate", "height"):
+        assert given[n].values[:-1] == pytest.approx(arm[n][1:], rel=1e-9, abs=1e-9)
 
 
 def test_what_is_felt_is_nearer_to_the_truth_than_the_recording() -> None:
@@ -140,6 +146,30 @@ def test_one_answer_the_strongest_first_with_whole_sets_as_alternatives() -> Non
         ["coriolis_coupling", "shared_pump_flow"],
         ["shared_pump_flow", "wind_load"],
     ]
+
+
+def test_what_single_reports_have_the_whole_has_as_well() -> None:
+    slew, tool = figures("agrees", [], []), figures("agrees", [], [])
+    block = {"run": "a", "start_s": 0.0, "end_s": 2.0}
+    slew |= {"gap_by_regime": [{"regime": "u > 0", "gap": {}}], "data": {"fit": [block]}}
+    tool |= {"data": {"fit": [block, block | {"start_s": 4.0}], "holdout": [block]}}
+    slew["untold"] = [{"effect": "stiffness", "because": "a"}, {"effect": "gear_backlash", "because": "b"}]
+    tool["untold"] = [{"effect": "stiffness", "because": "c"}]
+    whole = merged([Part("slew", slew), Part("tool", tool)])  # type: ignore[list-item]
+    assert whole["gap_by_regime"] == [{"regime": "u > 0", "gap": {}, "subsystem": "slew"}]
+    assert [len(whole["data"][use]) for use in ("fit", "holdout")] == [2, 1]
+    assert whole["untold"] == [{"effect": "stiffness", "because": "a; c"}]
+
+
+def test_the_report_of_a_whole_has_the_contracts_form() -> None:
+    slew, tool = (copy.deepcopy(REPORT[v]) for v in ("ambiguous", "named"))
+    tool["gap"] = {"q_tool_x": tool["gap"]["position"]}
+    whole = merged([Part("slew", slew), Part("tool", tool)])  # type: ignore[list-item]
+    dated = {n: tool[n] for n in ("seed", "versions", "elapsed_s")}
+    assert check(_plain(whole | dated)) == []
+    assert set(whole["gap"]) == {"position", "q_tool_x"}
+    without = merged([Part("tool", figures("agrees", [], []))])  # type: ignore[list-item]
+    assert _plain(without)["iso18571"] == {"before": None, "after": None}
 
 
 def test_without_effects_what_stands_in_the_way_is_the_verdict() -> None:
