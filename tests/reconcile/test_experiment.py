@@ -14,7 +14,7 @@ from learning.collection.plan import load_plan
 from reconcile.catalogue import ALL
 from reconcile.data import runs_of, split
 from reconcile.experiment import plan
-from reconcile.experiment.achieved import candidates, margins
+from reconcile.experiment.achieved import candidates, compared, margins
 from reconcile.experiment.excitation import SHAPES, Excitation, commands, of_dict
 from reconcile.experiment.propose import Proposal, propose
 from reconcile.fit.solve import Fitted
@@ -132,6 +132,18 @@ def test_what_tells_two_sensors_apart_does_so_by_about_the_margin_predicted(lags
     assert after["one"] == ["sensor_lag"]
     assert after["achieved_margin"] > CLOSE
     assert 0.5 < after["achieved_margin"] / figures["pairs"][0]["if_one"] < 2.0
+
+
+def test_the_loop_is_closed_with_nothing_but_the_first_report_and_the_new_recording(lags, proposed):
+    """As `slewright reconcile NEW RUN --before report.json` does it, the candidates being given."""
+    first = {"verdict": "ambiguous", "sentence": "either", "next_experiment": proposed.figures}
+    study, answer = lags.driven(proposed, seed=78)
+    found = compared(study, answer, json.loads(json.dumps(first)))
+    (pair,) = found["pairs"]
+    assert {tuple(pair["one"]), tuple(pair["other"])} == {("sensor_lag",), ("sensor_delay",)}
+    assert pair["promised"]
+    assert pair["one"] == ["sensor_lag"]  # the true one
+    assert found["achieved_margin"] == pair["achieved_margin"] > CLOSE
 
 
 def test_a_simple_effect_needs_no_margin_over_the_general_one_that_includes_it(rig):
