@@ -252,6 +252,11 @@ def driven(figures: Figures) -> str:
     ]  # fmt: skip
     head = ["Candidate", "against", "Predicted margin", "Achieved margin"]
     table = shell.table(head, rows) if rows else ""
+    seen = [
+        [p["name"], number(p["predicted_margin"], 3), number(p["achieved_margin"], 3)]
+        for p in done.get("parameters", ())
+    ]
+    table += shell.table(["Parameter", *head[2:]], seen) if seen else ""
     turned = f"{_spaced(done['before'])} before, {_spaced(figures['verdict'])} after"
     return (
         f"<h2>The experiment that was driven</h2><p>{escape(turned)}. "
