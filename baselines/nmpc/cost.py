@@ -1,10 +1,10 @@
 """What the plan is good for: residuals of a predicted state, whose squares the solver adds up.
 
-    r_e     slew error, pseudo-Huber: pulls evenly from afar, quadratic within `nmpc_huber`
-    r_t     tool rates (roll, pitch)
-    r_v     speed beyond the pace's limit
-    r_a     arm tip's joints off their targets, Huber too
-    r_end   the same at the end of the horizon, with speed and swing still left there
+r_e     slew error, pseudo-Huber: pulls evenly from afar, quadratic within `nmpc_huber`
+r_t     tool rates (roll, pitch)
+r_v     speed beyond the pace's limit
+r_a     arm tip's joints off their targets, Huber too
+r_end   the same at the end of the horizon, with speed and swing still left there
 """
 
 from types import SimpleNamespace

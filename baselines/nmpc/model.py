@@ -32,6 +32,7 @@ GEOMETRY = {
     "boom_min", "boom_max", "stick_min", "stick_max",
 }  # fmt: skip
 CONTROL = {"control_observer_rate", "control_arm_margin"}
+FILTER = 10.0  # 1/s, of the pressures' rates
 FALLBACK_BRAKE = 0.1  # rad/s2, deceleration that the fallback counts on: at 2 t and far out there is more
 FALLBACK_SLOPE = 0.5  # 1/s
 FALLBACK_GAIN = 0.8  # opening for each rad/s of wanted speed
@@ -43,17 +44,19 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     now = _state(x, u, speed, p)
     due = x.phase < 0.5
     plan = ca.vertcat(*(getattr(x, f"plan_{i:02d}") for i in range(solver.SIZE)))
-    commands, plan, failed = _planned()(due, now, ca.vertcat(*sent.values()), plan, _task(u, p), p.nmpc_tolerance)
+    commands, plan, failed = _planned()(
+        due, now, ca.vertcat(*sent.values()), plan, _task(u, p), p.nmpc_tolerance
+    )
     commands = ca.if_else(due, commands, ca.vertcat(*(sent[c][-1] for c in CHANNELS)))
     resting = _resting(now, p)
     own = _step(STEP)(now, ca.vertcat(*(sent[c][0] for c in CHANNELS)), u.load_told)
-    band = _band(x, now, p)
-    joystick = _joystick(commands[0], band, p)
+    learnt = _learnt(x, u, now, speed, p)
+    joystick = _joystick(commands[0], learnt["band"], p)
     return {
         "angle": angle,
         "bias": bias,
         "phase": ca.if_else(x.phase > PERIOD - 1.5, 0.0, x.phase + 1.0),
-        "band": band,
+        **learnt,
         "opening": own[prediction.STATES.index("opening")],
         "boom_rate": own[prediction.STATES.index("boom_rate")],
         "stick_rate": own[prediction.STATES.index("stick_rate")],
@@ -73,7 +76,13 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
 
 def _planned() -> ca.Function:
     """(due, state, commands sent, plan, task, tolerance) -> (commands, plan, whether the fallback is on)."""
-    names = (("now", solver.NX), ("sent", 3 * WAY), ("plan", solver.SIZE), ("task", len(cost.TASK)), ("tol", 1))
+    names = (
+        ("now", solver.NX),
+        ("sent", 3 * WAY),
+        ("plan", solver.SIZE),
+        ("task", len(cost.TASK)),
+        ("tol", 1),
+    )
     now, sent, plan, task, tolerance = arguments = [ca.MX.sym(n, size) for n, size in names]  # type: ignore[call-arg]
     ahead = _ahead(now, sent, task[0])
     given = ca.vertcat(*(sent[(c + 1) * WAY - 1] for c in range(len(CHANNELS))))
@@ -103,7 +112,7 @@ def _step(h: float) -> ca.Function:
 def _state(x: Namespace, u: Namespace, speed: Any, p: Namespace) -> Any:
     """Estimated state [13]; the slew angle counts from the target."""
     away = control.wrap(u.q_slew - control.target_angle(u))
-    roll, pitch = u.imu_tool_roll, u.imu_tool_pitch
+    roll, pitch = u.imu_tool_roll - x.roll_zero, u.imu_tool_pitch - x.pitch_zero
     c, s = ca.cos(roll), ca.sin(roll)
     values = {
         "slew": away,
@@ -147,10 +156,26 @@ def _fallback(x: Any) -> Any:
     return ca.vertcat(control.clip(opening, -1.0, 1.0), 0.0, 0.0)
 
 
-def _band(x: Namespace, now: Any, p: Namespace) -> Any:
-    """The dead band, learnt while the slew sticks off its target."""
-    stuck = (ca.fabs(now[1]) < 0.01) * (ca.fabs(now[0]) > p.nmpc_rest_band) * (ca.fabs(x.opening) > p.nmpc_ramp)
-    return control.clip(x.band + STEP * p.nmpc_band_rate * stuck, 0.0, 0.1)
+def _learnt(x: Namespace, u: Namespace, now: Any, speed: Any, p: Namespace) -> dict[str, Any]:
+    """Next dead band and zeros of the tool's IMU: what differs from machine to machine and stays."""
+    climbs = [FILTER * (u.p_slew_a - x.slow_p_a), FILTER * (u.p_slew_b - x.slow_p_b)]
+    sizes = (u.p_slew_a, u.p_slew_b, *climbs)
+    miss = _miss()(x.opening, *(v / prediction.PRESSURE for v in sizes), speed)
+    standing = ca.fabs(speed) < prediction.STILL
+    share = STEP * p.nmpc_zero_rate
+    return {
+        "band": control.clip(x.band - STEP * p.nmpc_band_rate * miss, -0.08, 0.12),
+        "slow_p_a": x.slow_p_a + STEP * climbs[0],
+        "slow_p_b": x.slow_p_b + STEP * climbs[1],
+        "roll_zero": x.roll_zero + share * standing * (u.imu_tool_roll - x.roll_zero),
+        "pitch_zero": x.pitch_zero + share * standing * (u.imu_tool_pitch - x.pitch_zero),
+    }
+
+
+def _miss() -> ca.Function:
+    """`prediction.opening_miss` as a function."""
+    symbols = [ca.SX.sym(n) for n in ("opening", "p_a", "p_b", "climb_a", "climb_b", "speed")]  # type: ignore[call-arg]
+    return ca.Function("nmpc_miss", symbols, [prediction.opening_miss(*symbols)])
 
 
 def _joystick(opening: Any, band: Any, p: Namespace) -> Any:
@@ -176,6 +201,10 @@ MODEL = Model(
         Variable("bias", "rad/s", "Bias of the cabin's gyro"),
         Variable("phase", "1", "Ticks since the last solve, 0 to 4"),
         Variable("band", "1", "Learnt part of the dead band"),
+        Variable("slow_p_a", "Pa", "Filtered motor pressure, side a", nominal=prediction.PRESSURE),
+        Variable("slow_p_b", "Pa", "Filtered motor pressure, side b", nominal=prediction.PRESSURE),
+        Variable("roll_zero", "rad", "Roll that the tool's IMU shows at rest"),
+        Variable("pitch_zero", "rad", "Pitch that the tool's IMU shows at rest"),
         Variable("opening", "1", "Valve opening, from the commands"),
         Variable("boom_rate", "rad/s", "Boom rate, from the commands"),
         Variable("stick_rate", "rad/s", "Stick rate, from the commands"),

@@ -30,6 +30,9 @@ ARM = ("boom", "stick", "boom_rate", "stick_rate")
 STATES = (*DRIVE, *TOOL, *ARM)
 INPUTS = ("opening", "boom", "stick")  # commanded opening, velocity references (rad/s)
 FILES = ("geometry", "slew", "machine")
+FED = 30e5  # Pa: above it a chamber is fed by the valve, not by the suction valve
+STILL = 0.01  # rad/s
+SURE = 0.01  # opening above which the valve's flow says something about it
 ARM_LAG_S = 0.12  # rest of the arm's delay behind the start of the horizon, and its own lag
 
 
@@ -90,6 +93,24 @@ def joystick(opening: Any, band: Any, ramp: float) -> Any:
     jump = ca.fmin(ca.fmax(opening / ramp, -1.0), 1.0)
     wanted = opening * span(p) + (band + slew_drive.ROUNDING / 2) * jump
     return ca.fmin(ca.fmax(wanted, -1.0), 1.0)
+
+
+def opening_miss(opening: Any, p_a: Any, p_b: Any, climb_a: Any, climb_b: Any, speed: Any) -> Any:
+    """How much more the valve seems to be open than `opening`, from the flow into the side that is fed.
+
+    Pressures in PRESSURE and `climb_*` their rates (1/s); 0 where that side is fed by the suction valve, too,
+    or the valve is closed.  What is missing in flow counts as opening of a valve at 100 bar.
+    """
+    p = figures()
+    side = ca.if_else(opening > 0, 1.0, -1.0)
+    high, low = ca.if_else(opening > 0, p_a, p_b) * PRESSURE, ca.if_else(opening > 0, p_b, p_a) * PRESSURE
+    climb = ca.if_else(opening > 0, climb_a, climb_b) * PRESSURE
+    flows = slew_drive.flows_at(ca.fabs(opening), high - low, high, low, p)
+    inner = p.slew_leak_internal * (high - low) + p.slew_leak_external * (high - p.slew_boost_pressure)
+    needed = p.slew_chamber_volume / p.slew_bulk_modulus * climb + p.slew_displacement * side * speed + inner
+    fed = (high > FED) + (ca.fabs(speed) < STILL) * (high <= FED)
+    sure = fed * (ca.fabs(opening) > SURE)
+    return sure * (needed - flows.inlet_a + flows.cross) / (2 * p.slew_inlet_flow)
 
 
 def _pressures(now: SimpleNamespace, opening: Any, h: float, p: SimpleNamespace) -> tuple[Any, Any]:
