@@ -16,9 +16,10 @@ from reconcile.fit.solve import Fitted
 AMPLITUDES = (1.0, 0.25)
 PERIODS_S = (0.6, 2.0, 6.0, 15.0)
 OFFSETS = (0.0, 0.0, 0.25, -0.25)  # of the amplitude
-DURATION_S, LONGEST_S = 30.0, 60.0  # while excitations are compared, and of the best
-SHORTER_S = (12.0, 20.0, 30.0)  # that do, if they tell by PLENTY
-PLENTY = 10.0  # times what is needed: beyond it an experiment had better be simple and short
+DURATION_S, LONGEST_S = 20.0, 60.0  # while excitations are compared, and of the best
+SHORTER_S = (12.0, 30.0)  # that do, if they tell by PLENTY
+HOPELESS = 0.02  # times what is needed: nothing near an excitation that tells so little tells enough
+PLENTY = 10.0  # times what is needed: beyond it an experiment had better be gentle and short
 PLACES = (0.5, 0.15, 0.85)  # of a position's range, where an experiment may start
 TRIES = 3  # of making an excitation smaller until it stays within the limits
 TIGHTER, LEAST_SHARE = 0.9, 0.2
@@ -52,8 +53,13 @@ def best(bench: Bench, fits: Sequence[Fitted], judge: Judge, enough: float, repo
     for done, e in enumerate(first):
         said("next experiment", done, total)
         rated += _rate(bench, e, fits, judge)
+        if rated and np.min(rated[-1].margins) >= PLENTY * enough:
+            break
     rng = np.random.default_rng(SEED)
-    for turn in range(ROUNDS):
+    most = float(np.max([r.margins for r in rated], initial=-np.inf))
+    least = max((float(np.min(r.margins)) for r in rated), default=np.inf)
+    worthwhile = most > HOPELESS * enough and least < PLENTY * enough
+    for turn in range(ROUNDS if worthwhile else 0):
         for i, r in enumerate(_different(ranked(rated, enough))):
             said("next experiment", len(first) + turn * VARIED + i, total)
             rated += _rate(bench, _varied(bench, r.excitation, rng), fits, judge)
@@ -86,14 +92,14 @@ def _sure(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge) -> Rated
 
 
 def ranked(rated: Sequence[Rated], enough: float) -> list[Rated]:
-    """Best first, by the smallest margin of what can be told at all; with PLENTY those of fewest inputs."""
+    """Best first, by the smallest margin of what can be told at all; with PLENTY the gentlest first."""
     if not rated:
         return []
     told = tellable(rated, enough)
 
-    def order(r: Rated) -> tuple[float, int, float]:
+    def order(r: Rated) -> tuple[float, float, float]:
         least = float(np.min(r.margins[told]))
-        return -min(least, PLENTY * enough), len(r.excitation.inputs), -least
+        return -min(least, PLENTY * enough), rough(r.excitation), -least
 
     return sorted(rated, key=order)
 
@@ -113,7 +119,7 @@ def tellable(rated: Sequence[Rated], enough: float) -> np.ndarray:
 
 
 def spread(bench: Bench) -> list[Excitation]:
-    """Excitations of all shapes to begin with, for each input alone and for all together.
+    """Excitations of all shapes to begin with, for each input alone and for all together, gentle ones first.
 
     Every shape comes slow and fast, large and small; offset and start are drawn.
     """
@@ -140,7 +146,13 @@ def spread(bench: Bench) -> list[Excitation]:
     ]
     # a stride without a factor in common with the numbers of amplitudes and periods, so that all are left
     few = len(bench.study.model.states) <= FEW_STATES and len(driven) == 1
-    return found if few else found[:: 3 if len(driven) == 1 else 2 * len(driven) - 1]
+    kept = found if few else found[:: 3 if len(driven) == 1 else 2 * len(driven) - 1]
+    return sorted(kept, key=rough)
+
+
+def rough(e: Excitation) -> float:
+    """How hard an excitation is on a machine, and how far from what a model knows: all its inputs' slopes."""
+    return len(e.inputs) * e.amplitude / e.fastest_s
 
 
 def shortest_s(bench: Bench) -> float:
