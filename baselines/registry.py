@@ -79,6 +79,17 @@ _ALL = (
         ),
     ),
     Controller(
+        "pd",
+        "pd",
+        "pd",
+        "PD, dead band compensated",
+        tuned=(
+            Range("pd_gain", 0.3, 6.0),
+            Range("pd_damping", 0.2, 8.0),
+            Range("pd_speed_limit", 0.3, 1.0, log=False),
+        ),
+    ),
+    Controller(
         "parabola",
         "parabola",
         "parabola",
@@ -103,6 +114,17 @@ _ALL = (
         )
         for sway in (False, True)
         for number, kind in enumerate(("zv", "zvd", "ei"), 1)
+    ),
+    *(
+        Controller(
+            f"operator_{who}",
+            "operator",
+            "operator",
+            f"model of an {who} operator",
+            settings={"operator_skill": skill},
+            human=True,
+        )
+        for who, skill in (("experienced", 1.0), ("inexperienced", 0.0))
     ),
 )
 

@@ -36,6 +36,7 @@ MODEL = Model(
     step=control.STEP,
     states=(
         *control.OBSERVER_STATES,
+        *control.INERTIA_STATES,
         Variable("band", "1", "Learnt part of the dead band"),
         *control.COMMAND_STATES,
     ),

@@ -85,6 +85,7 @@ MODEL = Model(
     step=control.STEP,
     states=(
         *control.OBSERVER_STATES,
+        *control.INERTIA_STATES,
         Variable("band", "1", "Learnt part of the dead band"),
         Variable("started", "1", "1 after the first step"),
         Variable("goal", "rad", "Slew angle of the target, not wrapped"),

@@ -36,6 +36,15 @@ TARGETS = ("target_x", "target_y", "target_z", "load_told", "pace")
 ENCODERS = ("q_slew", "qd_slew", "q_boom", "q_stick", "qd_boom", "qd_stick")
 COMMANDS = ("u_slew", "qd_boom_ref", "qd_stick_ref")
 TOOL = ("imu_tool_roll", "imu_tool_rate_x")
+INERTIA_ONLY = (  # parameters of no use to a controller that asks for no inertia
+    "control_rise_time", "control_brake_torque", "control_inertia_extra", "control_displacement",
+    "control_friction_viscous", "control_friction_dry", "control_ratio_rate",
+    *(n for n in sorted(GEOMETRY) if n.startswith(("carriage", "cabin")) or n.endswith(("mass", "com"))),
+)  # fmt: skip
+OBSERVER_ONLY = (  # parameters of no use to who has no observer
+    "control_rise_time", "control_displacement", "control_friction_viscous", "control_friction_dry",
+    "control_ratio_rate", "control_observer_rate",
+)  # fmt: skip
 COMMAND_STATES = (
     Variable("slew_command", "1", "Slew command"),
     Variable("boom_reference", "rad/s", "Boom velocity reference"),
@@ -44,6 +53,8 @@ COMMAND_STATES = (
 OBSERVER_STATES = (
     Variable("angle", "rad", "Slew angle of the observer"),
     Variable("bias", "rad/s", "Bias of the cabin's gyro"),
+)
+INERTIA_STATES = (
     Variable("slow_torque", "N.m", "Filtered torque of the motor"),
     Variable("slow_speed", "rad/s", "Filtered slew speed"),
     Variable("ratio", "1", "Slew inertia over that of the pose with the told load", start=1.0),
@@ -61,7 +72,8 @@ def parameters(
     """Parameters of geometry.toml, control.toml and the controller's own `files`, but for some of no use."""
     wanted = GEOMETRY | ({"gravity"} if with_gravity else set())
     shared = (*(v for v in from_parameters("geometry") if v.name in wanted), *from_parameters("control"))
-    return (*(v for v in shared if v.name not in without), *from_parameters(*files))
+    chosen = [v for v in shared if v.name not in without]
+    return (*chosen, *from_parameters(*files))
 
 
 def commands(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Scalar]:
