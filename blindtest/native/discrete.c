@@ -12,8 +12,8 @@ double bt_back(const double *line, int now, double delay, double dt, double befo
 double bt_command(const Axis *a, AxisMemory *m, int k, double command, double other, double base_delay,
                   double dt) {
   if (k == 0) m->before = m->limited = m->lagged = bt_chain(a, &m->chain, 0.0, 0.0);
-  m->line[k % BT_LINE] = bt_chain(a, &m->chain, command, other);
-  double u = bt_back(m->line, k, base_delay + a->in_delay, dt, m->before);
+  m->line[k % BT_LINE] = command;
+  double u = bt_chain(a, &m->chain, bt_back(m->line, k, base_delay + a->in_delay, dt, 0.0), other);
   const double most = a->in_rate * dt;
   m->limited += fmin(fmax(u - m->limited, -most), most);
   if (isfinite(a->in_rate)) u = m->limited;

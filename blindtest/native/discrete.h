@@ -9,7 +9,7 @@ enum { BT_LINE = 256 }; /* samples of the longest delay */
 
 typedef struct {
   Chain chain;
-  double before; /* what comes of no command: the chain before the first sample is filled with it */
+  double before; /* what comes of no command */
   double limited, lagged, dahl, play, lag_q, lag_v;
   double line[BT_LINE], seen_q[BT_LINE], seen_v[BT_LINE];
   int began;
@@ -18,7 +18,8 @@ typedef struct {
 /* Value `delay` seconds back on a line of one value a sample, linear between samples; `now`: index. */
 double bt_back(const double *line, int now, double delay, double dt, double before);
 
-/* The command that acts at sample k, after chain, delay (`base_delay` is the plain model's), limit, lag. */
+/* The command that acts at sample k, after delay (`base_delay` is the plain model's), chain, limit, lag;
+ * `other`: the crosstalking command as it arrives, delayed by what the plain model has for it. */
 double bt_command(const Axis *a, AxisMemory *m, int k, double command, double other, double base_delay,
                   double dt);
 
