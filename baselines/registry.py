@@ -57,8 +57,6 @@ class Controller:
 _SHAPER = (
     Range("shaper_speed_limit", 0.25, 0.7, log=False),
     Range("shaper_brake_share", 0.3, 1.2),
-    Range("shaper_lag", 0.15, 1.0),
-    Range("shaper_speed_gain", 0.5, 6.0),
     Range("shaper_angle_gain", 0.3, 3.0),
     Range("shaper_brake_lead", 0.5, 4.0),
     Range("shaper_sway_gain", 0.03, 0.5),

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from slewright.commands import (
+    analyse,
     bench,
     build,
     calibrate,
@@ -91,6 +92,7 @@ app.command()(campaign.campaign)
 app.command()(collect.collect)
 app.command()(compare.compare)
 app.command()(tune.tune)
+app.command()(analyse.analyse)
 app.command()(convert.convert)
 app.command()(build.build)
 app.command()(generate.generate)

@@ -32,6 +32,7 @@ COMMANDS = (
     "fit",
     "train",
     "tune",
+    "analyse",
     "calibrate",
     "estimate",
     "import",
