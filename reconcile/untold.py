@@ -25,6 +25,7 @@ NEEDS = {
     "rad": "no axis of the model turns by an angle",
     "other": "there is no second signal of the same unit",
     "drive": "no input is known to drive an axis",
+    "pull": "no port of the model says what hangs from it and swings (kind hung)",
 }
 
 
