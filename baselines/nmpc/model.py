@@ -32,6 +32,7 @@ GEOMETRY = {
     "boom_min", "boom_max", "stick_min", "stick_max",
 }  # fmt: skip
 CONTROL = {"control_observer_rate", "control_arm_margin"}
+SETTLED_S = 0.4  # after a change of sign, until the spool is out of its dead band
 FILTER = 10.0  # 1/s, of the pressures' rates
 FALLBACK_BRAKE = 0.1  # rad/s2, deceleration that the fallback counts on: at 2 t and far out there is more
 FALLBACK_SLOPE = 0.5  # 1/s
@@ -48,10 +49,10 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
         due, now, ca.vertcat(*sent.values()), plan, _task(u, p), p.nmpc_tolerance
     )
     commands = ca.if_else(due, commands, ca.vertcat(*(sent[c][-1] for c in CHANNELS)))
-    resting = _resting(now, p)
+    opening = commands[0] * (1 - _resting(now, p))
     own = _step(STEP)(now, ca.vertcat(*(sent[c][0] for c in CHANNELS)), u.load_told)
-    learnt = _learnt(x, u, now, speed, p)
-    joystick = _joystick(commands[0], learnt["band"], p)
+    learnt = _learnt(x, u, now, speed, sent["opening"][0], p)
+    joystick = _joystick(opening, learnt["band"], p)
     return {
         "angle": angle,
         "bias": bias,
@@ -62,12 +63,12 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
         "stick_rate": own[prediction.STATES.index("stick_rate")],
         "solves": x.solves + due,
         "fallbacks": x.fallbacks + failed,
-        "slew_command": joystick * (1 - resting),
+        "slew_command": joystick,
         "boom_reference": commands[1],
         "stick_reference": commands[2],
         **{
-            f"{c}_{i}": sent[c][i + 1] if i + 1 < WAY else commands[k]
-            for k, c in enumerate(CHANNELS)
+            f"{c}_{i}": sent[c][i + 1] if i + 1 < WAY else new
+            for c, new in zip(CHANNELS, (opening, commands[1], commands[2]), strict=True)
             for i in range(WAY)
         },
         **{f"plan_{i:02d}": plan[i] for i in range(solver.SIZE)},
@@ -156,15 +157,24 @@ def _fallback(x: Any) -> Any:
     return ca.vertcat(control.clip(opening, -1.0, 1.0), 0.0, 0.0)
 
 
-def _learnt(x: Namespace, u: Namespace, now: Any, speed: Any, p: Namespace) -> dict[str, Any]:
-    """Next dead band and zeros of the tool's IMU: what differs from machine to machine and stays."""
+def _learnt(
+    x: Namespace, u: Namespace, now: Any, speed: Any, acting: Any, p: Namespace
+) -> dict[str, Any]:
+    """Next dead band and zeros of the tool's IMU: what differs from machine to machine and stays.
+
+    `acting`: the commanded opening at the valve.  While its sign changes, the spool crosses the dead band and
+    tells nothing of it.
+    """
     climbs = [FILTER * (u.p_slew_a - x.slow_p_a), FILTER * (u.p_slew_b - x.slow_p_b)]
     sizes = (u.p_slew_a, u.p_slew_b, *climbs)
     miss = _miss()(x.opening, *(v / prediction.PRESSURE for v in sizes), speed)
+    same = ca.if_else(acting * x.opening > 0, ca.fmin(x.same + STEP, SETTLED_S), 0.0)
+    miss = miss * (same > SETTLED_S - STEP / 2)
     standing = ca.fabs(speed) < prediction.STILL
     share = STEP * p.nmpc_zero_rate
     return {
         "band": control.clip(x.band - STEP * p.nmpc_band_rate * miss, -0.08, 0.12),
+        "same": same,
         "slow_p_a": x.slow_p_a + STEP * climbs[0],
         "slow_p_b": x.slow_p_b + STEP * climbs[1],
         "roll_zero": x.roll_zero + share * standing * (u.imu_tool_roll - x.roll_zero),
@@ -201,6 +211,7 @@ MODEL = Model(
         Variable("bias", "rad/s", "Bias of the cabin's gyro"),
         Variable("phase", "1", "Ticks since the last solve, 0 to 4"),
         Variable("band", "1", "Learnt part of the dead band"),
+        Variable("same", "s", "Time since the valve's command last changed sign"),
         Variable("slow_p_a", "Pa", "Filtered motor pressure, side a", nominal=prediction.PRESSURE),
         Variable("slow_p_b", "Pa", "Filtered motor pressure, side b", nominal=prediction.PRESSURE),
         Variable("roll_zero", "rad", "Roll that the tool's IMU shows at rest"),

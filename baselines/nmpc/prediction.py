@@ -32,7 +32,8 @@ INPUTS = ("opening", "boom", "stick")  # commanded opening, velocity references 
 FILES = ("geometry", "slew", "machine")
 FED = 30e5  # Pa: above it a chamber is fed by the valve, not by the suction valve
 STILL = 0.01  # rad/s
-SURE = 0.01  # opening above which the valve's flow says something about it
+CRACKING = 150e5  # Pa: above it the soft-stop valve passes a part of the flow
+LEAST, MOST = 0.004, 0.15  # openings between which the dead band is told
 ARM_LAG_S = 0.12  # rest of the arm's delay behind the start of the horizon, and its own lag
 
 
@@ -96,21 +97,31 @@ def joystick(opening: Any, band: Any, ramp: float) -> Any:
 
 
 def opening_miss(opening: Any, p_a: Any, p_b: Any, climb_a: Any, climb_b: Any, speed: Any) -> Any:
-    """How much more the valve seems to be open than `opening`, from the flow into the side that is fed.
+    """How much more the valve seems to be open than `opening` (towards its side), from what flows through it.
 
-    Pressures in PRESSURE and `climb_*` their rates (1/s); 0 where that side is fed by the suction valve, too,
-    or the valve is closed.  What is missing in flow counts as opening of a valve at 100 bar.
+    Pressures in PRESSURE and `climb_*` their rates (1/s).  Only small openings tell a dead band: a drive that
+    pulls slowly or stands shows the inlet's flow, one that is braked by a nearly closed valve the outlet's.
+    0 everywhere else.
     """
     p = figures()
     side = ca.if_else(opening > 0, 1.0, -1.0)
-    high, low = ca.if_else(opening > 0, p_a, p_b) * PRESSURE, ca.if_else(opening > 0, p_b, p_a) * PRESSURE
-    climb = ca.if_else(opening > 0, climb_a, climb_b) * PRESSURE
-    flows = slew_drive.flows_at(ca.fabs(opening), high - low, high, low, p)
-    inner = p.slew_leak_internal * (high - low) + p.slew_leak_external * (high - p.slew_boost_pressure)
-    needed = p.slew_chamber_volume / p.slew_bulk_modulus * climb + p.slew_displacement * side * speed + inner
-    fed = (high > FED) + (ca.fabs(speed) < STILL) * (high <= FED)
-    sure = fed * (ca.fabs(opening) > SURE)
-    return sure * (needed - flows.inlet_a + flows.cross) / (2 * p.slew_inlet_flow)
+    share, turning = ca.fabs(opening), side * speed
+    fed, back = (ca.if_else(opening > 0, one, other) * PRESSURE for one, other in ((p_a, p_b), (p_b, p_a)))
+    fed_climb, back_climb = (
+        ca.if_else(opening > 0, one, other) * PRESSURE for one, other in ((climb_a, climb_b), (climb_b, climb_a))
+    )
+    flows = slew_drive.flows_at(share, fed - back, fed, back, p)
+    compliance = p.slew_chamber_volume / p.slew_bulk_modulus
+    leak = p.slew_leak_internal * (fed - back)
+    swept = p.slew_displacement * turning
+    inlet = swept + leak + p.slew_leak_external * (fed - p.slew_boost_pressure) + compliance * fed_climb
+    outlet = swept + leak - p.slew_leak_external * (back - p.slew_boost_pressure) - compliance * back_climb
+    pulling = (fed > FED) + (ca.fabs(speed) < STILL) * (fed <= FED) * (back <= FED)
+    braked = (fed <= FED) * (back > FED) * (back < CRACKING) * (turning > STILL)
+    by_inlet = pulling * (inlet - flows.inlet_a + flows.cross) / (2 * p.slew_inlet_flow)
+    root = ca.fmax(flows.outlet_b / ca.fmax(share, 1e-3), 1e-6)
+    by_outlet = braked * (outlet / root - share)
+    return (share > LEAST) * (share < MOST) * (by_inlet + by_outlet)
 
 
 def _pressures(now: SimpleNamespace, opening: Any, h: float, p: SimpleNamespace) -> tuple[Any, Any]:

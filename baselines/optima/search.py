@@ -1,5 +1,6 @@
 """Finds optima case after case, each from the nearest one found before, and keeps each at once."""
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from importlib import metadata
@@ -21,6 +22,7 @@ TRAVELS = (45.0, 75.0, 105.0, 135.0)
 LOADS = (0.0, 2000.0)
 SPEEDS = (8.0, 9.5, 11.0, 12.5, 14.0, 16.0)
 MOST_LOAD_KG = 2500.0
+LONGEST_S = 14.0  # of a move in the window of 15 s
 Report = Callable[[str, float, float], None]
 
 
@@ -41,11 +43,20 @@ def find(keys: Sequence[Key], report: Report, again: bool = False, path: Path = 
 
 
 def keys(
-    machines: Sequence[str], loads: Sequence[float], travels: Sequence[float], speeds: Sequence[float]
+    machines: Sequence[str],
+    loads: Sequence[float] = LOADS,
+    travels: Sequence[float] = TRAVELS,
+    speeds: Sequence[float] | None = None,
 ) -> list[Key]:
-    """All combinations, ordered so that each is near the one before; speed 0 (least time) last."""
-    ordered = sorted(speeds, key=lambda v: (v == 0, v))
-    return [Key(m, load, t, v) for m in machines for load in loads for t in travels for v in ordered]
+    """All combinations, each near the one before; speed 0 (least time) last.
+
+    Without `speeds`: those of SPEEDS that the window leaves time for, and the least time.
+    """
+    found = []
+    for machine, load, travel in itertools.product(machines, loads, travels):
+        own = (*(v for v in SPEEDS if travel / v <= LONGEST_S), 0.0) if speeds is None else speeds
+        found += [Key(machine, load, travel, v) for v in sorted(own, key=lambda v: (v == 0, v))]
+    return found
 
 
 def check(wanted: Iterable[Key]) -> None:
@@ -57,10 +68,10 @@ def check(wanted: Iterable[Key]) -> None:
             raise InputError(f"travel {key.travel_deg:g} deg: valid are {low:g} to {high:g}")
         if not 0 <= key.load_kg <= MOST_LOAD_KG:
             raise InputError(f"load {key.load_kg:g} kg: valid are 0 to {MOST_LOAD_KG:g}")
-        if not (key.speed == 0 or key.travel_deg / 14 <= key.speed <= 60):
+        if not (key.speed == 0 or key.travel_deg / LONGEST_S <= key.speed <= 60):
             raise InputError(
                 f"speed {key.speed:g} deg/s over {key.travel_deg:g} deg: valid are "
-                f"{key.travel_deg / 14:.3g} to 60, or 0 for the least time"
+                f"{key.travel_deg / LONGEST_S:.3g} to 60, or 0 for the least time"
             )
 
 

@@ -38,9 +38,7 @@ def optimum(
     from baselines.optima import search, store
     from slewright import tables
 
-    keys = search.keys(
-        machine or ["nominal"], load or search.LOADS, travel or search.TRAVELS, speed or (*search.SPEEDS, 0.0)
-    )
+    keys = search.keys(machine or ["nominal"], load or search.LOADS, travel or search.TRAVELS, speed or None)
     with progress("optimum") as report:
         found = search.find(keys, report, again, out or store.PATH)
     columns = ("machine", "load [kg]", "travel [°]", "asked", "speed [°/s]", "tool [°/s]", "overshoot [°]")
