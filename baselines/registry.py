@@ -113,6 +113,20 @@ _ALL = (
         for sway in (False, True)
         for number, kind in enumerate(("zv", "zvd", "ei"), 1)
     ),
+    Controller(
+        "nmpc",
+        "nmpc",
+        "nmpc",
+        "model predictive control of slew, arm and tool",
+        tuned=(
+            Range("nmpc_error", 1.0, 20.0),
+            Range("nmpc_end_error", 10.0, 300.0),
+            Range("nmpc_tool", 0.5, 20.0),
+            Range("nmpc_arm", 5.0, 100.0),
+            Range("nmpc_speed_limit", 0.25, 0.7, log=False),
+        ),
+        aim="gentle",
+    ),
     *(
         Controller(
             f"operator_{who}",
