@@ -1,8 +1,8 @@
 """The slew loop of any controller, linearised: margins, sensitivity, delay margin, and whether it is stable.
 
-The controller is linearised by its own CasADi Jacobians near its target (outside of its rest band, so that
-its dead-band compensation works), the drive where it turns slowly, as in `baselines.analysis`; the tool
-swings as the nominal pendulum.  The loop is cut at the joystick:
+The controller is linearised by its own CasADi Jacobians near its target, outside of its rest band; the drive
+where it turns slowly, outside of its dead band, as in `baselines.analysis`: dead band and its compensation
+are both left out.  The tool swings as the nominal pendulum.  The loop is cut at the joystick:
 
     L = -(du_slew / d sensors)(z)  sensors(s)  drive(s) e^{-s dead time}  hold
 
@@ -76,8 +76,8 @@ def analyse(
 
     Raises InputError for a controller that has no linear loop, or a gain that it does not have.
     """
-    if controller.human:
-        raise InputError(f"controller {controller.name} has no linear loop: it looks now and then")
+    if controller.linear:
+        raise InputError(f"controller {controller.name} has no linear loop: {controller.linear}")
     model = load_model(controller.folder)
     values = {**controller.settings, **(gains or {})}
     for name, value in values.items():
@@ -113,9 +113,12 @@ def linear_controller(
     model: Model, values: Mapping[str, float], pose: tuple[float, float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(A, B, C) a step: states to states, SENSORS to states, states to u_slew, near the target."""
-    stepper = DiscreteStepper(model, values)
+    compensation = {n: 0.0 for n in ("control_dead_band",) if n in {v.name for v in model.parameters}}
+    stepper = DiscreteStepper(model, {**values, **compensation})
     stepper.set(**_near_target(pose))
     stepper.advance(round(SETTLE_S / model.step))
+    if "band" in {v.name for v in model.states}:
+        stepper.x[model.index("states", "band")] = 0.0
     if "imu_tool_roll" in {v.name for v in model.inputs}:
         stepper.set(imu_tool_roll=ROLL)
     x, u, m, p = model.symbols

@@ -41,6 +41,7 @@ class Controller:
     tuned: Sequence[Range] = ()
     aim: Aim = "fast"
     human: bool = False  # a model of an operator: made to be like one, not as good as can be
+    linear: str = ""  # why its loop cannot be analysed as a linear one; "" if it can
     rate_hz: float = RATE_HZ
 
     @property
@@ -100,6 +101,19 @@ _ALL = (
             Range("parabola_preview", 0.15, 0.6, log=False),
         ),
     ),
+    Controller(
+        "lqr",
+        "lqr",
+        "lqr",
+        "LQG on slew and roll, scheduled",
+        tuned=(
+            Range("lqr_share", 0.15, 1.5),
+            Range("lqr_speed_limit", 0.25, 0.7, log=False),
+            Range("lqr_brake_share", 0.3, 1.2),
+            Range("lqr_brake_lead", 0.3, 2.0),
+        ),
+        aim="gentle",
+    ),
     *(
         Controller(
             kind + ("_sway" if sway else ""),
@@ -126,6 +140,7 @@ _ALL = (
             Range("nmpc_speed_limit", 0.25, 0.7, log=False),
         ),
         aim="gentle",
+        linear="it optimises anew from step to step",
     ),
     *(
         Controller(
@@ -135,6 +150,7 @@ _ALL = (
             f"model of an {who} operator",
             settings={"operator_skill": skill},
             human=True,
+            linear="it looks now and then",
         )
         for who, skill in (("experienced", 1.0), ("inexperienced", 0.0))
     ),

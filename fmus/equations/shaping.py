@@ -45,18 +45,28 @@ def profile(
     return r + control.STEP * v_next, v_next
 
 
-def new_target(x: Namespace, u: Namespace, half_period: Scalar) -> dict[str, Scalar]:
-    """States that a new target (or the first step) changes: old and new goal, clock, half a period."""
+def new_goal(x: Namespace, u: Namespace) -> dict[str, Scalar]:
+    """States that follow the target: the goal, on the shorter way round from where the profile is."""
     here = ca.if_else(x.started < 0.5, u.q_slew, x.r_0)
     goal = here + control.wrap(control.target_angle(u) - here)
-    changed = ca.fmax(ca.fabs(control.wrap(goal - x.goal)) > 1e-9, x.started < 0.5)
-    return {
-        "started": 1.0,
-        "goal": ca.if_else(changed, goal, x.goal),
+    return {"started": 1.0, "goal": ca.if_else(_changed(x, goal), goal, x.goal)}
+
+
+def new_target(x: Namespace, u: Namespace, half_period: Scalar) -> dict[str, Scalar]:
+    """The same with what the shaper's copies need: the goal before, the clock, half a period."""
+    states = new_goal(x, u)
+    here = ca.if_else(x.started < 0.5, u.q_slew, x.r_0)
+    goal = here + control.wrap(control.target_angle(u) - here)
+    changed = _changed(x, goal)
+    return states | {
         "old_goal": ca.if_else(x.started < 0.5, here, ca.if_else(changed, x.goal, x.old_goal)),
         "clock": ca.if_else(changed, 0.0, x.clock + control.STEP),
         "half_period": ca.if_else(changed, half_period, x.half_period),
     }
+
+
+def _changed(x: Namespace, goal: Scalar) -> Scalar:
+    return ca.fmax(ca.fabs(control.wrap(goal - x.goal)) > 1e-9, x.started < 0.5)
 
 
 def lagged(x: Namespace, r: Scalar, lag: Scalar) -> tuple[Scalar, Scalar, Scalar, dict[str, Scalar]]:

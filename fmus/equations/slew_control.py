@@ -67,13 +67,17 @@ def inputs(*more: str) -> tuple[Variable, ...]:
 
 
 def parameters(
-    *files: str, without: tuple[str, ...] = (), with_gravity: bool = False
+    *files: str, without: tuple[str, ...] = (), with_gravity: bool = False, of_models: tuple[str, ...] = ()
 ) -> tuple[Variable, ...]:
-    """Parameters of geometry.toml, control.toml and the controller's own `files`, but for some of no use."""
+    """Parameters of geometry.toml, control.toml and the controller's own `files`, but for some of no use.
+
+    `of_models` are parameters of slew.toml and tool.toml that its design took from there.
+    """
     wanted = GEOMETRY | ({"gravity"} if with_gravity else set())
     shared = (*(v for v in from_parameters("geometry") if v.name in wanted), *from_parameters("control"))
     chosen = [v for v in shared if v.name not in without]
-    return (*chosen, *from_parameters(*files))
+    known = [v for v in from_parameters("slew", "tool") if v.name in of_models]
+    return (*chosen, *known, *from_parameters(*files))
 
 
 def commands(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Scalar]:

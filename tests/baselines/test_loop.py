@@ -11,7 +11,7 @@ from baselines.loop import analyse
 from specs.errors import InputError
 from tests.conftest import Command
 
-LINEAR = [c for c in registry.select() if not c.human]
+LINEAR = [c for c in registry.select() if not c.linear]
 
 
 @pytest.mark.parametrize("name", ["parabola", "zv_sway"])
