@@ -115,11 +115,12 @@ def _state(x: Namespace, u: Namespace, speed: Any, p: Namespace) -> Any:
     away = control.wrap(u.q_slew - control.target_angle(u))
     roll, pitch = u.imu_tool_roll - x.roll_zero, u.imu_tool_pitch - x.pitch_zero
     c, s = ca.cos(roll), ca.sin(roll)
+    p_a, p_b = (ca.fmax(pressure / prediction.PRESSURE, 0.0) for pressure in (u.p_slew_a, u.p_slew_b))
     values = {
         "slew": away,
         "speed": speed,
-        "p_a": ca.fmax(u.p_slew_a / prediction.PRESSURE, 0.0),
-        "p_b": ca.fmax(u.p_slew_b / prediction.PRESSURE, 0.0),
+        "p_sum": p_a + p_b,
+        "p_difference": p_a - p_b,
         "opening": x.opening,
         "roll": roll,
         "pitch": pitch,
@@ -157,9 +158,7 @@ def _fallback(x: Any) -> Any:
     return ca.vertcat(control.clip(opening, -1.0, 1.0), 0.0, 0.0)
 
 
-def _learnt(
-    x: Namespace, u: Namespace, now: Any, speed: Any, acting: Any, p: Namespace
-) -> dict[str, Any]:
+def _learnt(x: Namespace, u: Namespace, now: Any, speed: Any, acting: Any, p: Namespace) -> dict[str, Any]:
     """Next dead band and zeros of the tool's IMU: what differs from machine to machine and stays.
 
     `acting`: the commanded opening at the valve.  While its sign changes, the spool crosses the dead band and

@@ -9,7 +9,8 @@
 
 with I_0 the slew inertia without the tool, r the radius of the arm tip.  Figures: specs/parameters slew.toml,
 geometry.toml, machine.toml (of the grab: masses, lengths) and the load that the controller was told; none of
-a machine draw.  A step is semi-implicit: valve and arm by implicit Euler, each pressure by linearly implicit
+a machine draw.  The pressures are kept as sum and difference:
+a motion and its mirror image are then the same to the last bit.  A step is semi-implicit: valve and arm by implicit Euler, each pressure by linearly implicit
 Euler (its valves are stiff), then the speed with the new pressures, then tool and angles with the new speed.
 """
 
@@ -24,7 +25,7 @@ from fmus.machine import dynamics
 from specs import parameters
 
 PRESSURE = 1e7  # Pa, unit of the pressures here
-DRIVE = ("slew", "speed", "p_a", "p_b", "opening")
+DRIVE = ("slew", "speed", "p_sum", "p_difference", "opening")
 TOOL = ("roll", "pitch", "roll_rate", "pitch_rate")
 ARM = ("boom", "stick", "boom_rate", "stick_rate")
 STATES = (*DRIVE, *TOOL, *ARM)
@@ -59,8 +60,8 @@ def step(x: Any, u: Any, load: Any, h: float) -> ca.SX:
     values = {
         "slew": now.slew + h * (now.speed + speed) / 2,
         "speed": speed,
-        "p_a": p_a,
-        "p_b": p_b,
+        "p_sum": p_a + p_b,
+        "p_difference": p_a - p_b,
         "opening": opening,
         "roll": now.roll + h * roll_rate,
         "pitch": now.pitch + h * pitch_rate,
@@ -108,7 +109,8 @@ def opening_miss(opening: Any, p_a: Any, p_b: Any, climb_a: Any, climb_b: Any, s
     share, turning = ca.fabs(opening), side * speed
     fed, back = (ca.if_else(opening > 0, one, other) * PRESSURE for one, other in ((p_a, p_b), (p_b, p_a)))
     fed_climb, back_climb = (
-        ca.if_else(opening > 0, one, other) * PRESSURE for one, other in ((climb_a, climb_b), (climb_b, climb_a))
+        ca.if_else(opening > 0, one, other) * PRESSURE
+        for one, other in ((climb_a, climb_b), (climb_b, climb_a))
     )
     flows = slew_drive.flows_at(share, fed - back, fed, back, p)
     compliance = p.slew_chamber_volume / p.slew_bulk_modulus
@@ -132,7 +134,8 @@ def _pressures(now: SimpleNamespace, opening: Any, h: float, p: SimpleNamespace)
     rates = ca.vertcat(*slew_drive.pressure_rates(flows, p_a, p_b, now.speed, p)) / PRESSURE
     slopes = ca.vertcat(*(ca.jacobian(rates[i], symbols[i]) for i in range(2)))
     after = symbols + h * rates / (1 - h * slopes)
-    after = ca.substitute(after, symbols, ca.vertcat(now.p_a, now.p_b))
+    before = ca.vertcat(now.p_sum + now.p_difference, now.p_sum - now.p_difference) / 2
+    after = ca.substitute(after, symbols, before)
     least = 0.02  # of PRESSURE: the checks hold the low side up
     return ca.fmax(after[0], least), ca.fmax(after[1], least)
 
@@ -174,5 +177,5 @@ def _swing(
 def rest(boom: float, stick: float) -> np.ndarray:
     """State [13] at rest with the tool hanging."""
     boost = figures().slew_boost_pressure / PRESSURE
-    values = {"boom": boom, "stick": stick, "p_a": boost, "p_b": boost}
+    values = {"boom": boom, "stick": stick, "p_sum": 2 * boost}
     return np.array([values.get(name, 0.0) for name in STATES])
