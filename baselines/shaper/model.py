@@ -16,7 +16,8 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     radius, _ = kinematics.arm_tip(u.q_boom, u.q_stick, p)
     moment = control.inertia(x, u, p)
     target = shaping.new_target(x, u, ca.pi / ca.sqrt(p.gravity * x.inverse_length))
-    copies, r, v, a = _shaped(x, u, target, moment, p)
+    shares = shaping.amplitudes(p.shaper_kind, p.shaper_damping_ratio)
+    copies, r, v, a = _shaped(x, u, target, shares, moment, p)
     late_r, late_v, late_a, lags = shaping.lagged(x, ca.if_else(x.started < 0.5, u.q_slew, r), p.shaper_lag)
     swing, model = _swing(x, u, late_a, radius, p)
     feedback = p.shaper_speed_gain * (late_v - speed) + p.shaper_angle_gain * (late_r - u.q_slew)
@@ -37,16 +38,17 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
         **control.weighed(x, u, speed, p),
         **shaping.pendulum(x, u, speed, radius, p, p.shaper_length_rate),
         "slew_command": control.joystick(wanted, p, x.band) * (1 - resting),
-        **control.arm(u, p),
+        **shaping.joints(x, u, target, shares, p),
     }
 
 
-def _shaped(x: Namespace, u: Namespace, target: dict[str, Any], moment: Any, p: Namespace) -> tuple[Any, ...]:
+def _shaped(
+    x: Namespace, u: Namespace, target: dict[str, Any], shares: list[Any], moment: Any, p: Namespace
+) -> tuple[Any, ...]:
     """Next states of the copies, and angle, speed, acceleration of their sum."""
     pace = control.clip(u.pace, 0.1, 2.0)
     limit = p.shaper_speed_limit * pace
     rate = p.shaper_brake_share * pace * control.braking(moment, p)
-    shares = shaping.amplitudes(p.shaper_kind, p.shaper_damping_ratio)
     states, r, v, a = {}, 0.0, 0.0, 0.0
     for i, share in zip(shaping.COPIES, shares, strict=True):
         late = target["clock"] >= i * target["half_period"] - control.STEP / 2
@@ -94,6 +96,16 @@ MODEL = Model(
         Variable("half_period", "s", "Half a period of the tool's roll, when the target changed", start=1.4),
         *(Variable(f"r_{i}", "rad", f"Angle of the profile's copy {i}") for i in shaping.COPIES),
         *(Variable(f"v_{i}", "rad/s", f"Speed of the profile's copy {i}") for i in shaping.COPIES),
+        *(
+            Variable(f"{joint}_{name}", unit, f"{joint.capitalize()}: {text}")
+            for joint in ("boom", "stick")
+            for name, unit, text in (
+                ("goal", "rad", "angle of the target"),
+                ("old", "rad", "angle of the target before"),
+                *((f"r_{i}", "rad", f"angle of the profile's copy {i}") for i in shaping.COPIES),
+                *((f"v_{i}", "rad/s", f"speed of the profile's copy {i}") for i in shaping.COPIES),
+            )
+        ),
         Variable("lag_1", "rad", "Reference after one lag"),
         Variable("lag_2", "rad", "Reference after both lags"),
         Variable("model_roll", "rad", "Roll of the reference motion"),

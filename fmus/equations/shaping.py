@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from fmus.equations import slew_control as control
+from fmus.equations import kinematics, slew_control as control
 
 Namespace = Any
 Scalar = Any
@@ -67,6 +67,49 @@ def new_target(x: Namespace, u: Namespace, half_period: Scalar) -> dict[str, Sca
 
 def _changed(x: Namespace, goal: Scalar) -> Scalar:
     return ca.fmax(ca.fabs(control.wrap(goal - x.goal)) > 1e-9, x.started < 0.5)
+
+
+def joints(
+    x: Namespace, u: Namespace, target: dict[str, Scalar], shares: list[Scalar], p: Namespace
+) -> dict[str, Scalar]:
+    """Next states of the arm: shaped profiles of boom and stick, and velocity references that follow them."""
+    _, q_boom, q_stick = kinematics.inverse(u.target_x, u.target_y, u.target_z, p)
+    wanted = {"boom": (q_boom, u.q_boom), "stick": (q_stick, u.q_stick)}
+    states: dict[str, Scalar] = {}
+    for joint, (goal, q) in wanted.items():
+        states |= _joint(joint, goal, q, x, target, shares, p)
+    return states
+
+
+def _joint(
+    joint: str,
+    goal: Scalar,
+    q: Scalar,
+    x: Namespace,
+    target: dict[str, Scalar],
+    shares: list[Scalar],
+    p: Namespace,
+) -> dict[str, Scalar]:
+    low, high = getattr(p, f"{joint}_min"), getattr(p, f"{joint}_max")
+    goal = control.clip(goal, low + p.control_arm_margin, high - p.control_arm_margin)
+    first, changed = x.started < 0.5, target["clock"] < control.STEP / 2
+    before = ca.if_else(
+        first, q, ca.if_else(changed, getattr(x, f"{joint}_goal"), getattr(x, f"{joint}_old"))
+    )
+    states = {f"{joint}_goal": goal, f"{joint}_old": before}
+    angle, speed = 0.0, 0.0
+    for i, share in zip(COPIES, shares, strict=True):
+        late = target["clock"] >= i * target["half_period"] - control.STEP / 2
+        here = ca.if_else(first, q, getattr(x, f"{joint}_r_{i}"))
+        r, v = profile(
+            *(here, getattr(x, f"{joint}_v_{i}"), ca.if_else(late, goal, before)),
+            *(p.shaper_arm_rate, p.shaper_arm_acceleration, p.shaper_slope),
+        )
+        states |= {f"{joint}_r_{i}": r, f"{joint}_v_{i}": v}
+        angle, speed = angle + share * r, speed + share * v
+    reference = speed + p.control_arm_gain * (angle - p.shaper_arm_lag * speed - q)
+    limited = control.clip(reference, -p.control_arm_rate_limit, p.control_arm_rate_limit)
+    return states | {f"{joint}_reference": limited}
 
 
 def lagged(x: Namespace, r: Scalar, lag: Scalar) -> tuple[Scalar, Scalar, Scalar, dict[str, Scalar]]:
