@@ -97,7 +97,8 @@ def _given(part: Part, r: Recording) -> Measurement:
     made = {n: Channel(n, unit, columns["time"], v) for n, (unit, v) in part.derive(columns).items()}
     own = {n: c for n, c in r.measured.channels.items() if n not in made or n not in felt.PAIRS.values()}
     kept = {n: c for n, c in made.items() if n not in own or n in part.feels}
-    return replace(r.measured, channels=own | kept)
+    moved = {n: replace(own[n], time=own[n].time + late) for n, late in part.later.items() if n in own}
+    return replace(r.measured, channels=own | kept | moved)
 
 
 def _felt(part: Part, r: Recording) -> dict[str, np.ndarray]:
@@ -121,7 +122,12 @@ def _smooth(r: Recording, q: str, v: str) -> None:
     angle, rate = r.measured[q], r.measured[v]
     signals = {n: Signal(c.time, c.values.astype(float)) for n, c in ((q, angle), (v, rate))}
     run = Run(r.label, float(angle.time[0]), float(angle.time[-1]), {}, signals)
-    for n, values in felt.recorded(run, (q, v)).items():
+    gyros = {
+        rate: np.interp(angle.time, r.measured[n].time, r.measured[n].values)
+        for rate, n in felt.GYROS.items()
+        if n in r.measured
+    }
+    for n, values in felt.recorded(run, (q, v), gyros).items():
         r.motion[n] = Channel(n, "", angle.time, values)
 
 

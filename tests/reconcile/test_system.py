@@ -54,7 +54,8 @@ def test_the_tools_angles_and_rates_are_those_of_the_reference_machine() -> None
     for n in ("q_tool_x", "q_tool_y", "qd_tool_x", "qd_tool_y"):
         true = columns[f"true_{n}"]
         assert np.max(np.abs(true)) > 0.03
-        assert found[n].values == pytest.approx(true, abs=1e-6)
+        # a rate has its zero taken off by the angle beside it, as far as that tells
+        assert found[n].values == pytest.approx(true, abs=1e-6 if n.startswith("q_") else 1e-3)
     assert any("imu_tool" in said for said in found.repairs)
 
 
@@ -81,9 +82,10 @@ def test_a_neighbour_is_given_what_the_arm_makes_of_its_motion() -> None:
     given = _given(slew, r)
     for n in ("inertia", "inertia_rate"):
         assert given[n].values == pytest.approx(arm[n], rel=1e-12, abs=1e-9)
-    given = _given(tool, r)  # where slew and arm are at the end of the tool's step
+    given = _given(tool, r)  # where slew and arm are in the middle of the tool's step
     for n in ("radius", "radius_rate", "height"):
-        assert given[n].values[:-1] == pytest.approx(arm[n][1:], rel=1e-9, abs=1e-9)
+        middle = 0.5 * (arm[n][:-1] + arm[n][1:])
+        assert given[n].values[:-1] == pytest.approx(middle, rel=1e-3, abs=2e-3)
 
 
 def test_what_is_felt_is_nearer_to_the_truth_than_the_recording() -> None:
@@ -98,12 +100,19 @@ def test_what_is_felt_is_nearer_to_the_truth_than_the_recording() -> None:
     assert np.std(found["qd_slew"] - rate) < 0.5 * 1e-3
 
 
-def test_a_late_rate_is_left_out() -> None:
+def test_a_late_rate_is_moved_and_a_gyroscope_helps() -> None:
     rng, t = np.random.default_rng(2), PERIOD * np.arange(600)
-    angle, rate = 0.3 * np.sin(2.5 * t), 0.75 * np.cos(2.5 * t)
-    late = np.concatenate([np.full(10, rate[0]), rate[:-10]]) + 1e-3 * rng.standard_normal(len(t))
-    _, found = felt.joined(angle + 1e-4 * rng.standard_normal(len(t)), late, PERIOD)
-    assert np.std((found - rate)[10:-10]) < 5e-3
+    angle, rate = 0.6 * np.sin(1.2 * t), 0.72 * np.cos(1.2 * t)
+    late = np.concatenate([np.full(10, rate[0]), rate[:-10]]) + 3e-3 * rng.standard_normal(len(t))
+    gyro = rate + 0.05 + 1e-3 * rng.standard_normal(len(t))
+    seen = {"q_slew": Signal(t, angle + 2e-4 * rng.standard_normal(len(t))), "qd_slew": Signal(t, late)}
+    run = Run("run", 0.0, t[-1], {}, seen)
+    errors = [
+        np.std((felt.recorded(run, ("q_slew",), gyros)["qd_slew"] - rate)[15:-15])
+        for gyros in (None, {"qd_slew": gyro})
+    ]
+    assert errors[0] < 1.6e-3  # 0.2 s late it would be 0.12 off
+    assert errors[1] < 0.85 * errors[0]
 
 
 def figures(
