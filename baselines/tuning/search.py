@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from baselines.bench import Report
+from baselines.gains import machine
 from baselines.parameter_file import update
 from baselines.registry import Controller, Range
 from baselines.tuning import cost as objective
@@ -58,6 +59,7 @@ def run(controller: Controller, report: Report | None = None, budget_h: float = 
         update(controller.gains, found, _how(controller, budget_h, judged))
     return {
         "controller": controller.name,
+        "machine": machine(),
         "gains": candidates[kept],
         "kept": kept,
         "start": start,

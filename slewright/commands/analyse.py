@@ -1,5 +1,6 @@
 """`slewright analyse CONTROLLER`: margins of its slew loop."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,14 +19,19 @@ def analyse(
     gain: Annotated[
         list[str] | None, typer.Option("--gain", metavar="NAME=VALUE", help="Another gain (repeatable).")
     ] = None,
+    gains: Annotated[
+        Path | None, typer.Option("--gains", metavar="FILE", help="Gains that slewright tune --json wrote.")
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Linearise a controller's slew loop: gain, phase and delay margin, sensitivity, whether it is stable."""
     from baselines import registry
+    from baselines.gains import apply
     from baselines.loop import analyse as run
     from slewright.tables import show
 
     chosen = registry.find(controller)
+    chosen = chosen if gains is None else apply(chosen, gains)
     loops = run(chosen, dict(_gain(text) for text in gain or ()))
     rows = []
     for name, loop in loops.items():

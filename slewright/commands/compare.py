@@ -1,6 +1,6 @@
 """`slewright compare`: the controllers held against one another and against the paper's."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -45,6 +45,10 @@ def compare(
     controller: Annotated[
         list[str] | None, typer.Option("--controller", metavar="NAME", help="Only this one (repeatable).")
     ] = None,
+    gains: Annotated[
+        list[str] | None,
+        typer.Option("--gains", metavar="NAME=FILE", help="Gains of a controller from a file (repeatable)."),
+    ] = None,
     task: Annotated[list[Task] | None, typer.Option("--task", help="Only this task (repeatable).")] = None,
     load: Annotated[list[Load] | None, typer.Option("--load", help="Only this load (repeatable).")] = None,
     draw_set: Annotated[
@@ -83,7 +87,7 @@ def compare(
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
     chosen = SEALED if sealed else draw_set
     question = Question(
-        controllers=registry.select(controller or ()),
+        controllers=_with_gains(registry.select(controller or ()), gains or ()),
         tasks=[t.value for t in task or Task],
         loads=[entry.value for entry in load or Load],
         draw_set=chosen,
@@ -100,6 +104,18 @@ def compare(
     write(json, found, seed=1)
     if found["failed"]:
         raise typer.Exit(3)
+
+
+def _with_gains(controllers: list[Any], texts: Sequence[str]) -> list[Any]:
+    """The controllers, some with gains of a file."""
+    from baselines.gains import apply
+    from specs.errors import InputError
+
+    files = {name: Path(file) for name, _, file in (text.partition("=") for text in texts)}
+    for name in files:
+        if name not in {c.name for c in controllers}:
+            raise InputError(f"--gains {name}=…: no such controller in this comparison")
+    return [apply(c, files[c.name]) if c.name in files else c for c in controllers]
 
 
 def _show(found: Mapping[str, Any]) -> None:
