@@ -73,6 +73,10 @@ def compare(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers do the runs.")
     ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option("--page", metavar="FILE", exists=True, help="Write the tables into this Markdown file."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Compare controllers on both tasks and all loads, on re-drawn machines; four metrics, intervals."""
@@ -102,8 +106,27 @@ def compare(
     found = figures(question, plan.runs, done.results)
     _show(found)
     write(json, found, seed=1)
+    if page is not None:
+        _fill(page, found)
     if found["failed"]:
         raise typer.Exit(3)
+
+
+def _fill(page: Path, found: Mapping[str, Any]) -> None:
+    """The tables over machines as Markdown, between the page's markers."""
+    from slewright import markers
+
+    lines = []
+    for task, content in found["task"].items():
+        unit = "°" if task == "slew" else "m"
+        lines += [
+            f"**{task}**, {found['machines']} machines of the {found['draw_set']} draws; error in {unit}:",
+            "",
+        ]
+        lines += ["| " + " | ".join(COLUMNS) + " |", "|---|---|" + "--:|" * (len(COLUMNS) - 2)]
+        rows = _rows(task, content["controllers"])
+        lines += ["| " + " | ".join(map(str, row)) + " |" for row in rows] + [""]
+    markers.fill(page, "compare", "\n".join(lines))
 
 
 def _with_gains(controllers: list[Any], texts: Sequence[str]) -> list[Any]:
