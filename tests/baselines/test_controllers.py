@@ -9,6 +9,7 @@ import pytest
 
 from baselines import registry
 from baselines.registry import Controller
+from fmus.build import build_fmu
 from fmus.definition import Model
 from fmus.discrete import DiscreteStepper
 from fmus.equations import kinematics
@@ -21,6 +22,7 @@ from orchestrator.system import System
 from specs import parameters, systems
 from specs.errors import InputError
 from specs.signals import signal
+from tests.fmus.importer import Imported
 from tests.fmus.roll_out import check_reference, feeds_through, unused_parameters
 
 OWN = [c for c in registry.select() if c.folder != "pi"]  # the PI has tests of its own
@@ -105,6 +107,20 @@ def test_interface(folder: str) -> None:
     assert model.step == 1.0 / registry.RATE_HZ
     assert feeds_through(model) == []
     assert unused_parameters(model) == []
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_the_fmu_computes_what_the_equations_say(folder: str) -> None:
+    model = load_model(folder)
+    stepper, names = DiscreteStepper(model), [v.name for v in model.outputs]
+    with Imported(build_fmu(folder, 2), None, **_stimuli(model, 0)) as fmu:
+        for tick in range(300):
+            stepper.set(**_stimuli(model, tick))
+            fmu.set(**_stimuli(model, tick))
+            stepper.advance()
+            fmu.step()
+            expected = stepper.outputs()
+            np.testing.assert_allclose(fmu.get(*names), [expected[n] for n in names], atol=1e-6)
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
