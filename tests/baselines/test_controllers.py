@@ -109,11 +109,11 @@ def test_interface(folder: str) -> None:
     assert unused_parameters(model) == []
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
+# An optimisation amplifies the last digits of sine and cosine: the predictive controller has a test of its own.
+@pytest.mark.parametrize("folder", [f for f in FOLDERS if f != "nmpc"])
 def test_the_fmu_computes_what_the_equations_say(folder: str) -> None:
     model = load_model(folder)
     stepper, names = DiscreteStepper(model), [v.name for v in model.outputs]
-    atol = 1e-3 if folder == "nmpc" else 1e-9  # an optimisation amplifies the last digits of sine and cosine
     with Imported(build_fmu(folder, 2), None, **_stimuli(model, 0)) as fmu:
         for tick in range(300):
             stepper.set(**_stimuli(model, tick))
@@ -121,7 +121,7 @@ def test_the_fmu_computes_what_the_equations_say(folder: str) -> None:
             stepper.advance()
             fmu.step()
             expected = stepper.outputs()
-            np.testing.assert_allclose(fmu.get(*names), [expected[n] for n in names], atol=atol)
+            np.testing.assert_allclose(fmu.get(*names), [expected[n] for n in names], atol=1e-9)
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
