@@ -109,7 +109,7 @@ def test_interface(folder: str) -> None:
     assert unused_parameters(model) == []
 
 
-# An optimisation amplifies the last digits of sine and cosine: the predictive controller has a test of its own.
+# An optimisation amplifies the last digits of a sine: the predictive controller has a test of its own.
 @pytest.mark.parametrize("folder", [f for f in FOLDERS if f != "nmpc"])
 def test_the_fmu_computes_what_the_equations_say(folder: str) -> None:
     model = load_model(folder)
