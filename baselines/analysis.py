@@ -89,7 +89,7 @@ def pi_margins(plant: Plant, gain: float, reset_rate: float) -> Margins:
     """Margins of gain (1 + reset_rate / s) around `plant`, with the hold of a 50 Hz controller."""
     s = 1j * FREQUENCIES
     loop = gain * (1 + reset_rate / s) * plant.response * np.exp(-s * HOLD_S)
-    return _margins(loop, FREQUENCIES)
+    return margins(loop, FREQUENCIES)
 
 
 def arm_margins(gain: float, parameters: Mapping[str, float], joint: str) -> Margins:
@@ -101,10 +101,10 @@ def arm_margins(gain: float, parameters: Mapping[str, float], joint: str) -> Mar
     response, delay = parameters[f"{joint}_response"], round(parameters[f"{joint}_delay"] / STEP)
     denominator = [*np.polymul([1, response - 1], [1, -1]), *np.zeros(delay)]
     loop = control.TransferFunction([gain * STEP * response], denominator, STEP)
-    return _margins(loop(np.exp(1j * omega * STEP)), omega)
+    return margins(loop(np.exp(1j * omega * STEP)), omega)
 
 
-def _margins(loop: np.ndarray, omega: np.ndarray) -> Margins:
+def margins(loop: np.ndarray, omega: np.ndarray) -> Margins:
     """Margins nearest to instability over all crossings of a frequency response; negative: unstable."""
     phase = np.degrees(np.unwrap(np.angle(loop)))
     gain, pm, _, _, crossover, _ = control.stability_margins((np.abs(loop), phase, omega), returnall=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from fmus.build import BUILD, build_fmu
-from fmus.loader import model_folders
+from fmus.loader import load_model, model_folders
 from specs import systems
 from specs.errors import InputError, nearest
 from specs.ssd import FmiVersion, render, stem
@@ -21,11 +21,16 @@ def pack_system(
 ) -> Path:
     """Build the FMUs of the system `name`, pack it and return the path, e.g. build/systems/nominal-fmi3.ssp.
 
-    `models` replaces model folders by the name the system knows them by.
+    `models` replaces model folders by the name the system knows them by; a model there gets the signals that
+    the system offers in its place and that it has as inputs.
     Raises InputError for an unknown system or a component without a model folder.
     """
     spec = systems.load(name)
     known = model_folders() | dict(models or {})
+    for component in spec.components:
+        if component.fmu in (models or {}):
+            inputs = {v.name for v in load_model(known[component.fmu]).inputs}
+            spec = spec.fitted(component.name, inputs)
     resources: dict[str, Path] = {}
     for component in spec.components:
         if component.fmu not in known:

@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Protocol
@@ -51,6 +51,7 @@ class Job:
     ssp: Path
     controller: str
     record: Path
+    parameters: Mapping[str, float] = field(default_factory=dict)  # "component.parameter" -> value
 
 
 @dataclass(frozen=True)
@@ -75,14 +76,17 @@ def verify(
     out: Path = Path("out/verify"),
     model: Path | None = None,
     jobs: int = 2,
+    settings: Mapping[str, float] | None = None,
+    name: str = "",
     progress: Report | None = None,
 ) -> Verification:
     """Run `scenarios` on `systems` and write records, metrics.json and report.html to `out`.
 
     `scenarios` are names, or paths of target files in the form of specs/scenarios (default: all names).
     `model` is the folder of a controller that takes the place of the PI, or of any model that a system has
-    (fmus.definition); it runs with the limits of the controller it replaces.  Raises InputError before
-    anything runs; RunError, naming every run that failed, after the others were recorded.
+    (fmus.definition); it runs with the limits of the controller it replaces, with these `settings` of its
+    parameters ("component.parameter" -> value), and is called `name` (default: its folder's).  Raises
+    InputError before anything runs; RunError, naming every run that failed, after the others were recorded.
     """
     report = progress or (lambda what, done=None, total=None: None)
     chosen = [s for text in (scenarios or scenarios_spec.names()) for s in scenarios_spec.find(text)]
@@ -91,16 +95,19 @@ def verify(
     replaced = {} if model is None else replacement(model, systems)
     _make_folder(out / "records")
     packed = {}
-    for name in systems:
-        report(f"building {name}")
+    for system in systems:
+        report(f"building {system}")
         folder = SYSTEMS if model is None else out / "systems"
-        packed[name] = pack_system(name, out=folder, models=replaced)
-        check_interventions(chosen, packed[name])
-    controller = CONTROLLER if model is None else model.resolve().name
+        packed[system] = pack_system(system, out=folder, models=replaced)
+        check_interventions(chosen, packed[system])
+    controller = name or (CONTROLLER if model is None else model.resolve().name)
     jobs_list = [
-        Job(s, name, seed, packed[name], controller, out / "records" / f"{s.name}-{name}.parquet")
+        Job(
+            *(s, system, seed, packed[system], controller, out / "records" / f"{s.name}-{system}.parquet"),
+            settings or {},
+        )
         for s in chosen
-        for name in systems
+        for system in systems
     ]
     elapsed = _run_all(jobs_list, jobs, report)
     report("writing the report")
@@ -168,7 +175,7 @@ def run(job: Job) -> float:
         system,
         scenario.duration_ticks,
         Stimuli(scenario.stimuli()),
-        plant_parameters(system, job.system, scenario.parameters(job.seed)),
+        plant_parameters(system, job.system, scenario.parameters(job.seed)) | dict(job.parameters),
         record_path=job.record,
         seed=job.seed,
         faults=scenario.faults,

@@ -53,6 +53,12 @@ class Run:
     inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
     notes: tuple[str, ...] = ()  # what reading the recording mended
+    before_s: float = 0.0  # between the recording's begin and the stretch: what drifts does so in gaps too
+
+    @property
+    def began_s(self) -> float:
+        """When the recording began, of which this is a stretch."""
+        return self.start_s - self.before_s
 
     @property
     def period_s(self) -> float:
@@ -103,7 +109,8 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
         if end - start > LEAST_STRETCH * step:
             signals = [_cut(channels, names, start, end) for names in (inputs, outputs)]
             label = name if not runs else f"{name}.{len(runs)}"
-            runs.append(Run(label, start, end, *signals, notes=measured.repairs))
+            before = start - pieces[0].start_s
+            runs.append(Run(label, start, end, *signals, notes=measured.repairs, before_s=before))
     if not runs:
         raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))
     return runs

@@ -15,7 +15,7 @@ import casadi as ca
 
 from fmus.definition import Model, Sensor, Variable
 from fmus.loader import load_model
-from reconcile import sites
+from reconcile import quantization, sites
 from reconcile.catalogue import ALL
 from reconcile.model import Attached, Extended, read_folder
 from reconcile.ports import Ports
@@ -32,6 +32,8 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
     Raises InputError for an effect that is not in the catalogue.
     """
     folder = read_folder(base)
+    steps = {port: values["step"] for key, port, _, values in effects if key == quantization.NAME}
+    effects = [e for e in effects if e[0] != quantization.NAME]
     effects = [e for e in effects if not _effect(e[0]).clock]  # a clock is the recording's, not the model's
     attached = [
         Attached(sites.fitted(_effect(key), folder.ports, port), port, other)
@@ -52,7 +54,7 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
         replace(v, start=parameters.get(v.name, v.start), vr=None) for v in model.parameters
     )
     extra = _Equations(extended)
-    names = ", ".join(a.effect.name for a in attached)
+    names = ", ".join([*(a.effect.name for a in attached), *[quantization.NAME] * len(steps)])
     changed = replace(
         model,
         name=model.name,
@@ -63,7 +65,7 @@ def extend(base: Path | str, effects: Sequence[Entry], parameters: Mapping[str, 
         out=extra.out,
         initial=extra.initial,
     )
-    return _delayed(changed, folder.ports, attached)
+    return _stepped(_delayed(changed, folder.ports, attached), steps)
 
 
 def declared_ports(base: Path | str) -> Mapping[str, Any] | None:
@@ -163,6 +165,18 @@ def _delayed(model: Model, ports: Ports, attached: Sequence[Attached]) -> Model:
             model = _added(model, known.delay, name)
             sensors[output] = replace(known, delay=known.delay or name)
     return replace(model, delays=delays, sensors=sensors)
+
+
+def _stepped(model: Model, steps: Mapping[str, float]) -> Model:
+    """Steps of sensors, which the FMU rounds its outputs to."""
+    for output, step in steps.items():
+        unit = next(v.unit for v in model.outputs if v.name == output)
+        name = _identifier(f"{quantization.NAME}@{output}.step")
+        shown = Variable(name, unit, f"Steps in which {output} is shown", start=step)
+        sensor = replace(model.sensors.get(output, Sensor()), quantum=name)
+        sensors = {**model.sensors, output: sensor}
+        model = replace(model, parameters=(*model.parameters, shown), sensors=sensors)
+    return model
 
 
 def _added(model: Model, known: str | None, name: str) -> Model:

@@ -20,6 +20,8 @@ axis        what a force in `unit` accelerates: `inertia` (a number or parameter
             `reach2_rate`: squared distance (m2) of a payload from it, and its rate.
 hydraulic   two chambers and their supply; the roles are in reconcile/catalogue/hydraulics.py.
 pendulum    two crossed pendulum axes on a turning suspension; roles in reconcile/catalogue/pendulum.py.
+hung        something that swings below an axis: `axis`, and `pull`, what 1 kg of it pulls along that axis,
+            made of recorded inputs (reconcile/catalogue/reactions.py).
 inputs      measured inputs that reach the model together; `offsets`: those that an offset may sit on.
 outputs     outputs of one sensor; `turned`: pairs of outputs that a sensor turned about an axis mixes.
 input       `has`: effects that the model has itself at this input.  Other kinds of port may say so too.
@@ -54,17 +56,25 @@ HYDRAULIC = (
 )  # fmt: skip
 PENDULUM = (
     "pitch", "roll", "pitch_length", "roll_length", "slew", "slew_rate", "slew_acceleration", "radius",
-    "radius_rate",
+    "radius_rate", "radius_acceleration", "height", "gravity",
 )  # fmt: skip
 KEYS = {
     "axis": AXIS,
     "hydraulic": HYDRAULIC,
     "pendulum": PENDULUM,
+    "hung": ("axis", "pull"),
     "inputs": ("inputs", "offsets"),
     "outputs": ("outputs", "turned"),
     "input": (),
     "parameters": ("doubtful",),
 }
+NEEDED = {
+    "axis": ("velocity",),
+    "hung": ("axis", "pull"),
+    "inputs": ("inputs",),
+    "outputs": ("outputs",),
+}
+SITES = ("hydraulic", "pendulum", "hung")  # kinds of ports with roles
 SCALED = ("supply", "flow", "viscous", "pitch_length", "roll_length")  # roles that are parameters
 Role = Any  # see the module docstring
 
@@ -153,9 +163,7 @@ def find_ports(model: Model, declared: Mapping[str, Any] | None = None) -> Ports
         controls=tuple(free or offsets or together),
         axes=axes,
         outputs=tuple(v.name for v in model.outputs),
-        sites=tuple(
-            Site(n, kinds[n], e) for n, e in entries.items() if kinds[n] in ("hydraulic", "pendulum")
-        ),
+        sites=tuple(Site(n, kinds[n], e) for n, e in entries.items() if kinds[n] in SITES),
         input_groups={n: tuple(e["inputs"]) for n, e in groups.items()},
         output_groups={n: tuple(e["outputs"]) for n, e in of("outputs").items()},
         turned={n: tuple(map(tuple, e["turned"])) for n, e in of("outputs").items() if e.get("turned")},
@@ -176,7 +184,12 @@ def _kind(model: Model, name: str, entry: Mapping[str, Any]) -> str:
     wrong = sorted(set(entry) - {*KEYS[kind], "kind", "has"})
     if wrong:
         raise InputError(f"{where}: unknown key '{wrong[0]}'; {nearest(wrong[0], KEYS[kind])}")
-    for needed in {"axis": ("velocity",), "inputs": ("inputs",), "outputs": ("outputs",)}.get(kind, ()):
+    for needed in {
+        "axis": ("velocity",),
+        "hung": ("axis", "pull"),
+        "inputs": ("inputs",),
+        "outputs": ("outputs",),
+    }.get(kind, ()):
         if needed not in entry:
             raise InputError(f"{where}: no '{needed}'")
     if any(c in name for c in ".@+"):

@@ -30,12 +30,15 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
     own = sorted(a.effect.name for a in answer.present)
     sets = [own, *(sorted(a.effect.name for a in k) for k in answer.alternatives)]
     scored = _scores(found)
+    effects = [_effect(study, answer, a) for a in answer.present]
+    standing = verdict.name in ("named", "ambiguous")  # else free terms did better: these are only nearest
     return {
         "verdict": verdict.name,
         "sentence": verdict.sentence,
-        "effects": [_effect(study, answer, a) for a in answer.present],
+        "effects": effects if standing else [],
+        "nearest": [] if standing else effects,
         "residual_status": verdict.residual,
-        "alternatives": sets if answer.present else [],
+        "alternatives": sets if answer.present and standing else [],
         "reestimated": moved_parameters(study, answer.fitted),
         "nuisances": {},
         "where": localise.rows(study, found.located),

@@ -15,7 +15,7 @@ import numpy as np
 
 from fmus.definition import Model
 from reconcile.catalogue.effect import Effect, Result, Scales
-from reconcile.ports import SCALED, Ports, Role, Site, names_of
+from reconcile.ports import SCALED, SITES, Ports, Role, Site, names_of
 
 CHAMBERS = ("a", "b")
 GROUPED = ("input_delay",)  # effects of one input that also hit a group together
@@ -37,7 +37,7 @@ def ports_of(effect: Effect, ports: Ports, recorded: Sequence[str]) -> list[str]
         shown = {n for n in ports.outputs if n in recorded}
         groups = {n: shown & set(members) for n, members in ports.output_groups.items()}
         return [n for n, members in groups.items() if len(members) > 1 and members != shown]
-    if effect.port in ("hydraulic", "pendulum"):
+    if effect.port in SITES:
         sites = [s for s in ports.sites if s.kind == effect.port]
         return [s.name for s in sites if all(need in s.roles for need in effect.needs)]
     return []
@@ -125,7 +125,7 @@ def turned(assembly: Assembly, outputs: ca.SX) -> None:
 
 
 def results(assembly: Assembly, inputs: ca.SX) -> list[tuple[Site, dict[str, Any]]]:
-    """What the effects at hydraulic and pendulum ports change there, gates applied."""
+    """What the effects at ports with roles change there, gates applied."""
     found = []
     for site in assembly.e.folder.ports.sites:
         for a in _attached(assembly, site.kind, [site.name]):

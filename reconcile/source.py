@@ -2,26 +2,32 @@
 
 import json
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
+from reconcile import quantization
 from reconcile.search import Answer
 from reconcile.study import Study
 
+Entry = tuple[str, str, str | None, dict[str, float]]
 
-def write_model(study: Study, answer: Answer, out: Path) -> Path:
-    """Write DIR/model and return it; one that is there is replaced."""
+
+def write_model(study: Study, answer: Answer, out: Path, steps: Mapping[str, float] | None = None) -> Path:
+    """Write DIR/model and return it; one that is there is replaced.  `steps`: of outputs whose steps show."""
     target = out / "model"
     if target.exists():
         shutil.rmtree(target)
     target.mkdir(parents=True)
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(study.folder.path, target / "base", ignore=ignored)
-    (target / "model.py").write_text(_source(study, answer), encoding="utf-8")
-    (target / "README.md").write_text(_readme(study, answer), encoding="utf-8")
+    entries = _entries(study, answer)
+    rounded: list[Entry] = [(quantization.NAME, n, None, {"step": v}) for n, v in (steps or {}).items()]
+    (target / "model.py").write_text(_source(study, answer, [*entries, *rounded]), encoding="utf-8")
+    (target / "README.md").write_text(_readme(study, answer, entries, rounded), encoding="utf-8")
     return target
 
 
-def _entries(study: Study, answer: Answer) -> list[tuple[str, str, str | None, dict[str, float]]]:
+def _entries(study: Study, answer: Answer) -> list[Entry]:
     p, index = answer.fitted.point.p, study.extended.index
     found = []
     for a in answer.present:
@@ -32,11 +38,11 @@ def _entries(study: Study, answer: Answer) -> list[tuple[str, str, str | None, d
     return found
 
 
-def _source(study: Study, answer: Answer) -> str:
+def _source(study: Study, answer: Answer, entries: list[Entry]) -> str:
     p, index = answer.fitted.point.p, study.extended.index
     parameters = {f.name: float(p[index[f.name]]) for f in answer.fitted.free if f.prior}
-    effects = "".join(f"    {entry!r},\n" for entry in _entries(study, answer))
-    named = ", ".join(a.effect.name for a in answer.present) or "re-estimated parameters"
+    effects = "".join(f"    {entry!r},\n" for entry in entries)
+    named = ", ".join(key.partition(".")[0] for key, *_ in entries) or "re-estimated parameters"
     return (
         f'"""Model {study.model.name} with {named}, found by `slewright reconcile`; see README.md."""\n\n'
         "from pathlib import Path\n\nfrom reconcile.extend import declared_ports, extend\n\n"
@@ -48,11 +54,11 @@ def _source(study: Study, answer: Answer) -> str:
     )
 
 
-def _readme(study: Study, answer: Answer) -> str:
+def _readme(study: Study, answer: Answer, entries: list[Entry], rounded: list[Entry]) -> str:
     lines = [f"# {study.model.name}, extended", "", "The base model is in `base/`. Added to it:", ""]
-    for a, (_, _, _, values) in zip(answer.present, _entries(study, answer), strict=True):
+    effects = [(a.effect.name, a.effect.equation, a.effect.source) for a in answer.present]
+    effects += [(quantization.NAME, quantization.EQUATION, quantization.SOURCE)] * len(rounded)
+    for (name, equation, source), (_, port, _, values) in zip(effects, [*entries, *rounded], strict=True):
         numbers = ", ".join(f"{n} = {v:.5g}" for n, v in values.items())
-        lines.append(
-            f"- **{a.effect.name}** at `{a.port}`: {a.effect.equation}; {numbers}. {a.effect.source}"
-        )
+        lines.append(f"- **{name}** at `{port}`: {equation}; {numbers}. {source}")
     return "\n".join(lines) + "\n"

@@ -25,6 +25,7 @@ NEEDS = {
     "rad": "no axis of the model turns by an angle",
     "other": "there is no second signal of the same unit",
     "drive": "no input is known to drive an axis",
+    "pull": "no port of the model says what hangs from it and swings (kind hung)",
 }
 
 
@@ -90,18 +91,21 @@ def _behind(model: Model, rows: Sequence[int]) -> set[int]:
 def unseen(study, fitted: Fitted) -> list[dict[str, object]]:
     """Base parameters that the recordings say nothing about: [{"parameter", "because", "drive"}].
 
-    `drive` names the inputs to drive for it; empty where no input would help.
+    `drive` names the inputs to drive for it; empty where no input would help.  A model that says which of its
+    parameters are doubtful is asked for no others.
     """
     model: Model = study.model
+    doubtful = study.folder.ports.doubtful
     known = {f.name: f for f in fitted.free if f.prior}
     errors = dict(zip((f.name for f in fitted.free), np.sqrt(np.diag(fitted.covariance)), strict=True))
     rows = []
     for v in model.parameters:
         f = known.get(v.name)
         told = f is not None and f.prior is not None and errors[v.name] <= UNKNOWN * f.prior[1]
-        if not (told or v.fixed or v.name in _sensing(model)):
+        asked = v.name in doubtful if doubtful is not None else v.name not in _sensing(model)
+        if asked and not (told or v.fixed):
             rows.append(_advice(study.folder, study.floors, v.name))
-    return rows
+    return sorted(rows, key=lambda r: not r["drive"])
 
 
 def _sensing(model: Model) -> set[str]:

@@ -7,7 +7,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from reconcile import checks, nuisance, report as reports, target, untold, verdict as verdicts
+from reconcile import (
+    checks,
+    contract,
+    nuisance,
+    quantization,
+    report as reports,
+    target,
+    untold,
+    verdict as verdicts,
+)
 from reconcile.data import Run, read_run, split
 from reconcile.experiment import plan
 from reconcile.experiment.propose import Proposal, propose
@@ -16,7 +25,7 @@ from reconcile.search import Answer, Search
 from reconcile.study import Study, unique
 from reconcile.system.parts import Part, part_named, parts_of, with_signals
 from records.formats import read_measurement
-from specs.errors import InputError
+from specs.errors import InputError, RunError
 from specs.version import VERSION
 
 Report = Callable[..., None]
@@ -32,12 +41,12 @@ def reconcile(
     names: Path | None = None,
     report: Report | None = None,
     report_only: bool = False,
-    then: Callable[[Study, Answer], dict[str, Any]] | None = None,
+    then: Callable[[Study, Answer, dict[str, Any]], dict[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """Run the whole workflow, write DIR/report.json and DIR/model, and return the report.
 
     `report_only` leaves out what is made from the figures: the extended model and the page.  What `then`
-    makes of study and answer is added to the report.
+    makes of study, answer and figures is added to the report.
     Raises InputError for recordings or a model that cannot be used; nothing is written then.
     """
     said = report or (lambda *_: None)
@@ -47,22 +56,23 @@ def reconcile(
     target.check(out, [Path(model), *(p for paths in given for p in paths)])
     if Path(model).suffix.lower() == ".fmu":
         if then:
-            raise InputError(f"{model} is closed; --drive needs a model folder")
+            raise InputError(f"{model} is closed; --drive and --before need a model folder")
         return _closed(given, Path(model), out, names, said, report_only)
     if parts := parts_of(model):
-        return _system(given, parts, out, names, said, report_only)
+        return _system(given, parts, out, names, said, report_only, then)
     folder = checks.open_folder(model)
     said("reading")
     sets = _read(given, folder, checks.read_names(names, _variables(folder)))
     figures, study, answer = examine(folder, *sets, report=said)
     proposal = _next(study, answer, figures, said)
     if then:
-        figures |= then(study, answer)
+        figures |= then(study, answer, figures)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
     said("writing")
     with target.staged(out) as part:
-        if not report_only and (answer.present or figures["reestimated"]):
-            built = _build(reports.write_model(study, answer, part), part)
+        if not report_only and _extended(figures):
+            steps = quantization.steps(figures)
+            built = _build(reports.write_model(study, answer, part, steps), part)
             figures["model"] = {"folder": "model", "fmu": built}
         if proposal and proposal.commands:
             plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
@@ -96,6 +106,8 @@ def examine(
         figures["sentence"] += f" {nuisance.said(clocks)}."
         figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
     figures |= told(study, answer, figures)
+    steps = quantization.examine(study.model, _runs(study))
+    figures |= quantization.added(figures, steps, study.model.name)
     return figures, study, answer
 
 
@@ -117,7 +129,7 @@ def _examined(folder: Folder, given: Sequence[Sequence[Run]], said: Report):
 
 def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
     """What the recordings cannot tell, and what reading them mended."""
-    runs = unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
+    runs = _runs(study)
     parameters = untold.unseen(study, answer.base)
     found: dict[str, Any] = {"untold": untold.untold(study.folder, runs), "unseen": parameters}
     if figures["verdict"] == "insufficient_excitation" and parameters:
@@ -135,6 +147,10 @@ def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any
     return found
 
 
+def _runs(study: Study) -> list[Run]:
+    return unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
+
+
 def _next(study: Study, answer: Answer, figures: dict[str, Any], said: Report) -> Proposal | None:
     """The experiment that would settle what is open; it goes into the figures."""
     proposal = propose(study, answer, figures["verdict"], said)
@@ -149,8 +165,10 @@ def _system(
     names: Path | None,
     said: Report,
     report_only: bool,
+    then: Callable[[Study, Answer, dict[str, Any]], dict[str, Any]] | None,
 ) -> dict[str, Any]:
     """The same for a system of models: every part is examined, and its extended model lies in DIR/PART."""
+    from reconcile.system.doubt import next_experiment
     from reconcile.system.examine import examine as examine_system
 
     began = time.monotonic()
@@ -160,18 +178,25 @@ def _system(
     labels = checks.labels(p for paths in given for p in paths)
     sets = [[(labels[p], read_measurement(p, names=renamed)) for p in paths] for paths in given]
     figures, done = examine_system(parts, sets, examine, said)
+    doubt = next_experiment(done, said)
+    figures["next_experiment"] = doubt[1].figures if doubt else None
+    for e in done if then else ():
+        figures |= then(e.study, e.answer, figures)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
     said("writing")
     with target.staged(out) as part:
-        extended = [e for e in done if e.answer.present or e.figures["reestimated"]]
+        extended = [e for e in done if _extended(e.figures)]
         for found in [] if report_only else extended:
             folder = part / found.part.name
             folder.mkdir()
-            built = _build(reports.write_model(found.study, found.answer, folder), part)
+            steps = quantization.steps(found.figures)
+            built = _build(reports.write_model(found.study, found.answer, folder, steps), part)
             figures.setdefault("model", {})[found.part.name] = {
                 "folder": f"{found.part.name}/model",
                 "fmu": built,
             }
+        if doubt and doubt[1].commands:
+            plan.write_for(part, doubt[1], doubt[0].folder, [p for paths in given for p in paths])
         if not report_only:
             _show(part, figures, [(e.study, e.answer) for e in done], ", ".join(e.part.name for e in done))
         figures["files"] = sorted(p.name for p in part.iterdir())
@@ -241,6 +266,11 @@ def _as_part(path: Path, part: Part, folder: Folder, names: dict[str, str] | Non
     return own_runs(part, folder, Recording(label, measured))
 
 
+def _extended(figures: dict[str, Any]) -> bool:
+    """Whether a report has anything to put into a model."""
+    return bool(figures["effects"] or figures["nearest"] or figures["reestimated"])
+
+
 def _build(folder: Path, out: Path) -> str:
     from fmus.build import build_fmu
 
@@ -249,8 +279,12 @@ def _build(folder: Path, out: Path) -> str:
 
 
 def _write(path: Path, figures: dict[str, Any]) -> None:
+    """Write report.json; RunError if it is not what everyone who reads it relies on."""
+    content = _plain(figures)
+    if wrong := contract.check(content):
+        raise RunError(f"the report of this answer would not be in its own form: {wrong[0]}")
     unfinished = path.with_name(path.name + ".part")
-    unfinished.write_text(json.dumps(_plain(figures), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    unfinished.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     unfinished.replace(path)
 
 

@@ -10,12 +10,14 @@ from typing import Annotated
 import typer
 
 from slewright.commands import (
+    analyse,
     bench,
     build,
     calibrate,
     campaign,
     check,
     collect,
+    compare,
     convert,
     dossier,
     effects,
@@ -23,6 +25,7 @@ from slewright.commands import (
     fit,
     generate,
     import_,
+    optimum,
     reconcile,
     reconcile_suite,
     simulate,
@@ -87,17 +90,20 @@ app.command()(simulate.simulate)
 app.command()(check.check)
 app.command()(campaign.campaign)
 app.command()(collect.collect)
+app.command()(compare.compare)
+app.command()(tune.tune)
+app.command()(analyse.analyse)
 app.command()(convert.convert)
 app.command()(build.build)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
 app.command()(reconcile.reconcile)
 app.command()(effects.effects)
+app.command()(optimum.optimum)
 app.command("reconcile-suite")(reconcile_suite.reconcile_suite)
 app.command("testpack")(testpack.write_pack)
 app.add_typer(bench.app, name="bench")
 app.add_typer(fit.app, name="fit")
-app.add_typer(tune.app, name="tune")
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(train.app, name="train")
 app.add_typer(estimate.app, name="estimate")

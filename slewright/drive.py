@@ -4,6 +4,7 @@ The machine is driven by `slewright collect`'s own way, through its supervisor a
 records lies beside the report, in DIR-experiment.
 """
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -39,33 +40,52 @@ def drive(
     has no inputs for, or a folder of recordings that is not ours; RunError when the machine fails.
     """
     from reconcile.checks import open_folder
-    from reconcile.experiment import achieved, plan
+    from reconcile.experiment import plan
+    from reconcile.system.parts import parts_of
     from reconcile.workflow import reconcile
 
-    if not plan.drivable(open_folder(model)):
+    if not parts_of(model) and not plan.drivable(open_folder(model)):
         raise InputError(
             f"--drive: model {model} has inputs that the reference machine does not take "
             f"({', '.join(plan.PLAN_COMMANDS)}); drive DIR/{plan.PLAN} on your own machine"
         )
-    declared: list[achieved.Candidate] = []
-
-    def remember(study, answer) -> dict[str, Any]:
-        declared.extend(achieved.candidates(study, answer))
-        return {"experiment": None}
-
     given = (confirm, holdout, names, report)
-    first = reconcile(runs, model, out, *given, then=remember)
+    first = reconcile(runs, model, out, *given)
     proposal = first["next_experiment"]
-    if not proposal or not proposal["plan"]:
+    if not proposal or not proposal["plan"] or not proposal.get("collect", True):
         return first
     new = record(out / proposal["plan"], out, machine, report)
+    return reconcile([new, *runs], model, out, *given, then=compare(first, new))
 
-    def compare(study, answer) -> dict[str, Any]:
-        return {"experiment": _compared(first, new, achieved.margins(study, answer, declared))}
 
-    second = reconcile([new, *runs], model, out, *given, then=compare)
-    second["experiment"]["after"] = second["verdict"]
-    return second
+def compare(first: dict[str, Any], new: Path) -> Callable[..., dict[str, Any]]:
+    """What a second answer adds to its report: predicted against achieved margins of the first's doubt."""
+
+    def then(study, answer, figures: dict[str, Any]) -> dict[str, Any]:
+        from reconcile.experiment.achieved import compared
+
+        if study.folder.model.name != first["next_experiment"].get("subsystem", study.folder.model.name):
+            return {}
+        found = compared(study, answer, first)
+        return {"experiment": found | {"recording": str(new), "after": figures["verdict"]}}
+
+    return then
+
+
+def before(path: Path) -> dict[str, Any]:
+    """The report of an answer that proposed an experiment; InputError for a file that is none."""
+    try:
+        content = json.loads(path.read_text())
+        if not content["next_experiment"]["plan"]:
+            raise InputError(f"--before {path}: that report proposes no experiment")
+        known = {"verdict", "sentence"} <= content.keys() and {"pairs", "sentence"} <= content[
+            "next_experiment"
+        ].keys()
+        if not known:
+            raise KeyError("it is not whole")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"--before {path}: no report of an answer that proposes one ({error})") from None
+    return content
 
 
 def record(plan: Path, out: Path, machine: str, report: Report | None = None) -> Path:
@@ -81,39 +101,32 @@ def record(plan: Path, out: Path, machine: str, report: Report | None = None) ->
     return folder / entry["file"]
 
 
-def _compared(first: dict[str, Any], new: Path, reached: list[dict[str, Any]]) -> dict[str, Any]:
-    """Predicted and achieved margin of every pair."""
-    predicted = {_pair(p): p["predicted_margin"] for p in first["next_experiment"]["pairs"]}
-    pairs = [p | {"predicted_margin": predicted.get(_pair(p))} for p in reached]
-    least = [p["achieved_margin"] for p in pairs if p["achieved_margin"] is not None]
-    return {
-        "before": first["verdict"],
-        "sentence": first["sentence"],
-        "proposal": first["next_experiment"],
-        "recording": str(new),
-        "pairs": pairs,
-        "predicted_margin": first["next_experiment"]["predicted_margin"],
-        "achieved_margin": min(least) if least else None,
-    }
-
-
-def _pair(p: dict[str, Any]) -> frozenset:
-    return frozenset((tuple(p["one"]), tuple(p["other"])))
-
-
 def lines(figures: dict[str, Any]) -> list[str]:
     """What to tell of experiments: the next one, and what came of the one that was driven."""
     found = []
     proposal, experiment = figures.get("next_experiment"), figures.get("experiment")
     if experiment:
-        reached = experiment["achieved_margin"]
         found += [
             f"before: {experiment['before']}: {experiment['sentence']}",
             f"driven: {experiment['proposal']['sentence']}",
-            f"margin: {experiment['predicted_margin']:.3g} predicted, "
-            + ("one candidate is out" if reached is None else f"{reached:.3g} achieved"),
+            *(_margin(_against(p), p) for p in experiment["pairs"]),
+            *(_margin(p["name"], p) for p in experiment["parameters"]),
             f"after: {experiment['after']}: {figures['sentence']}",
         ]
     if proposal:
         found.append(f"next experiment: {proposal['sentence']}")
     return found
+
+
+def _against(p: dict[str, Any]) -> str:
+    """The better set of a pair, and the other."""
+    one, other = ("+".join(p[k]) or "its absence" for k in ("one", "other"))
+    return f"{one} or {other}"
+
+
+def _margin(what: str, p: dict[str, Any]) -> str:
+    predicted, reached = p["predicted_margin"], p["achieved_margin"]
+    foretold = "no margin" if predicted is None else f"a margin of {predicted:.3g}"
+    return f"{what}: {foretold} was predicted, " + (
+        "the other can no longer be simulated" if reached is None else f"{reached:.3g} is reached"
+    )

@@ -72,7 +72,14 @@ def flows(
     spool: Scalar, relief: Scalar, p_a: Scalar, p_b: Scalar, p: Namespace, supply: Scalar | None = None
 ) -> Flows:
     """Flows of valves and supply; `supply` (Pa) is the pressure of a pump that is shared, if there is one."""
-    left, right = ca.fmax(opening(spool, p), 0.0), ca.fmax(-opening(spool, p), 0.0)
+    return flows_at(opening(spool, p), relief, p_a, p_b, p, supply)
+
+
+def flows_at(
+    opened: Scalar, relief: Scalar, p_a: Scalar, p_b: Scalar, p: Namespace, supply: Scalar | None = None
+) -> Flows:
+    """The same by the valve's opening, a signed share, instead of by the spool."""
+    left, right = ca.fmax(opened, 0.0), ca.fmax(-opened, 0.0)
     return Flows(
         inlet_a=_inlet(left, p_a, p, supply),
         inlet_b=_inlet(right, p_b, p, supply),
@@ -80,7 +87,7 @@ def flows(
         outlet_b=_outlet(left, p_b, p),
         suction_a=hy.check_flow(p.slew_suction, p.slew_boost_pressure - p_a, CHECK_ROUNDING),
         suction_b=hy.check_flow(p.slew_suction, p.slew_boost_pressure - p_b, CHECK_ROUNDING),
-        cross=_cross(opening(spool, p), relief, p),
+        cross=_cross(opened, relief, p),
     )
 
 

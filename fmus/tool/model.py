@@ -89,6 +89,11 @@ def _slew_acceleration(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -
     return (u.qd_slew - x.v_y / (u.radius - STEP * u.radius_rate)) / STEP
 
 
+def _radius_acceleration(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> ca.SX:
+    """m/s2: the step's change of the suspension's radial velocity."""
+    return (u.radius_rate - x.v_x) / STEP
+
+
 def _mass(p: Namespace) -> ca.SX:
     return p.tool_mass + p.load_mass
 
@@ -121,6 +126,9 @@ PORTS = {
         "slew_acceleration": _slew_acceleration,
         "radius": "radius",
         "radius_rate": "radius_rate",
+        "radius_acceleration": _radius_acceleration,
+        "height": "height",
+        "gravity": "gravity",
     },
     "motion": {
         "kind": "inputs",

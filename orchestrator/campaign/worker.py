@@ -79,7 +79,7 @@ def _scenario(
     record = simulate(
         system,
         ticks,
-        Stimuli({t: v for t, v in scenario.stimuli().items() if t <= ticks}),
+        Stimuli({t: v for t, v in scenario.stimuli(spec.get("pace", 1.0)).items() if t <= ticks}),
         plant_parameters(system, spec["system"], values) | dict(spec["parameters"]),
         record=None if more["record_path"] else [n for n in NEEDED if n in system.outputs],
         changes={t: v for t, v in scenario.parameter_changes().items() if t <= ticks},

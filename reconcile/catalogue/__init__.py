@@ -1,4 +1,4 @@
-"""The catalogue of effects: one small file a place; what the contract names and is not here is in MISSING.
+"""The catalogue of effects: one small file a place.
 
 Sensor quantization cannot be told by a fit; reconcile/quantization.py finds it in the values.
 """
@@ -13,6 +13,7 @@ from reconcile.catalogue import (
     loads,
     outputs,
     pendulum,
+    reactions,
 )
 from reconcile.catalogue.effect import Effect, Scales
 
@@ -24,10 +25,9 @@ ALL: tuple[Effect, ...] = (
     *hydraulics.EFFECTS,
     *loads.EFFECTS,
     *pendulum.EFFECTS,
+    *reactions.EFFECTS,
     *groups.EFFECTS,
     *outputs.EFFECTS,
 )
 
-MISSING = ("tool_reaction",)
-
-__all__ = ["ALL", "MISSING", "Effect", "Scales"]
+__all__ = ["ALL", "Effect", "Scales"]

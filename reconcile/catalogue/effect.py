@@ -109,7 +109,7 @@ class Effect:
     delays: bool = False
     clock: bool = False
     shows: Literal["load", "motor"] = "load"
-    port: Literal["", "hydraulic", "pendulum", "inputs", "offset", "turned"] = ""
+    port: Literal["", "hydraulic", "pendulum", "hung", "inputs", "offset", "turned"] = ""
     clocked: bool = False
 
     @property

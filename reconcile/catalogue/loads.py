@@ -66,7 +66,8 @@ EFFECTS = (
         "payload_mass",
         "inertia",
         "(J + mass r² + inertia) dv/dt + mass d(r²)/dt v = F",
-        (MASS, Parameter("inertia", "{inertia}", none, amplitude=True, low=ANY)),
+        # of the payload's own, so not below nothing; that tells it from an inertia stated for another reach
+        (MASS, Parameter("inertia", "{inertia}", none, amplitude=True)),
         _extended,
         "Newtonian mechanics: Huygens-Steiner",
         needs=("reach2",),

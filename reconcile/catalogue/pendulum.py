@@ -17,9 +17,16 @@ pitch, and −(W r)' = −(W r' + W' r) in roll, which lacks one of the two W r'
 only the part of the tool's own arm is missing.  The form `plane` leaves out the projection (the factor after
 the dot), as models do that write r'' and W² x without it.
 
+On a universal joint, pitch outside and roll inside, the tool's arm about the pitch axis is l cos θ_x: what
+pulls on the pitch moves it 1/cos θ_x as much, and rolling inwards speeds it up, by 2 θ_y' θ_x' tan θ_x;
+what pulls radially, r'' − W² r_y, pulls on a roll that has pitched by −sin θ_y sin θ_x. In the form `plane`
+the model has W² r_y without the projection cos θ_y, and that is put right as well. A suspension that rises
+at z'' adds to the weight: −z'' sin θ_y in pitch, −z'' cos θ_y sin θ_x in roll.
+
 Roles of the port: `pitch`, `roll` (axes), `pitch_length`, `roll_length`, `slew` (angle), `slew_rate`,
-`slew_acceleration`, `radius`, `radius_rate`.  `at` of a Result: accelerations "pitch" and "roll" in m/s2,
-factors on the lengths ("pitch_length", "roll_length") and angular accelerations ("pitch_turn", "roll_turn").
+`slew_acceleration`, `radius`, `radius_rate`, `radius_acceleration`, `height`, `gravity`. `at` of a Result:
+accelerations "pitch" and "roll" in m/s2, factors on the lengths ("pitch_length", "roll_length") and angular
+accelerations ("pitch_turn", "roll_turn").
 """
 
 from collections.abc import Callable
@@ -33,6 +40,7 @@ ANY = -float("inf")
 LAGRANGE = (
     "Lagrange's equations in a turning frame: Goldstein, Classical Mechanics, 3rd ed. 2002, ch. 1 and 4"
 )
+FACTOR = Parameter("factor", "1", none, "1 in nature", amplitude=True)
 Term = Callable[[Namespace], tuple[Any, Any]]  # (pitch, roll) in m/s2 before projection
 
 
@@ -49,6 +57,31 @@ def _centrifugal(c: Namespace) -> tuple[Any, Any]:
 def _euler(c: Namespace) -> tuple[Any, Any]:
     pitch = -c.slew_acceleration * c.roll_length * ca.sin(c.roll.q)
     return pitch, c.slew_acceleration * c.pitch_length * ca.sin(c.pitch.q)
+
+
+def _universal_joint(unprojected: bool) -> Callable[[Namespace, Namespace, Namespace], Result]:
+    """Two plane pendulums on a universal joint; `unprojected`: the pitch has W² r without cos θ_y."""
+
+    def build(c: Namespace, p: Namespace, w: Namespace) -> Result:
+        turned = c.slew_rate**2 * (c.radius - c.pitch_length * ca.sin(c.pitch.q))
+        outwards = c.radius_acceleration - turned
+        plane = outwards * ca.cos(c.pitch.q) - c.gravity * ca.sin(c.pitch.q)
+        pitch = 2.0 * c.pitch_length * c.pitch.v * c.roll.v * ca.tan(c.roll.q)
+        pitch += plane * (1.0 / ca.cos(c.roll.q) - 1.0)
+        pitch += turned * (1.0 - ca.cos(c.pitch.q)) if unprojected else 0.0
+        roll = -outwards * ca.sin(c.pitch.q) * ca.sin(c.roll.q)
+        return Result(None, at={"pitch": p.factor * pitch, "roll": p.factor * roll})
+
+    return build
+
+
+def _heave(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    """z'' by second differences of the height; models in steps only."""
+    rate = (c.height - w.height) / c.step
+    rise = p.factor * (rate - w.rate) / c.step
+    weight = {"pitch": -rise * ca.sin(c.pitch.q), "roll": -rise * ca.cos(c.pitch.q) * ca.sin(c.roll.q)}
+    after = {"height": c.height, "rate": rate}
+    return Result(None, at=weight, next=after, starts={"height": c.height, "rate": ca.SX(0)})
 
 
 def _built(term: Term, projected: bool) -> Callable[[Namespace, Namespace, Namespace], Result]:
@@ -100,7 +133,7 @@ def _coupling(name: str, term: Term, equation: str) -> tuple[Effect, Effect]:
             f"{name}_coupling",
             "coupling",
             text,
-            (Parameter("factor", "1", none, "1 in nature", amplitude=True),),
+            (FACTOR,),
             _built(term, not form),
             LAGRANGE,
             form=form,
@@ -109,6 +142,24 @@ def _coupling(name: str, term: Term, equation: str) -> tuple[Effect, Effect]:
         )
 
     return entry(""), entry("plane")
+
+
+def _joined() -> tuple[Effect, Effect]:
+    def entry(form: str, more: str) -> Effect:
+        return Effect(
+            "universal_joint_coupling",
+            "coupling",
+            f"l_y θ_y'' += factor (2 l_y θ_y' θ_x' tan θ_x + (1/cos θ_x − 1) (a cos θ_y − g sin θ_y){more}), "
+            "l_x θ_x'' −= factor a sin θ_y sin θ_x, a = r'' − W² r_y",
+            (FACTOR,),
+            _universal_joint(bool(form)),
+            LAGRANGE,
+            form=form,
+            needs=("slew_rate", "radius", "radius_acceleration", "gravity", "pitch_length"),
+            port="pendulum",
+        )
+
+    return entry("", ""), entry("plane", " + W² r_y (1 − cos θ_y)")
 
 
 def _blowing(form: str, equation: str) -> Effect:
@@ -139,6 +190,18 @@ EFFECTS = (
         "euler",
         _euler,
         "l_y θ_y'' += factor (−W' l_x sin θ_x) · cos θ_y, l_x θ_x'' += factor W' l_y sin θ_y · cos θ_x",
+    ),
+    *_joined(),
+    Effect(
+        "suspension_heave",
+        "coupling",
+        "l_y θ_y'' −= factor z'' sin θ_y, l_x θ_x'' −= factor z'' cos θ_y sin θ_x",
+        (FACTOR,),
+        _heave,
+        LAGRANGE,
+        hidden=("height", "rate"),
+        needs=("height",),
+        port="pendulum",
     ),
     _blowing("", "l_y θ_y'' −= radial (a_x, a_y) · cos θ_y, l_x θ_x'' += tangential (a_x, a_y) · cos θ_x"),
     _blowing("plane", "l_y θ_y'' −= radial (a_x, a_y), l_x θ_x'' += tangential (a_x, a_y)"),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from reconcile import quantization
 from reconcile.closed import candidates, holdout, wrap
 from reconcile.closed.box import Box
 from reconcile.closed.problem import ClosedFit, ClosedProblem
@@ -28,7 +29,9 @@ def examine(
     """Find and name, without writing: the report's figures, the problem and the answer."""
     problem = ClosedProblem(box, split(runs, confirm, holdout))
     answer = ClosedSearch(problem, report).run()
-    return build(problem, answer), problem, answer
+    figures = build(problem, answer)
+    steps = quantization.examine(box.model, problem.runs)
+    return figures | quantization.added(figures, steps, box.model.name), problem, answer
 
 
 def build(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:

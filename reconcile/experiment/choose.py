@@ -9,18 +9,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reconcile.experiment.excitation import SHAPES, Excitation
+from reconcile.experiment.excitation import SHAPES, TICKS, Excitation
 from reconcile.experiment.predict import Bench, Played
 from reconcile.fit.solve import Fitted
 
-AMPLITUDES = (1.0, 0.3)
-PERIODS_S = (1.5, 5.0, 12.0)
-DURATIONS_S = (20.0, 40.0)
+AMPLITUDES = (1.0, 0.25)
+PERIODS_S = (0.6, 2.0, 6.0, 15.0)
+OFFSETS = (0.0, 0.0, 0.25, -0.25)  # of the amplitude
+DURATION_S, LONGEST_S = 20.0, 60.0  # while excitations are compared, and of the best
+SHORTER_S = (12.0, 30.0)  # that do, if they tell by PLENTY
+HOPELESS = 0.02  # times what is needed: nothing near an excitation that tells so little tells enough
+PLENTY = 10.0  # times what is needed: beyond it an experiment had better be gentle and short
+PLACES = (0.5, 0.15, 0.85)  # of a position's range, where an experiment may start
 TRIES = 3  # of making an excitation smaller until it stays within the limits
 TIGHTER, LEAST_SHARE = 0.9, 0.2
 SURE = 4  # of the best, whose motion is checked with uncertain parameters
 SMALLEST = 0.01  # of an input's range: less is no excitation
-VARIED, ROUNDS = 3, 4  # of the best excitations, and how often each
+VARIED, ROUNDS = 3, 4  # of the best excitations, of different kinds, and how often each
 FEW_STATES = 6  # beyond which fewer excitations are tried, for the time that each takes
 SEED = 1
 
@@ -48,12 +53,29 @@ def best(bench: Bench, fits: Sequence[Fitted], judge: Judge, enough: float, repo
     for done, e in enumerate(first):
         said("next experiment", done, total)
         rated += _rate(bench, e, fits, judge)
+        if rated and np.min(rated[-1].margins) >= PLENTY * enough:
+            break
     rng = np.random.default_rng(SEED)
-    for turn in range(ROUNDS):
-        for i, r in enumerate(ranked(rated, enough)[:VARIED]):
+    most = float(np.max([r.margins for r in rated], initial=-np.inf))
+    least = max((float(np.min(r.margins)) for r in rated), default=np.inf)
+    worthwhile = most > HOPELESS * enough and least < PLENTY * enough
+    for turn in range(ROUNDS if worthwhile else 0):
+        for i, r in enumerate(_different(ranked(rated, enough))):
             said("next experiment", len(first) + turn * VARIED + i, total)
-            rated += _rate(bench, _varied(r.excitation, rng), fits, judge)
-    return ranked([_sure(bench, r, fits, judge) for r in ranked(rated, enough)[:SURE]], enough)
+            rated += _rate(bench, _varied(bench, r.excitation, rng), fits, judge)
+    found = ranked([_sure(bench, r, fits, judge) for r in ranked(rated, enough)[:SURE]], enough)
+    return [_short(bench, found[0], fits, judge, enough), *found[1:]] if found else []
+
+
+def _short(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge, enough: float) -> Rated:
+    """The excitation, as short as still tells by PLENTY what it tells at all."""
+    told = tellable([r], enough)
+    for seconds in SHORTER_S:
+        if seconds < r.excitation.duration_s:
+            for shorter in _rate(bench, replace(r.excitation, duration_s=seconds), fits, judge):
+                if np.min(shorter.margins[told]) >= PLENTY * enough:
+                    return shorter
+    return r
 
 
 def _sure(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge) -> Rated:
@@ -70,11 +92,24 @@ def _sure(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge) -> Rated
 
 
 def ranked(rated: Sequence[Rated], enough: float) -> list[Rated]:
-    """Best first, by the smallest margin of what can be told at all."""
+    """Best first, by the smallest margin of what can be told at all; with PLENTY the gentlest first."""
     if not rated:
         return []
     told = tellable(rated, enough)
-    return sorted(rated, key=lambda r: -float(np.min(r.margins[told])))
+
+    def order(r: Rated) -> tuple[float, float, float]:
+        least = float(np.min(r.margins[told]))
+        return -min(least, PLENTY * enough), rough(r.excitation), -least
+
+    return sorted(rated, key=order)
+
+
+def _different(best_first: Sequence[Rated]) -> list[Rated]:
+    """The first of each kind, as many as are varied."""
+    found: dict[str, Rated] = {}
+    for r in best_first:
+        found.setdefault(r.excitation.kind, r)
+    return list(found.values())[:VARIED]
 
 
 def tellable(rated: Sequence[Rated], enough: float) -> np.ndarray:
@@ -84,37 +119,55 @@ def tellable(rated: Sequence[Rated], enough: float) -> np.ndarray:
 
 
 def spread(bench: Bench) -> list[Excitation]:
-    """Excitations of all shapes to begin with, for each input alone and for all together."""
+    """Excitations of all shapes to begin with, for each input alone and for all together, gentle ones first.
+
+    Every shape comes slow and fast, large and small; offset and start are drawn.
+    """
     rng = np.random.default_rng(SEED)
     inputs = list(bench.limits.inputs)
     driven = [(n,) for n in inputs] + ([tuple(inputs)] if len(inputs) > 1 else [])
-    starts = [(), *_starts(bench)]
+    starts = [(), (), *_starts(bench)]
     found = [
         Excitation(
             kind,
             chosen,
             amplitude,
-            float(rng.choice(PERIODS_S)),
-            float(rng.choice((0.0, 0.0, 0.25, -0.25))) * amplitude,
-            float(rng.choice(DURATIONS_S)),
+            PERIODS_S[(2 * i + k) % len(PERIODS_S)],
+            float(rng.choice(OFFSETS)) * amplitude,
+            DURATION_S,
             int(rng.integers(1, 1000)),
             starts[int(rng.integers(len(starts)))],
+            shortest_s(bench),
         )
         for chosen in driven
-        for kind in SHAPES
+        for k, kind in enumerate(SHAPES)
         for amplitude in AMPLITUDES
+        for i in range(2)
     ]
-    large = len(bench.study.model.states) > FEW_STATES
-    return found[:: 2 * len(driven) - 1] if large or len(driven) > 1 else found
+    # a stride without a factor in common with the numbers of amplitudes and periods, so that all are left
+    few = len(bench.study.model.states) <= FEW_STATES and len(driven) == 1
+    kept = found if few else found[:: 3 if len(driven) == 1 else 2 * len(driven) - 1]
+    return sorted(kept, key=rough)
+
+
+def rough(e: Excitation) -> float:
+    """How hard an excitation is on a machine, and how far from what a model knows: all its inputs' slopes."""
+    return len(e.inputs) * e.amplitude / e.fastest_s
+
+
+def shortest_s(bench: Bench) -> float:
+    """The shortest period that commands at the bench's ticks can have."""
+    return TICKS * bench.tick_s
 
 
 def _starts(bench: Bench) -> list[tuple[tuple[str, float], ...]]:
-    """Each position in the middle of its range, where the machine can be put there."""
+    """Each position at some places of its range, where the machine can be put there."""
     if bench.fixed_start:
         return []
-    limits = bench.limits
-    middles = [(n, 0.5 * (limits.outputs[n].low + limits.outputs[n].high)) for n in limits.places]
-    return [tuple((n, float(m)) for n, m in middles if np.isfinite(m))] if middles else []
+    ranges = {n: bench.limits.outputs[n] for n in bench.limits.places}
+    if not ranges or not all(np.isfinite([r.low, r.high]).all() for r in ranges.values()):
+        return []
+    return [tuple((n, float(r.low + at * (r.high - r.low))) for n, r in ranges.items()) for at in PLACES]
 
 
 def _rate(bench: Bench, e: Excitation, fits: Sequence[Fitted], judge: Judge) -> list[Rated]:
@@ -137,13 +190,13 @@ def _shrunk(e: Excitation, excess: float) -> Excitation:
     return replace(e, amplitude=share * e.amplitude, offset=share * e.offset)
 
 
-def _varied(e: Excitation, rng: np.random.Generator) -> Excitation:
-    """Another one near it."""
+def _varied(bench: Bench, e: Excitation, rng: np.random.Generator) -> Excitation:
+    """Another one near it, as long as an experiment may be."""
     return replace(
         e,
         amplitude=float(min(1.0, e.amplitude * np.exp(0.4 * rng.standard_normal()))),
-        period_s=float(np.clip(e.period_s * np.exp(0.5 * rng.standard_normal()), 0.5, 20.0)),
+        period_s=float(np.clip(e.period_s * np.exp(0.5 * rng.standard_normal()), shortest_s(bench), 20.0)),
         offset=float(np.clip(e.offset * np.exp(0.5 * rng.standard_normal()), -0.5, 0.5)),
-        duration_s=max(DURATIONS_S),
+        duration_s=LONGEST_S,
         seed=int(rng.integers(1, 1000)),
     )

@@ -61,10 +61,16 @@ class Pairs:
     def _refitted(
         self, bench: Bench, fine: Bench, played: Sequence[Played], again: Sequence[Played], i: int, k: int
     ) -> list[float]:
-        linear = self._linear(bench, played, i, k, bench.whiteners(played[i], self.fits[i]))
+        whiteners = bench.whiteners(played[i], self.fits[i])
+        linear = self._linear(bench, played, i, k, whiteners)
         finer = self._linear(fine, again, i, k, fine.whiteners(again[i], self.fits[i]))
         return [
-            min(linear[a, b], finer[a, b], bench.refitted(played[a], self.fits[a], self.fits[b]))
+            min(
+                linear[a, b],
+                finer[a, b],
+                bench.as_fitted(again[a], self.fits[a], self.fits[b], whiteners),
+                bench.refitted(played[a], self.fits[a], self.fits[b]),
+            )
             for a, b in linear
         ]
 

@@ -178,6 +178,22 @@ class Bench:
         left = remaining(self.study, linear.errors, linear.slopes, rival)
         return gain(truth, rival.cost - truth.cost + left, len(linear.errors))
 
+    def as_fitted(
+        self, fine: Played, truth: Fitted, rival: Fitted, whiteners: list[Whitener] | None
+    ) -> float:
+        """The margin to first order with a play of finer steps than the fits' in the machine's place.
+
+        Where the steps of a later fit are too coarse for what differs, both sets leave as much.
+        """
+        left = []
+        for fitted in (truth, rival):
+            problem, point = self.there(fine, fitted, whiteners)
+            linear = problem.linear(point, [problem.parameter(f.name) for f in fitted.free])
+            if linear is None:
+                return self.margin(fine, truth, rival, whiteners)
+            left.append(fitted.cost + remaining(self.study, linear.errors, linear.slopes, fitted))
+        return gain(truth, left[1] - left[0], sum(len(s.values) for s in fine.run.outputs.values()))
+
     def refitted(self, played: Played, truth: Fitted, rival: Fitted) -> float:
         """The same with both sets really fitted to recordings and experiment together."""
         costs, whiteners = [], self.whiteners(played, truth, whitening.BIN_S)

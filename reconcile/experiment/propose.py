@@ -8,7 +8,7 @@ import numpy as np
 
 from learning.collection.plan import PERIOD_S
 from reconcile import untold
-from reconcile.experiment import plan, say
+from reconcile.experiment import achieved, plan, say
 from reconcile.experiment.choose import Rated, best
 from reconcile.experiment.judges import Pairs, Unseen, difference
 from reconcile.experiment.limits import limits_of
@@ -50,7 +50,7 @@ def _between(study: Study, answer: Answer, report) -> Proposal | None:
         return Proposal(_none(say.no_room(bench.limits)), bench.tick_s, {})
     both = judge.refitted(bench, rated[0].excitation, rated[0].played)
     chosen = replace(rated[0], margins=judge.counted(both))
-    figures = _figures(bench, chosen)
+    figures = _figures(bench, chosen) | {"candidates": achieved.as_rows(achieved.candidates(study, answer))}
     needed = [
         [float(m) if n else None for m, n in zip(*row, strict=True)]
         for row in zip(both, judge.needed(), strict=True)
@@ -122,6 +122,7 @@ def _figures(bench: Bench, chosen: Rated) -> dict[str, Any]:
         "limits": {
             n: {"low": v.low, "high": v.high, "source": v.source} for n, v in bench.limits.outputs.items()
         },
+        "collect": plan.drivable(bench.study.folder),
         "plan": plan.PLAN,
         "table": plan.TABLE,
     }

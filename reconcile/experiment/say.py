@@ -3,18 +3,21 @@
 from collections.abc import Sequence
 from typing import Any
 
-from reconcile.experiment.excitation import fastest, of_dict
+from reconcile.experiment.excitation import of_dict
 from reconcile.experiment.limits import Limits
 from reconcile.model import Attached
 from reconcile.study import Study
 
 KINDS = {
     "steps": "random steps of up to {a}, each held for about {p}",
+    "ladder": "levels up to ±{a} to either side by turns, a pair of them in {p}",
+    "binary": "reversals of ±{a} at random, each held for half of {s} to half of {p}",
     "reversals": "full reversals of ±{a}, one in {p} at first, one in {s} at last",
     "triangle": "a triangle of ±{a} and {p}",
     "sine": "a sine of ±{a} and {p}",
     "multisine": "a multisine of ±{a}, periods from {p} to {s}",
     "chirp": "a sweep of ±{a}, periods from twice {p} to {s}",
+    "growing": "a sine of {p} that grows to ±{a}",
     "creep": "rest and slow slopes to ±{a}, a cycle in {p}",
     "strokes": "strokes of ±{a} with rests between, a cycle in {p}",
 }
@@ -39,7 +42,7 @@ def drive(study: Study, figures: dict[str, Any]) -> str:
     text = KINDS[e.kind].format(
         a=f"{e.amplitude * half:.3g}{shown}",
         p=f"{e.period_s:.3g} s",
-        s=f"{fastest(e.kind, e.period_s):.3g} s",
+        s=f"{e.fastest_s:.3g} s",
     )
     centre = 0.5 * (low + high) + e.offset * half
     around = f" about {centre:.3g}{shown}" if abs(centre) > 1e-9 * half else ""

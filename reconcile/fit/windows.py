@@ -45,7 +45,7 @@ class InputTable:
     )
 
     def rows(self, window: Window, delays: Mapping[int, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Inputs [steps, NU + 1] of a window, the time last, and their slopes by the delay of each."""
+        """Inputs [steps, NU + 1] of a window, last the time since the recording began; slopes by delay."""
         n, h = window.steps, window.step_s
         u = np.empty((n, len(self.names) + 1))
         slope = np.zeros_like(u)
@@ -60,7 +60,7 @@ class InputTable:
                     self._cache.clear()
                 self._cache[key] = delayed(signal, window.start_s, h, n, delays.get(i, 0.0))
             u[:, i], slope[:, i] = self._cache[key]
-        u[:, -1] = window.start_s + h * (np.arange(n) + 0.5)
+        u[:, -1] = window.start_s - self.run.began_s + h * (np.arange(n) + 0.5)
         return u, slope
 
 

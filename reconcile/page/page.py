@@ -46,6 +46,7 @@ def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str)
         _grid([f for pair in pairs for f in pair]),
         sections.parameters(figures),
         sections.considered(figures),
+        sections.steps(figures),
         sections.untold(figures),
         sections.driven(figures),
         sections.next_experiment(figures),

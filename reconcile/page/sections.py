@@ -12,6 +12,12 @@ Figures = Mapping[str, Any]
 STAGES = ("nominal", "reestimated", "after")
 HEADS = ("as it came", "re-estimated", "after")
 SHOWN_PAIRS = 12
+STEPS = {
+    "named": "an effect: coarser than it should be",
+    "specified": "as its sensor is specified",
+    "below_noise": "finer than its noise",
+    "fine": "a small part of what it moves by",
+}
 
 
 def named(figures: Figures) -> str:
@@ -26,6 +32,8 @@ def _effect(e: Figures) -> str:
     gain = (
         f"Fit: twice the log-likelihood gains {number(e['gain_fit'], 3)}. "
         f"Confirm: {percent(e['gain_confirm'])} of the gap that is open without it closes."
+        if e["gain_fit"] is not None
+        else f"Seen in the recorded values, not fitted: {escape(e.get('sentence', ''))}."
     )
     source = f"<p class='soft'>Source: {escape(e['source'])}.</p>" if e.get("source") else ""
     rows = [
@@ -206,6 +214,22 @@ def untold(figures: Figures) -> str:
     return f"<h3>What these recordings cannot tell</h3>{shell.table(['Because', 'Effects'], rows)}"
 
 
+def steps(figures: Figures) -> str:
+    """Outputs that are recorded in steps, and whether that is an effect."""
+    rows = [
+        [q["output"], *(_sized(q[k], q["unit"]) for k in ("step", "noise", "specified")), STEPS[q["verdict"]]]
+        for q in figures.get("quantization") or ()
+    ]
+    if not rows:
+        return ""
+    head = ["Output", "Step", "Other noise", "Specified", "What it is"]
+    return f"<h3>Outputs recorded in steps</h3>{shell.table(head, rows)}"
+
+
+def _sized(value: float | None, unit: str) -> str:
+    return "–" if value is None else with_unit(number(value, 3), unit)
+
+
 def next_experiment(figures: Figures) -> str:
     """The experiment that would settle what is open."""
     wanted = figures["next_experiment"]
@@ -252,6 +276,11 @@ def driven(figures: Figures) -> str:
     ]  # fmt: skip
     head = ["Candidate", "against", "Predicted margin", "Achieved margin"]
     table = shell.table(head, rows) if rows else ""
+    seen = [
+        [p["name"], number(p["predicted_margin"], 3), number(p["achieved_margin"], 3)]
+        for p in done.get("parameters", ())
+    ]
+    table += shell.table(["Parameter", *head[2:]], seen) if seen else ""
     turned = f"{_spaced(done['before'])} before, {_spaced(figures['verdict'])} after"
     return (
         f"<h2>The experiment that was driven</h2><p>{escape(turned)}. "

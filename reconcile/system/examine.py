@@ -97,7 +97,8 @@ def _given(part: Part, r: Recording) -> Measurement:
     made = {n: Channel(n, unit, columns["time"], v) for n, (unit, v) in part.derive(columns).items()}
     own = {n: c for n, c in r.measured.channels.items() if n not in made or n not in felt.PAIRS.values()}
     kept = {n: c for n, c in made.items() if n not in own or n in part.feels}
-    return replace(r.measured, channels=own | kept)
+    moved = {n: replace(own[n], time=own[n].time + late) for n, late in part.later.items() if n in own}
+    return replace(r.measured, channels=own | kept | moved)
 
 
 def _felt(part: Part, r: Recording) -> dict[str, np.ndarray]:
@@ -121,7 +122,12 @@ def _smooth(r: Recording, q: str, v: str) -> None:
     angle, rate = r.measured[q], r.measured[v]
     signals = {n: Signal(c.time, c.values.astype(float)) for n, c in ((q, angle), (v, rate))}
     run = Run(r.label, float(angle.time[0]), float(angle.time[-1]), {}, signals)
-    for n, values in felt.recorded(run, (q, v)).items():
+    gyros = {
+        rate: np.interp(angle.time, r.measured[n].time, r.measured[n].values)
+        for rate, n in felt.GYROS.items()
+        if n in r.measured
+    }
+    for n, values in felt.recorded(run, (q, v), gyros).items():
         r.motion[n] = Channel(n, "", angle.time, values)
 
 
@@ -147,7 +153,7 @@ def merged(done: Sequence[Examined]) -> dict[str, Any]:
     """The parts' figures as one report, the strongest effect first."""
     all_of = [e.figures for e in done]
     effects = [effect | {"subsystem": e.part.name} for e in done for effect in e.figures["effects"]]
-    effects.sort(key=lambda e: -e["gain_fit"])
+    effects.sort(key=lambda e: -(e["gain_fit"] or 0.0))  # steps of a sensor are not fitted: last
     status = [f["residual_status"] for f in all_of]
     where = [w | {"subsystem": e.part.name} for e in done for w in e.figures["where"]]
     where.sort(key=lambda w: -w["share"])
@@ -161,17 +167,22 @@ def merged(done: Sequence[Examined]) -> dict[str, Any]:
         "nuisances": _joined(all_of, "nuisances"),
         "where": where,
         "gap": _joined(all_of, "gap"),
+        "gap_by_regime": _of_parts(done, "gap_by_regime"),
         "scores": _joined(all_of, "scores"),
         "iso18571": _mean([f["iso18571"] for f in all_of if f.get("iso18571")]),
         "next_experiment": None,
-        "considered": [c | {"subsystem": e.part.name} for e in done for c in e.figures["considered"]],
+        "considered": _of_parts(done, "considered"),
+        "quantization": _of_parts(done, "quantization"),
+        "untold": _untold(done),
+        "unseen": _of_parts(done, "unseen"),
+        "data": _data(all_of),
         "parts": {e.part.name: e.figures for e in done},
     }
 
 
-def _mean(rated: Sequence[Mapping[str, Any]]) -> dict[str, float] | None:
-    """Of the parts' ratings."""
-    return {k: float(np.mean([r[k] for r in rated])) for k in ("before", "after")} if rated else None
+def _mean(rated: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Of the parts' ratings; NaN without any."""
+    return {k: float(np.mean([r[k] for r in rated])) if rated else np.nan for k in ("before", "after")}
 
 
 def _verdict(figures: Sequence[Mapping[str, Any]]) -> str:
@@ -190,6 +201,32 @@ def _alternatives(figures: Sequence[Mapping[str, Any]]) -> list[list[str]]:
     sets = [sorted(n for names in chosen for n in names) for chosen in product(*choices)]
     distinct = [list(names) for names in dict.fromkeys(map(tuple, sets))]
     return distinct[:MOST] if distinct[0] else []
+
+
+def _of_parts(done: Sequence[Examined], key: str) -> list[dict[str, Any]]:
+    """Rows of all parts, each with its part."""
+    return [row | {"subsystem": e.part.name} for e in done for row in e.figures.get(key) or ()]
+
+
+def _untold(done: Sequence[Examined]) -> list[dict[str, Any]]:
+    """Effects that no part can tell; of one that some part can, nothing is said."""
+    each = [{row["effect"]: row for row in e.figures.get("untold") or ()} for e in done]
+    everywhere = [n for n in each[0] if all(n in rows for rows in each)] if each else []
+    found = []
+    for name in everywhere:
+        reasons = list(dict.fromkeys(rows[name]["because"] for rows in each))
+        found.append({"effect": name, "because": "; ".join(reasons)})
+    return found
+
+
+def _data(figures: Sequence[Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Stretches of the recordings by what they are for, once where several parts have the same."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for f in figures:
+        for use, blocks in (f.get("data") or {}).items():
+            rows = found.setdefault(use, [])
+            rows += [b for b in blocks if b not in rows]
+    return found
 
 
 def _joined(figures: Sequence[Mapping[str, Any]], key: str) -> dict[str, Any]:

@@ -18,8 +18,10 @@ from reconcile.fit.windows import cut
 from reconcile.study import Study
 
 HALF_WIDTH = 5  # samples each side that smoothing looks at
+LEAST = 1e-6  # rad, rad/s: noise of a recording without any
+JERKS = tuple(0.003 * 3.0**k for k in range(9))  # rad/s3 times root of s, tried
+GYROS = {"qd_slew": "imu_cabin_rate_z"}  # a rate, and the gyroscope that sees it too
 PAIRS = {"q_slew": "qd_slew", "q_boom": "qd_boom", "q_stick": "qd_stick"}  # angle and its rate
-LATE = 1.5  # samples by which a rate may be late against its angle and still be used with it
 
 
 def of_part(study: Study, fitted: Fitted, run: Run, wanted: Sequence[str]) -> dict[str, np.ndarray] | None:
@@ -68,26 +70,86 @@ def _left(problem: Problem, found: Fitted, name: str, times: np.ndarray) -> np.n
     return np.interp(times, window.times[name], found.linear.raw[0][name] * problem.sigma[name])
 
 
-def recorded(run: Run, wanted: Sequence[str]) -> dict[str, np.ndarray]:
-    """The same of a part that cannot be fitted: recorded angles and rates, smoothed."""
+def recorded(
+    run: Run, wanted: Sequence[str], gyros: Mapping[str, np.ndarray] | None = None
+) -> dict[str, np.ndarray]:
+    """The same of a part that cannot be fitted: recorded angles and rates, smoothed.
+
+    `gyros`: by the rate's name, what a gyroscope sees of it [n], at the angle's times; its zero is taken off.
+    """
     motion: dict[str, np.ndarray] = {}
     for q, v in PAIRS.items():
         if q in wanted and q in run.outputs:
             angle = run.outputs[q]
             rate = run.outputs.get(v)
             seen = None if rate is None else np.interp(angle.time, rate.time, rate.values)
-            motion[q], motion[v] = joined(angle.values, seen, run.period_s)
+            seen = None if seen is None else in_time(angle.values, seen, run.period_s)
+            motion[q], motion[v] = joined(angle.values, _both(seen, (gyros or {}).get(v)), run.period_s)
     return motion
 
 
-def joined(
-    angle: np.ndarray, rate: np.ndarray | None, period_s: float, half_width: int = HALF_WIDTH
-) -> tuple[np.ndarray, np.ndarray]:
-    """Angle and rate [n] by local parabolas through both, weighed by their noise; a late rate is left out."""
-    if rate is not None and abs(_lateness(angle, rate, period_s)) > LATE:
-        rate = None
-    (q, v), _ = _parabolas(angle, rate, period_s, half_width)
-    return q, v
+def joined(angle: np.ndarray, rate: np.ndarray | None, period_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Angle and rate [n] of a motion with random jerk (Kalman filter and Rauch-Tung-Striebel smoother).
+
+    The size of the jerk is the one that makes the recording likeliest: an arm that stands is smoothed long,
+    a slew that brakes is not.
+    """
+    found = max((_tracked(angle, rate, period_s, size) for size in JERKS), key=lambda f: f[0])
+    _, states, predicted, covariances, foretold = found
+    step = _transition(period_s)
+    smoothed = states.copy()
+    for k in range(len(angle) - 2, -1, -1):
+        gain = covariances[k] @ step.T @ np.linalg.inv(foretold[k + 1])
+        smoothed[k] = states[k] + gain @ (smoothed[k + 1] - predicted[k + 1])
+    return smoothed[:, 0], smoothed[:, 1]
+
+
+def _transition(h: float) -> np.ndarray:
+    return np.array([[1.0, h, 0.5 * h * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
+
+
+def _tracked(angle: np.ndarray, rate: np.ndarray | None, h: float, size: float):
+    """(log-likelihood, states, predicted states, their covariances) of angle, rate, acceleration."""
+    step, shape = _transition(h), np.array([h**3 / 6.0, h * h / 2.0, h])
+    pushed = size**2 * np.outer(shape, shape) / h  # jerk of `size` (rad/s3) times root of s, white
+    seen = np.eye(3)[: 1 if rate is None else 2]
+    values = angle[:, None] if rate is None else np.column_stack([angle, rate])
+    noise = np.diag([max(high_pass_level(v), LEAST) ** 2 for v in values.T])
+    x = np.array([angle[0], 0.0 if rate is None else rate[0], 0.0])
+    p = np.diag([noise[0, 0], 1.0, 1.0])
+    n, likely = len(angle), 0.0
+    states, predicted = np.zeros((n, 3)), np.zeros((n, 3))
+    covariances, foretold = np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
+    for k in range(n):
+        if k:
+            x, p = step @ x, step @ p @ step.T + pushed
+        predicted[k], foretold[k] = x, p
+        spread = seen @ p @ seen.T + noise
+        inverse = np.linalg.inv(spread)
+        error = values[k] - seen @ x
+        likely -= 0.5 * float(error @ inverse @ error + np.linalg.slogdet(spread)[1])
+        gain = p @ seen.T @ inverse
+        x, p = x + gain @ error, p - gain @ seen @ p
+        states[k], covariances[k] = x, p
+    return likely, states, predicted, covariances, foretold
+
+
+def in_time(angle: np.ndarray, rate: np.ndarray, period_s: float) -> np.ndarray:
+    """The rate [n] moved to where it is not late against its angle, its end by the angle's slope."""
+    late = round(_lateness(angle, rate, period_s))
+    if not late:
+        return rate
+    (_, slope), _ = _parabolas(angle, None, period_s, HALF_WIDTH)
+    return np.concatenate([rate[late:], slope[-late:]])
+
+
+def _both(rate: np.ndarray | None, gyro: np.ndarray | None) -> np.ndarray | None:
+    """A rate [n] and that of a gyroscope without its zero, each by its noise."""
+    if rate is None or gyro is None:
+        return rate
+    gyro = gyro - np.mean(gyro - rate)
+    weights = [1.0 / max(high_pass_level(values), 1e-12) ** 2 for values in (rate, gyro)]
+    return np.average([rate, gyro], axis=0, weights=weights)
 
 
 def _smoothed(

@@ -7,16 +7,21 @@ signals that the models speak of.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fmus.equations import kinematics
+from fmus.tool import model as tool
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
 
 JOINTS = ("q_boom", "q_stick")
 RATES = ("qd_boom", "qd_stick")
+# The tool's step moves its rate over the angle at the step's start, and then the angle with the new rate
+# (leapfrog, Stoermer-Verlet): its rates are those of half a step before its angles, and what moves its
+# suspension is seen between the rates, half a step after the angle.
+HALF = 0.5 * tool.STEP
 
 
 @dataclass(frozen=True)
@@ -24,11 +29,13 @@ class Part:
     """A part: its model, the signals of other parts that it feels, and what is made of them.
 
     `derive`: columns by name, each [n], and the load in kg [n] -> the part's inputs by name, each [n].
+    `later`: by how much later (s) the model has an output than its other ones.
     """
 
     name: str
     feels: tuple[str, ...] = ()
     derive: Callable[[Mapping[str, np.ndarray]], dict[str, tuple[str, np.ndarray]]] | None = None
+    later: Mapping[str, float] = field(default_factory=dict)
 
 
 def _turned(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
@@ -42,8 +49,9 @@ def _turned(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
 
 
 def _hung(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
-    """Motion of the tool's suspension."""
+    """Motion of the tool's suspension in the middle of the tool's step: see `HALF`."""
     p = kinematics.geometry()
+    c = {n: np.interp(c["time"] + HALF, c["time"], v) for n, v in c.items()}
     boom, stick, boom_rate, stick_rate = (c[n] for n in (*JOINTS, *RATES))
     radius, height = kinematics.arm_tip(boom, stick, p)
     radius_rate, _ = kinematics.arm_tip_rate(boom, stick, boom_rate, stick_rate, p)
@@ -60,7 +68,7 @@ SYSTEMS: dict[str, tuple[Part, ...]] = {
     "nominal": (
         Part("arm"),
         Part("slew", (*JOINTS, *RATES), _turned),
-        Part("tool", ("q_slew", "qd_slew", *JOINTS, *RATES), _hung),
+        Part("tool", ("q_slew", "qd_slew", *JOINTS, *RATES), _hung, {"qd_tool_x": HALF, "qd_tool_y": HALF}),
     )
 }
 
@@ -97,6 +105,23 @@ def with_signals(measured: Measurement) -> Measurement:
         "qd_tool_x": ("rad/s", w_x + np.tan(pitch.values) * (sine * w_y + cosine * w_z)),
         "qd_tool_y": ("rad/s", cosine * w_y - sine * w_z),
     }
+    for n in ("x", "y"):
+        found[f"qd_tool_{n}"] = (
+            "rad/s",
+            _zeroed(found[f"qd_tool_{n}"][1], found[f"q_tool_{n}"][1], roll.time),
+        )
     made = {n: Channel(n, unit, roll.time, v) for n, (unit, v) in found.items()}
-    said = (*measured.repairs, "angles and rates of the tool are made of imu_tool_*")
+    said = (
+        *measured.repairs,
+        "angles and rates of the tool are made of imu_tool_*, the rates' zeros taken off",
+    )
     return replace(measured, channels={**made, **measured.channels}, repairs=said)
+
+
+def _zeroed(rate: np.ndarray, angle: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """A gyroscope's rate [n] less its zero: what its mean has more than the angle [n] beside it went."""
+    ends = max(1, min(10, len(angle) // 4))
+    went = np.mean(angle[-ends:]) - np.mean(angle[:ends])
+    lasted = np.mean(time[-ends:]) - np.mean(time[:ends])
+    inside = (time >= np.mean(time[:ends])) & (time <= np.mean(time[-ends:]))
+    return rate - (np.mean(rate[inside]) - went / lasted)

@@ -147,6 +147,45 @@ def pendulum(
         raise typer.Exit(1)
 
 
+@app.command()
+def showcases(
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="NAME", help="tool or slew (repeatable).")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the scenarios' sensor noise.")] = 1,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of recordings, reports and records.")
+    ] = Path("out/showcases"),
+    json: JsonOption = None,
+    markdown: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", exists=True, file_okay=False, help="Fill the showcases' pages here."),
+    ] = None,
+) -> None:
+    """Record the reference machine, reconcile a model that lacks something, verify the extended model."""
+    from slewright.showcases import METRICS, SHOWCASES, measure, missed, pages
+    from specs.errors import InputError, nearest
+
+    for name in only or ():
+        if name not in SHOWCASES:
+            raise InputError(f"no showcase '{name}'; {nearest(name, SHOWCASES)}")
+    chosen = [s for n, s in SHOWCASES.items() if not only or n in only]
+    with progress("bench showcases") as report:
+        figures = {s.name: measure(s, out, seed, report) for s in chosen}
+    for name, found in figures.items():
+        rows = [(s, *(f"{m[k]:.2f}" for k in METRICS)) for s, m in found["metrics"].items()]
+        show(name, ["system", *(f"{k}, {unit}" for k, unit in METRICS.items())], rows)
+        typer.echo(f"{found['verdict']}: {found['sentence']}")
+    if markdown:
+        pages(markdown, chosen, figures)
+    failed = [line for s in chosen for line in missed(s, figures[s.name])]
+    write(json, {**figures, "missed": failed}, seed)
+    for line in failed:
+        typer.echo(f"slewright: missed: {line}", err=True)
+    if failed:
+        raise typer.Exit(1)
+
+
 def _slew_nn_row(name: str, f: dict[str, float]) -> list[str]:
     spread = f"{f['ratio_p25']:.2f} … {f['ratio_p75']:.2f}"
     times = (f"{f['fmu_us']:.2f}", f"{f['bare_us']:.2f}", f"{f['ratio']:.2f}")

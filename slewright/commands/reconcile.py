@@ -9,6 +9,7 @@ import typer
 from slewright.figures import JsonOption, write
 from slewright.progress import progress
 from slewright.tables import show
+from specs.errors import InputError
 
 MOST = 3  # regimes printed
 
@@ -40,6 +41,13 @@ def reconcile(
             help="Drive the proposed experiment on the simulated reference machine, and answer again.",
         ),
     ] = None,
+    before: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="The report.json that proposed the experiment which the first RUN is: shows what it told.",
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Find where model and recordings disagree, name the missing effect, add it, show the gap shrink.
@@ -47,17 +55,20 @@ def reconcile(
     Every verdict is an answer and ends with 0: there is no limit here that could be missed.
     """
     from reconcile.workflow import reconcile as run
-    from slewright.drive import drive, lines, which
+    from slewright import drive
 
     given = (confirm or [], holdout or [], names)
-    machine = which(driven) if driven else None
+    if driven and before:
+        raise InputError("--drive and --before: one or the other")
+    machine = drive.which(driven) if driven else None
+    then = drive.compare(drive.before(before), runs[0]) if before else None
     with progress("reconcile") as report:
         if machine is None:
-            figures = run(runs, model, out, *given, report, report_only)
+            figures = run(runs, model, out, *given, report, report_only, then)
         else:
-            figures = drive(runs, model, out, *given, machine, report)
+            figures = drive.drive(runs, model, out, *given, machine, report)
     _print(figures)
-    for line in lines(figures):
+    for line in drive.lines(figures):
         typer.echo(line)
     write(json, figures, figures["seed"])
     page = out / "report.html"

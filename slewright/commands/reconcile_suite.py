@@ -30,6 +30,9 @@ def reconcile_suite(
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers do the cases.")
     ] = None,
     baselines: Annotated[bool, typer.Option(help="Answer by plain SINDy and greedy BIC too.")] = True,
+    experiments: Annotated[
+        bool, typer.Option(help="Drive what ambiguous cases propose, and answer them again.")
+    ] = True,
     again: Annotated[bool, typer.Option("--again", help="Answer cases that are there once more.")] = False,
     summary: Annotated[bool, typer.Option("--summary", help="Do nothing; figures of what is there.")] = False,
     json: JsonOption = None,
@@ -53,7 +56,7 @@ def reconcile_suite(
     try:
         with progress("reconcile-suite") as report:
             if not summary:
-                run_suite(settings, cases, folder, workers, dask, baselines, again, report)
+                run_suite(settings, cases, folder, workers, dask, baselines, again, report, experiments)
     finally:  # what is there counts, whatever ended it
         results = there(folder, cases)
         figures = {"noise": noise, "visible": visible, "asked": cases, **summarise(results)}
@@ -73,6 +76,7 @@ def _print(figures: dict[str, Any], results: list[dict[str, Any]]) -> None:
     plain = [(name, *(b[c] for c in columns)) for name, b in figures["baselines"].items() if b["cases"]]
     if plain:
         show("Plain ways on the same cases", ["way", *columns], plain)
+    _print_experiments(figures["experiments"])
     bad = [r for r in results if r["result"] in ("wrong", "abstained")]
     lines = [
         (
@@ -88,6 +92,19 @@ def _print(figures: dict[str, Any], results: list[dict[str, Any]]) -> None:
     ]
     if lines:
         show("Not met", ["case", "system", "result", "visible", "verdict", "named", "|E(T)|"], lines)
+
+
+def _print_experiments(done: dict[str, Any]) -> None:
+    """What became of ambiguous cases once their experiment was driven."""
+    if not done["ambiguous"]:
+        return
+    counted = ["ambiguous", "driven", "exact", "wrong", "share_exact", "inseparable", "promised"]
+    rows = [(*(done[c] for c in counted), done["share_exact_promised"])]
+    show("Ambiguous cases after the proposed experiment", [*counted, "share_exact_promised"], rows)
+    columns = ["cases", "promised", "exact", "predicted_median", "achieved_median"]
+    pairs = [(name, *(row[c] for c in columns)) for name, row in done["pairs"].items()]
+    if pairs:
+        show("Pairs of alternatives", ["pair", *columns], pairs)
 
 
 def _sets(result: dict[str, Any]) -> str:

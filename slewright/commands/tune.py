@@ -1,23 +1,47 @@
-"""`slewright tune`: controller gains."""
+"""`slewright tune NAME`: a controller's gains."""
+
+from typing import Annotated
 
 import typer
 
 from slewright.figures import JsonOption, write
 from slewright.progress import progress
 
-app = typer.Typer(help="Find a controller's gains.", no_args_is_help=True)
 
+def tune(
+    controller: Annotated[str, typer.Argument(metavar="NAME", help="The controller (docs/baselines.md).")],
+    hours: Annotated[
+        float | None,
+        typer.Option(
+            "--hours",
+            metavar="H",
+            min=0.0,
+            help="Budget of simulated machine-hours (default: the same for all).",
+        ),
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Tune a controller on the tuning draws; write its gains, how they were found and what they reach."""
+    from baselines import registry
 
-@app.callback()
-def tune() -> None:
-    """Find a controller's gains."""
+    chosen = registry.find(controller)
+    with progress(f"tune {controller}") as report:
+        if chosen.name == "pi":
+            from baselines.pi.tune import run as run_pi
 
+            figures = run_pi(report)
+        else:
+            from baselines.tuning.search import BUDGET_H, run
 
-@app.command()
-def pi(json: JsonOption = None) -> None:
-    """Tune the PI controller on the tuning draws and write gains, margins and how they were found."""
-    from baselines.pi.tune import run
-
-    with progress("tune pi") as report:
-        figures = run(report)
+            figures = run(chosen, report, BUDGET_H if hours is None else hours)
+            _show(figures)
     write(json, figures, figures.get("seed"))
+
+
+def _show(figures: dict) -> None:
+    from slewright.tables import show
+
+    columns = ("gains", "cost", "time s", "speed °/s", "overshoot °", "error °", "tool °/s")
+    names = ("cost", "time", "speed", "overshoot", "slew_error", "tool")
+    rows = [[name, *(float(cell[n]) for n in names)] for name, cell in figures["validation"].items()]
+    show(f"{figures['controller']} on validation draws; kept: {figures['kept']}", columns, rows)

@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -34,6 +34,9 @@ def verify(
         Path | None,
         typer.Option("--model", metavar="DIR", help="Verify the controller of this model folder."),
     ] = None,
+    controller: Annotated[
+        str, typer.Option("--controller", metavar="NAME", help="Verify this controller (docs/baselines.md).")
+    ] = "",
     json: JsonOption = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Scenarios run at the same time.")] = 2,
     readme: Annotated[
@@ -45,14 +48,17 @@ def verify(
     from orchestrator.verify import show, verify as run
 
     systems = ["nominal", "reference"] if system is Systems.both else [system.value]
+    chosen = _chosen(controller, model)
     with progress("verify") as report:
         verdict = run(
             scenarios=scenario or None,
             systems=systems,
             seed=seed,
             out=out,
-            model=model,
+            model=chosen.get("model", model),
             jobs=jobs,
+            settings=chosen.get("settings"),
+            name=controller,
             progress=report,
         )
     show(verdict)
@@ -63,3 +69,16 @@ def verify(
         fill(readme, verdict, f"slewright verify --seed {seed}")
     if not verdict.accepted:
         raise typer.Exit(1)
+
+
+def _chosen(controller: str, model: Path | None) -> dict[str, Any]:
+    """Model folder and settings of a controller by name; {} if none is named."""
+    if not controller:
+        return {}
+    from baselines import registry
+    from specs.errors import InputError
+
+    if model is not None:
+        raise InputError("--controller and --model exclude each other")
+    found = registry.find(controller)
+    return {"model": found.models.get(registry.SLOT), "settings": found.parameters}

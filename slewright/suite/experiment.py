@@ -7,46 +7,53 @@ after.json                        the answer to the recordings and the new one t
 import json
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from blindtest import case as cases, extra as extras
-from blindtest.score import read_truth
+from blindtest.score import Truth
 from blindtest.systems.system import STEP
 from records.formats import read_measurement
-from slewright.suite import child, work
+from slewright.suite import answers, child
 from slewright.suite.proposal import TABLE
 
 RUN = "run_experiment.parquet"
+AFTER, BEFORE = "after.json", "before.json"
 
 
-def settle(folder: Path, visible: int | None, outside: bool) -> dict[str, Any] | None:
+def settle(folder: Path, truth: Truth, drawn: Callable[[], cases.Case]) -> dict[str, Any] | None:
     """What became of an ambiguous case after its experiment; None for a case that was not ambiguous.
 
-    {"proposed", "predicted_margin", "verdict", "result", "seconds"}: `result` is the contract's word for the
-    second answer.  `visible`, `outside`: as the case was drawn with.
+    {"proposed", "predicted_margin", "separable", "sentence", "pairs", "verdict", "result", "seconds", ...}:
+    `result` is the contract's word for the second answer; `pairs` hold predicted and achieved margins, and
+    whether one was `promised`; `separable`: for all of them.  `drawn` draws the case again.
     """
     report = json.loads((folder / "report.json").read_text())
     if report["verdict"] != "ambiguous":
         return None
     proposal = report.get("next_experiment") or {}
+    found = {k: proposal.get(k) for k in ("predicted_margin", "separable", "sentence")}
     if not proposal.get("plan") or not (folder / TABLE).is_file():
-        return {"proposed": False, "predicted_margin": proposal.get("predicted_margin")}
+        return found | {"proposed": False, "pairs": [_told(p) for p in proposal.get("pairs", ())]}
     told = json.loads((folder / "given" / "case.json").read_text())
-    truth = read_truth(folder / "sealed" / "truth.json", told["truth_sha256"])
-    path = folder / "after.json"
-    if not path.is_file():
-        content = truth.content
-        case = cases.draw(content["seed"], content["noise"], content["system"], visible, outside)
+    path = folder / AFTER
+    if not path.is_file() or json.loads(path.read_text()).get("failed"):
+        case = drawn()
         start = proposal["excitation"]["start"]
         run = extras.extra(case, _commands(folder / TABLE, proposal["duration_s"]), start)
-        work.write(path, _answer(folder, case, run, told))
+        answers.write(path, _answer(folder, case, run, told))
     after = json.loads(path.read_text())
-    found = {"proposed": True, "predicted_margin": proposal["predicted_margin"]}
-    return found | work.scored(truth, after)
+    pairs = (after.get("experiment") or proposal)["pairs"]
+    return found | {"proposed": True, "pairs": [_told(p) for p in pairs]} | answers.scored(truth, after)
+
+
+def _told(p: Mapping[str, Any]) -> dict[str, Any]:
+    """A pair of alternatives with its margins."""
+    names = ("one", "other", "predicted_margin", "achieved_margin")
+    return {k: p.get(k) for k in names} | {"promised": bool(p.get("promised"))}
 
 
 def _commands(path: Path, duration_s: float) -> dict[str, np.ndarray]:
@@ -66,10 +73,19 @@ def _answer(folder: Path, case: cases.Case, run: cases.Recorded, told: Mapping[s
         given = Path(room) / "given"
         shutil.copytree(folder / "given", given)
         extras.write(case, run, given / RUN)
-        command = ["-m", "slewright", "reconcile", RUN, *told["runs"], "--model", work.model(told["model"])]
-        ended = child.run([*command, "--out", "../out", "--report-only"], given)
+        shutil.copy(folder / "report.json", Path(room) / BEFORE)
+        command = [
+            "-m",
+            "slewright",
+            "reconcile",
+            RUN,
+            *told["runs"],
+            "--model",
+            answers.model(told["model"]),
+        ]
+        ended = child.run([*command, "--before", f"../{BEFORE}", "--out", "../out", "--report-only"], given)
         report = Path(room) / "out" / "report.json"
-        content = work.FAILED | {"failed": ended.said or f"ended with {ended.code}"}
+        content = answers.FAILED | {"failed": ended.said or f"ended with {ended.code}"}
         if report.is_file():
             content = json.loads(report.read_text())
         return content | {"core_seconds": ended.seconds}

@@ -24,10 +24,12 @@ def run_suite(
     baselines: bool = True,
     again: bool = False,
     report: Report | None = None,
+    experiments: bool = True,
 ) -> Results:
     """Do the cases of 0 .. count - 1 that are not done yet; all results that are there, in order.
 
-    `again`: answer the cases that are there once more.  A KeyboardInterrupt passes; what was done is kept.
+    `again`: answer the cases that are there once more; `experiments`: drive what ambiguous ones propose.
+    A KeyboardInterrupt passes; what was done is kept.
     Raises InputError for less than one case or worker, RunError when cases have no result (a worker that
     died, say), the others done.
     """
@@ -37,7 +39,7 @@ def run_suite(
         raise InputError(f"--workers {workers}: at least 1")
     say = report or (lambda what, done=None, total=None: None)
     check_packages(scheduler, baselines)
-    tasks = [_task(settings, n, out, baselines, again) for n in range(count)]
+    tasks = [_task(settings, n, out, baselines, again, experiments) for n in range(count)]
     todo = [t for t in tasks if again or not _done(t)]
     done, undrawn = 0, []
     say("cases", 0, len(todo))
@@ -74,7 +76,9 @@ def check_packages(scheduler: str | None, baselines: bool) -> None:
         raise InputError("plain SINDy needs pysindy: install slewright[suite], or say --no-baselines")
 
 
-def _task(settings: Settings, number: int, out: Path, baselines: bool, again: bool) -> Task:
+def _task(
+    settings: Settings, number: int, out: Path, baselines: bool, again: bool, experiments: bool
+) -> Task:
     case = settings.case(number)
     folder = (out / "cases" / case.key).resolve()
     return {
@@ -86,6 +90,7 @@ def _task(settings: Settings, number: int, out: Path, baselines: bool, again: bo
         "noise": settings.noise,
         "visible": settings.visible,
         "baselines": baselines,
+        "experiments": experiments,
         "again": again,
     }
 
@@ -99,4 +104,8 @@ def _done(task: Task) -> bool:
     plain = found["baselines"]
     if task["baselines"] and (len(plain) < len(PLAIN) or any(b["workflow_failed"] for b in plain.values())):
         return False
+    if task["experiments"] and found["verdict"] == "ambiguous":
+        after = found.get("experiment")
+        if not after or after.get("workflow_failed"):
+            return False
     return not found["workflow_failed"]

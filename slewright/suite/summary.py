@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from slewright.suite.experiments import of_experiments
 from slewright.suite.work import PLAIN
 
 RESULTS = ("exact", "ambiguous_ok", "right", "wrong", "abstained")
@@ -22,6 +23,7 @@ MUSTS = {
         ("parameter_error_median", "<=", 10.0),
         ("coverage95", ">=", 0.90),
         ("seconds_median", "<=", 20.0),
+        ("share_settled", ">=", 0.70),
     ),
     ("high", "drawn"): (("share_met", ">=", 0.70), ("share_wrong", "<=", 0.03)),
     ("low", "none"): (("share_false_positive", "<=", 0.02),),
@@ -61,6 +63,8 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
         "confusion": confusion(results),
         "equivalents_added": sum(r["equivalents_added"] for r in results),
         "equivalence_sizes": _sorted(Counter(len(r["equivalents"]) for r in results)),
+        "experiments": (experiments := of_experiments(results)),
+        "share_settled": experiments["share_exact"],
         "baselines": {name: _baseline(results, name) for name in PLAIN},
         "by_system": {s: _counts(rs) | _cost(rs) for s, rs in _grouped(results, lambda r: [r["system"]])},
         "by_effect": {e: _counts(rs) for e, rs in _grouped(results, lambda r: r["visible"] or [NOTHING])},

@@ -2,7 +2,8 @@
 
 given/         recordings, plain model, case.json with the hash of the truth
 sealed/        truth.json
-report.json    the workflow's answer (or failed.json: how it ended)
+report.json    the workflow's answer (or how it failed)
+after.json     of an ambiguous case: the answer after its proposed experiment
 result.json    the score; is there when the case is done
 """
 
@@ -10,22 +11,24 @@ import json
 import shutil
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from blindtest import case as cases, folder as folders
-from blindtest.score import Truth, read_truth, score
+from blindtest.score import read_truth
 from slewright.suite import child, measures
+from slewright.suite.answers import FAILED, model, scored, write
+from slewright.suite.experiment import AFTER, settle
 from slewright.suite.membership import completed
 from slewright.suite.proposal import keep
 from specs.errors import RunError
 
 REDRAWS = 3  # seeds that are tried where one gives no clear case
-FAILED = {"verdict": "failed", "effects": [], "alternatives": [], "gap": {}}
 PLAIN = ("sindy", "greedy_bic")
-PARTS = ("report.json", "result.json", *(f"{name}.json" for name in PLAIN))
-Task = dict[str, Any]  # key, ssp (its system, for the pool), digest, folder, seed, noise, visible, baselines
+PARTS = ("report.json", "result.json", AFTER, *(f"{name}.json" for name in PLAIN))
+# key, ssp (its system, for the pool), digest, folder, seed, noise, visible, baselines, experiments, again
+Task = dict[str, Any]
 
 
 def work(tasks: Sequence[Task]) -> list[dict[str, Any]]:
@@ -100,16 +103,12 @@ def _answer(folder: Path, name: str, command: Sequence[str]) -> None:
         write(path, content | {"core_seconds": ended.seconds})
 
 
-def model(told: str) -> str:
-    """What --model is given: the folder beside the recordings, or the name of a model of the project."""
-    return told if told == "model" else Path(told).stem
-
-
 def _result(task: Task, folder: Path, sha256: str) -> dict[str, Any]:
     sealed = read_truth(folder / "sealed" / "truth.json", sha256)
     content = sealed.content
     report = json.loads((folder / "report.json").read_text())
     truth = completed(sealed, report, folder / "sealed", lambda: _clear(task))
+    after = settle(folder, truth, lambda: _clear(task)) if task["experiments"] else None
     return {
         "truth_sha256": sha256,
         "system": content["system"],
@@ -122,31 +121,10 @@ def _result(task: Task, folder: Path, sha256: str) -> dict[str, Any]:
         "draw_seconds": json.loads((folder / "drawn.json").read_text())["seconds"],
         **scored(truth, report),
         **measures.of_report(content, report),
+        "experiment": after,
         "baselines": {
             name: scored(truth, json.loads(path.read_text()))
             for name in PLAIN
             if (path := folder / f"{name}.json").is_file()
         },
     }
-
-
-def scored(truth: Truth, report: Mapping[str, Any]) -> dict[str, Any]:
-    """The contract's score of an answer; a workflow that failed abstains."""
-    found = score(truth, report)
-    return {
-        "verdict": report["verdict"],
-        "workflow_failed": report.get("failed", ""),
-        "seconds": report["core_seconds"],
-        "result": "abstained" if report["verdict"] == "failed" else found.result,
-        "named": [list(names) for names in found.named],
-        "false_positive": found.false_positive,
-        "unambiguous": found.unambiguous,
-    }
-
-
-def write(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    part.parent.mkdir(parents=True, exist_ok=True)
-    part.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    part.replace(path)

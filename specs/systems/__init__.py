@@ -5,6 +5,8 @@
     inputs.system = ["disturbance_torque_slew"]   # system-level inputs of the same name
     inputs.arm = ["inertia", "inertia_rate"]      # outputs of the component `arm`
 
+    offered.slew = ["p_slew_a"]               # not connected unless a model in its place wants them
+
     [outputs]
     slew = ["q_slew", "q_slew as true_q_slew"]    # system-level outputs, renamed with `as`
 
@@ -12,8 +14,8 @@ Every connector is a signal of `specs/signals.toml`, which has its unit.  The SS
 """
 
 import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +53,10 @@ class Component:
 
 @dataclass(frozen=True)
 class SystemSpec:
-    """One system: components in declared order, its inputs and outputs, all connections, step in s."""
+    """One system: components in declared order, its inputs and outputs, all connections, step in s.
+
+    `offered` are connections that a component does without, and a model in its place may take.
+    """
 
     name: str
     description: str
@@ -59,6 +64,7 @@ class SystemSpec:
     stop_s: float
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
+    offered: tuple[Connection, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -75,6 +81,11 @@ class SystemSpec:
         inputs = [c.target.name for c in self.connections if c.target.component == component]
         outputs = [c.source.name for c in self.connections if c.source.component == component]
         return tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs))
+
+    def fitted(self, component: str, inputs: Collection[str]) -> "SystemSpec":
+        """The system with a model in the place of `component` that has these `inputs`: offers it takes."""
+        wanted = [c for c in self.offered if c.target.component == component and c.target.name in inputs]
+        return replace(self, connections=(*self.connections, *wanted)) if wanted else self
 
 
 def names() -> tuple[str, ...]:
@@ -97,9 +108,15 @@ def parse(name: str, data: Mapping[str, Any]) -> SystemSpec:
         for key, value in data["components"].items()
     )
     spec = SystemSpec(
-        name, data["description"], data["step_s"], data["stop_s"], components, tuple(_connections(data))
+        name,
+        data["description"],
+        data["step_s"],
+        data["stop_s"],
+        components,
+        tuple(_connections(data)),
+        tuple(_offers(data)),
     )
-    _check(spec)
+    _check(replace(spec, connections=(*spec.connections, *spec.offered)))
     return spec
 
 
@@ -109,6 +126,12 @@ def _connections(data: Mapping[str, Any]) -> Iterator[Connection]:
             yield from _from_source(source, signals, name)
     for source, signals in data["outputs"].items():
         yield from _from_source(source, signals, "")
+
+
+def _offers(data: Mapping[str, Any]) -> Iterator[Connection]:
+    for name, component in data["components"].items():
+        for source, signals in component.get("offered", {}).items():
+            yield from _from_source(source, signals, name)
 
 
 def _from_source(source: str, signals: list[str], target: str) -> Iterator[Connection]:

@@ -14,8 +14,12 @@ from learning.collection.plan import load_plan
 from reconcile.catalogue import ALL
 from reconcile.data import runs_of, split
 from reconcile.experiment import plan
-from reconcile.experiment.achieved import candidates, margins
+from reconcile.experiment.achieved import candidates, compared, margins
+from reconcile.experiment.choose import LONGEST_S, rough, spread
 from reconcile.experiment.excitation import SHAPES, Excitation, commands, of_dict
+from reconcile.experiment.judges import Pairs
+from reconcile.experiment.limits import limits_of
+from reconcile.experiment.predict import Bench
 from reconcile.experiment.propose import Proposal, propose
 from reconcile.fit.solve import Fitted
 from reconcile.model import Folder
@@ -132,6 +136,29 @@ def test_what_tells_two_sensors_apart_does_so_by_about_the_margin_predicted(lags
     assert after["one"] == ["sensor_lag"]
     assert after["achieved_margin"] > CLOSE
     assert 0.5 < after["achieved_margin"] / figures["pairs"][0]["if_one"] < 2.0
+
+
+def test_gentle_excitations_are_tried_first_and_one_that_tells_plenty_is_short(lags, proposed):
+    bench = Bench(lags.study, limits_of(lags.study), PERIOD)
+    tried = spread(bench)
+    assert [rough(e) for e in tried] == sorted(rough(e) for e in tried)
+    assert {e.kind for e in tried} == set(SHAPES)
+    assert min(e.fastest_s for e in tried) < 0.2  # as fast as its commands' ticks allow
+    chosen = of_dict(proposed.figures["excitation"])
+    assert chosen.duration_s < LONGEST_S
+    assert rough(chosen) < 0.1 * rough(tried[-1])
+
+
+def test_the_loop_is_closed_with_nothing_but_the_first_report_and_the_new_recording(lags, proposed):
+    """As `slewright reconcile NEW RUN --before report.json` does it, the candidates being given."""
+    first = {"verdict": "ambiguous", "sentence": "either", "next_experiment": proposed.figures}
+    study, answer = lags.driven(proposed, seed=78)
+    found = compared(study, answer, json.loads(json.dumps(first)))
+    (pair,) = found["pairs"]
+    assert {tuple(pair["one"]), tuple(pair["other"])} == {("sensor_lag",), ("sensor_delay",)}
+    assert pair["promised"]
+    assert pair["one"] == ["sensor_lag"]  # the true one
+    assert found["achieved_margin"] == pair["achieved_margin"] > CLOSE
 
 
 def test_a_simple_effect_needs_no_margin_over_the_general_one_that_includes_it(rig):
@@ -259,10 +286,6 @@ def test_a_plan_for_the_machine_is_one_that_collect_takes(tmp_path):
 
 
 def test_a_margin_grows_with_the_length_of_the_experiment(lags, proposed):
-    from reconcile.experiment.judges import Pairs
-    from reconcile.experiment.limits import limits_of
-    from reconcile.experiment.predict import Bench
-
     bench = Bench(lags.study, limits_of(lags.study), PERIOD)
     fits = [lags.answer.tried.fits[Key(s)] for s in (lags.answer.present, *lags.answer.alternatives)]
     e = of_dict(proposed.figures["excitation"])
@@ -278,7 +301,5 @@ def test_an_input_without_a_range_is_named(lags):
     still = runs_of(record(Truth(), 10.0, 1, NOISE, 0.0), lags.rig, "still")
     study = Study(lags.rig, split(still, (), ()), [])
     study.model = replace(lags.rig.model, inputs=tuple(inputs))
-    from reconcile.experiment.limits import limits_of
-
     with pytest.raises(InputError, match=r"no input has a range \(force\)"):
         limits_of(study)

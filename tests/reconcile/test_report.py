@@ -63,6 +63,14 @@ def test_what_is_not_in_the_contracts_form_is_found(figures, spoil, said):
     assert any(said in line for line in check(report)), check(report)
 
 
+def test_effects_that_free_terms_beat_are_nearest_and_not_named(friction):
+    verdict = verdicts.Verdict("unexplained", "Free terms explain it better.", "unexplained")
+    report = json.loads(json.dumps(_plain(reports.figures(friction, verdict)) | DATED))
+    assert check(report) == []
+    assert (report["effects"], report["alternatives"]) == ([], [])
+    assert [e["name"] for e in report["nearest"]] == ["coulomb_friction"]
+
+
 def test_the_gap_is_the_held_out_error_above_the_floor(figures, friction):
     for name, gap in figures["gap"].items():
         errors = np.concatenate([t.error(name) for t in friction.traces["after"] or []])

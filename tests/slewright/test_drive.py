@@ -2,12 +2,13 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from reconcile import workflow
-from reconcile.experiment import plan
+from reconcile.experiment import achieved, plan
 from records.formats import read_measurement
 from slewright import __main__ as entry, drive
 from specs.errors import InputError
@@ -47,7 +48,7 @@ def test_a_model_that_the_machine_cannot_drive_is_refused_before_anything_is_com
 def test_the_experiment_is_driven_and_answered_again_with_its_recording_first(tmp_path, monkeypatch):
     asked, out = [], tmp_path / "out"
 
-    def answer(runs, model, to, *rest, then):
+    def answer(runs, model, to, *rest, then=None):
         asked.append(list(runs))
         if len(asked) > 1:
             known = {"proposal": first["next_experiment"], "before": "ambiguous", "achieved_margin": 31.0}
@@ -61,7 +62,7 @@ def test_the_experiment_is_driven_and_answered_again_with_its_recording_first(tm
     figures = drive.drive([Path("old.parquet")], "slew", out)
     new = tmp_path / "out-experiment" / "000_experiment.parquet"
     assert asked == [[Path("old.parquet")], [new, Path("old.parquet")]]
-    assert figures["experiment"]["after"] == "named"
+    assert figures["experiment"]["before"] == "ambiguous"
     measured = read_measurement(new)
     told = measured["u_slew"].values
     assert set(np.unique(np.round(told, 3))) == {-0.4, 0.0, 0.4}  # 0 until something is seen
@@ -74,24 +75,33 @@ def test_nothing_is_driven_where_nothing_is_proposed(tmp_path, monkeypatch):
     assert drive.drive([Path("old.parquet")], "slew", tmp_path / "out") is only
 
 
-def test_predicted_and_achieved_margins_stand_side_by_side():
+def test_predicted_and_achieved_margins_stand_side_by_side(monkeypatch):
     pairs = [{"one": ["a"], "other": ["b"], "predicted_margin": 40.0}]
     asked = {"pairs": pairs, "predicted_margin": 40.0, "sentence": SENTENCE, "plan": "experiment.toml"}
     first = {"verdict": "ambiguous", "sentence": "a, or as well: b.", "next_experiment": asked}
     reached = [{"one": ["b"], "other": ["a"], "achieved_margin": 31.0}]
-    found = drive._compared(first, Path("new.parquet"), reached)
-    assert found["pairs"] == [
-        {"one": ["b"], "other": ["a"], "achieved_margin": 31.0, "predicted_margin": 40.0}
-    ]
-    figures = {
-        "experiment": found | {"after": "named"},
-        "sentence": "The model lacks b.",
-        "next_experiment": None,
-    }
+    monkeypatch.setattr(achieved, "margins", lambda *_: reached)
+    model = SimpleNamespace(name="slew")
+    study = SimpleNamespace(candidates=[], folder=SimpleNamespace(model=model))
+    found = drive.compare(first, Path("new.parquet"))(study, None, {"verdict": "named"})["experiment"]
+    assert found["pairs"] == [reached[0] | {"predicted_margin": 40.0, "promised": True}]
+    figures = {"experiment": found, "sentence": "The model lacks b.", "next_experiment": None}
     json.dumps(figures)
     assert drive.lines(figures) == [
         "before: ambiguous: a, or as well: b.",
         f"driven: {SENTENCE}",
-        "margin: 40 predicted, 31 achieved",
+        "b or a: a margin of 40 was predicted, 31 is reached",
         "after: named: The model lacks b.",
     ]
+
+
+@pytest.mark.parametrize("content", ["{", "{}", '{"next_experiment": null}'])
+def test_a_file_that_proposes_no_experiment_is_refused(tmp_path, content, capsys):
+    path, run = tmp_path / "report.json", tmp_path / "run.csv"
+    path.write_text(content)
+    run.write_text("time [s],u [1]\n0,0\n")
+    code = entry.run(
+        ["reconcile", str(run), "--model", "arm", "--out", str(tmp_path / "out"), "--before", str(path)]
+    )
+    assert code == 2
+    assert f"--before {path}: no report of an answer that proposes one" in capsys.readouterr().err

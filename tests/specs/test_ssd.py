@@ -62,6 +62,17 @@ def test_controllers_of_the_reference_system_read_sensors_only() -> None:
     spec = systems.load("reference")
     for component in ("pi", "arm_velocity"):
         assert not [n for n in spec.connectors(component)[0] if n.startswith("true_")]
+    assert {signal(c.source.name).kind for c in spec.offered} == {"sensor"}
+
+
+def test_a_model_in_a_controllers_place_gets_what_is_offered_and_it_wants() -> None:
+    nominal, reference = systems.load("nominal"), systems.load("reference")
+    offers = [{c.target.name for c in spec.offered} for spec in (nominal, reference)]
+    assert offers[0] == offers[1]
+    wanted = nominal.fitted("pi", {"q_slew", "imu_tool_roll"})
+    assert set(wanted.connectors("pi")[0]) - set(nominal.connectors("pi")[0]) == {"imu_tool_roll"}
+    assert wanted.connectors("tool")[1] == (*nominal.connectors("tool")[1],)
+    assert nominal.fitted("slew", {"q_slew"}) == nominal
 
 
 def test_the_step_and_the_algorithm_are_in_our_annotation() -> None:

@@ -1,0 +1,1 @@
+"""Controllers held against one another and against the paper's: `slewright compare`."""

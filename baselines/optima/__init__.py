@@ -1,0 +1,1 @@
+"""Best found optima: what perfect knowledge of a machine reaches, by optimal control (docs/optima.md)."""

@@ -1,0 +1,78 @@
+"""The best found optima, kept in `found.json` beside this file: what was reached, and how it was found.
+
+An entry is one command for one case: a machine (nominal, tuning:K, validation:K), a travel (deg), a load (kg)
+and the speed asked for (deg/s; None: least time).  Its figures are those of the command run on the whole
+machine.  All are local optima: a better one may exist.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from specs.errors import InputError
+
+PATH = Path(__file__).with_name("found.json")
+
+
+@dataclass(frozen=True, order=True)
+class Key:
+    """What an entry is the optimum of; speed 0: least time."""
+
+    machine: str
+    load_kg: float
+    travel_deg: float
+    speed: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """As it stands in the file and in progress lines."""
+        wanted = f"{self.speed:g} deg/s" if self.speed else "least time"
+        return f"{self.machine}, {self.load_kg:g} kg, {self.travel_deg:g} deg, {wanted}"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One optimum; `found` is the whole machine's, `predicted_*` the collocation's."""
+
+    key: Key
+    found: Mapping[str, Any]  # time_s, speed, overshoot, slew_error, error, tool, reached
+    predicted_time_s: float
+    predicted_tool: float
+    status: str
+    iterations: int
+    reserve_deg: float
+    guess: str  # where the search began
+    lengths_s: tuple[float, ...]  # of the command's phases
+    joystick: tuple[tuple[float, ...], ...]  # by interval of each phase
+
+    @property
+    def counts(self) -> bool:
+        """Whether the solver converged and the whole machine reached the target."""
+        return bool(self.found["reached"]) and self.status in (
+            "Solve_Succeeded",
+            "Solved_To_Acceptable_Level",
+        )
+
+
+def read(path: Path = PATH) -> dict[Key, Entry]:
+    """All entries by key; InputError for a file that is not one of ours."""
+    if not path.is_file():
+        return {}
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        entries = [Entry(**{**item, "key": Key(**item["key"])}) for item in data["entries"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not a file of optima ({error}); `slewright optimum` writes one") from error
+    return {entry.key: entry for entry in entries}
+
+
+def write(entries: Iterable[Entry], how: Mapping[str, Any], path: Path = PATH) -> None:
+    """Write all entries with `how` they were found, whole or not at all: one line an entry."""
+    rows = [json.dumps(asdict(entry)) for entry in sorted(entries, key=lambda entry: entry.key)]
+    head = json.dumps({"what": "local optima, found by `slewright optimum`", **how}, indent=1)
+    text = head[:-2] + ',\n "entries": [\n' + ",\n".join(rows) + "\n]}\n"
+    temporary = path.with_suffix(".part")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)

@@ -1,0 +1,124 @@
+"""Input shaping at 50 Hz: a speed profile shaped by ZV, ZVD or EI, tracked, with or without sway feedback."""
+
+from typing import Any
+
+import casadi as ca
+
+from fmus.definition import Model, Namespace, Variable, from_signals
+from fmus.equations import kinematics, shaping, slew_control as control
+
+REFERENCE_INERTIA = 400e3  # kg m2, of control_rise_time
+AT_REST = 0.01  # rad/s
+
+
+def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
+    speed, angle, bias = control.observed(x.angle, x.bias, u, p)
+    radius, _ = kinematics.arm_tip(u.q_boom, u.q_stick, p)
+    moment = control.inertia(x, u, p)
+    target = shaping.new_target(x, u, ca.pi / ca.sqrt(p.gravity * x.inverse_length))
+    shares = shaping.amplitudes(p.shaper_kind, p.shaper_damping_ratio)
+    copies, r, v, a = _shaped(x, u, target, shares, moment, p)
+    late_r, late_v, late_a, lags = shaping.lagged(x, ca.if_else(x.started < 0.5, u.q_slew, r), p.shaper_lag)
+    swing, model = _swing(x, u, late_a, radius, p)
+    feedback = p.shaper_speed_gain * (late_v - speed) + p.shaper_angle_gain * (late_r - u.q_slew)
+    lead = ca.if_else(a * v >= 0, p.control_rise_time, p.shaper_brake_lead) * moment / REFERENCE_INERTIA
+    wanted = v + lead * a + feedback + swing
+    near = (ca.fabs(target["goal"] - u.q_slew) < p.shaper_rest_band) * (ca.fabs(speed) < AT_REST)
+    resting = near * (ca.fabs(v) < AT_REST) * (ca.fabs(swing) < AT_REST)
+    arrived = (ca.fabs(v) < AT_REST) * (ca.fabs(late_v) < AT_REST) * (1 - near)
+    started = x.started > 0.5
+    return {
+        "angle": ca.if_else(started, angle, u.q_slew),
+        "bias": bias,
+        "band": control.learnt_band(x.band, wanted, speed, arrived, p.shaper_band_rate, p),
+        **target,
+        **copies,
+        **{name: ca.if_else(started, value, u.q_slew) for name, value in lags.items()},
+        **model,
+        **control.weighed(x, u, speed, p),
+        **shaping.pendulum(x, u, speed, radius, p, p.shaper_length_rate),
+        "slew_command": control.joystick(wanted, p, x.band) * (1 - resting),
+        **shaping.joints(x, u, target, shares, p),
+    }
+
+
+def _shaped(
+    x: Namespace, u: Namespace, target: dict[str, Any], shares: list[Any], moment: Any, p: Namespace
+) -> tuple[Any, ...]:
+    """Next states of the copies, and angle, speed, acceleration of their sum."""
+    pace = control.clip(u.pace, 0.1, 2.0)
+    limit = p.shaper_speed_limit * pace
+    rate = p.shaper_brake_share * pace * control.braking(moment, p)
+    states, r, v, a = {}, 0.0, 0.0, 0.0
+    for i, share in zip(shaping.COPIES, shares, strict=True):
+        late = target["clock"] >= i * target["half_period"] - control.STEP / 2
+        goal = ca.if_else(late, target["goal"], target["old_goal"])
+        here = ca.if_else(x.started < 0.5, u.q_slew, getattr(x, f"r_{i}"))
+        before = getattr(x, f"v_{i}")
+        angle, speed = shaping.profile(here, before, goal, limit, rate, p.shaper_slope)
+        states |= {f"r_{i}": angle, f"v_{i}": speed}
+        r, v, a = r + share * angle, v + share * speed, a + share * (speed - before) / control.STEP
+    return states, r, v, a
+
+
+def _swing(x: Namespace, u: Namespace, a: Any, radius: Any, p: Namespace) -> tuple[Any, dict[str, Any]]:
+    """Slew speed that damps the roll beside its reference motion, and next states of that model."""
+    omega = ca.sqrt(p.gravity * x.inverse_length)
+    spring = -x.inverse_length * (p.gravity * x.model_roll + radius * a)
+    rate = x.model_rate + control.STEP * (spring - 2 * p.shaper_damping_ratio * omega * x.model_rate)
+    roll, roll_rate = u.imu_tool_roll - x.level - x.model_roll, u.imu_tool_rate_x - x.model_rate
+    ahead = omega * p.shaper_sway_lead
+    phased = roll * ca.cos(ahead) + roll_rate / omega * ca.sin(ahead)
+    wanted = p.shaper_sway * p.shaper_sway_gain * 2 * omega / (x.inverse_length * radius) * phased
+    limited = control.clip(
+        shaping.dead_zone(wanted, p.shaper_sway_dead_zone), -p.shaper_sway_limit, p.shaper_sway_limit
+    )
+    return limited, {
+        "model_roll": x.model_roll + control.STEP * rate,
+        "model_rate": rate,
+        "level": x.level + control.STEP * p.shaper_level_rate * (u.imu_tool_roll - x.level),
+    }
+
+
+MODEL = Model(
+    name="shaper",
+    description="Input shaping (ZV, ZVD, EI) of a speed profile, tracked, with sway feedback",
+    kind="discrete",
+    step=control.STEP,
+    states=(
+        *control.OBSERVER_STATES,
+        *control.INERTIA_STATES,
+        Variable("band", "1", "Learnt part of the dead band"),
+        Variable("started", "1", "1 after the first step"),
+        Variable("goal", "rad", "Slew angle of the target, not wrapped"),
+        Variable("old_goal", "rad", "That of the target before"),
+        Variable("clock", "s", "Time since the target changed"),
+        Variable("half_period", "s", "Half a period of the tool's roll, when the target changed", start=1.4),
+        *(Variable(f"r_{i}", "rad", f"Angle of the profile's copy {i}") for i in shaping.COPIES),
+        *(Variable(f"v_{i}", "rad/s", f"Speed of the profile's copy {i}") for i in shaping.COPIES),
+        *(
+            Variable(f"{joint}_{name}", unit, f"{joint.capitalize()}: {text}")
+            for joint in ("boom", "stick")
+            for name, unit, text in (
+                ("goal", "rad", "angle of the target"),
+                ("old", "rad", "angle of the target before"),
+                *((f"r_{i}", "rad", f"angle of the profile's copy {i}") for i in shaping.COPIES),
+                *((f"v_{i}", "rad/s", f"speed of the profile's copy {i}") for i in shaping.COPIES),
+            )
+        ),
+        Variable("lag_1", "rad", "Reference after one lag"),
+        Variable("lag_2", "rad", "Reference after both lags"),
+        Variable("model_roll", "rad", "Roll of the reference motion"),
+        Variable("model_rate", "rad/s", "Its rate"),
+        Variable("level", "rad", "Mean of the measured roll"),
+        Variable("slow_rate", "rad/s", "Filtered roll rate"),
+        Variable("slow_roll", "rad", "Filtered roll"),
+        Variable("inverse_length", "1/m", "Inverse of the pendulum's length", start=0.53),
+        *control.COMMAND_STATES,
+    ),
+    inputs=control.inputs(*control.TOOL),
+    outputs=from_signals(*control.COMMANDS),
+    parameters=control.parameters("shaper", with_gravity=True),
+    rhs=_next_state,
+    out=control.commands,
+)

@@ -1,0 +1,188 @@
+"""`slewright tune NAME`: a Sobol start and Nelder-Mead within a budget of machine-hours.
+
+1. Points of a Sobol sequence over the controller's ranges (and the gains it has), each on the first four
+   tuning draws.
+2. Nelder-Mead from the best of them on six tuning draws, until the budget is spent.
+3. The gains there were and those found, on eight validation draws: the better ones are kept.
+
+Deterministic: draws, noise and points follow from keys.  Every evaluation is kept in build/tune/NAME.json, so
+that an interrupted search goes on where it was.
+"""
+
+import hashlib
+import inspect
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baselines.bench import Report
+from baselines.gains import machine
+from baselines.parameter_file import update
+from baselines.registry import Controller, Range
+from baselines.tuning import cost as objective
+from fmus.build import BUILD
+from orchestrator.system import System
+from specs import parameters
+from specs.errors import InputError
+
+BUDGET_H = 4.0  # the PI's own search (baselines/pi/tune.py) has 10.7: it has no excuse
+FIRST_DRAWS, DRAWS = 4, 6
+FIRST_SHARE = 0.3  # of the budget, for the Sobol points
+VALIDATION_DRAWS = 8
+SEED = 1
+
+
+def run(controller: Controller, report: Report | None = None, budget_h: float = BUDGET_H) -> dict[str, Any]:
+    """Tune a controller, write its gains to specs/parameters, return gains, costs and the budget spent.
+
+    Raises InputError for a controller that has nothing to tune.
+    """
+    if not controller.tuned:
+        raise InputError(f"controller {controller.name} has no gains to tune: {controller.label}")
+    say = report or (lambda what, done, total: None)
+    system = objective.system(controller)
+    known = parameters.load(controller.gains)
+    start = {r.name: known[r.name].value for r in controller.tuned}
+    cache = Cache(BUILD / "tune" / f"{controller.name}.json", system, controller)
+    search = Search(system, controller, cache, budget_h, lambda h: say("tuning draws", h, budget_h))
+    found = search.run(start)
+    say("validation draws", budget_h, budget_h)
+    runs = objective.trials("validation", VALIDATION_DRAWS)
+    candidates = {"start": start, "search": found}
+    judged = {name: objective.cost(system, controller, gains, runs) for name, gains in candidates.items()}
+    kept = min(judged, key=lambda name: judged[name][0])
+    if kept == "search":
+        update(controller.gains, found, _how(controller, budget_h, judged))
+    return {
+        "controller": controller.name,
+        "machine": machine(),
+        "gains": candidates[kept],
+        "kept": kept,
+        "start": start,
+        "by_search": found,
+        "validation": {name: {"cost": value, **mean} for name, (value, mean) in judged.items()},
+        "machine_hours": search.spent_h,
+        "budget_machine_hours": budget_h,
+        "seed": SEED,
+    }
+
+
+class Search:
+    """The search of one controller on the tuning draws; `spent_h` counts simulated machine-hours."""
+
+    def __init__(
+        self,
+        system: System,
+        controller: Controller,
+        cache: "Cache",
+        budget_h: float,
+        say: Callable[[float], None],
+    ) -> None:
+        self.system, self.controller, self.cache, self.budget_h, self.say = (
+            system,
+            controller,
+            cache,
+            budget_h,
+            say,
+        )
+        self.spent_h = 0.0
+        self.seen: dict[str, float] = {}
+
+    def run(self, start: Mapping[str, float]) -> dict[str, float]:
+        """The best gains seen on all of the tuning draws."""
+        from scipy.optimize import minimize
+
+        ranges = self.controller.tuned
+        few, all_runs = (objective.trials("tuning", n) for n in (FIRST_DRAWS, DRAWS))
+        points = [to_cube(ranges, start), *sobol(len(ranges), self._affordable(len(few)))]
+        first = min(points, key=lambda x: self.evaluate(from_cube(ranges, x), few))
+        self.seen.clear()
+        spread = np.where(first > 0.5, -0.12, 0.12)
+        simplex = np.vstack([first, *(first + step for step in np.diag(spread))])
+        left = int((self.budget_h - self.spent_h) / (len(all_runs) * objective.RUN_H) + 1e-9)
+        minimize(
+            lambda x: self.evaluate(from_cube(ranges, x), all_runs),
+            first,
+            method="Nelder-Mead",
+            bounds=[(0.0, 1.0)] * len(ranges),
+            options={"initial_simplex": simplex, "maxfev": max(left, 1), "xatol": 1e-3, "fatol": 1e-4},
+        )
+        return json.loads(min(self.seen, key=lambda name: self.seen[name]))
+
+    def evaluate(self, gains: Mapping[str, float], runs: Sequence[objective.Trial]) -> float:
+        """Cost of these gains on these runs, out of the cache if it is known."""
+        name = json.dumps(gains)
+        value = self.cache.get(f"{len(runs)} {name}", lambda: self._cost(gains, runs))
+        self.spent_h += len(runs) * objective.RUN_H
+        self.say(self.spent_h)
+        self.seen[name] = value
+        return value
+
+    def _cost(self, gains: Mapping[str, float], runs: Sequence[objective.Trial]) -> float:
+        return objective.cost(self.system, self.controller, gains, runs)[0]
+
+    def _affordable(self, runs: int) -> int:
+        return max(1, int(FIRST_SHARE * self.budget_h / (runs * objective.RUN_H)) - 1)
+
+
+class Cache:
+    """Costs by gains, kept on disk for exactly these FMUs, settings, ranges and equations of the cost."""
+
+    def __init__(self, path: Path, system: System, controller: Controller) -> None:
+        self.path = path
+        parts = [component.sha256 for component in system.components.values()]
+        parts += [inspect.getsource(objective), repr(controller.settings), controller.aim]
+        self.key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+        kept = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        self.known: dict[str, float] = kept.get("costs", {}) if kept.get("key") == self.key else {}
+
+    def get(self, name: str, compute: Callable[[], float]) -> float:
+        """The cost of this name, computed and kept if it is not known yet."""
+        if name not in self.known:
+            self.known[name] = compute()
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            part = self.path.with_name(f"{self.path.name}.{os.getpid()}.part")
+            part.write_text(json.dumps({"key": self.key, "costs": self.known}, indent=1), encoding="utf-8")
+            part.replace(self.path)
+        return self.known[name]
+
+
+def sobol(dimensions: int, count: int) -> list[np.ndarray]:
+    """The first points of a Sobol sequence in the unit cube, its corner left out."""
+    from scipy.stats import qmc
+
+    power = int(np.ceil(np.log2(count + 1)))
+    return list(qmc.Sobol(dimensions, scramble=False).random_base2(power)[1 : count + 1])
+
+
+def from_cube(ranges: Sequence[Range], x: np.ndarray) -> dict[str, float]:
+    """Gains at a point of the unit cube, to three digits."""
+    values = [
+        r.low * (r.high / r.low) ** c if r.log else r.low + c * (r.high - r.low)
+        for r, c in zip(ranges, x, strict=True)
+    ]
+    return {r.name: float(f"{value:.3g}") for r, value in zip(ranges, values, strict=True)}
+
+
+def to_cube(ranges: Sequence[Range], gains: Mapping[str, float]) -> np.ndarray:
+    """The point of the unit cube that gains stand at, moved into it where they lie outside."""
+
+    def place(r: Range) -> float:
+        value = gains[r.name]
+        if r.log:
+            return float(np.log(max(value, 1e-12) / r.low) / np.log(r.high / r.low))
+        return (value - r.low) / (r.high - r.low)
+
+    return np.clip([place(r) for r in ranges], 0.0, 1.0)
+
+
+def _how(controller: Controller, budget_h: float, judged: Mapping[str, tuple[float, Any]]) -> str:
+    return (
+        f"slewright tune {controller.name}, seed {SEED}: {budget_h:.3g} machine-hours on {DRAWS} tuning "
+        f"draws; cost on {VALIDATION_DRAWS} validation draws {judged['search'][0]:.3f}, "
+        f"before {judged['start'][0]:.3f}"
+    )

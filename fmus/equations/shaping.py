@@ -1,0 +1,140 @@
+"""Input shaping of a slew profile, its tracking, and the tool's swing seen by the IMU.
+
+    profile     speed and acceleration within limits, to a target that may change at any time
+    shaper      the sum of copies of the profile, each told of a new target i half periods later
+    pendulum    1/l of the roll from the IMU (gradient estimator): y = -(1/l) (g roll + r s'), filtered
+    lag         the reference as late as the drive follows: what the encoder is compared with
+
+Equations and sources: baselines/shaper/README.md.  Angles in rad, speeds in rad/s, lengths in m.
+"""
+
+from typing import Any
+
+import casadi as ca
+
+from fmus.equations import kinematics, slew_control as control
+
+Namespace = Any
+Scalar = Any
+
+COPIES = (0, 1, 2)
+EXCESS = 0.05  # V of the extra-insensitive shaper: residual swing that it allows at the modelled period
+FILTER = control.FILTER  # 1/s, of the estimator's regression
+EXCITATION = 0.4  # m/s: filtered forcing that counts as lively, a swing of 0.1 rad
+LENGTHS = (1.0, 3.5)  # m, between which the pendulum's length is looked for
+
+
+def amplitudes(kind: Scalar, damping_ratio: Scalar) -> list[Scalar]:
+    """Shares of the three copies: kind 0 none, 1 ZV, 2 ZVD, 3 EI; they sum to 1."""
+    k = ca.exp(-ca.pi * damping_ratio / ca.sqrt(1.0 - damping_ratio**2))
+    zv = (1.0 / (1.0 + k), k / (1.0 + k), 0.0)
+    zvd = (1.0 / (1.0 + k) ** 2, 2.0 * k / (1.0 + k) ** 2, k**2 / (1.0 + k) ** 2)
+    ei = ((1.0 + EXCESS) / 4.0, (1.0 - EXCESS) / 2.0, (1.0 + EXCESS) / 4.0)
+    return [
+        ca.if_else(kind < 0.5, float(i == 0), ca.if_else(kind < 1.5, a, ca.if_else(kind < 2.5, b, c)))
+        for i, (a, b, c) in enumerate(zip(zv, zvd, ei, strict=True))
+    ]
+
+
+def profile(
+    r: Scalar, v: Scalar, goal: Scalar, limit: Scalar, rate: Scalar, slope: Scalar
+) -> tuple[Any, Any]:
+    """(angle, speed) one step on: towards `goal` within the speed `limit` and the acceleration `rate`."""
+    wanted = control.clip(control.parabola(goal - r, rate, slope), -limit, limit)
+    v_next = control.clip(wanted, v - control.STEP * rate, v + control.STEP * rate)
+    return r + control.STEP * v_next, v_next
+
+
+def new_goal(x: Namespace, u: Namespace) -> dict[str, Scalar]:
+    """States that follow the target: the goal, on the shorter way round from where the profile is."""
+    here = ca.if_else(x.started < 0.5, u.q_slew, x.r_0)
+    goal = here + control.wrap(control.target_angle(u) - here)
+    return {"started": 1.0, "goal": ca.if_else(_changed(x, goal), goal, x.goal)}
+
+
+def new_target(x: Namespace, u: Namespace, half_period: Scalar) -> dict[str, Scalar]:
+    """The same with what the shaper's copies need: the goal before, the clock, half a period."""
+    states = new_goal(x, u)
+    here = ca.if_else(x.started < 0.5, u.q_slew, x.r_0)
+    goal = here + control.wrap(control.target_angle(u) - here)
+    changed = _changed(x, goal)
+    return states | {
+        "old_goal": ca.if_else(x.started < 0.5, here, ca.if_else(changed, x.goal, x.old_goal)),
+        "clock": ca.if_else(changed, 0.0, x.clock + control.STEP),
+        "half_period": ca.if_else(changed, half_period, x.half_period),
+    }
+
+
+def _changed(x: Namespace, goal: Scalar) -> Scalar:
+    return ca.fmax(ca.fabs(control.wrap(goal - x.goal)) > 1e-9, x.started < 0.5)
+
+
+def joints(
+    x: Namespace, u: Namespace, target: dict[str, Scalar], shares: list[Scalar], p: Namespace
+) -> dict[str, Scalar]:
+    """Next states of the arm: shaped profiles of boom and stick, and velocity references that follow them."""
+    _, q_boom, q_stick = kinematics.inverse(u.target_x, u.target_y, u.target_z, p)
+    wanted = {"boom": (q_boom, u.q_boom), "stick": (q_stick, u.q_stick)}
+    states: dict[str, Scalar] = {}
+    for joint, (goal, q) in wanted.items():
+        states |= _joint(joint, goal, q, x, target, shares, p)
+    return states
+
+
+def _joint(
+    joint: str,
+    goal: Scalar,
+    q: Scalar,
+    x: Namespace,
+    target: dict[str, Scalar],
+    shares: list[Scalar],
+    p: Namespace,
+) -> dict[str, Scalar]:
+    low, high = getattr(p, f"{joint}_min"), getattr(p, f"{joint}_max")
+    goal = control.clip(goal, low + p.control_arm_margin, high - p.control_arm_margin)
+    first, changed = x.started < 0.5, target["clock"] < control.STEP / 2
+    before = ca.if_else(
+        first, q, ca.if_else(changed, getattr(x, f"{joint}_goal"), getattr(x, f"{joint}_old"))
+    )
+    states = {f"{joint}_goal": goal, f"{joint}_old": before}
+    angle, speed = 0.0, 0.0
+    for i, share in zip(COPIES, shares, strict=True):
+        late = target["clock"] >= i * target["half_period"] - control.STEP / 2
+        here = ca.if_else(first, q, getattr(x, f"{joint}_r_{i}"))
+        r, v = profile(
+            *(here, getattr(x, f"{joint}_v_{i}"), ca.if_else(late, goal, before)),
+            *(p.shaper_arm_rate, p.shaper_arm_acceleration, p.shaper_slope),
+        )
+        states |= {f"{joint}_r_{i}": r, f"{joint}_v_{i}": v}
+        angle, speed = angle + share * r, speed + share * v
+    reference = speed + p.control_arm_gain * (angle - p.shaper_arm_lag * speed - q)
+    limited = control.clip(reference, -p.control_arm_rate_limit, p.control_arm_rate_limit)
+    return states | {f"{joint}_reference": limited}
+
+
+def lagged(x: Namespace, r: Scalar, lag: Scalar) -> tuple[Scalar, Scalar, Scalar, dict[str, Scalar]]:
+    """(angle, speed, acceleration) of the reference through two lags of half `lag` each, and next states."""
+    half = lag / 2.0
+    first, second = (r - x.lag_1) / half, (x.lag_1 - x.lag_2) / half
+    states = {"lag_1": x.lag_1 + control.STEP * first, "lag_2": x.lag_2 + control.STEP * second}
+    return x.lag_2, second, (first - second) / half, states
+
+
+def pendulum(
+    x: Namespace, u: Namespace, speed: Scalar, radius: Scalar, p: Namespace, rate: Scalar
+) -> dict[str, Scalar]:
+    """Next states of the estimator of the pendulum's inverse length (1/m)."""
+    y = u.imu_tool_rate_x - x.slow_rate
+    phi = -(p.gravity * x.slow_roll / FILTER + radius * (speed - x.slow_speed))
+    step = control.STEP * FILTER
+    inverse = x.inverse_length + control.STEP * rate * phi * (y - x.inverse_length * phi) / EXCITATION**2
+    return {
+        "slow_rate": x.slow_rate + step * y,
+        "slow_roll": x.slow_roll + step * (u.imu_tool_roll - x.slow_roll),
+        "inverse_length": control.clip(inverse, 1.0 / LENGTHS[1], 1.0 / LENGTHS[0]),
+    }
+
+
+def dead_zone(value: Scalar, width: Scalar) -> Scalar:
+    """`value` less `width`, 0 within it."""
+    return value - control.clip(value, -width, width)

@@ -1,0 +1,37 @@
+"""What an answer is given and how it is scored; files written whole."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from blindtest.score import Truth, score
+
+FAILED = {"verdict": "failed", "effects": [], "alternatives": [], "gap": {}}
+
+
+def model(told: str) -> str:
+    """What --model is given: the folder beside the recordings, or the name of a model of the project."""
+    return told if told == "model" else Path(told).stem
+
+
+def scored(truth: Truth, report: Mapping[str, Any]) -> dict[str, Any]:
+    """The contract's score of an answer; a workflow that failed abstains."""
+    found = score(truth, report)
+    return {
+        "verdict": report["verdict"],
+        "workflow_failed": report.get("failed", ""),
+        "seconds": report["core_seconds"],
+        "result": "abstained" if report["verdict"] == "failed" else found.result,
+        "named": [list(names) for names in found.named],
+        "false_positive": found.false_positive,
+        "unambiguous": found.unambiguous,
+    }
+
+
+def write(path: Path, content: Mapping[str, Any]) -> None:
+    """Write JSON whole or not at all."""
+    part = path.with_name(path.name + ".part")
+    part.parent.mkdir(parents=True, exist_ok=True)
+    part.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    part.replace(path)

@@ -1,0 +1,143 @@
+"""Comparison of controllers: its runs, its figures, matched speed, and what it refuses."""
+
+import json
+import math
+
+import pytest
+
+from baselines import registry
+from baselines.compare import paper
+from baselines.compare.figures import figures, interval, matched_speed
+from baselines.compare.plan import TASKS, Question, make_plan
+from specs import draws, scenario
+from specs.errors import InputError
+from tests.conftest import Command
+
+PAIR = registry.select(["pi", "parabola"])
+
+
+def test_every_controller_meets_the_same_machines_loads_and_seeds() -> None:
+    plan = make_plan(Question(controllers=PAIR, machines=3))
+    by_controller = {
+        c.name: [{k: v for k, v in r.spec.items() if k not in ("controller", "parameters")} for r in plan.runs
+                 if r.spec["controller"] == c.name]
+        for c in PAIR
+    }  # fmt: skip
+    assert by_controller["pi"] == by_controller["parabola"]
+    assert len(plan.runs) == 2 * 2 * 3 * (3 + 2)
+    assert len({r.key for r in plan.runs}) == len(plan.runs)
+    assert {r.spec["seed"] for r in plan.runs if r.spec["draw"] == "validation-2"} == {3}
+
+
+def test_singles_run_once_whatever_the_paces() -> None:
+    plan = make_plan(
+        Question(controllers=PAIR[:1], tasks=["slew"], loads=["empty"], machines=1, paces=(0.5, 1.0))
+    )
+    assert [(r.spec["draw"], r.spec["pace"]) for r in plan.runs] == [
+        ("validation-0", 0.5), ("nominal", 1.0), ("nominal", 1.0), ("validation-0", 1.0),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_tasks_are_what_the_metric_speed_asks_for(task: str) -> None:
+    found = scenario.find(str(TASKS[task]))
+    assert [s.load.name for s in found] == ["empty", "2t", "unknown"]
+    assert all(s.interval_s == 15.0 for s in found)
+
+
+def test_the_arm_stays_where_it_is_in_the_slew_task() -> None:
+    task = scenario.find(str(TASKS["slew"]))[0]
+    from fmus.equations import kinematics
+
+    g = kinematics.geometry()
+    radius, height = kinematics.arm_tip(task.start.q_boom, task.start.q_stick, g)
+    for target in task.targets:
+        assert target.radius_m == pytest.approx(radius, abs=2e-3)
+        assert target.height_m == pytest.approx(height - g.tool_length, abs=2e-3)
+
+
+def _result(run, **values: float) -> dict:
+    base = {
+        "speed": 10.0,
+        "overshoot": 1.0,
+        "overshoot_max": 2.0,
+        "error": 0.5,
+        "slew_error": 0.7,
+        "tool": 9.0,
+    }
+    return {"key": run.key, "failed": "", "figures": {**base, "missed": 1, **values}}
+
+
+def test_figures_are_means_over_machines_with_intervals() -> None:
+    question = Question(controllers=PAIR[:1], machines=3)
+    plan = make_plan(question)
+    results = {
+        r.key: _result(r, speed=9.0 + int(r.spec["draw"][-1]) if r.spec["draw"] != "nominal" else 50.0)
+        for r in plan.runs
+    }
+    found = figures(question, plan.runs, results)
+    cell = found["task"]["slew"]["controllers"]["pi"]["2t"]
+    assert (cell["speed"], cell["n"], cell["missed"], cell["overshoot_max"]) == (10.0, 3, 3, 2.0)
+    assert cell["error"] == pytest.approx(0.7)  # degrees
+    assert found["task"]["full"]["controllers"]["pi"]["2t"]["error"] == 0.5  # metres
+    low, high = cell["ci95"]["speed"]
+    assert (high - low) / 2 == pytest.approx(4.302653 / math.sqrt(3), rel=1e-6)  # t of 2 degrees of freedom
+    assert found["single"]["reference"]["slew"]["pi"]["2t"]["speed"] == 50.0
+    json.dumps(found, allow_nan=False)
+
+
+def test_a_failed_run_is_no_figure() -> None:
+    question = Question(controllers=PAIR[:1], tasks=["slew"], loads=["empty"], machines=2)
+    plan = make_plan(question)
+    results = {r.key: _result(r) for r in plan.runs}
+    bad = plan.runs[-1].key
+    results[bad] = {"key": bad, "failed": "an FMU failed", "figures": {}}
+    found = figures(question, plan.runs, results)
+    assert found["task"]["slew"]["controllers"]["pi"]["empty"]["n"] == 1
+    assert found["failed"] == {bad: "an FMU failed"}
+
+
+def test_one_machine_has_no_interval() -> None:
+    assert interval([1.0]) is None
+
+
+def test_matched_speed_lies_between_the_paces_beside_it() -> None:
+    points = [
+        {"pace": 0.5, "speed": 8.0, "overshoot": 0.0, "error": 0.2, "tool": 4.0},
+        {"pace": 1.0, "speed": 12.0, "overshoot": 1.0, "error": 0.4, "tool": 8.0},
+    ]
+    found = matched_speed(points, 11.0)
+    assert found is not None
+    assert [found[k] for k in ("pace", "overshoot", "error", "tool")] == pytest.approx(
+        [0.875, 0.75, 0.35, 7.0]
+    )
+    near = matched_speed(points, 11.9)
+    assert near is not None
+    assert near["tool"] == 8.0
+    assert matched_speed(points, 14.0) is None
+
+
+def test_the_papers_rows_go_with_their_task_and_load() -> None:
+    assert [r.label for r in paper.rows("full", "2t")] == ["paper: driver", "paper: policy"]
+    assert len(paper.rows("slew", "unknown")) == 3
+
+
+def test_the_sealed_set_needs_leave() -> None:
+    with pytest.raises(InputError, match="sealed"):
+        make_plan(Question(controllers=PAIR, draw_set=draws.SEALED, machines=1))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--controller", "parabol"], "no controller 'parabol'; did you mean parabola"),
+        (["--draws", "valid"], "no set of draws 'valid'; did you mean validation"),
+        (["--draws", "test"], "sealed"),
+        (["--machines", "99"], "99 machines of set validation: valid are 1 to 24"),
+    ],
+)
+def test_wrong_input_is_named(slewright: Command, arguments: list[str], message: str) -> None:
+    done = slewright("compare", *arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) <= 2

@@ -1,0 +1,138 @@
+"""Tuning: its trials, its budget, that it resumes, what it keeps; gains in files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baselines import gains, registry
+from baselines.registry import Range
+from baselines.tuning import cost, search
+from specs.errors import InputError
+from tests.conftest import Command
+
+PARABOLA = registry.find("parabola")
+RANGES = (Range("a", 0.1, 10.0), Range("b", -1.0, 1.0, log=False))
+
+
+def test_trials_mix_tasks_and_what_is_told() -> None:
+    trials = cost.trials("tuning", 4)
+    radii = [np.hypot(*t.targets[:, :2].T) for t in trials]
+    assert [np.ptp(r) < 1e-9 for r in radii] == [True, False, True, False]  # slew only, full
+    assert [t.told == t.parameters["load_mass"] for t in trials] == [True, True, False, False]
+    assert [t.told for t in trials[2:]] == [0.0, 0.0]
+    again = cost.trials("tuning", 2)
+    assert again[1].parameters == trials[1].parameters
+    with pytest.raises(InputError, match="sealed"):
+        cost.trials("test", 1)
+
+
+def test_the_cube_goes_both_ways() -> None:
+    for x in ([0.0, 0.0], [0.5, 0.25], [1.0, 1.0]):
+        point = search.from_cube(RANGES, np.array(x))
+        np.testing.assert_allclose(search.to_cube(RANGES, point), x, atol=2e-3)
+    assert search.from_cube(RANGES, np.array([0.5, 0.5])) == {"a": 1.0, "b": 0.0}
+    np.testing.assert_array_equal(search.to_cube(RANGES, {"a": 100.0, "b": -3.0}), [1.0, 0.0])
+
+
+def _bowl(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """In place of simulation: a bowl with its bottom at the middle of the ranges; counts its runs."""
+    calls: list[int] = []
+
+    def fake(_, controller, values, runs):
+        calls.append(len(runs))
+        return float(np.sum((search.to_cube(controller.tuned, values) - 0.55) ** 2)), {"speed": 1.0}
+
+    monkeypatch.setattr(cost, "cost", fake)
+    return calls
+
+
+class _NoSystem:
+    components = {}  # noqa: RUF012
+
+
+def test_the_search_keeps_its_budget_finds_the_bowl_and_resumes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = _bowl(monkeypatch)
+    start = {r.name: r.high for r in PARABOLA.tuned}
+    budget = 6.0
+
+    def once() -> tuple[dict[str, float], float]:
+        cache = search.Cache(tmp_path / "parabola.json", _NoSystem(), PARABOLA)  # type: ignore[arg-type]
+        found = search.Search(_NoSystem(), PARABOLA, cache, budget, lambda h: None)  # type: ignore[arg-type]
+        return found.run(start), found.spent_h
+
+    best, spent = once()
+    assert budget - search.DRAWS * cost.RUN_H < spent <= budget + 1e-9
+    assert np.abs(search.to_cube(PARABOLA.tuned, best) - 0.55).max() < 0.3
+    assert sum(calls) * cost.RUN_H <= spent + 1e-9
+    calls.clear()
+    assert once() == (best, spent)
+    assert calls == []
+
+
+@pytest.mark.parametrize(("kept", "better"), [("search", True), ("start", False)])
+def test_only_what_is_better_on_validation_is_written(
+    kept: str, better: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: dict[str, float] = {}
+    known = {r.name: search.parameters.load("parabola")[r.name].value for r in PARABOLA.tuned}
+
+    def fake(_, controller, values, runs):
+        same = dict(values) == known
+        return (1.0 if same == better else 0.5), {"speed": 1.0}
+
+    monkeypatch.setattr(cost, "cost", fake)
+    monkeypatch.setattr(cost, "system", lambda _: _NoSystem())
+    monkeypatch.setattr(search, "BUILD", tmp_path)
+    monkeypatch.setattr(search.Search, "run", lambda self, start: {n: 1.01 * v for n, v in start.items()})
+    monkeypatch.setattr(search, "update", lambda name, values, how: written.update(values))
+    figures = search.run(PARABOLA, budget_h=0.1)
+    assert figures["kept"] == kept
+    assert bool(written) == better
+    assert figures["budget_machine_hours"] == 0.1
+
+
+def test_a_variant_without_gains_of_its_own_is_not_tuned() -> None:
+    with pytest.raises(InputError, match="zvd has no gains to tune"):
+        search.run(registry.find("zvd"))
+
+
+def _file(tmp_path: Path, **content: object) -> Path:
+    whole = {
+        "controller": "parabola",
+        "machine": gains.machine(),
+        "gains": {"parabola_slope": 1.5},
+        **content,
+    }
+    path = tmp_path / "gains.json"
+    path.write_text(json.dumps(whole))
+    return path
+
+
+def test_gains_of_a_file_go_over_the_controllers_own(tmp_path: Path) -> None:
+    assert gains.apply(PARABOLA, _file(tmp_path)).settings == {"parabola_slope": 1.5}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"controller": "pd"}, "gains of controller pd, not of parabola"),
+        ({"machine": "another"}, "gains for another machine"),
+        ({"gains": {"parabola_slop": 1.0}}, "no gain 'parabola_slop'; did you mean parabola_slope"),
+        ({"gains": {"parabola_slope": 50.0}}, "parabola_slope = 50.0 outside"),
+        ({"gains": 3}, "no gains in it"),
+    ],
+)
+def test_a_gain_file_for_something_else_is_refused(tmp_path: Path, content: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        gains.apply(PARABOLA, _file(tmp_path, **content))
+
+
+def test_the_command_names_a_wrong_gain_file(slewright: Command, tmp_path: Path) -> None:
+    path = _file(tmp_path, controller="pd")
+    done = slewright("compare", "--quick", "--controller", "parabola", "--gains", f"parabola={path}")
+    assert done.returncode == 2
+    assert "gains of controller pd, not of parabola" in done.stderr

@@ -1,0 +1,101 @@
+"""What swings below an axis pulls back on it: told from recordings that show its swing."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reconcile import untold
+from reconcile.data import Run, runs_of, split
+from reconcile.model import Folder, read_folder
+from reconcile.ports import find_ports
+from reconcile.score import Score, starts
+from reconcile.study import Study
+from reconcile.workflow import examine
+from records.measurement import Channel, Measurement
+from specs.errors import InputError
+from tests.reconcile.truth import PERIOD, excitation
+
+HUNG = Path(__file__).with_name("hung")
+LENGTH, GRAVITY, LOAD = 0.8, 9.80665, 0.6  # kg
+STEP = 1e-3
+
+
+@pytest.fixture(scope="module")
+def hung() -> Folder:
+    return read_folder(HUNG)
+
+
+def swinging(seconds: float, seed: int, mass: float = 2.2, drag: float = 1.5) -> Measurement:
+    """Carriage and rod as the two bodies that they are (Lagrange), semi-implicit at STEP; all simulated.
+
+    The swing's sensor shows its mean over the sample that follows, which is what an input holds.
+    """
+    rng, command = np.random.default_rng(seed), excitation(seconds, seed, size=1.5)
+    per = round(PERIOD / STEP)
+    q, v = np.zeros(2), np.zeros(2)  # position, deflection
+    shown, swing = [], np.empty((per * len(command), 2))
+    for k in range(per * len(command)):
+        if k % per == 0:
+            shown.append((q[0], v[0]))
+        cosine, sine = np.cos(q[1]), np.sin(q[1])
+        m = np.array([[mass + LOAD, LOAD * LENGTH * cosine], [cosine, LENGTH]])
+        swung = LOAD * LENGTH * v[1] ** 2 * sine
+        force = [command[k // per] - drag * v[0] + swung, -GRAVITY * sine]
+        v = v + STEP * np.linalg.solve(m, force)
+        q = q + STEP * v
+        swing[k] = q[1], v[1]
+    (x, speed), (sway, rate) = np.array(shown).T, swing.reshape(-1, per, 2).mean(axis=1).T
+    noise = {"position": 2e-4, "velocity": 2e-3, "sway": 1e-4, "sway_rate": 1e-3, "force": 0.0}
+    columns = {"position": x, "velocity": speed, "sway": sway, "sway_rate": rate, "force": command}
+    units = {"position": "m", "velocity": "m/s", "sway": "rad", "sway_rate": "rad/s", "force": "N"}
+    t = PERIOD * np.arange(len(x))
+    noisy = {n: c + noise[n] * rng.standard_normal(len(t)) for n, c in columns.items()}
+    return Measurement({n: Channel(n, units[n], t, c) for n, c in noisy.items()}, source="hung")
+
+
+@pytest.fixture(scope="module")
+def runs(hung) -> list[Run]:
+    return runs_of(swinging(20.0, 3), hung, "run")
+
+
+def test_it_gains_most_of_what_a_force_may_be_and_its_mass_is_right(hung, runs):
+    study = Study(hung, split(runs, (), ()))
+    base = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert base is not None
+    forces = [a for a in study.candidates if a.effect.place in ("force", "coupling") and not a.effect.hidden]
+    best = Score(study, base, forces).best(1, 1)[0]
+    assert [v.attached.key for v in best.variants] == ["tool_reaction@load"]
+    fitted = study.fit_set(base.point, [v.attached for v in best.variants], starts(best))
+    assert fitted is not None
+    assert fitted.cost < 0.01 * base.cost
+    assert fitted.values(study.fit_problem)["tool_reaction@load.mass"] == pytest.approx(LOAD, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+def test_it_is_named(hung, runs):
+    figures = examine(hung, runs)[0]
+    assert figures["verdict"] == "named"
+    (effect,) = figures["effects"]
+    assert (effect["name"], effect["place"], effect["port"]) == ("tool_reaction", "coupling", "load")
+    assert effect["parameters"]["mass"]["unit"] == "kg"
+    assert effect["parameters"]["mass"]["value"] == pytest.approx(LOAD, rel=0.05)
+
+
+def test_a_model_that_does_not_say_what_hangs_from_it_is_told_so(rig, runs):
+    rows = {r["effect"]: r["because"] for r in untold.untold(rig, [without_swing(r) for r in runs])}
+    assert "kind hung" in rows["tool_reaction"]
+
+
+def without_swing(run: Run) -> Run:
+    return replace(run, inputs={"force": run.inputs["force"]})
+
+
+def test_a_port_without_its_pull_or_of_no_axis_is_refused(hung):
+    axis = {"velocity": "v", "position": "x", "inertia": "mass"}
+    with pytest.raises(InputError, match="no 'pull'"):
+        find_ports(hung.model, {"carriage": axis, "load": {"kind": "hung", "axis": "carriage"}})
+    with pytest.raises(InputError, match="load"):
+        find_ports(hung.model, {"carriage": axis, "load": {"kind": "hung", "axis": "x", "pull": "sway"}})
