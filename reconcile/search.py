@@ -69,6 +69,8 @@ class Search:
         present = self._confirmed(self._present(self._found()))
         self._with_confirm(present)
         present, alternatives = Rivals(self).settle(present)
+        self.study.patience = 1.0
+        self.tried.fits[Key(present)] = self._refitted(self.tried.fits[Key(present)])
         gains = {a.key: self.gains.get(a.key) or self._gains(present, a) for a in present}
         base = self.tried.fits[Key()]
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)

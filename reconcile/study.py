@@ -23,7 +23,7 @@ SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be 
 WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks are rounded, fit after fit
 
 BEYOND = 30.0  # times the grid of starts to which a shape may go
-RANKING = 20.0  # times the tolerance of steps where sets are only ranked
+RANKING, CHOOSING = 20.0, 5.0  # times the tolerance of steps where sets are ranked, and where they are judged
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
 
 
@@ -63,6 +63,7 @@ class Study:
             )
         }
         self.fit_problem = self.problems["short"]
+        self.patience = CHOOSING  # 1 for the answer
         nominal = [v.nominal or 1.0 for v in self.model.states]
         hidden = len(self.extended.state_names) - len(nominal)
         for problem in self.problems.values():
@@ -113,7 +114,7 @@ class Study:
         for n, v in values.items():
             p[self.extended.index[n]] = v
         point = self.fit_problem.with_present(replace(start, p=p), present)
-        self.fit_problem.patience = RANKING if coarse else 1.0
+        self.fit_problem.patience = RANKING if coarse else self.patience
         kinked = [a for a in present if a.effect.width]
         widths = WIDTHS if kinked else WIDTHS[-1:]
         for share in widths[-1 if near else 0 : 2 if coarse else None]:

@@ -18,8 +18,8 @@ from reconcile.fit.whitening import Whitener
 from reconcile.fit.windows import InputTable, Window, interpolation, straight
 from reconcile.model import Attached
 
-ACCURACY = 1e-4  # of a state's size, of one step
-SHARE_OF_NOISE = 0.1
+ACCURACY = 2e-5  # of a state's size, of one step
+SHARE_OF_NOISE = 0.02
 LOOSE = 3.0  # sizes of a state by which an initial state is free
 
 
