@@ -95,6 +95,17 @@ def test_it_turns_towards_the_target_by_more_than_the_dead_band(controller: Cont
     assert math.copysign(1.0, slew) * command > parameters.parameter("slew_dead_band").value
 
 
+@pytest.mark.parametrize("controller", OWN, ids=lambda c: c.name)
+def test_a_slower_pace_asks_for_less(controller: Controller) -> None:
+    effort = []
+    for pace in (0.4, 1.0):
+        stepper = DiscreteStepper(load_model(controller.folder), controller.settings)
+        stepper.set(**_point(1.5), **dict(zip(("q_boom", "q_stick"), POSE, strict=True)), pace=pace)
+        stepper.advance(100)
+        effort.append(stepper.outputs()["u_slew"])
+    assert 0 < effort[0] < 0.95 * effort[1]
+
+
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_interface(folder: str) -> None:
     model = load_model(folder)
