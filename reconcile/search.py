@@ -18,6 +18,7 @@ from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
 from reconcile.rivals import Key, Rivals, includes
 from reconcile.score import Score, Scored, starts
+from reconcile.strong import Strong
 from reconcile.study import Study
 
 BEAM = 2
@@ -62,10 +63,7 @@ class Search:
 
     def run(self) -> Answer:
         """Grow, judge the noise by what is left, grow on; then confirm, and look for rivals."""
-        base = self.study.fit_set(self.study.fit_problem.start(self.study.values), (), {})
-        if base is None:
-            raise ArithmeticError("the base model cannot be fitted")
-        self.tried = Tried(fits={Key(): base}, coarse={Key(): base})
+        self.begin()
         present = self._confirmed(self._present(self._found()))
         self._with_confirm(present)
         present, alternatives = Rivals(self).settle(present)
@@ -75,9 +73,16 @@ class Search:
         base = self.tried.fits[Key()]
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
 
+    def begin(self) -> None:
+        """The base model fitted to the windows in use, and nothing else."""
+        base = self.study.fit_set(self.study.fit_problem.start(self.study.values), (), {})
+        if base is None:
+            raise ArithmeticError("the base model cannot be fitted")
+        self.tried = Tried({Key(): base}, {Key(): base}, self.tried.refused)
+
     def _found(self) -> Key:
         """The best set: in short windows first, then in whole runs."""
-        best = self._rounds(Key(), 2)
+        best = self._rounds(Strong(self).found(), 2)
         known = {k: self.tried.fits[k] for k in (Key(), best)}
         self.study.lengthen(known[best])
         self.tried = Tried({k: self.study.carried(f) or f for k, f in known.items()}, {}, self.tried.refused)

@@ -15,13 +15,14 @@ from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import LONGER, Fitted, Free, fit
-from reconcile.fit.windows import HOLDOUT_S, SHORT_S, WINDOW_S, cut, span
+from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, cut, span
 from reconcile.model import ALL_OUTPUTS, Attached, Extended, Folder, candidates
 from specs.errors import InputError
 
 SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be wrong
 WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks are rounded, fit after fit
 
+FAR = 0.1  # of what an output moves by: with larger errors a model goes elsewhere
 BEYOND = 30.0  # times the grid of starts to which a shape may go
 RANKING, CHOOSING = 20.0, 5.0  # times the tolerance of steps where sets are ranked, and where they are judged
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
@@ -57,6 +58,7 @@ class Study:
             which: Problem(self.compiled, windows(_blocks(parts, which), seconds, step), sigma)
             for which, windows, seconds in (
                 ("fit", span, WINDOW_S),
+                ("first", cut, FIRST_S),
                 ("short", cut, SHORT_S),
                 ("confirm", span, WINDOW_S),
                 ("holdout", cut, HOLDOUT_S),
@@ -159,6 +161,15 @@ class Study:
         there = self._carried(problem, fitted)
         if there is not None:
             problem.whiteners = whitening.transferred(self.noise, problem, there.point).whiteners()
+
+    def follows(self, fitted: Fitted) -> bool:
+        """Whether a fit goes where the recordings go: within FAR of what each output moves by."""
+        for name, floor in self.floors.items():
+            left = np.concatenate([w[name] for w in fitted.linear.raw if name in w])
+            moved = np.concatenate([b.run.outputs[name].values for b in self.parts.fit])
+            if floor.level * np.sqrt(np.mean(left**2)) > max(FAR * np.std(moved), 2.0 * floor.level):
+                return False
+        return True
 
     def lengthen(self, fitted: Fitted) -> None:
         """Fit to whole runs from here on, where weak and slow effects show; strong ones must be in by now."""
@@ -297,7 +308,7 @@ class Study:
 
 def _blocks(parts: Parts, which: str):
     """Blocks of a problem: the short windows are those to fit as well."""
-    return parts.fit if which == "short" else getattr(parts, which)
+    return parts.fit if which in ("first", "short") else getattr(parts, which)
 
 
 def _free(v: Variable) -> Free:

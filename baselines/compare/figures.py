@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines.compare.plan import Question
+from baselines.compare.plan import SWEPT, Question
 from orchestrator.campaign.plan import NOMINAL, Run
 from orchestrator.campaign.worker import Result
 
@@ -26,7 +26,8 @@ def figures(question: Question, runs: Sequence[Run], results: Mapping[str, Resul
         "paces": list(question.paces),
         "failed": {key: r["failed"] for key, r in results.items() if r["failed"]},
         "task": {task: _task(question, task, runs, results) for task in question.tasks},
-        "single": _singles(question, runs, results),
+        "single": _singles(runs, results),
+        "sweeps": _sweeps(runs, results),
         "optima": {},
     }
 
@@ -37,7 +38,8 @@ def _task(question: Question, task: str, runs: Sequence[Run], results: Mapping[s
     for c in question.controllers:
         for load in question.loads:
             points = [
-                _cell(task, _select(runs, results, c.name, task, load, pace)) for pace in question.paces
+                _cell(task, _select(question, runs, results, (c.name, task, load, pace)))
+                for pace in question.paces
             ]
             fronts.setdefault(c.name, {})[load] = [
                 {"pace": pace, **point} for pace, point in zip(question.paces, points, strict=True)
@@ -52,11 +54,11 @@ def _task(question: Question, task: str, runs: Sequence[Run], results: Mapping[s
     )
 
 
-def _singles(question: Question, runs: Sequence[Run], results: Mapping[str, Result]) -> Figures:
+def _singles(runs: Sequence[Run], results: Mapping[str, Result]) -> Figures:
     """The same of single machines: system -> task -> controller -> load."""
     found: Figures = {}
     for run in runs:
-        if run.spec["draw"] != NOMINAL or run.key not in results:
+        if run.spec["draw"] != NOMINAL or not _known(run, results):
             continue
         cell = _cell(run.spec["task"], [results[run.key]])
         place = found.setdefault(run.spec["system"], {}).setdefault(run.spec["task"], {})
@@ -64,17 +66,37 @@ def _singles(question: Question, runs: Sequence[Run], results: Mapping[str, Resu
     return found
 
 
+def _sweeps(runs: Sequence[Run], results: Mapping[str, Result]) -> Figures:
+    """One thing changed at a time: what -> task -> controller -> [{"value", metrics}]."""
+    found: Figures = {}
+    for run in runs:
+        if not run.spec["draw"].startswith(SWEPT) or not _known(run, results):
+            continue
+        what, _, value = run.spec["draw"].removeprefix(f"{SWEPT} ").rpartition(" ")
+        place = found.setdefault(what, {}).setdefault(run.spec["task"], {})
+        cell = _cell(run.spec["task"], [results[run.key]])
+        metrics = {name: cell[name] for name in METRICS}
+        place.setdefault(run.spec["controller"], []).append({"value": float(value), **metrics})
+    return found
+
+
+def _known(run: Run, results: Mapping[str, Result]) -> bool:
+    return run.key in results and not results[run.key]["failed"]
+
+
 def _select(
-    runs: Sequence[Run], results: Mapping[str, Result], controller: str, task: str, load: str, pace: float
+    question: Question,
+    runs: Sequence[Run],
+    results: Mapping[str, Result],
+    wanted: tuple[str, str, str, float],
 ) -> list[Result]:
-    wanted = (controller, task, load, pace)
+    """Results of controller, task, load and pace on the machines of the set."""
     return [
         results[run.key]
         for run in runs
         if tuple(run.spec[k] for k in ("controller", "task", "load", "pace")) == wanted
-        and run.spec["draw"] != NOMINAL
-        and run.key in results
-        and not results[run.key]["failed"]
+        and run.spec["draw"].startswith(question.draw_set)
+        and _known(run, results)
     ]
 
 

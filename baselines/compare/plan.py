@@ -20,6 +20,16 @@ from specs.schema import ROOT
 TASKS = {"slew": ROOT / "tasks" / "slew.toml", "full": ROOT / "scenarios" / "four_targets.toml"}
 LOADS = ("empty", "2t", "unknown")
 SEALED = draws.SEALED
+SWEPT = "sweep"  # what the machine of a sweep is called: sweep NAME VALUE
+SWEEPS: dict[str, tuple[tuple[float, dict[str, float]], ...]] = {  # value shown -> parameters of the machine
+    "inertia added [t m2]": tuple((v, {"slew_inertia_extra": 1e3 * v}) for v in (0.0, 32.5, 65.0, 100.0)),
+    "pendulum length [m]": tuple(
+        (round(com + gyration**2 / com, 2), {"grab_com": com, "grab_gyration": gyration})
+        for com, gyration in ((1.2, 0.6), (1.3, 0.85), (1.4, 1.0), (1.4, 1.2))
+    ),
+    "slew delay [s]": tuple((v, {"slew_delay": v}) for v in (0.10, 0.15, 0.20, 0.25)),
+    "load, not told [kg]": tuple((v, {"load_mass": v}) for v in (500.0, 1000.0, 1500.0, 2000.0)),
+}
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,7 @@ class Question:
     machines: int = 24
     paces: Sequence[float] = (1.0,)
     singles: bool = True  # the nominal system and the reference machine as its files describe it, too
+    sweeps: bool = False  # the reference machine with one thing changed at a time, empty
 
     def __post_init__(self) -> None:
         for text, valid, what in ((self.tasks, TASKS, "task"), (self.loads, LOADS, "load")):
@@ -62,7 +73,9 @@ def _runs(question: Question, opened: draws.Opened | None) -> Iterator[Run]:
         question.controllers, question.tasks, question.loads, question.paces
     ):
         for system, draw, seed, values in machines:
-            if pace == 1.0 or draw != NOMINAL:
+            if draw.startswith(SWEPT) and load != "empty":
+                continue
+            if pace == 1.0 or draw.startswith(question.draw_set):
                 yield _run(controller, task, load, pace, system, draw, seed, values)
 
 
@@ -73,6 +86,9 @@ def _machines(
     if question.singles:
         yield "nominal", NOMINAL, 1, {}
         yield "reference", NOMINAL, 1, {}
+    for what, points in SWEEPS.items() if question.sweeps else ():
+        for value, changed in points:
+            yield "reference", f"{SWEPT} {what} {value:g}", 1, changed
     for index in range(question.machines):
         name = f"{question.draw_set}-{index}"
         yield "reference", name, index + 1, draws.draw(question.draw_set, index, opened)

@@ -5,9 +5,9 @@ Every tick    speed of the slew from gyro and encoder; swing from the tool's IMU
 Every fifth   the state is predicted to where a new command acts, the plan of the last time is moved on, the
               solver (solver.py) improves it; its first inputs are the commands until the next time
 
-A plan that the solver did not get far enough with in its fixed budget is not used: the commands then are those
-of a braking parabola with the arm at rest (`fallback`), and `fallbacks` counts it.  The unfinished plan is only
-where the next solve begins.  Everything comes from nominal figures and sensors; equations: README.md.
+A plan that the solver did not get far enough with in its fixed budget is not used: the commands then are
+those of a braking parabola with the arm at rest (`_fallback`), and `fallbacks` counts it; the unfinished plan
+is where the next solve begins, no more.  All comes from nominal figures and sensors; equations: README.md.
 """
 
 from typing import Any
@@ -222,8 +222,8 @@ MODEL = Model(
         Variable("fallbacks", "1", "Solves whose plan was not used"),
         *control.COMMAND_STATES,
         *(
-            Variable(f"{c}_{i}", unit, f"Command of {what}, {WAY - 1 - i} ticks old")
-            for c, unit, what in (("opening", "1", "the valve"), ("boom", "rad/s", "the boom"), ("stick", "rad/s", "the stick"))
+            Variable(f"{c}_{i}", "1" if c == "opening" else "rad/s", f"Command {c}, {WAY - 1 - i} ticks old")
+            for c in CHANNELS
             for i in range(WAY)
         ),
         *(

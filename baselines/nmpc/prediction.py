@@ -1,17 +1,18 @@
 """What the controller believes of the machine: drive, arm and tool with nominal figures, stepped forwards.
 
-    s' = (s_c - s) / T_spool                                   valve opening, commanded beyond the dead band
-    p_a', p_b'                                                 fmus/equations/slew_drive.py, relief without lag
-    I_0 w' = D (p_a - p_b) - friction + k m r g sin(t_x)       k m: the share of the tool that swings with its tip
-    v' = (v_ref - v) / T_arm,  q' = v                          boom, stick
-    l_x t_x'' = -g sin t_x - (r w' + 2 r' w) - 2 w (-l_y t_y') - w' (-l_y t_y) + w^2 l_x t_x - b l_x t_x'
+    s' = (s_c - s) / T_spool                          valve opening, commanded beyond the dead band
+    p_a', p_b'                                        fmus/equations/slew_drive.py, relief without lag
+    I_0 w' = D (p_a - p_b) - friction + k m r g sin(t_x)      k m: share of the tool that swings with its tip
+    v' = (v_ref - v) / T_arm,  q' = v                 boom, stick
+    l_x t_x'' = -g sin t_x - w' (r - l_y t_y) - 2 w (r' - l_y t_y') + w^2 l_x t_x - b l_x t_x'
     l_y t_y'' = -g sin t_y + r'' - w^2 (r - l_y t_y) - 2 w l_x t_x' - w' l_x t_x - b l_y t_y'
 
-with I_0 the slew inertia without the tool, r the radius of the arm tip.  Figures: specs/parameters slew.toml,
-geometry.toml, machine.toml (of the grab: masses, lengths) and the load that the controller was told; none of
-a machine draw.  The pressures are kept as sum and difference:
-a motion and its mirror image are then the same to the last bit.  A step is semi-implicit: valve and arm by implicit Euler, each pressure by linearly implicit
-Euler (its valves are stiff), then the speed with the new pressures, then tool and angles with the new speed.
+with I_0 the slew inertia without the swinging share of the tool, r the radius of the arm tip.  Figures:
+specs/parameters slew.toml, geometry.toml, machine.toml (of the grab: masses, lengths) and the load that the
+controller was told; none of a machine draw.  The pressures are kept as sum and difference: a motion and its
+mirror image are then the same to the last bit.  A step is semi-implicit: valve and arm by implicit Euler,
+each pressure by linearly implicit Euler (its valves are stiff), then the speed with the new pressures, then
+tool and angles with the new speed.
 """
 
 from types import SimpleNamespace

@@ -1,13 +1,13 @@
 """The controller's optimisation: Gauss-Newton on the condensed problem, a fixed number of steps, no branch.
 
-The plan z holds N openings and N / 2 velocity references for boom and stick each.  From the state x_0 at which
-a new command acts, the states follow by single shooting, x_{k+1} = phi(x_k, u_k), and the plan minimises
+The plan z holds N openings and N / 2 velocity references for boom and stick each.  From the state x_0 at
+which a new command acts, the states follow by single shooting, x_{k+1} = phi(x_k, u_k); it minimises
 
     V = sum_k |r(x_k)|^2 + |R z - d|^2        low <= z <= high
 
 (r: `cost.py`; R: steps of the inputs).  One iteration: sensitivities G_k = dx_k/dz along the roll-out, then
-the quadratic model 1/2 s'Hs + g's in the box by projected Newton (Bertsekas 1982), then the best of a few step
-lengths by roll-outs: V never grows.  Converged: the last iteration gained next to nothing.
+the quadratic model 1/2 s'Hs + g's in the box by projected Newton (Bertsekas 1982), then the best of a few
+step lengths by roll-outs: V never grows.  Converged: the last iteration gained next to nothing.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ SUBSTEPS = 4  # of a stage
 HELD = 2  # stages that an arm reference is held for
 ARM_STEPS = STAGES // HELD
 SIZE = STAGES + 2 * ARM_STEPS
-ITERATIONS = 2
+ITERATIONS = 4
 NEWTON = 5  # steps of the projected Newton method
 LENGTHS = (1.0, 0.5, 0.2)  # of a step, tried by roll-out
 NX, NU = len(prediction.STATES), len(prediction.INPUTS)

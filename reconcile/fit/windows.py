@@ -14,6 +14,7 @@ import numpy as np
 from reconcile.data import Block, Run, Signal
 
 WINDOW_S = 20.0
+FIRST_S = 0.5  # where a model is lost within SHORT_S, as a pendulum that knows of no gravity
 SHORT_S = 2.0  # while strong effects are missing: the model does not get far from the recording
 HOLDOUT_S = 4.0
 STEP_S = (0.002, 0.01)  # least and largest step

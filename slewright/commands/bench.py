@@ -228,3 +228,24 @@ def _number(value: float | None) -> str:
 
 def _rate(figures: dict[str, float] | None) -> str:
     return "—" if figures is None else f"{figures['rows_per_s']:,.0f}"
+
+
+@app.command()
+def nmpc(json: JsonOption = None) -> None:
+    """How long a solve of the model predictive controller takes; 99 % must stay within 50 ms on one core."""
+    from baselines.nmpc.timing import SEED, SHARE, measure
+
+    with progress("bench nmpc") as report:
+        figures = measure(report)
+    columns = ("time [ms]", "p50", "p99", "p99.9", "max")
+    rows = [
+        (label, *figures[key].values())
+        for label, key in (("process", "process_ms"), ("elapsed", "elapsed_ms"))
+    ]
+    show(f"{figures['solves']} solves, {figures['fallbacks']} fallbacks", columns, rows)
+    write(json, figures, SEED)
+    if figures["within_limit"] < SHARE:
+        typer.echo(
+            f"slewright: missed: {SHARE:.0%} of the solves within {figures['limit_ms']:g} ms", err=True
+        )
+        raise typer.Exit(1)

@@ -24,6 +24,7 @@ COLUMNS = (
     "missed",
     "runs",
 )
+SWEPT_COLUMNS = ("speed °/s", "overshoot °", "error", "tool °/s")
 
 
 class Task(StrEnum):
@@ -63,6 +64,9 @@ def compare(
     sweep: Annotated[
         bool, typer.Option("--sweep/--no-sweep", help="Sweep the pace, for fronts and matched speed.")
     ] = True,
+    sweeps: Annotated[
+        bool, typer.Option("--sweeps", help="Also with inertia, pendulum, delay or load changed, one by one.")
+    ] = False,
     sealed: Annotated[
         str, typer.Option("--sealed", metavar="PURPOSE", help="On the sealed test draws; it is logged.")
     ] = "",
@@ -97,6 +101,7 @@ def compare(
         draw_set=chosen,
         machines=machines or (QUICK_MACHINES if quick else draws.sets().get(chosen, 1)),
         paces=PACES if sweep and not quick else (1.0,),
+        sweeps=sweeps,
     )
     check_targets()
     opened = draws.open_test_set(sealed) if sealed else None
@@ -152,6 +157,10 @@ def _show(found: Mapping[str, Any]) -> None:
             if task in tables:
                 name = "nominal model" if system == "nominal" else "simulated reference machine"
                 show(f"{task}: {name}, one run each; error in {unit}", COLUMNS, _rows(task, tables[task]))
+    for what, by_task in found["sweeps"].items():
+        for task, by_controller in by_task.items():
+            rows = [[name, *_swept(point)] for name, points in by_controller.items() for point in points]
+            show(f"{task}, empty: {what}, one run each", ("controller", "value", *SWEPT_COLUMNS), rows)
     for key, reason in list(found["failed"].items())[:5]:
         typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
 
@@ -176,6 +185,13 @@ def _metrics(cell: Mapping[str, Any]) -> list[str]:
         known = interval.get(name) if cell["n"] >= SHOWN_FROM else None  # of two machines it says little
         texts.append(_number(cell[name]) + (f" ± {(known[1] - known[0]) / 2:.2f}" if known else ""))
     return [*texts, str(cell["missed"]), str(cell["n"])]
+
+
+def _swept(point: Mapping[str, Any]) -> list[str]:
+    return [
+        f"{point['value']:g}",
+        *(_number(point[name]) for name in ("speed", "overshoot", "error", "tool")),
+    ]
 
 
 def _number(value: float | None) -> str:

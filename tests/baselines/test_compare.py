@@ -8,8 +8,8 @@ import pytest
 from baselines import registry
 from baselines.compare import paper
 from baselines.compare.figures import figures, interval, matched_speed
-from baselines.compare.plan import TASKS, Question, make_plan
-from specs import draws, scenario
+from baselines.compare.plan import SWEEPS, TASKS, Question, make_plan
+from specs import draws, parameters, scenario
 from specs.errors import InputError
 from tests.conftest import Command
 
@@ -95,6 +95,21 @@ def test_a_failed_run_is_no_figure() -> None:
     found = figures(question, plan.runs, results)
     assert found["task"]["slew"]["controllers"]["pi"]["empty"]["n"] == 1
     assert found["failed"] == {bad: "an FMU failed"}
+
+
+def test_sweeps_change_one_thing_at_a_time_within_its_bounds() -> None:
+    known = parameters.load(*draws.FILES)
+    for points in SWEEPS.values():
+        assert len({tuple(changed) for _, changed in points}) == 1
+        for _, changed in points:
+            for name, value in changed.items():
+                known[name].check(value)
+    question = Question(controllers=PAIR[:1], machines=1, singles=False, sweeps=True)
+    plan = make_plan(question)
+    assert len(plan.runs) == 2 * (3 + sum(map(len, SWEEPS.values())))
+    found = figures(question, plan.runs, {r.key: _result(r) for r in plan.runs})
+    assert [p["value"] for p in found["sweeps"]["slew delay [s]"]["full"]["pi"]] == [0.1, 0.15, 0.2, 0.25]
+    assert found["task"]["slew"]["controllers"]["pi"]["empty"]["n"] == 1
 
 
 def test_one_machine_has_no_interval() -> None:

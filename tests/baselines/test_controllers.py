@@ -29,6 +29,7 @@ OWN = [c for c in registry.select() if c.folder != "pi"]  # the PI has tests of 
 FOLDERS = sorted({c.folder for c in OWN})
 G = kinematics.geometry()
 POSE = (1.3, -1.9)
+TICKS = 120
 
 
 def _point(slew: float) -> dict[str, float]:
@@ -40,9 +41,9 @@ def _stimuli(model: Model, tick: int, sign: float = 1.0) -> dict[str, float]:
     """Two targets, a slew that follows slowly, a swinging tool; `sign` -1 is the mirrored motion."""
     t = tick * model.step
     values = {
-        **_point(sign * (1.2 if t < 4 else 0.4)),
+        **_point(sign * (1.2 if t < 1.5 else 0.4)),
         "load_told": 500.0,
-        "pace": 1.0 if t < 6 else 0.7,
+        "pace": 1.0 if t < 2 else 0.7,
         "q_slew": sign * 0.12 * t,
         "qd_slew": sign * 0.12,
         "q_boom": 1.25 + 0.05 * math.sin(t),
@@ -73,13 +74,13 @@ def _commands(controller: Controller, ticks: int, sign: float = 1.0) -> np.ndarr
 
 @pytest.mark.parametrize("controller", OWN, ids=lambda c: c.name)
 def test_commands_are_bounded_and_mirrored(controller: Controller) -> None:
-    right, left = _commands(controller, 400), _commands(controller, 400, -1.0)
+    right, left = _commands(controller, TICKS), _commands(controller, TICKS, -1.0)
     assert np.abs(right[:, 0]).max() <= 1.0
     assert np.abs(right[:, 1:]).max() <= parameters.parameter("control_arm_rate_limit").value
     if not controller.human:  # an operator's noise does not turn with the motion
         np.testing.assert_allclose(left[:, 0], -right[:, 0], atol=1e-9)
         np.testing.assert_allclose(left[:, 1:], right[:, 1:], atol=1e-9)
-    np.testing.assert_array_equal(_commands(controller, 400), right)
+    np.testing.assert_array_equal(_commands(controller, TICKS), right)
 
 
 @pytest.mark.parametrize("controller", OWN, ids=lambda c: c.name)
@@ -92,6 +93,17 @@ def test_it_turns_towards_the_target_by_more_than_the_dead_band(controller: Cont
     stepper.advance(100)
     command = stepper.outputs()["u_slew"]
     assert math.copysign(1.0, slew) * command > parameters.parameter("slew_dead_band").value
+
+
+@pytest.mark.parametrize("controller", OWN, ids=lambda c: c.name)
+def test_a_slower_pace_asks_for_less(controller: Controller) -> None:
+    effort = []
+    for pace in (0.4, 1.0):
+        stepper = DiscreteStepper(load_model(controller.folder), controller.settings)
+        stepper.set(**_point(1.5), **dict(zip(("q_boom", "q_stick"), POSE, strict=True)), pace=pace)
+        stepper.advance(100)
+        effort.append(stepper.outputs()["u_slew"])
+    assert 0 < effort[0] < 0.95 * effort[1]
 
 
 @pytest.mark.parametrize("folder", FOLDERS)

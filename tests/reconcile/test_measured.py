@@ -6,9 +6,12 @@ from pathlib import Path
 import pytest
 
 from reconcile import measured
+from reconcile.catalogue import ALL
 from reconcile.data import Block, Parts
 from reconcile.fit.solve import Fitted
 from reconcile.model import Folder, read_folder
+from reconcile.search import Search
+from reconcile.strong import Strong
 from reconcile.study import Study
 from slewright.__main__ import run
 from tests.conftest import ROOT
@@ -84,3 +87,20 @@ def test_reconcile_names_gravity_and_predicts_what_was_held_out(tmp_path: Path):
 def test_a_folder_without_the_recordings_is_refused(tmp_path: Path, capsys):
     assert run(["bench", "pendulum", "--data", str(tmp_path)]) == 2
     assert "has no model/model.py" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_gravity_is_found_before_the_noise_is_judged(folder: Folder):
+    """Without it the model is lost within the usual windows, and a random force would explain as much."""
+    blocks = tuple(
+        Block(r, r.start_s, r.end_s) for n in measured.FIT for r in measured._runs(DATA, (n,), folder)
+    )
+    forces = [e for e in ALL if e.place in ("input", "force", "inertia") and not e.hidden]
+    search = Search(Study(folder, Parts(blocks, blocks, blocks), forces))
+    search.begin()
+    assert not search.study.follows(search.tried.fits[frozenset()])
+    found = Strong(search).found()
+    assert "gravity_load" in {a.effect.name for a in found}
+    assert search.study.follows(search.tried.fits[found])
+    values = search.tried.fits[found].values(search.study.fit_problem)
+    assert values["gravity_load@v.torque"] / values["inertia"] == pytest.approx(9.81 / 0.5, rel=0.05)

@@ -1,0 +1,143 @@
+"""The predictive controller: its model against the machine's, solver against known optima, fallback."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from baselines.nmpc import cost, prediction, solver
+from baselines.nmpc.model import MODEL, PERIOD
+from fmus.build import build_fmu
+from fmus.discrete import DiscreteStepper
+from fmus.equations import kinematics
+from fmus.loader import load_model
+from fmus.stepper import Stepper
+from tests.fmus.importer import Imported
+
+POSE = (1.3, -1.9)
+G = kinematics.geometry()
+TASK = {
+    "load": 0.0, "boom": POSE[0], "stick": POSE[1], "speed_limit": 0.5, "error": 4.0, "huber": 0.05,
+    "tool": 3.0, "over": 100.0, "arm": 20.0, "arm_huber": 0.1, "end_error": 40.0, "end_speed": 20.0,
+    "end_tool": 20.0,
+}  # fmt: skip
+STILL = np.zeros(3)
+
+
+def _task(**changes: float) -> np.ndarray:
+    return np.array([{**TASK, **changes}[name] for name in cost.TASK])
+
+
+def _before(degrees: float) -> np.ndarray:
+    """At rest, that far before the target."""
+    x = prediction.rest(*POSE)
+    x[0] = -np.radians(degrees)
+    return x
+
+
+def _inputs(degrees: float, **changes: float) -> dict[str, float]:
+    x, y, z = kinematics.grab_point(np.radians(degrees), *kinematics.arm_tip(*POSE, G), G)
+    values = {"target_x": x, "target_y": y, "target_z": z, "pace": 1.0, "q_boom": POSE[0], "q_stick": POSE[1]}
+    return values | {"p_slew_a": 1.6e6, "p_slew_b": 1.6e6, **changes}
+
+
+def test_prediction_follows_the_machine_through_start_and_braking() -> None:
+    """2.5 s of a slew with a tool that swings: as the whole machine does it, to 1 deg."""
+    machine = Stepper(load_model("machine"), dict(zip(("start_q_boom", "start_q_stick"), POSE, strict=True)))
+    x, u, load = ca.SX.sym("x", solver.NX), ca.SX.sym("u", 3), ca.SX.sym("load")  # type: ignore[call-arg]
+    step = ca.Function("step", [x, u, load], [prediction.step(x, u, load, 0.05)])
+    band = prediction.figures().slew_dead_band
+    delay = round(machine.p[machine.model.index("parameters", "slew_delay")] / machine.step_s)
+    believed, worst = prediction.rest(*POSE), np.zeros(2)
+    machine.advance(1)
+    machine.set(u_slew=float(prediction.joystick(0.4, band, 0.005)))
+    machine.advance(delay)
+    for k in range(50):
+        opening = 0.4 if k < 25 else 0.1
+        machine.set(
+            u_slew=float(
+                prediction.joystick(0.4 if k * 0.05 + delay * machine.step_s < 1.25 else 0.1, band, 0.005)
+            )
+        )
+        machine.advance(100)
+        believed = np.array(step(believed, [opening, 0, 0], 0)).ravel()
+        seen = machine.state("slew_angle"), machine.state("tool_roll")
+        worst = np.maximum(worst, np.abs(np.array(seen) - believed[[0, 5]]))
+    assert machine.state("slew_angle") > np.radians(10)
+    assert np.degrees(worst[0]) < 1.0
+    assert np.degrees(worst[1]) < 3.0
+
+
+def test_solver_ends_where_a_general_one_does() -> None:
+    """IPOPT on the same plan and cost finds nothing better."""
+    solve, start, task = solver.solver(), _before(40.0), _task()
+    plan = np.zeros(solver.SIZE)
+    for _ in range(4):
+        plan, gain, own = solve(start, plan, STILL, task)
+    z = ca.MX.sym("z", solver.SIZE)  # type: ignore[call-arg]
+    value = solver._value(solver.stage())(start, z, STILL, task)
+    low, high = solver.bounds()
+    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.hessian_approximation": "limited-memory"}
+    options["ipopt.max_iter"] = 30
+    found = ca.nlpsol("check", "ipopt", {"x": z, "f": value}, options)(x0=plan, lbx=low, ubx=high)
+    assert float(gain) < 1e-6
+    assert float(own) <= float(found["f"]) * (1 + 1e-4)
+    assert np.all(np.array(plan).ravel() <= high + 1e-9)
+
+
+def test_the_box_is_met_and_pays() -> None:
+    """Projected Newton on a quadratic with a known corner solution."""
+    hessian, low_high = np.diag(np.linspace(1.0, 9.0, solver.SIZE)), solver.bounds()
+    gradient = np.linspace(-6.0, 6.0, solver.SIZE)
+    step = np.array(solver._box_newton()(hessian, gradient, np.zeros(solver.SIZE))).ravel()
+    wanted = np.clip(-gradient / np.diag(hessian), *low_high)
+    np.testing.assert_allclose(step, wanted, atol=1e-5)
+
+
+def test_no_iteration_goes_uphill() -> None:
+    iterate, x0 = solver._iteration(solver.stage()), _before(100.0)
+    plan, last = np.full(solver.SIZE, 0.1), np.inf
+    for _ in range(5):
+        plan, value = iterate(x0, plan, STILL, _task())
+        assert float(value) <= last
+        last = float(value)
+
+
+def test_a_plan_that_is_not_good_enough_is_counted_and_not_used() -> None:
+    """With a tolerance that nothing meets, every solve falls back: slowly to the target, the arm at rest."""
+    model = load_model("nmpc")
+    stepper = DiscreteStepper(model, {"nmpc_tolerance": 1e-6})
+    stepper.set(**_inputs(80.0, q_boom=1.0))
+    stepper.advance(1)
+    assert stepper.state("fallbacks") == stepper.state("solves") == 1.0
+    assert stepper.state("boom_reference") == 0.0
+    assert 0.1 < stepper.state("slew_command") < 0.5
+    own = DiscreteStepper(model)
+    own.set(**_inputs(80.0, q_boom=1.0))
+    own.advance(2 * PERIOD + 1)
+    assert own.state("solves") == 3.0
+    assert own.state("fallbacks") < 3.0
+    assert own.state("boom_reference") > 0.0
+
+
+def test_fmu_gives_the_equations_numbers() -> None:
+    """The generated C against CasADi, over ten solves: to rounding (products are summed in another order)."""
+    stepper = DiscreteStepper(MODEL)
+    names = [v.name for v in MODEL.inputs]
+    outputs = [v.name for v in MODEL.outputs]
+    with Imported(build_fmu("nmpc", 2), **_inputs(60.0)) as instance:
+        for tick in range(10 * PERIOD):
+            values = _inputs(60.0, q_slew=0.002 * tick, imu_tool_roll=0.05 * np.sin(0.1 * tick))
+            stepper.set(**values)
+            instance.set(**{n: values[n] for n in names if n in values})
+            stepper.advance()
+            instance.step()
+            np.testing.assert_allclose(instance.get(*outputs), list(stepper.outputs().values()), atol=1e-6)
+
+
+@pytest.mark.parametrize("load", [0.0, 2000.0])
+def test_pendulum_lengths_are_the_machines(load: float) -> None:
+    """Periods of roll and pitch as the machine's model has them (fmus/machine/README.md)."""
+    roll, pitch, mass = (float(v) for v in prediction.tool_lengths(load))
+    periods = [2 * np.pi * np.sqrt(length / 9.81) for length in (roll, pitch)]
+    np.testing.assert_allclose(periods, (2.66, 2.84), rtol=0.02)
+    assert 0.7 * (1720 + load) < mass < 1720 + load
