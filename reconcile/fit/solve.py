@@ -55,7 +55,8 @@ def fit(
     Ends when a step gains less than `tolerance` of the cost, at least 0.05, and after `iterations` of them, or
     `longer` times as many while each gains much; gives up (None) when the cost is above `hopeless` after
     PATIENCE steps.  Where errors are far above the noise the fit begins as if the
-    noise were as large, so that the prior holds what they do not tell yet (a homotopy from wide to sharp).
+    noise were as large, so that the prior holds what they do not tell yet (a homotopy from wide to sharp);
+    not in one of less patience (`longer` below LONGER), which starts near what is known.
     """
     free = tuple(free)
     columns = [problem.parameter(f.name) for f in free]
@@ -63,7 +64,7 @@ def fit(
     if linear is None:
         return None
     heat = _size(linear)
-    for _ in range(STAGES if iterations and heat > HOT else 0):
+    for _ in range(STAGES if iterations and longer >= LONGER and heat > HOT else 0):
         warm = _warmed(problem, point, free, heat)
         moved, found = (point, None) if warm is None else _settled(problem, warm, columns)
         if found is None or not found.cost < linear.cost:
@@ -84,7 +85,7 @@ def _warmed(problem: Problem, point: Point, free: tuple[Free, ...], heat: float)
     problem.heat = heat
     try:
         linear = problem.linear(point, [problem.parameter(f.name) for f in free])
-        found = None if linear is None else _descend(problem, point, linear, free, *WARMING)
+        found = None if linear is None else _descend(problem, point, linear, free, *WARMING, longer=1)
     finally:
         problem.heat = 1.0
     return None if found is None else found.point
