@@ -1,8 +1,7 @@
 """`slewright tune NAME`: a Sobol start and Nelder-Mead within a budget of machine-hours.
 
-1. Points of a Sobol sequence over the controller's ranges (and the gains it has), each on the first four
-   tuning draws.
-2. Nelder-Mead from the best of them on six tuning draws, until the budget is spent.
+1. Points of a Sobol sequence over the controller's ranges (and the gains it has), on four tuning draws.
+2. Nelder-Mead from the best of them on the same draws, until the budget is spent.
 3. The gains there were and those found, on eight validation draws: the better ones are kept.
 
 Deterministic: draws, noise and points follow from keys.  Every evaluation is kept in build/tune/NAME.json, so
@@ -29,9 +28,9 @@ from orchestrator.system import System
 from specs import parameters
 from specs.errors import InputError
 
-BUDGET_H = 4.0  # the PI's own search (baselines/pi/tune.py) has 10.7: it has no excuse
-FIRST_DRAWS, DRAWS = 4, 6
-FIRST_SHARE = 0.3  # of the budget, for the Sobol points
+BUDGET_H = 2.0  # the PI's own search (baselines/pi/tune.py) has 10.7: it has no excuse
+DRAWS = 4
+FIRST_SHARE = 0.4  # of the budget, for the Sobol points
 VALIDATION_DRAWS = 8
 SEED = 1
 
@@ -97,15 +96,14 @@ class Search:
         from scipy.optimize import minimize
 
         ranges = self.controller.tuned
-        few, all_runs = (objective.trials("tuning", n) for n in (FIRST_DRAWS, DRAWS))
-        points = [to_cube(ranges, start), *sobol(len(ranges), self._affordable(len(few)))]
-        first = min(points, key=lambda x: self.evaluate(from_cube(ranges, x), few))
-        self.seen.clear()
+        runs = objective.trials("tuning", DRAWS)
+        points = [to_cube(ranges, start), *sobol(len(ranges), self._affordable(len(runs)))]
+        first = min(points, key=lambda x: self.evaluate(from_cube(ranges, x), runs))
         spread = np.where(first > 0.5, -0.12, 0.12)
         simplex = np.vstack([first, *(first + step for step in np.diag(spread))])
-        left = int((self.budget_h - self.spent_h) / (len(all_runs) * objective.RUN_H) + 1e-9)
+        left = int((self.budget_h - self.spent_h) / (len(runs) * objective.RUN_H) + 1e-9)
         minimize(
-            lambda x: self.evaluate(from_cube(ranges, x), all_runs),
+            lambda x: self.evaluate(from_cube(ranges, x), runs),
             first,
             method="Nelder-Mead",
             bounds=[(0.0, 1.0)] * len(ranges),
