@@ -17,7 +17,8 @@ from fmus.definition import Model, Sensor, Variable
 from fmus.loader import load_model
 from reconcile import quantization, sites
 from reconcile.catalogue import ALL
-from reconcile.model import Attached, Extended, read_folder
+from reconcile.extended import Extended
+from reconcile.model import Attached, read_folder
 from reconcile.ports import Ports
 from specs.errors import InputError, nearest
 

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from reconcile.search import Search
 
 RIVALS = 5  # fitted for each effect of the answer
-CLOSE = 6.0  # of twice the log-likelihood: nearer sets are not told apart (more is strong: Kass and Raftery 1995)
+CLOSE = (
+    6.0  # of twice the log-likelihood: nearer sets are not told apart (more is strong: Kass and Raftery 1995)
+)
 MOST_RIVALS = 4
 
 Key = frozenset

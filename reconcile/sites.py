@@ -19,7 +19,7 @@ from reconcile.ports import SCALED, SITES, Ports, Role, Site, names_of
 
 CHAMBERS = ("a", "b")
 GROUPED = ("input_delay",)  # effects of one input that also hit a group together
-Assembly = Any  # reconcile.model's
+Assembly = Any  # reconcile.assembly's
 
 
 def ports_of(effect: Effect, ports: Ports, recorded: Sequence[str]) -> list[str]:

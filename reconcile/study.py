@@ -10,13 +10,14 @@ from reconcile import sites
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run
+from reconcile.extended import Extended
 from reconcile.fit import whitening
 from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import LONGER, Fitted, Free, fit
 from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, cut, span
-from reconcile.model import ALL_OUTPUTS, Attached, Extended, Folder, candidates
+from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from specs.errors import InputError
 
 SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be wrong

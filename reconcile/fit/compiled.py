@@ -13,7 +13,7 @@ import numpy as np
 from fmus import compiler
 from fmus.codegen import CASADI_OPTIONS
 from fmus.paths import BUILD, SHIM
-from reconcile.model import Extended
+from reconcile.extended import Extended
 from specs.errors import RunError
 
 HERE = Path(__file__).parent

@@ -52,11 +52,11 @@ def fit(
 ) -> Fitted | None:
     """Least squares from `start`; None if the model runs away there.
 
-    Ends when a step gains less than `tolerance` of the cost, at least 0.05, and after `iterations` of them, or
-    `longer` times as many while each gains much; gives up (None) when the cost is above `hopeless` after
-    PATIENCE steps.  Where errors are far above the noise the fit begins as if the
-    noise were as large, so that the prior holds what they do not tell yet (a homotopy from wide to sharp);
-    not in one of less patience (`longer` below LONGER), which starts near what is known.
+    Ends when a step gains less than `tolerance` of the cost, at least 0.05, and after `iterations` of them,
+    or `longer` times as many while each gains much; gives up (None) when the cost is above `hopeless` after
+    PATIENCE steps.  Where errors are far above the noise the fit begins as if the noise were as large, so
+    that the prior holds what they do not tell yet (a homotopy from wide to sharp); not one of less patience
+    (`longer` below LONGER), which starts near what is known.
     """
     free = tuple(free)
     columns = [problem.parameter(f.name) for f in free]

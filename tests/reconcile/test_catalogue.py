@@ -8,7 +8,8 @@ import pytest
 
 from fmus.definition import Model, Variable
 from reconcile.catalogue import ALL, Scales
-from reconcile.model import Attached, Extended, Folder, candidates, read_folder
+from reconcile.extended import Extended
+from reconcile.model import Attached, Folder, candidates, read_folder
 from reconcile.ports import find_ports
 
 INPUT = [

@@ -13,10 +13,11 @@ from fmus.build import build_fmu
 from fmus.tool.model import MODEL as TOOL
 from reconcile.catalogue import ALL
 from reconcile.data import Block, Run, Signal
+from reconcile.extended import Extended
 from reconcile.fit.compiled import Compiled
 from reconcile.fit.problem import Problem
 from reconcile.fit.windows import cut
-from reconcile.model import Extended, candidates, read_folder
+from reconcile.model import candidates, read_folder
 from reconcile.ports import find_ports
 from specs.errors import InputError
 from tests.fmus.importer import Imported
