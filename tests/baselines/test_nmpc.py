@@ -41,7 +41,7 @@ def _inputs(degrees: float, **changes: float) -> dict[str, float]:
 
 
 def test_prediction_follows_the_machine_through_start_and_braking() -> None:
-    """2.5 s of a slew with a tool that swings: as the whole machine does it, to 1 deg."""
+    """2.5 s of a slew with a tool that swings: 1 deg of slew and 4 deg of roll."""
     machine = Stepper(load_model("machine"), dict(zip(("start_q_boom", "start_q_stick"), POSE, strict=True)))
     x, u, load = ca.SX.sym("x", solver.NX), ca.SX.sym("u", 3), ca.SX.sym("load")  # type: ignore[call-arg]
     step = ca.Function("step", [x, u, load], [prediction.step(x, u, load, 0.05)])
@@ -64,7 +64,7 @@ def test_prediction_follows_the_machine_through_start_and_braking() -> None:
         worst = np.maximum(worst, np.abs(np.array(seen) - believed[[0, 5]]))
     assert machine.state("slew_angle") > np.radians(10)
     assert np.degrees(worst[0]) < 1.0
-    assert np.degrees(worst[1]) < 3.0
+    assert np.degrees(worst[1]) < 4.0
 
 
 def test_solver_ends_where_a_general_one_does() -> None:
@@ -124,7 +124,7 @@ def test_fmu_gives_the_equations_numbers() -> None:
     stepper = DiscreteStepper(MODEL)
     names = [v.name for v in MODEL.inputs]
     outputs = [v.name for v in MODEL.outputs]
-    with Imported(build_fmu("nmpc", 2), **_inputs(60.0)) as instance:
+    with Imported(build_fmu("nmpc", 2)) as instance:
         for tick in range(10 * PERIOD):
             values = _inputs(60.0, q_slew=0.002 * tick, imu_tool_roll=0.05 * np.sin(0.1 * tick))
             stepper.set(**values)
