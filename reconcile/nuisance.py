@@ -19,6 +19,8 @@ from reconcile.search import Answer
 from reconcile.study import Study
 
 GAIN = 10.0  # of twice the log-likelihood, beyond what the parameters cost
+MOST_S = 0.5  # told from slopes: what is later is not told by them, and comes from a model that is wrong
+WRONG = 1.5  # deviations of the noise (root mean square): a model that leaves more is wrong otherwise
 LEAST = 0.2  # of a sample period: smaller offsets do no harm
 ROUNDS = 3
 SETTLED = 0.02  # of a sample period: what another round may change
@@ -59,11 +61,11 @@ def differing(study: Study, answer: Answer) -> dict[str, Clock]:
         return {}
     pays = {n: _pays(rows, n) for n in range(1, rows.late.shape[1] + 1)}
     count = max(pays, key=lambda n: pays[n])
-    if pays[count] <= GAIN:
+    if pays[count] <= GAIN or not _explains(rows, count):
         return {}
     clocks = _clocks(rows, count, sum(_delay(study, answer, a) for a in answer.present))
     largest = max(abs(c.offset_s) + abs(c.drift) * _length(study) for c in clocks.values())
-    return clocks if largest > LEAST * _period(study) else {}
+    return clocks if LEAST * _period(study) < largest < MOST_S else {}
 
 
 def settled(given: Given, clocks: dict[str, Clock], study: Study, answer: Answer) -> dict[str, Clock]:
@@ -167,6 +169,16 @@ def _pays(rows: _Rows, count: int) -> float:
     together = _solved(rows, rows.late[:, :1])[0]
     gain = (together - _solved(rows, _by_run(rows, count))[0]) / rows.excess
     return gain - (count * len(rows.runs) - 1) * np.log(rows.effective)
+
+
+def _explains(rows: _Rows, count: int) -> bool:
+    """Whether clocks by run leave about the noise, or at least half of what stood above it goes by them.
+
+    A model that is wrong otherwise is out of step with every run in its own way.
+    """
+    together, left = (_solved(rows, late)[0] for late in (rows.late[:, :1], _by_run(rows, count)))
+    noise = len(rows.errors)
+    return left < WRONG**2 * noise or together - left > 0.5 * (together - noise)
 
 
 def _by_run(rows: _Rows, count: int) -> np.ndarray:

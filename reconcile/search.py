@@ -292,8 +292,21 @@ class Search:
                 values = {n: named[n] for a in present for n in a.free}
                 base = self.tried.fits[Key()]
                 found = self.study.fit_set(base.point, present, values) or base
-            self.tried.fits[key] = found
+            self.tried.fits[key] = self._unstuck(found)
         return self.tried.fits[key]
+
+    def _unstuck(self, fitted: Fitted) -> Fitted:
+        """A fit that leaves more than some of its effects do is in a wrong minimum: once more, afresh."""
+        present = fitted.point.present
+        parts = [f.cost for k, f in self.tried.fits.items() if k < Key(present)]
+        if fitted.cost <= min(parts, default=np.inf):
+            return fitted
+        best = min(
+            (f for k, f in self.tried.fits.items() if k >= Key(present)), key=lambda f: f.cost, default=None
+        )
+        values = self.study.named((best or fitted).point.p)
+        again = self.study.fit_set(self.study.fit_problem.start(values), present, {})
+        return again if again is not None and again.cost < fitted.cost else fitted
 
     def _on_confirm(self, without: Fitted, with_it: Fitted) -> evidence.Confirmed | None:
         before, after = (self.study.elsewhere(f, "confirm") for f in (without, with_it))
