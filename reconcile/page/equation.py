@@ -5,8 +5,10 @@ from collections.abc import Iterable
 from html import escape
 
 GREEK = {"mu": "μ", "tau": "τ", "phi": "φ", "sigma": "σ", "alpha": "α", "zeta": "ζ"}
-UPRIGHT = {"sgn", "sin", "cos", "exp", "max", "min", "sqrt", "if", "else", "where", "for", "and", "of", "the"}
-TOKEN = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+FUNCTIONS = {"sgn", "sin", "cos", "tan", "exp", "max", "min", "sqrt"}
+UPRIGHT = FUNCTIONS | {"if", "else", "where", "for", "and", "of", "the"}
+LETTER = "[A-Za-zΑ-Ωα-ω]"
+TOKEN = re.compile(rf"{LETTER}[A-Za-z0-9_]*")
 
 
 def equation(text: str, parameters: Iterable[str] = ()) -> str:
@@ -28,7 +30,14 @@ def symbol(name: str) -> str:
     return f"<i>{escape(GREEK.get(head, head))}</i>{below}"
 
 
+def spelt(name: str) -> str:
+    """A parameter's symbol, and its name where the symbol does not spell it out."""
+    written = symbol(name)
+    whole = written == f"<i>{escape(name)}</i>"
+    return written if whole else f"{written} <small>{escape(name)}</small>"
+
+
 def _token(word: str, known: set[str]) -> str:
-    if word in known or (len(word) <= 2 and word not in UPRIGHT) or re.fullmatch(r"[A-Za-z]_[a-z]+", word):
+    if word in known or (len(word) <= 2 and word not in UPRIGHT) or re.fullmatch(rf"{LETTER}_[a-z]+", word):
         return symbol(word)
     return escape(word)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from reconcile.page.equation import equation, symbol
+from reconcile.page.equation import equation, spelt
 from reconcile.words import listed, number, number_with_error, percent, with_unit, written
 from records.report import shell
 
@@ -37,7 +37,7 @@ def _effect(e: Figures) -> str:
     )
     source = f"<p class='soft'>Source: {escape(e['source'])}.</p>" if e.get("source") else ""
     rows = [
-        f"<tr><th scope='row'>{symbol(n)} <small>{escape(n)}</small></th>"
+        f"<tr><th scope='row'>{spelt(n)}</th>"
         f"<td>{escape(with_unit(number_with_error(p['value'], p['ci95']), p['unit']))}</td>"
         f"<td>{escape(_interval(p['ci95'], p['unit']))}</td></tr>"
         for n, p in e["parameters"].items()

@@ -1,7 +1,8 @@
 """`slewright bench`: how fast it is, against others, in the same minute on the same machine."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -163,7 +164,8 @@ def showcases(
     ] = None,
 ) -> None:
     """Record the reference machine, reconcile a model that lacks something, verify the extended model."""
-    from slewright.showcases import METRICS, SHOWCASES, measure, missed, pages
+    from slewright.showcase_page import pages
+    from slewright.showcases import SHOWCASES, measure, missed
     from specs.errors import InputError, nearest
 
     for name in only or ():
@@ -173,8 +175,8 @@ def showcases(
     with progress("bench showcases") as report:
         figures = {s.name: measure(s, out, seed, report) for s in chosen}
     for name, found in figures.items():
-        rows = [(s, *(f"{m[k]:.2f}" for k in METRICS)) for s, m in found["metrics"].items()]
-        show(name, ["system", *(f"{k}, {unit}" for k, unit in METRICS.items())], rows)
+        _show_showcase(f"{name}: the model moved as the machine moves", found["isolated"])
+        _show_showcase(f"{name}: the nominal system", found["whole"])
         typer.echo(f"{found['verdict']}: {found['sentence']}")
     if markdown:
         pages(markdown, chosen, figures)
@@ -184,6 +186,14 @@ def showcases(
         typer.echo(f"slewright: missed: {line}", err=True)
     if failed:
         raise typer.Exit(1)
+
+
+def _show_showcase(title: str, compared: Mapping[str, Any]) -> None:
+    from slewright.showcases import METRIC_UNITS
+
+    rows = [(s, *(f"{v:.2f}" for v in m.values())) for s, m in compared["mean"].items()]
+    closer = ["—" if v is None else f"{100 * v:.0f} %" for v in compared["closer"].values()]
+    show(title, ["", *(f"{k}, {METRIC_UNITS[k]}" for k in compared["closer"])], [*rows, ("closer", *closer)])
 
 
 def _slew_nn_row(name: str, f: dict[str, float]) -> list[str]:

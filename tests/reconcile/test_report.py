@@ -11,7 +11,7 @@ from reconcile import replicates, report as reports, verdict as verdicts
 from reconcile.contract import Report, check
 from reconcile.data import Run, Signal
 from reconcile.findings import Findings, above
-from reconcile.page.equation import equation
+from reconcile.page.equation import equation, spelt
 from reconcile.page.page import write_page
 from reconcile.page.shown import Shown, shown
 from reconcile.workflow import _plain
@@ -166,6 +166,10 @@ def test_a_model_that_runs_away_has_a_page(figures, tmp_path):
 def test_equations_are_set_with_symbols():
     text = equation("F = −Fc_positive sgn(v) for v > 0", ["Fc_positive"])
     assert "<i>F</i><sub>c, positive</sub> sgn(<i>v</i>) for <i>v</i> &gt; 0" in text
+    turned = equation("factor l_y θ_x' tan θ_x", ["factor"])
+    assert "<i>l</i><sub>y</sub> <i>θ</i><sub>x</sub>&#x27; tan <i>θ</i><sub>x</sub>" in turned
+    assert spelt("factor") == "<i>factor</i>"  # not said twice
+    assert spelt("Fc") == "<i>F</i><sub>c</sub> <small>Fc</small>"
 
 
 # -------------------------------------------------------------------------------- floors

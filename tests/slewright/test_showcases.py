@@ -5,13 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fmus.build import build_fmu
 from fmus.discrete import DiscreteStepper
 from fmus.tool.model import MODEL as TOOL
 from learning.collection.plan import load_plan
 from reconcile.extend import extend
 from reconcile.model import read_folder
+from records.metrics import compute
+from records.record import Record
 from slewright.__main__ import run
-from slewright.showcases import METRICS, PLAN, SHOWCASES, closer, measure, missed, page
+from slewright.moved import inputs, moved, with_columns
+from slewright.showcase_page import page, pages
+from slewright.showcases import METRICS, PLAN, SHOWCASES, compared_by, measure, missed
+from specs import scenario as scenarios_spec
 from specs.systems import load
 from tests.conftest import ROOT
 
@@ -20,14 +26,20 @@ def figures(**changes) -> dict:
     q = {"value": 0.98, "unit": "1", "ci95": [0.97, 0.99]}
     effect = {"name": "coriolis_coupling", "equation": "a |W|", "parameters": {"factor": q}}
     gap = {"unit": "rad", "floor": 0.002, "nominal": 0.03, "reestimated": 0.02, "after": 0.004}
-    plain, machine = dict.fromkeys(METRICS, 3.0), dict.fromkeys(METRICS, 1.0)
-    metrics = {"plain": plain, "extended": {**plain, "error": 2.0, "tool": 1.5}, "machine": machine}
+
+    def runs(names):
+        plain, machine = dict.fromkeys(names, 3.0), dict.fromkeys(names, 1.0)
+        extended = plain | {n: v for n, v in {"error": 2.0, "tool": 1.5}.items() if n in names}
+        return {"plain": {"s": plain}, "extended": {"s": extended}, "machine": {"s": machine}}
+
+    alone = SHOWCASES["tool"].moves
+    compared = {"whole": compared_by(METRICS, runs(METRICS)), "isolated": compared_by(alone, runs(alone))}
     found = {
         "verdict": "named", "sentence": "The model lacks coriolis_coupling.", "effects": [effect],
-        "gap": {"q_tool_x": gap}, "metrics": metrics, "closer": closer(metrics), "seed": 1,
+        "gap": {"q_tool_x": gap}, "seed": 1,
         "versions": {"slewright": "0"}, "recordings": {"train": ["a"], "validation": ["b"], "test": ["c"]},
     }  # fmt: skip
-    return found | changes
+    return found | compared | changes
 
 
 def test_every_showcase_has_its_recordings_its_model_and_its_page():
@@ -145,9 +157,18 @@ def driven(stepper: DiscreteStepper, true: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def test_a_metric_is_closer_by_its_share_of_the_way():
-    metrics = figures()["metrics"]
-    assert closer(metrics) == {"speed": 0.0, "overshoot": 0.0, "error": 0.5, "tool": 0.75}
-    assert closer({k: v for k, v in metrics.items() if k != "extended"})["tool"] is None
+    assert figures()["whole"]["closer"] == {"speed": 0.0, "overshoot": 0.0, "error": 0.5, "tool": 0.75}
+    runs = {k: v for k, v in figures()["whole"]["runs"].items() if k != "extended"}
+    assert compared_by(METRICS, runs)["closer"]["tool"] is None
+
+
+def test_errors_of_two_scenarios_do_not_cancel():
+    speeds = {"plain": (3.0, -1.0), "extended": (1.5, 1.5), "machine": (1.0, 1.0)}
+    runs = {k: {"a": {"speed": a}, "b": {"speed": b}} for k, (a, b) in speeds.items()}
+    found = compared_by(("speed",), runs)
+    assert found["mean"]["plain"] == found["mean"]["machine"]
+    assert found["distance"]["plain"]["speed"] == 2.0
+    assert found["closer"]["speed"] == pytest.approx(0.75)
 
 
 def test_what_a_showcase_misses_is_said():
@@ -156,8 +177,13 @@ def test_what_a_showcase_misses_is_said():
     assert "none of" in missed(tool, figures(effects=[{"name": "sensor_lag"}]))[0]
     worse = {"q_tool_x": figures()["gap"]["q_tool_x"] | {"after": 0.05}}
     assert missed(tool, figures(gap=worse)) == ["tool: the gap of q_tool_x did not shrink"]
-    farther = figures()["closer"] | {"tool": -0.1}
-    assert missed(tool, figures(closer=farther)) == ["tool: tool did not move towards the machine"]
+    isolated, whole = figures()["isolated"], figures()["whole"]
+    farther = isolated | {"closer": isolated["closer"] | {"tool": -0.1}}
+    assert missed(tool, figures(isolated=farther)) == [
+        "tool: tool of the model alone did not move towards the machine"
+    ]
+    others = whole | {"closer": whole["closer"] | {"tool": -0.1}}
+    assert missed(tool, figures(whole=others)) == []  # the tool's model is not to blame; the page says it
 
 
 def test_a_page_has_the_equation_the_gap_and_all_systems():
@@ -169,6 +195,76 @@ def test_a_page_has_the_equation_the_gap_and_all_systems():
         "75 % closer",
     ):
         assert part in text
+    assert "Moved away" not in text
+
+
+def test_a_page_says_what_moved_away():
+    whole = figures()["whole"]
+    farther = whole | {"closer": whole["closer"] | {"tool": -1.35}}
+    text = page(SHOWCASES["tool"], figures(whole=farther))
+    assert "135 % farther" in text
+    assert "Moved away from the machine: tool." in text
+
+
+def test_pages_are_filled_between_their_markers(tmp_path: Path):
+    (tmp_path / "tool.md").write_text("A\n<!-- showcase:begin -->\nold\n<!-- showcase:end -->\nB\n")
+    pages(tmp_path, [SHOWCASES["tool"]], {"tool": figures()})
+    text = (tmp_path / "tool.md").read_text()
+    assert text.startswith("A\n")
+    assert text.endswith("B\n")
+    assert "old" not in text
+    assert "coriolis_coupling" in text
+
+
+SCENARIO = scenarios_spec.find("four_targets_empty")[0]
+COLUMNS = (
+    "time", "u_slew", "true_q_slew", "true_qd_slew", "true_q_boom", "true_q_stick", "true_qd_boom",
+    "true_qd_stick", "true_q_tool_x", "true_q_tool_y", "true_qd_tool_x", "true_qd_tool_y",
+    "true_tool_x", "true_tool_y", "true_tool_z",
+)  # fmt: skip
+
+
+def machine_run(**columns: np.ndarray) -> Record:
+    """A run of 30 s with two targets: slew and arm as given, everything else zero."""
+    time = STEP * np.arange(1501)
+    still = {
+        "true_q_boom": np.full(1501, SCENARIO.start.q_boom),
+        "true_q_stick": np.full(1501, SCENARIO.start.q_stick),
+    }
+    known = {"time": time, **still, **columns}
+    cells = np.column_stack([known.get(n, np.zeros(1501)) for n in COLUMNS])
+    wanted = [{"time": 0.0, "x": 9.0, "y": 0.0, "z": 1.0}, {"time": 15.0, "x": 0.0, "y": 9.0, "z": 1.0}]
+    return Record.from_rows(COLUMNS, cells, {"targets": wanted, "load_kg": 0.0})
+
+
+def test_a_tool_that_is_moved_as_the_machine_swings_as_its_equations_say():
+    time = STEP * np.arange(1501)
+    turning = np.array([slewing(t)[:2] for t in time])
+    run_ = machine_run(true_q_slew=turning[:, 0], true_qd_slew=turning[:, 1])
+    found = moved(build_fmu("tool"), "tool", run_, SCENARIO, 1)
+    stepper, felt, angles = DiscreteStepper(TOOL, SCENARIO.parameters(1)), inputs("tool", run_), []
+    names = [v.name for v in TOOL.inputs if v.name in felt]
+    for k in range(400):
+        angles.append([stepper.state("theta_x"), stepper.state("theta_y")])
+        stepper.set(**{n: float(felt[n][k]) for n in names})
+        stepper.advance()
+    got = np.column_stack([found.column(n)[:400] for n in ("true_q_tool_x", "true_q_tool_y")])
+    assert np.abs(got).max() > 0.02  # it swings
+    assert got == pytest.approx(np.array(angles), abs=1e-9)
+    assert np.array_equal(found.column("true_q_slew"), turning[:, 0])  # the machine's own
+    assert compute(found).tool > compute(run_).tool == 0.0
+
+
+def test_a_slew_that_is_moved_feels_the_pose_and_begins_anew_with_every_target():
+    command = np.where(np.arange(1501) % 750 < 200, 0.6, 0.0)
+    run_ = machine_run(u_slew=command, true_q_slew=np.linspace(0.0, 1.0, 1501))
+    assert 200e3 < inputs("slew", run_)["inertia"][0] < 1000e3
+    far = with_columns(run_, {"true_q_stick": np.full(1501, -0.3)})
+    near, away = (moved(build_fmu("slew"), "slew", r, SCENARIO, 1).column("true_q_slew") for r in (run_, far))
+    for start in (0, 750):
+        assert near[start] == run_.column("true_q_slew")[start]
+    assert near[740] - near[0] > 0.1
+    assert abs(near[740] - away[740]) > 0.005  # another inertia, another angle
 
 
 def test_a_showcase_that_is_none_is_wrong_input(capsys):
