@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from baselines.compare.optima import shares
 from baselines.compare.plan import SWEPT, Question
 from orchestrator.campaign.plan import NOMINAL, Run
 from orchestrator.campaign.worker import Result
@@ -19,6 +20,7 @@ Figures = dict[str, Any]
 
 def figures(question: Question, runs: Sequence[Run], results: Mapping[str, Result]) -> Figures:
     """What `--json` writes but for seed and versions."""
+    single = _singles(runs, results)
     return {
         "system": "reference",
         "draw_set": question.draw_set,
@@ -26,9 +28,9 @@ def figures(question: Question, runs: Sequence[Run], results: Mapping[str, Resul
         "paces": list(question.paces),
         "failed": {key: r["failed"] for key, r in results.items() if r["failed"]},
         "task": {task: _task(question, task, runs, results) for task in question.tasks},
-        "single": _singles(runs, results),
+        "single": single,
         "sweeps": _sweeps(runs, results),
-        "optima": {},
+        "optima": shares(single),
     }
 
 

@@ -25,6 +25,7 @@ COLUMNS = (
     "runs",
 )
 SWEPT_COLUMNS = ("speed °/s", "overshoot °", "error", "tool °/s")
+SHARES = ("speed", "tool", "least_tool")
 
 
 class Task(StrEnum):
@@ -157,6 +158,10 @@ def _show(found: Mapping[str, Any]) -> None:
             if task in tables:
                 name = "nominal model" if system == "nominal" else "simulated reference machine"
                 show(f"{task}: {name}, one run each; error in {unit}", COLUMNS, _rows(task, tables[task]))
+    for load, content in found["optima"].items():
+        rows = [[n, *(_number(c[k]) for k in SHARES)] for n, c in content["controllers"].items()]
+        title = f"slew, {load}: share of the best found (local optima), fastest {content['fastest']:.2f} °/s"
+        show(title, ("controller", *(k.replace("_", " ") for k in SHARES)), rows)
     for what, by_task in found["sweeps"].items():
         for task, by_controller in by_task.items():
             rows = [[name, *_swept(point)] for name, points in by_controller.items() for point in points]

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from baselines import registry
-from baselines.compare import paper
+from baselines.compare import optima, paper
 from baselines.compare.figures import figures, interval, matched_speed
 from baselines.compare.plan import SWEEPS, TASKS, Question, make_plan
 from specs import draws, parameters, scenario
@@ -110,6 +110,17 @@ def test_sweeps_change_one_thing_at_a_time_within_its_bounds() -> None:
     found = figures(question, plan.runs, {r.key: _result(r) for r in plan.runs})
     assert [p["value"] for p in found["sweeps"]["slew delay [s]"]["full"]["pi"]] == [0.1, 0.15, 0.2, 0.25]
     assert found["task"]["slew"]["controllers"]["pi"]["empty"]["n"] == 1
+
+
+def test_shares_of_the_best_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert optima.travels() == [75.0, 120.0, 90.0, 45.0]
+    stored = {0.0: [(10.0, 2.0), (20.0, 6.0)], 2000.0: []}
+    monkeypatch.setattr(optima.lookup, "front", lambda travel, mass: stored[mass])
+    cells = {"pi": {"empty": {"speed": 15.0, "tool": 8.0}, "2t": {"speed": 9.0, "tool": 1.0}}}
+    found = optima.shares({"reference": {"slew": cells}})
+    assert list(found) == ["empty"]  # no optima with 2 t
+    assert found["empty"]["fastest"] == 20.0
+    assert found["empty"]["controllers"]["pi"] == {"speed": 0.75, "tool": 0.5, "least_tool": 4.0}
 
 
 def test_one_machine_has_no_interval() -> None:

@@ -1,0 +1,45 @@
+"""Share of the best found optimum that controllers reach: slew task, the machine as its files describe it."""
+
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+from baselines.compare.plan import TASKS
+from baselines.optima import lookup
+from specs import scenario as scenarios_spec
+
+LOAD_KG = {"empty": 0.0, "2t": 2000.0}  # the unknown load has no optima of its own
+
+
+def travels() -> list[float]:
+    """Slew angles between the slew task's targets, deg."""
+    task = scenarios_spec.find(str(TASKS["slew"]))[0]
+    angles = [task.start.slew_deg, *(target.slew_deg for target in task.targets)]
+    return [abs(b - a) for a, b in pairwise(angles)]
+
+
+def shares(single: Mapping[str, Any]) -> dict[str, Any]:
+    """Load -> fastest found, and controller -> share of speed and tool rate; loads without optima left out.
+
+    `single` are the figures of single machines (baselines.compare.figures).
+    """
+    found: dict[str, Any] = {}
+    cells = single.get("reference", {}).get("slew", {})
+    for load, mass in LOAD_KG.items():
+        fronts = [lookup.front(travel, mass) for travel in travels()]
+        if not all(fronts):
+            continue
+        own = {name: by_load[load] for name, by_load in cells.items() if load in by_load}
+        found[load] = {
+            "fastest": lookup.fastest(fronts),
+            "controllers": {name: _share(fronts, cell) for name, cell in own.items()},
+        }
+    return found
+
+
+def _share(fronts: list[list[lookup.Point]], cell: Mapping[str, float]) -> dict[str, float | None]:
+    """Speed over the fastest found; least tool rate found at that speed over the controller's."""
+    share = lookup.share(fronts, cell["speed"], cell["tool"])
+    tool = None if share.tool is None or not math.isfinite(share.tool) else share.tool
+    return {"speed": share.speed, "tool": tool, "least_tool": lookup.least_tool(fronts, cell["speed"])}
