@@ -142,6 +142,8 @@ def _rows(study: Study, fitted: Fitted) -> _Rows | None:
         keep = np.repeat(fresh, counts)
         at = np.repeat([names.index(w.run.name) for w in problem.windows], counts)
         found.append((linear.errors[keep], linear.slopes[keep], at[keep]))
+    if not found:
+        return None
     errors, slopes, at = (np.concatenate(x) for x in zip(*found, strict=True))
     s = evidence.sample(fitted)
     ridge = np.array([1.0 / f.prior[1] ** 2 if f.prior else 0.0 for f in fitted.free])

@@ -1,10 +1,12 @@
 """A clock that differs by recording is found and taken out; one that all share stays a hypothesis."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from reconcile import nuisance
 from reconcile.data import Run, runs_of, split
 from reconcile.nuisance import Clock, corrected, differing, settled
 from reconcile.search import Answer, Tried
@@ -83,3 +85,10 @@ def test_friction_is_named_beside_a_clock_that_is_late_in_one_recording(rig):
     assert [e["name"] for e in figures["effects"]] == ["coulomb_friction"]
     assert figures["nuisances"]["run1"]["time_offset_s"] == pytest.approx(0.05, abs=0.002)
     assert "late against" in figures["sentence"]
+
+
+def test_a_model_that_gets_nowhere_tells_no_clocks(monkeypatch):
+    monkeypatch.setattr(nuisance, "_columns", lambda *_: 0)
+    study = SimpleNamespace(elsewhere=lambda *_: None, extended=SimpleNamespace(index={}))
+    study.problems = {"short": None, "holdout": None}
+    assert nuisance._rows(study, SimpleNamespace(free=())) is None  # type: ignore[arg-type]
