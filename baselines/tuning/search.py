@@ -4,6 +4,9 @@
 2. Nelder-Mead from the best of them on the same draws, until the budget is spent.
 3. The gains there were and those found, on eight validation draws: the better ones are kept.
 
+Gains whose loop is not stable with DELAY_S to spare at every pose (baselines/loop.py) are not simulated: they
+cost more than any other, and no budget.
+
 Deterministic: draws, noise and points follow from keys.  Every evaluation is kept in build/tune/NAME.json, so
 that an interrupted search goes on where it was.
 """
@@ -20,6 +23,7 @@ import numpy as np
 
 from baselines.bench import Report
 from baselines.gains import machine
+from baselines.loop import analyse
 from baselines.parameter_file import update
 from baselines.registry import Controller, Range
 from baselines.tuning import cost as objective
@@ -32,6 +36,8 @@ BUDGET_H = 2.0  # the PI's own search (baselines/pi/tune.py) has 10.7: it has no
 DRAWS = 4
 FIRST_SHARE = 0.4  # of the budget, for the Sobol points
 VALIDATION_DRAWS = 8
+DELAY_S = 0.06  # least delay margin: three steps
+REFUSED = 100.0  # cost of gains that are not simulated
 SEED = 1
 
 
@@ -114,6 +120,8 @@ class Search:
     def evaluate(self, gains: Mapping[str, float], runs: Sequence[objective.Trial]) -> float:
         """Cost of these gains on these runs, out of the cache if it is known."""
         name = json.dumps(gains)
+        if not robust(self.controller, gains):
+            return REFUSED
         value = self.cache.get(f"{len(runs)} {name}", lambda: self._cost(gains, runs))
         self.spent_h += len(runs) * objective.RUN_H
         self.say(self.spent_h)
@@ -125,6 +133,15 @@ class Search:
 
     def _affordable(self, runs: int) -> int:
         return max(1, int(FIRST_SHARE * self.budget_h / (runs * objective.RUN_H)) - 1)
+
+
+def robust(controller: Controller, gains: Mapping[str, float]) -> bool:
+    """Whether the linear loop is stable at every pose, with some delay to spare; True where there is none."""
+    if controller.linear:
+        return True
+    return all(
+        loop.stable and loop.margins.delay_s >= DELAY_S for loop in analyse(controller, gains).values()
+    )
 
 
 class Cache:

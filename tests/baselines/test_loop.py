@@ -36,7 +36,8 @@ def test_shipped_gains_are_stable_at_every_pose(controller: registry.Controller)
 def test_sway_feedback_is_in_the_loop() -> None:
     without, with_sway = (analyse(registry.find(name)) for name in ("zv", "zv_sway"))
     assert all(with_sway[p].margins != without[p].margins for p in with_sway)
-    assert analyse(registry.find("zvd"))["near, empty"] == without["near, empty"]
+    zvd = analyse(registry.find("zvd"))["near, empty"]
+    assert zvd.margins.delay_s == pytest.approx(without["near, empty"].margins.delay_s, rel=1e-2)
 
 
 def test_a_person_has_no_linear_loop() -> None:

@@ -56,6 +56,7 @@ def test_the_search_keeps_its_budget_finds_the_bowl_and_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls = _bowl(monkeypatch)
+    monkeypatch.setattr(search, "robust", lambda controller, gains: True)
     start = {r.name: r.high for r in PARABOLA.tuned}
     budget = 6.0
 
@@ -93,6 +94,22 @@ def test_only_what_is_better_on_validation_is_written(
     assert figures["kept"] == kept
     assert bool(written) == better
     assert figures["budget_machine_hours"] == 0.1
+
+
+def test_gains_without_margin_are_not_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = _bowl(monkeypatch)
+    monkeypatch.setattr(search, "robust", lambda controller, gains: gains["parabola_slope"] < 1.0)
+    cache = search.Cache(tmp_path / "parabola.json", _NoSystem(), PARABOLA)  # type: ignore[arg-type]
+    found = search.Search(_NoSystem(), PARABOLA, cache, 3.0, lambda h: None)  # type: ignore[arg-type]
+    best = found.run({r.name: r.low for r in PARABOLA.tuned})
+    assert best["parabola_slope"] < 1.0
+    assert 0 < sum(calls) * cost.RUN_H <= found.spent_h <= 3.0
+
+
+def test_what_has_no_margin_is_not_robust() -> None:
+    assert search.robust(PARABOLA, {"parabola_speed_gain": 1.5, "parabola_slope": 0.8})
+    assert not search.robust(PARABOLA, {"parabola_speed_gain": 5.0, "parabola_slope": 2.0})
+    assert search.robust(registry.find("operator_experienced"), {})
 
 
 def test_a_variant_without_gains_of_its_own_is_not_tuned() -> None:
