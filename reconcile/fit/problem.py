@@ -13,10 +13,10 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from reconcile.fit.compiled import Columns, Compiled
+from reconcile.fit.compiled import Columns, Compiled, Cut
 from reconcile.fit.modes import by_guards
 from reconcile.fit.whitening import Whitener
-from reconcile.fit.windows import InputTable, Window, interpolation, straight
+from reconcile.fit.windows import Edge, InputTable, Window, interpolation, straight
 from reconcile.model import Attached
 
 ACCURACY = 2e-5  # of a state's size, of one step
@@ -141,7 +141,7 @@ class Problem:
             x0 = x0.copy()
             rows = self.active_states(fresh)[len(self.model.states) :]
             for k, window in enumerate(self.windows):
-                u, _ = self._inputs(window, point.p)
+                u = self._inputs(window, point.p)[0]
                 rest = np.asarray(
                     self.compiled.start_function(x0[k], u[0], self._mode(window)[0], point.p)
                 ).ravel()
@@ -157,11 +157,16 @@ class Problem:
 
     # ---------------------------------------------------------------- simulation
 
-    def _inputs(self, window: Window, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _inputs(self, window: Window, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, Edge | None]:
+        """Inputs [steps, inputs, clock, axes], their slopes by delays, and where steps are cut."""
         delays = {i: float(sum(p[k] for k in ks)) for i, ks in self.input_delays.items()}
         u, slope = self.tables[id(window.run)].rows(window, delays)
+        edge = self.tables[id(window.run)].edge(window, delays) if self.model.kind == "continuous" else None
+        if edge is not None:
+            cut = edge.share > 0.0
+            u[cut, edge.input], slope[cut, edge.input] = edge.before[cut], 0.0
         axes = len(self.extended.folder.ports.axes)
-        return np.hstack([u, np.zeros((len(u), axes))]), np.hstack([slope, np.ones((len(u), axes))])
+        return np.hstack([u, np.zeros((len(u), axes))]), np.hstack([slope, np.ones((len(u), axes))]), edge
 
     def _mode(self, window: Window) -> np.ndarray:
         """Modes [steps, NM] of a window: as recorded where an output shows them, else by the guards."""
@@ -177,7 +182,7 @@ class Problem:
     ):
         """Follow window k; `columns` are parameters to differentiate by, `pushed` inputs instead of them."""
         window = self.windows[k]
-        u, slope = self._inputs(window, point.p)
+        u, slope, edge = self._inputs(window, point.p)
         if pushed is not None:
             slope = np.ones_like(slope)
         chosen = pushed if columns is None else self._columns(window, columns)
@@ -192,6 +197,7 @@ class Problem:
             self.scale,
             self.tolerance * self.patience,
             chosen,
+            None if edge is None else Cut(edge.input, edge.share, edge.after, pushed is None),
         )
         if run is None or columns is None:
             return run
