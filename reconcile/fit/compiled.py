@@ -36,6 +36,10 @@ class _Window(ctypes.Structure):
         ("p", ctypes.c_void_p),
         ("scale", ctypes.c_void_p),
         ("tolerance", ctypes.c_void_p),
+        ("cut_input", ctypes.c_int),
+        ("cut_moves", ctypes.c_int),
+        ("cut_share", ctypes.c_void_p),
+        ("cut_after", ctypes.c_void_p),
     )
 
 
@@ -47,6 +51,19 @@ class Columns:
     input: Sequence[int]
     first: Sequence[int]
     last: Sequence[int]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Steps in which an input changes: by step the share before it (0: none), the input after it.
+
+    `moves`: whether a column that shifts the input moves the change.
+    """
+
+    input: int
+    share: np.ndarray
+    after: np.ndarray
+    moves: bool
 
 
 class Compiled:
@@ -78,6 +95,7 @@ class Compiled:
         scale: np.ndarray,
         tolerance: np.ndarray,
         columns: Columns | None = None,
+        cut: Cut | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """States [n + 1, NX], outputs [n + 1, NY], their slopes [n + 1, active + columns, NY] over n steps.
 
@@ -87,12 +105,12 @@ class Compiled:
         wanted = columns.parameter if columns else []
         lean = self._lean
         if lean is None or max(active, default=0) >= lean.nx or any(c not in self._place for c in wanted):
-            return self._whole.follow(x0, u, shift, m, p, step_s, active, scale, tolerance, columns)
+            return self._whole.follow(x0, u, shift, m, p, step_s, active, scale, tolerance, columns, cut)
         if columns:
             columns = replace(columns, parameter=[self._place[c] for c in wanted])
         n = lean.nx
         found = lean.follow(
-            x0[:n], u, shift, m, p[self._kept], step_s, active, scale[:n], tolerance[:n], columns
+            x0[:n], u, shift, m, p[self._kept], step_s, active, scale[:n], tolerance[:n], columns, cut
         )
         if found is None:
             return None
@@ -123,6 +141,7 @@ class _Library:
         scale: np.ndarray,
         tolerance: np.ndarray,
         columns: Columns | None = None,
+        cut: Cut | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """As Compiled.follow."""
         n, sens = len(u), columns is not None
@@ -133,6 +152,7 @@ class _Library:
         listed = (active, columns.parameter, columns.input, columns.first, columns.last)
         kept = [np.ascontiguousarray(a, np.int32) for a in listed]
         real = [np.ascontiguousarray(a, float) for a in (u, shift, m, p, scale, x0, tolerance)]
+        cuts = [np.ascontiguousarray(a, float) for a in ((cut.share, cut.after) if cut else (u[:0, 0],) * 2)]
         window = _Window(
             n,
             step_s,
@@ -149,6 +169,9 @@ class _Library:
             real[3].ctypes.data,
             real[4].ctypes.data,
             real[6].ctypes.data,
+            -1 if cut is None else cut.input,
+            0 if cut is None else int(cut.moves),
+            *(a.ctypes.data for a in cuts),
         )
         pointers = [ctypes.c_void_p(a.ctypes.data) for a in (real[5], x, y)]
         last = ctypes.c_void_p(ys.ctypes.data if sens else None)

@@ -49,6 +49,9 @@ typedef struct {
   const double *p;
   const double *scale;  /* NX: sizes of the states */
   const double *tolerance; /* NX: error of a state above which a step is halved */
+  int cut_input;           /* the input that changes within steps, -1: none */
+  int cut_moves;           /* whether columns that shift it move the change */
+  const double *cut_share, *cut_after; /* by step: the share before the change (0: none), the input after it */
 } Window;
 
 /* The equations linearised at a point, and the factors of I - c J there. */
@@ -260,6 +263,25 @@ static int advance(Run *k, double h, int depth) {
   return 1;
 }
 
+/* A step of h in which an input changes: up to there with the one value, from there on with the other.  Where a
+ * column moves the change by a time, the state moves by as much of the difference of f. */
+static int change(Run *k, double h) {
+  const double share = k->r->cut_share[k->step];
+  const int input = k->r->cut_input;
+  double u[NU], before[NX];
+  if (!advance(k, share * h, 0)) return 0;
+  evaluate(k, rx_f, k->x, NULL, NULL, NULL);
+  memcpy(before, k->f, sizeof before);
+  memcpy(u, k->u, sizeof u);
+  u[input] = k->r->cut_after[k->step];
+  k->u = u;
+  evaluate(k, rx_f, k->x, NULL, NULL, NULL);
+  for (int c = k->n; k->r->cut_moves && c < k->ns; c++)
+    for (int i = 0; k->r->input[c - k->n] == input && i < k->n; i++)
+      k->s[(size_t)c * NX + (size_t)k->r->state[i]] += before[k->r->state[i]] - k->f[k->r->state[i]];
+  return advance(k, (1.0 - share) * h, 0);
+}
+
 static int jump(Run *k) {
   double b[NX];
   const int *a = k->r->state;
@@ -328,7 +350,8 @@ EXPORT int follow(const Window *r, const double *x0, double *x, double *y, doubl
       memcpy(x + (size_t)done * NX, k->x, sizeof k->x);
       show(k, y + (size_t)done * NY, ys ? ys + (size_t)done * NY * (size_t)ns : NULL);
       if (done == r->steps) break;
-      if (DISCRETE ? !jump(k) : !advance(k, r->h, 0)) break;
+      const int cut = r->cut_input >= 0 && done < r->steps && r->cut_share[done] > 0.0;
+      if (DISCRETE ? !jump(k) : cut ? !change(k, r->h) : !advance(k, r->h, 0)) break;
       int finite = 1;
       for (int i = 0; i < k->n; i++) finite = finite && fabs(k->x[r->state[i]]) < 1e12;
       if (!finite) break;

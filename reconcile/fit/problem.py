@@ -13,10 +13,10 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from reconcile.fit.compiled import Columns, Compiled
+from reconcile.fit.compiled import Columns, Compiled, Cut
 from reconcile.fit.modes import by_guards
 from reconcile.fit.whitening import Whitener
-from reconcile.fit.windows import InputTable, Window, interpolation, straight
+from reconcile.fit.windows import Edge, InputTable, Window, interpolation, straight
 from reconcile.model import Attached
 
 ACCURACY = 2e-5  # of a state's size, of one step
@@ -79,7 +79,7 @@ class Problem:
         # between its steps a discrete model says nothing of curves: its positions go straight
         self.between = interpolation if model.kind == "continuous" else straight
         self.whiteners: list[Whitener] | None = None
-        self._modes: dict[int, np.ndarray] = {}
+        self._modes: dict[tuple[int, float, int], np.ndarray] = {}
         self._weights: dict[tuple[int, str], tuple[np.ndarray, ...]] = {}
 
     # ---------------------------------------------------------------- parameters
@@ -141,7 +141,7 @@ class Problem:
             x0 = x0.copy()
             rows = self.active_states(fresh)[len(self.model.states) :]
             for k, window in enumerate(self.windows):
-                u, _ = self._inputs(window, point.p)
+                u = self._inputs(window, point.p)[0]
                 rest = np.asarray(
                     self.compiled.start_function(x0[k], u[0], self._mode(window)[0], point.p)
                 ).ravel()
@@ -157,17 +157,22 @@ class Problem:
 
     # ---------------------------------------------------------------- simulation
 
-    def _inputs(self, window: Window, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _inputs(self, window: Window, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, Edge | None]:
+        """Inputs [steps, inputs, clock, axes], their slopes by delays, and where steps are cut."""
         delays = {i: float(sum(p[k] for k in ks)) for i, ks in self.input_delays.items()}
         u, slope = self.tables[id(window.run)].rows(window, delays)
+        edge = self.tables[id(window.run)].edge(window, delays) if self.model.kind == "continuous" else None
+        if edge is not None:
+            cut = edge.share > 0.0
+            u[cut, edge.input], slope[cut, edge.input] = edge.before[cut], 0.0
         axes = len(self.extended.folder.ports.axes)
-        return np.hstack([u, np.zeros((len(u), axes))]), np.hstack([slope, np.ones((len(u), axes))])
+        return np.hstack([u, np.zeros((len(u), axes))]), np.hstack([slope, np.ones((len(u), axes))]), edge
 
     def _mode(self, window: Window) -> np.ndarray:
         """Modes [steps, NM] of a window: as recorded where an output shows them, else by the guards."""
         if not self.model.modes:
             return np.zeros((window.steps, 0))
-        key = id(window)
+        key = (id(window.run), window.start_s, window.steps)
         if key not in self._modes:
             self._modes[key] = by_guards(self, window)
         return self._modes[key]
@@ -177,22 +182,8 @@ class Problem:
     ):
         """Follow window k; `columns` are parameters to differentiate by, `pushed` inputs instead of them."""
         window = self.windows[k]
-        u, slope = self._inputs(window, point.p)
-        if pushed is not None:
-            slope = np.ones_like(slope)
         chosen = pushed if columns is None else self._columns(window, columns)
-        run = self.compiled.follow(
-            point.x0[k],
-            u,
-            slope,
-            self._mode(window),
-            point.p,
-            window.step_s,
-            self.active_states(point.present),
-            self.scale,
-            self.tolerance * self.patience,
-            chosen,
-        )
+        run = self._follow(window, point.x0[k], point, chosen, pushed is not None)
         if run is None or columns is None:
             return run
         x, y, ys = run
@@ -200,6 +191,30 @@ class Problem:
         for extra, (c, _) in enumerate(self._shifted(columns)[len(columns) :], first + len(columns)):
             ys[:, first + c] += ys[:, extra]
         return x, y, ys[:, : first + len(columns)]
+
+    def _follow(
+        self,
+        window: Window,
+        x0: np.ndarray,
+        point: Point,
+        columns: Columns | None = None,
+        pushed: bool = False,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Follow a window from x0 with the parameters of a point."""
+        u, slope, edge = self._inputs(window, point.p)
+        return self.compiled.follow(
+            x0,
+            u,
+            np.ones_like(slope) if pushed else slope,
+            self._mode(window),
+            point.p,
+            window.step_s,
+            self.active_states(point.present),
+            self.scale,
+            self.tolerance * self.patience,
+            columns,
+            None if edge is None else Cut(edge.input, edge.share, edge.after, not pushed),
+        )
 
     def _columns(self, window: Window, columns: Sequence[int]) -> Columns:
         """Columns of parameters; a delay of several inputs has more, one each, which come last."""
@@ -332,18 +347,45 @@ class Problem:
     # ---------------------------------------------------------------- starting points
 
     def start(self, values: Mapping[str, float]) -> Point:
-        """A point with parameters by name; initial states from what the outputs show at each start."""
+        """A point with parameters by name; initial states from what the outputs show at each start.
+
+        Those that no output shows are where a simulation from the window before, or the run's start, has
+        them.
+        """
         p = np.array([values[n] for n in self.extended.parameter_names])
         x0 = np.zeros((len(self.windows), self.compiled.nx))
         rest = np.asarray(self.model.x0(p[: len(self.model.parameters)])).ravel()
+        x0[:, : len(rest)] = rest
+        point = Point(p, x0)
+        for k in range(len(self.windows)):
+            x0[k] = self.fresh(point, k)
+        return point
+
+    def fresh(self, point: Point, k: int) -> np.ndarray:
+        """Initial state [NX] of window k from outputs and the window before, whatever it was."""
+        window, p, x0 = self.windows[k], point.p, point.x0[k].copy()
         shown = self._shown_states()
-        for k, window in enumerate(self.windows):
-            x0[k, : len(rest)] = rest
-            for state, (output, order) in shown.items():
-                late = float(sum(p[q] for q in self.output_delays[output]))
-                late += (window.start_s - window.run.start_s) * float(sum(p[q] for q in self.clocks[output]))
-                x0[k, state] = _local(window.run.outputs[output], window.start_s + late, order)
-        return Point(p, x0)
+        for state, (output, order) in shown.items():
+            late = float(sum(p[q] for q in self.output_delays[output]))
+            late += (window.start_s - window.run.start_s) * float(sum(p[q] for q in self.clocks[output]))
+            x0[state] = _local(window.run.outputs[output], window.start_s + late, order)
+        unseen = np.setdiff1d(np.arange(len(self.model.states)), list(shown))
+        if len(unseen) and (reached := self._reached(point, k)) is not None:
+            x0[unseen] = reached[unseen]
+        return x0
+
+    def _reached(self, point: Point, k: int) -> np.ndarray | None:
+        """State [NX] at the start of window k, simulated from the window before it or the run's start."""
+        window = self.windows[k]
+        before = self.windows[k - 1] if k and self.windows[k - 1].run is window.run else None
+        first = window.run.start_s if before is None else before.start_s
+        steps = round((window.start_s - first) / window.step_s)
+        if steps <= 0:
+            return None
+        way = replace(window, start_s=first, steps=steps, times={}, samples={})
+        x0 = point.x0[k] if before is None else point.x0[k - 1]
+        found = self._follow(way, x0, point)
+        return None if found is None else found[0][-1]
 
     def _shown_states(self) -> dict[int, tuple[str, int]]:
         """State -> (output that shows it, 0; or shows what it is the rate of, 1)."""

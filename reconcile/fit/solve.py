@@ -85,7 +85,7 @@ def _warmed(problem: Problem, point: Point, free: tuple[Free, ...], heat: float)
     problem.heat = heat
     try:
         linear = problem.linear(point, [problem.parameter(f.name) for f in free])
-        found = None if linear is None else _descend(problem, point, linear, free, *WARMING, longer=1)
+        found = None if linear is None else _descend(problem, point, linear, free, *WARMING, longer=2)
     finally:
         problem.heat = 1.0
     return None if found is None else found.point

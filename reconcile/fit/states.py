@@ -14,13 +14,14 @@ from reconcile.fit.problem import Linear, Point, Problem
 
 OPEN = 0.2  # of what a window leaves after projection: more left before it, and its state is settled
 ROUNDS = 8
+STUCK = 2.0  # times what the projection promised: so far above it, a window is tried from another start
 
 
 def settle(problem: Problem, point: Point, linear: Linear) -> Point | None:
     """The point with the initial states of open windows moved; None if none is open."""
     x0, moved = point.x0.copy(), False
     for k in open_windows(linear):
-        x0[k] = _window(problem, point, k)
+        x0[k] = _best(problem, point, k)
         moved = True
     return replace(point, x0=x0) if moved else None
 
@@ -38,9 +39,19 @@ def open_windows(linear: Linear) -> list[int]:
     return found
 
 
-def _window(problem: Problem, point: Point, k: int) -> np.ndarray:
-    """Initial state [NX] of window k after at most ROUNDS damped Gauss-Newton steps."""
-    x0, share = point.x0[k], 1.0
+def _best(problem: Problem, point: Point, k: int) -> np.ndarray:
+    """Initial state [NX] of window k from where it is; where that ends far off, from the outputs as well."""
+    promised = _errors(problem, point, k, point.x0[k])
+    x0, left = _window(problem, point, k, point.x0[k])
+    if promised is not None and left > STUCK * promised[1] + STUCK:
+        other, there = _window(problem, point, k, problem.fresh(point, k))
+        return other if there < left else x0
+    return x0
+
+
+def _window(problem: Problem, point: Point, k: int, start: np.ndarray) -> tuple[np.ndarray, float]:
+    """Initial state [NX] of window k after at most ROUNDS damped Gauss-Newton steps, and squares there."""
+    x0, share = start, 1.0
     here = _errors(problem, point, k, x0)
     for _ in range(ROUNDS if here else 0):
         raw, left, step = here  # type: ignore[misc]
@@ -53,7 +64,7 @@ def _window(problem: Problem, point: Point, k: int) -> np.ndarray:
             share *= 0.3
             continue
         x0, here, share = trial, there, min(1.0, 3.0 * share)
-    return x0
+    return x0, np.inf if here is None else here[0]
 
 
 def _errors(problem: Problem, point: Point, k: int, x0: np.ndarray) -> tuple[float, float, np.ndarray] | None:

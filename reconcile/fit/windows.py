@@ -1,8 +1,10 @@
 """Windows of recordings: inputs as the steps see them, delayed without rounding, and the samples to meet.
 
-An input is held between its samples.  A step of the simulation sees the mean of the delayed input over the
-step, which is differentiable by the delay.  Outputs are read at the recording's own sample times by cubic
-interpolation of the simulated ones, which is where sensor delays act.
+An input is held between its samples.  Where its delay moves a change of it into the middle of a step, the
+step is cut there (`Edge`): a valve with a dead band answers the mean of two openings otherwise than one after
+the other.  A step with several changes, or of a further delayed input, sees the mean, which is differentiable
+by the delay as well.  Outputs are read at the recording's own sample times by cubic interpolation of the
+simulated ones, which is where sensor delays act.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,6 +21,7 @@ SHORT_S = 2.0  # while strong effects are missing: the model does not get far fr
 HOLDOUT_S = 4.0
 STEP_S = (0.002, 0.01)  # least and largest step
 MARGIN_S = 0.3  # before the samples, for sensor delays
+ON_GRID = 1e-4  # of a step: changes as near to its ends are at them
 GUARD_S = 0.2  # left out where a block follows one of another part
 
 
@@ -34,6 +37,19 @@ class Window:
     samples: Mapping[str, np.ndarray]
 
 
+@dataclass(frozen=True)
+class Edge:
+    """Where steps are cut since an input changes in them: by step [n] the share before it (0: it does not).
+
+    `before`, `after`: the input's values there.
+    """
+
+    input: int
+    share: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
 @dataclass
 class InputTable:
     """Inputs of a run by step, for a set of delays; computed again when a delay changes."""
@@ -44,6 +60,7 @@ class InputTable:
     _cache: dict[tuple[int, float, float, int, float], tuple[np.ndarray, np.ndarray]] = field(
         default_factory=dict
     )
+    _edges: dict[tuple[int, float, float, int, float], Edge] = field(default_factory=dict)
 
     def rows(self, window: Window, delays: Mapping[int, float]) -> tuple[np.ndarray, np.ndarray]:
         """Inputs [steps, NU + 1] of a window, last the time since the recording began; slopes by delay."""
@@ -63,6 +80,36 @@ class InputTable:
             u[:, i], slope[:, i] = self._cache[key]
         u[:, -1] = window.start_s - self.run.began_s + h * (np.arange(n) + 0.5)
         return u, slope
+
+    def edge(self, window: Window, delays: Mapping[int, float]) -> Edge | None:
+        """The edges of the first input whose delay puts them into the middle of steps; None if none is."""
+        n, h = window.steps, window.step_s
+        for i, delay in delays.items():
+            signal = self.run.inputs.get(self.names[i])
+            if signal is None or delay <= 0.0:
+                continue
+            key = (i, window.start_s, h, n, delay)
+            if key not in self._edges:
+                if len(self._edges) > 500:
+                    self._edges.clear()
+                self._edges[key] = _edge(i, signal, window.start_s, h, n, delay)
+            if self._edges[key].share.any():
+                return self._edges[key]
+        return None
+
+
+def _edge(i: int, signal: Signal, start: float, h: float, n: int, delay: float) -> Edge:
+    """Steps with one change of a held signal, `delay` late, in their middle."""
+    at = (signal.time[1:] + delay - start) / h
+    step = np.floor(at).astype(int)
+    inside = (step >= 0) & (step < n) & (at - step > ON_GRID) & (at - step < 1.0 - ON_GRID)
+    alone = np.bincount(step[inside], minlength=n) == 1
+    chosen = np.flatnonzero(inside & (np.diff(signal.values) != 0.0))
+    chosen = chosen[alone[step[chosen]]]
+    share, before, after = np.zeros(n), np.zeros(n), np.zeros(n)
+    share[step[chosen]] = (at - step)[chosen]
+    before[step[chosen]], after[step[chosen]] = signal.values[chosen], signal.values[chosen + 1]
+    return Edge(i, share, before, after)
 
 
 def delayed(signal: Signal, start: float, h: float, n: int, delay: float) -> tuple[np.ndarray, np.ndarray]:
