@@ -1,5 +1,6 @@
 """The pages of the showcases: the figures in Markdown, between the markers of docs/showcases."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,7 +27,7 @@ def _effects(figures: Mapping[str, Any]) -> list[str]:
         for name, q in e["parameters"].items():
             low, high = q["ci95"]
             equation = e["equation"].replace("|", "\\|")
-            value = f"{q['value']:.4g} {q['unit']}"
+            value = f"{q['value']:.4g} {q['unit']}".removesuffix(" 1")
             rows.append(f"| `{e['name']}` | {equation} | {name} | {value} | {low:.4g} … {high:.4g} |")
     return rows
 
@@ -109,7 +110,7 @@ def _share(share: float | None) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "runs away" if value is None else f"{value:.3g}"
+    return "runs away" if value is None or math.isnan(value) else f"{value:.3g}"
 
 
 def pages(folder: Path, chosen: Sequence[Showcase], figures: Mapping[str, Any]) -> None:

@@ -198,6 +198,12 @@ def test_a_page_has_the_equation_the_gap_and_all_systems():
     assert "Moved away" not in text
 
 
+def test_a_page_says_that_the_extended_model_cannot_be_followed():
+    gap = figures()["gap"]["q_tool_x"] | {"after": float("nan")}
+    assert "| 0.03 | 0.02 | runs away |" in page(SHOWCASES["tool"], figures(gap={"q_tool_x": gap}))
+    assert len(missed(SHOWCASES["tool"], figures(gap={"q_tool_x": gap}))) == 1
+
+
 def test_a_page_says_what_moved_away():
     whole = figures()["whole"]
     farther = whole | {"closer": whole["closer"] | {"tool": -1.35}}
