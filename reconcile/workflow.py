@@ -252,7 +252,12 @@ def _read(given: Sequence[Sequence[Path]], folder, names: dict[str, str] | None)
     labels = checks.labels(p for paths in given for p in paths)
     part = part_named(folder.model.name) if isinstance(folder, Folder) else None
     if part is not None and part.derive is not None:
-        return [[r for p in paths for r in _as_part(p, part, folder, names, labels[p])] for paths in given]
+        from reconcile.system.ways import followed
+
+        def read(way: Part) -> list[list[Run]]:
+            return [[r for p in paths for r in _as_part(p, way, folder, names, labels[p])] for paths in given]
+
+        return [list(runs) for runs in followed(part, folder, read)]
     return [[r for p in paths for r in read_run(p, folder, names, labels[p])] for paths in given]
 
 

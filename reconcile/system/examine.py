@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -13,6 +14,7 @@ from reconcile.search import Answer
 from reconcile.study import Study
 from reconcile.system import felt
 from reconcile.system.parts import Part, with_signals
+from reconcile.system.ways import followed
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
 
@@ -65,7 +67,7 @@ def examine(
         said = _within(report, part)
         folder = read_folder(part.name)
         try:
-            runs = [[run for r in group for run in own_runs(part, folder, r)] for group in recordings]
+            runs = followed(part, folder, partial(_runs, folder, recordings))
         except InputError as error:
             left_out[part.name] = str(error)
             continue
@@ -77,6 +79,10 @@ def examine(
     if not done:
         raise InputError("; ".join(left_out.values()))
     return merged(done) | {"left_out": left_out}, done
+
+
+def _runs(folder: Folder, recordings: Sequence[Sequence[Recording]], part: Part) -> list[list[Run]]:
+    return [[run for r in group for run in own_runs(part, folder, r)] for group in recordings]
 
 
 def _within(report: Report, part: Part) -> Report:

@@ -30,12 +30,14 @@ class Part:
 
     `derive`: columns by name, each [n], and the load in kg [n] -> the part's inputs by name, each [n].
     `later`: by how much later (s) the model has an output than its other ones.
+    `otherwise`: what `derive` is where the recordings have these outputs as late as the model (`ways.py`).
     """
 
     name: str
     feels: tuple[str, ...] = ()
     derive: Callable[[Mapping[str, np.ndarray]], dict[str, tuple[str, np.ndarray]]] | None = None
     later: Mapping[str, float] = field(default_factory=dict)
+    otherwise: Callable[[Mapping[str, np.ndarray]], dict[str, tuple[str, np.ndarray]]] | None = None
 
 
 def _turned(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
@@ -50,8 +52,12 @@ def _turned(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
 
 def _hung(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
     """Motion of the tool's suspension in the middle of the tool's step: see `HALF`."""
+    return _hung_at_once({n: np.interp(c["time"] + HALF, c["time"], v) for n, v in c.items()})
+
+
+def _hung_at_once(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
+    """Motion of the tool's suspension."""
     p = kinematics.geometry()
-    c = {n: np.interp(c["time"] + HALF, c["time"], v) for n, v in c.items()}
     boom, stick, boom_rate, stick_rate = (c[n] for n in (*JOINTS, *RATES))
     radius, height = kinematics.arm_tip(boom, stick, p)
     radius_rate, _ = kinematics.arm_tip_rate(boom, stick, boom_rate, stick_rate, p)
@@ -68,7 +74,13 @@ SYSTEMS: dict[str, tuple[Part, ...]] = {
     "nominal": (
         Part("arm"),
         Part("slew", (*JOINTS, *RATES), _turned),
-        Part("tool", ("q_slew", "qd_slew", *JOINTS, *RATES), _hung, {"qd_tool_x": HALF, "qd_tool_y": HALF}),
+        Part(
+            "tool",
+            ("q_slew", "qd_slew", *JOINTS, *RATES),
+            _hung,
+            {"qd_tool_x": HALF, "qd_tool_y": HALF},
+            _hung_at_once,
+        ),
     )
 }
 
