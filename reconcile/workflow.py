@@ -180,8 +180,9 @@ def _system(
     figures, done = examine_system(parts, sets, examine, said)
     doubt = next_experiment(done, said)
     figures["next_experiment"] = doubt[1].figures if doubt else None
-    for e in done if then else ():
-        figures |= then(e.study, e.answer, figures)
+    if then is not None:
+        for e in done:
+            figures |= then(e.study, e.answer, figures)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
     said("writing")
     with target.staged(out) as part:
