@@ -7,7 +7,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from fmus.definition import Model
+from fmus.definition import Model, Variable
 from reconcile.model import Folder, read_folder
 from specs.errors import InputError, nearest
 from specs.schema import read_toml
@@ -38,6 +38,7 @@ def check_model(model: Model, where: Path) -> None:
             raise InputError(_short(f"{where}: {name} raises {type(error).__name__}: {error}")) from error
     if not model.outputs:
         raise InputError(f"{where}: the model has no output, so no recording can be compared with it")
+    _in_range(model.parameters, where)
     p = model.start_parameters()
     u, m = ca.DM([v.start for v in model.inputs]), ca.DM([v.start for v in model.modes])
     x = model.x0(p)
@@ -45,6 +46,14 @@ def check_model(model: Model, where: Path) -> None:
     at = "at the start (states, inputs and parameters as the file gives them)"
     _finite(model.f(x, u, m, p), model.states, f"{where}: the rate of {{}} is not a number {at}")
     _finite(model.h(x, u, m, p), model.outputs, f"{where}: output {{}} is not a number {at}")
+
+
+def _in_range(parameters: Sequence[Variable], where: Path) -> None:
+    for v in parameters:
+        low, high = (-np.inf if v.min is None else v.min), (np.inf if v.max is None else v.max)
+        room = 1e-9 * abs(v.start)  # of numbers written and read again
+        if not low - room <= v.start <= high + room:
+            raise InputError(f"{where}: parameter {v.name} starts at {v.start:g}, not in {low:g} .. {high:g}")
 
 
 def _finite(values: ca.DM, group: Sequence, sentence: str) -> None:

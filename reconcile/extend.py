@@ -185,5 +185,10 @@ def _added(model: Model, known: str | None, name: str) -> Model:
     if known is None or known == name:
         return model
     more = next(v.start for v in model.parameters if v.name == name)
-    parameters = tuple(replace(v, start=v.start + more) if v.name == known else v for v in model.parameters)
+    parameters = tuple(_longer(v, more) if v.name == known else v for v in model.parameters)
     return replace(model, parameters=parameters)
+
+
+def _longer(v: Variable, more: float) -> Variable:
+    """A delay with more added, in a range that still holds it."""
+    return replace(v, start=v.start + more, max=None if v.max is None else max(v.max, v.start + more))

@@ -76,14 +76,14 @@ def before(path: Path) -> dict[str, Any]:
     """The report of an answer that proposed an experiment; InputError for a file that is none."""
     try:
         content = json.loads(path.read_text())
-        if not content["next_experiment"]["plan"]:
+        if not (content["next_experiment"] or {}).get("plan"):
             raise InputError(f"--before {path}: that report proposes no experiment")
         known = {"verdict", "sentence"} <= content.keys() and {"pairs", "sentence"} <= content[
             "next_experiment"
         ].keys()
         if not known:
             raise KeyError("it is not whole")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"--before {path}: no report of an answer that proposes one ({error})") from None
     return content
 

@@ -76,7 +76,8 @@ def _facts(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
     closed = [c for g in figures["gap"].values() if (c := sections.closed(g)) is not None]
     if closed:
-        found.append(("Gap closed, held out", percent(sorted(closed)[len(closed) // 2])))
+        least, most = percent(min(closed)), percent(max(closed))
+        found.append(("Gap closed, held out", least if least == most else f"{least} to {most}, by signal"))
     if rated.get("after") is not None and rated.get("before") is not None:
         found.append(("ISO/TS 18571, held out", f"{rated['before']:.2f} → {rated['after']:.2f}"))
     runs = {b["run"] for part in figures.get("data", {}).values() for b in part}

@@ -25,7 +25,7 @@ def convert(
     ] = None,
     names: Annotated[
         Path | None,
-        typer.Option("--map", metavar="FILE.toml", help="Names: a table [names] with theirs = 'ours'."),
+        typer.Option("--map", metavar="FILE.toml", help=r"Names: a table \[names] with theirs = 'ours'."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite OUT if it is there.")] = False,
     json: JsonOption = None,

@@ -12,6 +12,7 @@ from slewright.tables import show
 from specs.errors import InputError
 
 MOST = 3  # regimes printed
+UNRECORDED = "is not recorded"  # how a reason ends that a further channel would remove
 
 
 def reconcile(
@@ -28,7 +29,7 @@ def reconcile(
     ] = None,
     names: Annotated[
         Path | None,
-        typer.Option("--map", metavar="FILE", help="Names: a table [names] with theirs = 'ours [unit]'."),
+        typer.Option("--map", metavar="FILE", help=r"Names: a table \[names] with theirs = 'ours \[unit]'."),
     ] = None,
     report_only: Annotated[
         bool, typer.Option("--report-only", help="Write report.json alone: no extended model, no page.")
@@ -89,9 +90,22 @@ def _print(figures: dict[str, Any]) -> None:
     ]
     columns = ["signal", "unit", "floor", "nominal", "re-estimated", "after", "closed"]
     show("Gap above the floor, held out", columns, gaps)
+    for line in _of_recordings(figures):
+        typer.echo(line)
     for w in figures["where"][:MOST]:
         typer.echo(f"where: {w['signal']}, {w['regime']} ({w['share']:.0%} of the gap)")
     typer.echo(f"{figures['verdict']}: {figures['sentence']}")
+
+
+def _of_recordings(figures: dict[str, Any]) -> list[str]:
+    """What reading the recordings mended or left out, and how many effects hide for lack of channels."""
+    found = [f"{run}: {note}" for run, n in figures["nuisances"].items() for note in n.get("mended", ())]
+    lacking: dict[str, int] = {}
+    for line in figures.get("untold") or ():
+        for why in line["because"].split("; "):
+            if why.endswith(UNRECORDED):
+                lacking[why] = lacking.get(why, 0) + 1
+    return found + [f"{why}: {count} effects cannot be told" for why, count in lacking.items()]
 
 
 def _number(value: float | None) -> str:

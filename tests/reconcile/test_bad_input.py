@@ -202,6 +202,10 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
         lambda g: g.model_with("(u.force - p.drag * x.v)", "(u.force / x.v)"),
         ["rate of v is not a number at the start"],
     ),
+    "a start out of range": (
+        lambda g: g.model_with("start=2.0, min=0.1", "start=20.0, min=0.1"),
+        ["mine/model.py: parameter mass starts at 20, not in 0.1 .. 10"],
+    ),
     "an unstable model": (lambda g: g.model_with(*EXPLODES), ["rig", "runs away", "stable"]),
     # DIR
     "DIR is a file": (_set(out=lambda g: g.runs[0]), ["a.csv is a file; name a folder"]),

@@ -12,7 +12,7 @@ from reconcile.contract import Report, check
 from reconcile.data import Run, Signal
 from reconcile.findings import Findings, above
 from reconcile.page.equation import equation, spelt
-from reconcile.page.page import write_page
+from reconcile.page.page import _facts, write_page
 from reconcile.page.shown import Shown, shown
 from reconcile.workflow import _plain
 from tests.reconcile.answers import answered, recorded
@@ -211,3 +211,11 @@ def test_an_error_below_the_floor_leaves_no_gap(friction):
     floor = friction.floors["position"]
     assert above(0.5 * floor.level, floor) == 0.0
     assert np.isnan(above(float("nan"), floor))
+
+
+def test_the_head_of_the_page_gives_what_the_worst_signal_closed_too(figures):
+    report = copy.deepcopy(figures)
+    (first, second) = report["gap"].values()
+    first |= {"nominal": 1.0, "after": 0.4}
+    second |= {"nominal": 1.0, "after": 0.01}
+    assert dict(_facts(report))["Gap closed, held out"] == "60 % to 99 %, by signal"

@@ -95,8 +95,16 @@ def test_predicted_and_achieved_margins_stand_side_by_side(monkeypatch):
     ]
 
 
-@pytest.mark.parametrize("content", ["{", "{}", '{"next_experiment": null}'])
-def test_a_file_that_proposes_no_experiment_is_refused(tmp_path, content, capsys):
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("{", "no report of an answer that proposes one"),
+        ("{}", "no report of an answer that proposes one"),
+        ('{"next_experiment": null}', "that report proposes no experiment"),
+        ('{"next_experiment": "later"}', "no report of an answer that proposes one"),
+    ],
+)
+def test_a_file_that_proposes_no_experiment_is_refused(tmp_path, content, said, capsys):
     path, run = tmp_path / "report.json", tmp_path / "run.csv"
     path.write_text(content)
     run.write_text("time [s],u [1]\n0,0\n")
@@ -104,4 +112,4 @@ def test_a_file_that_proposes_no_experiment_is_refused(tmp_path, content, capsys
         ["reconcile", str(run), "--model", "arm", "--out", str(tmp_path / "out"), "--before", str(path)]
     )
     assert code == 2
-    assert f"--before {path}: no report of an answer that proposes one" in capsys.readouterr().err
+    assert f"--before {path}: {said}" in capsys.readouterr().err

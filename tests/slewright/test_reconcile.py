@@ -1,0 +1,26 @@
+"""What `slewright reconcile` says on the console beside the tables."""
+
+from slewright import __main__ as entry
+from slewright.commands.reconcile import _of_recordings
+
+
+def test_the_help_spells_the_table_of_a_map(capsys):
+    assert entry.run(["reconcile", "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "Names: a table [names] with theirs = 'ours [unit]'." in said
+
+
+def test_what_was_left_out_of_a_recording_and_what_it_hides_is_said():
+    missing = "output speed is not recorded"
+    figures = {
+        "nuisances": {"first": {"mended": ["speed: left out, it has no sample"], "time_offset_s": 0.0}},
+        "untold": [
+            {"effect": "sensor_bias", "because": missing},
+            {"effect": "sensor_lag", "because": f"{missing}; there is no second signal of the same unit"},
+            {"effect": "gravity_load", "because": "no axis of the model turns by an angle"},
+        ],
+    }
+    assert _of_recordings(figures) == [
+        "first: speed: left out, it has no sample",
+        f"{missing}: 2 effects cannot be told",
+    ]
