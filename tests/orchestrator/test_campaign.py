@@ -250,7 +250,7 @@ def test_a_scheduler_that_is_not_there_is_named(tmp_path: Path, monkeypatch: pyt
         ),
         ('[runs]\nscenarios = ["four_targets_2t"]\ndraws = ["test-1"]', "the test set is sealed"),
         ('[runs]\nscenarios = ["four_targets_2t"]\nfaults = ["x"]', "faults: no set 'x'; valid: no-fault"),
-        ('[runs]\nscenarios = ["four_targets_2t"]\ncontrollers = ["lqr"]', "no controller 'lqr'"),
+        ('[runs]\nscenarios = ["four_targets_2t"]\ncontrollers = ["bang"]', "no controller 'bang'"),
         ('[[files]]\npath = "none.ssp"\nstop_s = 1.0', "files.1: there is no file none.ssp"),
         ('[[files]]\npath = "test.ssp"\nstop_s = -1.0', "stop_s = -1: must be above 0"),
         ('[[files]]\npath = "test.ssp"\nstop_s = 1.0\n' * 2, "two runs have the key test/no-fault/1"),
