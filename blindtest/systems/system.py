@@ -49,7 +49,8 @@ def around(name: str, rng: np.random.Generator, known: bool = False, step: float
     spec = _specs()[name]
     factor = 1.0 if known else 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(*WRONG)
     value = spec.value * factor
-    if value < (-np.inf if spec.min is None else spec.min) or value > (np.inf if spec.max is None else spec.max):
+    low, high = (-np.inf if spec.min is None else spec.min), (np.inf if spec.max is None else spec.max)
+    if not low <= value <= high:
         value = spec.value * (2.0 - factor)
     if step:
         value = round(value / step) * step
