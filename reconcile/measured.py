@@ -20,11 +20,10 @@ DOWN = 0.9  # wanted of the error on held-out runs, as a share
 AHEAD_S = 1.0  # of a prediction, after the stretch from which its initial state is estimated
 RATE_HZ = 50.0  # of angle and speed as used, of 50 to 500 recorded: it swings at 0.7 Hz; torque is used whole
 FIT = ("free/energy_shaping.csv", "free/ilqr.csv")
-CONFIRM = ("sysid_data_measured.csv",)
 HELD_OUT = ("control_method_ddp_data_measured.csv", "control_method_direct_collocation_data_measured.csv")
 OTHERS = (
     *FIT,
-    *CONFIRM,
+    "sysid_data_measured.csv",  # its torque jumps by 15 N m from sample to sample: nothing to judge by
     "control_method_energy_shaping_data_measured.csv",
     "control_method_ilqr_data_measured.csv",
 )
@@ -35,20 +34,19 @@ def measure(data: Path, report: Report | None = None) -> dict[str, Any]:
 
     Raises InputError where the folder does not hold them.
     """
-    for name in ("model/model.py", *FIT, *CONFIRM, *HELD_OUT, *OTHERS):
+    for name in ("model/model.py", *FIT, *HELD_OUT, *OTHERS):
         if not (data / name).is_file():
             raise InputError(f"{data} has no {name}; name the folder of the pendulum's recordings")
     folder = read_folder(data / "model")
-    sets = [_runs(data, names, folder) for names in (FIT, CONFIRM, HELD_OUT)]
-    figures, study, answer = examine(folder, *sets, report=report)
+    runs, held_out = (_runs(data, names, folder) for names in (FIT, HELD_OUT))
+    figures, study, answer = examine(folder, runs, (), held_out, report=report)
     rows = {}
     for name in (*HELD_OUT, *OTHERS):
         held_out = name in HELD_OUT
         runs = _runs(data, (name,), folder)
         rows[name] = {"held_out": held_out, **_compared(study, answer.base, answer.fitted, runs)}
     alone = {
-        name: _alone(folder, _runs(data, (name,), folder), study, answer.fitted)
-        for name in (*FIT, *CONFIRM, *HELD_OUT)
+        name: _alone(folder, _runs(data, (name,), folder), study, answer.fitted) for name in (*FIT, *HELD_OUT)
     }
     figures["seed"] = SEED
     kept = ("verdict", "sentence", "effects", "residual_status", "alternatives", "reestimated", "gap", "seed")
@@ -133,15 +131,7 @@ def page(figures: dict[str, Any], version: str) -> str:
     ]
     for run, row in figures["runs"].items():
         p = row["position"]
-        use = (
-            "held out"
-            if row["held_out"]
-            else "fitted"
-            if run in FIT
-            else "confirm"
-            if run in CONFIRM
-            else "—"
-        )
+        use = "held out" if row["held_out"] else "fitted, confirmed" if run in FIT else "—"
         lines.append(f"| `{run}` | {use} | {p['before']:.3g} | {p['after']:.3g} | {100 * p['down']:.1f} % |")
     names = list(dict.fromkeys(n for row in figures["alone"].values() for n in row))
     if names:

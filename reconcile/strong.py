@@ -31,6 +31,7 @@ class Strong:
         none = frozenset()
         if self.study.follows(self.search.tried.fits[none]):
             return none
+        self.study.lost = True
         best = none
         for which in ("first", "short"):
             self.study.fit_problem = self.study.problems[which]

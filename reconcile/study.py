@@ -16,7 +16,7 @@ from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.problem import Point, Problem
 from reconcile.fit.solve import LONGER, Fitted, Free, fit
-from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, cut, span
+from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, Window, cut, span
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from specs.errors import InputError
 
@@ -71,6 +71,7 @@ class Study:
         hidden = len(self.extended.state_names) - len(nominal)
         for problem in self.problems.values():
             problem.set_scale(np.array(nominal + [1.0] * hidden))
+        self.lost = False  # whether the base model goes elsewhere than the recordings within a few seconds
         self.noise = whitening.Noise(())
         self.values = self._neutral()
         self.scales = self._scales(runs)
@@ -144,7 +145,11 @@ class Study:
         """Fit the noise model to what a fit leaves, and judge by it from here on; whether it changed much.
 
         `more`: slopes [N, F], not whitened, of what may be missing and is not to count as noise.
+        Where the base model goes elsewhere there is no noise model: random forces as large as what makes it
+        do so would explain any friction as well.  Errors count as white, and as fewer by their correlation.
         """
+        if self.lost:
+            return False
         columns = [self.extended.index[f.name] for f in fitted.free]
         ends = np.cumsum([sum(map(len, w.values())) for w in fitted.linear.raw])[:-1]
         parts = [] if more is None else np.split(more, ends)
@@ -159,6 +164,8 @@ class Study:
     def _whiten(self, problem: Problem, fitted: Fitted) -> None:
         """Carry the noise model over to another problem."""
         problem.whiteners = None
+        if self.lost:
+            return
         there = self._carried(problem, fitted)
         if there is not None:
             problem.whiteners = whitening.transferred(self.noise, problem, there.point).whiteners()
@@ -173,17 +180,29 @@ class Study:
         return True
 
     def lengthen(self, fitted: Fitted) -> None:
-        """Fit to whole runs from here on, where weak and slow effects show; strong ones must be in by now."""
+        """Fit to whole runs from here on, where weak and slow effects show; strong ones must be in by now.
+
+        A model that went elsewhere without them, and over whole runs still does, stays with short windows:
+        small errors grow there (a pendulum that turns over), and the fit's minima are many.
+        """
+        whole = self._carried(self.problems["fit"], fitted) if self.lost else None
+        if self.lost and (whole is None or not self.follows(whole)):
+            self.problems["confirm"] = self._problem(cut(self.parts.confirm, SHORT_S))
+            return
         self._whiten(self.problems["fit"], fitted)
         self.fit_problem = self.problems["fit"]
 
     def use_all(self, fitted: Fitted) -> None:
         """Fit to the parts fit and confirm together from here on, with the noise as a fit has it."""
-        windows = [*self.problems["fit"].windows, *self.problems["confirm"].windows]
-        problem = Problem(self.compiled, windows, self.fit_problem.sigma)
-        problem.set_scale(self.fit_problem.scale)
+        problem = self._problem([*self.fit_problem.windows, *self.problems["confirm"].windows])
         self._whiten(problem, fitted)
         self.fit_problem = problem
+
+    def _problem(self, windows: Sequence[Window]) -> Problem:
+        """Further windows to meet like those in use."""
+        problem = Problem(self.compiled, windows, self.fit_problem.sigma)
+        problem.set_scale(self.fit_problem.scale)
+        return problem
 
     def carried(self, fitted: Fitted) -> Fitted | None:
         """A fit's parameters on the problem in use, with initial states of their own."""
