@@ -5,9 +5,9 @@ the typical range, drawn by key: not those of the compared tasks).  In every oth
 first target's pose (slew only); in every other pair the controller is told the load, 0..2000 kg.  Mean over
 targets and runs of
 
-    time / 15 s + overshoot / 5 deg + slew error / 3 deg  (+ tool rate / 15 deg/s where swing counts)
+    w time / 15 s + overshoot / 5 deg + slew error / 3 deg  (+ tool rate / 15 deg/s where swing counts)
 
-with the metrics' definitions: a target never reached counts with 15 s.
+(w = 3 for controllers that are to be fast and leave the swing alone, 1 for gentle ones) with the metrics' definitions: a target never reached counts with 15 s.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,6 +30,7 @@ RECORDED = ("true_q_slew", "true_qd_tool_x", "true_qd_tool_y")
 INTERVAL_S = 15.0
 OVERSHOOT_DEG, ERROR_DEG, TOOL_DEG_S = 5.0, 3.0, 15.0
 TOOL_WEIGHT: Mapping[Aim, float] = {"fast": 0.0, "gentle": 1.0}
+TIME_WEIGHT: Mapping[Aim, float] = {"fast": 3.0, "gentle": 1.0}
 RUN_H = objective.TARGETS * INTERVAL_S / 3600.0  # machine-hours of one run
 
 
@@ -60,7 +61,7 @@ def cost(
     found = [_metrics(system, controller, gains, trial) for trial in runs]
     mean = {name: float(np.mean([m[name] for m in found])) for name in found[0]}
     value = (
-        mean["time"] / INTERVAL_S
+        TIME_WEIGHT[controller.aim] * mean["time"] / INTERVAL_S
         + mean["overshoot"] / OVERSHOOT_DEG
         + mean["slew_error"] / ERROR_DEG
         + TOOL_WEIGHT[controller.aim] * mean["tool"] / TOOL_DEG_S
