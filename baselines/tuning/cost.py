@@ -7,7 +7,8 @@ targets and runs of
 
     w time / 15 s + overshoot / 5 deg + slew error / 3 deg  (+ tool rate / 15 deg/s where swing counts)
 
-(w = 3 for controllers that are to be fast and leave the swing alone, 1 for gentle ones) with the metrics' definitions: a target never reached counts with 15 s.
+with the metrics' definitions (a target never reached counts with 15 s), and w = 3 for controllers that are to
+be fast and leave the swing alone, 1 for gentle ones.
 """
 
 from collections.abc import Mapping, Sequence
