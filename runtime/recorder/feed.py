@@ -1,0 +1,64 @@
+"""The control process's side of the recorder: an entry a tick and now and then a snapshot into a queue.
+
+The loop never waits for the recorder.  An entry that finds no room is lost and counted; the next one that
+does is preceded by a snapshot, so that a replay goes on from there.
+"""
+
+import struct
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from runtime.image import Flag
+from runtime.ring import Ring
+
+if TYPE_CHECKING:
+    from runtime.scan import Core
+
+TICK, SNAPSHOT = 1, 2  # kinds of entries
+TIMING = struct.Struct("<7q")  # see runtime.recorder.message.TIMING_FIELDS
+SNAPSHOT_HEAD = struct.Struct("<qq")  # tick, time of day [ns]
+SNAPSHOT_TICKS = 500  # 10 s: a segment is closed and deleted in these steps
+DEAD_TICKS = 50  # 1 s without a beat: the recorder is gone
+DISK_FULL = 1  # bit of the recorder's note
+
+
+class Feed:
+    """Puts each tick into `ring`."""
+
+    def __init__(self, ring: Ring, snapshot_ticks: int = SNAPSHOT_TICKS) -> None:
+        self.ring, self.snapshot_ticks = ring, snapshot_ticks
+        self._snapshot_due = 0
+        self._beat, self._beat_tick = ring.beat, 0
+        self._day_ns = time.time_ns() - time.monotonic_ns()  # once: a set clock must not turn times back
+        self._before: bytes | None = None
+
+    def before(self, tick: int, core: "Core") -> None:
+        """Before the step: keep the state if a snapshot is due."""
+        if tick >= self._snapshot_due:
+            self._before = core.snapshot()
+
+    def tick(self, inputs: np.ndarray, outputs: np.ndarray, timing: tuple[int, ...]) -> None:
+        """After the step: record it. `timing`: deadline, lateness, work, processor time, latency [ns]."""
+        tick, deadline = int(inputs["tick"]), timing[0]
+        day = deadline + self._day_ns
+        if self._before is not None:
+            if not self.ring.put(SNAPSHOT, SNAPSHOT_HEAD.pack(tick, day), self._before):
+                return
+            self._before, self._snapshot_due = None, tick + self.snapshot_ticks
+        clocks = TIMING.pack(day, time.time_ns(), *timing)
+        if not self.ring.put(TICK, clocks, _bytes(inputs), _bytes(outputs)):
+            self._snapshot_due = tick + 1
+
+    def flags(self, tick: int) -> int:
+        """What is wrong with the recorder: gone, or its disk full."""
+        beat = self.ring.beat
+        if beat != self._beat:
+            self._beat, self._beat_tick = beat, tick
+        lost = Flag.RECORDER_LOST if tick - self._beat_tick > DEAD_TICKS else Flag(0)
+        return int(lost | (Flag.DISK_FULL if self.ring.note & DISK_FULL else Flag(0)))
+
+
+def _bytes(image: np.ndarray) -> memoryview:
+    return image.reshape(1).view(np.uint8).data
