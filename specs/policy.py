@@ -1,8 +1,8 @@
 """The policy's contract: what a network that drives the machine is given, what it answers, how often.
 
-An ONNX policy has one input `observation` float32 [1, N] and one output `action` float32 [1, 3], both in SI.
-The history is inside the observation; scaling, slew inertia and clipping are inside the network's graph, so that
-whoever fills the observation needs no kinematics:
+An ONNX policy has one input `observation` float32 [1, N] and one output `action` float32 [1, 3], both in
+SI.  The history is inside the observation; scaling, slew inertia and clipping are inside the network's
+graph, so that whoever fills the observation needs no kinematics:
 
     channel by channel, H values each, oldest first, SPACING_S apart; the newest is now
         u_slew, qd_boom_ref, qd_stick_ref      the commands that were held up to that instant
@@ -13,10 +13,10 @@ whoever fills the observation needs no kinematics:
         target_radius, target_z                the target in the x-z plane: hypot(target_x, target_y), height
         load_told, pace                        as the signals of these names
 
-The target is told in the plane through the slew axis, and its direction as an error: with the newest angle q and
-the target's angle a = atan2(target_y, target_x), the newest slew_error is q - a wrapped to -pi .. pi, an older one
-that plus the difference of the angles.  The whole history is always relative to the present target.  Before the
-first instant the history holds the first sensors and commands of 0.
+The target is told in the plane through the slew axis, and its direction as an error: with the newest angle
+q and the target's angle a = atan2(target_y, target_x), the newest slew_error is q - a wrapped to -pi .. pi,
+an older one that plus the difference of the angles.  The whole history is always relative to the present
+target.  Before the first instant the history holds the first sensors and commands of 0.
 
 I_z, the slew inertia of the newest pose with the told load, is computed inside the graph
 (fmus/equations/kinematics.py).  `History` below is this page as code, without any package.
@@ -162,7 +162,7 @@ def outside(ranges: Mapping[str, tuple[float, float]], values: Mapping[str, floa
 
 
 class History:
-    """Fills observations: `push` sensors and held commands every SPACING_S, then ask for the `observation`."""
+    """Fills observations: `push` sensors and held commands every SPACING_S, then ask for `observation`."""
 
     def __init__(self, length: int = HISTORY) -> None:
         self.length = length
