@@ -61,6 +61,17 @@ class Flag(IntFlag):
     POLICY_LATE = 1024
 
 
+class Group(IntEnum):
+    """Whom an input comes from: what its loss means for the state machine."""
+
+    PLANNER = 0
+    OPERATOR = 1
+    MACHINE = 2  # readiness, emergency stop, faults
+    SENSOR = 3
+    INFORMATION = 4  # shown and recorded; nothing depends on it
+    OWN = 5  # outputs
+
+
 @dataclass(frozen=True)
 class Layout:
     """One image: `side` in C is SlrInput or SlrOutput; signals in the order of specs/signals.toml."""
@@ -116,6 +127,17 @@ def token() -> str:
     return hashlib.sha256(_body().encode()).hexdigest()[:16]
 
 
+def group(s: Signal) -> Group:
+    """Whom the signal comes from, by the message that brings it."""
+    if s.can is None:
+        return Group.OWN
+    message = definition().bus.messages[s.can.message]
+    if s.kind == "status" and message.sender != NODE:
+        return Group.MACHINE if message.name == "MachineStatus" else Group.INFORMATION
+    known = {NODE: Group.OWN, "Planner": Group.PLANNER, "Operator": Group.OPERATOR}
+    return known.get(message.sender, Group.SENSOR)
+
+
 def timeout_ticks(s: Signal) -> int:
     """Ticks of age at which a signal counts as lost."""
     return round((s.timeout_s or 0.0) / TICK_S)
@@ -141,7 +163,7 @@ def write(check: bool = False, path: Path = HEADER) -> list[Path]:
 
 def _body() -> str:
     parts = [f"#define SLR_TICK_S {TICK_S!r}"]
-    parts += [_enumeration("Status", Status), _enumeration("Flag", Flag)]
+    parts += [_enumeration("Status", Status), _enumeration("Flag", Flag), _enumeration("Group", Group)]
     parts += [_values("Mode", "control_mode"), _values("Fault", "fault_code")]
     for layout in (INPUT, OUTPUT):
         parts += [_indices(layout), _struct(layout), _limits(layout)]
@@ -173,9 +195,10 @@ def _struct(layout: Layout) -> str:
 
 
 def _limits(layout: Layout) -> str:
-    """A macro with one entry a signal: value reference, range, timeout in ticks, start."""
+    """A macro with one entry a signal: value reference, group, range, timeout in ticks, start."""
     rows = [
-        f"  X({s.name}, {s.vr}, {_real(s.min)}, {_real(s.max)}, {timeout_ticks(s)}, {_real(s.start)})"
+        f"  X({s.name}, {s.vr}, SLR_GROUP_{group(s).name}, {_real(s.min)}, {_real(s.max)}, "
+        f"{timeout_ticks(s)}, {_real(s.start)})"
         for s in layout.signals
     ]
     return f"#define SLR_{layout.side.upper()}_SIGNALS(X) \\\n" + " \\\n".join(rows)

@@ -36,8 +36,7 @@ def test_layout_is_dense_and_a_whole_number_of_words(layout: image.Layout) -> No
     fields = layout.dtype.fields
     assert fields is not None
     end = 0
-    for name in layout.dtype.names or ():
-        kind, offset = fields[name][:2]
+    for name, (kind, offset, *_) in fields.items():
         assert offset == end, name
         assert offset % kind.base.alignment == 0, name
         end = offset + kind.itemsize

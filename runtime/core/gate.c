@@ -1,0 +1,55 @@
+/* See gate.h. */
+#include "gate.h"
+
+static double lesser(double a, double b) { return a < b ? a : b; }
+static double greater(double a, double b) { return a > b ? a : b; }
+
+/* Of a command that is no number nothing is left. */
+static double number_or_neutral(double x) { return x - x == 0.0 ? x : 0.0; }
+
+static double within(double x, double limit) { return lesser(greater(x, -limit), limit); }
+
+/* How far an axis may be commanded at all. */
+static double reach(const SlrGateLimits *l, const SlrGateView *v, int axis) {
+  if (!v->move) return 0.0;
+  if (v->known[axis]) return l->range;
+  return v->by_hand ? l->creep : 0.0;
+}
+
+static int too_fast(const SlrGateLimits *l, const SlrGateView *v, int axis, double command) {
+  if (command > 0.0) return v->speed[axis] >= l->speed[axis];
+  return command < 0.0 && v->speed[axis] <= -l->speed[axis];
+}
+
+/* Whether the command leads towards a wall that is too near. */
+static int against_a_wall(const SlrGateLimits *l, const SlrGateView *v, int axis, double command) {
+  for (int i = v->by_hand ? SLR_FIRST_JOINT_WALL : 0; i < SLR_WALLS; i++) {
+    const SlrWall *w = &v->walls[i];
+    const double then = w->distance + l->ahead * lesser(w->rate, 0.0);
+    if (then <= 0.0 && w->gradient[axis] * command < 0.0) return 1;
+  }
+  return 0;
+}
+
+static double allowed(const SlrGateLimits *l, const SlrGateView *v, int axis, double wanted) {
+  const double command = within(number_or_neutral(wanted), reach(l, v, axis));
+  if (!v->known[axis]) return command;
+  return too_fast(l, v, axis, command) || against_a_wall(l, v, axis, command) ? 0.0 : command;
+}
+
+/* From `held` towards `aim` in one tick: neutral is passed only as far as it may be left. */
+static double towards(const SlrGateLimits *l, double held, double aim) {
+  const double low = held > 0.0 ? greater(held - l->fall, -l->rise) : held - l->rise;
+  const double high = held < 0.0 ? lesser(held + l->fall, l->rise) : held + l->rise;
+  return lesser(greater(aim, low), high);
+}
+
+int slr_gate(const SlrGateLimits *limits, const SlrGateView *view, const double wanted[SLR_AXES],
+             double held[SLR_AXES]) {
+  int changed = 0;
+  for (int axis = 0; axis < SLR_AXES; axis++) {
+    held[axis] = towards(limits, held[axis], allowed(limits, view, axis, wanted[axis]));
+    changed |= !(held[axis] == wanted[axis]);
+  }
+  return changed;
+}
