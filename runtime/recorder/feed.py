@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from runtime.scan import Core
 
 TICK, SNAPSHOT = 1, 2  # kinds of entries
-TIMING = struct.Struct("<7q")  # see runtime.recorder.message.TIMING_FIELDS
+TIMING = struct.Struct("<8q")  # see runtime.recorder.message.TIMING_FIELDS
 SNAPSHOT_HEAD = struct.Struct("<qq")  # tick, time of day [ns]
 SNAPSHOT_TICKS = 500  # 10 s: a segment is closed and deleted in these steps
 DEAD_TICKS = 50  # 1 s without a beat: the recorder is gone
@@ -33,6 +33,7 @@ class Feed:
         self._beat, self._beat_tick = ring.beat, 0
         self._day_ns = time.time_ns() - time.monotonic_ns()  # once: a set clock must not turn times back
         self._before: bytes | None = None
+        self._count = 0  # ticks so far, lost ones too: a gap in a recording shows
 
     def before(self, tick: int, core: "Core") -> None:
         """Before the step: keep the state if a snapshot is due."""
@@ -42,12 +43,13 @@ class Feed:
     def tick(self, inputs: np.ndarray, outputs: np.ndarray, timing: tuple[int, ...]) -> None:
         """After the step: record it. `timing`: deadline, lateness, work, processor time, latency [ns]."""
         tick, deadline = int(inputs["tick"]), timing[0]
+        self._count += 1
         day = deadline + self._day_ns
         if self._before is not None:
             if not self.ring.put(SNAPSHOT, SNAPSHOT_HEAD.pack(tick, day), self._before):
                 return
             self._before, self._snapshot_due = None, tick + self.snapshot_ticks
-        clocks = TIMING.pack(day, time.time_ns(), *timing)
+        clocks = TIMING.pack(day, self._count, time.time_ns(), *timing)
         if not self.ring.put(TICK, clocks, _bytes(inputs), _bytes(outputs)):
             self._snapshot_due = tick + 1
 
