@@ -128,6 +128,22 @@ _ALL = (
         for number, kind in enumerate(("zv", "zvd", "ei"), 1)
     ),
     Controller(
+        "plan",
+        "plan",
+        "plan",
+        "plan by flatness, tracked, with sway feedback",
+        tuned=(
+            Range("plan_speed_limit", 0.25, 0.7, log=False),
+            Range("plan_rise_share", 0.3, 1.5),
+            Range("plan_brake_share", 0.3, 1.5),
+            Range("plan_least_time", 0.8, 3.0),
+            Range("plan_angle_gain", 0.3, 3.0),
+            Range("plan_brake_lead", 0.5, 4.0),
+            Range("plan_sway_gain", 0.03, 0.5),
+        ),
+        aim="gentle",
+    ),
+    Controller(
         "nmpc",
         "nmpc",
         "nmpc",
