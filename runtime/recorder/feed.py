@@ -24,13 +24,28 @@ DEAD_TICKS = 50  # 1 s without a beat: the recorder is gone
 DISK_FULL = 1  # bit of the recorder's note
 
 
+class Watch:
+    """Whether the process at the other end of a queue still works."""
+
+    def __init__(self, ring: Ring) -> None:
+        self.ring = ring
+        self._beat, self._tick = ring.beat, 0
+
+    def lost(self, tick: int) -> bool:
+        """True if it has not worked for a second."""
+        beat = self.ring.beat
+        if beat != self._beat:
+            self._beat, self._tick = beat, tick
+        return tick - self._tick > DEAD_TICKS
+
+
 class Feed:
     """Puts each tick into `ring`."""
 
     def __init__(self, ring: Ring, snapshot_ticks: int = SNAPSHOT_TICKS) -> None:
         self.ring, self.snapshot_ticks = ring, snapshot_ticks
         self._snapshot_due = 0
-        self._beat, self._beat_tick = ring.beat, 0
+        self._watch = Watch(ring)
         self._day_ns = time.time_ns() - time.monotonic_ns()  # once: a set clock must not turn times back
         self._before: bytes | None = None
         self._count = 0  # ticks so far, lost ones too: a gap in a recording shows
@@ -55,10 +70,7 @@ class Feed:
 
     def flags(self, tick: int) -> int:
         """What is wrong with the recorder: gone, or its disk full."""
-        beat = self.ring.beat
-        if beat != self._beat:
-            self._beat, self._beat_tick = beat, tick
-        lost = Flag.RECORDER_LOST if tick - self._beat_tick > DEAD_TICKS else Flag(0)
+        lost = Flag.RECORDER_LOST if self._watch.lost(tick) else Flag(0)
         return int(lost | (Flag.DISK_FULL if self.ring.note & DISK_FULL else Flag(0)))
 
 
