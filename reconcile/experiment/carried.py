@@ -4,7 +4,7 @@ What moves it is predicted by the project's models of arm and slew drive as they
 excitation by, and the recording that comes of it shows the true motion.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,18 +16,22 @@ from fmus.stepper import Stepper
 from learning.collection.plan import PLAN_COMMANDS
 from reconcile.data import Run, Signal
 from reconcile.experiment.limits import Range
-from reconcile.system.parts import JOINTS, RATES, Part
+from reconcile.system.parts import JOINTS, RATES
 from specs.signals import signals
 
 SLEW_STEP_S = 0.005  # of the slew drive: coarser than its FMU's, for a prediction
 Commands = Mapping[str, np.ndarray]
+Derive = Callable[[Mapping[str, np.ndarray]], dict[str, tuple[str, np.ndarray]]]
 
 
 @dataclass(frozen=True)
 class Carrier:
-    """`part` hangs on the machine, whose arm stands at `pose` {"q_boom", "q_stick"} and slew at `q_slew` (rad)."""
+    """The machine with its arm at `pose` {"q_boom", "q_stick"} and its slew at `q_slew` (rad).
 
-    part: Part
+    `derive`: what a part's inputs are made of, as in `reconcile.system.parts.Part`.
+    """
+
+    derive: Derive
     pose: Mapping[str, float]
     q_slew: float
 
@@ -44,9 +48,8 @@ class Carrier:
 
     def inputs(self, moved: Mapping[str, np.ndarray]) -> dict[str, Signal]:
         """Inputs of the part's model, made of the motion."""
-        assert self.part.derive is not None
         load = np.zeros_like(moved["time"])
-        made = self.part.derive({**moved, "load": load})
+        made = self.derive({**moved, "load": load})
         return {n: Signal(moved["time"], values) for n, (_, values) in made.items()}
 
     def _arm(self, told: Commands, tick_s: float) -> dict[str, np.ndarray]:
@@ -75,9 +78,9 @@ class Carrier:
         return {n: run[n] for n in ("q_slew", "qd_slew")}
 
 
-def carrier(part: Part, run: Run) -> Carrier:
+def carrier(derive: Derive, run: Run) -> Carrier:
     """The machine as it stood when a recording of the part began: the pose that holds it up at its place."""
     g = kinematics.geometry()
     radius, height, q_slew = (float(run.inputs[n].values[0]) for n in ("radius", "height", "q_slew"))
     _, boom, stick = (float(q) for q in kinematics.inverse(radius, 0.0, height - g.tool_length, g))
-    return Carrier(part, dict(zip(JOINTS, (boom, stick), strict=True)), q_slew)
+    return Carrier(derive, dict(zip(JOINTS, (boom, stick), strict=True)), q_slew)

@@ -48,8 +48,8 @@ class Played:
 class Bench:
     """Plays excitations with the fitted sets of a study; inputs change every `tick_s`.
 
-    `fixed_start`: the machine cannot be asked to start elsewhere than in the recordings.  `carrier`: moves the
-    model's machine, and is what takes the commands.
+    `fixed_start`: the machine cannot be asked to start elsewhere than in the recordings.  `carrier`: takes
+    the commands and moves the model's inputs.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Bench:
         limits, tick = self.limits, self.tick_s
         told = self.told(chosen)
         if self.carrier is not None:
-            moved = self.carrier.inputs(self._moved(chosen))
+            moved = self.carrier.inputs(self._moved(self.carrier, chosen))
             time = next(iter(moved.values())).time
             return {n: Signal(time, np.full(len(time), v)) for n, v in limits.held.items()} | moved
         for rate, place in limits.followers.items():
@@ -95,10 +95,9 @@ class Bench:
         """What is commanded at every tick, [n] each."""
         return commands(chosen, self.limits.inputs, self.tick_s)
 
-    def _moved(self, chosen: Excitation) -> dict[str, np.ndarray]:
-        assert self.carrier is not None
+    def _moved(self, carrier: Carrier, chosen: Excitation) -> dict[str, np.ndarray]:
         if chosen not in self._carried:
-            self._carried[chosen] = self.carrier.moved(self.told(chosen), self.tick_s)
+            self._carried[chosen] = carrier.moved(self.told(chosen), self.tick_s)
         return self._carried[chosen]
 
     def play(self, chosen: Excitation, fitted: Fitted) -> Played | None:
@@ -123,7 +122,7 @@ class Bench:
         """By what factor the outputs leave their limits, seen from their start; at most 1 if they do not."""
         moving = {n: s.values for n, s in (*played.run.inputs.items(), *played.run.outputs.items())}
         if self.carrier is not None:
-            moving = self._moved(played.chosen) | moving
+            moving = self._moved(self.carrier, played.chosen) | moving
         return max(limit.excess(moving[n]) for n, limit in self.limits.outputs.items())
 
     def doubtful(self, chosen: Excitation, fits: Sequence[Fitted]) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from learning.collection.plan import PERIOD_S
 from reconcile import untold
 from reconcile.experiment import achieved, plan, say
-from reconcile.experiment.carried import carrier
+from reconcile.experiment.carried import Derive, carrier
 from reconcile.experiment.choose import Rated, best
 from reconcile.experiment.judges import Pairs, Unseen, difference
 from reconcile.experiment.limits import Limit, limits_of
@@ -95,8 +95,8 @@ def _for_parameters(study: Study, answer: Answer, report, moved: Part | None) ->
 
 
 def _bench(study: Study, wide: bool, moved: Part | None) -> Bench:
-    if moved is not None:
-        return _carried(study, wide, moved)
+    if moved is not None and moved.derive is not None:
+        return _carried(study, wide, moved.derive)
     machine = plan.drivable(study.folder)
     signals = [
         s for b in study.parts.fit for n, s in b.run.inputs.items() if n in study.folder.ports.controls
@@ -106,9 +106,9 @@ def _bench(study: Study, wide: bool, moved: Part | None) -> Bench:
     return Bench(study, limits, tick, fixed_start=machine)
 
 
-def _carried(study: Study, wide: bool, moved: Part) -> Bench:
+def _carried(study: Study, wide: bool, derive: Derive) -> Bench:
     """The bench of a part that the machine moves: driven are the machine's commands, within its limits."""
-    moves = carrier(moved, study.parts.fit[0].run)
+    moves = carrier(derive, study.parts.fit[0].run)
     kept = plan.kept()
     of_model = limits_of(study, wide, kept)
     outputs = {n: v for n, v in of_model.outputs.items() if n in of_model.start}

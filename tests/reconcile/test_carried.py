@@ -16,7 +16,8 @@ TICK_S = 0.1
 def tool():
     part = part_named("tool")
     assert part is not None
-    return part
+    assert part.derive is not None
+    return part.derive
 
 
 def commands(**driven: float) -> dict[str, np.ndarray]:
