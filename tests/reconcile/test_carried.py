@@ -26,9 +26,9 @@ def commands(**driven: float) -> dict[str, np.ndarray]:
 
 
 def test_the_pose_is_that_which_holds_the_suspension_where_it_was_recorded():
-    radius, height = (float(v) for v in kinematics.arm_tip(*POSE.values(), kinematics.geometry()))
+    radius, height = kinematics.arm_tip(POSE["q_boom"], POSE["q_stick"], kinematics.geometry())
     time = 0.02 * np.arange(50)
-    recorded = {"radius": radius, "height": height, "q_slew": 0.7}
+    recorded = {"radius": float(radius), "height": float(height), "q_slew": 0.7}
     inputs = {n: Signal(time, np.full(50, v)) for n, v in recorded.items()}
     found = carrier(tool(), Run("still", 0.0, 1.0, inputs, {}))
     assert dict(found.pose) == pytest.approx(POSE)
