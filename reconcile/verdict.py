@@ -1,12 +1,14 @@
 """What an answer amounts to: named, ambiguous, agrees, reestimated, too little excitation or unexplained."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from reconcile import evidence, freeform
+from reconcile import evidence, freeform, words
 from reconcile.fit.solve import Fitted, fit
 from reconcile.freeform import FreeForm
+from reconcile.model import Attached
 from reconcile.search import Answer
 from reconcile.study import Study
 
@@ -82,6 +84,10 @@ def free_form(study: Study, answer: Answer) -> Free:
     return Free(beside, freeform.examine(study, answer.base) if answer.present else beside)
 
 
+def _said(present: Iterable[Attached]) -> str:
+    return words.together((a.effect.name, a.port) for a in present)
+
+
 def judge(
     study: Study, answer: Answer, before: Fitted | None, missing: list[str], free: Free | None = None
 ) -> Verdict:
@@ -94,14 +100,14 @@ def judge(
     left = "unexplained" if shaped or rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
     if answer.present and free.instead.bic_gain > _earned(answer, s) + FREE_GAIN:
         what = ", ".join(free.instead.terms)
-        near = " and ".join(sorted(a.effect.name for a in answer.present))
+        near = _said(answer.present)
         text = f"Free terms explain it better ({what}) than any effect of the catalogue; nearest is {near}."
         return Verdict("unexplained", text, "unexplained")
-    names = " and ".join(sorted(a.effect.name for a in answer.present))
+    names = _said(answer.present)
     if missing and not answer.present:
         return Verdict("insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left)
     if answer.present and answer.alternatives:
-        others = "; ".join(" and ".join(a.effect.name for a in k) for k in answer.alternatives)
+        others = "; ".join(_said(k) for k in answer.alternatives)
         return Verdict("ambiguous", f"{names}, or as well: {others}.", left)
     if answer.present:
         rest = "" if left == "at_floor" else "; something unexplained remains"

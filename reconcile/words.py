@@ -2,6 +2,8 @@
 
 import math
 import re
+from collections import Counter
+from collections.abc import Iterable
 
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
@@ -55,3 +57,10 @@ def percent(share: float | None) -> str:
 def listed(names: list[str], last: str = "and") -> str:
     """a, b and c."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
+
+
+def together(effects: Iterable[tuple[str, str]]) -> str:
+    """Effects given as (name, port): a, b and c; one that is there more than once with its ports."""
+    rows = sorted(effects)
+    often = Counter(name for name, _ in rows)
+    return listed([f"{name} ({port})" if often[name] > 1 else name for name, port in rows])

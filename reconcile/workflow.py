@@ -62,9 +62,10 @@ def reconcile(
         return _system(given, parts, out, names, said, report_only, then)
     folder = checks.open_folder(model)
     said("reading")
-    sets = _read(given, folder, checks.read_names(names, _variables(folder)))
+    renamed = checks.read_names(names, _variables(folder))
+    sets = _read(given, folder, renamed)
     figures, study, answer = examine(folder, *sets, report=said)
-    proposal = _next(study, answer, figures, said)
+    proposal = _next(study, answer, figures, said, _moved(given, folder, renamed))
     if then:
         figures |= then(study, answer, figures)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
@@ -151,9 +152,11 @@ def _runs(study: Study) -> list[Run]:
     return unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
 
 
-def _next(study: Study, answer: Answer, figures: dict[str, Any], said: Report) -> Proposal | None:
+def _next(
+    study: Study, answer: Answer, figures: dict[str, Any], said: Report, moved: Part | None
+) -> Proposal | None:
     """The experiment that would settle what is open; it goes into the figures."""
-    proposal = propose(study, answer, figures["verdict"], said)
+    proposal = propose(study, answer, figures["verdict"], said, moved)
     figures["next_experiment"] = proposal.figures if proposal else None
     return proposal
 
@@ -270,6 +273,15 @@ def _as_part(path: Path, part: Part, folder: Folder, names: dict[str, str] | Non
     if measured.missing(part.feels):
         return read_run(path, folder, names, label)
     return own_runs(part, folder, Recording(label, measured))
+
+
+def _moved(given: Sequence[Sequence[Path]], folder: Folder, names: dict[str, str] | None) -> Part | None:
+    """The part of the machine that the model is, where the machine moves it and was recorded doing so."""
+    part = part_named(folder.model.name)
+    if part is None or part.derive is None or plan.drivable(folder):
+        return None
+    recorded = (read_measurement(p, names=names) for paths in given for p in paths)
+    return None if any(m.missing(part.feels) for m in recorded) else part
 
 
 def _extended(figures: dict[str, Any]) -> bool:

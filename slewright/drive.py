@@ -41,10 +41,11 @@ def drive(
     """
     from reconcile.checks import open_folder
     from reconcile.experiment import plan
-    from reconcile.system.parts import parts_of
+    from reconcile.system.parts import part_named, parts_of
     from reconcile.workflow import reconcile
 
-    if not parts_of(model) and not plan.drivable(open_folder(model)):
+    folder = None if parts_of(model) else open_folder(model)
+    if folder and not plan.drivable(folder) and part_named(folder.model.name) is None:
         raise InputError(
             f"--drive: model {model} has inputs that the reference machine does not take "
             f"({', '.join(plan.PLAN_COMMANDS)}); drive DIR/{plan.PLAN} on your own machine"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from reconcile import quantization
+from reconcile import quantization, words
 from reconcile.closed import candidates, holdout, wrap
 from reconcile.closed.box import Box
 from reconcile.closed.problem import ClosedFit, ClosedProblem
@@ -70,9 +70,9 @@ def _judge(answer: ClosedAnswer, moved: dict, missing: list[str]) -> tuple[str, 
     fitted, s = answer.fitted, sample(answer.fitted)
     rms = float(np.sqrt(fitted.squares("fit") / s.count))
     left = "unexplained" if rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
-    said = " and ".join(names(fitted))
+    said = words.listed(list(names(fitted)))
     if said and answer.alternatives:
-        others = "; ".join(" and ".join(names(f)) for f in answer.alternatives)
+        others = "; ".join(words.listed(list(names(f))) for f in answer.alternatives)
         return "ambiguous", f"{said}, or as well: {others}.", left
     if said:
         rest = "" if left == "at_floor" else "; something unexplained remains"

@@ -12,6 +12,7 @@ from learning.collection.plan import PLAN_COMMANDS, load_plan
 from reconcile.model import Folder
 from records.formats import csv_write, read_measurement
 from records.measurement import Channel, Measurement
+from specs.signals import signals
 
 PLAN, TABLE = "experiment.toml", "experiment.csv"
 POSE = {"boom_rad": ("q_boom", 1.1), "stick_rad": ("q_stick", -1.2)}  # where nothing is recorded
@@ -29,8 +30,14 @@ def drivable(folder: Folder) -> bool:
 def kept() -> dict[str, tuple[float, float]]:
     """What the supervisor keeps of the machine's outputs."""
     limits = load_plan(Path(LIKE)).limits
-    speed = limits.slew_speed_rad_s
-    return {"qd_slew": (-speed, speed), "q_boom": limits.boom_rad, "q_stick": limits.stick_rad}
+    speed, swing = limits.slew_speed_rad_s, limits.tool_swing_rad
+    arm = {"q_boom": limits.boom_rad, "q_stick": limits.stick_rad}
+    return arm | {"qd_slew": (-speed, speed), "q_tool_x": (-swing, swing), "q_tool_y": (-swing, swing)}
+
+
+def command_units() -> dict[str, str]:
+    """Units of the machine's commands by name."""
+    return {n: signals()[n].unit for n in PLAN_COMMANDS}
 
 
 def pose(paths: Sequence[Path]) -> dict[str, float]:
@@ -49,8 +56,8 @@ def pose(paths: Sequence[Path]) -> dict[str, float]:
 
 def write_for(out: Path, proposal: Any, folder: Folder, paths: Sequence[Path]) -> None:
     """Write the files of a proposal for a model, whose recordings lie in `paths`."""
-    units = {v.name: v.unit for v in folder.model.inputs}
-    stands = pose(paths) if drivable(folder) else {}
+    units = command_units() | {v.name: v.unit for v in folder.model.inputs}
+    stands = pose(paths) if set(proposal.commands) <= set(PLAN_COMMANDS) else {}
     write(out, proposal.figures, proposal.commands, units, stands)
 
 

@@ -14,6 +14,7 @@ from scipy.optimize import lsq_linear
 
 from reconcile import evidence
 from reconcile.data import PATTERN, WHOLE, Block, Run, Signal
+from reconcile.experiment.carried import Carrier
 from reconcile.experiment.excitation import LEAD_S, Excitation, commands, smooth
 from reconcile.experiment.limits import Limits
 from reconcile.fit import whitening
@@ -34,6 +35,7 @@ RESTS = 0.05  # of the motion: a machine that moves less by itself stays where i
 class Played:
     """An experiment as a fitted set of effects predicts it: the run, and states [n + 1, NX] at `step_s`."""
 
+    chosen: Excitation
     run: Run
     states: np.ndarray
     step_s: float
@@ -46,27 +48,41 @@ class Played:
 class Bench:
     """Plays excitations with the fitted sets of a study; inputs change every `tick_s`.
 
-    `fixed_start`: the machine cannot be asked to start elsewhere than in the recordings.
+    `fixed_start`: the machine cannot be asked to start elsewhere than in the recordings.  `carrier`: takes
+    the commands and moves the model's inputs.
     """
 
-    def __init__(self, study: Study, limits: Limits, tick_s: float, fixed_start: bool = False):
+    def __init__(
+        self,
+        study: Study,
+        limits: Limits,
+        tick_s: float,
+        fixed_start: bool = False,
+        carrier: Carrier | None = None,
+    ):
         self.study, self.limits, self.tick_s, self.fixed_start = study, limits, tick_s, fixed_start
+        self.carrier = carrier
+        self._carried: dict[Excitation, dict[str, np.ndarray]] = {}  # motion of the carrier, found once
         self.finer = 1.0  # steps of the simulation than the fits'
         self.runs = unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
         self.period_s = min(r.period_s for r in self.runs)
 
     def checking(self) -> "Bench":
         """The same with finer steps: what differs between the two is no property of the machine."""
-        found = Bench(self.study, self.limits, self.tick_s, self.fixed_start)
-        found.finer = FINER
+        found = Bench(self.study, self.limits, self.tick_s, self.fixed_start, self.carrier)
+        found.finer, found._carried = FINER, self._carried
         return found
 
     # ---------------------------------------------------------------- playing
 
     def inputs(self, chosen: Excitation) -> dict[str, Signal]:
-        """The inputs over time: those driven, what follows from them, and the others as they were."""
+        """The model's inputs over time: driven, what follows from that, and the others as they were."""
         limits, tick = self.limits, self.tick_s
-        told = commands(chosen, limits.inputs, tick)
+        told = self.told(chosen)
+        if self.carrier is not None:
+            moved = self.carrier.inputs(self._moved(self.carrier, chosen))
+            time = next(iter(moved.values())).time
+            return {n: Signal(time, np.full(len(time), v)) for n, v in limits.held.items()} | moved
         for rate, place in limits.followers.items():
             told[rate] = smooth(told[rate], FOLLOWS_S / tick)
             told[place] = limits.held[place] + tick * np.cumsum(told[rate])
@@ -74,6 +90,15 @@ class Bench:
         for name, value in limits.held.items():
             told.setdefault(name, np.full(len(time), value))
         return {n: Signal(time, u) for n, u in told.items()}
+
+    def told(self, chosen: Excitation) -> dict[str, np.ndarray]:
+        """What is commanded at every tick, [n] each."""
+        return commands(chosen, self.limits.inputs, self.tick_s)
+
+    def _moved(self, carrier: Carrier, chosen: Excitation) -> dict[str, np.ndarray]:
+        if chosen not in self._carried:
+            self._carried[chosen] = carrier.moved(self.told(chosen), self.tick_s)
+        return self._carried[chosen]
 
     def play(self, chosen: Excitation, fitted: Fitted) -> Played | None:
         """The whole experiment from rest, without noise; None if the model runs away."""
@@ -91,12 +116,14 @@ class Bench:
             return None
         errors, _ = problem.compare(point, 0, found[1], None, ())
         outputs = {n: Signal(time, -e * problem.sigma[n]) for n, e in errors.items()}
-        return Played(replace(run, outputs=outputs), found[0], h)
+        return Played(chosen, replace(run, outputs=outputs), found[0], h)
 
     def excess(self, played: Played) -> float:
         """By what factor the outputs leave their limits, seen from their start; at most 1 if they do not."""
-        moving = {**played.run.inputs, **played.run.outputs}
-        return max(limit.excess(moving[n].values) for n, limit in self.limits.outputs.items())
+        moving = {n: s.values for n, s in (*played.run.inputs.items(), *played.run.outputs.items())}
+        if self.carrier is not None:
+            moving = self._moved(self.carrier, played.chosen) | moving
+        return max(limit.excess(moving[n]) for n, limit in self.limits.outputs.items())
 
     def doubtful(self, chosen: Excitation, fits: Sequence[Fitted]) -> float:
         """The largest excess with parameters off by DOUBT errors, the ways they are known least."""

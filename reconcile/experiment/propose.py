@@ -9,13 +9,15 @@ import numpy as np
 from learning.collection.plan import PERIOD_S
 from reconcile import untold
 from reconcile.experiment import achieved, plan, say
+from reconcile.experiment.carried import Derive, carrier
 from reconcile.experiment.choose import Rated, best
 from reconcile.experiment.judges import Pairs, Unseen, difference
-from reconcile.experiment.limits import limits_of
+from reconcile.experiment.limits import Limit, limits_of
 from reconcile.experiment.predict import Bench
 from reconcile.rivals import CLOSE, Key
 from reconcile.search import Answer
 from reconcile.study import Study
+from reconcile.system.parts import Part
 from specs.errors import InputError
 
 
@@ -28,22 +30,25 @@ class Proposal:
     commands: Mapping[str, np.ndarray]
 
 
-def propose(study: Study, answer: Answer, verdict: str, report=None) -> Proposal | None:
+def propose(
+    study: Study, answer: Answer, verdict: str, report=None, moved: Part | None = None
+) -> Proposal | None:
     """The experiment that settles `verdict`; None for a verdict that leaves nothing to settle.
 
+    `moved`: the study's recordings are of this part of the machine, which is moved by the machine's commands.
     Raises InputError where an input of the model has neither stated nor recorded limits.
     """
     if verdict == "ambiguous":
-        return _between(study, answer, report)
+        return _between(study, answer, report, moved)
     if verdict == "insufficient_excitation":
-        return _for_parameters(study, answer, report)
+        return _for_parameters(study, answer, report, moved)
     return None
 
 
-def _between(study: Study, answer: Answer, report) -> Proposal | None:
+def _between(study: Study, answer: Answer, report, moved: Part | None) -> Proposal | None:
     sets = [answer.present, *answer.alternatives]
     fits = [answer.tried.fits[Key(s)] for s in sets]
-    bench, judge = _bench(study, wide=False), Pairs(fits)
+    bench, judge = _bench(study, False, moved), Pairs(fits)
     rated = best(bench, fits, judge, CLOSE, report)
     pairs = [difference(sets[i], sets[k]) for i, k in judge.pairs]
     if not rated:
@@ -67,13 +72,13 @@ def _between(study: Study, answer: Answer, report) -> Proposal | None:
     return _proposal(bench, chosen, figures)
 
 
-def _for_parameters(study: Study, answer: Answer, report) -> Proposal | None:
+def _for_parameters(study: Study, answer: Answer, report, moved: Part | None) -> Proposal | None:
     names = [str(row["parameter"]) for row in untold.unseen(study, answer.base)]
     wanted = [study.base(n) for n in names] or list(study.base_free)
     if not wanted:
         return None
     try:
-        bench = _bench(study, wide=True)
+        bench = _bench(study, True, moved)
     except InputError as error:
         return Proposal(_none(f"{error}."), 0.0, {})
     rated = best(bench, [answer.base], Unseen(answer.base, wanted), CLOSE, report)
@@ -89,7 +94,9 @@ def _for_parameters(study: Study, answer: Answer, report) -> Proposal | None:
     return _proposal(bench, chosen, figures)
 
 
-def _bench(study: Study, wide: bool) -> Bench:
+def _bench(study: Study, wide: bool, moved: Part | None) -> Bench:
+    if moved is not None and moved.derive is not None:
+        return _carried(study, wide, moved.derive)
     machine = plan.drivable(study.folder)
     signals = [
         s for b in study.parts.fit for n, s in b.run.inputs.items() if n in study.folder.ports.controls
@@ -97,6 +104,19 @@ def _bench(study: Study, wide: bool) -> Bench:
     tick = PERIOD_S if machine else round(min(s.period_s for s in signals), 6)
     limits = limits_of(study, wide, plan.kept() if machine else None)
     return Bench(study, limits, tick, fixed_start=machine)
+
+
+def _carried(study: Study, wide: bool, derive: Derive) -> Bench:
+    """The bench of a part that the machine moves: driven are the machine's commands, within its limits."""
+    moves = carrier(derive, study.parts.fit[0].run)
+    kept = plan.kept()
+    of_model = limits_of(study, wide, kept)
+    outputs = {n: v for n, v in of_model.outputs.items() if n in of_model.start}
+    outputs |= {n: Limit(*kept[n], "stated") for n in (*moves.pose, "qd_slew")}
+    derived = set(of_model.inputs) | set(of_model.followers.values())
+    held = {n: v for n, v in of_model.held.items() if n not in derived}
+    limits = replace(of_model, inputs=moves.ranges, outputs=outputs, held=held, followers={})
+    return Bench(study, limits, PERIOD_S, True, moves)
 
 
 def _span(chosen: Rated, name: str) -> list[float]:
@@ -122,7 +142,7 @@ def _figures(bench: Bench, chosen: Rated) -> dict[str, Any]:
         "limits": {
             n: {"low": v.low, "high": v.high, "source": v.source} for n, v in bench.limits.outputs.items()
         },
-        "collect": plan.drivable(bench.study.folder),
+        "collect": bench.carrier is not None or plan.drivable(bench.study.folder),
         "plan": plan.PLAN,
         "table": plan.TABLE,
     }
@@ -144,5 +164,7 @@ def _proposal(bench: Bench, chosen: Rated, figures: dict[str, Any]) -> Proposal:
     """With the inputs over time; without them and without files, if that tells nothing."""
     if figures["predicted_margin"] < CLOSE:
         return Proposal(figures | {"plan": None, "table": None}, bench.tick_s, {})
+    if bench.carrier is not None:
+        return Proposal(figures, bench.tick_s, bench.told(chosen.excitation))
     told = {n: s.values for n, s in bench.inputs(chosen.excitation).items()}
     return Proposal(figures, bench.tick_s, told)

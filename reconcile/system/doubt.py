@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from reconcile.experiment.plan import drivable
 from reconcile.experiment.propose import Proposal, propose
 from reconcile.system.examine import Examined
 from specs.errors import InputError
@@ -25,7 +26,8 @@ def next_experiment(done: Sequence[Examined], report: Report) -> tuple[Examined,
     found: list[tuple[Examined, Proposal]] = []
     for e in most_doubtful(done):
         try:
-            proposal = propose(e.study, e.answer, e.figures["verdict"], report)
+            moved = None if drivable(e.folder) else e.part
+            proposal = propose(e.study, e.answer, e.figures["verdict"], report, moved)
         except InputError:  # a part none of whose inputs has a range cannot be driven by itself
             continue
         if proposal is None:

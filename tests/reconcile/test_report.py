@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from reconcile import replicates, report as reports, verdict as verdicts
+from reconcile import replicates, report as reports, verdict as verdicts, words
 from reconcile.contract import Report, check
 from reconcile.data import Run, Signal
 from reconcile.findings import Findings, above
@@ -219,3 +219,17 @@ def test_the_head_of_the_page_gives_what_the_worst_signal_closed_too(figures):
     first |= {"nominal": 1.0, "after": 0.4}
     second |= {"nominal": 1.0, "after": 0.01}
     assert dict(_facts(report))["Gap closed, held out"] == "60 % to 99 %, by signal"
+
+
+def test_effects_are_listed_and_one_that_is_there_twice_with_its_ports():
+    assert words.together([("b", "roll"), ("a", "roll")]) == "a and b"
+    assert words.together([("a", "y"), ("b", "z"), ("a", "x")]) == "a (x), a (y) and b"
+
+
+@pytest.mark.parametrize(("after", "shrunk"), [(0.02, True), (0.13, False)])
+def test_where_the_held_out_gap_grows_it_does_not_count_as_shrunk(after, shrunk):
+    gaps = {
+        "rate": {"floor": 0.002, "nominal": 0.03, "after": after},
+        "angle": {"floor": 0.002, "nominal": 0.01, "after": 0.004},
+    }
+    assert reports._shrunk(gaps) is shrunk
