@@ -13,6 +13,7 @@ from slewright.commands import (
     analyse,
     bench,
     build,
+    bundle,
     calibrate,
     campaign,
     check,
@@ -95,6 +96,7 @@ app.command()(tune.tune)
 app.command()(analyse.analyse)
 app.command()(convert.convert)
 app.command()(build.build)
+app.command()(bundle.bundle)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
 app.command()(reconcile.reconcile)

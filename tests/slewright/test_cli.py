@@ -27,6 +27,7 @@ COMMANDS = (
     "convert",
     "check",
     "build",
+    "bundle",
     "generate",
     "dossier",
     "fit",

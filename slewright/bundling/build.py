@@ -1,0 +1,199 @@
+"""`slewright bundle`: builds the folder that a runtime loads; what it holds is read by `runtime.bundle`.
+
+manifest.json        controller, versions, platforms, SHA-256 of every other file
+core-PLATFORM.so     the control core, compiled
+parameters.json      every parameter that was compiled in: value, unit, source
+sources/             the C code it was compiled from: core/, blocks/NAME/
+"""
+
+import dataclasses
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from baselines import registry
+from baselines.registry import Controller
+from fmus import compiler
+from fmus.definition import Model
+from fmus.loader import load_model
+from fmus.paths import BUILD, SHIM
+from runtime import bundle as form, image
+from slewright.bundling import config
+from slewright.bundling.blocks import COMPILED, CORE, Block
+from specs import parameters
+from specs.errors import InputError
+from specs.version import VERSION
+
+ARM = "arm_velocity"
+HAND_WRITTEN = ("slr.h", "gate.h", "block.h", "image_layout.h", "gate.c", "check.c", "mode.c", "step.c")
+UNCHECKED = ("geometry.c", "model.c")  # CasADi's own code
+UNUSED_OUT = ["-ffunction-sections", "-fdata-sections"]
+UNUSED_GONE = {
+    "linux": ["-Wl,--gc-sections"],
+    "darwin": ["-Wl,-dead_strip"],
+    "windows": ["-Wl,--gc-sections"],
+}
+NOT_COMPILED = {
+    "nmpc": "its solver runs in Python beside the model, and a core computes each tick within a bounded time"
+}
+
+
+def bundle(
+    controller: str, out: Path, platforms: Sequence[str] = (), changes: Mapping[str, float] | None = None
+) -> form.Bundle:
+    """Build the bundle of a controller of `baselines.registry` in the folder `out`, which it replaces.
+
+    `platforms` are names of fmus.compiler.TARGETS (default: this machine); `changes` are parameters of
+    specs/parameters/gate.toml.  Raises InputError for an unknown controller, platform or parameter, a
+    controller that no core can run, or a folder that holds something else; RunError if C fails.
+    """
+    found = registry.find(controller)
+    if found.folder in NOT_COMPILED:
+        raise InputError(f"controller {controller} cannot be bundled: {NOT_COMPILED[found.folder]}")
+    return bundle_model(_settled(load_model(found.folder), found), controller, out, platforms, changes)
+
+
+def bundle_model(
+    model: Model,
+    name: str,
+    out: Path,
+    platforms: Sequence[str] = (),
+    changes: Mapping[str, float] | None = None,
+) -> form.Bundle:
+    """The same for any discrete model with a controller's signals, under the name `name`."""
+    targets = [compiler.target(n).name for n in platforms or [compiler.host().name]]
+    constants = config.constants(changes or {})
+    _check_folder(out)
+    part = out.with_name(f"{out.name}.{os.getpid()}.part")
+    try:
+        blocks = write_sources(model, part / "sources", constants)
+        identity = sources_hash(part / "sources")
+        for target in targets:
+            suffix = compiler.target(target).suffix
+            compile_core(part / "sources", blocks, identity, part / f"core-{target}{suffix}", target)
+        _write_json(part / "parameters.json", _parameters(blocks, constants))
+        _write_json(part / form.MANIFEST, _manifest(part, name, identity, targets))
+        shutil.rmtree(out, ignore_errors=True)
+        part.replace(out)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return form.load(out)
+
+
+def write_sources(model: Model, folder: Path, constants: Mapping[str, float]) -> list[Block]:
+    """Write core and blocks; the blocks, controller first."""
+    blocks = [Block(model, "controller"), Block(load_model(ARM), ARM)]
+    core = folder / "core"
+    core.mkdir(parents=True, exist_ok=True)
+    for name in HAND_WRITTEN:
+        (core / name).write_bytes((CORE / name).read_bytes())
+    (core / "slw_math.h").write_bytes((SHIM / "slw_math.h").read_bytes())
+    (core / "core_config.h").write_text(config.config_h(constants))
+    (core / "core_config.c").write_text(config.config_c(blocks[0], blocks[1], constants))
+    (core / "geometry.c").write_text(config.geometry_c())
+    for block in blocks:
+        block.write(folder / "blocks" / block.name)
+    return blocks
+
+
+def compile_core(
+    sources: Path, blocks: Sequence[Block], identity: str, out: Path, target: str, extra: Sequence[str] = ()
+) -> Path:
+    """Compile and link one platform's library; `extra`: further flags (sanitizers, coverage).
+
+    What was compiled before from the same sources by the same compiler is taken from a cache.
+    """
+    key = form.digest(repr((identity, compiler.identity(target), target, list(extra))).encode())
+    cached = BUILD / "cores" / key[:2] / key
+    if not cached.is_file() or extra:
+        with tempfile.TemporaryDirectory() as scratch:
+            made = link(sources, blocks, identity, Path(scratch), target, extra)
+            if extra:  # such a build looks for its object files
+                return Path(shutil.copy(made, out))
+            cached.parent.mkdir(parents=True, exist_ok=True)
+            part = cached.with_name(f"{key}.{os.getpid()}.part")
+            shutil.copy(made, part)
+            part.replace(cached)
+    return Path(shutil.copy(cached, out))
+
+
+def link(
+    sources: Path,
+    blocks: Sequence[Block],
+    identity: str,
+    folder: Path,
+    target: str,
+    extra: Sequence[str] = (),
+) -> Path:
+    """Compile into object files in `folder`, and link them there; hand-written C without any warning."""
+    include = ["-I", str(sources / "core")]
+    flags = [*UNUSED_OUT, *extra, f'-DSLR_IDENTITY="{identity}"']
+    objects = [
+        compiler.compile_object(
+            path, folder / f"{path.stem}.o", target, [*flags, *include], path.name in UNCHECKED
+        )
+        for path in sorted((sources / "core").glob("*.c"))
+    ]
+    for block in blocks:
+        own = sources / "blocks" / block.name
+        more = [*flags, "-I", str(own), *include]
+        objects += [
+            compiler.compile_object(own / n, folder / f"{block.name}_{n}.o", target, more, n in UNCHECKED)
+            for n in COMPILED
+        ]
+    gone = UNUSED_GONE[target.partition("-")[2]]
+    return compiler.link_shared(objects, folder / "core.so", target, [*extra, *gone])
+
+
+def sources_hash(folder: Path) -> str:
+    """SHA-256 over all sources and the compiler's flags: what a compiled core says it is."""
+    files = form.hashes(folder)
+    return form.digest(repr((compiler.FLAGS, sorted(files.items()))).encode())
+
+
+def _settled(model: Model, controller: Controller) -> Model:
+    """The model with a controller's settings as its parameters' values."""
+    settings = dict(controller.settings)
+    for name in settings:
+        model.index("parameters", name)
+    settled = tuple(dataclasses.replace(v, start=settings.get(v.name, v.start)) for v in model.parameters)
+    return dataclasses.replace(model, parameters=settled)
+
+
+def _check_folder(out: Path) -> None:
+    """InputError for a path that is a file, or a folder with anything but a bundle in it."""
+    if out.exists() and not (out / form.MANIFEST).is_file() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out} holds something that is no bundle; choose another folder")
+    if not out.parent.is_dir():
+        raise InputError(f"{out}: there is no folder {out.parent}")
+
+
+def _parameters(blocks: Sequence[Block], constants: Mapping[str, float]) -> dict[str, Any]:
+    known = parameters.check()
+    found = {v.name: v.start for block in blocks for v in block.model.parameters} | dict(constants)
+    return {
+        name: {"value": value, "unit": known[name].unit, "source": known[name].source}
+        if name in known
+        else {"value": value}
+        for name, value in found.items()
+    }
+
+
+def _manifest(folder: Path, name: str, identity: str, targets: Sequence[str]) -> dict[str, Any]:
+    return {
+        "format": form.FORMAT,
+        "controller": name,
+        "slewright": VERSION,
+        "layout": image.token(),
+        "identity": identity,
+        "platforms": sorted(targets),
+        "files": form.hashes(folder),
+    }
+
+
+def _write_json(path: Path, content: Any) -> None:
+    path.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n")

@@ -1,0 +1,74 @@
+"""`slewright bundle`: what goes in, what is refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from baselines import registry
+from fmus.loader import load_model
+from runtime import bundle as form
+from slewright import __main__ as entry
+from slewright.bundling import build
+from slewright.bundling.blocks import Block
+from specs import parameters
+from specs.errors import InputError
+from tests.runtime.bundles import built
+
+
+def test_manifest_names_every_file_by_its_hash() -> None:
+    made = built()
+    content = json.loads((made.folder / form.MANIFEST).read_text())
+    assert content["files"] == form.hashes(made.folder)
+    assert made.library().name in content["files"]
+    assert {"sources/core/gate.c", "sources/blocks/controller/model.c", "parameters.json"} <= set(
+        content["files"]
+    )
+
+
+def test_parameters_are_those_of_the_specs() -> None:
+    found = json.loads((built().folder / "parameters.json").read_text())
+    known = parameters.check()
+    assert {"pi_slew_gain", "gate_rise", "lut_boom_00", "boom_length"} <= set(found)
+    assert {n: e["value"] for n, e in found.items()} == {n: known[n].value for n in found}
+
+
+def test_the_sources_make_the_same_identity_again(tmp_path: Path) -> None:
+    """Nothing of the place or the moment goes into a bundle's code."""
+    model = build._settled(load_model("pi"), registry.find("pi"))
+    build.write_sources(model, tmp_path, build.config.constants({}))
+    assert build.sources_hash(tmp_path) == built().identity
+
+
+def test_what_a_core_cannot_run_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="controller nmpc cannot be bundled: its solver runs in Python"):
+        build.bundle("nmpc", tmp_path / "b")
+    with pytest.raises(InputError, match=r"no controller 'pie'.*pi"):
+        build.bundle("pie", tmp_path / "b")
+    with pytest.raises(InputError, match="model machine is continuous"):
+        Block(load_model("machine"), "machine")
+    with pytest.raises(InputError, match="model slew_nn reads inertia, inertia_rate"):
+        Block(load_model("slew_nn"), "slew_nn")
+    with pytest.raises(InputError, match=r"no parameter 'gate_raise'; did you mean gate_rise"):
+        build.bundle("pi", tmp_path / "b", changes={"gate_raise": 1.0})
+    with pytest.raises(InputError, match="parameter gate_rise = 1000"):
+        build.bundle("pi", tmp_path / "b", changes={"gate_rise": 1000.0})
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match="holds something that is no bundle"):
+        build.bundle("pi", tmp_path)
+    with pytest.raises(InputError, match="there is no folder"):
+        build.bundle("pi", tmp_path / "not" / "there")
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_command_says_what_it_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figures = tmp_path / "f.json"
+    assert entry.run(["bundle", "pi", "--out", str(tmp_path / "b"), "--json", str(figures)]) == 0
+    assert "pi for x86_64-linux" in capsys.readouterr().out or form.host() != "x86_64-linux"
+    assert json.loads(figures.read_text())["identity"] == built().identity
+    assert entry.run(["bundle", "pi", "--out", str(tmp_path / "b"), "--platform", "vax"]) == 2
+    assert "no build target 'vax'" in capsys.readouterr().err
