@@ -11,7 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from fmus.loader import model_folders
+from fmus.loader import load_model, model_folders
+from specs import systems
 from specs.errors import InputError, nearest
 
 SLOT = "pi"  # the component of the systems that a controller takes the place of
@@ -43,11 +44,17 @@ class Controller:
     human: bool = False  # a model of an operator: made to be like one, not as good as can be
     linear: str = ""  # why its loop cannot be analysed as a linear one; "" if it can
     rate_hz: float = RATE_HZ
+    place: Path | None = None  # of a model folder outside of the project
+
+    @property
+    def path(self) -> Path:
+        """Its model folder."""
+        return self.place or model_folders()[self.folder]
 
     @property
     def models(self) -> dict[str, Path]:
         """Model folders by the name that the systems know them by."""
-        return {} if self.folder == SLOT else {SLOT: model_folders()[self.folder]}
+        return {} if self.folder == SLOT else {SLOT: self.path}
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -188,6 +195,24 @@ def find(name: str) -> Controller:
     if name not in _known():
         raise InputError(f"no controller '{name}'; {nearest(name, names())} (valid: {', '.join(names())})")
     return _known()[name]
+
+
+def foreign(path: Path, name: str, label: str) -> Controller:
+    """A controller from a model folder that is none of the project's: a policy, say.
+
+    Raises InputError where there is no such model, or its connectors are not those of a controller, or the
+    name is taken.
+    """
+    if name in _known():
+        raise InputError(f"{path}: a controller '{name}' is there already; give yours another name")
+    model = load_model(path)
+    wanted = [v for side in systems.load("reference").connectors(SLOT) for v in side]
+    lacking = sorted(set(wanted) - {v.name for v in (*model.inputs, *model.outputs)})
+    if lacking:
+        raise InputError(
+            f"{path}: no controller of this machine: model {model.name} lacks {', '.join(lacking)}"
+        )
+    return Controller(name, "", "", label, linear="it is not one of the project's", place=path.resolve())
 
 
 def select(wanted: Sequence[str] = ()) -> list[Controller]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from baselines.compare.goals import reached
 from baselines.compare.optima import shares
 from baselines.compare.plan import SWEPT, Question
 from orchestrator.campaign.plan import NOMINAL, Run
@@ -21,13 +22,15 @@ Figures = dict[str, Any]
 def figures(question: Question, runs: Sequence[Run], results: Mapping[str, Result]) -> Figures:
     """What `--json` writes but for seed and versions."""
     single = _singles(runs, results)
+    tasks = {task: _task(question, task, runs, results) for task in question.tasks}
     return {
         "system": "reference",
         "draw_set": question.draw_set,
         "machines": question.machines,
         "paces": list(question.paces),
         "failed": {key: r["failed"] for key, r in results.items() if r["failed"]},
-        "task": {task: _task(question, task, runs, results) for task in question.tasks},
+        "task": tasks,
+        "goals": reached(tasks),
         "single": single,
         "sweeps": _sweeps(runs, results),
         "optima": shares(single),
