@@ -7,6 +7,7 @@ from typing import Any
 
 from specs.errors import InputError
 from specs.signals import definition
+from specs.wire import Message
 
 PLACES = ("table", "address", "type", "word_order", "scale")  # of a register: what must agree
 
@@ -24,6 +25,7 @@ def check_dbc(path: Path) -> None:
     for name, message in spec.bus.messages.items():
         if message.frame_id not in messages:
             raise InputError(f"{path} does not match the specs: no message {name} ({message.frame_id:08X})")
+        _check_message(path, message, messages[message.frame_id])
         _check_signals(path, name, {s.name: s for s in messages[message.frame_id].signals})
 
 
@@ -44,6 +46,16 @@ def check_map(path: Path) -> None:
                     f"{path} does not match the specs: {key[1]} has {column} {theirs[key].get(column)}, "
                     f"not {ours[column]}"
                 )
+
+
+def _check_message(path: Path, message: Message, found: Any) -> None:
+    attributes = found.dbc.attributes if found.dbc else {}
+    data_id = attributes["E2EDataID"].value if "E2EDataID" in attributes else None
+    theirs = {"length": found.length, "cycle_ms": found.cycle_time, "data_id": data_id}
+    for key, value in theirs.items():
+        if value != getattr(message, key):
+            wanted = f"{message.name} has {key} {value}, not {getattr(message, key)}"
+            raise InputError(f"{path} does not match the specs: {wanted}")
 
 
 def _check_signals(path: Path, message: str, there: Mapping[str, Any]) -> None:
