@@ -25,7 +25,7 @@ from baselines.bench import Report
 from baselines.gains import machine
 from baselines.loop import analyse
 from baselines.parameter_file import update
-from baselines.registry import Controller, Range
+from baselines.registry import Controller, Range, select
 from baselines.tuning import cost as objective
 from fmus.build import BUILD
 from orchestrator.system import System
@@ -44,10 +44,9 @@ SEED = 1
 def run(controller: Controller, report: Report | None = None, budget_h: float = BUDGET_H) -> dict[str, Any]:
     """Tune a controller, write its gains to specs/parameters, return gains, costs and the budget spent.
 
-    Raises InputError for a controller that has nothing to tune.
+    Raises InputError for a controller that has nothing to tune, or a budget that is less than one evaluation.
     """
-    if not controller.tuned:
-        raise InputError(f"controller {controller.name} has no gains to tune: {controller.label}")
+    check(controller, budget_h)
     say = report or (lambda what, done, total: None)
     system = objective.system(controller)
     known = parameters.load(controller.gains)
@@ -74,6 +73,19 @@ def run(controller: Controller, report: Report | None = None, budget_h: float = 
         "budget_machine_hours": budget_h,
         "seed": SEED,
     }
+
+
+def check(controller: Controller, budget_h: float) -> None:
+    """InputError for a controller that has nothing to tune, or a budget that is less than one evaluation."""
+    if not controller.tuned:
+        family = [c.name for c in select() if c.tuned and c.gains == controller.gains]
+        shared = f"its gains are those of {family[0]}: tune that one" if family else controller.label
+        raise InputError(f"controller {controller.name} has no gains of its own to tune: {shared}")
+    least = DRAWS * objective.RUN_H
+    if not budget_h >= least:
+        raise InputError(
+            f"a budget of {budget_h:g} machine-hours: an evaluation takes {least:.3g}, on {DRAWS} draws"
+        )
 
 
 class Search:

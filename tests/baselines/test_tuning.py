@@ -113,8 +113,17 @@ def test_what_has_no_margin_is_not_robust() -> None:
 
 
 def test_a_variant_without_gains_of_its_own_is_not_tuned() -> None:
-    with pytest.raises(InputError, match="zvd has no gains to tune"):
+    with pytest.raises(
+        InputError, match="zvd has no gains of its own to tune: its gains are those of zv_sway"
+    ):
         search.run(registry.find("zvd"))
+    with pytest.raises(InputError, match="model of an experienced operator"):
+        search.run(registry.find("operator_experienced"))
+
+
+def test_a_budget_is_at_least_one_evaluation() -> None:
+    with pytest.raises(InputError, match=r"a budget of 0\.05 machine-hours: an evaluation takes 0\.0667"):
+        search.run(PARABOLA, budget_h=0.05)
 
 
 def _file(tmp_path: Path, **content: object) -> Path:
