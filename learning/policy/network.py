@@ -1,0 +1,71 @@
+"""The policy network in torch, and the way from observations to commands around it."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from learning.policy.features import OUTPUTS, commands, features
+from learning.policy.graph import to_torch
+from specs.policy import ACTIONS, LIMITS
+
+LEAK = 0.1  # of the gradient that passes a command at its limit
+Weights = list[tuple[np.ndarray, np.ndarray]]
+
+
+def perceptron(sizes: Sequence[int]) -> nn.Sequential:
+    """Linear layers with tanh between them and a linear output (paper); the last layer starts near 0."""
+    layers: list[nn.Module] = []
+    for a, b in pairwise(sizes):
+        layers += [nn.Linear(a, b), nn.Tanh()]
+    last = layers[-2]
+    with torch.no_grad():
+        last.weight.mul_(0.1)  # type: ignore[operator]
+        last.bias.zero_()  # type: ignore[operator]
+    return nn.Sequential(*layers[:-1])
+
+
+def weights_of(mlp: nn.Sequential) -> Weights:
+    """(weight [out, in], bias [out]) of each linear layer, float32."""
+    linear = [layer for layer in mlp if isinstance(layer, nn.Linear)]
+    return [(la.weight.detach().cpu().numpy().copy(), la.bias.detach().cpu().numpy().copy()) for la in linear]
+
+
+def set_weights(mlp: nn.Sequential, weights: Weights) -> None:
+    """Copy weights into the linear layers."""
+    linear = [layer for layer in mlp if isinstance(layer, nn.Linear)]
+    with torch.no_grad():
+        for layer, (w, b) in zip(linear, weights, strict=True):
+            layer.weight.copy_(torch.as_tensor(w))
+            layer.bias.copy_(torch.as_tensor(b))
+
+
+class Interface:
+    """Observations [N, n] to the network's inputs [n, M], and its outputs [n, k] to commands [3, n]."""
+
+    def __init__(self, task: str, history: int, device: str = "cpu") -> None:
+        self.inputs = features(task, history).numel_out(0)
+        self.outputs = OUTPUTS[task]
+        self._features, self._commands = to_torch(features(task, history)), to_torch(commands(task, history))
+        low, high = zip(*(LIMITS[name] for name in ACTIONS), strict=True)
+        self.low = torch.tensor(low, device=device)[:, None]
+        self.high = torch.tensor(high, device=device)[:, None]
+
+    def sizes(self, layers: Sequence[int]) -> list[int]:
+        """Widths of a network with these hidden layers."""
+        return [self.inputs, *layers, self.outputs]
+
+    def features(self, observation: Tensor) -> Tensor:
+        """[N, n] -> [n, M]."""
+        return torch.stack(self._features(observation)[0], dim=1)
+
+    def asked(self, y: Tensor, observation: Tensor) -> Tensor:
+        """Commands [3, n] before they are limited."""
+        return torch.stack(self._commands(y.T, observation)[0])
+
+    def limited(self, asked: Tensor, leak: float = 0.0) -> Tensor:
+        """Within the limits; with `leak` a share of the gradient passes at a limit."""
+        within = torch.minimum(torch.maximum(asked, self.low), self.high)
+        return within + leak * (asked - asked.detach()) if leak else within
