@@ -22,6 +22,7 @@ from specs.signals import signal
 
 TICKS = round(SPACING_S / TICK_S)
 FILE = "policy.onnx"
+UNUSED = ("qd_slew",)  # connected to every controller; the gyro tells the same, and is not late
 CODE = '''"""A policy; written by learning/policy/controller.py."""
 
 from pathlib import Path
@@ -53,7 +54,7 @@ def of_policy(policy: Policy, name: str = "policy") -> Model:
             Variable("started", "1", "1 after the first answer"),
             *(Variable(n, signal(n.rpartition("_")[0]).unit, "Of the history, oldest first") for n in kept),
         ),
-        inputs=from_signals(*TARGETS, *SENSORS),
+        inputs=from_signals(*TARGETS, *SENSORS, *UNUSED),
         outputs=from_signals(*ACTIONS),
         parameters=(),
         rhs=lambda x, u, m, p: _next_state(tick, length, x, u),

@@ -42,7 +42,9 @@ def compare(
     policy: Annotated[
         list[Path] | None,
         typer.Option(
-            "--policy", metavar="DIR", help="A model folder of your own as one more row (repeatable)."
+            "--policy",
+            metavar="POLICY",
+            help="An ONNX policy or a model folder as one more row (repeatable).",
         ),
     ] = None,
     task: Annotated[list[Task] | None, typer.Option("--task", help="Only this task (repeatable).")] = None,
@@ -89,6 +91,7 @@ def compare(
     from baselines.compare.figures import figures
     from baselines.compare.plan import SEALED, Question, check_targets, make_plan
     from orchestrator.campaign.run import run_campaign
+    from slewright.policies import model_folder
     from slewright import comparison
     from specs import draws
     from specs.errors import InputError
@@ -100,7 +103,10 @@ def compare(
     question = Question(
         controllers=[
             *_with_gains(registry.select(controller or ()), gains or ()),
-            *(registry.foreign(path, path.stem, f"policy {path.name}") for path in policy or ()),
+            *(
+                registry.foreign(path, path.stem, f"policy {path.stem}")
+                for path in map(model_folder, policy or ())
+            ),
         ],
         tasks=[t.value for t in task or Task],
         loads=[entry.value for entry in load or Load],
