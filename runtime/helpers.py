@@ -26,7 +26,7 @@ def end_with(number: int) -> None:
 
 
 def run(main: Callable[[str], None]) -> None:
-    """Run a helper's `main` with its argument: wrong input is one line and exit code 2, as in every command."""
+    """Run a process's `main` with its argument: wrong input is one line and exit code 2."""
     try:
         main(sys.argv[1])
     except InputError as error:

@@ -35,7 +35,7 @@ class Core(Protocol):
         """All of its state."""
         ...
 
-    def restore(self, state: bytes) -> None:
+    def restore(self, snapshot: bytes) -> None:
         """Continue from a snapshot."""
         ...
 

@@ -23,12 +23,15 @@ from slewright.commands import (
     dossier,
     effects,
     estimate,
+    evaluate,
     fit,
     generate,
     import_,
     optimum,
     reconcile,
     reconcile_suite,
+    replay,
+    run,
     simulate,
     testpack,
     train,
@@ -92,6 +95,7 @@ app.command()(check.check)
 app.command()(campaign.campaign)
 app.command()(collect.collect)
 app.command()(compare.compare)
+app.command()(evaluate.evaluate)
 app.command()(tune.tune)
 app.command()(analyse.analyse)
 app.command()(convert.convert)
@@ -99,6 +103,8 @@ app.command()(build.build)
 app.command()(bundle.bundle)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
+app.command()(run.run)
+app.command()(replay.replay)
 app.command()(reconcile.reconcile)
 app.command()(effects.effects)
 app.command()(optimum.optimum)
