@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
+from baselines import variants
 from fmus.loader import load_model, model_folders
 from specs import systems
 from specs.errors import InputError, nearest
@@ -44,6 +45,7 @@ class Controller:
     human: bool = False  # a model of an operator: made to be like one, not as good as can be
     linear: str = ""  # why its loop cannot be analysed as a linear one; "" if it can
     rate_hz: float = RATE_HZ
+    family: str = ""  # whose gains it has where it has none of its own (baselines/variants.py)
     place: Path | None = None  # of a model folder outside of the project
 
     @property
@@ -62,6 +64,7 @@ class Controller:
         return {f"{SLOT}.{name}": value for name, value in self.settings.items()}
 
 
+_FOUND = variants.read()  # gains of a variant, where it was tuned by itself
 _SHAPER = (
     Range("shaper_speed_limit", 0.25, 0.7, log=False),
     Range("shaper_brake_share", 0.3, 1.2),
@@ -127,9 +130,14 @@ _ALL = (
             "shaper",
             "shaper",
             f"{kind.upper()}-shaped profile, tracked" + (", with sway feedback" if sway else ""),
-            settings={"shaper_kind": float(number), "shaper_sway": float(sway)},
-            tuned=_SHAPER if (kind, sway) == ("zv", True) else (),  # one file of gains for the family
+            settings={
+                "shaper_kind": float(number),
+                "shaper_sway": float(sway),
+                **_FOUND.get(kind + ("_sway" if sway else ""), {}),
+            },
+            tuned=_SHAPER if sway else _SHAPER[:-2],
             aim="gentle",
+            family="" if (kind, sway) == ("zv", True) else "zv_sway",
         )
         for sway in (False, True)
         for number, kind in enumerate(("zv", "zvd", "ei"), 1)
