@@ -91,8 +91,8 @@ def compare(
     from baselines.compare.figures import figures
     from baselines.compare.plan import SEALED, Question, check_targets, make_plan
     from orchestrator.campaign.run import run_campaign
-    from slewright.policies import model_folder
     from slewright import comparison
+    from slewright.policies import model_folder
     from specs import draws
     from specs.errors import InputError
 
