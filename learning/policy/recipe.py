@@ -79,6 +79,8 @@ class Recipe:
     trace: float = 0.95
     entropy: float = 0.0
     clip: float = 0.2
+    schedule: str = "adaptive"  # of the learning rate; authors' code: "fixed"
+    asymmetric: bool = False  # the critic sees load, tool length, dead band, pressures
     # by the gradient of the simulation
     norm: float = 1.0  # largest norm of a gradient
 
@@ -148,5 +150,8 @@ def recipe(name: str, tiny: bool = False, **changed: Any) -> Recipe:
     """The recipe of that name with fields changed; cut down to seconds if `tiny`."""
     if name not in RECIPES:
         raise InputError(f"no recipe '{name}'; {nearest(name, RECIPES)} (valid: {', '.join(RECIPES)})")
-    found = replace(RECIPES[name], **changed)
+    base = RECIPES[name]
+    if "weights" in changed:
+        changed["weights"] = {**base.weights, **changed["weights"]}
+    found = replace(base, **changed)
     return replace(found, **TINY) if tiny else found
