@@ -18,6 +18,7 @@ from learning.policy.graph import to_torch
 from learning.policy.plant import Drive, Machine, Plant, State, nominal
 from learning.policy.recipe import Randomisation, Recipe
 from learning.policy.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
+from specs import parameters
 from specs.policy import CHANNELS, SLEW_ERROR, SPACING_S, TICK_S
 
 LATE = 2  # periods by which the arm encoders' rates are late (0.2 s)
@@ -65,7 +66,8 @@ class Environment:
         self.recipe, self.random = recipe, recipe.random
         self.n = n - n % len(networks)
         self.device = device
-        self.plant = Plant(Drive(networks, device))
+        self.plant = Plant(Drive(networks, device), round(recipe.ahead_s / SPACING_S), recipe.task == "slew")
+        self.boost = parameters.load("slew")["slew_boost_pressure"].value  # Pa, of a drive at rest
         self.generator = torch.Generator(device).manual_seed(seed)
         self._errors = to_torch(errors())
         self._poses = self._pool()
@@ -141,7 +143,7 @@ class Environment:
     def fresh(self) -> Situation:
         """New machines at rest in random poses, the tool hanging, or (share `swinging`) swinging."""
         boom, stick, *_ = self.poses()
-        state = self.plant.start(self._slew_errors(), boom, stick)
+        state = self.plant.start(self._slew_errors(), boom, stick, self.boost)
         if self.recipe.swinging:
             moving = (self.uniform(0.0, 1.0) < self.recipe.swinging).float()
             swing = torch.cat([self._either_way(SWING[0], 2), self._either_way(SWING[1], 2)]) * moving

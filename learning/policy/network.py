@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
+import casadi as ca
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -48,7 +49,8 @@ class Interface:
     def __init__(self, task: str, history: int, device: str = "cpu") -> None:
         self.inputs = features(task, history).numel_out(0)
         self.outputs = OUTPUTS[task]
-        self._features, self._commands = to_torch(features(task, history)), to_torch(commands(task, history))
+        self._commands = to_torch(commands(task, history))
+        self._split(features(task, history), device)
         low, high = zip(*(LIMITS[name] for name in ACTIONS), strict=True)
         self.low = torch.tensor(low, device=device)[:, None]
         self.high = torch.tensor(high, device=device)[:, None]
@@ -57,9 +59,26 @@ class Interface:
         """Widths of a network with these hidden layers."""
         return [self.inputs, *layers, self.outputs]
 
+    def _split(self, f: ca.Function, device: str) -> None:
+        """The inputs that are linear in the observation as one product, the others by their expressions."""
+        x = ca.SX.sym("x", f.numel_in(0))
+        y = f(x)
+        bent = np.array(ca.which_depends(y, x, 2, True))
+        straight = np.flatnonzero(~bent)
+        slope = np.array(ca.DM(ca.jacobian(y[straight.tolist()], x)))
+        at_zero = np.array(f(np.zeros(f.numel_in(0)))).ravel()[straight]
+        self._slope = torch.tensor(slope, dtype=torch.float32, device=device)
+        self._offset = torch.tensor(at_zero, dtype=torch.float32, device=device)[:, None]
+        rest = ca.Function("bent", [x], [ca.cse(y[np.flatnonzero(bent).tolist()])])
+        self._bent = to_torch(rest)
+        order = np.argsort(np.concatenate([straight, np.flatnonzero(bent)]))
+        self._order = torch.tensor(order, device=device)
+
     def features(self, observation: Tensor) -> Tensor:
         """[N, n] -> [n, M]."""
-        return torch.stack(self._features(observation)[0], dim=1)
+        straight = torch.addmm(self._offset, self._slope, observation)
+        bent = torch.stack(self._bent(observation)[0])
+        return torch.cat([straight, bent])[self._order].T
 
     def asked(self, y: Tensor, observation: Tensor) -> Tensor:
         """Commands [3, n] before they are limited."""

@@ -7,6 +7,11 @@ system, where all components step on the values of the last tick:
     tick t -> t+1   arm:   references of t - delay                 tool: arm and slew as they are at t
     every 5 ticks   slew:  networks, with the slew inertia of t and the joystick that is held from t on
 
+The networks' speed is the encoder's, about 0.2 s late, and so would be the tool that swings with it, while angle,
+gyro and IMU of the machine are not late.  `ahead` periods take this off again: the networks are run that far ahead
+of the clock, on the present command for what is still to come (the drive's own delay is nearly as long, so that it
+hardly matters); their speed is then the gyro's.  With 0 everything is as in the FMUs.
+
 All of it can be differentiated.  Beside what the FMUs have, the joystick can be changed on its way to the networks
 (`Variation`): one set of networks then stands for machines with other dead bands and delays.
 """
@@ -128,7 +133,11 @@ def _outside(known: Mapping[str, Any], inertia: Tensor, u: Tensor, omega: Tensor
 
 @cache
 def _equations() -> dict[str, Any]:
-    """tick: (arm, tool, references, slew rate, VARIED) -> (arm, tool) a tick later; pose: radius, height, inertia."""
+    """What is carried over to torch.
+
+    tick: (arm, tool, references, slew rate, VARIED) -> (arm, tool) a tick later; swing: (arm, tool, slew rate,
+    VARIED) -> tool, with the arm at rest; pose: (arm, load) -> radius, height, inertia.
+    """
     arm, tool = load_model("arm"), load_model("tool")
     x, t, r, w, v = (ca.SX.sym(n, k) for n, k in (("x", 4), ("t", 6), ("r", 2), ("w", 1), ("v", len(VARIED))))
     load = ca.SX.sym("load")
@@ -145,7 +154,9 @@ def _equations() -> dict[str, Any]:
     g = kinematics.geometry()
     inertia = kinematics.inertia_z(x[0], x[1], load, g)
     pose = ca.Function("pose", [x, load], ca.cse([ca.vertcat(out["radius"], out["height"], inertia)]))
-    return {"tick": to_torch(tick), "pose": to_torch(pose)}
+    rest = ca.vertcat(x[:2], ca.SX.zeros(2, 1))
+    swing = ca.Function("swing", [x, t, w, v], [ca.cse(ca.substitute(tool_after, x, rest))])
+    return {"tick": to_torch(tick), "pose": to_torch(pose), "swing": to_torch(swing)}
 
 
 def _parameters(model: Any, varied: ca.SX, load: float) -> ca.SX:
@@ -207,9 +218,10 @@ OWN_DEAD_BAND = parameters.load("control")["control_dead_band"].value  # of the 
 class Plant:
     """The simulation; holds no state of its own but the equations."""
 
-    def __init__(self, drive: Drive) -> None:
-        self.drive = drive
-        self.tick, self.pose = _equations()["tick"], _equations()["pose"]
+    def __init__(self, drive: Drive, ahead: int = 0, still: bool = False) -> None:
+        self.drive, self.ahead = drive, ahead
+        self.still = still  # the arm stays where it is: slew-only, and cheaper
+        self.tick, self.pose = _equations()["swing" if still else "tick"], _equations()["pose"]
 
     def start(self, q: Tensor, boom: Tensor, stick: Tensor, pressure: float = 0.0) -> State:
         """At rest at these angles [n], the tool hanging, histories as the slew model's FMU starts them."""
@@ -231,21 +243,25 @@ class Plant:
         sent = torch.cat([state.sent[1:], action[None]])
         share = machine.latency / TICKS
         joystick = warped((1.0 - share) * sent[-1, 0] + share * sent[-2, 0], machine.dead_band)
-        u = torch.cat([state.u, joystick[None]])
+        now = joystick.expand(self.ahead + 1, -1)
         inertia = self.inertia(state, machine)
-        left, right, speed = self.drive(u, state.p_l, state.p_r, state.omega, inertia)
+        known = torch.cat([state.u[self.ahead :], now])
+        left, right, speed = self.drive(known, state.p_l, state.p_r, state.omega, inertia)
         before = state.omega[-1]
         arm, tool = list(state.arm), list(state.tool)
         varied = [machine.varied[name] for name in VARIED]
         for i in range(TICKS):
+            rate = before + (i / TICKS) * (speed - before)
+            if self.still:
+                tool = self.tick(arm, tool, [rate], varied)[0]
+                continue
             references = [self._late(sent, 1, i, machine.boom_delay + machine.latency),
                           self._late(sent, 2, i, machine.stick_delay + machine.latency)]  # fmt: skip
-            rate = before + (i / TICKS) * (speed - before)
             arm, tool = self.tick(arm, tool, references, [rate], varied)
         return State(
-            u[1:], torch.cat([state.p_l[1:], left[None]]), torch.cat([state.p_r[1:], right[None]]),
+            torch.cat([state.u[1:], now[:1]]), torch.cat([state.p_l[1:], left[None]]), torch.cat([state.p_r[1:], right[None]]),
             torch.cat([state.omega[1:], speed[None]]), state.q + PERIOD_S * (before + speed) / 2,
-            torch.stack(arm), torch.stack(tool), sent,
+            torch.stack(arm), torch.stack([t + torch.zeros_like(speed) for t in tool]), sent,
         )  # fmt: skip
 
     @staticmethod
