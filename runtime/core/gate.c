@@ -21,12 +21,14 @@ static int too_fast(const SlrGateLimits *l, const SlrGateView *v, int axis, doub
   return command < 0.0 && v->speed[axis] <= -l->speed[axis];
 }
 
+static int opposed(double a, double b) { return (a > 0.0 && b < 0.0) || (a < 0.0 && b > 0.0); }
+
 /* Whether the command leads towards a wall that is too near. */
 static int against_a_wall(const SlrGateLimits *l, const SlrGateView *v, int axis, double command) {
   for (int i = v->by_hand ? SLR_FIRST_JOINT_WALL : 0; i < SLR_WALLS; i++) {
     const SlrWall *w = &v->walls[i];
     const double then = w->distance + l->ahead * lesser(w->rate, 0.0);
-    if (then <= 0.0 && w->gradient[axis] * command < 0.0) return 1;
+    if (then <= 0.0 && opposed(w->gradient[axis], command)) return 1;
   }
   return 0;
 }

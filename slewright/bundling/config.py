@@ -106,7 +106,7 @@ def geometry() -> ca.Function:
 
 
 def reach(target: ca.SX) -> ca.SX:
-    """By how much the grab point can hang at `target` [m or rad]; negative: not at all (kinematics.reachable)."""
+    """By how much the grab point can hang at `target` [m or rad]; negative where `reachable` says no."""
     p = kinematics.geometry()
     radius, z = ca.norm_2(target[:2]), target[2]
     _, q_boom, q_stick = kinematics.inverse(radius, 0.0, z, p)

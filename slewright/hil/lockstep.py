@@ -46,7 +46,7 @@ def lockstep(
     core.reset()
     image, sensors = INPUT.new(), sensor_names()
     rows = []
-    commands = dict.fromkeys(COMMANDS, 0.0)
+    commands: dict[str, float] = dict.fromkeys(COMMANDS, 0.0)
     with Machine(scenario, seed, which) as machine:
         for tick in range(-ARMING_TICKS, (scenario.duration_ticks if ticks is None else ticks) + 1):
             truth = machine.outputs()

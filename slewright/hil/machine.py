@@ -17,7 +17,7 @@ from specs.scenario import TICK_S, Scenario
 from specs.signals import signal
 
 COMPONENT = "machine"
-COMMANDS = ("u_slew", "u_boom", "u_stick")
+COMMANDS: tuple[str, ...] = ("u_slew", "u_boom", "u_stick")
 
 
 class Machine:
