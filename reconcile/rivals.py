@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations, islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from reconcile import evidence
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.score import Score
+from reconcile.score import Score, Scored
 
 if TYPE_CHECKING:
     from reconcile.search import Search
 
 RIVALS = 5  # fitted for each effect of the answer
+PAIRS, PAIRS_LOOKED_AT = 2, 100  # of effects, for one of several parameters
 CLOSE = (
     6.0  # of twice the log-likelihood: nearer sets are not told apart (more is strong: Kass and Raftery 1995)
 )
@@ -42,21 +44,35 @@ class Rivals:
         return present, self._near(Key(present), [Key(present), *sorted(self._rivals(present), key=_keys)])
 
     def _rivals(self, present: Sequence[Attached]) -> set[Key]:
-        """Sets with one effect exchanged, fitted from where the answer is."""
+        """Sets with one effect exchanged for another or for two of no more parameters, or two for one."""
         found: set[Key] = set()
         fitted = self.search.tried.fits[Key(present)]
-        for at, a in enumerate(present):
-            self.search.report("rivals", at, len(present))
-            rest = tuple(x for x in present if x != a)
-            others = [x for x in self.search.others(rest) if x.key != a.key]
-            without = self._stripped(fitted, a)
+        exchanged = [*combinations(present, 1), *combinations(present, 2)]
+        for at, gone in enumerate(exchanged):
+            self.search.report("rivals", at, len(exchanged))
+            rest = tuple(x for x in present if x not in gone)
+            others = [x for x in self.search.others(rest) if x.key not in {a.key for a in gone}]
+            if len(gone) == 1:
+                found |= self._simplified(fitted, gone[0])
+            else:
+                others = [x for x in others if len(x.free) > 1]
+            without = self._stripped(fitted, gone)
             score = Score(self.search.study, without, others)
-            found |= self._simplified(fitted, a)
-            for scored in score.best(RIVALS, 1):
+            for scored in (*score.best(RIVALS, 1), *self._pairs(score, gone)):
                 key = self.search.attempt(without, scored, again=3.0 * fitted.cost)
-                if key is not None and len(key) <= len(present):
+                if key is not None and len(key) < len(present) + len(scored.variants):
                     found.add(key)
         return found
+
+    def _pairs(self, score: Score, gone: Sequence[Attached]) -> list[Scored]:
+        """Two effects instead of one that has as many parameters: wind against a load on either axis."""
+        room = len(gone[0].free) if len(gone) == 1 else 0
+        if room < 2:
+            return []
+        small = (
+            s for s in score.best(PAIRS_LOOKED_AT, 2) if sum(len(v.attached.free) for v in s.variants) <= room
+        )
+        return list(islice(small, PAIRS))
 
     def _simplified(self, fitted: Fitted, a: Attached) -> set[Key]:
         """The answer with an effect in its simpler forms, which start from what it came to."""
@@ -74,14 +90,14 @@ class Rivals:
                 found.add(key)
         return found
 
-    def _stripped(self, fitted: Fitted, a: Attached) -> Fitted:
-        """The answer's fit with one effect switched off and nothing fitted again."""
+    def _stripped(self, fitted: Fitted, gone: Sequence[Attached]) -> Fitted:
+        """The answer's fit with some effects switched off and nothing fitted again."""
         p = fitted.point.p.copy()
-        for n in a.columns:
+        for n in (n for a in gone for n in a.columns):
             p[self.search.study.extended.index[n]] = 0.0
-        present = tuple(x for x in fitted.point.present if x != a)
+        present = tuple(x for x in fitted.point.present if x not in gone)
         point = replace(fitted.point, p=p, present=present)
-        free = tuple(f for f in fitted.free if f.name not in a.free)
+        free = tuple(f for f in fitted.free if not any(f.name in a.free for a in gone))
         return replace(fitted, point=point, free=free, cost=np.inf)
 
     def _simplest(self, pool: Sequence[Key]) -> Key:

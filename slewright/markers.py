@@ -18,9 +18,13 @@ def fill(path: Path, name: str, text: str) -> None:
 
 
 def around(path: Path, name: str) -> tuple[str, str]:
-    """What stands before and after the markers of `name`; raises InputError if they are missing."""
+    """What stands before and after the markers of `name`; InputError if they or the file are missing."""
     begin, end = _markers(name)
-    head, found, rest = path.read_text(encoding="utf-8").partition(begin)
+    try:
+        content = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    head, found, rest = content.partition(begin)
     _, closed, tail = rest.partition(end)
     if not (found and closed):
         raise InputError(f"{path}: no '{begin}' … '{end}' to fill")

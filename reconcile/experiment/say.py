@@ -61,13 +61,13 @@ def between(study: Study, figures: dict[str, Any], limits: Limits) -> str:
         what = "; ".join(_pair(p) for p in told)
         least = min(p["predicted_margin"] for p in told)
         parts.append(
-            f"To tell {what} apart, {drive(study, figures)}: a margin of "
+            f"To tell {what}, {drive(study, figures)}: a margin of "
             f"{least:.3g} is predicted, {needed:g} is needed.{_range(figures, limits)}"
         )
     if untold:
         what = "; ".join(_pair(p) for p in untold)
         would = f"; a sensor {figures['sensors'][0]} would" if figures["sensors"] else ""
-        parts.append(f"No excitation within the limits tells {what} apart{would}.")
+        parts.append(f"No excitation within the limits tells {what}{would}.")
     return " ".join(parts)
 
 
@@ -103,8 +103,9 @@ def sensors(apart: Sequence[tuple[Sequence[Attached], Sequence[Attached]]]) -> l
 
 
 def _pair(p: dict[str, Any]) -> str:
-    one, other = (" and ".join(p[k]) or "its absence" for k in ("one", "other"))
-    return f"{one} and {other}"
+    """A pair of differing effects: a from b, a + b from c."""
+    one, other = (" + ".join(p[k]) or "its absence" for k in ("one", "other"))
+    return f"{one} from {other}"
 
 
 def _range(figures: dict[str, Any], limits: Limits) -> str:

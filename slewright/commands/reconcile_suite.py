@@ -35,11 +35,16 @@ def reconcile_suite(
     ] = True,
     again: Annotated[bool, typer.Option("--again", help="Answer cases that are there once more.")] = False,
     summary: Annotated[bool, typer.Option("--summary", help="Do nothing; figures of what is there.")] = False,
+    markdown: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Fill the results of such suites in this page.")
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Draw machines with hidden effects, reconcile them, and score what is named against the sealed truth."""
     import secrets
 
+    from slewright import markers
+    from slewright.suite import page
     from slewright.suite.plan import settle
     from slewright.suite.run import check_packages, run_suite, there
     from slewright.suite.summary import missed, summarise
@@ -49,6 +54,8 @@ def reconcile_suite(
     if summary and out is None:
         raise InputError("--summary needs --out DIR, the folder of the suite")
     check_packages(dask, baselines and not summary)
+    if markdown:
+        markers.around(markdown, page.name(noise, visible))  # said now, not after hours
     fresh = secrets.randbelow(2**31) if seed is None else seed
     folder = out or Path("out/reconcile-suite") / f"{noise}-{system or 'all'}-{visible}-{fresh}"
     settings = settle(folder, seed, fresh, noise=noise, system=system, visible=visible)
@@ -63,6 +70,8 @@ def reconcile_suite(
         figures["missed"] = missed(figures, noise, visible)
         _print(figures, results)
         write(json, figures, settings.seed)
+        if markdown:
+            markers.fill(markdown, page.name(noise, visible), page.page(figures, settings.seed))
     for text in figures["missed"]:
         typer.echo(f"missed: {text}")
     if figures["missed"]:

@@ -225,8 +225,7 @@ def test_where_no_excitation_helps_that_is_said_with_the_sensor_that_would(rig):
     assert proposal.figures["plan"] is None
     assert proposal.commands == {}
     assert (
-        "No excitation within the limits tells input_delay and sensor_delay apart"
-        in proposal.figures["sentence"]
+        "No excitation within the limits tells input_delay from sensor_delay" in proposal.figures["sentence"]
     )
     assert "a sensor of what really arrives behind force would" in proposal.figures["sentence"]
 

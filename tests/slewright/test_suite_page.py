@@ -1,0 +1,53 @@
+"""The page of a suite's figures."""
+
+import pytest
+
+from slewright.commands.reconcile_suite import reconcile_suite
+from slewright.suite import page
+from slewright.suite.summary import summarise
+from specs.errors import InputError
+
+
+def result(**other) -> dict:
+    """Of one case: friction, and friction was named."""
+    found = {"system": "servo", "result": "exact", "visible": ["coulomb_friction"], "verdict": "named"}
+    found |= {"named": [["coulomb_friction"]], "unambiguous": True, "equivalents": [["coulomb_friction"]]}
+    found |= {
+        "redrawn": 0,
+        "workflow_failed": "",
+        "false_positive": False,
+        "parameters": [],
+        "port_right": [],
+    }
+    found |= {"gap_shrink": {"q": 0.99}, "seconds": 12.0, "draw_seconds": 1.0, "equivalents_added": 0}
+    return found | {"experiment": None, "baselines": {}} | other
+
+
+def figures(*results: dict) -> dict:
+    return {"noise": "low", "visible": "drawn", "asked": 2, **summarise(results)}
+
+
+def test_the_page_says_what_was_asked_and_reached_and_what_was_taken_for_what():
+    wrong = result(result="wrong", visible=["input_dead_zone"], named=[["input_backlash"]])
+    text = page.page(figures(result(), wrong), 7)
+    assert "slewright reconcile-suite --cases 2 --noise low --seed 7" in text
+    assert "| `share_wrong` | ≤ 0.02 | 0.5 |" in text
+    assert "| input_dead_zone | input_backlash 1 |" in text
+    assert "| coulomb_friction | coulomb_friction 1 |" in text
+    assert "| all | 2 | 1 | 1 | 12 |" in text
+
+
+def test_a_suite_that_was_stopped_says_after_how_many():
+    assert "stopped after 1 cases" in page.page(figures(result()), 7)
+    assert "stopped after 0 cases" in page.page(figures(), 7)
+
+
+def test_a_page_without_a_place_for_the_results_is_refused_before_anything_is_drawn(tmp_path):
+    (tmp_path / "page.md").write_text("# Nothing here")
+    for path, said in (
+        (tmp_path / "page.md", "suite-low-drawn:begin"),
+        (tmp_path / "no.md", "cannot be read"),
+    ):
+        with pytest.raises(InputError, match=said):
+            reconcile_suite(cases=1, out=tmp_path / "out", markdown=path, baselines=False)
+    assert not (tmp_path / "out" / "cases").exists()
