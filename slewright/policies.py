@@ -1,4 +1,4 @@
-"""Policies as controllers: an ONNX file becomes a model folder, which stands where the systems have theirs."""
+"""Policies as controllers: an ONNX file becomes a model folder that stands where the systems have theirs."""
 
 import hashlib
 import re
@@ -57,7 +57,7 @@ def evaluate(
     opened: Any = None,
     report: Any = None,
 ) -> dict[str, Any]:
-    """Run a policy through the orchestrator on re-drawn reference machines; figures by load and by machine."""
+    """Run a policy through the orchestrator on re-drawn machines; figures by load and by machine."""
     from baselines.compare.plan import make_plan
     from orchestrator.campaign.run import record_path, run_campaign
     from records.record import read as read_record
@@ -81,7 +81,7 @@ def evaluate(
         "task": policy.contract.task, "policy": str(path), "draw_set": draw_set, "machines": machines,
         "pace": pace, "made": dict(policy.contract.made),
         "loads": {load: _mean(r for r in rows if r["load"] == load) for load in loads},
-        "draws": {d: _mean(r for r in rows if r["draw"] == d) for d in dict.fromkeys(r["draw"] for r in rows)},
+        "draws": {d: _mean(r for r in rows if r["draw"] == d) for d in {r["draw"]: 0 for r in rows}},
         "seeds": {str(policy.contract.made.get("seed", "")): _mean(rows)},
         "failed": {f"{r['load']}/{r['draw']}": r["failed"] for r in rows if r["failed"]},
     }  # fmt: skip

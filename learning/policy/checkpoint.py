@@ -1,4 +1,4 @@
-"""Checkpoints: all that a training needs to go on along the same learning curve; refused where they do not fit."""
+"""Checkpoints: all that a training needs to go on along the same curve; refused where they do not fit."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, fields, is_dataclass
@@ -20,10 +20,7 @@ def save(path: Path, recipe: Recipe, seed: int, data: str, state: Mapping[str, A
     """Write by way of a file beside it: there is always a whole checkpoint."""
     import torch
 
-    content = {
-        "format": FORMAT, "task": recipe.task, "history": recipe.history, "layout": list(layout(recipe.history)),
-        "recipe": _plain(asdict(recipe)), "seed": seed, "data_sha256": data, "state": _plain(dict(state)),
-    }  # fmt: skip
+    content = {**_told(recipe, seed, data), "state": _plain(dict(state))}
     part = path.with_name(f".{path.name}.part")
     torch.save(content, part)
     part.replace(path)
@@ -42,15 +39,24 @@ def load(path: Path, recipe: Recipe, seed: int, data: str) -> dict[str, Any]:
         state = found["state"]
     except Exception as error:  # a damaged file: zip, pickle and torch errors of many kinds
         raise InputError(f"{path} is no readable checkpoint ({type(error).__name__}); remove it") from error
-    wanted = {
-        "format": FORMAT, "task": recipe.task, "history": recipe.history, "layout": list(layout(recipe.history)),
-        "seed": seed, "data_sha256": data, "recipe": _plain(asdict(recipe)),
-    }  # fmt: skip
-    for key, value in wanted.items():
+    for key, value in _told(recipe, seed, data).items():
         if told[key] != value:
             raise InputError(f"{path}: a checkpoint of another {_difference(key, told[key], value)}; "
                              "name another --out, or remove it")  # fmt: skip
     return {key: _whole(value) for key, value in state.items()}
+
+
+def _told(recipe: Recipe, seed: int, data: str) -> dict[str, Any]:
+    """What must be the same for a training to go on."""
+    return {
+        "format": FORMAT,
+        "task": recipe.task,
+        "history": recipe.history,
+        "layout": list(layout(recipe.history)),
+        "seed": seed,
+        "data_sha256": data,
+        "recipe": _plain(asdict(recipe)),
+    }
 
 
 def _difference(key: str, have: Any, want: Any) -> str:

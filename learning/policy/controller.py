@@ -84,8 +84,8 @@ def _next_state(tick: ca.Function, length: int, x: Namespace, u: Namespace) -> d
 def _tick(policy: Policy) -> ca.Function:
     """(due, started, history, sensors, targets) -> history; its newest commands are those that are held.
 
-    Between answers the newest row of commands is the one that is held; the sensors' newest row is the one that
-    it answered.  At the next answer that row of commands becomes the one before.
+    Between answers the newest row of commands is the one that is held; the sensors' newest row is the one
+    that it answered.  At the next answer that row of commands becomes the one before.
     """
     length = policy.contract.history
     history = ca.MX.sym("history", len(CHANNELS) * length)

@@ -1,7 +1,7 @@
 """The training environment: n simulated machines with sensors, targets, rewards and terminations, at 10 Hz.
 
-Targets lie at slew angle 0, so that the slew angle is the error (paper).  Everything is a tensor [rows, n] and no
-operation works in place, so that a whole episode can be differentiated.
+Targets lie at slew angle 0, so that the slew angle is the error (paper).  Everything is a tensor [rows, n]
+and no operation works in place, so that a whole episode can be differentiated.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ class Situation:
     def take(self, other: "Situation", where: Tensor) -> "Situation":
         """This one, but `other` where the mask [n] says so."""
         pairs = {k: (v, getattr(other, k)) for k, v in self.__dict__.items()}
-        joined = {k: a.take(b, where) if isinstance(a, State | Machine) else torch.where(where, b, a)
+        joined: dict[str, Any] = {k: a.take(b, where) if isinstance(a, State | Machine) else torch.where(where, b, a)
                   for k, (a, b) in pairs.items()}  # fmt: skip
         return Situation(**joined)
 
@@ -137,7 +137,8 @@ class Environment:
         }
         return Machine(
             varied, self.uniform(*r.load), ticks(base.boom_delay), ticks(base.stick_delay),
-            self.uniform(*r.latency).floor(), drawn(r.dead_band, base.dead_band), self.uniform(*r.inertia_scale),
+            self.uniform(*r.latency).floor(), drawn(r.dead_band, base.dead_band),
+            self.uniform(*r.inertia_scale),
         )  # fmt: skip
 
     def fresh(self) -> Situation:
@@ -162,7 +163,7 @@ class Environment:
         return replace(found, sensors=row[:, None].expand(-1, self.recipe.history, -1))
 
     def retargeted(self, now: Situation) -> Situation:
-        """The same machines as they are, with new targets: the slew angle and its history turn with the target."""
+        """The same machines as they are, with new targets: angle and history turn with the target."""
         q = self._slew_errors()
         turn = q - now.state.q
         place = CHANNELS.index(SLEW_ERROR)
@@ -170,7 +171,8 @@ class Environment:
         sensors = torch.cat([now.sensors[:place], turned, now.sensors[place + 1 :]])
         arm = now.state.arm
         return replace(
-            now, state=replace(now.state, q=q), sensors=sensors, start=q, target=self._targets(arm[0], arm[1]),
+            now, state=replace(now.state, q=q), sensors=sensors, start=q,
+            target=self._targets(arm[0], arm[1]),
             pace=self.uniform(*self.random.pace), age=torch.zeros_like(now.age),
         )  # fmt: skip
 

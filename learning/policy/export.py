@@ -1,6 +1,6 @@
 """Policies as ONNX files: written from weights, read back, refused where they differ from specs/policy.py.
 
-    observation float32 [1, N]  ->  double: features, layers with tanh, commands, limits  ->  action float32 [1, 3]
+    observation float32 [1, N]  ->  features, layers with tanh, commands, limits  ->  action float32 [1, 3]
 
 Everything between is double, so that rounding is that of the two ends alone.
 """

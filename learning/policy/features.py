@@ -1,12 +1,12 @@
 """From an observation to a network's inputs, and from its outputs to commands: CasADi, written once.
 
-Torch (training), ONNX (export) and the FMU's C code are all made from these expressions.  Trigonometry is kept
-to sine, cosine and root, which all three have in double precision: an angle D between two directions enters as
-2 tan(D / 2) = 2 sin D / (1 + cos D), which is D for small ones.
+Torch (training), ONNX (export) and the FMU's C code are all made from these expressions.  Trigonometry is
+kept to sine, cosine and root, which all three have in double precision: an angle D between two directions
+enters as 2 tan(D / 2) = 2 sin D / (1 + cos D), which is D for small ones.
 
-Scales are those of the authors' public training where it has them (slew speed 0.3, arm speeds 0.15 rad/s, inertia
-4e5 ± 2e5 kg m2, target 9 ± 2 m and 6 ± 2 m); the tool's are smaller (0.3 rad, 0.5 rad/s), because a controller
-that is to keep it still sees less of it.
+Scales are those of the authors' public training where it has them (slew speed 0.3, arm speeds 0.15 rad/s,
+inertia 4e5 ± 2e5 kg m2, target 9 ± 2 m and 6 ± 2 m); the tool's are smaller (0.3 rad, 0.5 rad/s), because a
+controller that is to keep it still sees less of it.
 """
 
 from functools import cache

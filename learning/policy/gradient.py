@@ -1,8 +1,8 @@
 """Training through the simulation's own gradient: whole episodes, differentiated by the weights.
 
-The paper's mixed simulation is differentiable, so the derivative of an episode's reward by the weights need not be
-estimated by trials.  Each iteration plays one episode of every machine and takes one step of Adam.  A share of the
-episodes begins where the last one ended, with a new target and the tool still swinging.
+The paper's mixed simulation is differentiable, so the derivative of an episode's reward by the weights need
+not be estimated by trials.  Each iteration plays one episode of every machine and takes one step of Adam.
+A share of the episodes begins where the last one ended, with a new target and the tool still swinging.
 """
 
 import math

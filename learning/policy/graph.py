@@ -1,8 +1,8 @@
 """CasADi expressions carried over to torch (batched) and ONNX: written once, the same operations in both.
 
-`to_torch` turns a scalar (SX) function into straight-line torch code on tensors of any shape; what is a number
-stays a number.  `to_onnx` writes the same operations as double nodes of a graph.  Operators that neither model nor
-controller uses are refused by name.
+`to_torch` turns a scalar (SX) function into straight-line torch code on tensors of any shape; what is a
+number stays a number.  `to_onnx` writes the same operations as double nodes of a graph.  Operators that
+neither model nor controller uses are refused by name.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -17,7 +17,8 @@ from specs.errors import InputError
 # operator -> (torch, ONNX operators from the inside out); {0}, {1}: operands
 _TORCH = {
     "OP_ADD": "{0} + {1}", "OP_SUB": "{0} - {1}", "OP_MUL": "{0} * {1}", "OP_DIV": "{0} / {1}",
-    "OP_NEG": "-{0}", "OP_ASSIGN": "{0}", "OP_SQ": "{0} * {0}", "OP_TWICE": "2.0 * {0}", "OP_INV": "1.0 / {0}",
+    "OP_NEG": "-{0}", "OP_ASSIGN": "{0}", "OP_SQ": "{0} * {0}", "OP_TWICE": "2.0 * {0}",
+    "OP_INV": "1.0 / {0}",
     "OP_SQRT": "m.sqrt({0})", "OP_SIN": "m.sin({0})", "OP_COS": "m.cos({0})", "OP_TANH": "m.tanh({0})",
     "OP_EXP": "m.exp({0})", "OP_FABS": "m.abs({0})", "OP_SIGN": "m.sign({0})",
     "OP_FMIN": "least({0}, {1})", "OP_FMAX": "most({0}, {1})", "OP_ATAN2": "angle({0}, {1})",

@@ -1,19 +1,20 @@
-"""The paper's mixed simulation, batched in torch: slew networks, arm, tool; one `advance` is 0.1 s of control.
+"""The paper's mixed simulation, batched in torch: slew networks, arm, tool; an `advance` is 0.1 s.
 
-State and parameters are tensors [rows, n] or [n], so that each quantity lies together in memory.  The equations of
-arm and tool are those of their FMUs, carried over by `graph.to_torch`; the couplings are those of the nominal
-system, where all components step on the values of the last tick:
+State and parameters are tensors [rows, n] or [n], so that each quantity lies together in memory.  The
+equations of arm and tool are those of their FMUs, carried over by `graph.to_torch`; the couplings are those
+of the nominal system, where all components step on the values of the last tick:
 
     tick t -> t+1   arm:   references of t - delay                 tool: arm and slew as they are at t
     every 5 ticks   slew:  networks, with the slew inertia of t and the joystick that is held from t on
 
-The networks' speed is the encoder's, about 0.2 s late, and so would be the tool that swings with it, while angle,
-gyro and IMU of the machine are not late.  `ahead` periods take this off again: the networks are run that far ahead
-of the clock, on the present command for what is still to come (the drive's own delay is nearly as long, so that it
-hardly matters); their speed is then the gyro's.  With 0 everything is as in the FMUs.
+The networks' speed is the encoder's, about 0.2 s late, and so would be the tool that swings with it, while
+angle, gyro and IMU of the machine are not late.  `ahead` periods take this off again: the networks are run
+that far ahead of the clock, on the present command for what is still to come (the drive's own delay is
+nearly as long, so that it hardly matters); their speed is then the gyro's.  With 0 everything is as in the
+FMUs.
 
-All of it can be differentiated.  Beside what the FMUs have, the joystick can be changed on its way to the networks
-(`Variation`): one set of networks then stands for machines with other dead bands and delays.
+All of it can be differentiated.  Beside what the FMUs have, the joystick can be changed on its way to the
+networks (`Variation`): one set of networks then stands for machines with other dead bands and delays.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,8 +52,10 @@ class Drive:
         self.networks = tuple(networks)
         self.symmetric = networks[0].symmetric
         kind = {"device": device, "dtype": dtype}
-        self.parts = {name: [_stack(nets, kind) for nets in zip(*(getattr(n, name) for n in networks), strict=True)]
-                      for name in ("pressure", "velocity")}  # fmt: skip
+        self.parts = {
+            name: [_stack(nets, kind) for nets in zip(*(getattr(n, name) for n in networks), strict=True)]
+            for name in ("pressure", "velocity")
+        }
         self.maps = [_visited(n, device) for n in networks]
 
     def __call__(
@@ -99,10 +102,8 @@ def _stack(nets: Sequence[Mlp], kind: Mapping[str, Any]) -> list[tuple[Tensor, T
         w[0] = w[0] / net.std_in
         w[-1], b[-1] = net.std_out[:, None] * w[-1], net.std_out * b[-1] + net.mean_out
         layers.append(list(zip(w, b, strict=True)))
-    return [
-        (torch.tensor(np.stack([w for w, _ in row]), **kind), torch.tensor(np.stack([b for _, b in row])[..., None], **kind))
-        for row in zip(*layers, strict=True)
-    ]  # fmt: skip
+    rows = [[np.stack(values) for values in zip(*row, strict=True)] for row in zip(*layers, strict=True)]
+    return [(torch.tensor(w, **kind), torch.tensor(b[..., None], **kind)) for w, b in rows]
 
 
 def _forward(layers: Sequence[tuple[Tensor, Tensor]], x: Tensor) -> Tensor:
@@ -135,8 +136,8 @@ def _outside(known: Mapping[str, Any], inertia: Tensor, u: Tensor, omega: Tensor
 def _equations() -> dict[str, Any]:
     """What is carried over to torch.
 
-    tick: (arm, tool, references, slew rate, VARIED) -> (arm, tool) a tick later; swing: (arm, tool, slew rate,
-    VARIED) -> tool, with the arm at rest; pose: (arm, load) -> radius, height, inertia.
+    tick: (arm, tool, references, slew rate, VARIED) -> (arm, tool) a tick later; swing: (arm, tool, slew
+    rate, VARIED) -> tool, with the arm at rest; pose: (arm, load) -> radius, height, inertia.
     """
     arm, tool = load_model("arm"), load_model("tool")
     x, t, r, w, v = (ca.SX.sym(n, k) for n, k in (("x", 4), ("t", 6), ("r", 2), ("w", 1), ("v", len(VARIED))))
@@ -259,7 +260,8 @@ class Plant:
                           self._late(sent, 2, i, machine.stick_delay + machine.latency)]  # fmt: skip
             arm, tool = self.tick(arm, tool, references, [rate], varied)
         return State(
-            torch.cat([state.u[1:], now[:1]]), torch.cat([state.p_l[1:], left[None]]), torch.cat([state.p_r[1:], right[None]]),
+            torch.cat([state.u[1:], now[:1]]), torch.cat([state.p_l[1:], left[None]]),
+            torch.cat([state.p_r[1:], right[None]]),
             torch.cat([state.omega[1:], speed[None]]), state.q + PERIOD_S * (before + speed) / 2,
             torch.stack(arm), torch.stack([t + torch.zeros_like(speed) for t in tool]), sent,
         )  # fmt: skip

@@ -1,7 +1,7 @@
 """PPO by rsl-rl-lib on the batched environment: its algorithm and storage, our loop around them.
 
-Our loop, because a run that is killed must go on along the same learning curve: a checkpoint holds the machines,
-all generators and the algorithm.  The critic may see what no sensor tells (`Recipe.asymmetric`).
+Our loop, because a run that is killed must go on along the same learning curve: a checkpoint holds the
+machines, all generators and the algorithm.  The critic may see what no sensor tells (`Recipe.asymmetric`).
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""What is trained and how: rewards and their curriculum, what is randomised, both training methods' settings."""
+"""What is trained and how: rewards and their curriculum, what is randomised, both methods' settings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,7 @@ Method = Literal["ppo", "gradient"]
 
 @dataclass(frozen=True)
 class Randomisation:
-    """Ranges from which every simulated machine and start is drawn, uniformly; SI.  A point switches one off."""
+    """Ranges from which each simulated machine and start is drawn, uniformly; SI; `off` switches them off."""
 
     load: Range = (0.0, 2000.0)
     load_told: float = 0.5  # share of episodes in which the load is told; else 0 is
@@ -48,7 +48,7 @@ class Randomisation:
 
 @dataclass(frozen=True)
 class Recipe:
-    """One way to train; `weights` are of rewards.TERMS a second, `gentle` the power of 1 / pace on `quiet`."""
+    """One way to train; `weights` are of rewards.TERMS a second, `gentle` a power of 1 / pace on `quiet`."""
 
     name: str
     why: str
@@ -59,8 +59,8 @@ class Recipe:
     weights: Mapping[str, float] = field(default_factory=dict)
     quiet: tuple[str, ...] = ("oscillation", "swing")  # terms that weigh more at a slower pace
     gentle: float = 3.0
-    first: Shape = Shape()  # widths of the terms at the start …
-    last: Shape = Shape()  # … and at the end of the curriculum
+    first: Shape = field(default_factory=Shape)  # widths of the terms at the start …
+    last: Shape = field(default_factory=Shape)  # … and at the end of the curriculum
     curriculum: float = 0.5  # share of the training after which it is at its end
     late_terms: tuple[str, ...] = ("one_shot",)  # their weights rise from 0 with the curriculum
     random: Randomisation = Randomisation()

@@ -1,7 +1,8 @@
 """The paper's seven reward terms, each a function of what happened in a step of 0.1 s; and four of our own.
 
-e: grab point less target [3, n] in m (full), or the slew error times ARC [1, n] (slew-only); all else as named.
-Each term is what the paper writes, without its weight; a recipe weighs them, and leaves one out by a weight of 0.
+e: grab point less target [3, n] in m (full), or the slew error times ARC [1, n] (slew-only); all else as
+named. Each term is what the paper writes, without its weight; a recipe weighs them, and leaves one out by a
+weight of 0.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""`slewright train policy`: iterations with progress, checkpoints and a learning curve; an ONNX policy at the end.
+"""`slewright train policy`: iterations, checkpoints and a learning curve; an ONNX policy at the end.
 
 OUT/checkpoint.pt   the last good state: a run that was ended goes on from it
 OUT/curve.jsonl     figures of every iteration
@@ -85,7 +85,7 @@ def changes(texts: Sequence[str]) -> dict[str, Any]:
 
 
 def run(options: Options, report: Report) -> dict[str, Any]:
-    """Train, or go on; returns the figures.  RunError if the training fails: the last good checkpoint stays."""
+    """Train, or go on; returns the figures.  RunError if training fails: the last good checkpoint stays."""
     chosen = options.chosen()
     paths = options.networks or NETWORKS
     data = digest(paths)

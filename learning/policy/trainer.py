@@ -42,7 +42,7 @@ class Trainer:
     def play(
         self, s: Situation, y: Tensor, observation: Tensor, leak: float = LEAK
     ) -> tuple[Situation, dict[str, Tensor]]:
-        """A step with the network's answer y [n, outputs]: the situation after it, weighed rewards [n] by term."""
+        """A step with the network's answer y [n, outputs]: the situation after it, weighed rewards [n]."""
         e = self.environment
         asked = self.interface.asked(y, observation)
         after = e.advance(s, self.interface.limited(asked, leak))
@@ -76,7 +76,7 @@ class Trainer:
     def report(
         self, terms: Mapping[str, Tensor], count: int, unknown: Tensor, ended: Tensor
     ) -> dict[str, float]:
-        """Mean reward a second by term over `count` steps, and the shares outside the data and the keep-out."""
+        """Mean reward a second by term over `count` steps; shares outside the data and in the keep-out."""
         found = {f"reward/{name}": float(value) / count for name, value in terms.items()}
         return {
             "reward": sum(found.values()), **found,
