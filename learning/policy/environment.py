@@ -47,8 +47,10 @@ class Situation:
     def take(self, other: "Situation", where: Tensor) -> "Situation":
         """This one, but `other` where the mask [n] says so."""
         pairs = {k: (v, getattr(other, k)) for k, v in self.__dict__.items()}
-        joined: dict[str, Any] = {k: a.take(b, where) if isinstance(a, State | Machine) else torch.where(where, b, a)
-                  for k, (a, b) in pairs.items()}  # fmt: skip
+        joined: dict[str, Any] = {
+            k: a.take(b, where) if isinstance(a, State | Machine) else torch.where(where, b, a)
+            for k, (a, b) in pairs.items()
+        }
         return Situation(**joined)
 
     def cut(self) -> "Situation":
