@@ -31,6 +31,23 @@ static int finite(const SlrView *view) {
   return sum == 0.0;
 }
 
+#define ENTRY(name, vr, group, min, max, timeout, start) {min, max},
+static const double ranges[SLR_OUT_COUNT][2] = {SLR_OUTPUT_SIGNALS(ENTRY)};
+
+static int is_command(int output) {
+  return output == SLR_OUT_u_slew || output == SLR_OUT_u_boom || output == SLR_OUT_u_stick;
+}
+
+/* Whatever a controller says, no signal leaves its range; commands are the gate's. */
+static void keep_ranges(SlrView *view) {
+  for (int i = 0; i < SLR_OUT_COUNT; i++) {
+    if (is_command(i)) continue;
+    double *value = &view->board[SLR_OWN(i)];
+    if (*value < ranges[i][0]) *value = ranges[i][0];
+    if (*value > ranges[i][1]) *value = ranges[i][1];
+  }
+}
+
 static void start_controllers(SlrState *s, SlrView *view) {
   for (int i = 0; i < SLR_OUT_COUNT; i++) view->board[SLR_OWN(i)] = 0.0;
   slr_controller->initialise(state_of(s, slr_controller), view->board);
@@ -46,7 +63,9 @@ static int run_controllers(SlrState *s, SlrView *view) {
   if (s->running % slr_controller->period == 0)
     failed |= slr_controller->step(state_of(s, slr_controller), view->board);
   s->running += 1;
-  return failed || !finite(view);
+  if (failed || !finite(view)) return -1;
+  keep_ranges(view);
+  return 0;
 }
 
 static void stop_controllers(SlrState *s, SlrView *view) {

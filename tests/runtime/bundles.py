@@ -16,7 +16,7 @@ NO_RATE_LIMIT = (("gate_rise", 100.0), ("gate_fall", 100.0))  # 2 a tick: from o
 @cache
 def built(controller: str = "pi", changes: tuple[tuple[str, float], ...] = ()) -> Bundle:
     """The bundle of a controller with changed parameters of specs/parameters/gate.toml."""
-    return bundle(controller, _folder() / f"{controller}-{len(changes)}", changes=dict(changes))
+    return bundle(controller, folder() / f"{controller}-{len(changes)}", changes=dict(changes))
 
 
 def core(controller: str = "pi", changes: tuple[tuple[str, float], ...] = ()) -> ControlCore:
@@ -25,7 +25,8 @@ def core(controller: str = "pi", changes: tuple[tuple[str, float], ...] = ()) ->
 
 
 @cache
-def _folder() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="slewright-bundles-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
+def folder() -> Path:
+    """Where the bundles of this session lie."""
+    made = Path(tempfile.mkdtemp(prefix="slewright-bundles-"))
+    atexit.register(shutil.rmtree, made, ignore_errors=True)
+    return made
