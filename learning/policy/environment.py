@@ -12,13 +12,14 @@ import torch
 from torch import Tensor
 
 from fmus.equations import kinematics
-from fmus.slew_nn.network import SlewNetwork
+from fmus.slew_nn.network import HISTORY, INPUTS, SlewNetwork
 from learning.policy.features import errors
 from learning.policy.graph import to_torch
 from learning.policy.plant import Drive, Machine, Plant, State, nominal
 from learning.policy.recipe import Randomisation, Recipe
 from learning.policy.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
 from specs import parameters
+from specs.errors import InputError
 from specs.policy import CHANNELS, SLEW_ERROR, SPACING_S, TICK_S
 
 LATE = 2  # periods by which the arm encoders' rates are late (0.2 s)
@@ -271,6 +272,11 @@ def without_noise(recipe: Recipe) -> Recipe:
 def load_networks(paths: Sequence[Any]) -> list[SlewNetwork]:
     """Slew networks from files; InputError names what is wrong with one."""
     found = [SlewNetwork.load(path) for path in paths]
-    for network in found:
+    for path, network in zip(paths, found, strict=True):
         network.check_whole()
+        for part in ("pressure", "velocity"):
+            if (have := getattr(network, part)[0].sizes[0]) != INPUTS:
+                raise InputError(
+                    f"{path}: a {part} network of {have} inputs; with a history of {HISTORY} it has {INPUTS}"
+                )
     return found
