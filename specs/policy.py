@@ -57,6 +57,7 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "qd_boom_ref": (-ARM_LIMIT, ARM_LIMIT),
     "qd_stick_ref": (-ARM_LIMIT, ARM_LIMIT),
 }
+PRIORS = ("", "pd")
 META = "slewright.policy"  # key of the ONNX metadata that holds `Contract.as_json`
 
 
@@ -86,6 +87,7 @@ class Contract:
     spacing_s: float = SPACING_S
     format: int = FORMAT
     specs_version: str = VERSION
+    prior: str = ""  # a law inside the graph that the network's answer is added to (PRIORS)
     data_sha256: str = ""  # of the slew networks it was trained with
     ranges: Mapping[str, tuple[float, float]]
     made: Mapping[str, Any]  # command, seed, commit, figures
@@ -98,6 +100,7 @@ class Contract:
         """How it differs from the contract on this page; empty if it does not."""
         wanted = contract(self.task if self.task in TASKS else TASKS[-1], self.history)
         found = [f"task {self.task!r} (valid: {', '.join(TASKS)})"] if self.task not in TASKS else []
+        found += [f"prior {self.prior!r} (valid: {', '.join(PRIORS)})"] if self.prior not in PRIORS else []
         for name in ("format", "rate_hz", "spacing_s"):
             if getattr(self, name) != getattr(wanted, name):
                 found.append(f"{name} {getattr(self, name)!r}, specs say {getattr(wanted, name)!r}")
@@ -110,7 +113,7 @@ class Contract:
 
 
 def contract(task: str, history: int = HISTORY, **about: Any) -> Contract:
-    """The contract of a policy of this task and history; `about` fills data_sha256, ranges and made."""
+    """The contract of a policy of this task and history; `about` fills the rest."""
     if task not in TASKS:
         raise InputError(f"no task '{task}'; valid: {', '.join(TASKS)}")
     filled = {"ranges": {}, "made": {}, **about}

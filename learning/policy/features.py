@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 
 from fmus.equations import kinematics
+from specs import parameters
 from specs.policy import ACTIONS, ARM_LIMIT, CHANNELS, LIMITS, ONCE, SLEW_ERROR
 
 SCALES = {  # of channels with their whole history
@@ -27,6 +28,9 @@ NEAR = {SLEW_ERROR: 0.1, "q_boom": 0.05, "q_stick": 0.05}  # rad: errors are als
 FAR = {SLEW_ERROR: 1.5, "q_boom": 0.5, "q_stick": 0.5}
 SLEW_CHANNELS = ("u_slew", "imu_cabin_rate_z")  # of the slew-only policy, with the slew error
 HOLD_GAIN = 0.8  # 1/s: how the slew-only policy keeps the arm on its target
+PD_GAIN, PD_DAMPING = 0.45, 0.3  # 1/s and 1 of the prior: slow enough to brake from at any inertia
+PD_RAMP, PD_MOST = 0.03, 0.8  # rad/s over which the dead band is undone; largest joystick
+_CONTROL = parameters.load("control")
 OUTPUTS = {"slew": 1, "full": 3}
 ACTION_SCALE = {"u_slew": 1.0, "qd_boom_ref": ARM_LIMIT, "qd_stick_ref": ARM_LIMIT}
 
@@ -71,15 +75,20 @@ def features(task: str, history: int) -> ca.Function:
 
 
 @cache
-def commands(task: str, history: int) -> ca.Function:
-    """(outputs of the network, observation) -> commands [3] in SI before they are limited."""
+def commands(task: str, history: int, prior: str = "") -> ca.Function:
+    """(outputs of the network, observation) -> commands [3] in SI before they are limited.
+
+    With the prior "pd" the answer is added to a plain law: slew by PD with its dead band undone, arm to the
+    target's pose.
+    """
     observation = ca.SX.sym("observation", len(CHANNELS) * history + len(ONCE))
     y = ca.SX.sym("y", OUTPUTS[task])
+    read = Reader(observation, history)
+    arm = [-HOLD_GAIN * error for error in joint_errors(read).values()]
+    law = [_pd(read), *(ARM_LIMIT * ca.tanh(rate / ARM_LIMIT) for rate in arm)] if prior else [0.0] * 3
+    found = [y[0] + law[0], *arm]
     if task == "full":
-        found = [y[i] * ACTION_SCALE[name] for i, name in enumerate(ACTIONS)]
-    else:
-        errors = joint_errors(Reader(observation, history))
-        found = [y[0], *(-HOLD_GAIN * errors[name] for name in ("q_boom", "q_stick"))]
+        found = [y[i] * ACTION_SCALE[name] + law[i] for i, name in enumerate(ACTIONS)]
     return ca.Function("commands", [y, observation], [ca.cse(ca.vertcat(*found))])
 
 
@@ -105,6 +114,13 @@ def joint_errors(read: Reader) -> dict[str, Any]:
         "q_boom": _past(read.now("q_boom"), *boom),
         "q_stick": _past(read.now("q_stick"), -sine, cosine),
     }
+
+
+def _pd(read: Reader) -> Any:
+    """Joystick for a speed in proportion to the error, less a share of the speed; PD_MOST at most."""
+    speed = -PD_GAIN * read.now(SLEW_ERROR) - PD_DAMPING * read.now("imu_cabin_rate_z")
+    band, slope = (_CONTROL[f"control_{n}"].value for n in ("dead_band", "valve_slope"))
+    return PD_MOST * ca.tanh((band * ca.tanh(speed / PD_RAMP) + slope * speed) / PD_MOST)
 
 
 def _past(q: Any, sine: Any, cosine: Any) -> Any:

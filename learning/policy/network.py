@@ -46,10 +46,10 @@ def set_weights(mlp: nn.Sequential, weights: Weights) -> None:
 class Interface:
     """Observations [N, n] to the network's inputs [n, M], and its outputs [n, k] to commands [3, n]."""
 
-    def __init__(self, task: str, history: int, device: str = "cpu") -> None:
+    def __init__(self, task: str, history: int, prior: str = "", device: str = "cpu") -> None:
         self.inputs = features(task, history).numel_out(0)
         self.outputs = OUTPUTS[task]
-        self._commands = to_torch(commands(task, history))
+        self._commands = to_torch(commands(task, history, prior))
         self._split(features(task, history), device)
         low, high = zip(*(LIMITS[name] for name in ACTIONS), strict=True)
         self.low = torch.tensor(low, device=device)[:, None]

@@ -55,6 +55,7 @@ class Recipe:
     task: str = "full"
     method: Method = "gradient"
     history: int = HISTORY
+    prior: str = ""  # the law that the network's answer is added to (specs.policy.PRIORS)
     layers: tuple[int, ...] = (256, 128, 128)  # paper
     weights: Mapping[str, float] = field(default_factory=dict)
     quiet: tuple[str, ...] = ("oscillation", "swing")  # terms that weigh more at a slower pace
@@ -130,11 +131,12 @@ _RECIPES = (
         first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0,
     ),
     Recipe(
-        "full", "ours: through the simulation's own gradient", weights=_OURS, episode_s=15.0, consecutive=0.5,
+        "full", "ours: through the simulation's own gradient", prior="pd", weights=_OURS,
+        episode_s=15.0, consecutive=0.5,
         first=Shape(3.0, 1.0, 0.2), last=Shape(0.5, 0.5, 0.05), envs=512,
     ),
     Recipe(
-        "slew", "ours, slew-only", task="slew", weights=_OURS, episode_s=15.0, consecutive=0.5,
+        "slew", "ours, slew-only", task="slew", prior="pd", weights=_OURS, episode_s=15.0, consecutive=0.5,
         first=Shape(3.0, 1.0, 0.2), last=Shape(0.5, 0.5, 0.05), envs=512,
     ),
 )  # fmt: skip

@@ -242,7 +242,14 @@ def _export(
         "command": options.command, "seed": options.seed, "commit": source_state(), "recipe": chosen.name,
         "iterations": chosen.iterations, "training": {k: float(v) for k, v in last.items()},
     }  # fmt: skip
-    told = contract(chosen.task, chosen.history, data_sha256=data, ranges=ranges(trainer, chosen), made=made)
+    told = contract(
+        chosen.task,
+        chosen.history,
+        prior=chosen.prior,
+        data_sha256=data,
+        ranges=ranges(trainer, chosen),
+        made=made,
+    )
     return write(Policy(told, weights_of(trainer.mlp)), out / f"{chosen.task}.onnx")
 
 

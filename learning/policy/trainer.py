@@ -27,7 +27,7 @@ class Trainer:
         torch.manual_seed(seed)
         self.recipe, self.device = recipe, device
         self.environment = Environment(recipe, networks, recipe.envs, seed, device)
-        self.interface = Interface(recipe.task, recipe.history, device)
+        self.interface = Interface(recipe.task, recipe.history, recipe.prior, device)
         self.done = 0
 
     @property

@@ -20,6 +20,7 @@ from tests.learning.policy.test_features import observations
 
 PARITY = 1e-6
 LAYERS = (32, 16)
+PRIOR = {"full": "", "slew": "pd"}
 TICKS = 5
 
 
@@ -29,7 +30,9 @@ def made(task: str, history: int = specs.HISTORY, seed: int = 1) -> Policy:
     mlp = perceptron([features(task, history).numel_out(0), *LAYERS, OUTPUTS[task]])
     weights = weights_of(mlp)
     weights[-1] = (6.0 * weights[-1][0], weights[-1][1])
-    return Policy(specs.contract(task, history, data_sha256="ab", made={"seed": seed}), weights)
+    return Policy(
+        specs.contract(task, history, prior=PRIOR[task], data_sha256="ab", made={"seed": seed}), weights
+    )
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +53,7 @@ def answers(path: Path, seen: np.ndarray) -> np.ndarray:
 def test_torch_and_onnxruntime_agree(task: str, files: dict[str, Path]) -> None:
     """To 1e-6, commands of all sizes; in double precision torch's own functions."""
     seen = observations(40).astype(np.float32)
-    policy, way = made(task), Interface(task, specs.HISTORY)
+    policy, way = made(task), Interface(task, specs.HISTORY, PRIOR[task])
     mlp = perceptron(way.sizes(LAYERS))
     set_weights(mlp, policy.weights)
     batch = torch.tensor(seen.T, dtype=torch.float64)
