@@ -57,7 +57,7 @@ class Can:
 
     __pydantic_config__: ClassVar[Any] = STRICT
 
-    interface: Literal["slewright", "socketcan", "slcan", "serial"]
+    interface: Literal["slewright", "socketcan", "slcan"]
     channel: str
     bit_rate: int = 250_000
     dbc: Path | None = None

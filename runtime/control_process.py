@@ -18,6 +18,8 @@ from runtime.bundle import load
 from runtime.can.port import CanPort, open_bus
 from runtime.control import ControlCore
 from runtime.image import OUTPUT, Flag
+from runtime.modbus.cells import join
+from runtime.modbus.port import ModbusPort
 from runtime.recorder.feed import Feed, Watch
 from runtime.retain_process import FAILED, VALUES
 from runtime.ring import Ring
@@ -101,7 +103,8 @@ def main(text: str) -> None:
 def _others(wanted: configuration.Configuration, folder: Path, found: Statistics) -> list[Port]:
     counts = Cell.open(folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
     retain = Ring.attach(folder / "retain.ring") if wanted.retain else None
-    return [Publisher(counts, found, retain, wanted.retain.signals if wanted.retain else ())]
+    found_ports: list[Port] = [ModbusPort(*join(folder))] if wanted.modbus else []
+    return [*found_ports, Publisher(counts, found, retain, wanted.retain.signals if wanted.retain else ())]
 
 
 if __name__ == "__main__":

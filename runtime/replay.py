@@ -87,7 +87,7 @@ class _Run:
         self._count: int | None = None  # of the last tick repeated; None: there is no state to go on from
 
     def tick(self, entry: bytes) -> None:
-        inputs = np.frombuffer(entry, INPUT.dtype, 1, TIMING.size)[0]
+        inputs = np.frombuffer(entry, INPUT.dtype, 1, TIMING.size).reshape(())
         count, tick = struct.unpack_from("<q", entry, COUNT_AT)[0], int(inputs["tick"])
         snapshot, self.pending = self.pending, None
         if not self._ready(count, tick, snapshot):
@@ -99,7 +99,7 @@ class _Run:
         outputs = self.core.step(inputs, tick)
         self.result.ticks += 1
         if outputs.tobytes() != entry[INPUT_END:]:
-            recorded = np.frombuffer(entry, OUTPUT.dtype, 1, INPUT_END)[0]
+            recorded = np.frombuffer(entry, OUTPUT.dtype, 1, INPUT_END).reshape(())
             self.result.first = difference(tick, recorded, outputs)
 
     def _ready(self, count: int, tick: int, snapshot: Snapshot | None) -> bool:

@@ -20,6 +20,7 @@ from runtime import bundle, configuration
 from runtime.control_process import COUNTS, COUNTS_HOLD
 from runtime.helpers import Helper
 from runtime.image import TICK_S
+from runtime.modbus.cells import create
 from runtime.replay import identity
 from runtime.retain import Folder, Retained
 from runtime.ring import Ring
@@ -61,6 +62,7 @@ class Supervisor:
         self.retained = self._retained()
         configuration.check_surroundings(self.wanted)
         self.folder = private_folder()
+        self._ports = self.folder / "ports"
         self.helpers: list[Helper] = []
         self.rings: list[Ring] = []
         self.counts = Cell.create(self.folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
@@ -137,10 +139,24 @@ class Supervisor:
         return Retained(Folder(wanted.folder), _layout(wanted.signals)).load()
 
     def _prepare(self) -> None:
+        if self.wanted.modbus:
+            self._prepare_modbus(self.wanted.modbus)
         if self.wanted.recorder:
             self._prepare_recorder(self.wanted.recorder)
         if self.wanted.retain:
             self._prepare_retain(self.wanted.retain)
+
+    def _prepare_modbus(self, wanted: configuration.Modbus) -> None:
+        for cell in create(self.folder):
+            cell.close()
+        tls = wanted.tls and {
+            "port": wanted.tls.port,
+            "certificate": str(wanted.tls.certificate.resolve()),
+            "key": str(wanted.tls.key.resolve()),
+            "authority": str(wanted.tls.authority.resolve()),
+        }
+        told = {"folder": str(self.folder), "host": wanted.host, "port": wanted.port, "tls": tls}
+        self.helpers.append(Helper("modbus", "runtime.modbus.process", {**told, "ports": str(self._ports)}))
 
     def _prepare_recorder(self, wanted: configuration.Recording) -> None:
         ring = self._ring("recorder.ring", RECORDER_BYTES)
@@ -176,12 +192,15 @@ class Supervisor:
 
     def _await_life(self) -> None:
         end = time.monotonic() + PATIENCE_S
-        while any(ring.beat == 0 for ring in self.rings):
+        while not self._alive():
             dead = [h for h in self.helpers if h.ended() is not None]
             if dead or time.monotonic() > end:
                 who = ", ".join(h.name for h in dead) or "a helper"
                 raise RunError(f"{who} did not start")
             time.sleep(0.01)
+
+    def _alive(self) -> bool:
+        return all(ring.beat for ring in self.rings) and (not self.wanted.modbus or self._ports.is_file())
 
 
 def _layout(names: tuple[str, ...]) -> str:

@@ -6,6 +6,7 @@ does is preceded by a snapshot, so that a replay goes on from there.
 
 import struct
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,13 +41,15 @@ class Watch:
 
 
 class Feed:
-    """Puts each tick into `ring`."""
+    """Puts each tick into `ring`; `time_of_day` in ns is only recorded."""
 
-    def __init__(self, ring: Ring, snapshot_ticks: int = SNAPSHOT_TICKS) -> None:
+    def __init__(
+        self, ring: Ring, snapshot_ticks: int = SNAPSHOT_TICKS, time_of_day: Callable[[], int] = time.time_ns
+    ) -> None:
         self.ring, self.snapshot_ticks = ring, snapshot_ticks
         self._snapshot_due = 0
-        self._watch = Watch(ring)
-        self._day_ns = time.time_ns() - time.monotonic_ns()  # once: a set clock must not turn times back
+        self._watch, self._time_of_day = Watch(ring), time_of_day
+        self._day_ns = time_of_day() - time.monotonic_ns()  # once: a set clock must not turn times back
         self._before: bytes | None = None
         self._count = 0  # ticks so far, lost ones too: a gap in a recording shows
 
@@ -64,7 +67,7 @@ class Feed:
             if not self.ring.put(SNAPSHOT, SNAPSHOT_HEAD.pack(tick, day), self._before):
                 return
             self._before, self._snapshot_due = None, tick + self.snapshot_ticks
-        clocks = TIMING.pack(day, self._count, time.time_ns(), *timing)
+        clocks = TIMING.pack(day, self._count, self._time_of_day(), *timing)
         if not self.ring.put(TICK, clocks, _bytes(inputs), _bytes(outputs)):
             self._snapshot_due = tick + 1
 

@@ -77,7 +77,7 @@ def test_the_shortest_configuration(folder: Path):
         ("priority", "prioritee", "unknown key realtime.prioritee"),
         ("[rates]", "[rate]", "unknown key rate"),
         ('"load_estimate"', '"load_estimat"', "unknown signal 'load_estimat'; did you mean load_estimate"),
-        ('"slewright"', '"slewrite"', "'slewright', 'socketcan', 'slcan' or 'serial' (is 'slewrite')"),
+        ('"slewright"', '"slewrite"', "'slewright', 'socketcan' or 'slcan' (is 'slewrite')"),
         ("base_hz = 50", "base_hz = 100", "base_hz = 100: this runtime runs at 50 Hz"),
         ("policy_hz = 10", "policy_hz = 20", "policy_hz = 20: this runtime runs at 10 Hz"),
         ("priority = 70", "priority = 99", "priority = 99: 1 to 98"),

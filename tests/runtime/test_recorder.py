@@ -1,10 +1,9 @@
 """Recordings: whole, cut anywhere, on a full or slow disk, read by others, repeated bit for bit."""
 
-import errno
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from runtime.recorder.recorder import Recorder
 from runtime.recorder.segments import Disk, Folder
 from runtime.replay import check_identity, identity, replay
 from runtime.ring import Ring
+from slewright.faults.disks import FullDisk
 from specs.errors import InputError
 from tests.runtime.stand_in import Lockstep, StandIn
 
@@ -190,26 +190,6 @@ def test_the_disk_used_is_bounded(ring: Ring, tmp_path: Path):
     assert largest < (1 << 20) + 150_000
     assert paths[0].name != "segment-00000000.mcap"
     assert replay(Recording(tmp_path / "out"), StandIn()).first is None
-
-
-class FullDisk(Disk):
-    """A disk that refuses every write while `full`, after the file was opened."""
-
-    full = False
-
-    def open(self, path: Path) -> BinaryIO:
-        disk, file = self, super().open(path)
-
-        class Refusing:
-            def write(self, data: bytes) -> int:
-                if disk.full:
-                    raise OSError(errno.ENOSPC, "No space left on device")
-                return file.write(data)
-
-            def __getattr__(self, name: str):
-                return getattr(file, name)
-
-        return Refusing()  # type: ignore[return-value]
 
 
 def test_a_full_disk_shows_in_the_flags_and_touches_nothing_else(ring: Ring, tmp_path: Path):

@@ -6,63 +6,10 @@ from pathlib import Path
 import pytest
 
 from runtime.retain import COPIES, Folder, Retained
+from slewright.faults.disks import Forgetful, PowerCutError
 from specs.errors import InputError
 
 LAYOUT = "0123456789abcdef"
-
-
-class PowerCutError(Exception):
-    pass
-
-
-class Forgetful:
-    """A disk that keeps only what was synced: names of the folder and contents of the files, each on its own.
-
-    `operations` left until the power goes; `half`: how much of the contents in flight reached the disk.
-    """
-
-    def __init__(self, operations: int | None = None, half: float = 0.0) -> None:
-        self.names: dict[str, int] = {}  # as seen by the process
-        self.contents: dict[int, bytes] = {}
-        self.kept_names: dict[str, int] = {}  # on the disk
-        self.kept: dict[int, bytes] = {}
-        self.left, self.half = operations, half
-
-    def _spend(self) -> None:
-        if self.left is not None:
-            if self.left == 0:
-                raise PowerCutError
-            self.left -= 1
-
-    def read(self, name: str) -> bytes | None:
-        return self.contents[self.names[name]] if name in self.names else None
-
-    def write(self, name: str, data: bytes) -> None:
-        node = max(self.contents, default=0) + 1
-        self.names[name], self.contents[node] = node, b""
-        self._spend()
-        self.contents[node] = data
-        self.kept.setdefault(node, data[: int(self.half * len(data))])
-
-    def sync(self, name: str) -> None:
-        self._spend()
-        self.kept[self.names[name]] = self.contents[self.names[name]]
-
-    def rename(self, old: str, new: str) -> None:
-        self._spend()
-        self.names[new] = self.names.pop(old)
-
-    def sync_folder(self) -> None:
-        self._spend()
-        self.kept_names = dict(self.names)
-
-    def after_cut(self, names_arrived: bool) -> "Forgetful":
-        """The disk when the power is back; names in flight may have arrived by themselves, or not."""
-        disk = Forgetful()
-        disk.names = dict(self.names if names_arrived else self.kept_names)
-        disk.contents = {node: self.kept.get(node, b"") for node in disk.names.values()}
-        disk.kept_names, disk.kept = dict(disk.names), dict(disk.contents)
-        return disk
 
 
 def save_until_cut(disk: Forgetful) -> int:
