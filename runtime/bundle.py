@@ -17,7 +17,9 @@ from specs.version import VERSION
 
 MANIFEST = "manifest.json"
 FORMAT = 1
-KEYS = {"format": int, "controller": str, "slewright": str, "layout": str, "identity": str}
+NATIVE, ONNXRUNTIME = "native", "onnxruntime"
+ENGINES = (NATIVE, ONNXRUNTIME)
+KEYS = {"format": int, "controller": str, "engine": str, "slewright": str, "layout": str, "identity": str}
 SUFFIXES = {"linux": ".so", "darwin": ".dylib", "windows": ".dll"}
 
 
@@ -27,6 +29,7 @@ class Bundle:
 
     folder: Path
     controller: str
+    engine: str  # what evaluates it: C in the core, or onnxruntime beside it
     identity: str
     platforms: tuple[str, ...]
     digest: str  # SHA-256 of the manifest: stands for the whole bundle
@@ -53,6 +56,7 @@ def load(folder: Path) -> Bundle:
     return Bundle(
         folder,
         content["controller"],
+        content["engine"],
         content["identity"],
         tuple(content["platforms"]),
         digest((folder / MANIFEST).read_bytes()),

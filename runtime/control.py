@@ -21,12 +21,11 @@ class ControlCore:
         self.bundle = bundle
         path = bundle.library()
         try:
-            library = ctypes.PyDLL(
-                str(path)
-            )  # keeps the interpreter's lock: a step is shorter than its release
+            library = ctypes.PyDLL(str(path))  # keeps the interpreter's lock: a step is so short
         except OSError as error:
             raise InputError(f"bundle {bundle.folder}: {path.name} cannot be loaded ({error})") from None
         self._check(library)
+        self.library = library
         self._step = library.slr_step
         self._step.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p]
         self._step.restype = None

@@ -72,6 +72,9 @@ void slr_fail(SlrState *s, SlrFault fault, int32_t signal);
 int32_t slr_value_reference(int input);
 void slr_start_values(SlrState *s);
 
+/* Where a block's state lies. */
+unsigned char *slr_state_of(SlrState *s, const SlrBlock *block);
+
 /* ---- what the runtime calls ---- */
 
 SLR_EXPORT const char *slr_layout(void);   /* the images that this core was compiled for */
@@ -80,6 +83,12 @@ SLR_EXPORT size_t slr_input_size(void);
 SLR_EXPORT size_t slr_output_size(void);
 SLR_EXPORT size_t slr_state_size(void);
 SLR_EXPORT void slr_reset(SlrState *state);
+/* Whether the controller would run at the tick of this image, and the board that it would see: for a policy that
+ * is evaluated outside.  The state stays as it is. */
+enum { SLR_NOT_DUE, SLR_DUE, SLR_STARTS };
+SLR_EXPORT int slr_observe(const SlrInput *in, const SlrState *state, double *board);
+/* Its answer, before slr_step (external.c). */
+SLR_EXPORT void slr_offer(SlrState *state, const double *action);
 SLR_EXPORT void slr_step(const SlrInput *in, SlrState *state, int64_t tick, SlrOutput *out);
 
 #endif

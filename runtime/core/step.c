@@ -7,7 +7,7 @@
 static const int commands[SLR_AXES] = {SLR_OUT_u_slew, SLR_OUT_u_boom, SLR_OUT_u_stick};
 static const int joysticks[SLR_AXES] = {SLR_IN_joystick_slew, SLR_IN_joystick_boom, SLR_IN_joystick_stick};
 
-static unsigned char *state_of(SlrState *s, const SlrBlock *block) {
+unsigned char *slr_state_of(SlrState *s, const SlrBlock *block) {
   unsigned char *after = (unsigned char *)(s + 1);
   return block == slr_arm ? after : after + slr_arm->size;
 }
@@ -50,8 +50,8 @@ static void keep_ranges(SlrView *view) {
 
 static void start_controllers(SlrState *s, SlrView *view) {
   for (int i = 0; i < SLR_OUT_COUNT; i++) view->board[SLR_OWN(i)] = 0.0;
-  slr_controller->initialise(state_of(s, slr_controller), view->board);
-  slr_arm->initialise(state_of(s, slr_arm), view->board);
+  slr_controller->initialise(slr_state_of(s, slr_controller), view->board);
+  slr_arm->initialise(slr_state_of(s, slr_arm), view->board);
   s->running = 0;
 }
 
@@ -59,9 +59,9 @@ static void start_controllers(SlrState *s, SlrView *view) {
 static int run_controllers(SlrState *s, SlrView *view) {
   int failed = 0;
   if (s->running < 0) start_controllers(s, view);
-  if (s->running % slr_arm->period == 0) failed |= slr_arm->step(state_of(s, slr_arm), view->board);
+  if (s->running % slr_arm->period == 0) failed |= slr_arm->step(slr_state_of(s, slr_arm), view->board);
   if (s->running % slr_controller->period == 0)
-    failed |= slr_controller->step(state_of(s, slr_controller), view->board);
+    failed |= slr_controller->step(slr_state_of(s, slr_controller), view->board);
   s->running += 1;
   if (failed || !finite(view)) return -1;
   keep_ranges(view);
@@ -140,6 +140,17 @@ void slr_reset(SlrState *s) {
   slr_start_values(s);
   s->tick = -1;
   s->running = -1;
+}
+
+int slr_observe(const SlrInput *in, const SlrState *state, double *board) {
+  SlrState s = *state;
+  SlrView view;
+  slr_check(in, &s, &view);
+  look_around(&view);
+  slr_next_mode(in, &s, &view);
+  if (s.mode != SLR_MODE_AUTOMATIC || (s.running > 0 && s.running % slr_controller->period != 0)) return 0;
+  memcpy(board, view.board, sizeof view.board);
+  return s.running < 0 ? SLR_STARTS : SLR_DUE;
 }
 
 void slr_step(const SlrInput *in, SlrState *s, int64_t tick, SlrOutput *out) {

@@ -64,6 +64,14 @@ class Block:
         )
 
 
+@dataclass(frozen=True)
+class External:
+    """In a controller's place: what is offered from outside (runtime/core/external.c)."""
+
+    inputs: list[str]
+    symbol: str = "external_block"
+
+
 def _period(model: Model) -> int:
     return codegen.whole(model.step, TICK_S, f"model {model.name}: period")
 

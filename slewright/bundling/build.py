@@ -23,7 +23,7 @@ from fmus.loader import load_model
 from fmus.paths import BUILD, SHIM
 from runtime import bundle as form, image
 from slewright.bundling import config
-from slewright.bundling.blocks import COMPILED, CORE, Block
+from slewright.bundling.blocks import COMPILED, CORE, Block, External
 from specs import parameters
 from specs.errors import InputError
 from specs.version import VERSION
@@ -42,19 +42,31 @@ NOT_COMPILED = {
 }
 
 
-def bundle(
-    controller: str, out: Path, platforms: Sequence[str] = (), changes: Mapping[str, float] | None = None
-) -> form.Bundle:
-    """Build the bundle of a controller of `baselines.registry` in the folder `out`, which it replaces.
+@dataclasses.dataclass(frozen=True)
+class Content:
+    """What goes into a bundle: the controller's block, what evaluates it, files beside the core."""
 
-    `platforms` are names of fmus.compiler.TARGETS (default: this machine); `changes` are parameters of
-    specs/parameters/gate.toml.  Raises InputError for an unknown controller, platform or parameter, a
-    controller that no core can run, or a folder that holds something else; RunError if C fails.
+    name: str
+    controller: Block | External
+    engine: str = form.NATIVE
+    files: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
+
+
+def bundle(
+    controller: str,
+    out: Path,
+    platforms: Sequence[str] = (),
+    changes: Mapping[str, float] | None = None,
+    engine: str = form.NATIVE,
+) -> form.Bundle:
+    """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
+
+    What was in `out` before is replaced.  `platforms` are names of fmus.compiler.TARGETS (default: this
+    machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is evaluated:
+    "native" C or "onnxruntime".  Raises InputError for an unknown controller, platform, parameter or engine,
+    a controller that no core can run, or a folder that holds something else; RunError if C fails.
     """
-    found = registry.find(controller)
-    if found.folder in NOT_COMPILED:
-        raise InputError(f"controller {controller} cannot be bundled: {NOT_COMPILED[found.folder]}")
-    return bundle_model(_settled(load_model(found.folder), found), controller, out, platforms, changes)
+    return assemble(_content(controller, engine), out, platforms, changes)
 
 
 def bundle_model(
@@ -65,18 +77,27 @@ def bundle_model(
     changes: Mapping[str, float] | None = None,
 ) -> form.Bundle:
     """The same for any discrete model with a controller's signals, under the name `name`."""
+    return assemble(Content(name, Block(model, "controller")), out, platforms, changes)
+
+
+def assemble(
+    content: Content, out: Path, platforms: Sequence[str] = (), changes: Mapping[str, float] | None = None
+) -> form.Bundle:
+    """Write, compile and hash; `out` is replaced only when all of it is there."""
     targets = [compiler.target(n).name for n in platforms or [compiler.host().name]]
     constants = config.constants(changes or {})
     _check_folder(out)
     part = out.with_name(f"{out.name}.{os.getpid()}.part")
     try:
-        blocks = write_sources(model, part / "sources", constants)
+        blocks = write_sources(content.controller, part / "sources", constants)
         identity = sources_hash(part / "sources")
         for target in targets:
             suffix = compiler.target(target).suffix
             compile_core(part / "sources", blocks, identity, part / f"core-{target}{suffix}", target)
+        for name, data in content.files.items():
+            (part / name).write_bytes(data)
         _write_json(part / "parameters.json", _parameters(blocks, constants))
-        _write_json(part / form.MANIFEST, _manifest(part, name, identity, targets))
+        _write_json(part / form.MANIFEST, _manifest(part, content, identity, targets))
         shutil.rmtree(out, ignore_errors=True)
         part.replace(out)
     finally:
@@ -84,17 +105,19 @@ def bundle_model(
     return form.load(out)
 
 
-def write_sources(model: Model, folder: Path, constants: Mapping[str, float]) -> list[Block]:
-    """Write core and blocks; the blocks, controller first."""
-    blocks = [Block(model, "controller"), Block(load_model(ARM), ARM)]
+def write_sources(controller: Block | External, folder: Path, constants: Mapping[str, float]) -> list[Block]:
+    """Write core and blocks; the blocks."""
+    arm = Block(load_model(ARM), ARM)
     core = folder / "core"
     core.mkdir(parents=True, exist_ok=True)
-    for name in HAND_WRITTEN:
+    external = isinstance(controller, External)
+    for name in (*HAND_WRITTEN, *(["external.c"] if external else [])):
         (core / name).write_bytes((CORE / name).read_bytes())
     (core / "slw_math.h").write_bytes((SHIM / "slw_math.h").read_bytes())
     (core / "core_config.h").write_text(config.config_h(constants))
-    (core / "core_config.c").write_text(config.config_c(blocks[0], blocks[1], constants))
+    (core / "core_config.c").write_text(config.config_c(controller, arm, constants))
     (core / "geometry.c").write_text(config.geometry_c())
+    blocks = [arm] if isinstance(controller, External) else [controller, arm]
     for block in blocks:
         block.write(folder / "blocks" / block.name)
     return blocks
@@ -155,13 +178,29 @@ def sources_hash(folder: Path) -> str:
     return form.digest(repr((compiler.FLAGS, sorted(files.items()))).encode())
 
 
-def _settled(model: Model, controller: Controller) -> Model:
-    """The model with a controller's settings as its parameters' values."""
-    settings = dict(controller.settings)
-    for name in settings:
+def _content(controller: str, engine: str) -> Content:
+    if engine not in form.ENGINES:
+        raise InputError(f"no engine '{engine}'; valid: {', '.join(form.ENGINES)}")
+    if controller.endswith(".onnx"):
+        from slewright.bundling.policy import content
+
+        return content(Path(controller), engine)
+    found = registry.find(controller)
+    if engine != form.NATIVE:
+        raise InputError(f"controller {controller} is no policy: its engine is {form.NATIVE}")
+    if found.folder in NOT_COMPILED:
+        raise InputError(f"controller {controller} cannot be bundled: {NOT_COMPILED[found.folder]}")
+    return Content(controller, Block(settled(found), "controller"))
+
+
+def settled(controller: Controller) -> Model:
+    """A controller's model with its settings as its parameters' values."""
+    model = load_model(controller.folder)
+    for name in controller.settings:
         model.index("parameters", name)
-    settled = tuple(dataclasses.replace(v, start=settings.get(v.name, v.start)) for v in model.parameters)
-    return dataclasses.replace(model, parameters=settled)
+    values = {v.name: controller.settings.get(v.name, v.start) for v in model.parameters}
+    changed = tuple(dataclasses.replace(v, start=values[v.name]) for v in model.parameters)
+    return dataclasses.replace(model, parameters=changed)
 
 
 def _check_folder(out: Path) -> None:
@@ -183,10 +222,11 @@ def _parameters(blocks: Sequence[Block], constants: Mapping[str, float]) -> dict
     }
 
 
-def _manifest(folder: Path, name: str, identity: str, targets: Sequence[str]) -> dict[str, Any]:
+def _manifest(folder: Path, content: Content, identity: str, targets: Sequence[str]) -> dict[str, Any]:
     return {
         "format": form.FORMAT,
-        "controller": name,
+        "controller": content.name,
+        "engine": content.engine,
         "slewright": VERSION,
         "layout": image.token(),
         "identity": identity,

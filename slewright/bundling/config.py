@@ -7,7 +7,7 @@ import casadi as ca
 from fmus import codegen
 from fmus.equations import kinematics
 from runtime.image import INPUT, TICK_S, Group, group
-from slewright.bundling.blocks import Block
+from slewright.bundling.blocks import Block, External
 from specs import parameters
 from specs.signals import signal
 
@@ -40,7 +40,7 @@ def config_h(c: Mapping[str, float]) -> str:
     )
 
 
-def config_c(controller: Block, arm: Block, c: Mapping[str, float]) -> str:
+def config_c(controller: Block | External, arm: Block, c: Mapping[str, float]) -> str:
     """`core_config.c`: which blocks, which inputs they need, the gate's limits."""
     needed = {*controller.inputs, *arm.inputs, *GATE_SENSORS}
     sensors = [int(s.name in needed and group(s) is Group.SENSOR) for s in INPUT.signals]

@@ -11,13 +11,20 @@ from slewright.progress import progress
 
 def bundle(
     controller: Annotated[
-        str, typer.Argument(metavar="CONTROLLER", help="Which controller (docs/baselines.md).")
+        str,
+        typer.Argument(
+            metavar="CONTROLLER", help="Which controller (docs/baselines.md), or a policy's ONNX file."
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the bundle; it is replaced.")],
     platform: Annotated[
         list[str] | None,
         typer.Option("--platform", metavar="NAME", help="For this platform (repeatable; default: this one)."),
     ] = None,
+    engine: Annotated[
+        str,
+        typer.Option("--engine", metavar="NAME", help="What evaluates a policy: native (C) or onnxruntime."),
+    ] = "native",
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
@@ -25,7 +32,7 @@ def bundle(
 
     with progress("bundle") as report:
         report(f"compiling {controller}")
-        made = build(controller, out, platform or ())
+        made = build(controller, out, platform or (), engine=engine)
     typer.echo(f"{made.folder}: {made.controller} for {', '.join(made.platforms)}, SHA-256 {made.digest}")
     figures = {"controller": made.controller, "platforms": list(made.platforms), "sha256": made.digest}
     write(json, {**figures, "identity": made.identity}, None)

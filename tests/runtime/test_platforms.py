@@ -27,9 +27,8 @@ CHECKED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
 
 
 def blocks(controller: str) -> list[Block]:
-    found = registry.find(controller)
     return [
-        Block(build._settled(load_model(found.folder), found), "controller"),
+        Block(build.settled(registry.find(controller)), "controller"),
         Block(load_model(build.ARM), build.ARM),
     ]
 

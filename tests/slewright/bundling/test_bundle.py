@@ -35,8 +35,8 @@ def test_parameters_are_those_of_the_specs() -> None:
 
 def test_the_sources_make_the_same_identity_again(tmp_path: Path) -> None:
     """Nothing of the place or the moment goes into a bundle's code."""
-    model = build._settled(load_model("pi"), registry.find("pi"))
-    build.write_sources(model, tmp_path, build.config.constants({}))
+    block = Block(build.settled(registry.find("pi")), "controller")
+    build.write_sources(block, tmp_path, build.config.constants({}))
     assert build.sources_hash(tmp_path) == built().identity
 
 
