@@ -2,8 +2,8 @@
 
     python -m learning.policy.lateness [COLLECTION]        # out/collect/paper-nominal
 
-Mean absolute errors of speed and angle over 10 s open loop on a collection's validation recordings, for 0, 1 and 2
-periods ahead.  The angle is the running sum of the error in speed.
+Mean absolute errors of speed and angle over 10 s open loop on a collection's validation recordings, for 0,
+1 and 2 periods ahead.  The angle is the running sum of the error in speed.
 """
 
 import json
