@@ -93,7 +93,7 @@ def assemble(
         identity = sources_hash(part / "sources")
         for target in targets:
             suffix = compiler.target(target).suffix
-            compile_core(part / "sources", blocks, identity, part / f"core-{target}{suffix}", target)
+            compile_core(part / "sources", identity, part / f"core-{target}{suffix}", target)
         for name, data in content.files.items():
             (part / name).write_bytes(data)
         _write_json(part / "parameters.json", _parameters(blocks, constants))
@@ -123,53 +123,59 @@ def write_sources(controller: Block | External, folder: Path, constants: Mapping
     return blocks
 
 
-def compile_core(
-    sources: Path, blocks: Sequence[Block], identity: str, out: Path, target: str, extra: Sequence[str] = ()
-) -> Path:
-    """Compile and link one platform's library; `extra`: further flags (sanitizers, coverage).
+def compile_core(sources: Path, identity: str, out: Path, target: str) -> Path:
+    """Compile and link one platform's library.
 
     What was compiled before from the same sources by the same compiler is taken from a cache.
     """
-    key = form.digest(repr((identity, compiler.identity(target), target, list(extra))).encode())
-    cached = BUILD / "cores" / key[:2] / key
-    if not cached.is_file() or extra:
+    cached = Cached(repr((identity, compiler.identity(target), target)))
+    if not cached.path.is_file():
         with tempfile.TemporaryDirectory() as scratch:
-            made = link(sources, blocks, identity, Path(scratch), target, extra)
-            if extra:  # such a build looks for its object files
-                return Path(shutil.copy(made, out))
-            cached.parent.mkdir(parents=True, exist_ok=True)
-            part = cached.with_name(f"{key}.{os.getpid()}.part")
-            shutil.copy(made, part)
-            part.replace(cached)
-    return Path(shutil.copy(cached, out))
+            cached.put(link(sources, identity, Path(scratch), target))
+    return Path(shutil.copy(cached.path, out))
 
 
-def link(
-    sources: Path,
-    blocks: Sequence[Block],
-    identity: str,
-    folder: Path,
-    target: str,
-    extra: Sequence[str] = (),
-) -> Path:
-    """Compile into object files in `folder`, and link them there; hand-written C without any warning."""
-    include = ["-I", str(sources / "core")]
+class Cached:
+    """A compiled library in the build folder, by all that it depends on."""
+
+    def __init__(self, key: str) -> None:
+        digest = form.digest(key.encode())
+        self.path = BUILD / "cores" / digest[:2] / digest
+
+    def put(self, library: Path) -> Path:
+        """Keep `library`; another process may do the same."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        part = self.path.with_name(f"{self.path.name}.{os.getpid()}.part")
+        shutil.copy(library, part)
+        return part.replace(self.path)
+
+
+def link(sources: Path, identity: str, folder: Path, target: str, extra: Sequence[str] = ()) -> Path:
+    """Compile into object files in `folder`, and link them there; `extra`: further flags (sanitizers)."""
+    objects = objects_of(sources, identity, folder, target, extra)
+    gone = UNUSED_GONE[target.partition("-")[2]]
+    return compiler.link_shared(objects, folder / "core.so", target, [*extra, *gone])
+
+
+def objects_of(
+    sources: Path, identity: str, folder: Path, target: str, extra: Sequence[str] = ()
+) -> list[Path]:
+    """Compile every source into `folder`; hand-written C without any warning."""
     flags = [*UNUSED_OUT, *extra, f'-DSLR_IDENTITY="{identity}"']
+    include = ["-I", str(sources / "core")]
     objects = [
         compiler.compile_object(
             path, folder / f"{path.stem}.o", target, [*flags, *include], path.name in UNCHECKED
         )
         for path in sorted((sources / "core").glob("*.c"))
     ]
-    for block in blocks:
-        own = sources / "blocks" / block.name
+    for own in sorted((sources / "blocks").iterdir()):
         more = [*flags, "-I", str(own), *include]
         objects += [
-            compiler.compile_object(own / n, folder / f"{block.name}_{n}.o", target, more, n in UNCHECKED)
+            compiler.compile_object(own / n, folder / f"{own.name}_{n}.o", target, more, n in UNCHECKED)
             for n in COMPILED
         ]
-    gone = UNUSED_GONE[target.partition("-")[2]]
-    return compiler.link_shared(objects, folder / "core.so", target, [*extra, *gone])
+    return objects
 
 
 def sources_hash(folder: Path) -> str:

@@ -10,11 +10,9 @@ import pytest
 
 from baselines import registry
 from fmus import compiler
-from fmus.loader import load_model
 from runtime.control import ControlCore
 from runtime.image import OUTPUT
 from slewright.bundling import build
-from slewright.bundling.blocks import Block
 from specs.errors import RunError
 from tests.runtime.bench import ARMED, AUTOMATIC, FAULT, HOLD, MANUAL, STANDBY, STOPPING
 from tests.runtime.bundles import built, core, folder
@@ -24,13 +22,6 @@ RUNNER = Path(__file__).parent / "core_runner.c"
 CROSS_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 TEN_MINUTES = 30_000
 CHECKED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
-
-
-def blocks(controller: str) -> list[Block]:
-    return [
-        Block(build.settled(registry.find(controller)), "controller"),
-        Block(load_model(build.ARM), build.ARM),
-    ]
 
 
 def runner(into: Path, target: str, extra: list[str] | None = None) -> Path:
@@ -74,7 +65,7 @@ def compiled(tmp_path: Path, extra: list[str], controller: str = "pi") -> Path:
     """A core built with more flags, its object files beside it; skips where the compiler cannot."""
     try:
         sources = built(controller).folder / "sources"
-        return build.link(sources, blocks(controller), "test", tmp_path, compiler.host().name, extra)
+        return build.link(sources, "test", tmp_path, compiler.host().name, extra)
     except RunError as missing:
         pytest.skip(f"this compiler cannot: {str(missing).splitlines()[-1]}")
 
