@@ -16,10 +16,10 @@ import numpy as np
 from runtime import configuration, helpers, realtime
 from runtime.bundle import load
 from runtime.can.port import CanPort, open_bus
-from runtime.control import ControlCore
 from runtime.image import OUTPUT, Flag
 from runtime.modbus.cells import join
 from runtime.modbus.port import ModbusPort
+from runtime.policy import open_core
 from runtime.recorder.feed import Feed, Watch
 from runtime.retain_process import FAILED, VALUES
 from runtime.ring import Ring
@@ -82,7 +82,7 @@ def main(text: str) -> None:
     folder = Path(told["folder"])
     helpers.end_with(signal.SIGTERM)
     wanted = configuration.read(Path(told["config"]))
-    core = ControlCore(load(wanted.bundle))
+    core = open_core(load(wanted.bundle))
     bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate)
     found = Statistics()
     ports: list[Port] = [CanPort(bus), *_others(wanted, folder, found)]
