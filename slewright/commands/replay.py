@@ -22,7 +22,7 @@ def replay(
 ) -> None:
     """Repeat a recording with the same control core; name the first tick that comes out differently."""
     from runtime.bundle import load
-    from runtime.control import ControlCore
+    from runtime.policy import open_core
     from runtime.recorder.reader import Recording
     from runtime.replay import check_identity, identity, replay as repeat
     from specs.version import VERSION
@@ -32,7 +32,7 @@ def replay(
     checked = load(bundle)
     check_identity(metadata, identity(checked.identity, VERSION))
     with progress("replay") as report:
-        result = repeat(recording, ControlCore(checked), lambda ticks: report("ticks", ticks))
+        result = repeat(recording, open_core(checked), lambda ticks: report("ticks", ticks))
     for note in result.notes:
         typer.echo(f"slewright: {note}", err=True)
     figures.write(
