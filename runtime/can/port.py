@@ -82,6 +82,11 @@ class AnyBus:
         self._bus.send(frame, timeout=0)
 
 
+def frame_source(bus: can.BusABC | FrameSource) -> FrameSource:
+    """A bus as a frame source: the local one is one already."""
+    return AnyBus(bus) if isinstance(bus, can.BusABC) and not isinstance(bus, LocalBus) else bus  # type: ignore[return-value]
+
+
 class CanPort:
     """The controller's CAN: a `Port` of the scan (runtime/scan.py).
 
@@ -97,7 +102,7 @@ class CanPort:
         index: tuple[Mapping[str, int], Mapping[str, int]] = (INPUT.index, OUTPUT.index),
         node: str = NODE,
     ) -> None:
-        self._bus: Any = bus if hasattr(bus, "recv_raw") or not isinstance(bus, can.BusABC) else AnyBus(bus)
+        self._bus = frame_source(bus)
         wanted = received_by(node) if messages is None else messages
         self.receiver = Receiver(wanted, index[0])
         self.transmitter = Transmitter(node, index[1])
