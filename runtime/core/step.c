@@ -112,6 +112,9 @@ static void write_commands(SlrState *s, const SlrView *view, SlrOutput *out) {
   out->value[SLR_OUT_control_enable] = enables(s->mode);
 }
 
+/* 0 to 250 and round, for negative numbers too. */
+static double round_count(int64_t n) { return (double)((n % 251 + 251) % 251); }
+
 static void write_status(const SlrInput *in, const SlrState *s, const SlrView *view, SlrOutput *out) {
   const uint32_t own = s->limited && s->mode == SLR_MODE_AUTOMATIC ? SLR_FLAG_GATE_LIMITED : 0u;
   out->value[SLR_OUT_control_mode] = s->mode;
@@ -119,9 +122,9 @@ static void write_status(const SlrInput *in, const SlrState *s, const SlrView *v
   out->value[SLR_OUT_fault_signal] = s->fault_signal;
   out->value[SLR_OUT_target_in_reach] = view->reach >= 0.0;
   out->value[SLR_OUT_target_reached] = view->distance <= SLR_TARGET_TOLERANCE && s->mode == SLR_MODE_AUTOMATIC;
-  out->value[SLR_OUT_cycle_overruns] = in->overruns % 251;
-  out->value[SLR_OUT_command_heartbeat] = (double)(s->tick % 251);
-  out->value[SLR_OUT_controller_heartbeat] = (double)(s->tick / SLR_STATUS_TICKS % 251);
+  out->value[SLR_OUT_cycle_overruns] = round_count(in->overruns);
+  out->value[SLR_OUT_command_heartbeat] = round_count(s->tick);
+  out->value[SLR_OUT_controller_heartbeat] = round_count(s->tick / SLR_STATUS_TICKS);
   out->value[SLR_OUT_runtime_flags] = (double)(in->flags | own);
   out->status[SLR_OUT_load_estimate] = SLR_STATUS_NOT_AVAILABLE; /* no block estimates it */
   out->flags = in->flags | own;

@@ -108,6 +108,17 @@ def test_a_started_controller_starts_afresh() -> None:
     assert mine == [fresh.seen[begin + k]["value"][OUTPUT.at("u_slew")] for k in range(60)]
 
 
+def test_counts_stay_in_their_fields_before_tick_0() -> None:
+    bench = Bench(core())
+    bench.now = -400
+    for _ in range(800):
+        bench.tick()
+        for name in ("command_heartbeat", "controller_heartbeat", "cycle_overruns"):
+            assert 0.0 <= bench.out(name) <= 250.0, name
+    bench.image["overruns"] = 252
+    assert bench.tick().out("cycle_overruns") == 1.0
+
+
 def test_outputs_are_named_and_the_state_is_small() -> None:
     bench = Bench(core()).armed()
     assert bench.out("command_heartbeat") == bench.now
