@@ -24,8 +24,10 @@ from slewright.commands import (
     effects,
     estimate,
     evaluate,
+    faults,
     fit,
     generate,
+    hil,
     import_,
     optimum,
     reconcile,
@@ -104,6 +106,8 @@ app.command()(bundle.bundle)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
 app.command()(run.run)
+app.command()(hil.hil)
+app.command()(faults.faults)
 app.command()(replay.replay)
 app.command()(reconcile.reconcile)
 app.command()(effects.effects)

@@ -40,6 +40,8 @@ COMMANDS = (
     "import",
     "optimum",
     "run",
+    "hil",
+    "faults",
     "replay",
     "reconcile",
     "reconcile-suite",
