@@ -13,6 +13,16 @@ from runtime.image import INPUT, OUTPUT, token
 from specs.errors import InputError
 
 
+INPUT_BYTES = INPUT.dtype.itemsize
+
+
+def at_image(inputs: np.ndarray) -> int:
+    """Address of an input image; ValueError for an array that is none, for C would read past its end."""
+    if inputs.nbytes != INPUT_BYTES:
+        raise ValueError(f"an array of {inputs.nbytes} bytes is no input image")
+    return inputs.ctypes.data
+
+
 class ControlCore:
     """One running control core; not for several threads at once."""
 
@@ -38,7 +48,7 @@ class ControlCore:
 
     def step(self, inputs: np.ndarray, tick: int) -> np.ndarray:
         """The output image of tick `tick`; the same array is written again in the next step."""
-        self._step(inputs.ctypes.data, self._at_state, tick, self._at_outputs)
+        self._step(at_image(inputs), self._at_state, tick, self._at_outputs)
         return self._outputs
 
     def reset(self) -> None:

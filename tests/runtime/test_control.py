@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from fmus.equations import kinematics
@@ -117,6 +118,13 @@ def test_counts_stay_in_their_fields_before_tick_0() -> None:
             assert 0.0 <= bench.out(name) <= 250.0, name
     bench.image["overruns"] = 252
     assert bench.tick().out("cycle_overruns") == 1.0
+
+
+def test_what_is_no_image_is_refused_before_c_reads_it() -> None:
+    control = core()
+    for wrong in (np.zeros(3), OUTPUT.new(), np.zeros(2, INPUT.dtype)):
+        with pytest.raises(ValueError, match="is no input image"):
+            control.step(wrong, 0)
 
 
 def test_outputs_are_named_and_the_state_is_small() -> None:
