@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from runtime.bundle import NATIVE, Bundle
-from runtime.control import ControlCore, at_image
+from runtime.control import ControlCore
 from runtime.image import INPUT, OUTPUT
 from specs.errors import InputError
 from specs.policy import (
@@ -80,7 +80,7 @@ class PolicyCore(ControlCore):
 
     def step(self, inputs: np.ndarray, tick: int) -> np.ndarray:
         """As ControlCore.step, the policy evaluated before it where it is due."""
-        due = self._observe(at_image(inputs), self._at_state, self._at_board)
+        due = self._observe(self._at(inputs), self._at_state, self._at_board)
         if due:
             self._action[:] = self._asked(starts=due == STARTS)
             self._offer(self._at_state, self._at_action)
