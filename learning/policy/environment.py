@@ -190,8 +190,8 @@ class Environment:
         """[2, n]: random ones, or for slew-only the present place."""
         if self.recipe.task == "full":
             return self.poses()[2:]
-        pose = self.plant.pose([boom, stick, 0.0, 0.0], [0.0])[0]
-        return torch.stack([pose[0], pose[1] - kinematics.geometry().tool_length])
+        radius, height = self.plant.tip([boom, stick, 0.0, 0.0])[0]
+        return torch.stack([radius, height - kinematics.geometry().tool_length])
 
     # ---- one step ----
 
@@ -242,8 +242,8 @@ class Environment:
 
     def error(self, s: Situation) -> Tensor:
         """Grab point less target [3, n], m."""
-        tip = self.plant.pose(s.state.arm, [0.0])[0]
-        inputs = [s.state.q, tip[0], tip[1], s.state.tool[0], s.state.tool[1], s.target[0], s.target[1]]
+        radius, height = self.plant.tip(s.state.arm.unbind(0))[0]
+        inputs = [s.state.q, radius, height, s.state.tool[0], s.state.tool[1], s.target[0], s.target[1]]
         return torch.stack(self._errors(inputs)[0])
 
     def ended(self, s: Situation) -> Tensor:

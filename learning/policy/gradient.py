@@ -20,6 +20,7 @@ from learning.policy.trainer import Trainer
 from specs.errors import RunError
 from specs.policy import SPACING_S
 
+LOOK = 10  # steps between looks at what is outside of data and keep-out: a sample is enough
 WARM_UP = 0.02  # share of the iterations in which the rate rises
 
 
@@ -40,14 +41,16 @@ class GradientTrainer(Trainer):
         total = torch.zeros(e.n, device=self.device)
         terms: dict[str, Tensor] = {}
         unknown, ended = torch.zeros(()), torch.zeros(())
-        for _ in range(e.periods):
+        for k in range(e.periods):
             observation = e.observe(s)
             s, rewards = self.play(s, self.mlp(self.interface.features(observation)), observation)
             total = total + sum(rewards.values()) * SPACING_S
             for name, value in rewards.items():
                 terms[name] = terms.get(name, torch.zeros(())) + value.detach().mean()
-            with torch.no_grad():
-                unknown, ended = unknown + e.unknown(s).float().mean(), ended + e.ended(s).float().mean()
+            if k % LOOK == 0:
+                with torch.no_grad():
+                    unknown = unknown + LOOK * e.unknown(s).float().mean()
+                    ended = ended + LOOK * e.ended(s).float().mean()
         self.check(terms)
         self._learn(-total.mean())
         self.last = s.cut()

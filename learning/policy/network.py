@@ -69,15 +69,17 @@ class Interface:
         at_zero = np.array(f(np.zeros(f.numel_in(0)))).ravel()[straight]
         self._slope = torch.tensor(slope, dtype=torch.float32, device=device)
         self._offset = torch.tensor(at_zero, dtype=torch.float32, device=device)[:, None]
-        rest = ca.Function("bent", [x], [ca.cse(y[np.flatnonzero(bent).tolist()])])
-        self._bent = to_torch(rest)
+        curved = y[np.flatnonzero(bent).tolist()]
+        needed = [i for i in range(f.numel_in(0)) if ca.depends_on(curved, x[i])]
+        self._needed = torch.tensor(needed, device=device)
+        self._bent = to_torch(ca.Function("bent", [x[needed]], [ca.cse(curved)]))
         order = np.argsort(np.concatenate([straight, np.flatnonzero(bent)]))
         self._order = torch.tensor(order, device=device)
 
     def features(self, observation: Tensor) -> Tensor:
         """[N, n] -> [n, M]."""
         straight = torch.addmm(self._offset, self._slope, observation)
-        bent = torch.stack(self._bent(observation)[0])
+        bent = torch.stack(self._bent(observation[self._needed].unbind(0))[0])
         return torch.cat([straight, bent])[self._order].T
 
     def asked(self, y: Tensor, observation: Tensor) -> Tensor:

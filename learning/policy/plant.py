@@ -137,7 +137,7 @@ def _equations() -> dict[str, Any]:
     """What is carried over to torch.
 
     tick: (arm, tool, references, slew rate, VARIED) -> (arm, tool) a tick later; swing: (arm, tool, slew
-    rate, VARIED) -> tool, with the arm at rest; pose: (arm, load) -> radius, height, inertia.
+    rate, VARIED) -> tool, with the arm at rest; tip: arm -> radius, height; moment: (arm, load) -> inertia.
     """
     arm, tool = load_model("arm"), load_model("tool")
     x, t, r, w, v = (ca.SX.sym(n, k) for n, k in (("x", 4), ("t", 6), ("r", 2), ("w", 1), ("v", len(VARIED))))
@@ -154,10 +154,11 @@ def _equations() -> dict[str, Any]:
     tick = ca.Function("tick", [x, t, r, w, v], ca.cse([arm.f(x, u_arm, [], p_arm), tool_after]))
     g = kinematics.geometry()
     inertia = kinematics.inertia_z(x[0], x[1], load, g)
-    pose = ca.Function("pose", [x, load], ca.cse([ca.vertcat(out["radius"], out["height"], inertia)]))
+    tip = ca.Function("tip", [x], [ca.cse(ca.vertcat(out["radius"], out["height"]))])
+    moment = ca.Function("moment", [x, load], [ca.cse(inertia)])
     rest = ca.vertcat(x[:2], ca.SX.zeros(2, 1))
     swing = ca.Function("swing", [x, t, w, v], [ca.cse(ca.substitute(tool_after, x, rest))])
-    return {"tick": to_torch(tick), "pose": to_torch(pose), "swing": to_torch(swing)}
+    return {f.name(): to_torch(f) for f in (tick, tip, moment, swing)}
 
 
 def _parameters(model: Any, varied: ca.SX, load: float) -> ca.SX:
@@ -222,7 +223,8 @@ class Plant:
     def __init__(self, drive: Drive, ahead: int = 0, still: bool = False) -> None:
         self.drive, self.ahead = drive, ahead
         self.still = still  # the arm stays where it is: slew-only, and cheaper
-        self.tick, self.pose = _equations()["swing" if still else "tick"], _equations()["pose"]
+        made = _equations()
+        self.tick, self.tip, self.moment = made["swing" if still else "tick"], made["tip"], made["moment"]
 
     def start(self, q: Tensor, boom: Tensor, stick: Tensor, pressure: float = 0.0) -> State:
         """At rest at these angles [n], the tool hanging, histories as the slew model's FMU starts them."""
@@ -237,7 +239,7 @@ class Plant:
 
     def inertia(self, state: State, machine: Machine) -> Tensor:
         """True slew inertia [n], kg m2."""
-        return self.pose(state.arm, [machine.load])[0][2] * machine.inertia_scale
+        return self.moment(state.arm.unbind(0), [machine.load])[0][0] * machine.inertia_scale
 
     def advance(self, state: State, action: Tensor, machine: Machine) -> State:
         """0.1 s on with the commands `action` [3, n] (u_slew, qd_boom_ref, qd_stick_ref), already limited."""

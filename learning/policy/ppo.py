@@ -141,7 +141,7 @@ def _settings(r: Recipe) -> dict[str, Any]:
             "class_name": "rsl_rl.algorithms:PPO", "num_learning_epochs": r.epochs,
             "num_mini_batches": r.batches, "clip_param": r.clip, "gamma": r.discount, "lam": r.trace,
             "entropy_coef": r.entropy, "learning_rate": r.rate, "schedule": r.schedule,
-            "value_loss_coef": 1.0, "max_grad_norm": r.norm,
+            "value_loss_coef": 1.0, "use_mixed_precision": r.mixed, "max_grad_norm": r.norm,
         },
         "multi_gpu": None,
     }  # fmt: skip

@@ -84,6 +84,7 @@ class Recipe:
     entropy: float = 0.0
     clip: float = 0.2
     schedule: str = "adaptive"  # of the learning rate; authors' code: "fixed"
+    mixed: bool = False  # the update's matrix products in bfloat16
     asymmetric: bool = False  # the critic sees load, tool length, dead band, pressures
     # by the gradient of the simulation
     norm: float = 1.0  # largest norm of a gradient

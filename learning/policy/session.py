@@ -18,6 +18,7 @@ from typing import Any
 from learning.policy import checkpoint
 from learning.policy.recipe import RECIPES, Recipe, recipe
 from specs.errors import InputError, RunError, nearest
+from specs.policy import TASKS
 from specs.schema import ROOT
 
 BUDGETS = ("full", "short", "tiny")
@@ -44,6 +45,8 @@ class Options:
     def chosen(self) -> Recipe:
         """The recipe with its changes; InputError for an unknown name or one of another task."""
         name = self.recipe or self.task
+        if self.task not in TASKS:
+            raise InputError(f"no task '{self.task}'; valid: {', '.join(TASKS)}")
         if self.budget not in BUDGETS:
             raise InputError(f"no budget '{self.budget}'; {nearest(self.budget, BUDGETS)}")
         found = recipe(name, self.budget == "tiny", **self.changed)

@@ -11,6 +11,7 @@ import torch
 from fmus.slew_nn.untrained import untrained
 from learning.policy import export, session
 from learning.policy.gradient import GradientTrainer
+from learning.policy.recipe import recipe
 from learning.policy.session import Options
 from specs.errors import InputError, RunError
 
@@ -138,3 +139,16 @@ def test_training_leaves_one_thread(network: Path, tmp_path: Path) -> None:
     """A seed is a core's."""
     session.run(options(network, tmp_path, "slew", stop_after=1), quiet)
     assert torch.get_num_threads() == 1
+
+
+def test_products_in_bfloat16_learn_nearly_the_same(network: Path) -> None:
+    """One update of PPO in mixed precision moves the weights along those of single precision."""
+    moved = []
+    for mixed in (False, True):
+        chosen = recipe("paper", envs=64, steps=8, epochs=1, batches=1, layers=(32,), mixed=mixed)
+        trainer = session.make_trainer(chosen, (network,), 1)
+        before = [p.detach().clone() for p in trainer.mlp.parameters()]
+        trainer.iterate()
+        after = trainer.mlp.parameters()
+        moved.append(torch.cat([(b - a).detach().flatten() for a, b in zip(before, after, strict=True)]))
+    assert float(torch.nn.functional.cosine_similarity(*moved, dim=0)) > 0.9
