@@ -15,6 +15,7 @@ from runtime.control import ControlCore
 from runtime.image import INPUT, OUTPUT
 from slewright.hil.machine import COMMANDS, Machine, within_field
 from slewright.hil.panel import ARMING_TICKS, Panel, sensor_names
+from slewright.hil.wires import Wires
 from specs import draws
 from specs.scenario import TICK_S, Scenario
 
@@ -35,10 +36,12 @@ def lockstep(
     change: Change | None = None,
     look: Look | None = None,
     panel: Panel | None = None,
+    wires: Wires | None = None,
 ) -> Record:
     """Run `scenario` (or its first `ticks`) with a freshly reset core; the record, one row a tick.
 
-    `change` may disturb the input image of a tick before the core sees it, `look` sees both images after it.
+    With `wires` every value goes through its CAN frame, with its quantum and cycle.  `change` may disturb the
+    input image of a tick before the core sees it, `look` sees both images after it.
     Columns: time, targets, what the core sends, commands at the valves, the machine's sensors and true
     states.
     """
@@ -51,6 +54,8 @@ def lockstep(
         for tick in range(-ARMING_TICKS, (scenario.duration_ticks if ticks is None else ticks) + 1):
             truth = machine.outputs()
             panel.write(image, tick, {n: within_field(n, truth[n]) for n in sensors})
+            if wires:
+                wires.bring(image, tick)
             if change:
                 change(image, tick)
             outputs = core.step(image, tick)
@@ -61,6 +66,7 @@ def lockstep(
             rows.append(_row(tick, image, outputs, commands, machine.values))
             machine.advance(commands)
             commands = {n: float(outputs["value"][OUTPUT.index[n]]) for n in COMMANDS}
+            commands = wires.commands(outputs, tick) if wires else commands
         columns = ["time", *TARGETS, *CORE, *COMMANDS, *machine.names]
     return Record.from_rows(columns, np.array(rows), _meta(core, scenario, seed, which))
 

@@ -12,6 +12,7 @@ from records.metrics import compute
 from records.record import Record
 from runtime.image import OUTPUT
 from slewright.hil.lockstep import lockstep
+from slewright.hil.wires import Wires
 from specs import scenario
 from tests.runtime.bundles import NO_RATE_LIMIT, core
 
@@ -50,6 +51,19 @@ def test_metrics_are_those_of_verification() -> None:
     assert with_gate.overshoot == pytest.approx(without.overshoot, abs=0.1)
     assert with_gate.error == pytest.approx(without.error, abs=0.02)
     assert with_gate.tool == pytest.approx(without.tool, rel=0.05)
+
+
+@pytest.mark.slow
+def test_through_the_wires_it_drives_the_same() -> None:
+    """Quanta, cycles of 100 ms and one frame's way back change the slew by less than half a degree."""
+    chosen = scenario.load("four_targets_empty")
+    bare, wired = (lockstep(core(), chosen, SEED, TICKS, wires=w) for w in (None, Wires()))
+    assert set(wired.column("control_mode")) == {AUTOMATIC}
+    assert set(wired.column("fault_code")) == {0.0}
+    apart = np.degrees(np.abs(bare.column("true_q_slew") - wired.column("true_q_slew")))
+    assert np.degrees(np.ptp(bare.column("true_q_slew"))) > 30.0
+    assert 0.0 < apart.max() < 0.5
+    assert not np.array_equal(bare.column("u_slew"), wired.column("u_slew"))
 
 
 def test_automatic_from_the_first_tick_and_no_fault() -> None:
