@@ -25,6 +25,7 @@ INTERFACES = ("slewright", "socketcan", "slcan")
 # queue that grew while the process was held up empties again.
 FRAMES_A_TICK = 128
 PERIOD_NS = round(1e9 * TICK_S)
+JOYSTICK = "OperatorJoystick"  # what a J1939 joystick stands for
 TIMED_BY = "SlewPosition"  # the sensor message whose arrival end-to-end latency is counted from
 
 
@@ -104,6 +105,8 @@ class CanPort:
     ) -> None:
         self._bus = frame_source(bus)
         wanted = received_by(node) if messages is None else messages
+        if joystick:
+            wanted = [c for c in wanted if c.message.name != JOYSTICK]
         self.receiver = Receiver(wanted, index[0])
         self.transmitter = Transmitter(node, index[1])
         self.joystick = joystick
