@@ -9,6 +9,7 @@ import gc
 import os
 import resource
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from runtime.image import Flag
@@ -19,6 +20,7 @@ MCL_CURRENT, MCL_FUTURE = 1, 2  # sys/mman.h
 TIMER_ABSTIME = 1  # time.h
 PR_SET_PDEATHSIG, PR_SET_TIMERSLACK = 1, 29  # linux/prctl.h
 EINTR = 4
+CPU_LATENCY = "/dev/cpu_dma_latency"  # µs wanted, as 4 bytes, while the file is open
 STACK_BYTES = 256 * 1024  # touched once, so that no page of the stack is fetched in a cycle
 
 
@@ -30,6 +32,7 @@ _libc = ctypes.CDLL(None, use_errno=True)
 _nanosleep = getattr(_libc, "clock_nanosleep", None)  # not on macOS, where no cycle runs
 _until = _Timespec()
 _until_at = ctypes.byref(_until)
+_kept_open: list[int] = []
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,7 @@ def acquire(fifo: bool = True, lock: bool = True, priority: int = PRIORITY) -> R
     gc.freeze()
     gc.disable()
     _prctl(PR_SET_TIMERSLACK, 1)
+    _stay_awake()
     reasons = [] if fifo else ["real-time priority was not asked for"]
     reasons += [] if lock else ["locked memory was not asked for"]
     got_fifo = fifo and _refusal("real-time priority", _take_fifo, priority, reasons)
@@ -75,6 +79,8 @@ def release() -> None:
     """Give FIFO and locked memory back (tests run more than a control process in one interpreter)."""
     gc.enable()
     gc.unfreeze()
+    while _kept_open:
+        os.close(_kept_open.pop())
     if hasattr(os, "sched_setscheduler"):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     getattr(_libc, "munlockall", lambda: 0)()
@@ -120,6 +126,13 @@ def _refusal(what: str, take, argument: int, reasons: list[str]) -> bool:
         reasons.append(f"no {what}: {error}")
         return False
     return True
+
+
+def _stay_awake() -> None:
+    """Ask for processors that do not sleep deeply, until the process ends (kernel: PM quality of service)."""
+    with suppress(OSError):
+        _kept_open.append(os.open(CPU_LATENCY, os.O_WRONLY))
+        os.write(_kept_open[-1], bytes(4))
 
 
 def _prctl(option: int, value: int) -> None:

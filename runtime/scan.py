@@ -105,6 +105,7 @@ class Scan:
         self.ports = tuple(self.ports)
         self.inputs = INPUT.new()
         self._stolen_until = -1
+        self._received = 0  # when the sensor message came that was used last
 
     def run(self, stop: Callable[[], bool] = lambda: False, ticks: int | None = None, first: int = 0) -> None:
         """Run cycles from tick `first` on, until `stop()` or for `ticks` periods."""
@@ -149,10 +150,11 @@ class Scan:
         return flags
 
     def _latency(self, sent: int) -> int:
-        """ns from the newest sensor message used to the command that rests on it; -1 without one."""
+        """ns from a new sensor message to the command that rests on it; -1 without one."""
         received = max((port.received_ns() for port in self.ports), default=0)
-        if not received:
+        if not received or received == self._received:
             return -1
+        self._received = received
         self.statistics.latency.add(sent - received)
         return sent - received
 
