@@ -270,11 +270,13 @@ class Search:
         self.gains.pop(a.key, None)
         if gained <= evidence.BIC_GAIN:
             return gained, f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
+        sure = gained > evidence.OVERWHELMING
         distance = evidence.from_nothing(study, fitted, a)
-        if distance <= evidence.ERRORS:
+        # of two parameters that make up for each other either may be uncertain: then the likelihood counts
+        if distance <= evidence.ERRORS and not (sure and len(a.free) > 1):
             return gained, f"{distance:.1f} standard errors from nothing"
         outside = self._on_confirm(without, fitted)
-        if outside is None or not outside.accepted:
+        if outside is None or not (outside.accepted or (sure and outside.silent)):
             share = 0.0 if outside is None else outside.closed
             return gained, f"closes {100 * share:.0f} % of the gap on confirm"
         self.gains[a.key] = (evidence.likelihood_gain(without.cost, fitted.cost, s), outside.closed)

@@ -12,7 +12,7 @@ from fmus.definition import Variable
 from orchestrator.single import system_of_fmu
 from orchestrator.system import Component, System
 from orchestrator.variable import REALS, Variable as FmuVariable
-from specs.errors import InputError, nearest
+from specs.errors import InputError, RunError, nearest
 
 DISTURBANCE = "disturbance"  # what names of inputs that take a disturbing force begin with
 VELOCITIES = ("m/s", "rad/s")
@@ -67,10 +67,19 @@ class Box:
         return next(iter(self.system.components.values()))
 
     def at_step(self, step_s: float) -> System:
-        """The FMU alone with a communication step near `step_s` that it can take."""
-        internal = self.component.model.fixed_internal_step_s
-        step = step_s if internal is None else internal * max(1, round(step_s / internal))
-        return system_of_fmu(self.path, step)
+        """The FMU alone with a communication step near `step_s` that it can take.
+
+        An FMU of fixed inner steps that does not declare them refuses others; that of its default experiment
+        is then what it takes.
+        """
+        model = self.component.model
+        if model.fixed_internal_step_s is not None:
+            inner = model.fixed_internal_step_s
+            return system_of_fmu(self.path, inner * max(1, round(step_s / inner)))
+        wanted = system_of_fmu(self.path, step_s)
+        if model.default_step_s is None or _takes(wanted):
+            return wanted
+        return system_of_fmu(self.path, model.default_step_s)
 
     def start(self, name: str) -> float:
         """Start value of an input or parameter."""
@@ -96,6 +105,15 @@ def answer(
             changes.setdefault(int(k), {})[name] = float(values[k])
     record = simulate(system, ticks, Stimuli(changes), {n: float(v) for n, v in parameters.items()})
     return {n: np.asarray(record.column(n), float) for n in system.outputs}
+
+
+def _takes(system: System) -> bool:
+    """Whether an FMU goes one of these steps."""
+    try:
+        answer(system, {}, {}, 1)
+    except RunError:
+        return False
+    return True
 
 
 def _is_parameter(v: FmuVariable) -> bool:

@@ -24,7 +24,7 @@ from reconcile.model import ALL_OUTPUTS, Attached
 from reconcile.study import unique
 from specs.errors import InputError, RunError
 
-STEP = 1e-2  # of a parameter's size, for differences
+STEPS = (1e-2, 0.1, 0.5)  # of a parameter's size, for differences
 EVALUATIONS = 12
 REMEMBERED = 400  # answers of the FMU
 FORCE_STEP = 0.2  # of a step: a force that is fed back is one step late
@@ -235,12 +235,23 @@ class ClosedProblem:
         e = self.residual(effects, values)
         if e is None:
             return None
-        columns = []
-        for f in free:
-            way = -1.0 if values[f.name] + STEP * f.size > f.high else 1.0
-            moved = self.residual(effects, {**values, f.name: values[f.name] + way * STEP * f.size})
-            columns.append(np.zeros(len(e)) if moved is None else (moved - e) / (way * STEP * f.size))
+        columns = [self._slope(effects, values, f, e) for f in free]
         return e, np.column_stack(columns) if columns else np.zeros((len(e), 0))
+
+    def _slope(
+        self, effects: Sequence[Attached], values: Mapping[str, float], f: Free, e: np.ndarray
+    ) -> np.ndarray:
+        """By one parameter; longer steps where a short one changes nothing, as of a delay in whole ticks."""
+        value = values[f.name]
+        for step in (share * f.size for share in STEPS):
+            if step > f.high - value:
+                step = -step
+            if value + step < f.low:
+                break
+            moved = self.residual(effects, {**values, f.name: value + step})
+            if moved is not None and not np.array_equal(moved, e):
+                return (moved - e) / step
+        return np.zeros(len(e))
 
     def fit(self, effects: Sequence[Attached], start: Mapping[str, float]) -> ClosedFit | None:
         """Least squares over the parameters of FMU and effects; None if the FMU fails at `start`."""
@@ -297,11 +308,19 @@ class ClosedProblem:
         if found is None:
             raise InputError(
                 f"FMU {self.box.path} runs away or fails on the recordings from its own start: is it stable, "
-                "and are the recordings in its units?"
+                f"and are the recordings in its units?{self._why(values)}"
             )
         _, by = found
         kept = [f for f, s in zip(self.base, by.T, strict=True) if np.linalg.norm(s) * f.size > FELT]
         return [replace(f, low=max(f.low, 0.0) if f.prior and f.prior[0] > 0 else f.low) for f in kept]
+
+    def _why(self, values: Mapping[str, float]) -> str:
+        """What the FMU says of it, if it fails."""
+        try:
+            self.errors((), values)
+        except RunError as error:
+            return f" ({str(error).splitlines()[0]})"
+        return ""
 
 
 def _inside(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

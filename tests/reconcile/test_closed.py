@@ -12,11 +12,12 @@ from fmus.paths import BUILD
 from orchestrator.check import load_system
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
-from reconcile.closed.box import Box
+from reconcile.closed.box import Box, answer
+from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.report import examine
-from reconcile.data import runs_of
+from reconcile.data import runs_of, split
 from reconcile.workflow import reconcile
-from records.measurement import Measurement
+from records.measurement import Channel, Measurement
 from slewright.__main__ import run as command
 from specs.errors import InputError
 from tests.reconcile import truth as rig
@@ -189,3 +190,20 @@ def test_an_fmu_that_is_none_or_missing_is_refused(tmp_path):
             path.write_text(text, encoding="utf-8")
         with pytest.raises(InputError, match=path.name):
             Box(path)
+
+
+def test_an_fmu_of_fixed_inner_steps_goes_in_its_own_and_its_delays_are_felt():
+    """The project's arm as FMI 2, which cannot declare its 20 ms; its delays are whole steps of that."""
+    box = Box(build_fmu("arm", 2))
+    assert box.at_step(0.01).step_s == 0.02
+    time = 0.02 * np.arange(500)
+    told = {"qd_boom_ref": 0.1 * np.sign(np.sin(time)), "qd_stick_ref": np.zeros(500)}
+    y = answer(box.at_step(0.02), told, {"arm.boom_delay": 0.36}, 499)
+    units = {v.name: v.unit for v in (*box.model.inputs, *box.model.outputs)}
+    recorded = told | {n: y[n] for n in ("q_boom", "qd_boom")}
+    channels = {n: Channel(n, units[n], time, v) for n, v in recorded.items()}
+    problem = ClosedProblem(box, split(runs_of(Measurement(channels), box, "arm"), (), ()))
+    assert "boom_delay" in {f.name for f in problem.base}
+    fitted = problem.fit((), {})
+    assert fitted is not None
+    assert fitted.values["boom_delay"] == pytest.approx(0.36, abs=0.025)  # a stair of 20 ms

@@ -1,0 +1,24 @@
+"""When what was fitted counts as confirmed by data that it was not fitted to."""
+
+import numpy as np
+import pytest
+
+from reconcile.evidence import CONFIRM_GAIN, TELLING, Confirmed
+
+
+@pytest.mark.parametrize("expected", [0.5, 5.0, 20.0])
+def test_where_little_can_be_told_a_true_effect_is_spoken_against_by_chance_in_few_cases_only(expected):
+    rng = np.random.default_rng(1)
+    gains = expected + 2.0 * np.sqrt(expected) * rng.standard_normal(4000)
+    kept = np.mean([Confirmed(0.0, gain, expected).silent for gain in gains])
+    assert 0.96 < kept < 0.99
+
+
+def test_what_confirm_can_tell_is_not_taken_for_silence():
+    assert not Confirmed(0.0, 0.0, 2.0 * TELLING).silent
+    assert not Confirmed(0.0, -20.0, 4.0).silent
+
+
+def test_an_effect_that_closes_the_gap_on_confirm_is_accepted():
+    assert Confirmed(0.5, 2.0 * CONFIRM_GAIN, 2.0 * TELLING).accepted
+    assert not Confirmed(0.05, 2.0 * CONFIRM_GAIN, 2.0 * TELLING).accepted
