@@ -31,6 +31,8 @@ typedef struct {
   int32_t late;         /* cycles in a row that ended too late */
   int32_t in_reach;
   int32_t limited;      /* the gate changed the last command */
+  int32_t estimating;   /* the estimator has been started */
+  int32_t unused;
   double last[SLR_IN_COUNT];  /* last valid value of each input */
   double raw[SLR_IN_COUNT];   /* value of each input at the last step, valid or not */
   int32_t bad[SLR_IN_COUNT];  /* steps in a row without a valid value */
@@ -53,6 +55,7 @@ typedef struct {
 /* ---- the bundle's own part, generated: core_config.c ---- */
 extern const SlrBlock *const slr_controller;
 extern const SlrBlock *const slr_arm;
+extern const SlrBlock *const slr_estimator; /* of the load; negative: nothing known yet */
 extern const uint8_t slr_needed[SLR_IN_COUNT]; /* inputs that automatic operation depends on */
 extern const SlrGateLimits slr_limits;
 extern const char slr_identity_text[];

@@ -9,7 +9,9 @@ static const int joysticks[SLR_AXES] = {SLR_IN_joystick_slew, SLR_IN_joystick_bo
 
 unsigned char *slr_state_of(SlrState *s, const SlrBlock *block) {
   unsigned char *after = (unsigned char *)(s + 1);
-  return block == slr_arm ? after : after + slr_arm->size;
+  if (block == slr_arm) return after;
+  after += slr_arm->size;
+  return block == slr_estimator ? after : after + slr_estimator->size;
 }
 
 static void look_around(SlrView *view) {
@@ -83,6 +85,21 @@ static void find_wanted(SlrState *s, SlrView *view, double wanted[SLR_AXES]) {
   }
 }
 
+/* ---- the estimator: in every mode, while its sensors are there ---- */
+
+static int sees(const SlrView *view, const SlrBlock *block) {
+  for (int i = 0; i < block->n_inputs; i++)
+    if (view->lost[block->inputs[i]]) return 0;
+  return 1;
+}
+
+static void estimate(SlrState *s, SlrView *view) {
+  void *state = slr_state_of(s, slr_estimator);
+  if (!s->estimating) slr_estimator->initialise(state, view->board);
+  s->estimating = sees(view, slr_estimator) && slr_estimator->step(state, view->board) == 0;
+  if (!s->estimating) view->board[SLR_OWN(SLR_OUT_load_estimate)] = -1.0;
+}
+
 /* ---- the gate ---- */
 
 static void pass_gate(SlrState *s, const SlrView *view, const double wanted[SLR_AXES]) {
@@ -126,7 +143,10 @@ static void write_status(const SlrInput *in, const SlrState *s, const SlrView *v
   out->value[SLR_OUT_command_heartbeat] = round_count(s->tick);
   out->value[SLR_OUT_controller_heartbeat] = round_count(s->tick / SLR_STATUS_TICKS);
   out->value[SLR_OUT_runtime_flags] = (double)(in->flags | own);
-  out->status[SLR_OUT_load_estimate] = SLR_STATUS_NOT_AVAILABLE; /* no block estimates it */
+  if (s->own[SLR_OUT_load_estimate] < 0.0) {
+    out->value[SLR_OUT_load_estimate] = 0.0;
+    out->status[SLR_OUT_load_estimate] = SLR_STATUS_NOT_AVAILABLE;
+  }
   out->flags = in->flags | own;
 }
 
@@ -136,7 +156,9 @@ const char *slr_layout(void) { return SLR_LAYOUT; }
 const char *slr_identity(void) { return slr_identity_text; }
 size_t slr_input_size(void) { return sizeof(SlrInput); }
 size_t slr_output_size(void) { return sizeof(SlrOutput); }
-size_t slr_state_size(void) { return sizeof(SlrState) + slr_arm->size + slr_controller->size; }
+size_t slr_state_size(void) {
+  return sizeof(SlrState) + slr_arm->size + slr_estimator->size + slr_controller->size;
+}
 
 void slr_reset(SlrState *s) {
   memset(s, 0, slr_state_size());
@@ -166,6 +188,7 @@ void slr_step(const SlrInput *in, SlrState *s, int64_t tick, SlrOutput *out) {
   slr_next_mode(in, s, &view);
   find_wanted(s, &view, wanted);
   pass_gate(s, &view, wanted);
+  estimate(s, &view);
   write_commands(s, &view, out);
   write_status(in, s, &view, out);
 }

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines import registry
+from baselines.load.online import model as load_estimate
 from baselines.registry import Controller
 from fmus import compiler
 from fmus.definition import Model
@@ -50,6 +51,7 @@ class Content:
     controller: Block | External
     engine: str = form.NATIVE
     files: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
+    calibration: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the load estimate
 
 
 def bundle(
@@ -58,15 +60,20 @@ def bundle(
     platforms: Sequence[str] = (),
     changes: Mapping[str, float] | None = None,
     engine: str = form.NATIVE,
+    calibration: Path | None = None,
 ) -> form.Bundle:
     """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
 
     What was in `out` before is replaced.  `platforms` are names of fmus.compiler.TARGETS (default: this
     machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is evaluated:
-    "native" C or "onnxruntime".  Raises InputError for an unknown controller, platform, parameter or engine,
-    a controller that no core can run, or a folder that holds something else; RunError if C fails.
+    "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`.  Raises InputError
+    for an unknown controller, platform, parameter or engine, a controller that no core can run, or a folder
+    that holds something else; RunError if C fails.
     """
-    return assemble(_content(controller, engine), out, platforms, changes)
+    content = _content(controller, engine)
+    if calibration is not None:
+        content = _calibrated(content, calibration)
+    return assemble(content, out, platforms, changes)
 
 
 def bundle_model(
@@ -89,7 +96,7 @@ def assemble(
     _check_folder(out)
     part = out.with_name(f"{out.name}.{os.getpid()}.part")
     try:
-        blocks = write_sources(content.controller, part / "sources", constants)
+        blocks = write_sources(content.controller, part / "sources", constants, content.calibration)
         identity = sources_hash(part / "sources")
         for target in targets:
             suffix = compiler.target(target).suffix
@@ -105,9 +112,14 @@ def assemble(
     return form.load(out)
 
 
-def write_sources(controller: Block | External, folder: Path, constants: Mapping[str, float]) -> list[Block]:
+def write_sources(
+    controller: Block | External,
+    folder: Path,
+    constants: Mapping[str, float],
+    calibration: Mapping[str, float] | None = None,
+) -> list[Block]:
     """Write core and blocks; the blocks."""
-    arm = Block(load_model(ARM), ARM)
+    arm, estimator = Block(load_model(ARM), ARM), Block(load_estimate(calibration), "load")
     core = folder / "core"
     core.mkdir(parents=True, exist_ok=True)
     external = isinstance(controller, External)
@@ -115,9 +127,9 @@ def write_sources(controller: Block | External, folder: Path, constants: Mapping
         (core / name).write_bytes((CORE / name).read_bytes())
     (core / "slw_math.h").write_bytes((SHIM / "slw_math.h").read_bytes())
     (core / "core_config.h").write_text(config.config_h(constants))
-    (core / "core_config.c").write_text(config.config_c(controller, arm, constants))
+    (core / "core_config.c").write_text(config.config_c(controller, arm, estimator, constants))
     (core / "geometry.c").write_text(config.geometry_c())
-    blocks = [arm] if isinstance(controller, External) else [controller, arm]
+    blocks = [arm, estimator] if isinstance(controller, External) else [controller, arm, estimator]
     for block in blocks:
         block.write(folder / "blocks" / block.name)
     return blocks
@@ -197,6 +209,16 @@ def _content(controller: str, engine: str) -> Content:
     if found.folder in NOT_COMPILED:
         raise InputError(f"controller {controller} cannot be bundled: {NOT_COMPILED[found.folder]}")
     return Content(controller, Block(settled(found), "controller"))
+
+
+def _calibrated(content: Content, path: Path) -> Content:
+    """The same with the load estimate of a calibrated machine."""
+    from baselines.load.balance import unknowns
+    from baselines.load.calibration_file import read
+
+    found = dict(zip((u.name for u in unknowns()), read(path).values.tolist(), strict=True))
+    files = {**content.files, "load-calibration.json": path.read_bytes()}
+    return dataclasses.replace(content, files=files, calibration=found)
 
 
 def settled(controller: Controller) -> Model:

@@ -40,15 +40,16 @@ def config_h(c: Mapping[str, float]) -> str:
     )
 
 
-def config_c(controller: Block | External, arm: Block, c: Mapping[str, float]) -> str:
+def config_c(controller: Block | External, arm: Block, estimator: Block, c: Mapping[str, float]) -> str:
     """`core_config.c`: which blocks, which inputs they need, the gate's limits."""
     needed = {*controller.inputs, *arm.inputs, *GATE_SENSORS}
     sensors = [int(s.name in needed and group(s) is Group.SENSOR) for s in INPUT.signals]
     return (
         '/* The bundle\'s own part of the core, generated. */\n#include "slr.h"\n\n'
-        f"extern const SlrBlock {controller.symbol}, {arm.symbol};\n"
+        f"extern const SlrBlock {controller.symbol}, {arm.symbol}, {estimator.symbol};\n"
         f"const SlrBlock *const slr_controller = &{controller.symbol};\n"
         f"const SlrBlock *const slr_arm = &{arm.symbol};\n"
+        f"const SlrBlock *const slr_estimator = &{estimator.symbol};\n"
         f"const uint8_t slr_needed[SLR_IN_COUNT] = {{{', '.join(map(str, sensors))}}};\n"
         f"const SlrGateLimits slr_limits = {limits(c)};\n"
         "const char slr_identity_text[] = SLR_IDENTITY;\n"

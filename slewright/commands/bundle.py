@@ -25,6 +25,10 @@ def bundle(
         str,
         typer.Option("--engine", metavar="NAME", help="What evaluates a policy: native (C) or onnxruntime."),
     ] = "native",
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--load-calibration", metavar="FILE", help="Of the load estimate (estimate calibrate)."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
@@ -32,7 +36,7 @@ def bundle(
 
     with progress("bundle") as report:
         report(f"compiling {controller}")
-        made = build(controller, out, platform or (), engine=engine)
+        made = build(controller, out, platform or (), engine=engine, calibration=calibration)
     typer.echo(f"{made.folder}: {made.controller} for {', '.join(made.platforms)}, SHA-256 {made.digest}")
     figures = {"controller": made.controller, "platforms": list(made.platforms), "sha256": made.digest}
     write(json, {**figures, "identity": made.identity}, None)
