@@ -14,7 +14,7 @@ from torch import Tensor
 from fmus.equations import kinematics
 from fmus.slew_nn.network import HISTORY, INPUTS, SlewNetwork
 from learning.policy.features import errors
-from learning.policy.graph import to_torch
+from learning.policy.kernel import Kernel
 from learning.policy.plant import Drive, Machine, Plant, State, nominal
 from learning.policy.recipe import Randomisation, Recipe
 from learning.policy.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
@@ -72,7 +72,7 @@ class Environment:
         self.plant = Plant(Drive(networks, device), round(recipe.ahead_s / SPACING_S), recipe.task == "slew")
         self.boost = parameters.load("slew")["slew_boost_pressure"].value  # Pa, of a drive at rest
         self.generator = torch.Generator(device).manual_seed(seed)
-        self._errors = to_torch(errors())
+        self._errors = Kernel(errors())
         self._poses = self._pool()
         self.noisy = any(
             (
@@ -130,16 +130,12 @@ class Environment:
             return (self.uniform(*r.arm_delay) / TICK_S).round().long()
 
         length = self.uniform(*r.tool_length)
-        varied = {
-            "boom_response": drawn(r.response, base.varied["boom_response"]),
-            "stick_response": drawn(r.response, base.varied["stick_response"]),
-            "tool_length_x": length,
-            "tool_length_y": length,
-            "tool_damping_x": self.uniform(*r.tool_damping),
-            "tool_damping_y": self.uniform(*r.tool_damping),
-        }
+        varied = [
+            drawn(r.response, base.named("boom_response")), drawn(r.response, base.named("stick_response")),
+            length, length, self.uniform(*r.tool_damping), self.uniform(*r.tool_damping),
+        ]  # fmt: skip
         return Machine(
-            varied, self.uniform(*r.load), ticks(base.boom_delay), ticks(base.stick_delay),
+            torch.stack(varied), self.uniform(*r.load), ticks(base.boom_delay), ticks(base.stick_delay),
             self.uniform(*r.latency).floor(), drawn(r.dead_band, base.dead_band),
             self.uniform(*r.inertia_scale),
         )  # fmt: skip
@@ -190,7 +186,7 @@ class Environment:
         """[2, n]: random ones, or for slew-only the present place."""
         if self.recipe.task == "full":
             return self.poses()[2:]
-        radius, height = self.plant.tip([boom, stick, 0.0, 0.0])[0]
+        radius, height = self.plant.tip(torch.stack([boom, stick, 0 * boom, 0 * boom]))[0]
         return torch.stack([radius, height - kinematics.geometry().tool_length])
 
     # ---- one step ----
@@ -242,9 +238,8 @@ class Environment:
 
     def error(self, s: Situation) -> Tensor:
         """Grab point less target [3, n], m."""
-        radius, height = self.plant.tip(s.state.arm.unbind(0))[0]
-        inputs = [s.state.q, radius, height, s.state.tool[0], s.state.tool[1], s.target[0], s.target[1]]
-        return torch.stack(self._errors(inputs)[0])
+        (tip,) = self.plant.tip(s.state.arm)
+        return self._errors(torch.cat([s.state.q[None], tip, s.state.tool[:2], s.target]))[0]
 
     def ended(self, s: Situation) -> Tensor:
         """Where the grab is too low or too near the cabin: the episode terminates, bool [n]."""

@@ -83,7 +83,7 @@ def to_torch(f: ca.Function) -> Callable[..., list[list[Any]]]:
         elif s.operator == "OP_INPUT":
             text = f"w{s.result} = a{s.place[0]}[{s.place[1]}]"
         elif s.operator == "OP_OUTPUT":
-            text = f"r[{s.place[0]}][{_dense(f, *s.place)}] = {operands[0]}"
+            text = f"r[{s.place[0]}][{element(f, *s.place)}] = {operands[0]}"
         elif s.operator in _TORCH:
             text = f"w{s.result} = {_TORCH[s.operator].format(*operands)}"
         else:
@@ -97,7 +97,7 @@ def to_torch(f: ca.Function) -> Callable[..., list[list[Any]]]:
     return space["made"]
 
 
-def _dense(f: ca.Function, output: int, nonzero: int) -> int:
+def element(f: ca.Function, output: int, nonzero: int) -> int:
     """Element of a column that a stored (nonzero) entry of an output is."""
     rows = f.sparsity_out(output).row()
     return int(rows[nonzero])
@@ -155,7 +155,7 @@ def to_onnx(f: ca.Function, graph: Any, inputs: Sequence[str]) -> list[str]:
         elif s.operator == "OP_INPUT":
             names[s.result] = columns[s.place[0]][s.place[1]]
         elif s.operator == "OP_OUTPUT":
-            results[s.place[0]][_dense(f, *s.place)] = operands[0]
+            results[s.place[0]][element(f, *s.place)] = operands[0]
         elif s.operator == "OP_SQ":
             names[s.result] = graph.op("Mul", operands[0], operands[0])
         elif s.operator == "OP_TWICE":

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from learning.policy.features import OUTPUTS, commands, features
-from learning.policy.graph import to_torch
+from learning.policy.kernel import Kernel
 from specs.policy import ACTIONS, LIMITS
 
 LEAK = 0.1  # of the gradient that passes a command at its limit
@@ -49,7 +49,7 @@ class Interface:
     def __init__(self, task: str, history: int, prior: str = "", device: str = "cpu") -> None:
         self.inputs = features(task, history).numel_out(0)
         self.outputs = OUTPUTS[task]
-        self._commands = to_torch(commands(task, history, prior))
+        self._commands = Kernel(commands(task, history, prior))
         self._split(features(task, history), device)
         low, high = zip(*(LIMITS[name] for name in ACTIONS), strict=True)
         self.low = torch.tensor(low, device=device)[:, None]
@@ -72,19 +72,19 @@ class Interface:
         curved = y[np.flatnonzero(bent).tolist()]
         needed = [i for i in range(f.numel_in(0)) if ca.depends_on(curved, x[i])]
         self._needed = torch.tensor(needed, device=device)
-        self._bent = to_torch(ca.Function("bent", [x[needed]], [ca.cse(curved)]))
+        self._bent = Kernel(ca.Function("bent", [x[needed]], [ca.cse(curved)]))
         order = np.argsort(np.concatenate([straight, np.flatnonzero(bent)]))
         self._order = torch.tensor(order, device=device)
 
     def features(self, observation: Tensor) -> Tensor:
         """[N, n] -> [n, M]."""
         straight = torch.addmm(self._offset, self._slope, observation)
-        bent = torch.stack(self._bent(observation[self._needed].unbind(0))[0])
+        (bent,) = self._bent(observation[self._needed])
         return torch.cat([straight, bent])[self._order].T
 
     def asked(self, y: Tensor, observation: Tensor) -> Tensor:
         """Commands [3, n] before they are limited."""
-        return torch.stack(self._commands(y.T, observation)[0])
+        return self._commands(y.T, observation)[0]
 
     def limited(self, asked: Tensor, leak: float = 0.0) -> Tensor:
         """Within the limits; with `leak` a share of the gradient passes at a limit."""

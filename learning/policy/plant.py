@@ -30,7 +30,7 @@ from torch import Tensor
 from fmus.equations import kinematics
 from fmus.loader import load_model
 from fmus.slew_nn.network import CELL_AXES, HISTORY, PERIOD_S, TOLERANCE, Mlp, SlewNetwork
-from learning.policy.graph import to_torch
+from learning.policy.kernel import Kernel
 from specs import parameters
 from specs.policy import TICK_S
 
@@ -133,32 +133,50 @@ def _outside(known: Mapping[str, Any], inertia: Tensor, u: Tensor, omega: Tensor
 
 
 @cache
-def _equations() -> dict[str, Any]:
-    """What is carried over to torch.
+def _equations() -> dict[str, Kernel]:
+    """What is carried over to torch: a period of five ticks, and what follows from the arm's pose.
 
-    tick: (arm, tool, references, slew rate, VARIED) -> (arm, tool) a tick later; swing: (arm, tool, slew
-    rate, VARIED) -> tool, with the arm at rest; tip: arm -> radius, height; moment: (arm, load) -> inertia.
+    period: (arm, tool, references of each tick, slew rate before and after, VARIED) -> (arm, tool);
+    swing: (arm, tool, slew rate before and after, VARIED) -> tool, with the arm at rest;
+    tip: arm -> radius, height; moment: (arm, load) -> slew inertia.
     """
     arm, tool = load_model("arm"), load_model("tool")
-    x, t, r, w, v = (ca.SX.sym(n, k) for n, k in (("x", 4), ("t", 6), ("r", 2), ("w", 1), ("v", len(VARIED))))
+    x, t, r, w, v = (ca.SX.sym(n, k) for n, k in zip("xtrwv", (4, 6, 2 * TICKS, 2, len(VARIED)), strict=True))
     load = ca.SX.sym("load")
+    poses, swings, still = [x], [t], t
+    for i in range(TICKS):
+        rate = w[0] + (i / TICKS) * (w[1] - w[0])
+        references = ca.vertcat(r[i], r[TICKS + i])
+        after = _tick(arm, tool, poses[-1], swings[-1], references, rate, v)
+        still = _tick(arm, tool, ca.vertcat(x[:2], 0, 0), still, references, rate, v)[1]
+        poses.append(after[0])
+        swings.append(after[1])
+    at = arm.h(x, ca.SX.zeros(4), [], _parameters(arm, v, 0.0))
+    out = {name.name: at[i] for i, name in enumerate(arm.outputs)}
+    made = (
+        ca.Function("period", [x, t, r, w, v], ca.cse([poses[-1], swings[-1]])),
+        ca.Function("swing", [x, t, w, v], [ca.cse(still)]),
+        ca.Function("tip", [x], [ca.cse(ca.vertcat(out["radius"], out["height"]))]),
+        ca.Function(
+            "moment", [x, load], [ca.cse(kinematics.inertia_z(x[0], x[1], load, kinematics.geometry()))]
+        ),
+    )
+    return {f.name(): Kernel(f) for f in made}
+
+
+def _tick(
+    arm: Any, tool: Any, x: ca.SX, t: ca.SX, references: ca.SX, rate: ca.SX, v: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Arm and tool a tick later: both on what the others are now."""
     p_arm, p_tool = _parameters(arm, v, 0.0), _parameters(tool, v, 0.0)
-    u_arm = ca.vertcat(r, ca.SX(2, 1))
+    u_arm = ca.vertcat(references, ca.SX(2, 1))
     at = arm.h(x, u_arm, [], p_arm)
     out = {name.name: at[i] for i, name in enumerate(arm.outputs)}
-    u_tool = ca.vertcat(0, w, out["radius"], out["radius_rate"], out["height"], ca.SX(8, 1))
+    u_tool = ca.vertcat(0, rate, out["radius"], out["radius_rate"], out["height"], ca.SX(8, 1))
     names = [s.name for s in tool.states]
     whole = ca.vertcat(*(t[TOOL.index(n)] if n in TOOL else ca.SX(0) for n in names))
     after = tool.f(whole, u_tool, [], p_tool)
-    tool_after = ca.vertcat(*(after[names.index(n)] for n in TOOL))
-    tick = ca.Function("tick", [x, t, r, w, v], ca.cse([arm.f(x, u_arm, [], p_arm), tool_after]))
-    g = kinematics.geometry()
-    inertia = kinematics.inertia_z(x[0], x[1], load, g)
-    tip = ca.Function("tip", [x], [ca.cse(ca.vertcat(out["radius"], out["height"]))])
-    moment = ca.Function("moment", [x, load], [ca.cse(inertia)])
-    rest = ca.vertcat(x[:2], ca.SX.zeros(2, 1))
-    swing = ca.Function("swing", [x, t, w, v], [ca.cse(ca.substitute(tool_after, x, rest))])
-    return {f.name(): to_torch(f) for f in (tick, tip, moment, swing)}
+    return arm.f(x, u_arm, [], p_arm), ca.vertcat(*(after[names.index(n)] for n in TOOL))
 
 
 def _parameters(model: Any, varied: ca.SX, load: float) -> ca.SX:
@@ -197,7 +215,7 @@ class State:
 class Machine:
     """Parameters of n machines, tensors [n]; delays and latency in ticks."""
 
-    varied: dict[str, Tensor]  # VARIED by name
+    varied: Tensor  # [6, n] VARIED
     load: Tensor  # kg
     boom_delay: Tensor  # ticks (int64)
     stick_delay: Tensor
@@ -207,11 +225,12 @@ class Machine:
 
     def take(self, other: "Machine", where: Tensor) -> "Machine":
         """This machine, but `other`'s parameters where the mask [n] says so."""
-        varied = {name: torch.where(where, other.varied[name], old) for name, old in self.varied.items()}
-        rest = {name: value for name, value in self.__dict__.items() if name != "varied"}
-        return Machine(
-            varied, **{name: torch.where(where, getattr(other, name), old) for name, old in rest.items()}
-        )
+        pairs = {name: (value, getattr(other, name)) for name, value in self.__dict__.items()}
+        return Machine(**{name: torch.where(where, b, a) for name, (a, b) in pairs.items()})
+
+    def named(self, name: str) -> Tensor:
+        """One of VARIED [n]."""
+        return self.varied[VARIED.index(name)]
 
 
 OWN_DEAD_BAND = parameters.load("control")["control_dead_band"].value  # of the machine of the recordings
@@ -224,7 +243,8 @@ class Plant:
         self.drive, self.ahead = drive, ahead
         self.still = still  # the arm stays where it is: slew-only, and cheaper
         made = _equations()
-        self.tick, self.tip, self.moment = made["swing" if still else "tick"], made["tip"], made["moment"]
+        self.period, self.swing, self.tip = made["period"], made["swing"], made["tip"]
+        self.moment = made["moment"]
 
     def start(self, q: Tensor, boom: Tensor, stick: Tensor, pressure: float = 0.0) -> State:
         """At rest at these angles [n], the tool hanging, histories as the slew model's FMU starts them."""
@@ -239,7 +259,7 @@ class Plant:
 
     def inertia(self, state: State, machine: Machine) -> Tensor:
         """True slew inertia [n], kg m2."""
-        return self.moment(state.arm.unbind(0), [machine.load])[0][0] * machine.inertia_scale
+        return self.moment(state.arm, machine.load[None])[0][0] * machine.inertia_scale
 
     def advance(self, state: State, action: Tensor, machine: Machine) -> State:
         """0.1 s on with the commands `action` [3, n] (u_slew, qd_boom_ref, qd_stick_ref), already limited."""
@@ -251,29 +271,25 @@ class Plant:
         known = torch.cat([state.u[self.ahead :], now])
         left, right, speed = self.drive(known, state.p_l, state.p_r, state.omega, inertia)
         before = state.omega[-1]
-        arm, tool = list(state.arm), list(state.tool)
-        varied = [machine.varied[name] for name in VARIED]
-        for i in range(TICKS):
-            rate = before + (i / TICKS) * (speed - before)
-            if self.still:
-                tool = self.tick(arm, tool, [rate], varied)[0]
-                continue
-            references = [self._late(sent, 1, i, machine.boom_delay + machine.latency),
-                          self._late(sent, 2, i, machine.stick_delay + machine.latency)]  # fmt: skip
-            arm, tool = self.tick(arm, tool, references, [rate], varied)
+        rates, varied = torch.stack([before, speed]), machine.varied
+        if self.still:
+            arm, (tool,) = state.arm, self.swing(state.arm, state.tool, rates, varied)
+        else:
+            arm, tool = self.period(state.arm, state.tool, self._references(sent, machine), rates, varied)
         return State(
             torch.cat([state.u[1:], now[:1]]), torch.cat([state.p_l[1:], left[None]]),
-            torch.cat([state.p_r[1:], right[None]]),
-            torch.cat([state.omega[1:], speed[None]]), state.q + PERIOD_S * (before + speed) / 2,
-            torch.stack(arm), torch.stack([t + torch.zeros_like(speed) for t in tool]), sent,
+            torch.cat([state.p_r[1:], right[None]]), torch.cat([state.omega[1:], speed[None]]),
+            state.q + PERIOD_S * (before + speed) / 2, arm, tool, sent,
         )  # fmt: skip
 
-    @staticmethod
-    def _late(sent: Tensor, which: int, tick: int, delay: Tensor) -> Tensor:
-        """The command that is `delay` ticks old at a tick of this period [n]."""
-        back = torch.div(tick - delay, TICKS, rounding_mode="floor").long()  # periods, 0 or less
-        index = (len(sent) - 1 + back).clamp(min=0)
-        return sent[:, which].gather(0, index[None])[0]
+    def _references(self, sent: Tensor, machine: Machine) -> Tensor:
+        """What boom and stick are told at each tick of a period [2 TICKS, n]: late by delay and latency."""
+        ticks = torch.arange(TICKS, device=sent.device)[:, None]
+        found = []
+        for which, delay in ((1, machine.boom_delay), (2, machine.stick_delay)):
+            back = torch.div(ticks - (delay + machine.latency), TICKS, rounding_mode="floor").long()
+            found.append(sent[:, which].gather(0, (len(sent) - 1 + back).clamp(min=0)))
+        return torch.cat(found)
 
 
 def warped(u: Tensor, band: Tensor) -> Tensor:
@@ -289,7 +305,7 @@ def nominal(n: int, device: str = "cpu", dtype: Any = torch.float32, **changed: 
     known = parameters.load("arm", "tool")
     full = lambda value: torch.as_tensor(value, device=device, dtype=dtype).expand(n).clone()  # noqa: E731
     ticks = lambda s: torch.full((n,), int(s / TICK_S + 0.5), device=device)  # noqa: E731
-    varied = {name: full(changed.get(name, known[name].value)) for name in VARIED}
+    varied = torch.stack([full(changed.get(name, known[name].value)) for name in VARIED])
     boom, stick = (known[f"{j}_delay"].value for j in ("boom", "stick"))
     return Machine(
         varied, full(changed.get("load", 0.0)),

@@ -122,7 +122,7 @@ def _hidden(s: Situation) -> Tensor:
     """What no sensor tells, about -1 … 1 [n, 8]: for the critic alone."""
     m = s.machine
     return torch.stack([
-        m.load / 2000.0, (m.varied["tool_length_x"] - 2.0) / 0.5, (m.dead_band - 0.12) / 0.04,
+        m.load / 2000.0, (m.named("tool_length_x") - 2.0) / 0.5, (m.dead_band - 0.12) / 0.04,
         (m.inertia_scale - 1.0) / 0.1, s.state.p_l[-1] / 1e7, s.state.p_r[-1] / 1e7, s.state.tool[2] / 0.5,
         s.age / 100.0,
     ], dim=1)  # fmt: skip

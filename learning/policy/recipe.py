@@ -118,7 +118,7 @@ _PAPER = {
     "one_shot": 0.2,
 }  # fmt: skip
 _OURS = {
-    "balance": 1.0, "closing": 0.2, "action": 0.05, "overshoot": 2.0, "oscillation": 2.0, "one_shot": 0.05,
+    "balance": 1.0, "closing": 1.0, "action": 0.05, "overshoot": 2.0, "oscillation": 2.0, "one_shot": 0.05,
     "keep_out": 2.0, "limits": 0.05,
 }  # fmt: skip
 _RECIPES = (
@@ -134,11 +134,11 @@ _RECIPES = (
     Recipe(
         "full", "ours: through the simulation's own gradient", prior="pd", weights=_OURS,
         episode_s=15.0, consecutive=0.5,
-        first=Shape(3.0, 1.0, 0.2), last=Shape(0.5, 0.5, 0.05), envs=512,
+        first=Shape(5.0, 1.0, 0.2), last=Shape(0.7, 0.5, 0.05), envs=256, rate=1.5e-3,
     ),
     Recipe(
         "slew", "ours, slew-only", task="slew", prior="pd", weights=_OURS, episode_s=15.0, consecutive=0.5,
-        first=Shape(3.0, 1.0, 0.2), last=Shape(0.5, 0.5, 0.05), envs=512,
+        first=Shape(5.0, 1.0, 0.2), last=Shape(0.7, 0.5, 0.05), envs=256, rate=1.5e-3,
     ),
 )  # fmt: skip
 RECIPES = {r.name: r for r in _RECIPES}

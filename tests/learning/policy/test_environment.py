@@ -125,7 +125,7 @@ def test_noise_and_machines_are_random_and_can_be_switched_off() -> None:
     s, t = noisy.fresh(), again.fresh()
     assert torch.equal(noisy.observe(s), again.observe(t))
     assert float(s.machine.load.std()) > 300
-    assert float(s.machine.varied["tool_length_x"].std()) > 0.1
+    assert float(s.machine.named("tool_length_x").std()) > 0.1
     assert 0 < int((s.told == 0).sum()) < N
     angles = [noisy._row(s)[policy.CHANNELS.index("imu_tool_roll")] for _ in range(50)]
     assert float(torch.stack(angles).std(0).mean()) == pytest.approx(0.002, rel=0.1)
