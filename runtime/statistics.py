@@ -40,7 +40,8 @@ class Histogram:
 
 @dataclass
 class Statistics:
-    """Of one run: lateness of the wake-up, work of a cycle, latency from sensor message to command.
+    """Of one run: lateness of the wake-up, work of a cycle (`policy_step`: of the core alone, in its policy
+    ticks), latency from sensor message to command.
 
     `overruns`: cycles that ended after their period by their own work or waiting; `stolen`: cycles in which
     the processor was taken away for longer than the limit, by the host or the kernel; `skipped`: ticks that
@@ -50,6 +51,7 @@ class Statistics:
     lateness: Histogram = field(default_factory=Histogram)
     policy_work: Histogram = field(default_factory=Histogram)
     other_work: Histogram = field(default_factory=Histogram)
+    policy_step: Histogram = field(default_factory=Histogram)
     latency: Histogram = field(default_factory=Histogram)
     ticks: int = 0
     overruns: int = 0
@@ -64,6 +66,7 @@ class Statistics:
             "lateness_us": self.lateness.figures(),
             "policy_tick_us": self.policy_work.figures(),
             "other_tick_us": self.other_work.figures(),
+            "policy_step_us": self.policy_step.figures(),
             "latency_us": self.latency.figures(),
             "ticks": self.ticks,
             "overruns": self.overruns,

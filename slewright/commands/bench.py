@@ -14,6 +14,12 @@ if TYPE_CHECKING:
     from orchestrator.bench.blocks import Spread
     from orchestrator.bench.orchestrator import Result
 
+WORK = {
+    "policy tick": "policy_tick_us",
+    "other tick": "other_tick_us",
+    "core in policy tick": "policy_step_us",
+}
+
 app = typer.Typer(help="Measure how fast it is, against others.", no_args_is_help=True)
 
 
@@ -313,15 +319,11 @@ def _show_runtime(figures: Mapping[str, Any]) -> None:
     )
     show(
         "work of a tick in µs, and what was missed",
-        ["load", "policy p50", "policy p99", "other p50", "other p99", "ticks", "stolen", "overruns"],
+        ["load", *(f"{kind} {q}" for kind in WORK for q in ("p50", "p99")), "ticks", "stolen", "overruns"],
         [
             (
                 name,
-                *(
-                    f"{row[kind][q]:.0f}"
-                    for kind in ("policy_tick_us", "other_tick_us")
-                    for q in ("p50", "p99")
-                ),
+                *(f"{row[key][q]:.0f}" for key in WORK.values() for q in ("p50", "p99")),
                 row["ticks"],
                 row["stolen_ticks"],
                 row["overruns"],

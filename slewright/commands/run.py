@@ -47,7 +47,7 @@ def run(
 def _show(found: dict) -> None:
     from slewright.tables import show
 
-    names = ("lateness_us", "policy_tick_us", "other_tick_us", "latency_us")
+    names = ("lateness_us", "policy_tick_us", "other_tick_us", "policy_step_us", "latency_us")
     columns = ("p50", "p99", "p999", "max")
     show("times in µs", ["", *columns], [(n[:-3], *(found[n][c] for c in columns)) for n in names])
     counted = ("ticks", "overruns", "stolen_ticks", "skipped_ticks", "unrecorded_ticks")

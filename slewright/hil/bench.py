@@ -41,6 +41,7 @@ class Block:
     cyclictest: dict[str, float]
     policy_tick: dict[str, float]
     other_tick: dict[str, float]
+    policy_step: dict[str, float]
     latency: dict[str, float]
     stolen: int
     overruns: int
@@ -134,6 +135,7 @@ def _block(bundle: Path, name: str, seconds: float, ours_first: bool) -> Block:
         cyclictest=theirs,
         policy_tick=ours["policy_tick_us"],
         other_tick=ours["other_tick_us"],
+        policy_step=ours["policy_step_us"],
         latency=ours["latency_us"],
         stolen=ours["stolen_ticks"],
         overruns=ours["overruns"],
@@ -200,6 +202,7 @@ def _medians(blocks: Sequence[Block]) -> dict[str, Any]:
         "ratio_p99": median(b.ratio for b in blocks),
         "policy_tick_us": over([b.policy_tick for b in blocks]),
         "other_tick_us": over([b.other_tick for b in blocks]),
+        "policy_step_us": over([b.policy_step for b in blocks]),
         "latency_us": over([b.latency for b in blocks]),
         "modbus_rps": median(rps) if rps else None,
         "stolen_ticks": sum(b.stolen for b in blocks),
