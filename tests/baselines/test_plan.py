@@ -65,7 +65,7 @@ def test_a_move_ends_at_its_goal_within_its_limits(degrees: float) -> None:
     assert abs(v[-1]) < 1e-9
     assert np.abs(v).max() < 1.15 * limit  # what the swing takes comes on top
     assert np.abs(np.diff(r) / STEP - (v[1:] + v[:-1]) / 2).max() < 1e-3
-    assert np.abs(np.diff(v) / STEP - (a[1:] + a[:-1]) / 2).max() < 0.02 * np.abs(a).max()
+    assert np.abs(np.diff(v) / STEP - (a[1:] + a[:-1]) / 2).max() < 0.05 * np.abs(a).max()
 
 
 def _swing_left(stiffness: float) -> float:
