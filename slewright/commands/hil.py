@@ -33,11 +33,11 @@ def hil(
     with progress("hil") as report:
         result = run(Setting(ready(bundle, report), found, seed, ticks=ticks), report)
     rows = [
-        (f"{name} [{unit}]", result.real[name], result.simulated[name], limit)
+        (f"{name} in {unit}", result.real[name], result.simulated[name], limit)
         for name, (unit, limit) in TOLERANCES.items()
         if name in result.real
     ]
-    rows.append(("slew angles apart [°]", result.slew_deg, 0.0, SLEW_DEG))
+    rows.append(("slew angles apart in °", result.slew_deg, 0.0, SLEW_DEG))
     show("four metrics (simulated reference machine)", ["", "real time", "lock-step", "tolerance"], rows)
     timing = result.statistics
     typer.echo(

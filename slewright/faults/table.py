@@ -17,7 +17,12 @@ SENSOR_MS = TICK_MS * timeout_ticks(signal("q_slew"))
 PLANNER_MS = TICK_MS * timeout_ticks(signal("planner_heartbeat"))
 MACHINE_MS = TICK_MS * timeout_ticks(signal("machine_ready"))
 MACHINE_CYCLE_MS = float(definition().bus.messages["MachineStatus"].cycle_ms)
+# Of the plant: commands of 100 ms age count as lost, seen in its next period; one period of the kill itself.
+COMMAND_MS = TICK_MS * (timeout_ticks(signal("u_slew")) + 2)
 SEEN_MS = 1100.0  # a helper's absence shows within a second
+SHOWN_MS = (
+    SEEN_MS + definition().bus.messages["ControllerDetail"].cycle_ms
+)  # and on the bus in its next message
 
 
 @dataclass(frozen=True)
@@ -113,12 +118,22 @@ INSIDE = (
     Fault("bundle_changed", "a byte of a bundle's file changes", "refused at the start", 0.0, "inside"),
 )
 PROCESS = (
-    Fault("control_killed", "the control process is killed", "plant side neutral by timeout", 0.0, "process"),
     Fault(
-        "recorder_killed", "the recorder is killed", "flag recorder lost, started again", SEEN_MS, "process"
+        "control_killed",
+        "the control process is killed",
+        "plant side neutral by timeout",
+        COMMAND_MS,
+        "process",
     ),
     Fault(
-        "modbus_killed", "the Modbus process is killed", "flag Modbus lost, started again", SEEN_MS, "process"
+        "recorder_killed", "the recorder is killed", "flag recorder lost, started again", SHOWN_MS, "process"
+    ),
+    Fault(
+        "modbus_killed",
+        "the Modbus process is killed",
+        "flag Modbus lost, started again",
+        SHOWN_MS,
+        "process",
     ),
 )
 

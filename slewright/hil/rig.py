@@ -56,7 +56,7 @@ class Rig:
         self.setting = setting
         self.folder = Path(tempfile.mkdtemp(prefix="slewright-hil-"))
         self.sockets = private_folder("slewright-bus-")
-        self.port = _free_port()
+        self.port = free_port()
         self._bus: subprocess.Popen[bytes] | None = None
         self._machine: subprocess.Popen[str] | None = None
         self.supervisor: Supervisor | None = None
@@ -75,7 +75,7 @@ class Rig:
     def __enter__(self) -> Self:
         try:
             self._bus = start_bus(self.channel)
-            _prefer(self._bus.pid, BUS_PRIORITY)
+            prefer(self._bus.pid, BUS_PRIORITY)
             self._machine = self._start_machine()
             self.supervisor = Supervisor(self._configuration())
             self.supervisor.__enter__()
@@ -165,7 +165,7 @@ class Rig:
         )
         if not process.stdout or process.stdout.readline() != "ready\n":
             raise RunError("the machine's process did not start")
-        _prefer(process.pid, MACHINE_PRIORITY)
+        prefer(process.pid, MACHINE_PRIORITY)
         return process
 
     def _configuration(self) -> Path:
@@ -186,12 +186,13 @@ class Rig:
         return path
 
 
-def _prefer(pid: int, priority: int) -> None:
-    """Real-time priority for a process that stands in for hardware, if that is allowed."""
+def prefer(pid: int, priority: int) -> None:
+    """Real-time priority for a process that stands in for hardware, if that is allowed; 0: none."""
+    policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
     with suppress(OSError, AttributeError):
-        os.sched_setscheduler(pid, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+        os.sched_setscheduler(pid, policy | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
 
 
-def _free_port() -> int:
+def free_port() -> int:
     with socket.create_server((HOST, 0)) as server:
         return server.getsockname()[1]
