@@ -331,3 +331,25 @@ def _show_runtime(figures: Mapping[str, Any]) -> None:
             for name, row in figures.items()
         ],
     )
+
+
+@app.command()
+def training(
+    blocks: Annotated[int, typer.Option(min=1, help="Blocks of interleaved runs.")] = 15,
+    json: JsonOption = None,
+) -> None:
+    """Compare a step of the environment with its matrix products, and PPO with rsl-rl-lib as it comes."""
+    from learning.policy import bench as measured
+
+    with progress("bench training") as report:
+        figures = measured.run(blocks, report)
+    rows = [
+        (name, f["ratio"], f"{f['ratio_p25']:.2f} … {f['ratio_p75']:.2f}", f["limit"])
+        for name, f in ((n, figures[n]) for n in ("environment", "ppo"))
+    ]
+    show(f"{blocks} blocks, one thread, processor time", ("what", "ratio", "quartiles", "limit"), rows)
+    write(json, figures)
+    if wrong := measured.missed(figures):
+        for text in wrong:
+            typer.echo(f"slewright: missed: {text}", err=True)
+        raise typer.Exit(1)
