@@ -18,7 +18,7 @@ STEP_LIMIT, UPDATE_LIMIT = (
     1.5,
 )  # a step over its products at most; an iteration of theirs over ours at least
 MACHINES, STEPS = 2048, 5
-PPO = {"envs": 1024, "steps": 12, "epochs": 5, "batches": 4}
+PPO: dict[str, Any] = {"envs": 1024, "steps": 12, "epochs": 5, "batches": 4}
 Report = Callable[[str, float, float], None]
 
 
@@ -71,7 +71,7 @@ def _ratio(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
 
 
 def _step(trainer: Any) -> Callable[[], None]:
-    """Steps of the environment as training takes them: simulation, sensors, rewards, inputs of the network."""
+    """Steps of the environment as training takes them: simulation, sensors, rewards, network's inputs."""
     e = trainer.environment
     action = torch.zeros(e.n, trainer.interface.outputs)
 
