@@ -117,8 +117,8 @@ def joint_errors(read: Reader) -> dict[str, Any]:
 
 
 def _pd(read: Reader) -> Any:
-    """Joystick for a speed in proportion to the error, less a share of the speed; PD_MOST at most."""
-    speed = -PD_GAIN * read.now(SLEW_ERROR) - PD_DAMPING * read.now("imu_cabin_rate_z")
+    """Joystick for a speed in proportion to error and pace, less a share of the speed; PD_MOST at most."""
+    speed = -PD_GAIN * read.now("pace") * read.now(SLEW_ERROR) - PD_DAMPING * read.now("imu_cabin_rate_z")
     band, slope = (_CONTROL[f"control_{n}"].value for n in ("dead_band", "valve_slope"))
     return PD_MOST * ca.tanh((band * ca.tanh(speed / PD_RAMP) + slope * speed) / PD_MOST)
 

@@ -39,8 +39,8 @@ def set_weights(mlp: nn.Sequential, weights: Weights) -> None:
     linear = [layer for layer in mlp if isinstance(layer, nn.Linear)]
     with torch.no_grad():
         for layer, (w, b) in zip(linear, weights, strict=True):
-            layer.weight.copy_(torch.as_tensor(w))
-            layer.bias.copy_(torch.as_tensor(b))
+            layer.weight.copy_(torch.tensor(w))
+            layer.bias.copy_(torch.tensor(b))
 
 
 class Interface:

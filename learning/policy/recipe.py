@@ -59,7 +59,7 @@ class Recipe:
     layers: tuple[int, ...] = (256, 128, 128)  # paper
     weights: Mapping[str, float] = field(default_factory=dict)
     quiet: tuple[str, ...] = ("oscillation", "swing")  # terms that weigh more at a slower pace
-    gentle: float = 3.0
+    gentle: float = 2.0
     first: Shape = field(default_factory=Shape)  # widths of the terms at the start …
     last: Shape = field(default_factory=Shape)  # … and at the end of the curriculum
     curriculum: float = 0.5  # share of the training after which it is at its end

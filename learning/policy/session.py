@@ -91,7 +91,7 @@ def run(options: Options, report: Report) -> dict[str, Any]:
     """Train, or go on; returns the figures.  RunError if training fails: the last good checkpoint stays."""
     chosen = options.chosen()
     paths = options.networks or NETWORKS
-    data = digest(paths)
+    data, commit = digest(paths), source_state()
     out = _folder(options.out)
     trainer = make_trainer(chosen, paths, options.seed)
     kept = out / checkpoint.NAME
@@ -115,7 +115,7 @@ def run(options: Options, report: Report) -> dict[str, Any]:
         "command": options.command, "resumed_at": began, "last": log.last, "policy": "",
     }  # fmt: skip
     if trainer.done >= chosen.iterations:
-        figures["policy"] = str(_export(trainer, chosen, options, data, log.last, out))
+        figures["policy"] = str(_export(trainer, chosen, options, data, commit, log.last, out))
     return figures
 
 
@@ -235,14 +235,14 @@ def digest(paths: Any) -> str:
 
 
 def _export(
-    trainer: Any, chosen: Recipe, options: Options, data: str, last: Mapping[str, Any], out: Path
+    trainer: Any, chosen: Recipe, options: Options, data: str, commit: str, last: Mapping[str, Any], out: Path
 ) -> Path:
     from learning.policy.export import Policy, write
     from learning.policy.network import weights_of
     from specs.policy import contract
 
     made = {
-        "command": options.command, "seed": options.seed, "commit": source_state(), "recipe": chosen.name,
+        "command": options.command, "seed": options.seed, "commit": commit, "recipe": chosen.name,
         "iterations": chosen.iterations, "training": {k: float(v) for k, v in last.items()},
     }  # fmt: skip
     told = contract(
