@@ -14,10 +14,10 @@ import numpy as np
 
 from learning.policy.features import OUTPUTS, commands, features, limited
 from learning.policy.graph import to_onnx
-from learning.policy.network import Weights
 from specs.errors import InputError
 from specs.policy import ACTIONS, INPUT, META, OUTPUT, Contract, check_shapes, read_contract
 
+Weights = list[tuple[np.ndarray, np.ndarray]]  # (weight [out, in], bias [out]) of each layer, float32
 WEIGHT, BIAS = "policy.weight.{}", "policy.bias.{}"  # names of the initializers by layer
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from learning.policy.export import Weights
 from learning.policy.features import OUTPUTS, commands, features
 from learning.policy.kernel import Kernel
 from specs.policy import ACTIONS, LIMITS
 
 LEAK = 0.1  # of the gradient that passes a command at its limit
-Weights = list[tuple[np.ndarray, np.ndarray]]
 
 
 def perceptron(sizes: Sequence[int]) -> nn.Sequential:

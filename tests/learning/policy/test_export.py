@@ -1,6 +1,8 @@
 """ONNX and FMU of a policy: parity with torch, contract in the file, what is refused."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from learning.policy.features import OUTPUTS, features
 from learning.policy.network import Interface, perceptron, set_weights, weights_of
 from specs import policy as specs
 from specs.errors import InputError
+from tests.conftest import ROOT
 from tests.fmus.importer import Imported
 from tests.learning.policy.test_features import observations
 
@@ -154,3 +157,9 @@ def test_weights_of_another_task_are_refused() -> None:
     other = made("slew")
     with pytest.raises(InputError, match="a full policy with a history of 5 has 74 and 3"):
         Policy(specs.contract("full"), other.weights)
+
+
+def test_reading_and_building_need_no_torch() -> None:
+    """A policy is run, verified and compared where only CasADi and onnx are installed."""
+    code = "import sys, learning.policy.controller, slewright.policies; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
