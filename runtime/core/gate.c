@@ -23,20 +23,21 @@ static int too_fast(const SlrGateLimits *l, const SlrGateView *v, int axis, doub
 
 static int opposed(double a, double b) { return (a > 0.0 && b < 0.0) || (a < 0.0 && b > 0.0); }
 
-/* Whether the command leads towards a wall that is too near. */
-static int against_a_wall(const SlrGateLimits *l, const SlrGateView *v, int axis, double command) {
+/* How far an axis may be commanded this way before the walls. */
+static double room(const SlrGateLimits *l, const SlrGateView *v, int axis, double command) {
+  double most = l->range;
   for (int i = v->by_hand ? SLR_FIRST_JOINT_WALL : 0; i < SLR_WALLS; i++) {
     const SlrWall *w = &v->walls[i];
     const double then = w->distance + l->ahead * lesser(w->rate, 0.0);
-    if (then <= 0.0 && opposed(w->gradient[axis], command)) return 1;
+    if (opposed(w->gradient[axis], command)) most = lesser(most, l->range * greater(then, 0.0) / l->zone[i]);
   }
-  return 0;
+  return most;
 }
 
 static double allowed(const SlrGateLimits *l, const SlrGateView *v, int axis, double wanted) {
   const double command = within(number_or_neutral(wanted), reach(l, v, axis));
   if (!v->known[axis]) return command;
-  return too_fast(l, v, axis, command) || against_a_wall(l, v, axis, command) ? 0.0 : command;
+  return too_fast(l, v, axis, command) ? 0.0 : within(command, room(l, v, axis, command));
 }
 
 /* From `held` towards `aim` in one tick: neutral is passed only as far as it may be left. */

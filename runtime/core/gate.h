@@ -7,7 +7,8 @@
  *   stop       without `move`, with a NaN, or (except by hand) without usable sensors, it only goes to neutral
  *   creep      by hand without usable sensors, it goes no further than `creep`
  *   speed      at or above the speed limit, it goes to neutral rather than further in the direction of motion
- *   room       towards a wall that would be reached within `ahead`, or was, it goes to neutral
+ *   room       towards a wall it is at most the share of `range` that is left of the wall's zone, when the motion
+ *              goes on for `ahead`; at the wall and behind it, it goes to neutral
  *
  * A wall is a distance [m or rad] with its rate and its gradient by the arm joints: keep-out height and radius
  * of the grab point, and the joints' mechanical limits.  The keep-out is of automatic operation: by hand the
@@ -31,6 +32,7 @@ typedef struct {
   double rise, fall;        /* per tick, away from and towards neutral; fall is not below rise */
   double speed[SLR_AXES];   /* rad/s */
   double ahead;             /* s */
+  double zone[SLR_WALLS];   /* in front of each wall, m or rad: where commands towards it are reduced */
 } SlrGateLimits;
 
 typedef struct {

@@ -59,10 +59,11 @@ def config_c(controller: Block | External, arm: Block, estimator: Block, c: Mapp
 def limits(c: Mapping[str, float]) -> str:
     """The initialiser of a SlrGateLimits; rates a tick."""
     speeds = ", ".join(repr(c[f"gate_speed_{name}"]) for name in ("slew", "arm", "arm"))
+    zones = ", ".join([repr(c["gate_zone_point"])] * 2 + [repr(c["gate_zone_joint"])] * 4)
     return (
         f"{{.range = {c['gate_range']!r}, .creep = {c['gate_creep']!r}, "
         f".rise = {c['gate_rise'] * TICK_S!r}, .fall = {c['gate_fall'] * TICK_S!r}, "
-        f".speed = {{{speeds}}}, .ahead = {c['gate_ahead']!r}}}"
+        f".speed = {{{speeds}}}, .ahead = {c['gate_ahead']!r}, .zone = {{{zones}}}}}"
     )
 
 

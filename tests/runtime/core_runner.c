@@ -8,6 +8,7 @@
 typedef size_t Size(void);
 typedef const char *Text(void);
 typedef void Reset(SlrState *);
+typedef int Observe(const SlrInput *, const SlrState *, double *);
 typedef void Step(const SlrInput *, SlrState *, int64_t, SlrOutput *);
 
 int main(int argc, char **argv) {
@@ -27,10 +28,13 @@ int main(int argc, char **argv) {
     return 1;
   }
   SlrState *state = malloc(size());
+  Observe *observe = (Observe *)dlsym(library, "slr_observe");
+  double board[SLR_BOARD];
   SlrInput in;
   SlrOutput out;
   reset(state);
   while (fread(&in, sizeof in, 1, stdin) == 1) {
+    observe(&in, state, board); /* leaves the state as it is */
     step(&in, state, in.tick, &out);
     fwrite(&out, sizeof out, 1, stdout);
   }

@@ -32,6 +32,7 @@ class Limits(ctypes.Structure):
         ("fall", ctypes.c_double),
         ("speed", ctypes.c_double * AXES),
         ("ahead", ctypes.c_double),
+        ("zone", ctypes.c_double * WALLS),
     )
 
 
@@ -52,7 +53,8 @@ class _Trap(ctypes.Structure):
 
 
 Commands = Sequence[float]
-LIMITS = Limits(1.0, 0.3, 0.2, 0.4, (ctypes.c_double * AXES)(0.85, 0.4, 0.4), 0.6)
+ZONES = (ctypes.c_double * WALLS)(2.5, 2.5, 0.1, 0.1, 0.1, 0.1)
+LIMITS = Limits(1.0, 0.3, 0.2, 0.4, (ctypes.c_double * AXES)(0.85, 0.4, 0.4), 0.6, ZONES)
 
 
 class Gate:
@@ -90,22 +92,22 @@ def view(move: int = 1, by_hand: int = 0, known: Sequence[int] = (1, 1, 1), **mo
     return found
 
 
-def blocked(limits: Limits, seen: View, axis: int, wanted: float) -> bool:
-    """Whether gate.h forbids this command altogether."""
-    if not seen.move or not math.isfinite(wanted):
-        return True
+def most(limits: Limits, seen: View, axis: int, wanted: float) -> float:
+    """How far gate.h lets an axis go the way that is wanted."""
+    if not seen.move or not math.isfinite(wanted) or wanted == 0.0:
+        return 0.0
     if not seen.known[axis]:
-        return not seen.by_hand
-    speed = seen.speed[axis] * math.copysign(1.0, wanted)
-    if wanted != 0.0 and speed >= limits.speed[axis]:
-        return True
+        return limits.creep if seen.by_hand else 0.0
+    way = math.copysign(1.0, wanted)
+    if seen.speed[axis] * way >= limits.speed[axis]:
+        return 0.0
+    found = limits.range
     for number, wall in enumerate(seen.walls):
-        if number < KEEP_OUT and seen.by_hand:
-            continue
-        soon = wall.distance + limits.ahead * min(wall.rate, 0.0)
-        if min(wall.distance, soon) <= 0.0 and wall.gradient[axis] * math.copysign(1.0, wanted) < 0.0:
-            return wanted != 0.0
-    return False
+        counts = number >= KEEP_OUT or not seen.by_hand
+        if counts and wall.gradient[axis] * way < 0.0:
+            left = wall.distance + limits.ahead * min(wall.rate, 0.0)
+            found = min(found, limits.range * max(left, 0.0) / limits.zone[number])
+    return found
 
 
 def check(
@@ -123,12 +125,12 @@ def _check_axis(limits: Limits, seen: View, axis: int, wanted: float, before: fl
     assert abs(after - before) <= limits.fall + SLACK, "rate"
     away = abs(after) if after * before < 0.0 else abs(after) - abs(before)
     assert away <= limits.rise + SLACK, "rate away from neutral"
-    if blocked(limits, seen, axis, wanted):
+    limit = most(limits, seen, axis, wanted)
+    if limit == 0.0:
         assert abs(after) == max(abs(before) - limits.fall, 0.0), "straight to neutral"
         assert after * before >= 0.0, "not past neutral"
         return
-    most = limits.range if seen.known[axis] else limits.creep
-    aim = min(max(wanted, -most), most)
+    aim = min(max(wanted, -limit), limit)
     assert abs(after - aim) <= abs(before - aim), "no farther from what is allowed than before"
     assert after == aim or _as_fast_as_allowed(limits, before, after), "all that is allowed"
 
@@ -150,7 +152,7 @@ def random_case(draw: random.Random) -> tuple[View, list[float], list[float]]:
         seen.known[axis] = int(draw.random() < 0.8)
         seen.speed[axis] = draw.choice((0.0, *LIMITS.speed, *(-s for s in LIMITS.speed), 0.2, -2.0))
     for wall in seen.walls:
-        wall.distance = draw.choice((5.0, 5.0, 5.0, 0.3, 0.06, 0.0, -0.5))
+        wall.distance = draw.choice((5.0, 5.0, 5.0, 1.0, 0.3, 0.06, 0.04, 0.0, -0.5))
         wall.rate = draw.choice((0.0, -0.1, -0.5, 0.5))
         for axis in range(AXES):
             wall.gradient[axis] = draw.choice((0.0, 1.0, -3.0, 0.05))

@@ -87,8 +87,17 @@ def test_each_wall_stops_what_leads_to_it_and_lets_go_what_leads_away(
     held, _ = gate(LIMITS, seen, [0.1, 0.1, 0.1], [0.0] * AXES)
     assert held == ([0.1, 0.1, 0.1] if by_hand and number < form.KEEP_OUT else [0.1, 0.0, 0.1])
     assert gate(LIMITS, seen, [0.1, -0.1, 0.1], [0.0] * AXES)[0] == [0.1, -0.1, 0.1]
-    seen.walls[number].rate = 0.2  # it moves away already
+    seen.walls[number].distance, seen.walls[number].rate = 2.6, 0.2  # it moves away already
     assert gate(LIMITS, seen, [0.1, 0.1, 0.1], [0.0] * AXES)[0] == [0.1, 0.1, 0.1]
+
+
+def test_in_a_walls_zone_commands_towards_it_are_reduced_in_proportion(gate: Gate) -> None:
+    seen = view()
+    seen.walls[0].distance, seen.walls[0].gradient[1] = 1.25, -8.0  # half of the zone is left
+    assert gate(LIMITS, seen, [1.0, 1.0, 1.0], [1.0, 0.45, 1.0])[0] == [1.0, 0.5, 1.0]
+    seen.walls[0].rate = -1.0  # 0.6 m of it will be gone
+    assert gate(LIMITS, seen, [1.0, 1.0, 1.0], [1.0, 0.45, 1.0])[0] == pytest.approx([1.0, 0.26, 1.0])
+    assert gate(LIMITS, seen, [1.0, 0.1, 1.0], [1.0, 0.2, 1.0])[0] == [1.0, 0.1, 1.0]
 
 
 def test_every_line_and_branch_of_the_gate_is_taken(tmp_path: Path) -> None:
