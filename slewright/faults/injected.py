@@ -32,7 +32,7 @@ class Disturbance:
     """What happens to the frames and to the image of the k-th tick of the fault; None: nothing."""
 
     frames: Callable[[Sequence[Frame], int], Sequence[Frame]] | None = None
-    twist: Callable[[np.ndarray, int], None] | None = None
+    twist: Callable[[int, np.ndarray], None] | None = None
     state: Callable[[bytes], bytes] | None = None  # the core's, once
 
 
@@ -48,7 +48,7 @@ def inject(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: 
         frames = drive.frames[tick] if tick < len(drive.frames) else drive.frames[-1]
         if disturbance.frames:
             frames = disturbance.frames(frames, k)
-        outputs = run.step(frames, tick, partial(disturbance.twist, k=k) if disturbance.twist else None)
+        outputs = run.step(frames, tick, partial(disturbance.twist, k) if disturbance.twist else None)
         why = _wrong(fault, outputs["value"])
         if why:
             outcome.add(moment.tick, None, why)
@@ -201,7 +201,7 @@ def _pressed(random: Random) -> Disturbance:
 def _nan(random: Random) -> Disturbance:
     place = INPUT.index[str(random.choice(NEEDED))]
 
-    def twist(image: np.ndarray, k: int) -> None:
+    def twist(k: int, image: np.ndarray) -> None:
         image["value"][place] = np.nan
 
     return Disturbance(twist=twist)
@@ -212,7 +212,7 @@ def _client_lost(random: Random) -> Disturbance:
     last: list[np.ndarray] = []
     late = timeout_ticks(definition().signals["planner_heartbeat"])
 
-    def twist(image: np.ndarray, k: int) -> None:
+    def twist(k: int, image: np.ndarray) -> None:
         if not last:
             last.append(image["value"][PLANNER].copy())
         image["value"][PLANNER], image["age"][PLANNER] = last[0], k
@@ -234,7 +234,7 @@ def _nan_state(random: Random) -> Disturbance:
 
 
 def _overrun(random: Random) -> Disturbance:
-    def twist(image: np.ndarray, k: int) -> None:
+    def twist(k: int, image: np.ndarray) -> None:
         image["overruns"] = k + 1
 
     return Disturbance(twist=twist)

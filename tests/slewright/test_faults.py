@@ -21,7 +21,7 @@ TICKS = 700
 LOCKSTEP = [f.name for f in (*BUS, *IMAGE, *INSIDE)]
 
 
-def quiet(*_: object) -> None:
+def quiet(what: str, done: float | None = None, total: float | None = None) -> None:
     pass
 
 

@@ -21,7 +21,7 @@ SCENARIO = load_scenario("four_targets_empty")
 
 
 def test_a_few_seconds_over_can_and_modbus_and_their_replay():
-    """The machine turns as in lock-step; every tick of it repeats bit for bit. No figure of time is judged."""
+    """The machine turns as in lock-step; every tick of it repeats bit for bit."""
     bundle = built("pd")
     setting = Setting(bundle.folder, SCENARIO, ticks=100)
     with Rig(setting) as rig:
