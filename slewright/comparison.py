@@ -92,7 +92,8 @@ def _goals(found: Mapping[str, Any]) -> Iterator[Table]:
     for g in found["goals"]:
         figures = ["–"] * 5 if g["controller"] is None else [_number(g[k]) for k in ("pace", *METRICS)]
         rows.append([g["goal"], g["load"], g["controller"] or "none", *figures, "yes" if g["met"] else "no"])
-    yield Table("What is asked for, and who comes nearest", GOAL_COLUMNS, rows, _goals_block(found))
+    title = f"What is asked for, and who comes nearest: {found['machines']} machines"
+    yield Table(title, GOAL_COLUMNS, rows, _goals_block(found))
 
 
 def _goals_block(found: Mapping[str, Any]) -> str:
