@@ -114,6 +114,23 @@ def _mean(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     return found
 
 
+def markdown(found: Mapping[str, Any]) -> str:
+    """The figures by load as a Markdown table, with what made the policy."""
+    made, unit = found["made"], "°" if found["task"] == "slew" else "m"
+    lines = [
+        f"`{Path(found['policy']).name}`: {found['machines']} machines of the {found['draw_set']} draws, pace "
+        f"{found['pace']:g}, simulated. Made by `{made.get('command', '')}`, commit {made.get('commit', '')}.",
+        "",
+        f"| load | speed °/s | overshoot ° | largest ° | error {unit} | tool °/s | missed | ended | runs |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    for load, cell in found["loads"].items():
+        means = [f"{cell[n]:.2f}" for n in FIGURES[:5]] if cell["n"] else ["–"] * 5
+        counts = [str(cell.get(n, "–")) for n in ("missed", "terminations", "n")]
+        lines.append(f"| {' | '.join([load, *means, *counts])} |")
+    return "\n".join(lines)
+
+
 def warnings(path: Path, draw_set: str, machines: int) -> Iterator[str]:
     """What of the machines lies outside the policy's trained ranges, in words, each once."""
     from learning.policy.export import read

@@ -28,6 +28,10 @@ def evaluate(
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
     ] = Path("out/evaluate"),
+    page: Annotated[
+        Path | None,
+        typer.Option("--page", metavar="FILE.md", exists=True, help="Write the table between its markers."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
@@ -41,6 +45,10 @@ def evaluate(
     chosen = draws.SEALED if sealed else draw_set
     count = machines or draws.sets().get(chosen, 1)
     loads = load or policies.LOADS
+    if page is not None:
+        from slewright import markers
+
+        markers.around(page, "policy")  # refused now, not after the runs
     policies.question(policy, chosen, count, (1.0,), loads)  # refused now, before anything is logged
     for text in policies.warnings(policy, chosen, count):
         typer.echo(f"warning: {text}", err=True)
@@ -57,6 +65,10 @@ def evaluate(
     for key, reason in list(found["failed"].items())[:5]:
         typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
     write(json, found, seed=1)
+    if page is not None:
+        from slewright.markers import fill
+
+        fill(page, "policy", policies.markdown(found))
     if found["failed"]:
         raise typer.Exit(3)
 
