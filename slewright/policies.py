@@ -117,9 +117,10 @@ def _mean(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 def markdown(found: Mapping[str, Any]) -> str:
     """The figures by load as a Markdown table, with what made the policy."""
     made, unit = found["made"], "°" if found["task"] == "slew" else "m"
+    head = f"`{Path(found['policy']).name}`, pace {found['pace']:g}, {found['machines']} machines of the "
+    head += f"{found['draw_set']} draws, simulated. Made by `{made.get('command', '')}`, "
     lines = [
-        f"`{Path(found['policy']).name}`: {found['machines']} machines of the {found['draw_set']} draws, pace "
-        f"{found['pace']:g}, simulated. Made by `{made.get('command', '')}`, commit {made.get('commit', '')}.",
+        f"{head}commit {made.get('commit', '')}.",
         "",
         f"| load | speed °/s | overshoot ° | largest ° | error {unit} | tool °/s | missed | ended | runs |",
         "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
@@ -128,7 +129,7 @@ def markdown(found: Mapping[str, Any]) -> str:
         means = [f"{cell[n]:.2f}" for n in FIGURES[:5]] if cell["n"] else ["–"] * 5
         counts = [str(cell.get(n, "–")) for n in ("missed", "terminations", "n")]
         lines.append(f"| {' | '.join([load, *means, *counts])} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, ""])
 
 
 def warnings(path: Path, draw_set: str, machines: int) -> Iterator[str]:

@@ -150,11 +150,14 @@ def test_evaluating_a_policy_of_another_contract_is_refused(tmp_path: Path, poli
 
 def test_the_page_s_table_says_what_made_the_policy() -> None:
     """Means by load in their order, with command and commit; a load without runs has none."""
-    cell = {"speed": 11.2, "overshoot": 1.0, "overshoot_max": 2.0, "error": 0.5, "tool": 8.0, "missed": 1, "n": 2,
-            "terminations": 0}  # fmt: skip
+    cell = {
+        "speed": 11.2, "overshoot": 1.0, "overshoot_max": 2.0, "error": 0.5, "tool": 8.0, "missed": 1, "n": 2,
+        "terminations": 0,
+    }  # fmt: skip
     found = {
         "task": "full", "policy": "a/full.onnx", "machines": 2, "draw_set": "validation", "pace": 1.0,
-        "made": {"command": "slewright train policy", "commit": "abc"}, "loads": {"empty": cell, "2t": {"n": 0}},
+        "made": {"command": "slewright train policy", "commit": "abc"},
+        "loads": {"empty": cell, "2t": {"n": 0}},
     }  # fmt: skip
     text = policies.markdown(found)
     assert "| empty | 11.20 | 1.00 | 2.00 | 0.50 | 8.00 | 1 | 0 | 2 |" in text
