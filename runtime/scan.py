@@ -36,7 +36,7 @@ class Core(Protocol):
         """All of its state."""
         ...
 
-    def restore(self, snapshot: bytes) -> None:
+    def restore(self, snapshot: bytes, /) -> None:
         """Continue from a snapshot."""
         ...
 

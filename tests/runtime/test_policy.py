@@ -83,15 +83,17 @@ def test_a_snapshot_of_the_second_engine_holds_the_history(bundles: dict[str, fo
         other.core.restore(snapshot[:-8])
 
 
-def test_an_answer_that_does_not_come_or_is_no_number_stops(bundles: dict[str, form.Bundle]) -> None:
+def test_an_answer_that_does_not_come_or_is_no_number_stops(
+    bundles: dict[str, form.Bundle], monkeypatch: pytest.MonkeyPatch
+) -> None:
     for wrong in (np.full(3, np.nan), None):
         core = open_core(bundles[form.ONNXRUNTIME])
         assert isinstance(core, PolicyCore)
         bench = Bench(core).automatic(21)
         if wrong is None:
-            core._observe = lambda *_: 0  # whoever evaluates the policy has gone
+            monkeypatch.setattr(core, "_observe", lambda *_: 0)  # whoever evaluates the policy has gone
         else:
-            core.answer = lambda _, value=wrong: value  # type: ignore[method-assign]
+            monkeypatch.setattr(core, "answer", lambda _, value=wrong: value)
         ticks = next(k for k in range(1, 20) if bench.tick().mode == FAULT)
         assert ticks <= 10
         assert bench.fault == "controller_failed"
