@@ -11,6 +11,7 @@ from fmus import compiler
 CORE = Path(__file__).parents[2] / "runtime" / "core"
 AXES = 3
 KEEP_OUT, WALLS = 2, 6  # the first two walls are the keep-out
+GUARD = 0.77  # behind the commands
 SLACK = 1e-12  # of a difference of two rounded numbers
 VISIBLE = "-fvisibility=default"
 NOTHING = float("nan")
@@ -67,10 +68,11 @@ class Gate:
         self, limits: Limits, view: View, wanted: Commands, held: Commands
     ) -> tuple[list[float], int]:
         """(commands that pass, whether something was changed)."""
-        commands = (ctypes.c_double * AXES)(*held)
-        asked = (ctypes.c_double * AXES)(*wanted)
+        commands = (ctypes.c_double * (AXES + 1))(*held, GUARD)
+        asked = (ctypes.c_double * (AXES + 1))(*wanted, -GUARD)
         changed = self._gate(ctypes.byref(limits), ctypes.byref(view), asked, commands)
-        return list(commands), changed
+        assert commands[AXES] == GUARD, "nothing behind the last axis is written"
+        return list(commands)[:AXES], changed
 
 
 def build(folder: Path, text: str = "", extra: Sequence[str] = ()) -> Path:
