@@ -49,7 +49,7 @@ def quiet(what: str, done: float, total: float) -> None:
 def test_a_killed_training_goes_on_along_the_same_curve(recipe: str, network: Path, tmp_path: Path) -> None:
     """Two iterations, then the rest from the checkpoint: every figure and the policy as if in one go."""
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    more = {"changed": {"consecutive": 0.5}}
+    more = {"changed": {"consecutive": 0.5, "swinging": 0.5, "asymmetric": recipe == "paper"}}
     done = session.run(options(network, whole, recipe, **more), quiet)
     first = session.run(options(network, parts, recipe, **more, stop_after=2), quiet)
     assert first["iterations"] == 2
