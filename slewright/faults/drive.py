@@ -28,7 +28,14 @@ from specs.signals import definition
 Frame = tuple[int, bytes]
 WARM_TICKS = 64  # before the drive: the slowest message has come
 SETTLED_TICKS = 80  # after that: automatic operation runs
-AUTOMATIC = next(n for n, text in definition().signals["control_mode"].values.items() if text == "automatic")
+
+
+def mode_number(name: str) -> int:
+    """The number of a control mode."""
+    return next(n for n, text in definition().signals["control_mode"].values.items() if text == name)
+
+
+AUTOMATIC = mode_number("automatic")
 
 
 class Wires:

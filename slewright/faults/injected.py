@@ -9,7 +9,7 @@ import numpy as np
 from runtime.can.codec import Codec, Field, codecs
 from runtime.can.wire import BUS_OFF, CONTROLLER, ERROR, RX_OVERFLOW
 from runtime.image import INPUT, OUTPUT, Group, Status, group, timeout_ticks
-from slewright.faults.drive import Drive, Frame, Moment, Run
+from slewright.faults.drive import Drive, Frame, Moment, Run, mode_number
 from slewright.faults.table import TICK_MS, Fault, Outcome
 from specs.e2e import COUNTER_BITS, LAST_COUNT
 from specs.signals import definition
@@ -20,7 +20,7 @@ JOYSTICK = ("joystick_slew", "joystick_boom", "joystick_stick")
 AXES = [OUTPUT.index[n] for n in ("u_slew", "u_boom", "u_stick")]
 MODE, CODE = OUTPUT.index["control_mode"], OUTPUT.index["fault_code"]
 NAMES = definition().signals["fault_code"].values
-FAULT = next(n for n, text in definition().signals["control_mode"].values.items() if text == "fault")
+FAULT = mode_number("fault")
 BABBLE = 104  # frames of the lowest identifier that a tick has room for
 MARGIN_TICKS = 10  # beyond the limit, to see by how much it was missed
 PLANNER = [INPUT.index[s.name] for s in INPUT.signals if group(s) is Group.PLANNER]

@@ -10,6 +10,8 @@ import numpy as np
 
 from runtime.bundle import load
 from runtime.image import TICK_S, Flag
+from runtime.modbus.cells import HOLDING
+from runtime.modbus.holding import COMMIT, Holding
 from runtime.recorder.feed import SNAPSHOT_TICKS, TICK, TIMING, Feed
 from runtime.recorder.reader import Recording
 from runtime.recorder.recorder import POLL_S, Recorder
@@ -22,6 +24,7 @@ from slewright.faults.clock import Clock
 from slewright.faults.disks import Forgetful, FullDisk, PowerCutError
 from slewright.faults.drive import Drive, Moment, Run
 from slewright.faults.table import TICK_MS, Fault, Outcome
+from specs import policy
 from specs.errors import InputError
 
 Random = np.random.Generator
@@ -178,6 +181,46 @@ def power_cut(fault: Fault, drive: Drive, moment: Moment, random: Random, outcom
     found = Retained(disk.after_cut(bool(random.integers(0, 2))), LAYOUT).load()
     valid = [{"value": done}, {"value": done + 1}, *([{}] if done == 0 else [])]
     outcome.add(moment.tick, 0.0, "" if found in valid else f"{found} after save {done}")
+
+
+def policy_wrong_shape(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
+    """A policy whose input or output has another length, rank or name."""
+    told = policy.contract("full")
+    right = ({policy.INPUT: [1, len(told.layout)]}, {policy.OUTPUT: [1, len(policy.ACTIONS)]})
+    ends = [dict(end) for end in right]
+    spoilt = ends[int(random.integers(2))]
+    name, shape = next(iter(spoilt.items()))
+    other = int(random.integers(1, 200))
+    spoilt.update({name: [[1, shape[1] + other], shape[:1], [other + 1, shape[1]]][int(random.integers(3))]})
+    try:
+        policy.check_shapes(ends[0], ends[1], told, "policy.onnx")
+    except InputError:
+        outcome.add(moment.tick, 0.0)
+    else:
+        outcome.add(moment.tick, None, f"{name} {spoilt[name]} was taken")
+
+
+class _Anyone:
+    """A client that may write."""
+
+    writes = True
+
+
+def modbus_nonsense(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
+    """Any registers to any addresses, by the writer, with commits: what is published stays within ranges."""
+    wrong: list[str] = []
+
+    def publish(state: np.ndarray) -> None:
+        for s, value in zip(HOLDING, state["value"], strict=True):
+            if not (s.min or 0.0) <= value <= (s.max or 0.0):
+                wrong.append(f"{s.name} = {value}")
+
+    table, client = Holding(publish), _Anyone()
+    for k in range(30):
+        values = random.integers(0, 65536, int(random.integers(1, 20))).tolist()
+        table.write(client, int(random.integers(0, 30)), values, k)
+        table.write(client, COMMIT, [int(random.integers(65536))], k)
+    outcome.add(moment.tick, 0.0, "; ".join(wrong[:2]))
 
 
 def bundle_changed(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:

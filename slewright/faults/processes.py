@@ -22,8 +22,9 @@ from runtime.image import Flag
 from runtime.realtime import sleep_until
 from runtime.shared import private_folder
 from runtime.supervisor import Supervisor
-from slewright.faults.drive import AUTOMATIC
+from slewright.faults.drive import AUTOMATIC, mode_number
 from slewright.faults.table import Fault, Outcome
+from slewright.hil.loads import clients
 from slewright.hil.machine import Machine
 from slewright.hil.machine_node import PERIOD_NS, MachineNode
 from slewright.hil.panel import ARMING_TICKS
@@ -35,6 +36,8 @@ from specs.signals import definition
 
 SCENARIO = "four_targets_empty"
 PATIENCE_TICKS = 3000
+ARMED = mode_number("armed")
+BURST_S = 0.2
 HELPERS = {"recorder_killed": ("recorder", Flag.RECORDER_LOST), "modbus_killed": ("modbus", Flag.MODBUS_LOST)}
 
 
@@ -69,13 +72,14 @@ class Plant:
         prefer(os.getpid(), 0)
         self._stack.close()
 
-    def configuration(self, helpers: bool) -> Path:
-        """A configuration file, with recorder and Modbus or without."""
+    def configuration(self, helper: str = "") -> Path:
+        """A configuration file, with one helper or none."""
         lines = [f'bundle = "{self.bundle.folder.resolve()}"', "[can]"]
         lines += ['interface = "slewright"', f'channel = "{self.channel}"']
-        if helpers:
-            lines += ["[recorder]", 'folder = "recording"', "limit_mb = 50", "[modbus]"]
-            lines += [f'host = "{HOST}"', f"port = {free_port()}"]
+        if helper == "recorder":
+            lines += ["[recorder]", 'folder = "recording"', "limit_mb = 50"]
+        if helper == "modbus":
+            lines += ["[modbus]", f'host = "{HOST}"', f"port = {free_port()}"]
         path = self.folder / "machine.toml"
         path.write_text("\n".join(lines) + "\n")
         return path
@@ -101,12 +105,12 @@ class Plant:
                 return True
         return False
 
-    def go(self) -> None:
-        """From the arming of the controller to automatic operation."""
+    def go(self, mode: int = AUTOMATIC) -> None:
+        """From the arming of the controller to a mode (with Modbus, targets would come from there: ARMED)."""
         self.wait(lambda: self.shown("control_mode") > 0)
         self.tick = -ARMING_TICKS
-        if not self.drive(500, lambda: self.shown("control_mode") == AUTOMATIC):
-            raise RunError(f"no automatic operation: fault code {self.shown('fault_code'):.0f}")
+        if not self.drive(500, lambda: self.shown("control_mode") == mode):
+            raise RunError(f"the mode did not come: fault code {self.shown('fault_code'):.0f}")
 
     def shown(self, name: str) -> float:
         """What the controller says."""
@@ -126,7 +130,9 @@ def run_all(bundle: Bundle, wanted: Sequence[Fault], count: int, seed: int, repo
         for fault in wanted:
             random = np.random.default_rng([seed, zlib.crc32(fault.name.encode())])
             outcome = Outcome(fault)
-            inject = _control_killed if fault.name == "control_killed" else _helper_killed
+            inject = {"control_killed": _control_killed, "modbus_flooding": _flooded}.get(
+                fault.name, _helper_killed
+            )
             inject(plant, outcome, count, random, report)
             outcomes.append(outcome)
     return outcomes
@@ -135,7 +141,7 @@ def run_all(bundle: Bundle, wanted: Sequence[Fault], count: int, seed: int, repo
 def _control_killed(
     plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report
 ) -> None:
-    path = plant.configuration(helpers=False)
+    path = plant.configuration()
     for number in range(count):
         report(outcome.fault.name, number, count)
         with Supervisor(path) as supervisor:
@@ -148,13 +154,32 @@ def _control_killed(
             outcome.add(plant.tick, ms if neutral else None)
 
 
+def _flooded(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report) -> None:
+    """Bursts at moments that the clients choose; each counts as caught if nothing changed in all of them."""
+    with Supervisor(plant.configuration("modbus")) as supervisor:
+        plant.go(ARMED)
+        modbus = supervisor.wanted.modbus
+        port = modbus.port if modbus else 0
+        with clients(port, BURST_S, count) as found:
+            process = found["process"]
+            plant.drive(
+                PATIENCE_TICKS,
+                lambda: process.poll() is not None or plant.shown("control_mode") != ARMED,
+            )
+            left = process.poll() is not None
+        why = "" if left and plant.shown("control_mode") == ARMED else "the mode changed"
+        why = why or ("overruns" if supervisor.now().overruns else "")
+        for _ in range(count):
+            outcome.add(plant.tick, 0.0, why)
+
+
 def _helper_killed(
     plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report
 ) -> None:
     name, flag = HELPERS[outcome.fault.name]
-    with Supervisor(plant.configuration(helpers=True)) as supervisor:
+    with Supervisor(plant.configuration(name)) as supervisor:
         helper = next(h for h in supervisor.helpers if h.name == name)
-        plant.go()
+        plant.go(ARMED if name == "modbus" else AUTOMATIC)
         for number in range(count):
             report(outcome.fault.name, number, count)
             plant.drive(int(random.integers(5, 60)), lambda: False)

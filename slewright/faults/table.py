@@ -108,6 +108,10 @@ INSIDE = (
         SEEN_MS,
         "inside",
     ),
+    Fault("policy_wrong_shape", "a policy of other shapes", "refused at the start", 0.0, "inside"),
+    Fault(
+        "modbus_nonsense", "a client writes nonsense, commits it", "refused, or within ranges", 0.0, "inside"
+    ),
     Fault(
         "power_cut",
         "power goes at a random write, sync or rename",
@@ -125,6 +129,7 @@ PROCESS = (
         COMMAND_MS,
         "process",
     ),
+    Fault("modbus_flooding", "20 clients flat out", "no overrun, mode unchanged", 0.0, "process"),
     Fault(
         "recorder_killed", "the recorder is killed", "flag recorder lost, started again", SHOWN_MS, "process"
     ),
