@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+from runtime.can.joystick import Joysticks
 from runtime.image import OUTPUT, TICK_S
 from runtime.matching import check_dbc, check_map
 from runtime.realtime import PRIORITY
@@ -61,6 +62,7 @@ class Can:
     channel: str
     bit_rate: int = 250_000
     dbc: Path | None = None
+    joystick: Joysticks | None = None  # J1939 joysticks; without: the panel's own message
 
     def __post_init__(self) -> None:
         wanted = definition().bus.bit_rate

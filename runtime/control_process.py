@@ -15,6 +15,7 @@ import numpy as np
 
 from runtime import configuration, helpers, realtime
 from runtime.bundle import load
+from runtime.can.joystick import Joystick
 from runtime.can.port import CanPort, open_bus
 from runtime.image import OUTPUT, Flag
 from runtime.modbus.cells import join
@@ -85,7 +86,8 @@ def main(text: str) -> None:
     core = open_core(load(wanted.bundle))
     bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate)
     found = Statistics()
-    ports: list[Port] = [CanPort(bus), *_others(wanted, folder, found)]
+    joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
+    ports: list[Port] = [CanPort(bus, joystick=joystick), *_others(wanted, folder, found)]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
     realtime.pin(wanted.realtime.core)
     rights = realtime.acquire(wanted.realtime.fifo, wanted.realtime.lock, wanted.realtime.priority)

@@ -59,7 +59,7 @@ class Button:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mapped:
+class Joysticks:
     """Which axes and buttons are the operator's; the default is two joysticks in the ISO pattern.
 
     Left joystick to the right: slew to the right (clockwise, so turned round); left forward: stick out;
@@ -122,8 +122,8 @@ def button_value(data: bytes, button: int) -> tuple[float, Status]:
 class Joystick:
     """Reads the frames that `mapped` names and puts the operator's signals into the image."""
 
-    def __init__(self, mapped: Mapped | None = None, index: Mapping[str, int] = INPUT.index) -> None:
-        mapped = mapped or Mapped()
+    def __init__(self, mapped: Joysticks | None = None, index: Mapping[str, int] = INPUT.index) -> None:
+        mapped = mapped or Joysticks()
         self._wanted: dict[tuple[int, int], list[tuple[int, Axis | Button]]] = {}
         names = [*mapped.targets, "operator_heartbeat"]
         for name, place in mapped.targets.items():

@@ -3,9 +3,10 @@
 import pytest
 from hypothesis import given, strategies as st
 
-from runtime.can.joystick import ABSENT, ERROR, GROUPS, NO, YES, Joystick, Mapped, axis_value, button_value
+from runtime.can.joystick import ABSENT, ERROR, GROUPS, NO, YES, Joystick, Joysticks, axis_value, button_value
 from runtime.can.port import CanPort
 from runtime.can.wire import EXTENDED
+from runtime.configuration import read
 from runtime.image import INPUT, Status, timeout_ticks
 from specs.errors import InputError
 from specs.signals import signal
@@ -92,7 +93,7 @@ def test_the_operators_signals() -> None:
 
 
 def test_a_slow_joystick_has_more_time() -> None:
-    joystick = Joystick(Mapped(cycle_ms=100))
+    joystick = Joystick(Joysticks(cycle_ms=100))
     joystick.take(bjm(LEFT), frame(axis_bytes(0, YES)), 0)
     assert seen(joystick, "joystick_slew", 20)[2] == Status.OK
     assert seen(joystick, "joystick_slew", 25)[2] == Status.TIMEOUT
@@ -107,9 +108,9 @@ def test_others_frames_are_left_alone() -> None:
 
 def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(InputError, match="every 20 to 100 ms"):
-        Mapped(cycle_ms=10)
+        Joysticks(cycle_ms=10)
     with pytest.raises(InputError, match="button 13: 1 to 12"):
-        Mapped(enable=type(Mapped().enable)(source=1, group="BJM1", button=13))
+        Joysticks(enable=type(Joysticks().enable)(source=1, group="BJM1", button=13))
 
 
 def test_in_the_port_it_stands_for_the_panels_message() -> None:
@@ -129,3 +130,24 @@ def test_in_the_port_it_stands_for_the_panels_message() -> None:
     assert image["status"][INPUT.at("joystick_slew")] == Status.OK
     port.receive(image, 3)
     assert image["age"][INPUT.at("joystick_slew")] == 3
+
+
+def test_a_configuration_names_them(tmp_path) -> None:
+    path = tmp_path / "machine.toml"
+    lines = [
+        'bundle = "b"',
+        "[can]",
+        'interface = "slewright"',
+        'channel = "bus"',
+        "[can.joystick]",
+        "cycle_ms = 100",
+    ]
+    axis = ["[can.joystick.slew]", "source = 0x21", 'group = "EJM1"', 'axis = "theta"']
+    path.write_text("\n".join(lines + axis))
+    found = read(path).can.joystick
+    assert found is not None
+    assert (found.cycle_ms, found.slew.source, found.slew.group) == (100, 0x21, "EJM1")
+    assert found.boom == Joysticks().boom
+    path.write_text("\n".join([*lines, *axis, "colour = 3"]))
+    with pytest.raises(InputError, match="colour"):
+        read(path)
