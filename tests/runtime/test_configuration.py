@@ -4,6 +4,7 @@ import socket
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings, strategies as st
 
 from runtime import configuration
 from specs.errors import InputError
@@ -143,3 +144,20 @@ def test_a_port_in_use_is_refused(folder: Path):
         text = WHOLE.replace('"bus"', f'"{folder / "bus"}"').replace("1502", str(port))
         with pytest.raises(InputError, match=f"port {port} of 127.0.0.1 cannot be had"):
             configuration.check_surroundings(configuration.read(written(folder, text)))
+
+
+@given(at=st.integers(0, len(WHOLE) - 1), drop=st.integers(0, 12), put=st.text(max_size=6))
+@settings(max_examples=150)
+def test_any_damage_is_read_or_refused_with_one_message(tmp_path_factory, at: int, drop: int, put: str):
+    folder = tmp_path_factory.mktemp("damaged")
+    text = WHOLE.replace('dbc = "slewright.dbc"\n', "").replace('map = "modbus_map.csv"\n', "")
+    path = folder / "machine.toml"
+    path.write_bytes((text[:at] + put + text[at + drop :]).encode("utf-8", "surrogatepass"))
+    said, found = "", None
+    try:
+        found = configuration.read(path)
+    except InputError as error:
+        said = str(error)
+    assert found is not None or str(path) in said
+    if found is not None:
+        assert (found.rates.base_hz, found.can.bit_rate) == (50.0, 250_000)
