@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from baselines import registry
+from baselines.load.calibration import uncalibrated
+from baselines.load.calibration_file import as_dict
 from fmus.loader import load_model
 from runtime import bundle as form
 from slewright import __main__ as entry
@@ -63,6 +65,22 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no folder"):
         build.bundle("pi", tmp_path / "not" / "there")
     assert [p.name for p in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_a_calibration_of_the_load_estimate_goes_into_the_code(tmp_path: Path) -> None:
+    told = as_dict(uncalibrated())
+    told["unknowns"]["tool_mass"] *= 1.2
+    path = tmp_path / "machine.json"
+    path.write_text(json.dumps(told))
+    content = build._calibrated(build._content("pi", form.NATIVE), path)
+    assert content.files["load-calibration.json"] == path.read_bytes()
+    for name, calibration in (("nominal", {}), ("own", content.calibration)):
+        build.write_sources(content.controller, tmp_path / name, build.config.constants({}), calibration)
+    models = [(tmp_path / n / "blocks" / "load" / "model.c").read_text() for n in ("nominal", "own")]
+    assert models[0] != models[1]
+    path.write_text("{}")
+    with pytest.raises(InputError, match="not a load calibration"):
+        build.bundle("pi", tmp_path / "b", calibration=path)
 
 
 def test_command_says_what_it_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
