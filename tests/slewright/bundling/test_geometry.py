@@ -6,18 +6,18 @@ import pytest
 from fmus.equations import kinematics
 from slewright.bundling.config import geometry
 
-WALLS = ("height", "radius", "boom low", "boom high", "stick low", "stick high")
+GEOMETRY = geometry()
 
 
 def walls(joints: np.ndarray) -> np.ndarray:
     """[wall, (distance, rate, by boom, by stick)]."""
-    return np.array(geometry()(joints, [8.0, 0.0, 5.0])[0]).T
+    return np.array(GEOMETRY(joints, [8.0, 0.0, 5.0])[0]).T
 
 
 def test_reach_says_what_kinematics_says() -> None:
     random = np.random.default_rng(1)
     points = random.uniform([-18, -18, 0], [18, 18, 14], (3000, 3))
-    told = [float(geometry()([0.0, 1.2, -1.5, 0.0, 0.0], p)[2]) >= 0.0 for p in points]
+    told = [float(GEOMETRY([0.0, 1.2, -1.5, 0.0, 0.0], p)[2]) >= 0.0 for p in points]
     known = [kinematics.reachable(*p) is None for p in points]
     assert 0.1 < np.mean(known) < 0.9
     assert told == known
@@ -26,7 +26,7 @@ def test_reach_says_what_kinematics_says() -> None:
 def test_distance_is_that_of_the_hanging_grab() -> None:
     g, joints = kinematics.geometry(), np.array([0.7, 1.2, -1.5, 0.0, 0.0])
     point = np.array(kinematics.grab_point(0.7, *kinematics.arm_tip(1.2, -1.5, g), g), dtype=float)
-    assert float(geometry()(joints, point + [0.3, 0.0, 0.4])[1]) == pytest.approx(0.5)
+    assert float(GEOMETRY(joints, point + np.array([0.3, 0.0, 0.4]))[1]) == pytest.approx(0.5)
 
 
 def test_walls_are_distances_with_their_gradients_and_rates() -> None:
