@@ -1,5 +1,6 @@
 """`slewright run`: the machine controller."""
 
+import signal
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +28,7 @@ def run(
     ticks = None if seconds is None else round(seconds / TICK_S)
     modes = OUTPUT.signals[OUTPUT.at("control_mode")].values
     stopped = False
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: processes and memory go
 
     with progress("run") as report:
 
