@@ -31,6 +31,7 @@ from specs.version import VERSION
 
 ARM = "arm_velocity"
 HAND_WRITTEN = ("slr.h", "gate.h", "block.h", "image_layout.h", "gate.c", "check.c", "mode.c", "step.c")
+BAKED_IN = ("geometry", "slew", "machine", "load_estimate")  # files whose figures are constants of the C code
 UNCHECKED = ("geometry.c", "model.c")  # CasADi's own code
 UNUSED_OUT = ["-ffunction-sections", "-fdata-sections"]
 UNUSED_GONE = {
@@ -241,7 +242,8 @@ def _check_folder(out: Path) -> None:
 
 def _parameters(blocks: Sequence[Block], constants: Mapping[str, float]) -> dict[str, Any]:
     known = parameters.check()
-    found = {v.name: v.start for block in blocks for v in block.model.parameters} | dict(constants)
+    found = {name: p.value for name, p in parameters.load(*BAKED_IN).items()}
+    found |= {v.name: v.start for block in blocks for v in block.model.parameters} | dict(constants)
     return {
         name: {"value": value, "unit": known[name].unit, "source": known[name].source}
         if name in known

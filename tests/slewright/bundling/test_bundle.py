@@ -31,7 +31,7 @@ def test_manifest_names_every_file_by_its_hash() -> None:
 def test_parameters_are_those_of_the_specs() -> None:
     found = json.loads((built().folder / "parameters.json").read_text())
     known = parameters.check()
-    assert {"pi_slew_gain", "gate_rise", "lut_boom_00", "boom_length"} <= set(found)
+    assert {"pi_slew_gain", "gate_rise", "lut_boom_00", "boom_length", "load_estimate_window"} <= set(found)
     assert {n: e["value"] for n, e in found.items()} == {n: known[n].value for n in found}
 
 
