@@ -13,6 +13,9 @@ RAMP_MS = TICK_MS * -(-1.0 // (_gate["gate_fall"] * TICK_S))  # full stroke to n
 DEBOUNCE_MS = 1000.0 * _gate["input_debounce"]
 STUCK_MS = 1000.0 * _gate["input_stuck"]
 OVERRUNS_MS = TICK_MS * _gate["overruns_allowed"]
+# A CRC-8 misses one in 256 frames with three flipped bits (its Hamming distance is 3): then bridging begins
+# anew.
+MISSED_FRAME_MS = DEBOUNCE_MS + TICK_MS
 SENSOR_MS = TICK_MS * timeout_ticks(signal("q_slew"))
 PLANNER_MS = TICK_MS * timeout_ticks(signal("planner_heartbeat"))
 MACHINE_MS = TICK_MS * timeout_ticks(signal("machine_ready"))
@@ -51,7 +54,13 @@ BUS = (
     _stops("sensor_not_available", "a sensor says not available (0xFF..)", DEBOUNCE_MS, "sensor_error"),
     _stops("joystick_error", "a joystick axis says error", DEBOUNCE_MS, "operator_timeout"),
     _stops("joystick_not_available", "a joystick axis says not available", DEBOUNCE_MS, "operator_timeout"),
-    _stops("checksum_wrong", "bits of a sensor message flip", SENSOR_MS, "sensor_checksum", "sensor_timeout"),
+    _stops(
+        "checksum_wrong",
+        "bits of a sensor message flip",
+        SENSOR_MS + MISSED_FRAME_MS,
+        "sensor_checksum",
+        "sensor_timeout",
+    ),
     _stops(
         "counter_wrong",
         "a sensor message repeats its counter",
