@@ -118,7 +118,7 @@ _PAPER = {
     "one_shot": 0.2,
 }  # fmt: skip
 _OURS = {
-    "balance": 1.0, "closing": 1.0, "action": 0.05, "overshoot": 2.0, "oscillation": 2.0, "one_shot": 0.05,
+    "balance": 1.0, "closing": 1.0, "action": 0.05, "overshoot": 2.0, "oscillation": 3.0, "one_shot": 0.05,
     "keep_out": 2.0, "limits": 0.05,
 }  # fmt: skip
 _RECIPES = (
