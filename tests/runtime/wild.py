@@ -1,14 +1,21 @@
 """A controller that means harm: commands of any size, infinite or no number, as `load_told` says."""
 
+from collections.abc import Sequence
+
 import casadi as ca
 
-from fmus.definition import Model, Variable, from_signals
+from fmus.definition import Equations, Model, Variable, from_signals
 from runtime.control import ControlCore
 from slewright.bundling.build import bundle_model
 from tests.runtime.bundles import folder
 
 HUGE, INFINITE, NO_NUMBER = 0.0, 1000.0, 2000.0  # kg: what `load_told` makes of it
 OUTPUTS = ("u_slew", "qd_boom_ref", "qd_stick_ref")
+
+
+def pusher(commands: Sequence[float]) -> Model:
+    """It wants the same for ever."""
+    return _of("pusher", lambda x, u, m, p: {f"held_{n}": c for n, c in zip(OUTPUTS, commands, strict=True)})
 
 
 def model() -> Model:
@@ -18,8 +25,12 @@ def model() -> Model:
         huge = -1e300 - 1e150 * (1e150 * u.load_told) * u.load_told * u.load_told * u.load_told
         return {f"held_{n}": ca.sqrt(1500.0 - u.load_told) * huge for n in OUTPUTS}
 
+    return _of("wild", next_state)
+
+
+def _of(name: str, next_state: Equations) -> Model:
     return Model(
-        name="wild",
+        name=name,
         description="Means harm",
         kind="discrete",
         step=0.02,
