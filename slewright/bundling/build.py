@@ -191,6 +191,13 @@ def objects_of(
     return objects
 
 
+def identity_of(controller: str) -> str:
+    """The identity that a bundle of a controller would have if it were built now."""
+    with tempfile.TemporaryDirectory() as scratch:
+        write_sources(_content(controller, form.NATIVE).controller, Path(scratch), config.constants({}))
+        return sources_hash(Path(scratch))
+
+
 def sources_hash(folder: Path) -> str:
     """SHA-256 over all sources and the compiler's flags: what a compiled core says it is."""
     files = form.hashes(folder)

@@ -15,12 +15,14 @@ def ready(given: Path | None, report: Report) -> Path:
     if given is not None:
         return given
     from runtime.bundle import load
-    from slewright.bundling.build import bundle
+    from slewright.bundling.build import bundle, identity_of
 
     folder = FOLDER / CONTROLLER
     try:
-        load(folder)
+        current = load(folder).identity == identity_of(CONTROLLER)
     except InputError:
+        current = False
+    if not current:
         report(f"building the bundle of {CONTROLLER}")
         folder.parent.mkdir(parents=True, exist_ok=True)
         bundle(CONTROLLER, folder)
