@@ -6,6 +6,7 @@ ports had are written to the file `ports` as JSON: {"plain": …, "tls": …}.
 
 import asyncio
 import json
+import logging
 import signal
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from runtime.modbus.server import Desk, Server
 def main(text: str) -> None:
     """Serve until told to end."""
     end_with(signal.SIGTERM)
+    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # who sends nonsense must not fill our disk
     told = json.loads(text)
     asyncio.run(_serve(told))
 
