@@ -26,7 +26,7 @@ from slewright.faults.drive import AUTOMATIC, mode_number
 from slewright.faults.table import Fault, Outcome
 from slewright.hil.loads import clients
 from slewright.hil.machine import Machine
-from slewright.hil.machine_node import PERIOD_NS, MachineNode
+from slewright.hil.machine_node import PERIOD_NS, MachineNode, Valves
 from slewright.hil.panel import ARMING_TICKS
 from slewright.hil.rig import BUS_PRIORITY, HOST, MACHINE_PRIORITY, free_port, prefer
 from slewright.progress import Report
@@ -36,6 +36,7 @@ from specs.signals import definition
 
 SCENARIO = "four_targets_empty"
 PATIENCE_TICKS = 3000
+HEARD_TICKS = 10  # before the operator's switches: the planner's slower messages have come
 ARMED = mode_number("armed")
 BURST_S = 0.2
 HELPERS = {"recorder_killed": ("recorder", Flag.RECORDER_LOST), "modbus_killed": ("modbus", Flag.MODBUS_LOST)}
@@ -107,10 +108,14 @@ class Plant:
 
     def go(self, mode: int = AUTOMATIC) -> None:
         """From the arming of the controller to a mode (with Modbus, targets would come from there: ARMED)."""
+        self.node.valves = Valves()  # what a controller before this one said is forgotten
+        self.node.panel.over["machine_fault"] = 0.0  # somebody acknowledged the lost commands
         self.wait(lambda: self.shown("control_mode") > 0)
-        self.tick = -ARMING_TICKS
+        del self.node.panel.over["machine_fault"]
+        self.tick = -ARMING_TICKS - HEARD_TICKS
         if not self.drive(500, lambda: self.shown("control_mode") == mode):
-            raise RunError(f"the mode did not come: fault code {self.shown('fault_code'):.0f}")
+            said = ", ".join(f"{name} {self.shown(name):.0f}" for name in ("control_mode", "fault_code"))
+            raise RunError(f"mode {mode} did not come: {said}")
 
     def shown(self, name: str) -> float:
         """What the controller says."""
@@ -125,16 +130,14 @@ class Plant:
 
 def run_all(bundle: Bundle, wanted: Sequence[Fault], count: int, seed: int, report: Report) -> list[Outcome]:
     """Each of the `wanted` faults `count` times."""
+    makers = {"control_killed": _control_killed, "modbus_flooding": _flooded}
     outcomes = []
-    with Plant(bundle, seed) as plant:
-        for fault in wanted:
-            random = np.random.default_rng([seed, zlib.crc32(fault.name.encode())])
-            outcome = Outcome(fault)
-            inject = {"control_killed": _control_killed, "modbus_flooding": _flooded}.get(
-                fault.name, _helper_killed
-            )
-            inject(plant, outcome, count, random, report)
-            outcomes.append(outcome)
+    for fault in wanted:
+        random = np.random.default_rng([seed, zlib.crc32(fault.name.encode())])
+        outcome = Outcome(fault)
+        with Plant(bundle, seed) as plant:
+            makers.get(fault.name, _helper_killed)(plant, outcome, count, random, report)
+        outcomes.append(outcome)
     return outcomes
 
 
