@@ -41,6 +41,7 @@ def test_without_a_rate_limit_it_is_the_simulated_system_bit_for_bit(verified: R
 
 
 @pytest.mark.slow
+@pytest.mark.soak
 def test_metrics_are_those_of_verification() -> None:
     """The gate's rate limit is the only difference: 60 ms in a start or stop."""
     chosen = scenario.load("four_targets_empty")
