@@ -11,7 +11,9 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from fmus.loader import model_folders
+from baselines import variants
+from fmus.loader import load_model, model_folders
+from specs import systems
 from specs.errors import InputError, nearest
 
 SLOT = "pi"  # the component of the systems that a controller takes the place of
@@ -43,11 +45,18 @@ class Controller:
     human: bool = False  # a model of an operator: made to be like one, not as good as can be
     linear: str = ""  # why its loop cannot be analysed as a linear one; "" if it can
     rate_hz: float = RATE_HZ
+    family: str = ""  # whose gains it has where it has none of its own (baselines/variants.py)
+    place: Path | None = None  # of a model folder outside of the project
+
+    @property
+    def path(self) -> Path:
+        """Its model folder."""
+        return self.place or model_folders()[self.folder]
 
     @property
     def models(self) -> dict[str, Path]:
         """Model folders by the name that the systems know them by."""
-        return {} if self.folder == SLOT else {SLOT: model_folders()[self.folder]}
+        return {} if self.folder == SLOT else {SLOT: self.path}
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -55,6 +64,7 @@ class Controller:
         return {f"{SLOT}.{name}": value for name, value in self.settings.items()}
 
 
+_FOUND = variants.read()  # gains of a variant, where it was tuned by itself
 _SHAPER = (
     Range("shaper_speed_limit", 0.25, 0.7, log=False),
     Range("shaper_brake_share", 0.3, 1.2),
@@ -120,12 +130,33 @@ _ALL = (
             "shaper",
             "shaper",
             f"{kind.upper()}-shaped profile, tracked" + (", with sway feedback" if sway else ""),
-            settings={"shaper_kind": float(number), "shaper_sway": float(sway)},
-            tuned=_SHAPER if (kind, sway) == ("zv", True) else (),  # one file of gains for the family
+            settings={
+                "shaper_kind": float(number),
+                "shaper_sway": float(sway),
+                **_FOUND.get(kind + ("_sway" if sway else ""), {}),
+            },
+            tuned=_SHAPER if sway else _SHAPER[:-2],
             aim="gentle",
+            family="" if (kind, sway) == ("zv", True) else "zv_sway",
         )
         for sway in (False, True)
         for number, kind in enumerate(("zv", "zvd", "ei"), 1)
+    ),
+    Controller(
+        "plan",
+        "plan",
+        "plan",
+        "plan by flatness, tracked, with sway feedback",
+        tuned=(
+            Range("plan_speed_limit", 0.25, 0.7, log=False),
+            Range("plan_rise_share", 0.3, 1.5),
+            Range("plan_brake_share", 0.3, 1.5),
+            Range("plan_least_time", 0.8, 3.0),
+            Range("plan_angle_gain", 0.3, 3.0),
+            Range("plan_brake_lead", 0.5, 4.0),
+            Range("plan_sway_gain", 0.03, 0.5),
+        ),
+        aim="gentle",
     ),
     Controller(
         "nmpc",
@@ -172,6 +203,24 @@ def find(name: str) -> Controller:
     if name not in _known():
         raise InputError(f"no controller '{name}'; {nearest(name, names())} (valid: {', '.join(names())})")
     return _known()[name]
+
+
+def foreign(path: Path, name: str, label: str) -> Controller:
+    """A controller from a model folder that is none of the project's: a policy, say.
+
+    Raises InputError where there is no such model, or its connectors are not those of a controller, or the
+    name is taken.
+    """
+    if name in _known():
+        raise InputError(f"{path}: a controller '{name}' is there already; give yours another name")
+    model = load_model(path)
+    wanted = [v for side in systems.load("reference").connectors(SLOT) for v in side]
+    lacking = sorted(set(wanted) - {v.name for v in (*model.inputs, *model.outputs)})
+    if lacking:
+        raise InputError(
+            f"{path}: no controller of this machine: model {model.name} lacks {', '.join(lacking)}"
+        )
+    return Controller(name, "", "", label, linear="it is not one of the project's", place=path.resolve())
 
 
 def select(wanted: Sequence[str] = ()) -> list[Controller]:

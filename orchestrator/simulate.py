@@ -96,7 +96,7 @@ def simulate(
     if not limit_s > 0.0:
         raise InputError(f"limit_s is a positive time, not {limit_s:g}")
     layout = lay_out(system, record)
-    start = system.start_values({**_seeds(system, seed), **(parameters or {})})
+    start = system.start_values({**seeds(system, seed), **(parameters or {})})
     every_fault = (*system.faults, *faults)
     check_faults(system, every_fault)
     options = Options(
@@ -200,7 +200,7 @@ def _close_incomplete(sink: _Sink, error: BaseException) -> None:
         error.add_note(str(second))
 
 
-def _seeds(system: System, seed: int | None) -> dict[str, float]:
+def seeds(system: System, seed: int | None) -> dict[str, float]:
     """A seed for every component that takes one, different for each, never 0 (which may mean: no noise)."""
     names = (
         [n for n, c in system.components.items() if NOISE_SEED in c.model.variables]

@@ -79,14 +79,16 @@ def verify(
     settings: Mapping[str, float] | None = None,
     name: str = "",
     progress: Report | None = None,
+    packages: Mapping[str, Path] | None = None,
 ) -> Verification:
     """Run `scenarios` on `systems` and write records, metrics.json and report.html to `out`.
 
     `scenarios` are names, or paths of target files in the form of specs/scenarios (default: all names).
     `model` is the folder of a controller that takes the place of the PI, or of any model that a system has
     (fmus.definition); it runs with the limits of the controller it replaces, with these `settings` of its
-    parameters ("component.parameter" -> value), and is called `name` (default: its folder's).  Raises
-    InputError before anything runs; RunError, naming every run that failed, after the others were recorded.
+    parameters ("component.parameter" -> value), and is called `name` (default: its folder's).  `packages` are
+    systems that are packed already, by name.  Raises InputError before anything runs; RunError, naming every
+    run that failed, after the others were recorded.
     """
     report = progress or (lambda what, done=None, total=None: None)
     chosen = [s for text in (scenarios or scenarios_spec.names()) for s in scenarios_spec.find(text)]
@@ -98,7 +100,8 @@ def verify(
     for system in systems:
         report(f"building {system}")
         folder = SYSTEMS if model is None else out / "systems"
-        packed[system] = pack_system(system, out=folder, models=replaced)
+        ready = (packages or {}).get(system)
+        packed[system] = ready or pack_system(system, out=folder, models=replaced)
         check_interventions(chosen, packed[system])
     controller = name or (CONTROLLER if model is None else model.resolve().name)
     jobs_list = [

@@ -13,6 +13,7 @@ from slewright.commands import (
     analyse,
     bench,
     build,
+    bundle,
     calibrate,
     campaign,
     check,
@@ -22,12 +23,17 @@ from slewright.commands import (
     dossier,
     effects,
     estimate,
+    evaluate,
+    faults,
     fit,
     generate,
+    hil,
     import_,
     optimum,
     reconcile,
     reconcile_suite,
+    replay,
+    run,
     simulate,
     testpack,
     train,
@@ -91,12 +97,18 @@ app.command()(check.check)
 app.command()(campaign.campaign)
 app.command()(collect.collect)
 app.command()(compare.compare)
+app.command()(evaluate.evaluate)
 app.command()(tune.tune)
 app.command()(analyse.analyse)
 app.command()(convert.convert)
 app.command()(build.build)
+app.command()(bundle.bundle)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
+app.command()(run.run)
+app.command()(hil.hil)
+app.command()(faults.faults)
+app.command()(replay.replay)
 app.command()(reconcile.reconcile)
 app.command()(effects.effects)
 app.command()(optimum.optimum)

@@ -2,10 +2,18 @@
 
 from collections.abc import Iterable, Iterator
 
+from specs.e2e import COUNTER_BITS, CRC_BITS, LAST_COUNT
 from specs.signals import Definition, Signal, definition
 from specs.wire import CanPlace, Message, bus_load
 
 EXTENDED = 1 << 31  # a DBC marks a 29-bit identifier by this bit
+
+# Kinds of signals as the tools' J1939 databases list them; the last two are what protects a message.
+SIGNAL_TYPES = (
+    *("Default", "Range", "RangeSigned", "ASCII", "Discrete", "Control", "ReferencePGN", "DTC"),
+    *("StringDelimiter", "StringLength", "StringLengthControl", "MessageCounter", "MessageChecksum"),
+)
+PROFILE = "AUTOSAR profile 1A"
 
 HEADER = """VERSION "1"
 
@@ -26,6 +34,9 @@ BA_DEF_ "Baudrate" INT 0 1000000;
 BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
 BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
 BA_DEF_ BO_ "GenMsgSendType" ENUM "Cyclic","Event";
+BA_DEF_ BO_ "E2EProfile" STRING ;
+BA_DEF_ BO_ "E2EDataID" INT -1 65535;
+BA_DEF_ SG_ "SigType" ENUM {kinds};
 BA_DEF_ SG_ "GenSigStartValue" FLOAT 0 4294967295;
 BA_DEF_ SG_ "GenSigTimeoutTime" INT 0 65535;
 BA_DEF_DEF_ "BusType" "CAN";
@@ -34,9 +45,12 @@ BA_DEF_DEF_ "Baudrate" 250000;
 BA_DEF_DEF_ "VFrameFormat" "J1939PG";
 BA_DEF_DEF_ "GenMsgCycleTime" 0;
 BA_DEF_DEF_ "GenMsgSendType" "Cyclic";
+BA_DEF_DEF_ "E2EProfile" "";
+BA_DEF_DEF_ "E2EDataID" -1;
+BA_DEF_DEF_ "SigType" "Default";
 BA_DEF_DEF_ "GenSigStartValue" 0;
 BA_DEF_DEF_ "GenSigTimeoutTime" 0;
-"""
+""".format(kinds=",".join(f'"{kind}"' for kind in SIGNAL_TYPES))
 
 
 def render() -> str:
@@ -57,7 +71,21 @@ def _of(message: Message, spec: Definition) -> list[tuple[Signal, CanPlace]]:
 
 def _message(message: Message, signals: list[tuple[Signal, CanPlace]]) -> str:
     head = f"BO_ {message.frame_id | EXTENDED} {message.name}: {message.length} {message.sender}"
-    return _lines([head, *(_signal(s, can, message.receivers) for s, can in signals)])
+    protection = (_protection(field, bits, message) for field, bits, _ in _protections(message))
+    return _lines([head, *protection, *(_signal(s, can, message.receivers) for s, can in signals)])
+
+
+def _protections(message: Message) -> list[tuple[str, range, str]]:
+    """Name, bits and kind of the fields that protect a message."""
+    if message.data_id is None:
+        return []
+    fields = (("crc", CRC_BITS, "MessageChecksum"), ("counter", COUNTER_BITS, "MessageCounter"))
+    return [(f"{message.name}_{field}", bits, kind) for field, bits, kind in fields]
+
+
+def _protection(name: str, bits: range, message: Message) -> str:
+    top = LAST_COUNT if bits == COUNTER_BITS else 255
+    return f' SG_ {name} : {bits.start}|{len(bits)}@1+ (1,0) [0|{top}] "" {",".join(message.receivers)}'
 
 
 def _signal(s: Signal, can: CanPlace, receivers: Iterable[str]) -> str:
@@ -85,6 +113,11 @@ def _values_of_attributes(spec: Definition) -> Iterator[str]:
         frame = message.frame_id | EXTENDED
         yield f'BA_ "VFrameFormat" BO_ {frame} 3;'
         yield f'BA_ "GenMsgCycleTime" BO_ {frame} {message.cycle_ms};'
+        if message.data_id is not None:
+            yield f'BA_ "E2EProfile" BO_ {frame} "{PROFILE}";'
+            yield f'BA_ "E2EDataID" BO_ {frame} {message.data_id};'
+        for name, _, kind in _protections(message):
+            yield f'BA_ "SigType" SG_ {frame} {name} {SIGNAL_TYPES.index(kind)};'
         for s, can in _of(message, spec):
             yield f'BA_ "GenSigStartValue" SG_ {frame} {s.name} {round((s.start - can.offset) / can.scale)};'
             yield f'BA_ "GenSigTimeoutTime" SG_ {frame} {s.name} {round(1000 * (s.timeout_s or 0))};'

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from specs.signals import Kind, Signal, definition, select
 from specs.units import unit
-from specs.wire import MODBUS_HEADER, REGISTERS, ModbusPlace, ModbusTable
+from specs.wire import MODBUS_HEADER, REGISTERS, ModbusPlace, ModbusTable, ServiceRegister
 
 MADE = "Generated from specs/signals.toml by slewright generate; do not edit."
 COLUMNS = (
@@ -25,9 +25,10 @@ def modbus_csv() -> str:
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
     for name, table in modbus.tables.items():
+        rows = [_signal_row(s, place) for s, place in _placed(name)]
+        rows += [_service_row(key, place) for key, place in modbus.services.items() if place.table == name]
         writer.writerows(_header_rows(name, table))
-        for s, place in _placed(name):
-            writer.writerow(_signal_row(s, place))
+        writer.writerows(sorted(rows, key=lambda row: int(str(row["address"]))))
     return text.getvalue()
 
 
@@ -71,6 +72,13 @@ def _signal_row(s: Signal, place: ModbusPlace) -> dict[str, object]:
         "values": " ".join(f"{number}={text}" for number, text in s.values.items()),
         "description": s.description,
     }
+
+
+def _service_row(name: str, place: ServiceRegister) -> dict[str, object]:
+    return {"table": place.table, "address": place.address, "registers": 1, "type": "uint16", "scale": "1",
+            "name": name, "unit": "1", "min": 0, "max": 0xFFFF, "start": 0,
+            "access": "rw" if place.table == "holding" else "r",
+            "description": f"server; {place.description}"}  # fmt: skip
 
 
 def fmi_variables() -> str:

@@ -1,9 +1,10 @@
 """What crosses the machine's wires: CAN frames as J1939 lays them out, and Modbus registers."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
+from specs.e2e import COUNTER_BITS
 from specs.errors import InputError
 from specs.schema import STRICT
 
@@ -86,13 +87,22 @@ class Message:
     receivers: tuple[str, ...]
     cycle_ms: int
     length: int = 8
+    data_id: int | None = None  # of its end-to-end protection (specs/e2e.py); None: unprotected
 
     def __post_init__(self) -> None:
         ranges = {"pgn": (0xFF00, 0xFFFF), "priority": (0, 7), "source": (0, 253)}  # proprietary B groups
-        ranges |= {"cycle_ms": (1, 65535), "length": (1, 8)}
+        ranges |= {"cycle_ms": (1, 65535), "length": (1, 8), "data_id": (0, 0xFFFF)}
         for key, (low, high) in ranges.items():
-            if not low <= getattr(self, key) <= high:
-                raise InputError(f"{key} = {getattr(self, key)}: outside {low} … {high}")
+            found = getattr(self, key)
+            if found is not None and not low <= found <= high:
+                raise InputError(f"{key} = {found}: outside {low} … {high}")
+        if self.data_id is not None and self.length < 2:
+            raise InputError("a protected message has two bytes or more")
+
+    @property
+    def first_bit(self) -> int:
+        """The first bit that signals may take: before it lie CRC and counter."""
+        return 0 if self.data_id is None else COUNTER_BITS.stop
 
     @property
     def frame_id(self) -> int:
@@ -128,8 +138,24 @@ class ModbusTable:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ServiceRegister:
+    """A register of the server itself, of type uint16."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    table: Literal["input", "holding"]
+    address: int
+    description: str
+
+    @property
+    def registers(self) -> range:
+        """Its address, as `ModbusPlace` gives those of a signal."""
+        return range(self.address, self.address + 1)
+
+
+@dataclass(frozen=True, kw_only=True)
 class ModbusMap:
-    """The register map: `magic` and `version` of its headers, and its tables `input` and `holding`."""
+    """The register map: `magic` and `version` of its headers, its tables, the server's own registers."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
 
@@ -138,6 +164,7 @@ class ModbusMap:
     unit_id: int
     word_order: Literal["high_first", "low_first"]
     tables: Mapping[Literal["input", "holding"], ModbusTable]
+    services: Mapping[str, ServiceRegister] = field(default_factory=dict)
 
 
 def frame_bits(length: int) -> int:
@@ -160,23 +187,27 @@ def check_frames(places: Iterable[tuple[str, CanPlace]], bus: Bus, where: str) -
     """Raise InputError if two signals share a bit, or one leaves its frame."""
     taken: dict[tuple[str, int], str] = {}
     for name, place in places:
-        size = 8 * bus.messages[place.message].length
-        for bit in place.bits:
-            if not 0 <= bit < size:
+        message = bus.messages[place.message]
+        for bit in sorted(place.bits):
+            if not 0 <= bit < 8 * message.length:
                 raise InputError(f"{where}: signal.{name}.can: bit {bit} lies outside {place.message}")
+            if bit < message.first_bit:
+                raise InputError(f"{where}: signal.{name}.can: bit {bit} of {place.message} protects it")
             other = taken.setdefault((place.message, bit), name)
             if other != name:
                 raise InputError(f"{where}: signal.{name}.can: bit {bit} of {place.message} is {other}'s")
 
 
-def check_registers(places: Iterable[tuple[str, ModbusPlace]], modbus: ModbusMap, where: str) -> None:
+def check_registers(
+    places: Iterable[tuple[str, ModbusPlace | ServiceRegister]], modbus: ModbusMap, where: str
+) -> None:
     """Raise InputError if two signals share a register, or one leaves its table's body."""
     taken: dict[tuple[str, int], str] = {}
     for name, place in places:
         body = modbus.tables[place.table].body
         for register in place.registers:
             if register not in body:
-                raise InputError(f"{where}: signal.{name}.modbus: {register} outside {body[0]}–{body[-1]}")
+                raise InputError(f"{where}: {name}: {register} outside {body[0]}–{body[-1]}")
             other = taken.setdefault((place.table, register), name)
             if other != name:
-                raise InputError(f"{where}: signal.{name}.modbus: {place.table} {register} is {other}'s")
+                raise InputError(f"{where}: {name}: {place.table} {register} is {other}'s")

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from baselines.compare.goals import reached
 from baselines.compare.optima import shares
 from baselines.compare.plan import SWEPT, Question
 from orchestrator.campaign.plan import NOMINAL, Run
-from orchestrator.campaign.worker import Result
+from orchestrator.campaign.worker import COUNTED, Result
 
 METRICS = ("speed", "overshoot", "error", "tool")
 MATCHED = 11.17  # deg/s, the speed of the paper's policy
@@ -21,13 +22,15 @@ Figures = dict[str, Any]
 def figures(question: Question, runs: Sequence[Run], results: Mapping[str, Result]) -> Figures:
     """What `--json` writes but for seed and versions."""
     single = _singles(runs, results)
+    tasks = {task: _task(question, task, runs, results) for task in question.tasks}
     return {
         "system": "reference",
         "draw_set": question.draw_set,
         "machines": question.machines,
         "paces": list(question.paces),
         "failed": {key: r["failed"] for key, r in results.items() if r["failed"]},
-        "task": {task: _task(question, task, runs, results) for task in question.tasks},
+        "task": tasks,
+        "goals": reached(tasks),
         "single": single,
         "sweeps": _sweeps(runs, results),
         "optima": shares(single),
@@ -113,7 +116,13 @@ def _cell(task: str, found: Sequence[Result]) -> Figures:
         "missed": sum(r["figures"]["missed"] for r in found),
         "n": len(found),
         "ci95": {name: interval(v) for name, v in values.items()},
-    }
+    } | _counts(found)
+
+
+def _counts(found: Sequence[Result]) -> Figures:
+    """What controllers count themselves (solves, and those that fell back), summed where runs have it."""
+    known = {name: [r["figures"][name] for r in found if name in r["figures"]] for name in COUNTED}
+    return {name: sum(values) for name, values in known.items() if values}
 
 
 def interval(values: Sequence[float]) -> list[float] | None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from baselines.registry import Controller
-from fmus.loader import model_folders
 from orchestrator.campaign.plan import NO_FAULT, NOMINAL, Plan, Run
 from specs import draws, scenario as scenarios_spec
 from specs.errors import InputError, nearest
@@ -61,9 +60,8 @@ class Question:
 
 def make_plan(question: Question, opened: draws.Opened | None = None) -> Plan:
     """The runs; `opened` is the leave to use the sealed set (specs/draws.py)."""
-    folders = model_folders()
     runs = tuple(_runs(question, opened))
-    controllers = {c.name: folders[c.folder] for c in question.controllers}
+    controllers = {c.name: c.path for c in question.controllers}
     return Plan(Path("compare"), "compare", "Comparison of controllers", "none", runs, controllers)
 
 

@@ -19,7 +19,7 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     shares = shaping.amplitudes(p.shaper_kind, p.shaper_damping_ratio)
     copies, r, v, a = _shaped(x, u, target, shares, moment, p)
     late_r, late_v, late_a, lags = shaping.lagged(x, ca.if_else(x.started < 0.5, u.q_slew, r), p.shaper_lag)
-    swing, model = _swing(x, u, late_a, radius, p)
+    swing, model = shaping.swing(x, u, late_a, radius, p.shaper_sway * p.shaper_sway_gain, p)
     feedback = p.shaper_speed_gain * (late_v - speed) + p.shaper_angle_gain * (late_r - u.q_slew)
     lead = ca.if_else(a * v >= 0, p.control_rise_time, p.shaper_brake_lead) * moment / REFERENCE_INERTIA
     wanted = v + lead * a + feedback + swing
@@ -59,25 +59,6 @@ def _shaped(
         states |= {f"r_{i}": angle, f"v_{i}": speed}
         r, v, a = r + share * angle, v + share * speed, a + share * (speed - before) / control.STEP
     return states, r, v, a
-
-
-def _swing(x: Namespace, u: Namespace, a: Any, radius: Any, p: Namespace) -> tuple[Any, dict[str, Any]]:
-    """Slew speed that damps the roll beside its reference motion, and next states of that model."""
-    omega = ca.sqrt(p.gravity * x.inverse_length)
-    spring = -x.inverse_length * (p.gravity * x.model_roll + radius * a)
-    rate = x.model_rate + control.STEP * (spring - 2 * p.shaper_damping_ratio * omega * x.model_rate)
-    roll, roll_rate = u.imu_tool_roll - x.level - x.model_roll, u.imu_tool_rate_x - x.model_rate
-    ahead = omega * p.shaper_sway_lead
-    phased = roll * ca.cos(ahead) + roll_rate / omega * ca.sin(ahead)
-    wanted = p.shaper_sway * p.shaper_sway_gain * 2 * omega / (x.inverse_length * radius) * phased
-    limited = control.clip(
-        shaping.dead_zone(wanted, p.shaper_sway_dead_zone), -p.shaper_sway_limit, p.shaper_sway_limit
-    )
-    return limited, {
-        "model_roll": x.model_roll + control.STEP * rate,
-        "model_rate": rate,
-        "level": x.level + control.STEP * p.shaper_level_rate * (u.imu_tool_roll - x.level),
-    }
 
 
 MODEL = Model(

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from baselines import variants
 from baselines.bench import Report
 from baselines.gains import machine
 from baselines.loop import analyse
@@ -44,14 +45,13 @@ SEED = 1
 def run(controller: Controller, report: Report | None = None, budget_h: float = BUDGET_H) -> dict[str, Any]:
     """Tune a controller, write its gains to specs/parameters, return gains, costs and the budget spent.
 
-    Raises InputError for a controller that has nothing to tune.
+    Raises InputError for a controller that has nothing to tune, or a budget that is less than one evaluation.
     """
-    if not controller.tuned:
-        raise InputError(f"controller {controller.name} has no gains to tune: {controller.label}")
+    check(controller, budget_h)
     say = report or (lambda what, done, total: None)
     system = objective.system(controller)
     known = parameters.load(controller.gains)
-    start = {r.name: known[r.name].value for r in controller.tuned}
+    start = {r.name: controller.settings.get(r.name, known[r.name].value) for r in controller.tuned}
     cache = Cache(BUILD / "tune" / f"{controller.name}.json", system, controller)
     search = Search(system, controller, cache, budget_h, lambda h: say("tuning draws", h, budget_h))
     found = search.run(start)
@@ -61,7 +61,7 @@ def run(controller: Controller, report: Report | None = None, budget_h: float = 
     judged = {name: objective.cost(system, controller, gains, runs) for name, gains in candidates.items()}
     kept = min(judged, key=lambda name: judged[name][0])
     if kept == "search":
-        update(controller.gains, found, _how(controller, budget_h, judged))
+        _keep(controller, found, _how(controller, budget_h, judged))
     return {
         "controller": controller.name,
         "machine": machine(),
@@ -74,6 +74,17 @@ def run(controller: Controller, report: Report | None = None, budget_h: float = 
         "budget_machine_hours": budget_h,
         "seed": SEED,
     }
+
+
+def check(controller: Controller, budget_h: float) -> None:
+    """InputError for a controller that has nothing to tune, or a budget that is less than one evaluation."""
+    if not controller.tuned:
+        raise InputError(f"controller {controller.name} has no gains to tune: {controller.label}")
+    least = DRAWS * objective.RUN_H
+    if not budget_h >= least:
+        raise InputError(
+            f"a budget of {budget_h:g} machine-hours: an evaluation takes {least:.3g}, on {DRAWS} draws"
+        )
 
 
 class Search:
@@ -193,6 +204,14 @@ def to_cube(ranges: Sequence[Range], gains: Mapping[str, float]) -> np.ndarray:
         return (value - r.low) / (r.high - r.low)
 
     return np.clip([place(r) for r in ranges], 0.0, 1.0)
+
+
+def _keep(controller: Controller, gains: Mapping[str, float], how: str) -> None:
+    """Write gains to where the controller has them: its parameters, or those of its variant."""
+    if controller.family:
+        variants.update(controller.name, controller.gains, gains, how)
+    else:
+        update(controller.gains, gains, how)
 
 
 def _how(controller: Controller, budget_h: float, judged: Mapping[str, tuple[float, Any]]) -> str:

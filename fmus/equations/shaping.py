@@ -138,3 +138,27 @@ def pendulum(
 def dead_zone(value: Scalar, width: Scalar) -> Scalar:
     """`value` less `width`, 0 within it."""
     return value - control.clip(value, -width, width)
+
+
+def swing(
+    x: Namespace, u: Namespace, a: Scalar, radius: Scalar, gain: Scalar, p: Namespace
+) -> tuple[Scalar, dict[str, Scalar]]:
+    """Slew speed (rad/s) that damps the roll beside its reference motion, and next states of that model.
+
+    `a`: acceleration of the reference (rad/s2), late; `gain`: share of critical damping asked for.
+    """
+    omega = ca.sqrt(p.gravity * x.inverse_length)
+    spring = -x.inverse_length * (p.gravity * x.model_roll + radius * a)
+    rate = x.model_rate + control.STEP * (spring - 2 * p.shaper_damping_ratio * omega * x.model_rate)
+    roll, roll_rate = u.imu_tool_roll - x.level - x.model_roll, u.imu_tool_rate_x - x.model_rate
+    ahead = omega * p.shaper_sway_lead
+    phased = roll * ca.cos(ahead) + roll_rate / omega * ca.sin(ahead)
+    wanted = gain * 2 * omega / (x.inverse_length * radius) * phased
+    limited = control.clip(
+        dead_zone(wanted, p.shaper_sway_dead_zone), -p.shaper_sway_limit, p.shaper_sway_limit
+    )
+    return limited, {
+        "model_roll": x.model_roll + control.STEP * rate,
+        "model_rate": rate,
+        "level": x.level + control.STEP * p.shaper_level_rate * (u.imu_tool_roll - x.level),
+    }

@@ -22,6 +22,7 @@ from specs.faults import Fault
 from specs.scenario import Scenario
 
 METRICS = ("speed", "overshoot", "overshoot_max", "error", "slew_error", "tool", "missed")
+COUNTED = ("solves", "fallbacks")  # states in which a controller counts: figures of its runs
 NEEDED = ("true_q_slew", "true_qd_tool_x", "true_qd_tool_y", "true_tool_x", "true_tool_y", "true_tool_z")
 Task = dict[str, Any]  # key, digest, spec, ssp, record
 Result = dict[str, Any]
@@ -76,12 +77,14 @@ def _scenario(
     ticks = scenario.duration_ticks
     if spec["stop_s"] is not None:
         ticks = min(ticks, round(spec["stop_s"] / system.step_s))
+    counts = _counts(system)
+    wanted = [*(n for n in NEEDED if n in system.outputs), *counts.values()]
     record = simulate(
         system,
         ticks,
         Stimuli({t: v for t, v in scenario.stimuli(spec.get("pace", 1.0)).items() if t <= ticks}),
         plant_parameters(system, spec["system"], values) | dict(spec["parameters"]),
-        record=None if more["record_path"] else [n for n in NEEDED if n in system.outputs],
+        record=None if more["record_path"] else wanted,
         changes={t: v for t, v in scenario.parameter_changes().items() if t <= ticks},
         meta={
             "scenario": scenario.name,
@@ -95,11 +98,22 @@ def _scenario(
     )
     found = compute(record)
     figures = {name: _plain(getattr(found, name)) for name in METRICS}
+    figures |= {n: int(record.column(path)[-1]) for n, path in counts.items() if path in record.names}
     verdicts = []
     if ticks == scenario.duration_ticks and spec["draw"] == "nominal" and spec["fault"] == "no-fault":
         limits = scenario.limits(spec["controller"], spec["system"])
         verdicts = check_limits(found, limits, scenario.name, spec["system"])
     return record, figures, [v.metric for v in verdicts if not v.passed]
+
+
+def _counts(system: System) -> dict[str, str]:
+    """COUNTED -> "component.variable" in this system."""
+    return {
+        name: f"{owner}.state.{name}"
+        for owner, component in system.components.items()
+        for name in COUNTED
+        if f"state.{name}" in component.model.variables
+    }
 
 
 def _statistics(record: Record) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 from can.io.blf import FILE_HEADER_SIZE, BLFParseError
 
 from records.formats.can_write import NEVER, write
-from records.formats.dbc import Dbc, columns
+from records.formats.dbc import Dbc, checksums, columns, data_id
 from records.formats.raw import Group, Raw
 from records.formats.start import at_ns
 from records.recording import first_line
@@ -118,6 +118,15 @@ def _group(message: Any, bus: Any, frames: _Frames, notes: list[str]) -> list[tu
     data = b"".join(frames.data[i][: message.length] for i in whole)
     array = np.frombuffer(data, dtype=np.uint8).reshape(len(whole), message.length)
     time = np.array([frames.times[i] for i in whole], dtype=np.float64)
+    identifier = data_id(message)
+    if identifier is not None:
+        right = checksums(array, identifier) == array[:, 0]
+        if not right.all():
+            wrong = len(right) - np.count_nonzero(right)
+            notes.append(f"{message.name}: frames whose checksum is wrong: dropped {wrong}")
+            array, time = array[right], time[right]
+            if not len(time):
+                return []
     return [(bus, Group(message.name, time, columns(message, array), "frame"))]
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import can
 import numpy as np
 
-from records.formats.dbc import Dbc, Field, fields, is_j1939
+from records.formats.dbc import Dbc, Field, data_id, fields, is_j1939, protect
 from records.formats.grid import clocks, finer
 from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
@@ -94,7 +94,8 @@ def _frames(message: Any, measurement: Measurement, lost: list[str]) -> _Sent | 
         one.put(bits, _raw(one, channel, times, measurement.source))
     if not is_j1939(message):
         _say_what_is_made_up(message, known, there, len(groups), lost)
-    return _Sent(message, times, np.packbits(bits, axis=1, bitorder="little"))
+    data, identifier = np.packbits(bits, axis=1, bitorder="little"), data_id(message)
+    return _Sent(message, times, data if identifier is None else protect(data, identifier))
 
 
 def _say_what_is_made_up(

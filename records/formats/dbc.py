@@ -15,10 +15,13 @@ from cantools.database.errors import Error
 
 from records.formats.raw import RawColumn
 from records.recording import first_line
+from specs import e2e
+from specs.dbc import PROFILE
 from specs.errors import InputError
 from specs.wire import CanPlace
 
 GROUP_MASK = 0x3FFFF  # parameter group, data page and reserved bit of a 29-bit identifier
+PROTECTING = ("MessageCounter", "MessageChecksum")
 PDU1 = 0xF000  # groups below it hold a destination in their low byte
 
 
@@ -156,8 +159,44 @@ def group_number(identifier: int) -> int:
 
 
 def fields(message: Any) -> list[Field]:
-    """The fields of a message."""
-    return [Field(signal, is_j1939(message)) for signal in message.signals]
+    """The fields of a message that carry values; not those that protect it."""
+    return [Field(s, is_j1939(message)) for s in message.signals if _kind(s) not in PROTECTING]
+
+
+def _kind(signal: Any) -> str:
+    """What sort of signal it is, as J1939 databases state it ("" where they do not)."""
+    attribute = signal.dbc.attributes.get("SigType") if signal.dbc else None
+    if attribute is None:
+        return ""
+    choices, value = attribute.definition.choices, attribute.value
+    return choices[value] if choices and isinstance(value, int) and value < len(choices) else str(value)
+
+
+def data_id(message: Any) -> int | None:
+    """The data ID of a message that is protected as ours are (specs/e2e.py); None of any other."""
+    attributes = message.dbc.attributes if message.dbc else {}
+    profile, number = attributes.get("E2EProfile"), attributes.get("E2EDataID")
+    ours = profile is not None and profile.value == PROFILE and number is not None
+    return int(number.value) if ours and message.length > 1 else None
+
+
+def checksums(data: np.ndarray, identifier: int) -> np.ndarray:
+    """What byte 0 must be in protected frames [n, bytes, uint8]."""
+    table, crc = (
+        np.array(e2e.TABLE, dtype=np.uint8),
+        np.full(len(data), e2e.start(identifier), dtype=np.uint8),
+    )
+    for column in data.T[1:]:
+        crc = table[crc ^ column]
+    return crc
+
+
+def protect(data: np.ndarray, identifier: int) -> np.ndarray:
+    """Frames [n, bytes, uint8] with counters from 0 and checksums."""
+    data = data.copy()
+    data[:, 1] = data[:, 1] & 0xF0 | np.arange(len(data)) % (e2e.LAST_COUNT + 1)
+    data[:, 0] = checksums(data, identifier)
+    return data
 
 
 def columns(message: Any, data: np.ndarray) -> list[RawColumn]:

@@ -14,6 +14,12 @@ if TYPE_CHECKING:
     from orchestrator.bench.blocks import Spread
     from orchestrator.bench.orchestrator import Result
 
+WORK = {
+    "policy tick": "policy_tick_us",
+    "other tick": "other_tick_us",
+    "core in policy tick": "policy_step_us",
+}
+
 app = typer.Typer(help="Measure how fast it is, against others.", no_args_is_help=True)
 
 
@@ -258,4 +264,92 @@ def nmpc(json: JsonOption = None) -> None:
         typer.echo(
             f"slewright: missed: {SHARE:.0%} of the solves within {figures['limit_ms']:g} ms", err=True
         )
+        raise typer.Exit(1)
+
+
+@app.command()
+def runtime(
+    bundle: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The bundle that runs (default: one of pd, built now).")
+    ] = None,
+    blocks: Annotated[int, typer.Option(min=1, help="Interleaved pairs of runs for each load.")] = 5,
+    seconds: Annotated[float, typer.Option(min=2.0, metavar="S", help="Length of each run.")] = 30.0,
+    load: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="idle, modbus or stress (default: all).")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Lateness of the control cycle against cyclictest: idle, under 20 Modbus clients, under stress-ng."""
+    from slewright.bundling.default import ready
+    from slewright.hil.bench import LOADS, run
+    from specs.errors import InputError, nearest
+
+    for name in load or ():
+        if name not in LOADS:
+            raise InputError(f"no load '{name}'; {nearest(name, LOADS)}")
+    with progress("bench runtime") as report:
+        result = run(ready(bundle, report), blocks, seconds, load or LOADS, report)
+    figures = result.figures()
+    write(json, figures)
+    if result.skipped:
+        typer.echo(f"skipped: {result.skipped}; nothing was measured")
+        return
+    _show_runtime(figures)
+    for miss in (missed := result.misses()):
+        typer.echo(f"slewright: missed: {miss}", err=True)
+    if missed:
+        raise typer.Exit(1)
+
+
+def _show_runtime(figures: Mapping[str, Any]) -> None:
+    late = ("p50", "p99", "p999")
+    show(
+        "lateness in µs, medians of the blocks",
+        ["load", *(f"ours {q}" for q in late), *(f"cyclictest {q}" for q in late), "ratio p99", "requests/s"],
+        [
+            (
+                name,
+                *(f"{row['ours'][q]:.0f}" for q in late),
+                *(f"{row['cyclictest'][q]:.0f}" for q in late),
+                f"{row['ratio_p99']:.2f}",
+                "—" if row["modbus_rps"] is None else f"{row['modbus_rps']:.0f}",
+            )
+            for name, row in figures.items()
+        ],
+    )
+    show(
+        "work of a tick in µs, and what was missed",
+        ["load", *(f"{kind} {q}" for kind in WORK for q in ("p50", "p99")), "ticks", "stolen", "overruns"],
+        [
+            (
+                name,
+                *(f"{row[key][q]:.0f}" for key in WORK.values() for q in ("p50", "p99")),
+                row["ticks"],
+                row["stolen_ticks"],
+                row["overruns"],
+            )
+            for name, row in figures.items()
+        ],
+    )
+
+
+@app.command()
+def training(
+    blocks: Annotated[int, typer.Option(min=1, help="Blocks of interleaved runs.")] = 15,
+    json: JsonOption = None,
+) -> None:
+    """Compare a step of the environment with its matrix products, and PPO with rsl-rl-lib as it comes."""
+    from learning.policy import bench as measured
+
+    with progress("bench training") as report:
+        figures = measured.run(blocks, report)
+    rows = [
+        (name, f["ratio"], f"{f['ratio_p25']:.2f} … {f['ratio_p75']:.2f}", f["limit"])
+        for name, f in ((n, figures[n]) for n in ("environment", "ppo"))
+    ]
+    show(f"{blocks} blocks, one thread, processor time", ("what", "ratio", "quartiles", "limit"), rows)
+    write(json, figures)
+    if wrong := measured.missed(figures):
+        for text in wrong:
+            typer.echo(f"slewright: missed: {text}", err=True)
         raise typer.Exit(1)

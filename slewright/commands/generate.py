@@ -1,4 +1,4 @@
-"""`slewright generate`: the files made from the specs (DBC, Modbus map, system descriptions …)."""
+"""`slewright generate`: the files made from the specs (DBC, Modbus map, process image …)."""
 
 from typing import Annotated
 
@@ -11,9 +11,10 @@ def generate(
     ] = False,
 ) -> None:
     """Regenerate the files made from the specs, or check that they are up to date."""
+    from runtime import image
     from specs.generate import main
 
-    stale = main(check=check)
+    stale = main(check=check) + image.write(check=check)
     for path in stale:
         typer.echo(f"{'out of date' if check else 'written'}: {path}")
     if check and stale:

@@ -79,6 +79,50 @@ def slew(
         raise typer.Exit(1)
 
 
+@app.command()
+def policy(
+    task: Annotated[str, typer.Option(metavar="TASK", help="full, or slew (the slew alone).")] = "full",
+    recipe: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="full, slew (ours); paper, paper_slew (PPO). Default: the task's."),
+    ] = "",
+    seed: Annotated[int, typer.Option(min=0, help="Of weights, machines and noise.")] = 1,
+    budget: Annotated[str, typer.Option(help="full, short (a fifth), or tiny to see that it runs.")] = "full",
+    networks: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--networks", metavar="FILE", help="Slew networks (repeatable); none: those of slew_nn."
+        ),
+    ] = None,
+    change: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="A field of the recipe, or weights.TERM (repeatable)."
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Checkpoints, curve and policy; a second call goes on there.")
+    ] = Path("out/train-policy"),
+    json: JsonOption = None,
+) -> None:
+    """Train a policy in the mixed simulation and write it as ONNX; one thread, goes on where it was ended."""
+    import os
+
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    from learning.policy import session
+
+    options = session.Options(
+        task=task, recipe=recipe, seed=seed, budget=budget, networks=tuple(networks or ()), out=out,
+        changed=session.changes(change or ()),
+    )  # fmt: skip
+    with progress("train policy") as report:
+        figures = session.run(options, report)
+    last = {k: v for k, v in figures["last"].items() if isinstance(v, float)}
+    show(f"{figures['recipe']}, {figures['iterations']} iterations", ("figure", "value"), last.items())
+    typer.echo(f"written: {figures['policy']}")
+    write(json, figures, seed)
+
+
 def _kind(options: "Options") -> str:
     """Which table of a document it is: `ablation`, `traces`, or the machine's name."""
     if options.traces:

@@ -23,8 +23,13 @@ def tune(
 ) -> None:
     """Tune a controller on the tuning draws; write its gains, how they were found and what they reach."""
     from baselines import registry
+    from specs.errors import InputError
 
     chosen = registry.find(controller)
+    if chosen.name == "pi" and hours is not None:
+        raise InputError(
+            "--hours: the PI has a search of its own, at most 10.7 machine-hours (baselines/pi/tune.py)"
+        )
     with progress(f"tune {controller}") as report:
         if chosen.name == "pi":
             from baselines.pi.tune import run as run_pi

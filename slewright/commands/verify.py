@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from slewright.figures import JsonOption, write
-from slewright.progress import progress
+from slewright.progress import Report as Progress, progress
 
 
 class Systems(StrEnum):
@@ -37,6 +37,14 @@ def verify(
     controller: Annotated[
         str, typer.Option("--controller", metavar="NAME", help="Verify this controller (docs/baselines.md).")
     ] = "",
+    bundle: Annotated[
+        Path | None,
+        typer.Option(
+            "--bundle",
+            metavar="DIR",
+            help="Verify the control core of this bundle, on the reference machine.",
+        ),
+    ] = None,
     json: JsonOption = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Scenarios run at the same time.")] = 2,
     readme: Annotated[
@@ -50,6 +58,9 @@ def verify(
     systems = ["nominal", "reference"] if system is Systems.both else [system.value]
     chosen = _chosen(controller, model)
     with progress("verify") as report:
+        if bundle is not None:
+            chosen = _bundled(bundle, controller or model, system, out, report)
+            systems = ["reference"]
         verdict = run(
             scenarios=scenario or None,
             systems=systems,
@@ -58,8 +69,9 @@ def verify(
             model=chosen.get("model", model),
             jobs=jobs,
             settings=chosen.get("settings"),
-            name=controller,
+            name=chosen.get("name", controller),
             progress=report,
+            packages=chosen.get("packages"),
         )
     show(verdict)
     write(json, verdict.figures, seed)
@@ -69,6 +81,26 @@ def verify(
         fill(readme, verdict, f"slewright verify --seed {seed}")
     if not verdict.accepted:
         raise typer.Exit(1)
+
+
+def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Progress) -> dict[str, Any]:
+    """The reference system with the core of a bundle."""
+    from runtime.bundle import load
+    from slewright.bundling.fmu import system_of
+    from specs.errors import InputError
+
+    if other:
+        raise InputError("--bundle excludes --controller and --model")
+    if system is Systems.nominal:
+        raise InputError(
+            "--bundle: the nominal system has no sensors; only --system reference can be verified"
+        )
+    found = load(bundle)
+    report(f"building the core of {found.controller}")
+    return {
+        "name": f"{found.controller} (bundle)",
+        "packages": {"reference": system_of(found, out / "systems")},
+    }
 
 
 def _chosen(controller: str, model: Path | None) -> dict[str, Any]:

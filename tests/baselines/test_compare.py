@@ -2,6 +2,8 @@
 
 import json
 import math
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +11,7 @@ from baselines import registry
 from baselines.compare import optima, paper
 from baselines.compare.figures import figures, interval, matched_speed
 from baselines.compare.plan import SWEEPS, TASKS, Question, make_plan
+from slewright import comparison
 from specs import draws, parameters, scenario
 from specs.errors import InputError
 from tests.conftest import Command
@@ -123,6 +126,51 @@ def test_shares_of_the_best_found(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found["empty"]["controllers"]["pi"] == {"speed": 0.75, "tool": 0.5, "least_tool": 4.0}
 
 
+def _comparison(**cell: float) -> dict:
+    question = Question(controllers=PAIR, tasks=["slew"], loads=["empty"], machines=2, paces=(0.5, 1.0))
+    plan = make_plan(question)
+    return figures(question, plan.runs, {r.key: _result(r, **cell) for r in plan.runs})
+
+
+def test_goals_name_who_comes_nearest() -> None:
+    found = _comparison(speed=15.0, slew_error=0.5, tool=12.0)["goals"]
+    assert [(g["controller"], g["met"]) for g in found] == [("pi", True), ("pi", False)]
+    assert found[1]["tool"] == 12.0
+    far = _comparison(speed=15.0, slew_error=0.7)["goals"]
+    assert (far[0]["controller"], far[0]["met"]) == (None, False)  # nobody is accurate enough
+
+
+def test_a_page_gets_the_tables_of_its_blocks(tmp_path: Path) -> None:
+    """With the pace swept, the table at pace 1 stays: it may be of more machines."""
+    page = tmp_path / "page.md"
+    blocks = [f"<!-- {name}:begin -->\nold {name}\n<!-- {name}:end -->\n" for name in comparison.BLOCKS]
+    page.write_text("head\n" + "".join(blocks), encoding="utf-8")
+    found = _comparison()
+    comparison.fill(page, found, "slewright compare")
+    text = page.read_text(encoding="utf-8")
+    assert "old compare" in text
+    assert "old matched" not in text
+    assert "old sweeps" in text
+    comparison.fill(page, {**found, "paces": [1.0]}, "slewright compare --no-sweep")
+    text = page.read_text(encoding="utf-8")
+    assert "old compare" not in text
+    assert "| parabola | 10.00 | 1.00 | 2.00 | 0.70 | 9.00 | 2 | 2 |" in text
+    assert "| paper: PI | 14.04 | 38.10 | – | 12.38 | – |  |  |" in text
+    assert "`slewright compare --no-sweep`" in text
+
+
+def test_a_model_folder_is_one_more_row(tmp_path: Path) -> None:
+    """What a policy comes as: a folder with a controller's connectors, wherever it lies."""
+    folder = tmp_path / "mine"
+    shutil.copytree(registry.find("pd").path, folder)
+    own = registry.foreign(folder, "mine", "policy mine")
+    plan = make_plan(Question(controllers=[*PAIR, own], tasks=["slew"], loads=["empty"], machines=1))
+    assert plan.controllers["mine"] == folder
+    assert own.models == {registry.SLOT: folder}
+    by_controller = [[r.spec["draw"] for r in plan.runs if r.spec["controller"] == n] for n in ("pi", "mine")]
+    assert by_controller[0] == by_controller[1]
+
+
 def test_one_machine_has_no_interval() -> None:
     assert interval([1.0]) is None
 
@@ -160,6 +208,11 @@ def test_the_sealed_set_needs_leave() -> None:
         (["--draws", "valid"], "no set of draws 'valid'; did you mean validation"),
         (["--draws", "test"], "sealed"),
         (["--machines", "99"], "99 machines of set validation: valid are 1 to 24"),
+        (["--gains", "pdd=x.json"], "--gains pdd=…: no such controller in this comparison (pi, pd,"),
+        (["--page", "README.md"], "README.md: no '<!-- compare:begin -->'"),
+        (["--policy", "docs"], "docs"),
+        (["--policy", "fmus/slew"], "fmus/slew: no controller of this machine: model slew lacks"),
+        (["--policy", "baselines/pd"], "a controller 'pd' is there already"),
     ],
 )
 def test_wrong_input_is_named(slewright: Command, arguments: list[str], message: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from baselines import gains, registry
+from baselines import gains, registry, variants
 from baselines.registry import Range
 from baselines.tuning import cost, search
 from specs.errors import InputError
@@ -112,9 +112,41 @@ def test_what_has_no_margin_is_not_robust() -> None:
     assert search.robust(registry.find("operator_experienced"), {})
 
 
-def test_a_variant_without_gains_of_its_own_is_not_tuned() -> None:
-    with pytest.raises(InputError, match="zvd has no gains to tune"):
-        search.run(registry.find("zvd"))
+def test_an_operator_is_not_tuned() -> None:
+    with pytest.raises(InputError, match="model of an experienced operator"):
+        search.run(registry.find("operator_experienced"))
+
+
+def test_a_variant_keeps_its_gains_beside_those_of_its_family(tmp_path: Path) -> None:
+    path = tmp_path / "variants.toml"
+    assert variants.read(path) == {}
+    variants.update("zvd", "shaper", {"shaper_speed_limit": 0.4}, "a test", path)
+    variants.update("ei", "shaper", {"shaper_speed_limit": 0.5}, "a test", path)
+    variants.update("zvd", "shaper", {"shaper_speed_limit": 0.45}, "another", path)
+    assert variants.read(path) == {"ei": {"shaper_speed_limit": 0.5}, "zvd": {"shaper_speed_limit": 0.45}}
+    before = path.read_text(encoding="utf-8")
+    for wrong, message in (({"shaper_sped": 1.0}, "shaper_sped"), ({"shaper_speed_limit": 9.0}, "9")):
+        with pytest.raises(InputError, match=message):
+            variants.update("zvd", "shaper", wrong, "wrong", path)
+    assert path.read_text(encoding="utf-8") == before
+
+
+def test_every_shaper_is_tuned_and_only_one_for_the_family() -> None:
+    shapers = [c for c in registry.select() if c.folder == "shaper"]
+    assert [c.name for c in shapers if not c.family] == ["zv_sway"]
+    assert {c.family for c in shapers} == {"", "zv_sway"}
+    for c in shapers:
+        assert ("shaper_sway_gain" in {r.name for r in c.tuned}) == (c.settings["shaper_sway"] == 1.0)
+    tuned = variants.read()
+    assert set(tuned) <= {c.name for c in shapers if c.family}
+    for c in shapers:
+        assert tuned.get(c.name, {}).items() <= c.settings.items()
+        assert set(tuned.get(c.name, {})) <= {r.name for r in c.tuned}
+
+
+def test_a_budget_is_at_least_one_evaluation() -> None:
+    with pytest.raises(InputError, match=r"a budget of 0\.05 machine-hours: an evaluation takes 0\.0667"):
+        search.run(PARABOLA, budget_h=0.05)
 
 
 def _file(tmp_path: Path, **content: object) -> Path:

@@ -28,7 +28,22 @@ DATABASE = _parse()
 
 def test_all_messages_and_signals_are_there(database: Database) -> None:
     found = {s.name: m.name for m in database.messages for s in m.signals}
-    assert found == {name: s.can.message for name, s in ON_CAN.items() if s.can}
+    wanted = {name: s.can.message for name, s in ON_CAN.items() if s.can}
+    assert found == wanted | {f"{m}_{part}": m for m in SPEC.bus.messages for part in ("crc", "counter")}
+
+
+@pytest.mark.parametrize("name", SPEC.bus.messages)
+def test_protection_is_described(name: str, database: Database) -> None:
+    found = database.get_message_by_name(name)
+    assert found.dbc
+    attributes = {key: a.value for key, a in found.dbc.attributes.items()}
+    assert attributes["E2EProfile"] == dbc.PROFILE
+    assert attributes["E2EDataID"] == SPEC.bus.messages[name].data_id
+    crc, counter = (found.get_signal_by_name(f"{name}_{part}") for part in ("crc", "counter"))
+    assert (crc.start, crc.length, counter.start, counter.length) == (0, 8, 8, 4)
+    for field, kind in ((crc, "MessageChecksum"), (counter, "MessageCounter")):
+        assert field.dbc
+        assert dbc.SIGNAL_TYPES[field.dbc.attributes["SigType"].value] == kind
 
 
 @pytest.mark.parametrize("name", SPEC.bus.messages)
@@ -67,8 +82,10 @@ def test_signal_place_and_meaning(name: str, database: Database) -> None:
 @given(share=st.floats(0.0, 1.0))
 def test_round_trip_within_half_a_count(share: float) -> None:
     for message in DATABASE.messages:
-        spec = [ON_CAN[s.name] for s in message.signals]
-        values = {s.name: (s.min or 0.0) + share * ((s.max or 0.0) - (s.min or 0.0)) for s in spec}
+        spec = [ON_CAN[s.name] for s in message.signals if s.name in ON_CAN]
+        values = {s.name: 0.0 for s in message.signals} | {
+            s.name: (s.min or 0.0) + share * ((s.max or 0.0) - (s.min or 0.0)) for s in spec
+        }
         frame = message.encode(values, strict=True)
         decoded = message.decode_simple(frame, decode_choices=False)
         for s in spec:
@@ -83,9 +100,10 @@ def test_zero_and_start_values_survive_exactly(database: Database) -> None:
         message = database.get_message_by_name(s.can.message if s.can else "")
         for value in (0.0, s.start):
             if (s.min or 0.0) <= value <= (s.max or 0.0):
-                values = {other.name: ON_CAN[other.name].min or 0.0 for other in message.signals} | {
-                    s.name: value
+                lowest = {
+                    s.name: 0.0 if s.name not in ON_CAN else ON_CAN[s.name].min for s in message.signals
                 }
+                values = {name: low or 0.0 for name, low in lowest.items()} | {s.name: value}
                 decoded = message.decode_simple(message.encode(values), decode_choices=False)
                 assert decoded[s.name] == pytest.approx(value, abs=1e-9), s.name
 

@@ -1,6 +1,7 @@
 """The generated Modbus map: a header on each table, no overlap, and the places of signals.toml."""
 
 import csv
+from typing import Literal
 
 import pytest
 
@@ -38,7 +39,7 @@ def test_registers_follow_each_other_without_overlap(table: str, rows: list[dict
 
 
 def test_map_agrees_with_the_signals(rows: list[dict[str, str]]) -> None:
-    found = {r["name"]: r for r in rows if not r["description"].startswith("header")}
+    found = {r["name"]: r for r in rows if not r["description"].startswith(("header", "server"))}
     assert set(found) == set(ON_MODBUS)
     for name, s in ON_MODBUS.items():
         row, place = found[name], s.modbus
@@ -48,6 +49,21 @@ def test_map_agrees_with_the_signals(rows: list[dict[str, str]]) -> None:
         assert (float(row["min"]), float(row["max"])) == (s.min, s.max)
         assert row["word_order"] == ("high_first" if len(place.registers) == 2 else "")
         assert row["access"] == ("rw" if place.table == "holding" else "r")
+
+
+def test_map_lists_the_servers_own_registers(rows: list[dict[str, str]]) -> None:
+    found = {r["name"]: r for r in rows if r["description"].startswith("server")}
+    services = definition().modbus.services
+    assert set(found) == set(services)
+    for name, place in services.items():
+        assert (found[name]["table"], int(found[name]["address"])) == (place.table, place.address)
+        assert found[name]["access"] == ("rw" if place.table == "holding" else "r")
+
+
+@pytest.mark.parametrize("table", ["input", "holding"])
+def test_one_request_reads_a_whole_table(table: Literal["input", "holding"]) -> None:
+    """125 registers are the most a read may ask for, 123 the most a write may carry."""
+    assert definition().modbus.tables[table].body.stop <= {"input": 125, "holding": 123}[table]
 
 
 def test_integer_registers_hold_their_range() -> None:

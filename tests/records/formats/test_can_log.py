@@ -10,9 +10,11 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from records.formats import DBC, read_measurement, write_measurement
-from records.formats.dbc import Dbc, columns, fields
+from records.formats.dbc import Dbc, columns, fields, protect as guard
 from records.measurement import Channel, Measurement
+from specs.e2e import crc, protect, start
 from specs.errors import InputError
+from specs.signals import definition
 from tests.records.formats.samples import recording
 
 OTHER = """VERSION ""
@@ -55,13 +57,21 @@ def test_cantools_decodes_what_is_written(tmp_path, suffix, reader):
     write_measurement(sent, path)
     database = load(DBC)
     found: dict[str, list] = {name: [] for name in sent.channels}
+    counts: dict[str, list] = {}
     with reader(path) as frames:
         first = getattr(frames, "start_timestamp", 0.0)
         for frame in frames:
             assert frame.is_extended_id
+            message = next(
+                m for m in definition().bus.messages.values() if m.frame_id == frame.arbitration_id
+            )
+            assert frame.data[0] == crc(start(message.data_id or 0), frame.data)
+            counts.setdefault(message.name, []).append(frame.data[1] & 0x0F)
             decoded = database.decode_message(frame.arbitration_id, frame.data, decode_choices=False)
             for name in found.keys() & decoded.keys():
                 found[name].append((frame.timestamp - first, decoded[name]))
+    for sequence in counts.values():
+        assert sequence == [i % 15 for i in range(len(sequence))]
     for name, channel in sent.channels.items():
         step = next(s for m in database.messages for s in m.signals if s.name == name).scale
         times, values = np.array(found[name]).T
@@ -75,13 +85,19 @@ def test_python_cans_own_logs_are_read(tmp_path):
     for writer, name in ((can.BLFWriter, "t.blf"), (can.ASCWriter, "t.asc")):
         with writer(tmp_path / name) as log:
             for i in range(100):
-                data = message.encode({"qd_slew": 0.001 * i, "qd_boom": 0.1, "qd_stick": -0.1}, padding=True)
+                values = {"qd_slew": 0.001 * i, "qd_boom": 0.1, "qd_stick": -0.1}
+                values |= {"JointVelocity_crc": 0, "JointVelocity_counter": 0}
+                data = bytearray(message.encode(values))
+                protect(data, definition().bus.messages["JointVelocity"].data_id or 0, i % 15)
+                data[0] ^= i == 50  # one frame is damaged
                 log.on_message_received(
                     can.Message(timestamp=1.7e9 + 0.02 * i, arbitration_id=message.frame_id, data=data)
                 )
         found = read_measurement(tmp_path / name)
-        np.testing.assert_allclose(found["qd_slew"].time, np.arange(100) * 0.02, atol=1e-6)
-        np.testing.assert_allclose(found["qd_slew"].values, np.arange(100) * 0.001, atol=2.6e-5)
+        whole = np.delete(np.arange(100), 50)
+        np.testing.assert_allclose(found["qd_slew"].time, whole * 0.02, atol=1e-6)
+        np.testing.assert_allclose(found["qd_slew"].values, whole * 0.001, atol=2.6e-5)
+        assert "JointVelocity: frames whose checksum is wrong: dropped 1" in found.repairs
         assert found.start is not None
         if name == "t.blf":
             assert abs(found.start.timestamp() - 1.7e9) < 1e-3
@@ -164,7 +180,9 @@ def test_j1939s_errors_are_dropped_and_said_and_what_is_not_available_is_absent(
     raw = np.full(10, 1000, dtype=np.uint64)
     raw[4] = 0xFE00
     one["p_pump"].put(bits, raw)
-    data = np.packbits(bits, axis=1, bitorder="little")
+    data = guard(
+        np.packbits(bits, axis=1, bitorder="little"), definition().bus.messages["PressureB"].data_id or 0
+    )
     path = log(
         tmp_path / "r.blf", [(0.02 * i, message.frame_id, row.tobytes()) for i, row in enumerate(data)]
     )

@@ -1,0 +1,1 @@
+"""Policies: the training environment, PPO, export to ONNX and FMU, evaluation."""

@@ -1,0 +1,104 @@
+"""What training costs: a step of the environment against its networks' matrix products, an iteration of PPO
+against the same with rsl-rl-lib's update as it comes.  Interleaved blocks, processor time, paired medians.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+
+from learning.policy.plant import Plant
+from learning.policy.recipe import recipe
+from learning.policy.session import NETWORKS, make_trainer
+
+STEP_LIMIT, UPDATE_LIMIT = (
+    1.4,
+    1.5,
+)  # a step over its products at most; an iteration of theirs over ours at least
+MACHINES, STEPS = 2048, 5
+PPO: dict[str, Any] = {"envs": 1024, "steps": 12, "epochs": 5, "batches": 4}
+Report = Callable[[str, float, float], None]
+
+
+def run(blocks: int, report: Report) -> dict[str, Any]:
+    """Figures of both: medians, ratios with quartiles, and rates a processor second."""
+    stock, ours = (make_trainer(recipe("paper", **PPO, mixed=mixed), NETWORKS, 1) for mixed in (False, True))
+    trainer = make_trainer(recipe("paper", **{**PPO, "envs": MACHINES}), NETWORKS, 1)
+    step, products = _step(trainer), _products(trainer)
+    jobs = {"step": step, "products": products, "stock": stock.iterate, "ours": ours.iterate}
+    for job in jobs.values():
+        job()
+    times: dict[str, list[float]] = {name: [] for name in jobs}
+    for block in range(blocks):
+        report("blocks", block, blocks)
+        for name in list(jobs) if block % 2 else list(jobs)[::-1]:
+            began = time.process_time()
+            jobs[name]()
+            times[name].append(time.process_time() - began)
+    t = {name: np.array(values) for name, values in times.items()}
+    samples = PPO["envs"] * PPO["steps"]
+    return {
+        "blocks": blocks, "device": "cpu", "threads": torch.get_num_threads(),
+        "environment": {
+            **_ratio(t["step"], t["products"]), "limit": STEP_LIMIT,
+            "steps_per_s": MACHINES * STEPS / float(np.median(t["step"])),
+        },
+        "ppo": {
+            **_ratio(t["stock"], t["ours"]), "limit": UPDATE_LIMIT, "epochs": PPO["epochs"],
+            "samples_per_s": samples / float(np.median(t["ours"])),
+            "stock_samples_per_s": samples / float(np.median(t["stock"])),
+        },
+    }  # fmt: skip
+
+
+def missed(figures: dict[str, Any]) -> list[str]:
+    """Limits that are not kept."""
+    found = []
+    if figures["environment"]["ratio"] > STEP_LIMIT:
+        found.append(
+            f"a step takes {figures['environment']['ratio']:.2f} of its products (at most {STEP_LIMIT})"
+        )
+    if figures["ppo"]["ratio"] < UPDATE_LIMIT:
+        found.append(f"PPO is {figures['ppo']['ratio']:.2f} times as fast (at least {UPDATE_LIMIT})")
+    return found
+
+
+def _ratio(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
+    low, middle, high = np.percentile(a / b, (25, 50, 75))
+    return {"ratio": float(middle), "ratio_p25": float(low), "ratio_p75": float(high)}
+
+
+def _step(trainer: Any) -> Callable[[], None]:
+    """Steps of the environment as training takes them: simulation, sensors, rewards, network's inputs."""
+    e = trainer.environment
+    action = torch.zeros(e.n, trainer.interface.outputs)
+
+    @torch.no_grad()
+    def job() -> None:
+        s = trainer.now
+        for _ in range(STEPS):
+            observation = e.observe(s)
+            trainer.interface.features(observation)
+            s, _ = trainer.play(s, action, observation, leak=0.0)
+
+    return job
+
+
+def _products(trainer: Any) -> Callable[[], None]:
+    """The same number of evaluations of the slew networks' products alone."""
+    plant: Plant = trainer.environment.plant
+    drive = plant.drive
+    x = torch.rand(1, 41, trainer.environment.n)
+
+    @torch.no_grad()
+    def job() -> None:
+        for _ in range(STEPS):
+            for part in drive.parts.values():
+                for member in part:
+                    y = x
+                    for w, b in member:
+                        y = torch.baddbmm(b, w, y)
+
+    return job

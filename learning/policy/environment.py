@@ -1,0 +1,277 @@
+"""The training environment: n simulated machines with sensors, targets, rewards and terminations, at 10 Hz.
+
+Targets lie at slew angle 0, so that the slew angle is the error (paper).  Everything is a tensor [rows, n]
+and no operation works in place, so that a whole episode can be differentiated.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from fmus.equations import kinematics
+from fmus.slew_nn.network import HISTORY, INPUTS, SlewNetwork
+from learning.policy.features import errors
+from learning.policy.kernel import Kernel
+from learning.policy.plant import Drive, Machine, Plant, State, nominal
+from learning.policy.recipe import Randomisation, Recipe
+from learning.policy.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
+from specs import parameters
+from specs.errors import InputError
+from specs.policy import CHANNELS, SLEW_ERROR, SPACING_S, TICK_S
+
+LATE = 2  # periods by which the arm encoders' rates are late (0.2 s)
+POOL = 8192  # poses to draw from
+POSE = {"boom": (0.8, 1.4), "stick": (-2.1, -0.3)}  # rad, of the authors' code
+RADIUS, HEIGHT = (7.0, 14.0), (2.8, 10.0)  # m, of the grab
+SWING = (0.2, 0.5)  # rad and rad/s: largest of a tool that swings at the start
+
+
+@dataclass
+class Situation:
+    """All that an environment remembers; tensors [rows, n] or [n]."""
+
+    state: State
+    machine: Machine
+    sensors: Tensor  # [channels, history, n]: the observation's rows, the slew angle as the error
+    rates: Tensor  # [LATE + 1, 2, n] of boom and stick, oldest first
+    action: Tensor  # [3, n] last commands
+    start: Tensor  # slew error when the target came
+    target: Tensor  # [2, n] radius, height
+    told: Tensor  # load told
+    pace: Tensor
+    bias: Tensor  # [7, n] of q_slew, q_boom, q_stick, roll, pitch, roll rate, pitch rate
+    age: Tensor  # [n] periods since the target came (int64)
+
+    def take(self, other: "Situation", where: Tensor) -> "Situation":
+        """This one, but `other` where the mask [n] says so."""
+        pairs = {k: (v, getattr(other, k)) for k, v in self.__dict__.items()}
+        joined: dict[str, Any] = {
+            k: a.take(b, where) if isinstance(a, State | Machine) else torch.where(where, b, a)
+            for k, (a, b) in pairs.items()
+        }
+        return Situation(**joined)
+
+    def cut(self) -> "Situation":
+        """The same numbers, cut off from what they were computed from."""
+        plain = {k: v.detach() for k, v in self.__dict__.items() if isinstance(v, Tensor)}
+        return replace(self, state=self.state.copy(), **plain)
+
+
+class Environment:
+    """n machines; `fresh` and `retargeted` make situations, `observe` and `advance` go through them."""
+
+    def __init__(
+        self, recipe: Recipe, networks: Sequence[SlewNetwork], n: int, seed: int, device: str = "cpu"
+    ):
+        self.recipe, self.random = recipe, recipe.random
+        self.n = n - n % len(networks)
+        self.device = device
+        self.plant = Plant(Drive(networks, device), round(recipe.ahead_s / SPACING_S), recipe.task == "slew")
+        self.boost = parameters.load("slew")["slew_boost_pressure"].value  # Pa, of a drive at rest
+        self.generator = torch.Generator(device).manual_seed(seed)
+        self._errors = Kernel(errors())
+        self._poses = self._pool()
+        self.noisy = any(
+            (
+                self.random.angle_noise,
+                self.random.rate_noise,
+                self.random.imu_angle_noise,
+                self.random.imu_rate_noise,
+            )
+        )
+
+    # ---- random numbers ----
+
+    def uniform(self, low: float, high: float, *shape: int) -> Tensor:
+        """[*shape, n] uniform numbers; all `low` if that is `high`."""
+        size = (*shape, self.n)
+        if low == high:
+            return torch.full(size, low, device=self.device)
+        return low + (high - low) * torch.rand(size, generator=self.generator, device=self.device)
+
+    def _either_way(self, size: float, *shape: int) -> Tensor:
+        return self.uniform(-size, size, *shape)
+
+    def _pool(self) -> Tensor:
+        """[4, POOL]: boom, stick, radius and height of the grab, of poses that are allowed."""
+        g = kinematics.geometry()
+        draw = torch.Generator().manual_seed(1)
+        found: list[Tensor] = []
+        while sum(p.shape[1] for p in found) < POOL:
+            boom, stick = (
+                low + (high - low) * torch.rand(POOL, generator=draw) for low, high in POSE.values()
+            )
+            radius, height = (torch.as_tensor(v) for v in kinematics.arm_tip(boom.numpy(), stick.numpy(), g))
+            z = height - g.tool_length
+            good = (radius > RADIUS[0]) & (radius < RADIUS[1]) & (z > HEIGHT[0]) & (z < HEIGHT[1])
+            found.append(torch.stack([boom, stick, radius, z])[:, good])
+        return torch.cat(found, dim=1)[:, :POOL].to(self.device)
+
+    def poses(self) -> Tensor:
+        """[4, n] of the pool."""
+        index = torch.randint(POOL, (self.n,), generator=self.generator, device=self.device)
+        return self._poses[:, index]
+
+    # ---- situations ----
+
+    def machines(self) -> Machine:
+        """Machines as the recipe's ranges say; a range of (-1, -1) leaves the nominal value."""
+        r, base = self.random, nominal(self.n, self.device)
+
+        def drawn(low_high: tuple[float, float], otherwise: Tensor) -> Tensor:
+            return otherwise if low_high[0] < 0 else self.uniform(*low_high)
+
+        def ticks(otherwise: Tensor) -> Tensor:
+            if r.arm_delay[0] < 0:
+                return otherwise
+            return (self.uniform(*r.arm_delay) / TICK_S).round().long()
+
+        length = self.uniform(*r.tool_length)
+        varied = [
+            drawn(r.response, base.named("boom_response")), drawn(r.response, base.named("stick_response")),
+            length, length, self.uniform(*r.tool_damping), self.uniform(*r.tool_damping),
+        ]  # fmt: skip
+        return Machine(
+            torch.stack(varied), self.uniform(*r.load), ticks(base.boom_delay), ticks(base.stick_delay),
+            self.uniform(*r.latency).floor(), drawn(r.dead_band, base.dead_band),
+            self.uniform(*r.inertia_scale),
+        )  # fmt: skip
+
+    def fresh(self) -> Situation:
+        """New machines at rest in random poses, the tool hanging, or (share `swinging`) swinging."""
+        boom, stick, *_ = self.poses()
+        state = self.plant.start(self._slew_errors(), boom, stick, self.boost)
+        if self.recipe.swinging:
+            moving = (self.uniform(0.0, 1.0) < self.recipe.swinging).float()
+            swing = torch.cat([self._either_way(SWING[0], 2), self._either_way(SWING[1], 2)]) * moving
+            state.tool = torch.cat([swing, state.tool[4:]])
+        machine, r = self.machines(), self.random
+        bias = torch.cat([self._either_way(r.angle_bias, 3), self._either_way(r.imu_angle_bias, 2),
+                          self._either_way(r.imu_rate_bias, 2)])  # fmt: skip
+        told = machine.load * (self.uniform(0.0, 1.0) < r.load_told)
+        zero = torch.zeros(self.n, device=self.device)
+        found = Situation(
+            state, machine, zero.expand(len(CHANNELS), self.recipe.history, -1), zero.expand(LATE + 1, 2, -1),
+            zero.expand(3, -1), state.q, self._targets(boom, stick), told, self.uniform(*r.pace), bias,
+            zero.long(),
+        )  # fmt: skip
+        row = self._row(found)
+        return replace(found, sensors=row[:, None].expand(-1, self.recipe.history, -1))
+
+    def retargeted(self, now: Situation) -> Situation:
+        """The same machines as they are, with new targets: angle and history turn with the target."""
+        q = self._slew_errors()
+        turn = q - now.state.q
+        place = CHANNELS.index(SLEW_ERROR)
+        turned = (now.sensors[place] + turn)[None]
+        sensors = torch.cat([now.sensors[:place], turned, now.sensors[place + 1 :]])
+        arm = now.state.arm
+        return replace(
+            now, state=replace(now.state, q=q), sensors=sensors, start=q,
+            target=self._targets(arm[0], arm[1]),
+            pace=self.uniform(*self.random.pace), age=torch.zeros_like(now.age),
+        )  # fmt: skip
+
+    def _slew_errors(self) -> Tensor:
+        low, high = self.random.slew_error
+        size = self.uniform(low, high)
+        near = self.uniform(0.0, 1.0) < self.random.small_moves
+        size = torch.where(near, self.uniform(0.0, low), size)
+        return size * torch.sign(self.uniform(-1.0, 1.0))
+
+    def _targets(self, boom: Tensor, stick: Tensor) -> Tensor:
+        """[2, n]: random ones, or for slew-only the present place."""
+        if self.recipe.task == "full":
+            return self.poses()[2:]
+        radius, height = self.plant.tip(torch.stack([boom, stick, 0 * boom, 0 * boom]))[0]
+        return torch.stack([radius, height - kinematics.geometry().tool_length])
+
+    # ---- one step ----
+
+    def observe(self, s: Situation) -> Tensor:
+        """Observations [N, n] (specs/policy.py)."""
+        rows = s.sensors.reshape(-1, self.n)
+        return torch.cat([rows, s.target, s.told[None], s.pace[None]])
+
+    def advance(self, s: Situation, action: Tensor) -> Situation:
+        """0.1 s on with limited commands [3, n]; slew-only: the arm stays, whatever its references."""
+        if self.recipe.task == "slew":
+            action = torch.cat([action[:1], torch.zeros_like(action[1:])])
+        state = self.plant.advance(s.state, action, s.machine)
+        rates = torch.cat([s.rates[1:], state.arm[None, 2:]])
+        after = replace(s, state=state, rates=rates, action=action, age=s.age + 1)
+        row = self._row(after)
+        return replace(after, sensors=torch.cat([s.sensors[:, 1:], row[:, None]], dim=1))
+
+    def _row(self, s: Situation) -> Tensor:
+        """What the sensors show now [channels, n], in the order of CHANNELS."""
+        arm, tool = s.state.arm, s.state.tool
+        angles = torch.stack([s.state.q, arm[0], arm[1], tool[0], tool[1]]) + s.bias[:5]
+        rates = torch.stack([s.state.omega[-1], s.rates[0, 0], s.rates[0, 1], tool[2], tool[3]])
+        rates = torch.cat([rates[:3], rates[3:] + s.bias[5:]])
+        row = torch.cat([s.action, angles, rates])
+        return row + self._noise() if self.noisy else row
+
+    def _noise(self) -> Tensor:
+        r = self.random
+        sizes = [0.0] * 3 + [r.angle_noise] * 3 + [r.imu_angle_noise] * 2
+        sizes += [r.imu_rate_noise, r.rate_noise, r.rate_noise, r.imu_rate_noise, r.imu_rate_noise]
+        scale = torch.tensor(sizes, device=self.device)[:, None]
+        return scale * self._either_way(1.7, len(sizes))  # uniform (paper) with about that deviation
+
+    def instant(self, before: Situation, after: Situation) -> Instant:
+        """What the rewards of the step from `before` to `after` depend on."""
+        arm, tool = after.state.arm, after.state.tool
+        scale = torch.tensor(ACTION_SCALE, device=self.device)[:, None]
+        used = 1 if self.recipe.task == "slew" else 3
+        point = self.error(after)
+        error = point if self.recipe.task == "full" else ARC * after.state.q[None]
+        low = (kinematics.geometry().keepout_height + MARGIN_M - point[2] - after.target[1]).clamp(min=0.0)
+        return Instant(
+            error, (after.action / scale)[:used], (before.action / scale)[:used], after.state.q, after.start,
+            after.state.omega[-1], arm[2], arm[3], tool[2], tool[3], tool[0], tool[1], low,
+            torch.zeros_like(low),
+        )  # fmt: skip
+
+    def error(self, s: Situation) -> Tensor:
+        """Grab point less target [3, n], m."""
+        (tip,) = self.plant.tip(s.state.arm)
+        return self._errors(torch.cat([s.state.q[None], tip, s.state.tool[:2], s.target]))[0]
+
+    def ended(self, s: Situation) -> Tensor:
+        """Where the grab is too low or too near the cabin: the episode terminates, bool [n]."""
+        g, (x, y, z) = kinematics.geometry(), self.error(s)
+        low = z + s.target[1] < g.keepout_height
+        near = (x + s.target[0]).square() + y.square() < g.keepout_radius**2
+        return low | near
+
+    def unknown(self, s: Situation) -> Tensor:
+        """Where the slew drive is in a state that its networks saw no data of, bool [n]."""
+        inertia = self.plant.inertia(s.state, s.machine)
+        return self.plant.drive.outside(inertia, s.state.u[-1], s.state.omega[-1])
+
+    @property
+    def periods(self) -> int:
+        """Steps of an episode."""
+        return round(self.recipe.episode_s / SPACING_S)
+
+
+def without_noise(recipe: Recipe) -> Recipe:
+    """The recipe on nominal machines with perfect sensors."""
+    return replace(recipe, random=Randomisation().off())
+
+
+def load_networks(paths: Sequence[Any]) -> list[SlewNetwork]:
+    """Slew networks from files; InputError names what is wrong with one."""
+    found = [SlewNetwork.load(path) for path in paths]
+    for path, network in zip(paths, found, strict=True):
+        network.check_whole()
+        for part in ("pressure", "velocity"):
+            if (have := getattr(network, part)[0].sizes[0]) != INPUTS:
+                raise InputError(
+                    f"{path}: a {part} network of {have} inputs; with a history of {HISTORY} it has {INPUTS}"
+                )
+    return found

@@ -1,0 +1,152 @@
+"""From an observation to a network's inputs, and from its outputs to commands: CasADi, written once.
+
+Torch (training), ONNX (export) and the FMU's C code are all made from these expressions.  Trigonometry is
+kept to sine, cosine and root, which all three have in double precision: an angle D between two directions
+enters as 2 tan(D / 2) = 2 sin D / (1 + cos D), which is D for small ones.
+
+Scales are those of the authors' public training where it has them (slew speed 0.3, arm speeds 0.15 rad/s,
+inertia 4e5 ± 2e5 kg m2, target 9 ± 2 m and 6 ± 2 m); the tool's are smaller (0.3 rad, 0.5 rad/s), because a
+controller that is to keep it still sees less of it.
+"""
+
+from functools import cache
+from typing import Any
+
+import casadi as ca
+
+from fmus.equations import kinematics
+from specs import parameters
+from specs.policy import ACTIONS, ARM_LIMIT, CHANNELS, LIMITS, ONCE, SLEW_ERROR
+
+SCALES = {  # of channels with their whole history
+    "u_slew": 1.0, "qd_boom_ref": 0.2, "qd_stick_ref": 0.2,
+    "imu_tool_roll": 0.3, "imu_tool_pitch": 0.3, "imu_cabin_rate_z": 0.3, "qd_boom": 0.15, "qd_stick": 0.15,
+    "imu_tool_rate_x": 0.5, "imu_tool_rate_y": 0.5,
+}  # fmt: skip
+STEPS = {SLEW_ERROR: 0.1, "q_boom": 0.05, "q_stick": 0.05}  # rad, of older angles less the newest
+NEAR = {SLEW_ERROR: 0.1, "q_boom": 0.05, "q_stick": 0.05}  # rad: errors are also seen through tanh(e / this)
+FAR = {SLEW_ERROR: 1.5, "q_boom": 0.5, "q_stick": 0.5}
+SLEW_CHANNELS = ("u_slew", "imu_cabin_rate_z")  # of the slew-only policy, with the slew error
+HOLD_GAIN = 0.8  # 1/s: how the slew-only policy keeps the arm on its target
+PD_GAIN, PD_DAMPING = 0.6, 0.3  # 1/s and 1 of the prior, at pace 1
+PD_RAMP, PD_MOST = 0.03, 0.8  # rad/s over which the dead band is undone; largest joystick
+_CONTROL = parameters.load("control")
+OUTPUTS = {"slew": 1, "full": 3}
+ACTION_SCALE = {"u_slew": 1.0, "qd_boom_ref": ARM_LIMIT, "qd_stick_ref": ARM_LIMIT}
+
+
+class Reader:
+    """Entries of an observation [N] by name and age."""
+
+    def __init__(self, observation: Any, history: int) -> None:
+        self.observation, self.history = observation, history
+
+    def rows(self, channel: str) -> list[Any]:
+        """A channel's values, oldest first."""
+        first = CHANNELS.index(channel) * self.history
+        return [self.observation[first + i] for i in range(self.history)]
+
+    def now(self, channel: str) -> Any:
+        """A channel's newest value, or one of ONCE."""
+        if channel in ONCE:
+            return self.observation[len(CHANNELS) * self.history + ONCE.index(channel)]
+        return self.rows(channel)[-1]
+
+
+@cache
+def features(task: str, history: int) -> ca.Function:
+    """observation [N] -> the network's inputs [M], about -1 … 1."""
+    observation = ca.SX.sym("observation", len(CHANNELS) * history + len(ONCE))
+    read = Reader(observation, history)
+    joints = {SLEW_ERROR: read.now(SLEW_ERROR)}
+    channels = SLEW_CHANNELS
+    if task == "full":
+        channels = tuple(SCALES)
+        joints |= joint_errors(read)
+    found = [row / SCALES[channel] for channel in channels for row in read.rows(channel)]
+    for name, error in joints.items():
+        found += [(row - read.now(name)) / STEPS[name] for row in read.rows(name)[:-1]]
+        found += [error / FAR[name], ca.tanh(error / NEAR[name])]
+    found += [_inertia(read), (read.now("pace") - 1.0) / 0.5]
+    if task == "full":
+        found += [(read.now("q_boom") - 1.1) / 0.3, (read.now("q_stick") + 1.2) / 0.6]
+        found += [(read.now("target_radius") - 9.0) / 2.0, (read.now("target_z") - 6.0) / 2.0]
+    return ca.Function("features", [observation], [ca.cse(ca.vertcat(*found))])
+
+
+@cache
+def commands(task: str, history: int, prior: str = "") -> ca.Function:
+    """(outputs of the network, observation) -> commands [3] in SI before they are limited.
+
+    With the prior "pd" the answer is added to a plain law: slew by PD with its dead band undone, arm to the
+    target's pose.
+    """
+    observation = ca.SX.sym("observation", len(CHANNELS) * history + len(ONCE))
+    y = ca.SX.sym("y", OUTPUTS[task])
+    read = Reader(observation, history)
+    arm = [-HOLD_GAIN * error for error in joint_errors(read).values()]
+    law = [_pd(read), *(ARM_LIMIT * ca.tanh(rate / ARM_LIMIT) for rate in arm)] if prior else [0.0] * 3
+    found = [y[0] + law[0], *arm]
+    if task == "full":
+        found = [y[i] * ACTION_SCALE[name] + law[i] for i, name in enumerate(ACTIONS)]
+    return ca.Function("commands", [y, observation], [ca.cse(ca.vertcat(*found))])
+
+
+@cache
+def limited() -> ca.Function:
+    """Commands [3] -> commands [3] within LIMITS."""
+    x = ca.SX.sym("x", len(ACTIONS))
+    found = [ca.fmin(ca.fmax(x[i], LIMITS[n][0]), LIMITS[n][1]) for i, n in enumerate(ACTIONS)]
+    return ca.Function("limited", [x], [ca.vertcat(*found)])
+
+
+def joint_errors(read: Reader) -> dict[str, Any]:
+    """Angle past the one that hangs the grab on the target, as 2 tan(D / 2), of boom and stick, rad."""
+    g = kinematics.geometry()
+    dx, dz = read.now("target_radius") - g.boom_foot_x, read.now("target_z") + g.tool_length - g.boom_foot_z
+    cosine = (dx * dx + dz * dz - g.boom_length**2 - g.stick_length**2) / (2 * g.boom_length * g.stick_length)
+    cosine = ca.fmin(ca.fmax(cosine, -1.0), 1.0)
+    sine = ca.sqrt(1.0 - cosine * cosine)
+    along, across = g.boom_length + g.stick_length * cosine, g.stick_length * sine
+    size = ca.sqrt((dx * dx + dz * dz) * (along * along + across * across))
+    boom = ((dz * along + dx * across) / size, (dx * along - dz * across) / size)  # sine, cosine of the goal
+    return {
+        "q_boom": _past(read.now("q_boom"), *boom),
+        "q_stick": _past(read.now("q_stick"), -sine, cosine),
+    }
+
+
+def _pd(read: Reader) -> Any:
+    """Joystick for a speed in proportion to error and pace, less a share of the speed; PD_MOST at most."""
+    speed = -PD_GAIN * read.now("pace") * read.now(SLEW_ERROR) - PD_DAMPING * read.now("imu_cabin_rate_z")
+    band, slope = (_CONTROL[f"control_{n}"].value for n in ("dead_band", "valve_slope"))
+    return PD_MOST * ca.tanh((band * ca.tanh(speed / PD_RAMP) + slope * speed) / PD_MOST)
+
+
+def _past(q: Any, sine: Any, cosine: Any) -> Any:
+    s, c = ca.sin(q) * cosine - ca.cos(q) * sine, ca.cos(q) * cosine + ca.sin(q) * sine
+    return 2.0 * s / (1.0 + c)
+
+
+def _inertia(read: Reader) -> Any:
+    """I_z of the newest pose with the told load."""
+    pose = read.now("q_boom"), read.now("q_stick"), read.now("load_told")
+    return (kinematics.inertia_z(*pose, kinematics.geometry()) - 4e5) / 2e5
+
+
+@cache
+def errors() -> ca.Function:
+    """(slew error, radius, height, roll, pitch, target radius, target z) -> grab point less target [3], m.
+
+    In the target's own frame: x outward through the target, y left, z up; the tool hangs `tool_length` below.
+    """
+    e, radius, height, roll, pitch, x, z = inputs = [ca.SX.sym(f"i{i}") for i in range(7)]
+    length = kinematics.geometry().tool_length
+    arm = length * ca.cos(roll)
+    radial, tangential = radius - arm * ca.sin(pitch), length * ca.sin(roll)
+    point = ca.vertcat(
+        radial * ca.cos(e) - tangential * ca.sin(e) - x,
+        radial * ca.sin(e) + tangential * ca.cos(e),
+        height - arm * ca.cos(pitch) - z,
+    )
+    return ca.Function("errors", [ca.vertcat(*inputs)], [ca.cse(point)])

@@ -1,0 +1,84 @@
+"""Training through the simulation's own gradient: whole episodes, differentiated by the weights.
+
+The paper's mixed simulation is differentiable, so the derivative of an episode's reward by the weights need
+not be estimated by trials.  Each iteration plays one episode of every machine and takes one step of Adam.
+A share of the episodes begins where the last one ended, with a new target and the tool still swinging.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from fmus.slew_nn.network import SlewNetwork
+from learning.policy.environment import Situation
+from learning.policy.network import perceptron
+from learning.policy.recipe import Recipe
+from learning.policy.trainer import Trainer
+from specs.errors import RunError
+from specs.policy import SPACING_S
+
+LOOK = 10  # steps between looks at what is outside of data and keep-out: a sample is enough
+WARM_UP = 0.02  # share of the iterations in which the rate rises
+
+
+class GradientTrainer(Trainer):
+    """One seed of a recipe, trained by the gradient of its episodes."""
+
+    def __init__(
+        self, recipe: Recipe, networks: Sequence[SlewNetwork], seed: int, device: str = "cpu"
+    ) -> None:
+        super().__init__(recipe, networks, seed, device)
+        self.mlp = perceptron(self.interface.sizes(recipe.layers)).to(device)
+        self.optimiser = torch.optim.Adam(self.mlp.parameters(), lr=recipe.rate, betas=(0.9, 0.99))
+        self.last: Situation | None = None
+
+    def iterate(self) -> dict[str, float]:
+        """One episode of all machines and one step; mean reward a second, by term, and what happened."""
+        e, s = self.environment, self.begin(self.last)
+        total = torch.zeros(e.n, device=self.device)
+        terms: dict[str, Tensor] = {}
+        unknown, ended = torch.zeros(()), torch.zeros(())
+        for k in range(e.periods):
+            observation = e.observe(s)
+            s, rewards = self.play(s, self.mlp(self.interface.features(observation)), observation)
+            total = total + sum(rewards.values()) * SPACING_S
+            for name, value in rewards.items():
+                terms[name] = terms.get(name, torch.zeros(())) + value.detach().mean()
+            if k % LOOK == 0:
+                with torch.no_grad():
+                    unknown = unknown + LOOK * e.unknown(s).float().mean()
+                    ended = ended + LOOK * e.ended(s).float().mean()
+        self.check(terms)
+        self._learn(-total.mean())
+        self.last = s.cut()
+        self.done += 1
+        return self.report(terms, e.periods, unknown, ended) | self.end_errors(self.last)
+
+    def _learn(self, loss: Tensor) -> None:
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.recipe.rate * schedule(self.progress)
+        self.optimiser.zero_grad()
+        loss.backward()
+        size = torch.nn.utils.clip_grad_norm_(self.mlp.parameters(), self.recipe.norm)
+        if not math.isfinite(size):
+            raise RunError(f"iteration {self.done + 1}: the gradient is not a number any more")
+        self.optimiser.step()
+
+    def state(self) -> dict[str, Any]:
+        """All that going on needs."""
+        return super().state() | {"optimiser": self.optimiser.state_dict(), "last": self.last}
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Go on where `state` was taken."""
+        super().load(state)
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.last = state["last"]
+
+
+def schedule(progress: float) -> float:
+    """Share of the learning rate: rises, then falls as a cosine to a fiftieth."""
+    rise = min(1.0, (progress + 1e-3) / WARM_UP)
+    return rise * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(1.0, progress))))

@@ -1,0 +1,90 @@
+"""The four metrics of a policy in the training environment: cheap, to compare trainings; no result.
+
+Every machine gets one target for 15 s, as the scenarios do; the metrics are those of records/metrics.py, at
+the 10 Hz of the environment: the slew angle between targets over the time to enter and stay within 3
+degrees, the angle past the target, the mean error of the last second, the mean rate of the tool.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from fmus.slew_nn.network import SlewNetwork
+from learning.policy.environment import Environment
+from learning.policy.network import Interface
+from learning.policy.recipe import Recipe
+from specs.policy import SPACING_S
+
+DURATION_S, BAND_DEG, LAST_S = 15.0, 3.0, 1.0
+TRAVEL = (math.radians(45), math.radians(135))  # of the scenarios
+LOADS = {
+    "empty": (0.0, 0.0, 1.0),
+    "2t": (2000.0, 2000.0, 1.0),
+    "unknown": (0.0, 2000.0, 0.0),
+}  # told: the last
+
+
+def judge(
+    recipe: Recipe,
+    networks: Sequence[SlewNetwork],
+    mlp: nn.Module,
+    pace: float = 1.0,
+    n: int = 256,
+    seed: int = 99,
+) -> dict[str, dict[str, float]]:
+    """Metrics by load at one pace, on random machines of the recipe; a seed of its own, not training's."""
+    found = {}
+    for load, (low, high, told) in LOADS.items():
+        random = replace(
+            recipe.random,
+            load=(low, high),
+            load_told=told,
+            pace=(pace, pace),
+            slew_error=TRAVEL,
+            small_moves=0.0,
+        )
+        environment = Environment(replace(recipe, random=random, episode_s=DURATION_S), networks, n, seed)
+        found[load] = metrics(*roll_out(environment, mlp))
+    return found
+
+
+@torch.no_grad()
+def roll_out(e: Environment, mlp: nn.Module) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Slew error [periods + 1, n] rad, distance [periods, n] m, tool rate [periods, n] rad/s, ended [n]."""
+    way = Interface(e.recipe.task, e.recipe.history, e.recipe.prior, e.device)
+    s = e.fresh()
+    slew, distance, tool, ended = [s.state.q], [], [], torch.zeros(e.n, dtype=torch.bool)
+    for _ in range(e.periods):
+        observation = e.observe(s)
+        s = e.advance(s, way.limited(way.asked(mlp(way.features(observation)), observation)))
+        slew.append(s.state.q)
+        distance.append(e.error(s).norm(dim=0))
+        tool.append(torch.hypot(s.state.tool[2], s.state.tool[3]))
+        ended = ended | e.ended(s)
+    return torch.stack(slew), torch.stack(distance), torch.stack(tool), ended
+
+
+def metrics(slew: Tensor, distance: Tensor, tool: Tensor, ended: Tensor) -> dict[str, float]:
+    """The four metrics, means over machines; °/s, °, m (and ° for the slew alone), °/s."""
+    travel = torch.rad2deg(slew[0].abs())
+    past = torch.rad2deg(slew * -torch.sign(slew[0]))  # positive beyond the target
+    outside = past.abs() > BAND_DEG
+    periods = torch.arange(1, len(slew) + 1)[:, None]
+    settled = (outside * periods).max(dim=0).values  # periods until it stays inside
+    missed = settled == len(slew)
+    time = torch.where(missed, float(len(slew) - 1), settled.float().clamp(min=1.0)) * SPACING_S
+    last = round(LAST_S / SPACING_S)
+    found: dict[str, Any] = {
+        "speed": (travel / time).mean(),
+        "overshoot": past.max(dim=0).values.clamp(min=0.0).mean(),
+        "error": distance[-last:].mean(),
+        "slew_error": past[-last:].abs().mean(),
+        "tool": torch.rad2deg(tool.mean()),
+        "missed": missed.float().mean(),
+        "ended": ended.float().mean(),
+    }
+    return {name: float(value) for name, value in found.items()}

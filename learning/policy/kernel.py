@@ -1,0 +1,163 @@
+"""CasADi expressions as compiled loops over a batch, with their derivatives.
+
+A scalar (SX) function becomes C: one loop over the machines, straight-line inside, which the compiler
+vectorises; and so does its reverse derivative.  torch then sees one operation in the place of hundreds.
+Compiled on first use for this processor and kept under build/kernels by content.  Fast arithmetic, single
+precision: for training alone, held to the FMUs by a test.  Without a compiler, or on another device,
+`graph.to_torch` does the same in torch.
+"""
+
+import ctypes
+import functools
+import hashlib
+import tempfile
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import torch
+from torch import Tensor
+
+from fmus import compiler
+from fmus.paths import BUILD
+from learning.policy.graph import element, steps, to_torch
+from specs.errors import InputError, RunError
+
+FAST = ("-O3", "-march=native", "-ffast-math", "-ffp-contract=fast")
+LIBRARIES = ("-Wl,--no-as-needed", "-lmvec", "-lm")
+_C = {
+    "OP_ADD": "{0} + {1}", "OP_SUB": "{0} - {1}", "OP_MUL": "{0} * {1}", "OP_DIV": "{0} / {1}",
+    "OP_NEG": "-{0}", "OP_ASSIGN": "{0}", "OP_SQ": "{0} * {0}", "OP_TWICE": "2.0f * {0}",
+    "OP_INV": "1.0f / {0}", "OP_SQRT": "sqrtf({0})", "OP_SIN": "sinf({0})", "OP_COS": "cosf({0})",
+    "OP_TANH": "tanhf({0})", "OP_EXP": "expf({0})", "OP_FABS": "fabsf({0})",
+    "OP_SIGN": "(float)(({0} > 0.0f) - ({0} < 0.0f))", "OP_FMIN": "fminf({0}, {1})",
+    "OP_FMAX": "fmaxf({0}, {1})", "OP_LT": "(float)({0} < {1})", "OP_LE": "(float)({0} <= {1})",
+    "OP_EQ": "(float)({0} == {1})", "OP_NOT": "(float)({0} == 0.0f)",
+    "OP_AND": "(float)({0} != 0.0f && {1} != 0.0f)",
+    "OP_OR": "(float)({0} != 0.0f || {1} != 0.0f)", "OP_IF_ELSE_ZERO": "({0} != 0.0f ? {1} : 0.0f)",
+}  # fmt: skip
+
+
+class Kernel:
+    """f on tensors [elements, n], one an argument; returns one an output.  Differentiable."""
+
+    def __init__(self, f: ca.Function) -> None:
+        self.f = f
+        self.inputs = [f.numel_in(i) for i in range(f.n_in())]
+        self.outputs = [f.numel_out(i) for i in range(f.n_out())]
+        self._plain = to_torch(f)
+
+    def __call__(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        """Outputs [elements, n]; compiled for single precision on the CPU, else operation by operation."""
+        compiled = _compiled(self.f) if _able(inputs) else None
+        if compiled is None:
+            return self._slowly(inputs)
+        return _Call.apply(compiled, self.outputs, *inputs)  # type: ignore[return-value]
+
+    def _slowly(self, inputs: Sequence[Tensor]) -> tuple[Tensor, ...]:
+        like = torch.zeros_like(inputs[0][0])
+        found = self._plain(*(x.unbind(0) for x in inputs))
+        return tuple(torch.stack([row + like for row in rows]) for rows in found)
+
+
+def _able(inputs: Sequence[Tensor]) -> bool:
+    return all(x.dtype == torch.float32 and x.device.type == "cpu" for x in inputs)
+
+
+class _Call(torch.autograd.Function):
+    """The compiled loop as one operation of torch."""
+
+    @staticmethod
+    def forward(ctx: Any, library: Any, sizes: Sequence[int], *inputs: Tensor) -> tuple[Tensor, ...]:  # type: ignore[override]
+        inputs = tuple(x.contiguous() for x in inputs)
+        ctx.library = library
+        ctx.save_for_backward(*inputs)
+        n = inputs[0].shape[1]
+        outputs = tuple(torch.empty(size, n) for size in sizes)
+        _run(library.forward, n, (*inputs, *outputs))
+        return outputs
+
+    @staticmethod
+    def backward(ctx: Any, *seeds: Tensor) -> tuple[Any, ...]:  # type: ignore[override]
+        inputs = ctx.saved_tensors
+        found = tuple(torch.empty_like(x) for x in inputs)
+        _run(ctx.library.reverse, inputs[0].shape[1], (*inputs, *(s.contiguous() for s in seeds), *found))
+        return (None, None, *found)
+
+
+def _run(function: Any, n: int, tensors: Sequence[Tensor]) -> None:
+    pointers = (ctypes.c_void_p * len(tensors))(*(t.data_ptr() for t in tensors))
+    function(ctypes.c_long(n), pointers)
+
+
+@functools.cache
+def _compiled(f: ca.Function) -> Any:
+    """The library of a function and its reverse derivative; None without a compiler that can."""
+    source = source_of(f)
+    host = compiler.host().name
+    try:
+        key = hashlib.sha256(f"{source}{compiler.identity(host)}{FAST}".encode()).hexdigest()[:24]
+        path = BUILD / "kernels" / f"{f.name()}-{key}{compiler.host().suffix}"
+        if not path.is_file():
+            _compile(source, path, host)
+        return ctypes.CDLL(str(path))
+    except (InputError, RunError, OSError):
+        return None
+
+
+def _compile(source: str, path: Path, host: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        code = Path(scratch) / "kernel.c"
+        code.write_text(source, encoding="utf-8")
+        made = compiler.compile_object(code, code.with_suffix(".o"), host, FAST, generated=True)
+        part = path.with_name(f".{path.name}.part")
+        compiler.link_shared([made], part, host, LIBRARIES)
+        part.replace(path)
+
+
+def source_of(f: ca.Function) -> str:
+    """C of a function: `forward` and `reverse`, each (n, pointers to inputs, then to outputs)."""
+    return "\n".join(["#include <math.h>", _loop("forward", f), _loop("reverse", reverse_of(f))])
+
+
+def reverse_of(f: ca.Function) -> ca.Function:
+    """(inputs, a seed for each output) -> a gradient for each input."""
+    inputs = [ca.SX.sym(f"x{i}", f.numel_in(i)) for i in range(f.n_in())]
+    seeds = [ca.SX.sym(f"s{i}", f.numel_out(i)) for i in range(f.n_out())]
+    outputs = f(*inputs)
+    outputs = list(outputs) if isinstance(outputs, tuple | list) else [outputs]
+    whole = ca.jtimes(ca.vertcat(*outputs), ca.vertcat(*inputs), ca.vertcat(*seeds), True)
+    places = accumulate((f.numel_in(i) for i in range(f.n_in())), initial=0)
+    parts = [ca.densify(whole[a:b]) for a, b in pairwise(places)]
+    return ca.Function(f"{f.name()}_reverse", [*inputs, *seeds], ca.cse(parts))
+
+
+def _loop(name: str, f: ca.Function) -> str:
+    """void name(long n, float **t): one pass over n columns; outputs that are never written are zero."""
+    count = f.n_in()
+    rows, outputs = [], [(i, j) for i in range(f.n_out()) for j in range(f.numel_out(i))]
+    for s in steps(f):
+        operands = [f"w{i}" for i in s.operands]
+        if s.operator == "OP_CONST":
+            rows.append(f"w{s.result} = {s.value!r}f;")
+        elif s.operator == "OP_INPUT":
+            rows.append(f"w{s.result} = t{s.place[0]}[{s.place[1]} * n + i];")
+        elif s.operator == "OP_OUTPUT":
+            place = (s.place[0], element(f, *s.place))
+            outputs.remove(place)
+            rows.append(f"t{count + place[0]}[{place[1]} * n + i] = {operands[0]};")
+        elif s.operator in _C:
+            rows.append(f"w{s.result} = {_C[s.operator].format(*operands)};")
+        else:
+            raise InputError(f"{f.name()}: operator {s.operator} has no counterpart in C")
+    rows += [f"t{count + i}[{j} * n + i] = 0.0f;" for i, j in outputs]
+    tensors = [f"    float *restrict t{i} = t[{i}];" for i in range(count + f.n_out())]
+    work = ", ".join(f"w{i}" for i in range(max(1, f.sz_w())))
+    body = "\n".join(f"        {row}" for row in rows)
+    return "\n".join([
+        f'__attribute__((visibility("default"))) void {name}(long n, float **t) {{', *tensors,
+        "    for (long i = 0; i < n; i++) {", f"        float {work};", body, "    }", "}",
+    ])  # fmt: skip

@@ -1,0 +1,147 @@
+"""PPO by rsl-rl-lib on the batched environment: its algorithm and storage, our loop around them.
+
+Our loop, because a run that is killed must go on along the same learning curve: a checkpoint holds the
+machines, all generators and the algorithm.  The critic may see what no sensor tells (`Recipe.asymmetric`).
+"""
+
+import contextlib
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from fmus.slew_nn.network import SlewNetwork
+from learning.policy.environment import Situation
+from learning.policy.recipe import Recipe
+from learning.policy.trainer import Trainer
+from specs.policy import SPACING_S
+
+SPARE = 10  # steps for which a set of fresh starts is drawn from
+
+
+class PpoTrainer(Trainer):
+    """One seed of a recipe, trained by PPO."""
+
+    def __init__(
+        self, recipe: Recipe, networks: Sequence[SlewNetwork], seed: int, device: str = "cpu"
+    ) -> None:
+        from rsl_rl.algorithms import PPO
+
+        super().__init__(recipe, networks, seed, device)
+        e = self.environment
+        with torch.no_grad():
+            fresh = e.fresh()
+            start = (e.uniform(0.0, 1.0) * e.periods).long()  # so that episodes do not all end together
+            self.now, self.spare, self.steps = replace(fresh, age=start), fresh, 0
+        self.num_envs, self.num_actions, self.cfg = e.n, self.interface.outputs, {}
+        with contextlib.redirect_stdout(io.StringIO()):  # it prints its networks
+            self.algorithm = PPO.construct_algorithm(self._seen(self.now), self, _settings(recipe), device)  # type: ignore[arg-type]
+        self.mlp: nn.Sequential = self.algorithm.actor.mlp
+        self.algorithm.train_mode()
+
+    def iterate(self) -> dict[str, float]:
+        """`recipe.steps` steps of all machines and an update."""
+        terms: dict[str, Tensor] = {}
+        unknown, ended = torch.zeros(()), torch.zeros(())
+        ends: list[dict[str, float]] = []
+        with torch.no_grad():
+            seen = self._seen(self.now)
+            for _ in range(self.recipe.steps):
+                after, rewards = self.play(self.now, self.algorithm.act(seen), self._observation, leak=0.0)
+                self.check(rewards)
+                for name, value in rewards.items():
+                    terms[name] = terms.get(name, torch.zeros(())) + value.mean()
+                over = self.environment.ended(after)
+                unknown = unknown + self.environment.unknown(after).float().mean()
+                ended = ended + over.float().mean()
+                late = (after.age >= self.environment.periods) & ~over
+                if bool(late.any()):
+                    ends.append(self._ends(after, late))
+                self.now = self._renewed(after, over, late)
+                seen = self._seen(self.now)
+                reward: Any = sum(rewards.values())
+                self.algorithm.process_env_step(
+                    seen, reward * SPACING_S, over | late, {"time_outs": late.float()}
+                )
+            self.algorithm.compute_returns(seen)
+        losses = self.algorithm.update()
+        self.done += 1
+        means = {k: sum(d[k] for d in ends) / len(ends) for k in ends[0]} if ends else {}
+        return self.report(terms, self.recipe.steps, unknown, ended) | means | {
+            f"loss/{k}": float(v) for k, v in losses.items() if v is not None
+        }  # fmt: skip
+
+    def _ends(self, s: Situation, which: Tensor) -> dict[str, float]:
+        error = self.environment.error(s).norm(dim=0)[which].mean()
+        return {
+            "end_error_m": float(error),
+            "end_slew_error_deg": float(torch.rad2deg(s.state.q[which].abs().mean())),
+        }
+
+    def _renewed(self, s: Situation, over: Tensor, late: Tensor) -> Situation:
+        """New episodes where one is over: fresh, or for a share going on with a new target."""
+        e = self.environment
+        self.steps += 1
+        if self.steps % SPARE == 0:
+            self.spare = e.fresh()
+        go_on = late & (e.uniform(0.0, 1.0) < self.recipe.consecutive)
+        found = s.take(self.spare, (over | late) & ~go_on)
+        return found.take(e.retargeted(s), go_on) if self.recipe.consecutive else found
+
+    def _seen(self, s: Situation) -> Any:
+        """The groups of observations that actor and critic see."""
+        from tensordict import TensorDict
+
+        self._observation = self.environment.observe(s)
+        groups = {"policy": self.interface.features(self._observation)}
+        if self.recipe.asymmetric:
+            groups["hidden"] = _hidden(s)
+        return TensorDict(groups, batch_size=[self.environment.n], device=self.device)  # type: ignore[arg-type]
+
+    def get_observations(self) -> Any:
+        """For rsl-rl-lib."""
+        return self._seen(self.now)
+
+    def state(self) -> dict[str, Any]:
+        """All that going on needs."""
+        own = {"ppo": self.algorithm.save(), "now": self.now, "spare": self.spare, "steps": self.steps}
+        return super().state() | own | {"rate": self.algorithm.learning_rate}
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Go on where `state` was taken."""
+        self.algorithm.load(state["ppo"], None, True)
+        super().load(state)
+        self.now, self.spare, self.steps = state["now"], state["spare"], state["steps"]
+        self.algorithm.learning_rate = state["rate"]
+
+
+def _hidden(s: Situation) -> Tensor:
+    """What no sensor tells, about -1 … 1 [n, 8]: for the critic alone."""
+    m = s.machine
+    return torch.stack([
+        m.load / 2000.0, (m.named("tool_length_x") - 2.0) / 0.5, (m.dead_band - 0.12) / 0.04,
+        (m.inertia_scale - 1.0) / 0.1, s.state.p_l[-1] / 1e7, s.state.p_r[-1] / 1e7, s.state.tool[2] / 0.5,
+        s.age / 100.0,
+    ], dim=1)  # fmt: skip
+
+
+def _settings(r: Recipe) -> dict[str, Any]:
+    """rsl-rl-lib's configuration."""
+    network = {"class_name": "rsl_rl.models:MLPModel", "hidden_dims": list(r.layers), "activation": "tanh"}
+    deviation = {"class_name": "GaussianDistribution", "init_std": r.deviation}
+    return {
+        "num_steps_per_env": r.steps,
+        "obs_groups": {"actor": ["policy"], "critic": ["policy", *(["hidden"] if r.asymmetric else [])]},
+        "actor": {**network, "distribution_cfg": deviation},
+        "critic": dict(network),
+        "algorithm": {
+            "class_name": "rsl_rl.algorithms:PPO", "num_learning_epochs": r.epochs,
+            "num_mini_batches": r.batches, "clip_param": r.clip, "gamma": r.discount, "lam": r.trace,
+            "entropy_coef": r.entropy, "learning_rate": r.rate, "schedule": r.schedule,
+            "value_loss_coef": 1.0, "use_mixed_precision": r.mixed, "max_grad_norm": r.norm,
+        },
+        "multi_gpu": None,
+    }  # fmt: skip

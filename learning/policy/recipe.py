@@ -1,0 +1,163 @@
+"""What is trained and how: rewards and their curriculum, what is randomised, both methods' settings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from learning.policy.rewards import SLEW_ONLY, TERMS, Shape
+from specs.errors import InputError, nearest
+from specs.policy import HISTORY, TASKS
+
+Range = tuple[float, float]
+Method = Literal["ppo", "gradient"]
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """Ranges from which each simulated machine and start is drawn, uniformly; SI; `off` switches them off."""
+
+    load: Range = (0.0, 2000.0)
+    load_told: float = 0.5  # share of episodes in which the load is told; else 0 is
+    response: Range = (0.45, 0.8)  # P of boom and stick (identified: 0.64, 0.56)
+    arm_delay: Range = (0.2, 0.36)  # s (identified: 0.28, 0.26), longer than the encoder's 0.2
+    tool_length: Range = (1.4, 2.4)  # m, of the pendulum
+    tool_damping: Range = (0.05, 0.2)  # 1/s
+    dead_band: Range = (0.09, 0.17)  # of the joystick, as specs/draws.toml spreads it
+    inertia_scale: Range = (0.95, 1.2)  # what the pose's own inertia leaves out
+    latency: Range = (0.0, 3.0)  # ticks of 0.02 s from answer to command, beyond the networks' own delay
+    slew_error: Range = (0.35, 2.5)  # rad, either way
+    small_moves: float = 0.1  # share of targets nearer than that
+    pace: Range = (0.4, 1.4)
+    angle_noise: float = 0.0005  # rad, encoders
+    rate_noise: float = 0.003  # rad/s, encoders
+    imu_angle_noise: float = 0.002
+    imu_rate_noise: float = 0.002
+    imu_angle_bias: float = 0.02  # rad, IMU and its mount
+    imu_rate_bias: float = 0.005  # rad/s
+    angle_bias: float = 0.001  # rad, encoders
+
+    def off(self) -> "Randomisation":
+        """The nominal machine with perfect sensors; starts and targets stay random."""
+        return replace(
+            self, load=(0.0, 0.0), load_told=0.0, response=(-1.0, -1.0), arm_delay=(-1.0, -1.0),
+            tool_length=(2.0, 2.0), tool_damping=(0.1, 0.1), dead_band=(-1.0, -1.0),
+            inertia_scale=(1.0, 1.0), latency=(0.0, 0.0), pace=(1.0, 1.0), angle_noise=0.0, rate_noise=0.0,
+            imu_angle_noise=0.0, imu_rate_noise=0.0, imu_angle_bias=0.0, imu_rate_bias=0.0, angle_bias=0.0,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """One way to train; `weights` are of rewards.TERMS a second, `gentle` a power of 1 / pace on `quiet`."""
+
+    name: str
+    why: str
+    task: str = "full"
+    method: Method = "gradient"
+    history: int = HISTORY
+    prior: str = ""  # the law that the network's answer is added to (specs.policy.PRIORS)
+    layers: tuple[int, ...] = (256, 128, 128)  # paper
+    weights: Mapping[str, float] = field(default_factory=dict)
+    quiet: tuple[str, ...] = ("oscillation", "swing")  # terms that weigh more at a slower pace
+    gentle: float = 2.0
+    first: Shape = field(default_factory=Shape)  # widths of the terms at the start …
+    last: Shape = field(default_factory=Shape)  # … and at the end of the curriculum
+    curriculum: float = 0.5  # share of the training after which it is at its end
+    late_terms: tuple[str, ...] = ("one_shot",)  # their weights rise from 0 with the curriculum
+    random: Randomisation = Randomisation()
+    episode_s: float = 10.0
+    consecutive: float = 0.0  # share of episodes that begin where another ended, the tool still swinging
+    swinging: float = 0.0  # share of fresh starts with the tool swinging
+    ahead_s: float = (
+        0.2  # what is taken off the slew networks' speed, which is late (plant.py); 0: as in the FMU
+    )
+    envs: int = 2048
+    iterations: int = 1000
+    rate: float = 1e-3
+    # PPO
+    steps: int = 24
+    epochs: int = 3
+    batches: int = 4
+    deviation: float = 0.4  # of the actions at the start (authors' code)
+    discount: float = 0.98
+    trace: float = 0.95
+    entropy: float = 0.0
+    clip: float = 0.2
+    schedule: str = "adaptive"  # of the learning rate; authors' code: "fixed"
+    mixed: bool = False  # the update's matrix products in bfloat16
+    asymmetric: bool = False  # the critic sees load, tool length, dead band, pressures
+    # by the gradient of the simulation
+    norm: float = 1.0  # largest norm of a gradient
+
+    def __post_init__(self) -> None:
+        if self.task not in TASKS:
+            raise InputError(f"no task '{self.task}'; valid: {', '.join(TASKS)}")
+        for name in self.weights:
+            if name not in TERMS:
+                raise InputError(f"no reward term '{name}'; {nearest(name, TERMS)}")
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Reward terms with a weight."""
+        return tuple(name for name, weight in self.weights.items() if weight)
+
+    def shape(self, progress: float) -> Shape:
+        """Widths of the terms at a share of the training."""
+        done = min(1.0, progress / self.curriculum) if self.curriculum > 0 else 1.0
+        mix = {k: (1 - done) * v + done * getattr(self.last, k) for k, v in self.first.__dict__.items()}
+        return Shape(**mix)
+
+    def weight(self, name: str, progress: float) -> float:
+        """A term's weight at a share of the training."""
+        done = min(1.0, progress / self.curriculum) if self.curriculum > 0 else 1.0
+        return self.weights[name] * (done if name in self.late_terms else 1.0)
+
+
+_PAPER = {
+    "balance": 1.0, "target": 1.0, "action": 0.1, "overshoot": 2.0, "oscillation": 0.5, "decouple": 0.5,
+    "one_shot": 0.2,
+}  # fmt: skip
+_OURS = {
+    "balance": 1.0, "closing": 1.0, "action": 0.05, "overshoot": 2.0, "oscillation": 3.0, "one_shot": 0.05,
+    "keep_out": 2.0, "limits": 0.05,
+}  # fmt: skip
+_RECIPES = (
+    Recipe(
+        "paper", "the paper's seven terms, PPO", method="ppo", weights=_PAPER, ahead_s=0.0,
+        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1),
+    ),
+    Recipe(
+        "paper_slew", "the paper's slew-only policy: five terms, PPO", task="slew", method="ppo",
+        weights={k: v for k, v in _PAPER.items() if k in SLEW_ONLY},
+        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0,
+    ),
+    Recipe(
+        "full", "ours: through the simulation's own gradient", prior="pd", weights=_OURS,
+        episode_s=15.0, consecutive=0.5,
+        first=Shape(5.0, 1.0, 0.2), last=Shape(0.7, 0.5, 0.05), envs=256, rate=1.5e-3,
+    ),
+    Recipe(
+        "slew", "ours, slew-only", task="slew", prior="pd", weights=_OURS, episode_s=15.0, consecutive=0.5,
+        first=Shape(5.0, 1.0, 0.2), last=Shape(0.7, 0.5, 0.05), envs=256, rate=1.5e-3,
+    ),
+)  # fmt: skip
+RECIPES = {r.name: r for r in _RECIPES}
+TINY: Mapping[str, Any] = {
+    "envs": 32,
+    "iterations": 3,
+    "episode_s": 1.0,
+    "steps": 4,
+    "epochs": 1,
+    "batches": 1,
+}
+
+
+def recipe(name: str, tiny: bool = False, **changed: Any) -> Recipe:
+    """The recipe of that name with fields changed; cut down to seconds if `tiny`."""
+    if name not in RECIPES:
+        raise InputError(f"no recipe '{name}'; {nearest(name, RECIPES)} (valid: {', '.join(RECIPES)})")
+    base = RECIPES[name]
+    if "weights" in changed:
+        changed["weights"] = {**base.weights, **changed["weights"]}
+    found = replace(base, **changed)
+    return replace(found, **TINY) if tiny else found

@@ -1,0 +1,292 @@
+"""`slewright train policy`: iterations, checkpoints and a learning curve; an ONNX policy at the end.
+
+OUT/checkpoint.pt   the last good state: a run that was ended goes on from it
+OUT/curve.jsonl     figures of every iteration
+OUT/events.…        the same for TensorBoard
+OUT/TASK.onnx       the policy
+"""
+
+import hashlib
+import json
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from learning.policy import checkpoint
+from learning.policy.recipe import RECIPES, Recipe, recipe
+from specs.errors import InputError, RunError, nearest
+from specs.policy import TASKS
+from specs.schema import ROOT
+
+BUDGETS = ("full", "short", "tiny")
+SHORT = 0.2  # of the iterations
+KEPT_EVERY_S = 60.0  # between checkpoints
+NETWORKS = (ROOT.parent / "fmus" / "slew_nn" / "weights.npz",)
+CURVE = "curve.jsonl"
+Report = Callable[[str, float, float], None]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to train, from which slew networks, and where to put it; `changed`: fields of the recipe."""
+
+    task: str = "full"
+    recipe: str = ""
+    seed: int = 1
+    budget: str = "full"
+    networks: tuple[Path, ...] = ()
+    out: Path = Path("out/train-policy")
+    changed: Mapping[str, Any] = field(default_factory=dict)
+    stop_after: int | None = None  # iterations from now, for tests: as if it were ended there
+
+    def chosen(self) -> Recipe:
+        """The recipe with its changes; InputError for an unknown name or one of another task."""
+        name = self.recipe or self.task
+        if self.task not in TASKS:
+            raise InputError(f"no task '{self.task}'; valid: {', '.join(TASKS)}")
+        if self.budget not in BUDGETS:
+            raise InputError(f"no budget '{self.budget}'; {nearest(self.budget, BUDGETS)}")
+        found = recipe(name, self.budget == "tiny", **self.changed)
+        if found.task != self.task:
+            able = [r.name for r in RECIPES.values() if r.task == self.task]
+            raise InputError(f"recipe {name} is for task {found.task}; for {self.task}: {', '.join(able)}")
+        if self.budget == "short":
+            found = recipe(name, **{**self.changed, "iterations": max(1, round(SHORT * found.iterations))})
+        return found
+
+    @property
+    def command(self) -> str:
+        """What makes it again."""
+        words = [f"--task {self.task}", f"--seed {self.seed}", f"--budget {self.budget}"]
+        words += [f"--recipe {self.recipe}"] if self.recipe else []
+        words += [f"--networks {path}" for path in self.networks]
+        words += [f"--set {name}={value}" for name, value in self.changed.items()]
+        return "slewright train policy " + " ".join(words)
+
+
+def changes(texts: Sequence[str]) -> dict[str, Any]:
+    """ "name=value" of the recipe's fields, numbers, words, true or false; InputError for what is none."""
+    found: dict[str, Any] = {}
+    able = {f.name: f for f in fields(Recipe)}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        group, dot, term = name.partition(".")
+        if not equals or group not in able or (dot and group != "weights"):
+            raise InputError(f"--set {text}: no field '{group}' of a recipe; {nearest(group, able)}")
+        try:
+            number: Any = json.loads(value)
+        except ValueError:
+            number = value
+        if dot:
+            found["weights"] = {**found.get("weights", {}), term: float(number)}
+        else:
+            found[name] = tuple(number) if isinstance(number, list) else number
+    return found
+
+
+def run(options: Options, report: Report) -> dict[str, Any]:
+    """Train, or go on; returns the figures.  RunError if training fails: the last good checkpoint stays."""
+    chosen = options.chosen()
+    paths = options.networks or NETWORKS
+    data, commit = digest(paths), source_state()
+    out = _folder(options.out)
+    trainer = make_trainer(chosen, paths, options.seed)
+    kept = out / checkpoint.NAME
+    if kept.is_file():
+        trainer.load(checkpoint.load(kept, chosen, options.seed, data))
+    began = trainer.done
+    with _Log(out, began) as log:
+        try:
+            _iterate(
+                trainer,
+                chosen,
+                options,
+                log,
+                report,
+                lambda: _keep(kept, chosen, options.seed, data, trainer),
+            )
+        except RunError as error:
+            raise RunError(f"{error}; the last good checkpoint is {kept}") from error
+    figures: dict[str, Any] = {
+        "task": chosen.task, "recipe": chosen.name, "iterations": trainer.done, "of": chosen.iterations,
+        "command": options.command, "resumed_at": began, "last": log.last, "policy": "",
+    }  # fmt: skip
+    if trainer.done >= chosen.iterations:
+        figures["policy"] = str(_export(trainer, chosen, options, data, commit, log.last, out))
+    return figures
+
+
+def make_trainer(chosen: Recipe, paths: Any, seed: int) -> Any:
+    """The trainer of a recipe's method on slew networks from files."""
+    import torch
+
+    from learning.policy.environment import load_networks
+
+    torch.set_num_threads(1)
+    networks = load_networks(paths)
+    if chosen.method == "ppo":
+        try:
+            from learning.policy.ppo import PpoTrainer
+
+            return PpoTrainer(chosen, networks, seed)
+        except ModuleNotFoundError as error:
+            raise InputError(
+                f"PPO needs the package {error.name}: pip install 'slewright[learning]'"
+            ) from None
+    from learning.policy.gradient import GradientTrainer
+
+    return GradientTrainer(chosen, networks, seed)
+
+
+def _iterate(
+    trainer: Any, chosen: Recipe, options: Options, log: "_Log", report: Report, keep: Callable[[], None]
+) -> None:
+    start, began, kept = time.monotonic(), trainer.done, time.monotonic()
+    last = chosen.iterations
+    if options.stop_after is not None:
+        last = min(last, trainer.done + options.stop_after)
+    while trainer.done < last:
+        figures = trainer.iterate()
+        log.add(trainer.done, figures)
+        each = (time.monotonic() - start) / (trainer.done - began)
+        left = each * (chosen.iterations - trainer.done) / 60.0
+        reward = figures["reward"]
+        report(f"{chosen.name}, seed {options.seed}: reward {reward:.3f}/s, {left:.0f} min left",
+               trainer.done, chosen.iterations)  # fmt: skip
+        if time.monotonic() - kept > KEPT_EVERY_S or trainer.done == last:
+            keep()
+            kept = time.monotonic()
+
+
+def _keep(path: Path, chosen: Recipe, seed: int, data: str, trainer: Any) -> None:
+    checkpoint.save(path, chosen, seed, data, trainer.state())
+
+
+class _Log:
+    """The learning curve, as lines and for TensorBoard; what lies beyond the checkpoint is taken back."""
+
+    def __init__(self, out: Path, done: int) -> None:
+        self.path, self.last = out / CURVE, {}
+        rows = _rows(self.path)[:done]
+        self.path.write_text("".join(json.dumps(r) + "\n" for r in rows), encoding="utf-8")
+        self.last = rows[-1] if rows else {}
+        self.writer = _writer(out, done)
+
+    def __enter__(self) -> "_Log":
+        self.file = self.path.open("a", encoding="utf-8")
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.file.close()
+        if self.writer is not None:
+            self.writer.close()
+
+    def add(self, iteration: int, figures: Mapping[str, float]) -> None:
+        """A line, and a point of each curve."""
+        self.last = {"iteration": iteration, **figures}
+        self.file.write(json.dumps(self.last) + "\n")
+        self.file.flush()
+        if self.writer is not None:
+            for name, value in figures.items():
+                self.writer.add_scalar(name, value, iteration)
+
+
+def _rows(path: Path) -> list[dict[str, Any]]:
+    if not path.is_file():
+        return []
+    found = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            found.append(json.loads(line))
+        except ValueError:
+            break  # half a line: the run was ended while it was written
+    return found
+
+
+def _writer(out: Path, done: int) -> Any:
+    """TensorBoard's writer; None where it is not installed: the curve is in the lines as well."""
+    try:
+        from torch.utils.tensorboard.writer import SummaryWriter
+    except ModuleNotFoundError:
+        return None
+    return SummaryWriter(str(out), purge_step=done + 1)
+
+
+def _folder(out: Path) -> Path:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: {error.strerror}") from None
+    return out
+
+
+def digest(paths: Any) -> str:
+    """SHA-256 of the slew networks that a policy is trained with."""
+    found = hashlib.sha256()
+    for path in paths:
+        try:
+            found.update(Path(path).read_bytes())
+        except OSError as error:
+            raise InputError(f"slew network {path}: {error.strerror}") from None
+    return found.hexdigest()
+
+
+def _export(
+    trainer: Any, chosen: Recipe, options: Options, data: str, commit: str, last: Mapping[str, Any], out: Path
+) -> Path:
+    from learning.policy.export import Policy, write
+    from learning.policy.network import weights_of
+    from specs.policy import contract
+
+    made = {
+        "command": options.command, "seed": options.seed, "commit": commit, "recipe": chosen.name,
+        "iterations": chosen.iterations, "training": {k: float(v) for k, v in last.items()},
+    }  # fmt: skip
+    told = contract(
+        chosen.task,
+        chosen.history,
+        prior=chosen.prior,
+        data_sha256=data,
+        ranges=ranges(trainer, chosen),
+        made=made,
+    )
+    return write(Policy(told, weights_of(trainer.mlp)), out / f"{chosen.task}.onnx")
+
+
+def ranges(trainer: Any, chosen: Recipe) -> dict[str, tuple[float, float]]:
+    """Trained ranges by name: parameters of the machine, signals, and the pendulum's length, in SI."""
+    from learning.policy.environment import HEIGHT, POSE, RADIUS
+
+    r = chosen.random
+    found = {
+        "load_mass": r.load, "slew_dead_band": r.dead_band, "pendulum_length": r.tool_length, "pace": r.pace,
+        "target_radius": RADIUS, "target_z": HEIGHT, "q_boom": POSE["boom"], "q_stick": POSE["stick"],
+        "slew_error": (-r.slew_error[1], r.slew_error[1]),
+    }  # fmt: skip
+    region = [n.region["inertia"] for n in trainer.environment.plant.drive.networks if "inertia" in n.region]
+    if region:
+        found["inertia"] = (min(low for low, _ in region), max(high for _, high in region))
+    return {
+        name: (float(low), float(high))
+        for name, (low, high) in found.items()
+        if low >= 0 or name == "slew_error"
+    }
+
+
+def source_state() -> str:
+    """What git calls the state of the sources; "unknown" outside a repository."""
+    try:
+        done = subprocess.run(
+            ["git", "describe", "--always", "--dirty"],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=10,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return done.stdout.strip() or "unknown"

@@ -1,0 +1,105 @@
+"""What both ways of training have in common: the environment, the interface, weighed rewards, starts."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from fmus.slew_nn.network import SlewNetwork
+from learning.policy.environment import Environment, Situation
+from learning.policy.network import LEAK, Interface
+from learning.policy.recipe import Recipe
+from learning.policy.rewards import weigh
+from specs.errors import RunError
+
+
+class Trainer:
+    """One seed of a recipe; `iterate` until `done` is `recipe.iterations`."""
+
+    mlp: nn.Sequential
+
+    def __init__(
+        self, recipe: Recipe, networks: Sequence[SlewNetwork], seed: int, device: str = "cpu"
+    ) -> None:
+        torch.manual_seed(seed)
+        self.recipe, self.device = recipe, device
+        self.environment = Environment(recipe, networks, recipe.envs, seed, device)
+        self.interface = Interface(recipe.task, recipe.history, recipe.prior, device)
+        self.done = 0
+
+    @property
+    def progress(self) -> float:
+        """Share of the training that is done."""
+        return self.done / self.recipe.iterations
+
+    def iterate(self) -> dict[str, float]:
+        """One iteration; figures by name."""
+        raise NotImplementedError
+
+    def play(
+        self, s: Situation, y: Tensor, observation: Tensor, leak: float = LEAK
+    ) -> tuple[Situation, dict[str, Tensor]]:
+        """A step with the network's answer y [n, outputs]: the situation after it, weighed rewards [n]."""
+        e = self.environment
+        asked = self.interface.asked(y, observation)
+        after = e.advance(s, self.interface.limited(asked, leak))
+        over = (asked - self.interface.limited(asked)) / self.interface.high
+        instant = replace(e.instant(s, after), beyond=over[: self.interface.outputs].square().sum(0))
+        return after, weigh(instant, self.recipe.shape(self.progress), self.weights(s))
+
+    def weights(self, s: Situation) -> dict[str, Any]:
+        """Weights of the terms; the quiet ones weigh more where the pace is slow."""
+        r = self.recipe
+        slow = s.pace ** (-r.gentle)
+        return {n: r.weight(n, self.progress) * (slow if n in r.quiet else 1.0) for n in r.terms}
+
+    def begin(self, last: Situation | None) -> Situation:
+        """Starts: fresh ones, and for a share where `last` ended, with new targets."""
+        e = self.environment
+        fresh = e.fresh()
+        if last is None or not self.recipe.consecutive:
+            return fresh
+        go_on = (e.uniform(0.0, 1.0) < self.recipe.consecutive) & ~e.ended(last)
+        return fresh.take(e.retargeted(last), go_on)
+
+    def check(self, terms: Mapping[str, Tensor]) -> None:
+        """RunError naming the reward term that is not a number."""
+        wrong = [n for n, value in terms.items() if not bool(torch.isfinite(value).all())]
+        if wrong:
+            raise RunError(
+                f"iteration {self.done + 1}: reward term {', '.join(wrong)} is not a number any more"
+            )
+
+    def report(
+        self, terms: Mapping[str, Tensor], count: int, unknown: Tensor, ended: Tensor
+    ) -> dict[str, float]:
+        """Mean reward a second by term over `count` steps; shares outside the data and in the keep-out."""
+        found = {f"reward/{name}": float(value) / count for name, value in terms.items()}
+        return {
+            "reward": sum(found.values()), **found,
+            "outside_data": float(unknown) / count, "keep_out": float(ended) / count,
+        }  # fmt: skip
+
+    def end_errors(self, s: Situation) -> dict[str, float]:
+        """How far from their targets the machines are at the end of an episode."""
+        return {
+            "end_error_m": float(self.environment.error(s).detach().norm(dim=0).mean()),
+            "end_slew_error_deg": math.degrees(float(s.state.q.detach().abs().mean())),
+        }
+
+    def state(self) -> dict[str, Any]:
+        """All that going on needs."""
+        return {
+            "mlp": self.mlp.state_dict(), "generator": self.environment.generator.get_state(),
+            "torch": torch.get_rng_state(), "done": self.done,
+        }  # fmt: skip
+
+    def load(self, state: Mapping[str, Any]) -> None:
+        """Go on where `state` was taken."""
+        self.mlp.load_state_dict(state["mlp"])
+        self.environment.generator.set_state(state["generator"])
+        torch.set_rng_state(state["torch"])
+        self.done = state["done"]

@@ -1,0 +1,116 @@
+"""Reads a bundle: the folder with a compiled control core that `slewright bundle` makes.
+
+Nothing of it is used before the SHA-256 of every file has been compared with the manifest's; a file that is
+changed, missing or not in the manifest, another process image, format or platform is an InputError.
+"""
+
+import hashlib
+import json
+import platform
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from runtime import image
+from specs.errors import InputError
+from specs.version import VERSION
+
+MANIFEST = "manifest.json"
+FORMAT = 1
+NATIVE, ONNXRUNTIME = "native", "onnxruntime"
+ENGINES = (NATIVE, ONNXRUNTIME)
+KEYS = {"format": int, "controller": str, "engine": str, "slewright": str, "layout": str, "identity": str}
+SUFFIXES = {"linux": ".so", "darwin": ".dylib", "windows": ".dll"}
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """A checked bundle; `identity` is what its compiled cores say they are."""
+
+    folder: Path
+    controller: str
+    engine: str  # what evaluates it: C in the core, or onnxruntime beside it
+    identity: str
+    platforms: tuple[str, ...]
+    digest: str  # SHA-256 of the manifest: stands for the whole bundle
+
+    def library(self, name: str = "") -> Path:
+        """The compiled core of a platform (default: this machine's); InputError if it holds none."""
+        name = name or host()
+        if name not in self.platforms:
+            raise InputError(
+                f"bundle {self.folder} has no core for {name}; it has {', '.join(self.platforms)} "
+                f"(slewright bundle … --platform {name})"
+            )
+        return self.folder / f"core-{name}{SUFFIXES[name.partition('-')[2]]}"
+
+
+def load(folder: Path) -> Bundle:
+    """Read and check a bundle; raises InputError naming the file or entry that is wrong."""
+    content = _read(folder)
+    for what, expected in (("format", FORMAT), ("slewright", VERSION), ("layout", image.token())):
+        if content[what] != expected:
+            said = "specs/signals.toml has changed since" if what == "layout" else f"here it is {expected}"
+            raise InputError(f"bundle {folder}: {what} {content[what]}: {said}; build it again")
+    _check_files(folder, content["files"])
+    return Bundle(
+        folder,
+        content["controller"],
+        content["engine"],
+        content["identity"],
+        tuple(content["platforms"]),
+        digest((folder / MANIFEST).read_bytes()),
+    )
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file below `folder` but the manifest, by path with forward slashes."""
+    files = {p.relative_to(folder).as_posix(): p for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {name: digest(path.read_bytes()) for name, path in files.items() if name != MANIFEST}
+
+
+def digest(content: bytes) -> str:
+    """SHA-256 in hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def host() -> str:
+    """This machine's platform as bundles name it, e.g. x86_64-linux."""
+    machine = platform.machine().lower()
+    return f"{ {'amd64': 'x86_64', 'arm64': 'aarch64'}.get(machine, machine) }-{platform.system().lower()}"
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    path = folder / MANIFEST
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{folder} is no bundle: {path.name} cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise InputError(f"bundle {folder}: {path.name} is no JSON ({error})") from None
+    _check_form(content, folder)
+    return content
+
+
+def _check_form(content: Any, folder: Path) -> None:
+    if not isinstance(content, dict):
+        raise InputError(f"bundle {folder}: {MANIFEST} holds no object")
+    for key, kind in KEYS.items():
+        if not isinstance(content.get(key), kind):
+            raise InputError(f"bundle {folder}: {MANIFEST}: {key} is missing or no {kind.__name__}")
+    names, files = content.get("platforms"), content.get("files")
+    if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
+        raise InputError(f"bundle {folder}: {MANIFEST}: platforms is missing or no list of names")
+    if not isinstance(files, dict) or not all(isinstance(v, str) for v in files.values()):
+        raise InputError(f"bundle {folder}: {MANIFEST}: files is missing or no table of SHA-256")
+
+
+def _check_files(folder: Path, told: dict[str, str]) -> None:
+    found = hashes(folder)
+    for name in sorted(told.keys() | found.keys()):
+        if name not in found:
+            raise InputError(f"bundle {folder}: {name} is missing")
+        if name not in told:
+            raise InputError(f"bundle {folder}: {name} is not in its manifest")
+        if found[name] != told[name]:
+            raise InputError(f"bundle {folder}: {name} was changed since it was built")

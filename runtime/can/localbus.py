@@ -1,0 +1,96 @@
+"""A CAN bus without hardware: a python-can interface to a bus process (`runtime/can/busd.py`).
+
+`can.Bus(interface="slewright", channel=PATH, node=NAME)`.  Nothing leaves the machine.  Each packet is one
+frame: identifier with flags, length and data as in Linux's struct can_frame, and the time of its arrival on
+the monotonic clock, over a Unix socket.  The first packet says which node it is.
+"""
+
+import json
+import select
+import socket
+import time
+from typing import Any
+
+import can
+
+from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER, PACKET, QUEUE_BYTES, REMOTE
+
+ANSWER_S = 5.0  # s, for the bus process to take a node in
+
+
+class LocalBus(can.BusABC):
+    """One node's end of the local bus."""
+
+    def __init__(self, channel: str, node: str = "", **options: Any) -> None:
+        """Join the bus process at the socket `channel`; raises CanInitializationError if there is none."""
+        self.channel_info = f"slewright local bus {channel}"
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, QUEUE_BYTES)
+        try:
+            self._socket.settimeout(ANSWER_S)
+            self._socket.connect(channel)
+            self._socket.send(json.dumps({"node": node}).encode())
+            self._socket.recv(16)  # the bus process says when the node is on the wire
+        except OSError as error:
+            self._socket.close()
+            raise can.CanInitializationError(f"no bus at {channel}: {error.strerror or error}") from None
+        self._socket.setblocking(False)
+        self._state = can.BusState.ACTIVE
+        super().__init__(channel, **{k: v for k, v in options.items() if k == "can_filters"})
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Give a frame to the bus process; raises CanOperationError if there is no room for it."""
+        flags = EXTENDED * msg.is_extended_id | REMOTE * msg.is_remote_frame
+        if timeout:
+            select.select([], [self._socket], [], timeout)
+        self.send_raw(msg.arbitration_id | flags, bytes(msg.data))
+
+    def send_raw(self, identifier: int, data: bytes) -> None:
+        """The same without a message object; `identifier` has its flags."""
+        try:
+            self._socket.send(PACKET.pack(identifier, len(data), data, 0))
+        except BlockingIOError:
+            raise can.CanOperationError("transmit queue is full") from None
+        except OSError as error:
+            raise can.CanOperationError(f"the bus is gone: {error.strerror}") from None
+
+    def recv_raw(self) -> tuple[int, bytes, int] | None:
+        """Identifier with flags, data and monotonic time [ns] of a frame that waits; None: none does."""
+        try:
+            packet = self._socket.recv(PACKET.size)
+        except BlockingIOError:
+            return None
+        except OSError as error:
+            raise can.CanOperationError(f"the bus is gone: {error.strerror}") from None
+        if len(packet) != PACKET.size:
+            raise can.CanOperationError("the bus is gone")
+        identifier, length, data, stamp = PACKET.unpack(packet)
+        return identifier, data[:length], stamp
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        found = self.recv_raw()
+        if found is None and timeout != 0:
+            select.select([self._socket], [], [], timeout)
+            found = self.recv_raw()
+        if found is None:
+            return None, False
+        identifier, data, stamp = found
+        message = can.Message(
+            timestamp=time.time() - (time.monotonic_ns() - stamp) / 1e9,
+            arbitration_id=identifier & IDENTIFIER,
+            is_extended_id=bool(identifier & EXTENDED),
+            is_remote_frame=bool(identifier & REMOTE),
+            is_error_frame=bool(identifier & ERROR),
+            data=data,
+            channel=self.channel_info,
+        )
+        return message, False
+
+    def fileno(self) -> int:
+        """The socket, for those who wait for it."""
+        return self._socket.fileno()
+
+    def shutdown(self) -> None:
+        """Leave the bus."""
+        super().shutdown()
+        self._socket.close()

@@ -1,0 +1,187 @@
+"""The runtime's end of a CAN bus: in with a bounded number of frames each tick, out without waiting.
+
+`open_bus` opens those of python-can's buses that stay on this machine: `socketcan`, `slcan`, and the local
+one, `slewright`.  What is wrong with the bus comes as error frames, as Linux codes them (slcan adapters send
+none).  A bus that is off comes back by itself, after the time its interface is set to (`restart-ms` of ip).
+"""
+
+import time
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import can
+import numpy as np
+
+from runtime.can import wire
+from runtime.can.codec import Codec, received_by
+from runtime.can.localbus import LocalBus
+from runtime.can.receive import Receiver
+from runtime.can.transmit import Transmitter
+from runtime.image import INPUT, NODE, OUTPUT, TICK_S, Flag
+from specs.errors import InputError, nearest
+
+INTERFACES = ("slewright", "socketcan", "slcan")
+# A bus of 250 kbit/s carries at most 106 frames in 20 ms (47 bits each: 11-bit identifiers, no data); so a
+# queue that grew while the process was held up empties again.
+FRAMES_A_TICK = 128
+PERIOD_NS = round(1e9 * TICK_S)
+JOYSTICK = "OperatorJoystick"  # what a J1939 joystick stands for
+TIMED_BY = "SlewPosition"  # the sensor message whose arrival end-to-end latency is counted from
+
+
+def open_bus(interface: str, channel: str, bit_rate: int, node: str = NODE) -> can.BusABC:
+    """Open a bus; raises InputError if there is none."""
+    if interface not in INTERFACES:
+        raise InputError(f"unknown CAN interface '{interface}'; {nearest(interface, INTERFACES)}")
+    options: dict[str, Any] = {}
+    if interface == "slewright":
+        return _opened(interface, channel, lambda: LocalBus(channel, node=node))
+    if interface == "slcan":
+        options["bitrate"] = bit_rate
+    return _opened(interface, channel, lambda: can.Bus(interface=interface, channel=channel, **options))
+
+
+def _opened(interface: str, channel: str, opened: Any) -> can.BusABC:
+    try:
+        return opened()
+    except (can.CanError, OSError, ValueError, ImportError, AttributeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"CAN bus {interface} '{channel}' cannot be opened: {reason}") from None
+
+
+class FrameSource(Protocol):
+    """A bus that hands out frames without message objects."""
+
+    def recv_raw(self) -> tuple[int, bytes, int] | None:
+        """Identifier with flags, data and monotonic time [ns]; None if no frame waits."""
+        ...
+
+    def send_raw(self, identifier: int, data: bytes) -> None:
+        """Send a frame; raises can.CanOperationError if that cannot be."""
+        ...
+
+
+class AnyBus:
+    """Any of python-can's buses as a frame source."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+
+    def recv_raw(self) -> tuple[int, bytes, int] | None:
+        """The next frame; its time is the driver's, put on the monotonic clock."""
+        message = self._bus.recv(timeout=0)
+        if message is None:
+            return None
+        flags = wire.EXTENDED * message.is_extended_id | wire.ERROR * message.is_error_frame
+        now = time.monotonic_ns()
+        age = (time.time() - message.timestamp) * 1e9 if message.timestamp else 0.0
+        return message.arbitration_id | flags, bytes(message.data), now - max(0, round(age))
+
+    def send_raw(self, identifier: int, data: bytes) -> None:
+        """Send a frame with a 29-bit identifier."""
+        frame = can.Message(arbitration_id=identifier & wire.IDENTIFIER, is_extended_id=True, data=data)
+        self._bus.send(frame, timeout=0)
+
+
+def frame_source(bus: can.BusABC | FrameSource) -> FrameSource:
+    """A bus as a frame source: the local one is one already."""
+    return AnyBus(bus) if isinstance(bus, can.BusABC) and not isinstance(bus, LocalBus) else bus  # type: ignore[return-value]
+
+
+class CanPort:
+    """The controller's CAN: a `Port` of the scan (runtime/scan.py).
+
+    `messages` are those it reads (default: all that are for the controller); `joystick` reads frames of a
+    J1939 joystick instead of OperatorJoystick (runtime/can/joystick.py).
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC | FrameSource,
+        messages: list[Codec] | None = None,
+        joystick: "Reader | None" = None,
+        index: tuple[Mapping[str, int], Mapping[str, int]] = (INPUT.index, OUTPUT.index),
+        node: str = NODE,
+    ) -> None:
+        self._bus = frame_source(bus)
+        wanted = received_by(node) if messages is None else messages
+        if joystick:
+            wanted = [c for c in wanted if c.message.name != JOYSTICK]
+        self.receiver = Receiver(wanted, index[0])
+        self.transmitter = Transmitter(node, index[1])
+        self.joystick = joystick
+        self._timed_by = next((c.message.frame_id for c in wanted if c.message.name == TIMED_BY), None)
+        self.passive = self.off = False
+        self.lost = 0  # times that frames for us were lost
+        self.unsent = 0  # frames that could not be sent
+
+    def receive(self, inputs: np.ndarray, tick: int) -> None:
+        """Take what has come, at most FRAMES_A_TICK frames; put it and its age into the image."""
+        now = time.monotonic_ns()
+        for _ in range(FRAMES_A_TICK):
+            try:
+                found = self._bus.recv_raw()
+            except (can.CanError, OSError):
+                self.off = True  # the interface is down or gone
+                break
+            if found is None:
+                break
+            self._take(found, tick, now)
+        self.receiver.fill(inputs, tick)
+        if self.joystick:
+            self.joystick.fill(inputs, tick)
+
+    def _take(self, found: tuple[int, bytes, int], tick: int, now: int) -> None:
+        identifier, data, stamp = found
+        if identifier & wire.ERROR:
+            self._error(identifier, data)
+            return
+        self.off = False
+        if not identifier & wire.EXTENDED:
+            return
+        came = tick - max(0, now - stamp) // PERIOD_NS  # what waited is as old as it is
+        frame_id = identifier & wire.IDENTIFIER
+        if self.joystick is None or not self.joystick.take(frame_id, data, came):
+            self.receiver.take(frame_id, data, came, stamp)
+
+    def _error(self, identifier: int, data: bytes) -> None:
+        if identifier & wire.BUS_OFF:
+            self.off = True
+        elif identifier & wire.RESTARTED:
+            self.off = self.passive = False
+        elif identifier & wire.CONTROLLER and len(data) > 1:
+            self.lost += bool(data[1] & wire.RX_OVERFLOW)
+            if data[1] & (wire.RX_PASSIVE | wire.TX_PASSIVE | wire.ACTIVE):
+                self.passive = not data[1] & wire.ACTIVE
+
+    def send(self, outputs: np.ndarray, tick: int) -> None:
+        """Send the frames that are due; what the bus has no room for is dropped and counted."""
+        self.send_values(outputs["value"].tolist(), tick)
+
+    def send_values(self, values: list[float], tick: int) -> None:
+        """The same for values without an image."""
+        for frame_id, data in self.transmitter.due(values, tick):
+            try:
+                self._bus.send_raw(frame_id | wire.EXTENDED, data)
+            except (can.CanError, OSError):
+                self.unsent += 1
+
+    def flags(self) -> int:
+        """BUS_PASSIVE and BUS_OFF."""
+        return Flag.BUS_PASSIVE * self.passive | Flag.BUS_OFF * self.off
+
+    def received_ns(self) -> int:
+        """When the slew's position came last, on the monotonic clock; 0: never."""
+        return 0 if self._timed_by is None else self.receiver.stamp_ns(self._timed_by)
+
+
+class Reader(Protocol):
+    """Something that reads frames which are not in the specs."""
+
+    def take(self, frame_id: int, data: bytes, tick: int) -> bool:
+        """Take a frame that came in `tick`; False if it is not one of its own."""
+        ...
+
+    def fill(self, image: np.ndarray, tick: int) -> None:
+        """Put values, ages and status into the image."""
+        ...

@@ -1,0 +1,211 @@
+"""The configuration of a machine controller: one TOML file, read strictly, all of it checked before anything
+starts.
+
+What does not fit this version of the specs (a key, a signal, a rate, a DBC, a register map) is refused here
+with one message; nothing of it is found out in operation.
+"""
+
+import socket
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+from runtime.can.joystick import Joysticks
+from runtime.image import OUTPUT, TICK_S
+from runtime.matching import check_dbc, check_map
+from runtime.realtime import PRIORITY
+from specs.errors import InputError, nearest
+from specs.schema import STRICT, read_toml, validate
+from specs.signals import definition
+
+LOWEST_PRIORITY, HIGHEST_PRIORITY = 1, 98  # 99 is the kernel's own
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rates:
+    """Rates of the tasks in Hz: said, so that a file for another version is seen, not chosen."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    base_hz: float = 50.0
+    policy_hz: float = 10.0
+
+    def __post_init__(self) -> None:
+        for key, only in (("base_hz", 1.0 / TICK_S), ("policy_hz", 0.2 / TICK_S)):
+            if getattr(self, key) != only:
+                raise InputError(f"{key} = {getattr(self, key):g}: this runtime runs at {only:g} Hz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Realtime:
+    """What is asked of the system; what it refuses shows in the status register."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    fifo: bool = True
+    lock: bool = True
+    priority: int = PRIORITY
+    core: int | None = None  # the processor core to stay on
+
+    def __post_init__(self) -> None:
+        if not LOWEST_PRIORITY <= self.priority <= HIGHEST_PRIORITY:
+            raise InputError(f"priority = {self.priority}: {LOWEST_PRIORITY} to {HIGHEST_PRIORITY}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Can:
+    """The bus: `slewright` is the local one over the Unix socket `channel`."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    interface: Literal["slewright", "socketcan", "slcan"]
+    channel: str
+    bit_rate: int = 250_000
+    dbc: Path | None = None
+    joystick: Joysticks | None = None  # J1939 joysticks; without: the panel's own message
+
+    def __post_init__(self) -> None:
+        wanted = definition().bus.bit_rate
+        if self.bit_rate != wanted:
+            raise InputError(f"bit_rate = {self.bit_rate}: the specs' bus runs at {wanted} bit/s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tls:
+    """Modbus/TCP Security: roles come from the clients' certificates."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    port: int
+    certificate: Path
+    key: Path
+    authority: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modbus:
+    """The server; without an address of its own it can be reached from this machine only."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    port: int
+    host: str = "127.0.0.1"
+    map: Path | None = None
+    tls: Tls | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """Where ticks are recorded, and how much of the disk for."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    folder: Path
+    limit_mb: float = 2000.0
+    segment_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if self.limit_mb < 8.0:
+            raise InputError(f"limit_mb = {self.limit_mb:g}: at least 8 MB, so that a segment can be closed")
+        if not 10.0 <= self.segment_s <= 3600.0:
+            raise InputError(f"segment_s = {self.segment_s:g}: 10 to 3600 s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Retaining:
+    """Which of the controller's outputs outlive a power cut, how often they are saved, and where."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    folder: Path
+    signals: tuple[str, ...] = ("fault_code", "fault_signal", "load_estimate")
+    every_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name in self.signals:
+            if name not in OUTPUT.index:
+                raise InputError(f"signals: unknown signal '{name}'; {nearest(name, OUTPUT.index)}")
+        if self.every_s < 1.0:
+            raise InputError(f"every_s = {self.every_s:g}: at least 1 s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Configuration:
+    """All of a configuration file; paths are those of the file's folder."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    bundle: Path
+    can: Can
+    rates: Rates = field(default_factory=Rates)
+    realtime: Realtime = field(default_factory=Realtime)
+    modbus: Modbus | None = None
+    recorder: Recording | None = None
+    retain: Retaining | None = None
+
+
+def read(path: Path) -> Configuration:
+    """Read and check a configuration; raises InputError naming file, key and what is valid."""
+    found = validate(Configuration, read_toml(path), str(path))
+    found = _placed(found, path.parent)
+    if found.can.dbc:
+        check_dbc(found.can.dbc)
+    if found.modbus and found.modbus.map:
+        check_map(found.modbus.map)
+    return found
+
+
+def check_surroundings(found: Configuration) -> None:
+    """Raise InputError for what is not there: the bus, a free port, a folder that can be written."""
+    _check_bus(found.can)
+    if found.modbus:
+        _check_port(found.modbus.host, found.modbus.port)
+        if found.modbus.tls:
+            _check_port(found.modbus.host, found.modbus.tls.port)
+    for part in (found.recorder, found.retain):
+        if part:
+            _check_folder(part.folder)
+
+
+def _placed(found: Any, folder: Path) -> Any:
+    """The same with relative paths from `folder` on."""
+    changes = {}
+    for f in fields(found):
+        value = getattr(found, f.name)
+        if isinstance(value, Path):
+            changes[f.name] = folder / value
+        elif is_dataclass(value):
+            changes[f.name] = _placed(value, folder)
+    return replace(found, **changes)
+
+
+def _check_bus(can: Can) -> None:
+    if can.interface == "socketcan":
+        there = [p.name for p in Path("/sys/class/net").glob("*can*")]
+        if can.channel not in there:
+            raise InputError(
+                f"can.channel: there is no CAN interface {can.channel}; {nearest(can.channel, there)}"
+            )
+    elif not Path(can.channel.split("@")[0]).exists():
+        what = "bus" if can.interface == "slewright" else "device"
+        raise InputError(f"can.channel: there is no {what} {can.channel}")
+
+
+def _check_port(host: str, port: int) -> None:
+    if not 0 < port < 65536:
+        raise InputError(f"modbus: port {port}: 1 to 65535")
+    try:
+        with socket.create_server((host, port)):
+            pass
+    except OSError as error:
+        raise InputError(f"modbus: port {port} of {host} cannot be had: {error.strerror}") from None
+
+
+def _check_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe = path / ".slewright"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"{path} cannot be written to: {error.strerror}") from None

@@ -1,0 +1,82 @@
+"""The control core of a bundle, loaded: `step` from an input image to an output image.
+
+A core keeps nothing but its state, so a snapshot is a copy of that, and a core that is given the same state
+and the same inputs does the same, bit for bit, here or on another platform.
+"""
+
+import ctypes
+
+import numpy as np
+
+from runtime.bundle import Bundle
+from runtime.image import INPUT, OUTPUT, token
+from specs.errors import InputError
+
+INPUT_BYTES = INPUT.dtype.itemsize
+
+
+class ControlCore:
+    """One running control core; not for several threads at once."""
+
+    def __init__(self, bundle: Bundle) -> None:
+        """Load the core of this platform, in its first state; InputError if it is not the bundle's."""
+        self.bundle = bundle
+        path = bundle.library()
+        try:
+            library = ctypes.PyDLL(str(path))  # keeps the interpreter's lock: a step is so short
+        except OSError as error:
+            raise InputError(f"bundle {bundle.folder}: {path.name} cannot be loaded ({error})") from None
+        self._check(library)
+        self.library = library
+        self._step = library.slr_step
+        self._step.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p]
+        self._step.restype = None
+        self._reset = library.slr_reset
+        self._reset.argtypes, self._reset.restype = [ctypes.c_void_p], None
+        self._state = np.zeros(library.slr_state_size() // 8, np.int64)
+        self._outputs = OUTPUT.new()
+        self._inputs, self._at_inputs = OUTPUT.new(), 0  # the last inputs and where they lie
+        self._at_state, self._at_outputs = self._state.ctypes.data, self._outputs.ctypes.data
+        self.reset()
+
+    def step(self, inputs: np.ndarray, tick: int) -> np.ndarray:
+        """The output image of tick `tick`; the same array is written again in the next step."""
+        self._step(self._at(inputs), self._at_state, tick, self._at_outputs)
+        return self._outputs
+
+    def reset(self) -> None:
+        """Back to the first state."""
+        self._reset(self._at_state)
+
+    def snapshot(self) -> bytes:
+        """The whole state, for `restore` of a core of the same bundle, on any platform."""
+        return self._state.tobytes()
+
+    def restore(self, snapshot: bytes) -> None:
+        """Continue from a snapshot; InputError if it cannot be one of this core."""
+        if len(snapshot) != self._state.nbytes:
+            raise InputError(f"a snapshot of {len(snapshot)} bytes: this core's have {self._state.nbytes}")
+        self._state[:] = np.frombuffer(snapshot, np.int64)
+
+    def _at(self, inputs: np.ndarray) -> int:
+        """Address of an input image; ValueError for an array that is none, for C would read past its end."""
+        if inputs is not self._inputs:  # asking for it takes longer than a step
+            if inputs.nbytes != INPUT_BYTES:
+                raise ValueError(f"an array of {inputs.nbytes} bytes is no input image")
+            self._inputs, self._at_inputs = inputs, inputs.ctypes.data
+        return self._at_inputs
+
+    def _check(self, library: ctypes.CDLL) -> None:
+        for name in ("slr_layout", "slr_identity"):
+            getattr(library, name).restype = ctypes.c_char_p
+        for name in ("slr_input_size", "slr_output_size", "slr_state_size"):
+            getattr(library, name).restype = ctypes.c_size_t
+        found = {
+            "layout": (library.slr_layout().decode(), token()),
+            "identity": (library.slr_identity().decode(), self.bundle.identity),
+            "size of the input image": (library.slr_input_size(), INPUT.dtype.itemsize),
+            "size of the output image": (library.slr_output_size(), OUTPUT.dtype.itemsize),
+        }
+        for what, (there, here) in found.items():
+            if there != here:
+                raise InputError(f"bundle {self.bundle.folder}: its core has {what} {there}, not {here}")

@@ -1,0 +1,113 @@
+"""The control process: `python -m runtime.control_process JSON`, one thread, started last, ended first.
+
+Everything that takes time or can fail is done before the first cycle: files are read, shared memory is
+mapped, the core loaded, the bus opened; then memory is locked, the collector frozen and the priority taken.
+"""
+
+import json
+import signal
+import struct
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from runtime import configuration, helpers, realtime
+from runtime.bundle import load
+from runtime.can.joystick import Joystick
+from runtime.can.port import CanPort, open_bus
+from runtime.image import OUTPUT, Flag
+from runtime.modbus.cells import join
+from runtime.modbus.port import ModbusPort
+from runtime.policy import open_core
+from runtime.recorder.feed import Feed, Watch
+from runtime.retain_process import FAILED, VALUES
+from runtime.ring import Ring
+from runtime.scan import Port, Scan
+from runtime.shared import Cell
+from runtime.statistics import Statistics
+
+COUNTS = struct.Struct("<8q")  # cell `counts`: see `Publisher.send`
+COUNTS_HOLD = "counts"
+EVERY = 50  # ticks between what is published once a second
+
+
+class Publisher:
+    """Puts counts into shared memory and retained values into their queue, once a second."""
+
+    def __init__(self, counts: Cell, found: Statistics, retain: Ring | None, names: Sequence[str]) -> None:
+        self.counts, self.found, self.retain = counts, found, retain
+        self._places = np.array([OUTPUT.at(name) for name in names], dtype=np.intp)
+        self._watch = Watch(retain) if retain else None
+        self._flags = 0
+
+    def receive(self, inputs: np.ndarray, tick: int) -> None:
+        """See whether the retain process works."""
+        if self._watch:
+            lost = self._watch.lost(tick) or self._watch.ring.note & FAILED
+            self._flags = int(Flag.RETAIN_LOST) if lost else 0
+
+    def send(self, outputs: np.ndarray, tick: int) -> None:
+        """Publish, if it is time."""
+        if tick % EVERY:
+            return
+        found, value = self.found, outputs["value"]
+        mode, fault = int(value[OUTPUT.index["control_mode"]]), int(value[OUTPUT.index["fault_code"]])
+        counts = (
+            found.ticks,
+            found.overruns,
+            found.stolen,
+            found.skipped,
+            found.flags_seen,
+            mode,
+            fault,
+            tick,
+        )
+        self.counts.write(COUNTS.pack(*counts))
+        if self.retain:
+            self.retain.put(VALUES, struct.pack("<d", found.ticks), value[self._places].tobytes())
+
+    def flags(self) -> int:
+        """RETAIN_LOST."""
+        return self._flags
+
+    def received_ns(self) -> int:
+        """Nothing comes this way."""
+        return 0
+
+
+def main(text: str) -> None:
+    """Run cycles until SIGTERM or for `ticks`; statistics go to `statistics` as JSON at the end."""
+    told = json.loads(text)
+    folder = Path(told["folder"])
+    helpers.end_with(signal.SIGTERM)
+    wanted = configuration.read(Path(told["config"]))
+    core = open_core(load(wanted.bundle))
+    bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate)
+    found = Statistics()
+    joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
+    ports: list[Port] = [CanPort(bus, joystick=joystick), *_others(wanted, folder, found)]
+    feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
+    realtime.pin(wanted.realtime.core)
+    rights = realtime.acquire(wanted.realtime.fifo, wanted.realtime.lock, wanted.realtime.priority)
+    for reason in rights.reasons:
+        sys.stderr.write(f"slewright: {reason}\n")
+    scan = Scan(core, ports, rights, feed, statistics=found)
+    scan.run(stop=helpers.told_to_end, ticks=told.get("ticks"))
+    realtime.release()
+    bus.shutdown()
+    found.unrecorded = feed.ring.lost if feed else 0
+    figures = {**found.figures(), "reasons": list(rights.reasons)}
+    (folder / "statistics").write_text(json.dumps(figures))
+
+
+def _others(wanted: configuration.Configuration, folder: Path, found: Statistics) -> list[Port]:
+    counts = Cell.open(folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
+    retain = Ring.attach(folder / "retain.ring") if wanted.retain else None
+    found_ports: list[Port] = [ModbusPort(*join(folder))] if wanted.modbus else []
+    return [*found_ports, Publisher(counts, found, retain, wanted.retain.signals if wanted.retain else ())]
+
+
+if __name__ == "__main__":
+    helpers.run(main)

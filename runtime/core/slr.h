@@ -1,0 +1,97 @@
+/* The control core: one tick of the machine controller, from the input image to the output image.
+ *
+ * No clock, no input or output, no allocation: what a tick does follows from the input image, the tick's number
+ * and the state alone.  The state is a caller's memory of slr_state_size() bytes: SlrState, then the states of
+ * the blocks; values only, without gaps, so that a copy of it is a snapshot and equal states are equal bytes.
+ */
+#ifndef SLR_H
+#define SLR_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "block.h"
+#include "gate.h"
+
+#if defined(_WIN32)
+#define SLR_EXPORT __declspec(dllexport)
+#else
+#define SLR_EXPORT __attribute__((visibility("default")))
+#endif
+
+typedef struct {
+  int64_t tick;         /* of the last step */
+  int32_t mode;         /* SlrMode */
+  int32_t fault;        /* SlrFault: latched, or why there is a hold */
+  int32_t fault_signal; /* value reference */
+  int32_t running;      /* ticks since the controllers were started; -1: they do not run */
+  int32_t enable;       /* operator's switches at the last step, for their edges */
+  int32_t request;
+  int32_t overruns;     /* as told at the last step */
+  int32_t late;         /* cycles in a row that ended too late */
+  int32_t in_reach;
+  int32_t limited;      /* the gate changed the last command */
+  int32_t estimating;   /* the estimator has been started */
+  int32_t unused;
+  double last[SLR_IN_COUNT];  /* last valid value of each input */
+  double raw[SLR_IN_COUNT];   /* value of each input at the last step, valid or not */
+  int32_t bad[SLR_IN_COUNT];  /* steps in a row without a valid value */
+  int32_t same[SLR_IN_COUNT]; /* steps in a row with the same value */
+  double own[SLR_OUT_COUNT];  /* the core's half of the board */
+  double held[SLR_AXES];      /* commands as the gate let them through */
+} SlrState;
+
+/* Everything a step finds out before it decides. */
+typedef struct {
+  double board[SLR_BOARD];
+  uint8_t status[SLR_IN_COUNT]; /* as found, not as told */
+  uint8_t lost[SLR_IN_COUNT];   /* not usable, and not to be bridged any longer */
+  SlrWall walls[SLR_WALLS];
+  double distance; /* m, hanging grab point to target */
+  double reach;    /* m or rad: by how much the target is within reach; negative: it is not */
+  int deflected;   /* the joystick is out of its rest */
+} SlrView;
+
+/* ---- the bundle's own part, generated: core_config.c ---- */
+extern const SlrBlock *const slr_controller;
+extern const SlrBlock *const slr_arm;
+extern const SlrBlock *const slr_estimator; /* of the load; negative: nothing known yet */
+extern const uint8_t slr_needed[SLR_IN_COUNT]; /* inputs that automatic operation depends on */
+extern const SlrGateLimits slr_limits;
+extern const char slr_identity_text[];
+/* Walls (distance, rate, gradient by boom, gradient by stick, each), distance to the target, reach. */
+void slr_geometry(const double *joints, const double *target, double *walls, double *distance, double *reach);
+
+/* ---- parts ---- */
+
+/* Values that may be used, by the images alone: check.c. */
+void slr_check(const SlrInput *in, SlrState *s, SlrView *view);
+/* First lost input of a group (of the sensors: one that is needed); -1: all are well. */
+int slr_first_lost(const SlrView *view, SlrGroup group);
+/* The next mode, with fault and fault_signal; `view` and the switches of the last step decide: mode.c. */
+void slr_next_mode(const SlrInput *in, SlrState *s, const SlrView *view);
+void slr_fail(SlrState *s, SlrFault fault, int32_t signal);
+/* Value reference of an input, 0 for -1; every input at its start value. */
+int32_t slr_value_reference(int input);
+void slr_start_values(SlrState *s);
+
+/* Where a block's state lies. */
+unsigned char *slr_state_of(SlrState *s, const SlrBlock *block);
+
+/* ---- what the runtime calls ---- */
+
+SLR_EXPORT const char *slr_layout(void);   /* the images that this core was compiled for */
+SLR_EXPORT const char *slr_identity(void); /* of the bundle: a hash of its sources */
+SLR_EXPORT size_t slr_input_size(void);
+SLR_EXPORT size_t slr_output_size(void);
+SLR_EXPORT size_t slr_state_size(void);
+SLR_EXPORT void slr_reset(SlrState *state);
+/* Whether the controller would run at the tick of this image, and the board that it would see: for a policy that
+ * is evaluated outside.  The state stays as it is. */
+enum { SLR_NOT_DUE, SLR_DUE, SLR_STARTS };
+SLR_EXPORT int slr_observe(const SlrInput *in, const SlrState *state, double *board);
+/* Its answer, before slr_step (external.c). */
+SLR_EXPORT void slr_offer(SlrState *state, const double *action);
+SLR_EXPORT void slr_step(const SlrInput *in, SlrState *state, int64_t tick, SlrOutput *out);
+
+#endif

@@ -1,0 +1,54 @@
+"""Who a TLS client is: Modbus/TCP Security puts its role into the certificate.
+
+The role is a UTF-8 string in the extension 1.3.6.1.4.1.50316.802.1.  Source: Modbus Organization, MODBUS/TCP
+Security Protocol Specification, 21 (2018), 8.3.  `Planner` reads and writes; all other roles, and none, read.
+"""
+
+import ssl
+from pathlib import Path
+
+from specs.errors import InputError
+
+ROLE = "1.3.6.1.4.1.50316.802.1"
+WRITERS = ("Planner",)
+UTF8 = 0x0C  # tag of a UTF8String in DER
+
+
+def role(certificate: bytes) -> str | None:
+    """The role in a certificate (DER); None if it has none."""
+    from cryptography import x509
+
+    try:
+        extensions = x509.load_der_x509_certificate(certificate).extensions
+        found = extensions.get_extension_for_oid(x509.ObjectIdentifier(ROLE)).value
+    except (x509.ExtensionNotFound, x509.DuplicateExtension, ValueError):  # none, or none that can be read
+        return None
+    data = found.value if isinstance(found, x509.UnrecognizedExtension) else b""
+    if len(data) < 2 or data[0] != UTF8 or data[1] > 127 or len(data) != 2 + data[1]:
+        return None
+    return data[2:].decode("utf-8", "replace")
+
+
+def may_write(certificate: bytes | None) -> bool:
+    """Whether the holder of a certificate (DER) may write."""
+    return certificate is not None and role(certificate) in WRITERS
+
+
+def context(certificate: Path, key: Path, authority: Path) -> ssl.SSLContext:
+    """TLS 1.2 or newer, both sides with certificates of `authority`; InputError if a file is not that."""
+    made = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    made.minimum_version = ssl.TLSVersion.TLSv1_2
+    made.verify_mode = ssl.CERT_REQUIRED
+    try:
+        made.load_cert_chain(certificate, key)
+    except (OSError, ssl.SSLError) as error:
+        raise InputError(f"modbus.tls: {certificate} with {key}: {_reason(error)}") from None
+    try:
+        made.load_verify_locations(authority)
+    except (OSError, ssl.SSLError) as error:
+        raise InputError(f"modbus.tls: {authority}: {_reason(error)}") from None
+    return made
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error)

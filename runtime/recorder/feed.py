@@ -1,0 +1,81 @@
+"""The control process's side of the recorder: an entry a tick and now and then a snapshot into a queue.
+
+The loop never waits for the recorder.  An entry that finds no room is lost and counted; the next one that
+does is preceded by a snapshot, so that a replay goes on from there.
+"""
+
+import struct
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from runtime.image import Flag
+from runtime.ring import Ring
+
+if TYPE_CHECKING:
+    from runtime.scan import Core
+
+TICK, SNAPSHOT = 1, 2  # kinds of entries
+TIMING = struct.Struct("<8q")  # see runtime.recorder.message.TIMING_FIELDS
+SNAPSHOT_HEAD = struct.Struct("<qq")  # tick, time of day [ns]
+SNAPSHOT_TICKS = 500  # 10 s: a segment is closed and deleted in these steps
+DEAD_TICKS = 50  # 1 s without a beat: the recorder is gone
+DISK_FULL = 1  # bit of the recorder's note
+
+
+class Watch:
+    """Whether the process at the other end of a queue still works."""
+
+    def __init__(self, ring: Ring) -> None:
+        self.ring = ring
+        self._beat, self._tick = ring.beat, 0
+
+    def lost(self, tick: int) -> bool:
+        """True if it has not worked for a second."""
+        beat = self.ring.beat
+        if beat != self._beat:
+            self._beat, self._tick = beat, tick
+        return tick - self._tick > DEAD_TICKS
+
+
+class Feed:
+    """Puts each tick into `ring`; `time_of_day` in ns is only recorded."""
+
+    def __init__(
+        self, ring: Ring, snapshot_ticks: int = SNAPSHOT_TICKS, time_of_day: Callable[[], int] = time.time_ns
+    ) -> None:
+        self.ring, self.snapshot_ticks = ring, snapshot_ticks
+        self._snapshot_due = 0
+        self._watch, self._time_of_day = Watch(ring), time_of_day
+        self._day_ns = time_of_day() - time.monotonic_ns()  # once: a set clock must not turn times back
+        self._before: bytes | None = None
+        self._count = 0  # ticks so far, lost ones too: a gap in a recording shows
+
+    def before(self, tick: int, core: "Core") -> None:
+        """Before the step: keep the state if a snapshot is due."""
+        if tick >= self._snapshot_due:
+            self._before = core.snapshot()
+
+    def tick(self, inputs: np.ndarray, outputs: np.ndarray, timing: tuple[int, ...]) -> None:
+        """After the step: record it. `timing`: deadline, lateness, work, processor time, latency [ns]."""
+        tick, deadline = int(inputs["tick"]), timing[0]
+        self._count += 1
+        day = deadline + self._day_ns
+        if self._before is not None:
+            if not self.ring.put(SNAPSHOT, SNAPSHOT_HEAD.pack(tick, day), self._before):
+                return
+            self._before, self._snapshot_due = None, tick + self.snapshot_ticks
+        clocks = TIMING.pack(day, self._count, self._time_of_day(), *timing)
+        if not self.ring.put(TICK, clocks, _bytes(inputs), _bytes(outputs)):
+            self._snapshot_due = tick + 1
+
+    def flags(self, tick: int) -> int:
+        """What is wrong with the recorder: gone, or its disk full."""
+        lost = Flag.RECORDER_LOST if self._watch.lost(tick) else Flag(0)
+        return int(lost | (Flag.DISK_FULL if self.ring.note & DISK_FULL else Flag(0)))
+
+
+def _bytes(image: np.ndarray) -> memoryview:
+    return image.reshape(1).view(np.uint8).data

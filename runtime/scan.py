@@ -1,0 +1,192 @@
+"""The cycle of the control process: read, update, write, every 20 ms by absolute deadlines, in one thread.
+
+A deadline that passed is not made up for: its tick is skipped and counted, and the phase stays.  Why a cycle
+was late is told apart: an overrun is our own doing (it computed or waited too long); stolen time is when the
+thread wanted the processor and did not have it.  Nothing here opens a file, allocates on purpose or waits for
+anyone.
+"""
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from runtime.image import INPUT, TICK_S, Flag
+from runtime.realtime import Rights, sleep_until, voluntary_switches
+from runtime.recorder.feed import Feed
+from runtime.statistics import Statistics
+
+PERIOD_NS = round(TICK_S * 1e9)
+POLICY_EVERY = 5  # ticks (design: policy at 10 Hz)
+STOLEN_NS = 1_000_000  # ns without the processor that make a tick a stolen one
+EARLY_NS = 100_000  # ns before its deadline a cycle wakes: half a percent of a processor
+SHOWN_TICKS = 50  # ticks for which stolen time stays in the flags: one second
+
+
+class Core(Protocol):
+    """The control core: no clock, no I/O; the same inputs and state give the same bytes."""
+
+    def step(self, inputs: np.ndarray, tick: int) -> np.ndarray:
+        """Outputs (structured, without dimensions) from inputs; the array may be the core's own."""
+        ...
+
+    def snapshot(self) -> bytes:
+        """All of its state."""
+        ...
+
+    def restore(self, snapshot: bytes, /) -> None:
+        """Continue from a snapshot."""
+        ...
+
+
+class Port(Protocol):
+    """A way in and out of the process image, with a bounded amount of work in each cycle."""
+
+    def receive(self, inputs: np.ndarray, tick: int) -> None:
+        """Put what has come into the image, and the ages of what has not."""
+        ...
+
+    def send(self, outputs: np.ndarray, tick: int) -> None:
+        """Send what is due; never waits."""
+        ...
+
+    def flags(self) -> int:
+        """`Flag` bits of what is wrong with it now."""
+        ...
+
+    def received_ns(self) -> int:
+        """CLOCK_MONOTONIC when the sensor message came that this cycle's commands rest on; 0: none."""
+        ...
+
+
+class Clock(Protocol):
+    """Time and waiting; tests put their own in."""
+
+    def now(self) -> int:
+        """CLOCK_MONOTONIC in ns."""
+        ...
+
+    def cpu(self) -> int:
+        """Processor time of this thread in ns."""
+        ...
+
+    def waited(self) -> int:
+        """How often this thread waited for something of its own will."""
+        ...
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Return at `deadline_ns` or, if that has passed, at once."""
+        ...
+
+
+class SystemClock:
+    """The machine's clock."""
+
+    now = staticmethod(time.monotonic_ns)
+    cpu = staticmethod(time.thread_time_ns)
+    waited = staticmethod(voluntary_switches)
+
+    @staticmethod
+    def sleep_until(deadline_ns: int) -> None:
+        """Sleep until shortly before, then watch the clock: from a timer into Python it takes 20–50 µs."""
+        sleep_until(deadline_ns - EARLY_NS)
+        while time.monotonic_ns() < deadline_ns:
+            pass
+
+
+@dataclass
+class Scan:
+    """The cycle; `run` returns when `stop` says so or after `ticks`."""
+
+    core: Core
+    ports: Iterable[Port]
+    rights: Rights = field(default_factory=Rights)
+    feed: Feed | None = None
+    clock: Clock = field(default_factory=SystemClock)
+    other_flags: Callable[[int], int] = lambda tick: 0
+    statistics: Statistics = field(default_factory=Statistics)
+
+    def __post_init__(self) -> None:
+        self.ports = tuple(self.ports)
+        self.inputs = INPUT.new()
+        self._stolen_until = -1
+        self._received = 0  # when the sensor message came that was used last
+
+    def run(self, stop: Callable[[], bool] = lambda: False, ticks: int | None = None, first: int = 0) -> None:
+        """Run cycles from tick `first` on, until `stop()` or for `ticks` periods."""
+        clock, tick = self.clock, first
+        start = clock.now() + PERIOD_NS
+        last = None if ticks is None else first + ticks
+        while not stop() and (last is None or tick < last):
+            deadline = start + (tick - first) * PERIOD_NS
+            clock.sleep_until(deadline)
+            self.cycle(tick, deadline)
+            tick = self._next(tick, (clock.now() - start) // PERIOD_NS + first)
+
+    def cycle(self, tick: int, deadline: int) -> None:
+        """One tick whose deadline was `deadline` [ns]."""
+        clock = self.clock
+        woke, cpu, waited = clock.now(), clock.cpu(), clock.waited()
+        inputs = self.inputs
+        inputs["tick"], inputs["overruns"] = tick, self.statistics.overruns
+        for port in self.ports:
+            port.receive(inputs, tick)
+        inputs["flags"] = self._flags(tick)
+        if self.feed:
+            self.feed.before(tick, self.core)
+        begun = clock.now()
+        outputs = self.core.step(inputs, tick)
+        if not tick % POLICY_EVERY:
+            self.statistics.policy_step.add(clock.now() - begun)
+        for port in self.ports:
+            port.send(outputs, tick)
+        sent, used = clock.now(), clock.cpu() - cpu
+        latency = self._latency(sent)
+        if self.feed:
+            self.feed.tick(inputs, outputs, (deadline, woke - deadline, sent - woke, used, latency))
+        self._account(tick, deadline, woke, cpu, waited)
+
+    def _flags(self, tick: int) -> int:
+        flags = int(self.rights.flags) | self.other_flags(tick)
+        for port in self.ports:
+            flags |= port.flags()
+        if tick < self._stolen_until:
+            flags |= Flag.STOLEN_TIME
+        if self.feed:
+            flags |= self.feed.flags(tick)
+        self.statistics.flags_seen |= flags
+        return flags
+
+    def _latency(self, sent: int) -> int:
+        """ns from a new sensor message to the command that rests on it; -1 without one."""
+        received = max((port.received_ns() for port in self.ports), default=0)
+        if not received or received == self._received:
+            return -1
+        self._received = received
+        self.statistics.latency.add(sent - received)
+        return sent - received
+
+    def _account(self, tick: int, deadline: int, woke: int, cpu: int, waited: int) -> None:
+        """Who made this tick late, if it was."""
+        clock, found = self.clock, self.statistics
+        end = clock.now()
+        used, late = clock.cpu() - cpu, woke - deadline
+        found.ticks += 1
+        found.lateness.add(late)
+        (found.other_work if tick % POLICY_EVERY else found.policy_work).add(end - woke)
+        own_wait = clock.waited() != waited
+        taken = end - woke - used  # wall time of the work in which the thread did not run
+        if late > STOLEN_NS or (taken > STOLEN_NS and not own_wait):
+            found.stolen += 1
+            self._stolen_until = tick + SHOWN_TICKS
+        if end - deadline > PERIOD_NS and (used > PERIOD_NS or (own_wait and end - woke > PERIOD_NS)):
+            found.overruns += 1
+
+    def _next(self, tick: int, due: int) -> int:
+        """The tick after `tick`, or the last one that is already due; those between never run."""
+        if due <= tick + 1:
+            return tick + 1
+        self.statistics.skipped += due - tick - 1
+        return due

@@ -1,0 +1,208 @@
+"""Starts the runtime's processes, watches them and starts helpers again; has no part in the cycle.
+
+The order is fixed: shared memory, helpers, and only when these work the control process, so that nothing is
+started by a process that already has real-time priority.  A helper that ends is started again, and its
+absence shows in the status register meanwhile.  The control process is not: a machine must not go on by
+itself after a failure nobody looked at; its valves go neutral by the plant's own timeout.
+"""
+
+import json
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from runtime import bundle, configuration
+from runtime.control_process import COUNTS, COUNTS_HOLD
+from runtime.helpers import Helper
+from runtime.image import TICK_S
+from runtime.modbus.cells import create
+from runtime.replay import identity
+from runtime.retain import Folder, Retained
+from runtime.ring import Ring
+from runtime.shared import Cell, private_folder
+from specs.errors import InputError, RunError
+from specs.version import VERSION
+
+RECORDER_BYTES = 4 << 20  # more than a minute of ticks
+RETAIN_BYTES = 1 << 13
+WATCH_S = 0.1
+PATIENCE_S = 90.0  # for a helper's first sign of life, on a machine that does other things too
+RESTART_S = 1.0  # between starts of a helper that does not stay
+TICKS = "ticks"  # retained beside the signals: ticks over all runs
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What the control process publishes once a second."""
+
+    ticks: int = 0
+    overruns: int = 0
+    stolen: int = 0
+    skipped: int = 0
+    flags_seen: int = 0
+    mode: int = 0
+    fault: int = 0
+    tick: int = 0
+
+
+class Supervisor:
+    """The runtime of one configuration file; a context, which ends all processes."""
+
+    def __init__(self, path: Path, ticks: int | None = None) -> None:
+        """Check everything; InputError for the first thing that does not fit, before anything runs."""
+        self.path, self.ticks = path, ticks
+        self.wanted = configuration.read(path)
+        self.bundle = bundle.load(self.wanted.bundle)
+        self.bundle.library()
+        self.retained = self._retained()
+        configuration.check_surroundings(self.wanted)
+        self.folder = private_folder()
+        self._ports = self.folder / "ports"
+        self.helpers: list[Helper] = []
+        self.rings: list[Ring] = []
+        self.counts = Cell.create(self.folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
+        told = {"config": str(path), "folder": str(self.folder), "ticks": ticks}
+        self.control = Helper("control", "runtime.control_process", told)
+        self._started: dict[str, float] = {}
+
+    def __enter__(self) -> Self:
+        try:
+            self._prepare()
+            for helper in self.helpers:
+                self._start(helper)
+            self._await_life()
+            self._start(self.control)
+        except BaseException:
+            self.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def watch(self) -> int | None:
+        """Start again what has ended; the control process's exit code, None while it runs."""
+        for helper in self.helpers:
+            code = helper.ended()
+            if code is not None and time.monotonic() - self._started[helper.name] > RESTART_S:
+                sys.stderr.write(f"slewright: {helper.name} ended ({code}), started again\n")
+                self._start(helper)
+        return self.control.ended()
+
+    def run(
+        self, report: Callable[[Counts], None], stop: Callable[[], bool] = lambda: False
+    ) -> dict[str, Any]:
+        """Watch until the control process ends or `stop()`; its statistics. RunError if it failed."""
+        while (code := self.watch()) is None and not stop():
+            report(self.now())
+            time.sleep(WATCH_S)
+        if code is None:
+            code = self.control.end()
+        return self._ended(code)
+
+    def now(self) -> Counts:
+        """The counts published last."""
+        found = self.counts.read()
+        return Counts(*COUNTS.unpack(found[1])) if found else Counts()
+
+    def close(self) -> None:
+        """End the control process, then the helpers, and remove the shared memory."""
+        for process in (self.control, *self.helpers):
+            process.end()
+        for ring in self.rings:
+            ring.close()
+        self.counts.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _ended(self, code: int) -> dict[str, Any]:
+        found = self.folder / "statistics"
+        if code == 2:
+            raise InputError("the control process refused to start (its reason is above)")
+        if code != 0 or not found.is_file():
+            raise RunError(
+                f"the control process ended with {code}; the valves are neutral by the plant's timeout"
+            )
+        return {**json.loads(found.read_text()), "restarts": {h.name: h.starts - 1 for h in self.helpers}}
+
+    def _retained(self) -> dict[str, float]:
+        wanted = self.wanted.retain
+        if wanted is None:
+            return {}
+        wanted.folder.mkdir(parents=True, exist_ok=True)
+        return Retained(Folder(wanted.folder), _layout(wanted.signals)).load()
+
+    def _prepare(self) -> None:
+        if self.wanted.modbus:
+            self._prepare_modbus(self.wanted.modbus)
+        if self.wanted.recorder:
+            self._prepare_recorder(self.wanted.recorder)
+        if self.wanted.retain:
+            self._prepare_retain(self.wanted.retain)
+
+    def _prepare_modbus(self, wanted: configuration.Modbus) -> None:
+        for cell in create(self.folder):
+            cell.close()
+        tls = wanted.tls and {
+            "port": wanted.tls.port,
+            "certificate": str(wanted.tls.certificate.resolve()),
+            "key": str(wanted.tls.key.resolve()),
+            "authority": str(wanted.tls.authority.resolve()),
+        }
+        told = {"folder": str(self.folder), "host": wanted.host, "port": wanted.port, "tls": tls}
+        self.helpers.append(Helper("modbus", "runtime.modbus.process", {**told, "ports": str(self._ports)}))
+
+    def _prepare_recorder(self, wanted: configuration.Recording) -> None:
+        ring = self._ring("recorder.ring", RECORDER_BYTES)
+        who = {**identity(self.bundle.identity, VERSION), "bundle": self.bundle.digest}
+        told = {
+            "ring": str(ring.path),
+            "folder": str(wanted.folder.resolve()),
+            "limit": round(wanted.limit_mb * 1e6),
+            "segment_ticks": round(wanted.segment_s / TICK_S),
+            "metadata": {**who, "controller": self.bundle.controller, "platform": bundle.host()},
+        }
+        self.helpers.append(Helper("recorder", "runtime.recorder", told))
+
+    def _prepare_retain(self, wanted: configuration.Retaining) -> None:
+        ring = self._ring("retain.ring", RETAIN_BYTES)
+        told = {
+            "ring": str(ring.path),
+            "folder": str(wanted.folder.resolve()),
+            "layout": _layout(wanted.signals),
+            "names": [TICKS, *wanted.signals],
+            "base": {TICKS: self.retained.get(TICKS, 0.0)},
+            "every_s": wanted.every_s,
+        }
+        self.helpers.append(Helper("retain", "runtime.retain_process", told))
+
+    def _ring(self, name: str, size: int) -> Ring:
+        self.rings.append(Ring.create(self.folder / name, size))
+        return self.rings[-1]
+
+    def _start(self, helper: Helper) -> None:
+        helper.start()
+        self._started[helper.name] = time.monotonic()
+
+    def _await_life(self) -> None:
+        end = time.monotonic() + PATIENCE_S
+        while not self._alive():
+            dead = [h for h in self.helpers if h.ended() is not None]
+            if dead or time.monotonic() > end:
+                who = ", ".join(h.name for h in dead) or "a helper"
+                raise RunError(f"{who} did not start")
+            time.sleep(0.01)
+
+    def _alive(self) -> bool:
+        return all(ring.beat for ring in self.rings) and (not self.wanted.modbus or self._ports.is_file())
+
+
+def _layout(names: tuple[str, ...]) -> str:
+    """What the retained values mean, in 16 characters."""
+    return bundle.digest(",".join(names).encode())[:16]

@@ -1,0 +1,276 @@
+"""`slewright bundle`: builds the folder that a runtime loads; what it holds is read by `runtime.bundle`.
+
+manifest.json        controller, versions, platforms, SHA-256 of every other file
+core-PLATFORM.so     the control core, compiled
+parameters.json      every parameter that was compiled in: value, unit, source
+sources/             the C code it was compiled from: core/, blocks/NAME/
+"""
+
+import dataclasses
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from baselines import registry
+from baselines.load.online import model as load_estimate
+from baselines.registry import Controller
+from fmus import compiler
+from fmus.definition import Model
+from fmus.loader import load_model
+from fmus.paths import BUILD, SHIM
+from runtime import bundle as form, image
+from slewright.bundling import config
+from slewright.bundling.blocks import COMPILED, CORE, Block, External
+from specs import parameters
+from specs.errors import InputError
+from specs.version import VERSION
+
+ARM = "arm_velocity"
+HAND_WRITTEN = ("slr.h", "gate.h", "block.h", "image_layout.h", "gate.c", "check.c", "mode.c", "step.c")
+BAKED_IN = ("geometry", "slew", "machine", "load_estimate")  # files whose figures are constants of the C code
+UNCHECKED = ("geometry.c", "model.c")  # CasADi's own code
+UNUSED_OUT = ["-ffunction-sections", "-fdata-sections"]
+UNUSED_GONE = {
+    "linux": ["-Wl,--gc-sections"],
+    "darwin": ["-Wl,-dead_strip"],
+    "windows": ["-Wl,--gc-sections"],
+}
+NOT_COMPILED = {
+    "nmpc": "its solver runs in Python beside the model, and a core computes each tick within a bounded time"
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Content:
+    """What goes into a bundle: the controller's block, what evaluates it, files beside the core."""
+
+    name: str
+    controller: Block | External
+    engine: str = form.NATIVE
+    files: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
+    calibration: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the load estimate
+
+
+def bundle(
+    controller: str,
+    out: Path,
+    platforms: Sequence[str] = (),
+    changes: Mapping[str, float] | None = None,
+    engine: str = form.NATIVE,
+    calibration: Path | None = None,
+) -> form.Bundle:
+    """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
+
+    What was in `out` before is replaced.  `platforms` are names of fmus.compiler.TARGETS (default: this
+    machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is evaluated:
+    "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`.  Raises InputError
+    for an unknown controller, platform, parameter or engine, a controller that no core can run, or a folder
+    that holds something else; RunError if C fails.
+    """
+    content = _content(controller, engine)
+    if calibration is not None:
+        content = _calibrated(content, calibration)
+    return assemble(content, out, platforms, changes)
+
+
+def bundle_model(
+    model: Model,
+    name: str,
+    out: Path,
+    platforms: Sequence[str] = (),
+    changes: Mapping[str, float] | None = None,
+) -> form.Bundle:
+    """The same for any discrete model with a controller's signals, under the name `name`."""
+    return assemble(Content(name, Block(model, "controller")), out, platforms, changes)
+
+
+def assemble(
+    content: Content, out: Path, platforms: Sequence[str] = (), changes: Mapping[str, float] | None = None
+) -> form.Bundle:
+    """Write, compile and hash; `out` is replaced only when all of it is there."""
+    targets = [compiler.target(n).name for n in platforms or [compiler.host().name]]
+    constants = config.constants(changes or {})
+    _check_folder(out)
+    part = out.with_name(f"{out.name}.{os.getpid()}.part")
+    try:
+        blocks = write_sources(content.controller, part / "sources", constants, content.calibration)
+        identity = sources_hash(part / "sources")
+        for target in targets:
+            suffix = compiler.target(target).suffix
+            compile_core(part / "sources", identity, part / f"core-{target}{suffix}", target)
+        for name, data in content.files.items():
+            (part / name).write_bytes(data)
+        _write_json(part / "parameters.json", _parameters(blocks, constants))
+        _write_json(part / form.MANIFEST, _manifest(part, content, identity, targets))
+        shutil.rmtree(out, ignore_errors=True)
+        part.replace(out)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return form.load(out)
+
+
+def write_sources(
+    controller: Block | External,
+    folder: Path,
+    constants: Mapping[str, float],
+    calibration: Mapping[str, float] | None = None,
+) -> list[Block]:
+    """Write core and blocks; the blocks."""
+    arm, estimator = Block(load_model(ARM), ARM), Block(load_estimate(calibration), "load")
+    core = folder / "core"
+    core.mkdir(parents=True, exist_ok=True)
+    external = isinstance(controller, External)
+    for name in (*HAND_WRITTEN, *(["external.c"] if external else [])):
+        (core / name).write_bytes((CORE / name).read_bytes())
+    (core / "slw_math.h").write_bytes((SHIM / "slw_math.h").read_bytes())
+    (core / "core_config.h").write_text(config.config_h(constants))
+    (core / "core_config.c").write_text(config.config_c(controller, arm, estimator, constants))
+    (core / "geometry.c").write_text(config.geometry_c())
+    blocks = [arm, estimator] if isinstance(controller, External) else [controller, arm, estimator]
+    for block in blocks:
+        block.write(folder / "blocks" / block.name)
+    return blocks
+
+
+def compile_core(sources: Path, identity: str, out: Path, target: str) -> Path:
+    """Compile and link one platform's library.
+
+    What was compiled before from the same sources by the same compiler is taken from a cache.
+    """
+    cached = Cached(repr((identity, compiler.identity(target), target)))
+    if not cached.path.is_file():
+        with tempfile.TemporaryDirectory() as scratch:
+            cached.put(link(sources, identity, Path(scratch), target))
+    return Path(shutil.copy(cached.path, out))
+
+
+class Cached:
+    """A compiled library in the build folder, by all that it depends on."""
+
+    def __init__(self, key: str) -> None:
+        digest = form.digest(key.encode())
+        self.path = BUILD / "cores" / digest[:2] / digest
+
+    def put(self, library: Path) -> Path:
+        """Keep `library`; another process may do the same."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        part = self.path.with_name(f"{self.path.name}.{os.getpid()}.part")
+        shutil.copy(library, part)
+        return part.replace(self.path)
+
+
+def link(sources: Path, identity: str, folder: Path, target: str, extra: Sequence[str] = ()) -> Path:
+    """Compile into object files in `folder`, and link them there; `extra`: further flags (sanitizers)."""
+    objects = objects_of(sources, identity, folder, target, extra)
+    gone = UNUSED_GONE[target.partition("-")[2]]
+    return compiler.link_shared(objects, folder / "core.so", target, [*extra, *gone])
+
+
+def objects_of(
+    sources: Path, identity: str, folder: Path, target: str, extra: Sequence[str] = ()
+) -> list[Path]:
+    """Compile every source into `folder`; hand-written C without any warning."""
+    flags = [*UNUSED_OUT, *extra, f'-DSLR_IDENTITY="{identity}"']
+    include = ["-I", str(sources / "core")]
+    objects = [
+        compiler.compile_object(
+            path, folder / f"{path.stem}.o", target, [*flags, *include], path.name in UNCHECKED
+        )
+        for path in sorted((sources / "core").glob("*.c"))
+    ]
+    for own in sorted((sources / "blocks").iterdir()):
+        more = [*flags, "-I", str(own), *include]
+        objects += [
+            compiler.compile_object(own / n, folder / f"{own.name}_{n}.o", target, more, n in UNCHECKED)
+            for n in COMPILED
+        ]
+    return objects
+
+
+def identity_of(controller: str) -> str:
+    """The identity that a bundle of a controller would have if it were built now."""
+    with tempfile.TemporaryDirectory() as scratch:
+        write_sources(_content(controller, form.NATIVE).controller, Path(scratch), config.constants({}))
+        return sources_hash(Path(scratch))
+
+
+def sources_hash(folder: Path) -> str:
+    """SHA-256 over all sources and the compiler's flags: what a compiled core says it is."""
+    files = form.hashes(folder)
+    return form.digest(repr((compiler.FLAGS, sorted(files.items()))).encode())
+
+
+def _content(controller: str, engine: str) -> Content:
+    if engine not in form.ENGINES:
+        raise InputError(f"no engine '{engine}'; valid: {', '.join(form.ENGINES)}")
+    if controller.endswith(".onnx"):
+        from slewright.bundling.policy import content
+
+        return content(Path(controller), engine)
+    found = registry.find(controller)
+    if engine != form.NATIVE:
+        raise InputError(f"controller {controller} is no policy: its engine is {form.NATIVE}")
+    if found.folder in NOT_COMPILED:
+        raise InputError(f"controller {controller} cannot be bundled: {NOT_COMPILED[found.folder]}")
+    return Content(controller, Block(settled(found), "controller"))
+
+
+def _calibrated(content: Content, path: Path) -> Content:
+    """The same with the load estimate of a calibrated machine."""
+    from baselines.load.balance import unknowns
+    from baselines.load.calibration_file import read
+
+    found = dict(zip((u.name for u in unknowns()), read(path).values.tolist(), strict=True))
+    files = {**content.files, "load-calibration.json": path.read_bytes()}
+    return dataclasses.replace(content, files=files, calibration=found)
+
+
+def settled(controller: Controller) -> Model:
+    """A controller's model with its settings as its parameters' values."""
+    model = load_model(controller.folder)
+    for name in controller.settings:
+        model.index("parameters", name)
+    values = {v.name: controller.settings.get(v.name, v.start) for v in model.parameters}
+    changed = tuple(dataclasses.replace(v, start=values[v.name]) for v in model.parameters)
+    return dataclasses.replace(model, parameters=changed)
+
+
+def _check_folder(out: Path) -> None:
+    """InputError for a path that is a file, or a folder with anything but a bundle in it."""
+    if out.exists() and not (out / form.MANIFEST).is_file() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out} holds something that is no bundle; choose another folder")
+    if not out.parent.is_dir():
+        raise InputError(f"{out}: there is no folder {out.parent}")
+
+
+def _parameters(blocks: Sequence[Block], constants: Mapping[str, float]) -> dict[str, Any]:
+    known = parameters.check()
+    found = {name: p.value for name, p in parameters.load(*BAKED_IN).items()}
+    found |= {v.name: v.start for block in blocks for v in block.model.parameters} | dict(constants)
+    return {
+        name: {"value": value, "unit": known[name].unit, "source": known[name].source}
+        if name in known
+        else {"value": value}
+        for name, value in found.items()
+    }
+
+
+def _manifest(folder: Path, content: Content, identity: str, targets: Sequence[str]) -> dict[str, Any]:
+    return {
+        "format": form.FORMAT,
+        "controller": content.name,
+        "engine": content.engine,
+        "slewright": VERSION,
+        "layout": image.token(),
+        "identity": identity,
+        "platforms": sorted(targets),
+        "files": form.hashes(folder),
+    }
+
+
+def _write_json(path: Path, content: Any) -> None:
+    path.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n")

@@ -1,0 +1,50 @@
+"""`slewright faults`: every fault injected at random moments, each with its reaction and its time limit."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slewright import figures
+from slewright.figures import JsonOption
+from slewright.progress import progress
+
+
+def faults(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="FAULT", help="Only these (default: all).")
+    ] = None,
+    bundle: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The bundle that runs (default: one of pd, built now).")
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, help="Injections of each, at random moments.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the moments and of the machine's noise.")] = 1,
+    json: JsonOption = None,
+) -> None:
+    """Inject every fault into the runtime; exit code 1 if a reaction is missed or late (docs/hazards.md)."""
+    from slewright.bundling.default import ready
+    from slewright.faults.run import faults as chosen, run
+
+    wanted = chosen(names or ())
+    with progress("faults") as report:
+        outcomes = run(ready(bundle, report), wanted, count, seed, report)
+    _show(outcomes)
+    figures.write(json, {outcome.fault.name: outcome.figures() for outcome in outcomes}, seed)
+    missed = [outcome for outcome in outcomes if outcome.missed]
+    for outcome in missed:
+        typer.echo(f"slewright: {outcome.fault.name} missed: {'; '.join(outcome.missed[:3])}", err=True)
+    if missed:
+        raise typer.Exit(1)
+
+
+def _show(outcomes: list) -> None:
+    from slewright.tables import show
+
+    show(
+        "faults (simulated reference machine)",
+        ["fault", "injected", "caught", "worst ms", "limit ms", "reaction"],
+        [
+            (o.fault.name, o.injected, o.caught, round(o.worst_ms), round(o.fault.limit_ms), o.fault.reaction)
+            for o in outcomes
+        ],
+    )

@@ -1,0 +1,66 @@
+"""`slewright hil`: the controller against the simulated machine, in real time over CAN and Modbus."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slewright import figures
+from slewright.figures import JsonOption
+from slewright.progress import progress
+
+
+def hil(
+    bundle: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The bundle that runs (default: one of pd, built now).")
+    ] = None,
+    scenario: Annotated[str, typer.Option(metavar="NAME", help="Which scenario.")] = "four_targets_empty",
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", min=1.0, help="Only its first seconds (default: all).")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the machine's noise.")] = 1,
+    json: JsonOption = None,
+) -> None:
+    """Run a scenario in real time on one computer; metrics must be those of lock-step within tolerance."""
+    from slewright.bundling.default import ready
+    from slewright.hil.hil import SLEW_DEG, TOLERANCES, run
+    from slewright.hil.rig import Setting
+    from slewright.tables import show
+    from specs.scenario import TICK_S, load
+
+    found = load(scenario)
+    ticks = None if seconds is None else round(seconds / TICK_S)
+    with progress("hil") as report:
+        result = run(Setting(ready(bundle, report), found, seed, ticks=ticks), report)
+    rows = [
+        (f"{name} in {unit}", result.real[name], result.simulated[name], limit)
+        for name, (unit, limit) in TOLERANCES.items()
+        if name in result.real
+    ]
+    rows.append(("slew angles apart in °", result.slew_deg, 0.0, SLEW_DEG))
+    show("four metrics (simulated reference machine)", ["", "real time", "lock-step", "tolerance"], rows)
+    timing = result.statistics
+    typer.echo(
+        f"{timing['ticks']} ticks, {timing['overruns']} overruns, {timing['stolen_ticks']} stolen, "
+        f"lateness p99 {timing['lateness_us']['p99']:.0f} µs, sensor to command p99 "
+        f"{timing['latency_us']['p99'] / 1000:.1f} ms; the machine was {result.late_ticks} times late"
+    )
+    misses = result.misses()
+    tolerances = {name: limit for name, (_, limit) in TOLERANCES.items()}
+    figures.write(
+        json,
+        {
+            "real_time": result.real,
+            "lock_step": result.simulated,
+            "slew_apart_deg": result.slew_deg,
+            "tolerance": {**tolerances, "slew_apart_deg": SLEW_DEG},
+            "within_tolerance": not misses,
+            "statistics": timing,
+            "machine_late_ticks": result.late_ticks,
+        },
+        seed,
+    )
+    for miss in misses:
+        typer.echo(f"slewright: missed: {miss}", err=True)
+    if misses:
+        raise typer.Exit(1)

@@ -1,0 +1,56 @@
+"""`slewright replay`: a recording of the runtime, repeated bit for bit."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slewright import figures
+from slewright.figures import JsonOption
+from slewright.progress import progress
+
+
+def replay(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A segment (.mcap), or the folder of all segments.")
+    ],
+    bundle: Annotated[
+        Path,
+        typer.Option(metavar="DIR", help="The bundle that ran when it was recorded.", show_default=False),
+    ],
+    json: JsonOption = None,
+) -> None:
+    """Repeat a recording with the same control core; name the first tick that comes out differently."""
+    from runtime.bundle import load
+    from runtime.policy import open_core
+    from runtime.recorder.reader import Recording
+    from runtime.replay import check_identity, identity, replay as repeat
+    from specs.version import VERSION
+
+    recording = Recording(file)
+    metadata = recording.metadata()
+    checked = load(bundle)
+    check_identity(metadata, identity(checked.identity, VERSION))
+    with progress("replay") as report:
+        result = repeat(recording, open_core(checked), lambda ticks: report("ticks", ticks))
+    for note in result.notes:
+        typer.echo(f"slewright: {note}", err=True)
+    figures.write(
+        json,
+        {
+            "ticks": result.ticks,
+            "left_out": result.left_out,
+            "gaps": result.gaps,
+            "first_difference": str(result.first) if result.first else None,
+            "recorded_on": metadata.get("platform"),
+        },
+    )
+    if result.first:
+        typer.echo(
+            f"slewright: differs at {result.first} ({result.ticks - 1} ticks before it agree)", err=True
+        )
+        raise typer.Exit(1)
+    missing = (
+        f"; {result.gaps} gaps, {result.left_out} ticks without a state to start from" if result.gaps else ""
+    )
+    typer.echo(f"{result.ticks} ticks repeated bit for bit{missing}")

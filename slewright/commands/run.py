@@ -1,0 +1,58 @@
+"""`slewright run`: the machine controller."""
+
+import signal
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from slewright import figures
+from slewright.figures import JsonOption
+from slewright.progress import progress
+
+
+def run(
+    config: Annotated[
+        Path,
+        typer.Option("--config", metavar="FILE.toml", help="What runs on which wires (docs/runtime.md)."),
+    ],
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", min=0.02, help="End after so long (default: when told to).")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Run the cyclic controller on CAN and Modbus until Ctrl-C. No safety function (docs/hazards.md)."""
+    from runtime.image import OUTPUT, TICK_S
+    from runtime.supervisor import Counts, Supervisor
+
+    ticks = None if seconds is None else round(seconds / TICK_S)
+    modes = OUTPUT.signals[OUTPUT.at("control_mode")].values
+    stopped = False
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: processes and memory go
+
+    with progress("run") as report:
+
+        def show(found: Counts) -> None:
+            report(modes.get(found.mode, str(found.mode)), found.ticks, ticks)
+
+        supervisor = Supervisor(config, ticks)
+        with supervisor:
+            try:
+                found = supervisor.run(show)
+            except KeyboardInterrupt:
+                stopped = True
+                found = supervisor.run(show, stop=lambda: True)
+    _show(found)
+    figures.write(json, {**found, "interrupted": stopped})
+
+
+def _show(found: dict) -> None:
+    from slewright.tables import show
+
+    names = ("lateness_us", "policy_tick_us", "other_tick_us", "policy_step_us", "latency_us")
+    columns = ("p50", "p99", "p999", "max")
+    show("times in µs", ["", *columns], [(n[:-3], *(found[n][c] for c in columns)) for n in names])
+    counted = ("ticks", "overruns", "stolen_ticks", "skipped_ticks", "unrecorded_ticks")
+    typer.echo(", ".join(f"{found[name]} {name.replace('_', ' ')}" for name in counted))
+    for reason in found["reasons"]:
+        typer.echo(f"degraded: {reason}")

@@ -1,0 +1,203 @@
+"""Processes that are killed, at random moments, while the controller drives the machine in real time."""
+
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+import zlib
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from runtime.bundle import Bundle
+from runtime.can.busd import start_bus
+from runtime.can.port import open_bus
+from runtime.image import Flag
+from runtime.realtime import sleep_until
+from runtime.shared import private_folder
+from runtime.supervisor import Supervisor
+from slewright.faults.drive import AUTOMATIC, mode_number
+from slewright.faults.table import Fault, Outcome
+from slewright.hil.loads import clients
+from slewright.hil.machine import Machine
+from slewright.hil.machine_node import PERIOD_NS, MachineNode, Valves
+from slewright.hil.panel import ARMING_TICKS
+from slewright.hil.rig import BUS_PRIORITY, HOST, MACHINE_PRIORITY, free_port, prefer
+from slewright.progress import Report
+from specs.errors import RunError
+from specs.scenario import load as load_scenario
+from specs.signals import definition
+
+SCENARIO = "four_targets_empty"
+PATIENCE_TICKS = 3000
+HEARD_TICKS = 10  # before the operator's switches: the planner's slower messages have come
+ARMED = mode_number("armed")
+BURST_S = 0.2
+HELPERS = {"recorder_killed": ("recorder", Flag.RECORDER_LOST), "modbus_killed": ("modbus", Flag.MODBUS_LOST)}
+
+
+class Plant:
+    """Bus and machine, in real time in this process; a context."""
+
+    def __init__(self, bundle: Bundle, seed: int) -> None:
+        self._stack = ExitStack()
+        self.folder = Path(tempfile.mkdtemp(prefix="slewright-faults-"))
+        self._stack.callback(shutil.rmtree, self.folder, ignore_errors=True)
+        sockets = private_folder("slewright-bus-")
+        self._stack.callback(shutil.rmtree, sockets, ignore_errors=True)
+        self.channel = sockets / "bus"
+        bus = start_bus(self.channel)
+        self._stack.callback(_end, bus)
+        prefer(bus.pid, BUS_PRIORITY)
+        end = open_bus("slewright", str(self.channel), definition().bus.bit_rate, "Machine")
+        self._stack.callback(end.shutdown)
+        scenario = load_scenario(SCENARIO)
+        machine = self._stack.enter_context(Machine(scenario, seed))
+        self.node = MachineNode(end, scenario, machine, planner=True)
+        self.bundle = bundle
+        self.tick, self.beat, self._deadline = -ARMING_TICKS, 0, time.monotonic_ns()
+
+    def __enter__(self) -> Self:
+        prefer(os.getpid(), MACHINE_PRIORITY)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        prefer(os.getpid(), 0)
+        self._stack.close()
+
+    def configuration(self, helper: str = "") -> Path:
+        """A configuration file, with one helper or none."""
+        lines = [f'bundle = "{self.bundle.folder.resolve()}"', "[can]"]
+        lines += ['interface = "slewright"', f'channel = "{self.channel}"']
+        if helper == "recorder":
+            lines += ["[recorder]", 'folder = "recording"', "limit_mb = 50"]
+        if helper == "modbus":
+            lines += ["[modbus]", f'host = "{HOST}"', f"port = {free_port()}"]
+        path = self.folder / "machine.toml"
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        """Periods before the start, neutral."""
+        self._deadline = time.monotonic_ns()
+        for _ in range(PATIENCE_TICKS):
+            self._period()
+            self.node.wait(self.beat)
+            self.node.valves.at(self.beat)
+            if condition():
+                return
+        raise RunError("the control process was not heard")
+
+    def drive(self, ticks: int, condition: Callable[[], bool]) -> bool:
+        """Periods of the scenario until `condition`, at most so many; whether it came."""
+        for _ in range(ticks):
+            self._period()
+            self.node.tick(self.tick, self.beat)
+            self.tick += 1
+            if condition():
+                return True
+        return False
+
+    def go(self, mode: int = AUTOMATIC) -> None:
+        """From the arming of the controller to a mode (with Modbus, targets would come from there: ARMED)."""
+        self.node.valves = Valves()  # what a controller before this one said is forgotten
+        self.node.panel.over["machine_fault"] = 0.0  # somebody acknowledged the lost commands
+        self.wait(lambda: self.shown("control_mode") > 0)
+        del self.node.panel.over["machine_fault"]
+        self.tick = -ARMING_TICKS - HEARD_TICKS
+        if not self.drive(500, lambda: self.shown("control_mode") == mode):
+            said = ", ".join(f"{name} {self.shown(name):.0f}" for name in ("control_mode", "fault_code"))
+            raise RunError(f"mode {mode} did not come: {said}")
+
+    def shown(self, name: str) -> float:
+        """What the controller says."""
+        return self.node.valves.value(name)
+
+    def _period(self) -> None:
+        self._deadline += PERIOD_NS
+        sleep_until(self._deadline)
+        self.beat += 1
+        self.node.listen(self.beat, time.monotonic_ns())
+
+
+def run_all(bundle: Bundle, wanted: Sequence[Fault], count: int, seed: int, report: Report) -> list[Outcome]:
+    """Each of the `wanted` faults `count` times."""
+    makers = {"control_killed": _control_killed, "modbus_flooding": _flooded}
+    outcomes = []
+    for fault in wanted:
+        random = np.random.default_rng([seed, zlib.crc32(fault.name.encode())])
+        outcome = Outcome(fault)
+        with Plant(bundle, seed) as plant:
+            makers.get(fault.name, _helper_killed)(plant, outcome, count, random, report)
+        outcomes.append(outcome)
+    return outcomes
+
+
+def _control_killed(
+    plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report
+) -> None:
+    path = plant.configuration()
+    for number in range(count):
+        report(outcome.fault.name, number, count)
+        with Supervisor(path) as supervisor:
+            plant.go()
+            plant.drive(int(random.integers(5, 60)), lambda: False)
+            killed = time.monotonic()
+            os.kill(supervisor.control.pid, signal.SIGKILL)
+            neutral = plant.drive(50, lambda: not plant.node.valves.follows)
+            ms = 1000.0 * (time.monotonic() - killed)
+            outcome.add(plant.tick, ms if neutral else None)
+
+
+def _flooded(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report) -> None:
+    """Bursts at moments that the clients choose; each counts as caught if nothing changed in all of them."""
+    with Supervisor(plant.configuration("modbus")) as supervisor:
+        plant.go(ARMED)
+        modbus = supervisor.wanted.modbus
+        port = modbus.port if modbus else 0
+        with clients(port, BURST_S, count) as found:
+            process = found["process"]
+            plant.drive(
+                PATIENCE_TICKS,
+                lambda: process.poll() is not None or plant.shown("control_mode") != ARMED,
+            )
+            left = process.poll() is not None
+        why = "" if left and plant.shown("control_mode") == ARMED else "the mode changed"
+        why = why or ("overruns" if supervisor.now().overruns else "")
+        for _ in range(count):
+            outcome.add(plant.tick, 0.0, why)
+
+
+def _helper_killed(
+    plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report
+) -> None:
+    name, flag = HELPERS[outcome.fault.name]
+    with Supervisor(plant.configuration(name)) as supervisor:
+        helper = next(h for h in supervisor.helpers if h.name == name)
+        plant.go(ARMED if name == "modbus" else AUTOMATIC)
+        for number in range(count):
+            report(outcome.fault.name, number, count)
+            plant.drive(int(random.integers(5, 60)), lambda: False)
+            killed = time.monotonic()
+            os.kill(helper.pid, signal.SIGKILL)
+            seen = plant.drive(100, lambda: bool(int(plant.shown("runtime_flags")) & flag))
+            ms = 1000.0 * (time.monotonic() - killed)
+            supervisor.watch()
+            back = plant.drive(PATIENCE_TICKS, lambda: not int(plant.shown("runtime_flags")) & flag)
+            why = "" if back else "it did not come back"
+            if supervisor.watch() is not None or supervisor.now().overruns:
+                why = "the control process was touched"
+            outcome.add(plant.tick, ms if seen else None, why)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    process.wait()

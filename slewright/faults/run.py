@@ -1,0 +1,67 @@
+"""Runs the faults: a drive, random moments of it, `count` injections of each."""
+
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from runtime.bundle import load
+from runtime.control import ControlCore
+from slewright.faults import injected, inside
+from slewright.faults.drive import Drive
+from slewright.faults.table import BUS, IMAGE, INSIDE, PROCESS, Fault, Outcome
+from slewright.progress import Report
+from specs.errors import InputError, nearest
+from specs.scenario import load as load_scenario
+
+SCENARIO = "four_targets_empty"
+DRIVE_TICKS = 3000  # 60 s: all four targets
+LAST_TICKS = 60  # of the drive, in which no fault begins: it needs frames to go on with
+
+
+def faults(names: Sequence[str] = ()) -> list[Fault]:
+    """Those called `names`, all without; raises InputError for an unknown one."""
+    known = {f.name: f for f in (*BUS, *IMAGE, *INSIDE, *PROCESS)}
+    for name in names:
+        if name not in known:
+            raise InputError(f"no fault '{name}'; {nearest(name, known)}")
+    return [known[name] for name in names] if names else list(known.values())
+
+
+def run(
+    folder: Path, wanted: Sequence[Fault], count: int, seed: int, report: Report, ticks: int = DRIVE_TICKS
+) -> list[Outcome]:
+    """Inject each of the `wanted` faults `count` times into the runtime with the bundle in `folder`."""
+    bundle = load(folder)
+    outcomes = []
+    single = [f for f in wanted if f.level != "process"]
+    if single:
+        report("a drive without faults")
+        drive = Drive(ControlCore(bundle), load_scenario(SCENARIO), ticks, seed)
+        outcomes += _lockstep(drive, single, count, seed, report)
+    several = [f for f in wanted if f.level == "process"]
+    if several:
+        from slewright.faults.processes import run_all
+
+        outcomes += run_all(bundle, several, count, seed, report)
+    return outcomes
+
+
+def _lockstep(drive: Drive, wanted: Sequence[Fault], count: int, seed: int, report: Report) -> list[Outcome]:
+    randoms = {f.name: np.random.default_rng([seed, zlib.crc32(f.name.encode())]) for f in wanted}
+    possible = np.arange(drive.ticks.start, drive.ticks.stop - LAST_TICKS)
+    ticks = {name: random.choice(possible, count) for name, random in randoms.items()}
+    moments = drive.moments({int(t) for chosen in ticks.values() for t in chosen})
+    outcomes = []
+    for number, fault in enumerate(wanted):
+        report(fault.name, number, len(wanted))
+        inject, outcome = _injection(fault), Outcome(fault)
+        for tick in ticks[fault.name]:
+            inject(fault, drive, moments[int(tick)], randoms[fault.name], outcome)
+        outcomes.append(outcome)
+    return outcomes
+
+
+def _injection(fault: Fault) -> Callable[..., None]:
+    return getattr(inside, fault.name) if fault.level == "inside" else injected.inject

@@ -1,0 +1,114 @@
+"""What disturbs the runtime while its timing is measured: twenty Modbus clients, or a full computer."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from runtime.helpers import ROOT
+from runtime.image import INPUT, OUTPUT
+from runtime.modbus.cells import create
+from runtime.modbus.port import ModbusPort
+from runtime.shared import private_folder
+from slewright.hil.rig import HOST, PATIENCE_S
+from specs.errors import RunError
+
+CLIENTS = 20
+REGISTERS = 100  # of a request: nearly what Modbus allows (125)
+STRESS = ("stress-ng", "--cpu", "2", "--io", "1", "--vm", "1", "--vm-bytes", "128M", "--quiet")
+
+
+@contextmanager
+def clients(port: int, seconds: float, bursts: int = 1) -> Iterator[dict[str, Any]]:
+    """CLIENTS clients in a process of their own, which ask without a pause for `seconds`, `bursts` times."""
+    command = [sys.executable, "-m", "slewright.hil.loads", str(port), str(seconds), str(bursts)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    found: dict[str, Any] = {}
+    try:
+        if not process.stdout or process.stdout.readline() != "ready\n":
+            raise RunError("the Modbus clients did not start")
+        found["process"] = process
+        yield found
+        found |= json.loads(process.stdout.readline() or "{}")
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def stress() -> Iterator[None]:
+    """Processors, disk and memory busy."""
+    process = subprocess.Popen(STRESS, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        time.sleep(0.5)
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait()
+
+
+@contextmanager
+def server() -> Iterator[int]:
+    """A Modbus server without a control process, for what is measured beside ours; its port."""
+    folder = private_folder()
+    control = ModbusPort(*create(folder))
+    told = {"folder": str(folder), "host": HOST, "port": 0, "tls": None, "ports": str(folder / "ports")}
+    process = subprocess.Popen([sys.executable, "-m", "runtime.modbus.process", json.dumps(told)], cwd=ROOT)
+    try:
+        control.receive(INPUT.new(), 0)
+        control.send(OUTPUT.new(), 0)
+        yield _port_of(folder / "ports", process)
+    finally:
+        process.terminate()
+        process.wait()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _port_of(path: Path, process: subprocess.Popen[bytes]) -> int:
+    end = time.monotonic() + PATIENCE_S
+    while not path.is_file() or not path.read_text():
+        if process.poll() is not None or time.monotonic() > end:
+            raise RunError("the Modbus server did not start")
+        time.sleep(0.02)
+    return json.loads(path.read_text())["plain"]
+
+
+def main(port: int, seconds: float, bursts: int = 1) -> None:
+    """The clients' process: says `ready`, asks in bursts with random pauses, says how often."""
+    import asyncio
+    import random
+
+    async def ask(end: float) -> int:
+        reader, writer = await asyncio.open_connection(HOST, port)
+        body = bytes([1, 4, 0, 0, 0, REGISTERS])
+        request = bytes([0, 1, 0, 0, 0, len(body)]) + body
+        count = 0
+        while time.monotonic() < end:
+            writer.write(request)
+            head = await reader.readexactly(6)
+            await reader.readexactly(int.from_bytes(head[4:6], "big"))
+            count += 1
+        writer.close()
+        return count
+
+    async def all_of_them() -> list[int]:
+        print("ready", flush=True)
+        counts: list[int] = []
+        for number in range(bursts):
+            await asyncio.sleep(random.uniform(0.0, 0.3) if number else 0.0)
+            end = time.monotonic() + seconds
+            counts += await asyncio.gather(*(ask(end) for _ in range(CLIENTS)))
+        return counts
+
+    counts = asyncio.run(all_of_them())
+    print(json.dumps({"rps": sum(counts) / (seconds * bursts)}), flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), float(sys.argv[2]), *map(int, sys.argv[3:]))

@@ -1,0 +1,165 @@
+"""ONNX and FMU of a policy: parity with torch, contract in the file, what is refused."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+import pytest
+import torch
+
+from learning.policy import controller, export
+from learning.policy.export import Policy
+from learning.policy.features import OUTPUTS, features
+from learning.policy.network import Interface, perceptron, set_weights, weights_of
+from specs import policy as specs
+from specs.errors import InputError
+from tests.conftest import ROOT
+from tests.fmus.importer import Imported
+from tests.learning.policy.test_features import observations
+
+PARITY = 1e-6
+LAYERS = (32, 16)
+PRIOR = {"full": "", "slew": "pd"}
+TICKS = 5
+
+
+def made(task: str, history: int = specs.HISTORY, seed: int = 1) -> Policy:
+    """A policy with random weights whose commands are of the size of the limits."""
+    torch.manual_seed(seed)
+    mlp = perceptron([features(task, history).numel_out(0), *LAYERS, OUTPUTS[task]])
+    weights = weights_of(mlp)
+    weights[-1] = (6.0 * weights[-1][0], weights[-1][1])
+    return Policy(
+        specs.contract(task, history, prior=PRIOR[task], data_sha256="ab", made={"seed": seed}), weights
+    )
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """ONNX files of both tasks."""
+    folder = tmp_path_factory.mktemp("policies")
+    return {task: export.write(made(task), folder / f"{task}.onnx") for task in specs.TASKS}
+
+
+def answers(path: Path, seen: np.ndarray) -> np.ndarray:
+    """What onnxruntime answers to observations [n, N]."""
+    session = ort.InferenceSession(str(path))
+    rows = [np.asarray(session.run(None, {specs.INPUT: row[None].astype(np.float32)})[0]) for row in seen]
+    return np.concatenate(rows)
+
+
+@pytest.mark.parametrize("task", specs.TASKS)
+def test_torch_and_onnxruntime_agree(task: str, files: dict[str, Path]) -> None:
+    """To 1e-6, commands of all sizes; in double precision torch's own functions."""
+    seen = observations(40).astype(np.float32)
+    policy, way = made(task), Interface(task, specs.HISTORY, PRIOR[task])
+    mlp = perceptron(way.sizes(LAYERS))
+    set_weights(mlp, policy.weights)
+    batch = torch.tensor(seen.T, dtype=torch.float64)
+    mlp = mlp.double()
+    inputs = torch.tensor(
+        np.array([np.array(features(task, specs.HISTORY)(r.astype(float))).ravel() for r in seen])
+    )
+    with torch.no_grad():
+        ours = way.limited(way.asked(mlp(inputs), batch)).numpy().T
+    theirs = answers(files[task], seen)
+    assert np.abs(ours - theirs).max() <= PARITY
+    assert np.ptp(theirs[:, 0]) > 0.1
+    assert np.abs(policy(seen[0].astype(float)) - theirs[0]).max() <= PARITY
+
+
+@pytest.mark.parametrize("task", specs.TASKS)
+def test_the_fmu_answers_like_onnxruntime(task: str, files: dict[str, Path], tmp_path: Path) -> None:
+    """Two seconds at 50 Hz, targets changing: history, rate, holding and commands; parity 1e-6."""
+    fmu = controller.build(made(task), f"policy_{task}", tmp_path)
+    session = ort.InferenceSession(str(files[task]))
+    rng = np.random.default_rng(4)
+    held: dict[str, float] = dict.fromkeys(specs.ACTIONS, 0.0)
+    history, worst, seen = specs.History(), 0.0, []
+    sensors = {name: rng.normal(0, 0.1) for name in specs.SENSORS} | {"q_boom": 1.1, "q_stick": -1.2}
+    told = {"target_x": 9.0, "target_y": 1.0, "target_z": 5.0, "load_told": 800.0, "pace": 0.9}
+    with Imported(fmu) as instance:
+        for tick in range(100):
+            sensors = {name: value + rng.normal(0, 0.02) for name, value in sensors.items()}
+            if tick == 50:
+                told |= {"target_x": -6.0, "target_y": 7.0, "target_z": 6.5}
+            if tick % TICKS == 0:
+                history.push(sensors, held)
+                row = np.array([history.observation(told)], np.float32)
+                answer = np.asarray(session.run(None, {specs.INPUT: row})[0])[0]
+                held = dict(zip(specs.ACTIONS, answer.tolist(), strict=True))
+            found = instance.run(1, {**sensors, **told}, list(specs.ACTIONS))[0]
+            worst = max(worst, *(abs(a - held[n]) for a, n in zip(found, specs.ACTIONS, strict=True)))
+            seen.append(found)
+    assert worst <= 5 * PARITY  # observations are rounded to single precision on the way into ONNX alone
+    assert np.ptp(np.array(seen)[:, 0]) > 0.01
+
+
+def test_what_is_written_is_read_and_the_same_bytes_again(files: dict[str, Path], tmp_path: Path) -> None:
+    """Contract and weights; deterministic."""
+    found = export.read(files["full"])
+    assert found.contract == made("full").contract
+    assert all(np.array_equal(a, b) for x, y in zip(found.weights, made("full").weights, strict=True)
+               for a, b in zip(x, y, strict=True))  # fmt: skip
+    again = export.write(found, tmp_path / "again.onnx")
+    assert again.read_bytes() == files["full"].read_bytes()
+
+
+def changed(path: Path, out: Path, how: str) -> Path:
+    """A copy of an ONNX policy with something wrong."""
+    model = onnx.load(str(path))
+    if how == "metadata":
+        del model.metadata_props[:]
+    elif how == "input":
+        model.graph.input[0].type.tensor_type.shape.dim[1].dim_value = 70
+    elif how == "node":
+        next(n for n in model.graph.node if n.op_type == "Tanh").op_type = "Sigmoid"
+    elif how == "weights":
+        tensor = model.graph.initializer[-1]
+        values = onnx.numpy_helper.to_array(tensor).copy()
+        values[...] = np.nan
+        tensor.CopyFrom(onnx.numpy_helper.from_array(values, tensor.name))
+    out.write_bytes(model.SerializeToString())
+    return out
+
+
+@pytest.mark.parametrize(
+    ("how", "named"),
+    [
+        ("metadata", "no policy of this project"),
+        ("input", r"input 'observation' \[1, 70\]; specs/policy.py says 'observation' \[1, 69\]"),
+        ("node", "its graph is not"),
+    ],
+)
+def test_another_file_is_refused(how: str, named: str, files: dict[str, Path], tmp_path: Path) -> None:
+    """File and difference are named."""
+    path = changed(files["full"], tmp_path / "odd.onnx", how)
+    with pytest.raises(InputError, match=named) as error:
+        export.read(path)
+    assert "odd.onnx" in str(error.value)
+
+
+def test_no_file_and_no_onnx_are_refused(tmp_path: Path) -> None:
+    """With what makes one."""
+    with pytest.raises(InputError, match="slewright train policy"):
+        export.read(tmp_path / "none.onnx")
+    (tmp_path / "text.onnx").write_bytes(os.urandom(200))
+    with pytest.raises(InputError, match=r"text\.onnx"):
+        export.read(tmp_path / "text.onnx")
+
+
+def test_weights_of_another_task_are_refused() -> None:
+    """Sizes are those of the task and its history."""
+    other = made("slew")
+    with pytest.raises(InputError, match="a full policy with a history of 5 has 74 and 3"):
+        Policy(specs.contract("full"), other.weights)
+
+
+def test_reading_and_building_need_no_torch() -> None:
+    """A policy is run, verified and compared where only CasADi and onnx are installed."""
+    code = "import sys, learning.policy.controller, slewright.policies; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0

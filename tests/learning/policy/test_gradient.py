@@ -1,0 +1,70 @@
+"""The gradient of an episode is its reward's own: against differences, through all of the simulation."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from learning.policy.environment import load_networks, without_noise
+from learning.policy.gradient import GradientTrainer, schedule
+from learning.policy.recipe import recipe
+
+WEIGHTS = Path(__file__).resolve().parents[3] / "fmus" / "slew_nn" / "weights.npz"
+
+
+def episode(trainer: GradientTrainer) -> torch.Tensor:
+    """Mean reward of the same 2 s episodes, whatever the weights."""
+    trainer.environment.generator.manual_seed(5)
+    s = trainer.environment.fresh()
+    total = torch.zeros(trainer.environment.n)
+    for _ in range(20):
+        observation = trainer.environment.observe(s)
+        y = trainer.mlp(trainer.interface.features(observation))
+        s, rewards = trainer.play(s, y, observation, leak=0.0)
+        total = total + sum(rewards.values())
+    return total.mean()
+
+
+@pytest.mark.parametrize("task", ["slew", "full"])
+def test_the_gradient_is_that_of_differences(task: str) -> None:
+    """Along the gradient and along two random directions of the weights."""
+    weights = {"balance": 1.0, "closing": 1.0, "oscillation": 0.5, "decouple": 0.5, "action": 0.1}
+    chosen = replace(
+        without_noise(recipe(task)), envs=32, layers=(16,), weights=weights, iterations=2, ahead_s=0.0
+    )
+    trainer = GradientTrainer(chosen, load_networks([WEIGHTS]), 1)
+    parameters = list(trainer.mlp.parameters())
+    gradient = torch.autograd.grad(episode(trainer), parameters)
+    start = [p.detach().clone() for p in parameters]
+    generator = torch.Generator().manual_seed(2)
+    directions = [
+        gradient,
+        *([torch.randn(p.shape, generator=generator) for p in parameters] for _ in range(2)),
+    ]
+    for direction in directions:
+        size = torch.sqrt(sum((d**2).sum() for d in direction))  # type: ignore[arg-type]
+        slope = sum(float((g * d).sum()) for g, d in zip(gradient, direction, strict=True)) / float(size)
+        ends = []
+        for sign in (1.0, -1.0):
+            with torch.no_grad():
+                for p, at, d in zip(parameters, start, direction, strict=True):
+                    p.copy_(at + sign * 0.01 * d / size)
+                ends.append(float(episode(trainer)))
+        assert (ends[0] - ends[1]) / 0.02 == pytest.approx(
+            slope, rel=0.05, abs=0.02 * float(gradient_size(gradient))
+        )
+
+
+def gradient_size(gradient: tuple[torch.Tensor, ...]) -> torch.Tensor:
+    """Euclidean length."""
+    return torch.sqrt(torch.stack([(g**2).sum() for g in gradient]).sum())
+
+
+def test_the_rate_rises_and_falls() -> None:
+    """From little to all to a fiftieth."""
+    values = [schedule(p) for p in (0.0, 0.02, 0.5, 1.0)]
+    assert values[0] < 0.1
+    assert values[1] > 0.95
+    assert values[2] == pytest.approx(0.51, abs=0.01)
+    assert values[3] == pytest.approx(0.02)

@@ -1,0 +1,136 @@
+"""The batched simulation is the FMUs' own: random roll-outs of 10 s through the orchestrator beside it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from fmus.equations.kinematics import geometry
+from fmus.slew_nn.network import SlewNetwork
+from fmus.slew_nn.untrained import untrained
+from learning.policy.plant import OWN_DEAD_BAND, TICKS, Drive, Plant, nominal, warped
+from orchestrator.assembly import assemble
+from orchestrator.simulate import simulate
+from orchestrator.stimuli import Stimuli
+from specs import systems
+
+WEIGHTS = Path(__file__).resolve().parents[3] / "fmus" / "slew_nn" / "weights.npz"
+PERIODS = 100  # 10 s
+COMMANDS = ("u_slew", "qd_boom_ref", "qd_stick_ref")
+LIMIT = 1e-4  # of the largest value in a roll-out
+SYSTEM = {
+    "description": "The mixed simulation, driven from outside",
+    "step_s": 0.02,
+    "stop_s": 10.0,
+    "components": {
+        "slew": {"fmu": "slew_nn", "inputs": {"system": ["u_slew"], "arm": ["inertia", "inertia_rate"]}},
+        "arm": {"fmu": "arm", "inputs": {"system": ["qd_boom_ref", "qd_stick_ref"]}},
+        "tool": {
+            "fmu": "tool",
+            "inputs": {"slew": ["q_slew", "qd_slew"], "arm": ["radius", "radius_rate", "height"]},
+        },
+    },
+    "outputs": {
+        "slew": ["q_slew", "qd_slew", "p_slew_a", "p_slew_b"],
+        "arm": ["q_boom", "q_stick", "qd_boom", "qd_stick", "inertia"],
+        "tool": ["q_tool_x", "q_tool_y", "qd_tool_x", "qd_tool_y"],
+    },
+}
+
+
+def moves(seed: int) -> np.ndarray:
+    """Commands [PERIODS, 3], some held for longer, some beyond the limits of the arm's loops."""
+    rng = np.random.default_rng(seed)
+    fast = np.column_stack([rng.uniform(-1, 1, PERIODS), rng.uniform(-0.25, 0.25, (PERIODS, 2))])
+    return np.repeat(fast[::4], 4, axis=0) if seed % 2 else fast
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_roll_outs_are_those_of_the_fmus(seed: int) -> None:
+    """Slew networks, arm and tool over 10 s, 1e-4 relative; delays, joint limits and coupling included."""
+    commands = moves(seed)
+    changed: dict[str, Any] = {
+        "tool_length_x": 1.7,
+        "tool_length_y": 2.2,
+        "tool_damping_x": 0.15,
+        "load": 1200.0,
+    }
+    run = simulate(
+        assemble(systems.parse("mixed", SYSTEM)),
+        PERIODS * TICKS,
+        Stimuli({k * TICKS: dict(zip(COMMANDS, r, strict=True)) for k, r in enumerate(commands.tolist())}),
+        {
+            "arm.load_mass": 1200.0, "tool.load_mass": 1200.0, "tool.tool_length_x": 1.7,
+            "tool.tool_length_y": 2.2, "tool.tool_damping_x": 0.15, "slew.start_slew_pressure": 1.7e6,
+        },
+    )  # fmt: skip
+    plant = Plant(Drive([SlewNetwork.load(WEIGHTS)]))
+    machine = nominal(1, **changed)
+    g = geometry()
+    one = torch.ones(1)
+    state = plant.start(g.start_q_slew * one, g.start_q_boom * one, g.start_q_stick * one, 1.7e6)
+    state.sent[:] = torch.tensor(commands[0])[:, None]  # as the FMU's delay lines start
+    found = []
+    for row in commands:
+        state = plant.advance(state, torch.tensor(row, dtype=torch.float32)[:, None], machine)
+        drive = [state.q, state.omega[-1], state.p_r[-1], state.p_l[-1]]
+        found.append([*drive, *state.arm, plant.inertia(state, machine), *state.tool[:4]])
+    ours = np.array([[float(v) for v in row] for row in found])
+    names = [name for outputs in SYSTEM["outputs"].values() for name in outputs]
+    for column, name in enumerate(names):
+        theirs = run.column(name)[TICKS::TICKS]
+        worst = np.abs(ours[:, column] - theirs).max() / np.abs(theirs).max()
+        assert worst <= LIMIT, (name, worst)
+    assert np.ptp(run.column("q_boom")) > 0.1
+
+
+def test_networks_are_those_of_numpy_also_several_at_once() -> None:
+    """Two networks, one an ensemble mirrored: each group of machines has its own."""
+    nets = [untrained(s, (24, 16), (16,), members=2, symmetric=True, residual=True) for s in (1, 2)]
+    rng = np.random.default_rng(3)
+    u, w = rng.uniform(-1, 1, (8, 10)), rng.uniform(-0.5, 0.5, (8, 10))
+    p_l, p_r = rng.uniform(1e6, 2e7, (2, 8, 10))
+    inertia = rng.uniform(3e5, 8e5, 8)
+    drive = Drive(nets, dtype=torch.float64)
+    past = [torch.tensor(v.T.copy()) for v in (u, p_l, p_r, w)]
+    ours = drive(past[0], past[1], past[2], past[3], torch.tensor(inertia))
+    for part, net in ((slice(0, 4), nets[0]), (slice(4, 8), nets[1])):
+        theirs = net.predict(u[part], p_l[part], p_r[part], w[part], inertia[part])
+        for a, b in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(a[part].numpy(), b, rtol=1e-9)
+
+
+def test_dead_band_moved_by_two_straight_lines() -> None:
+    """At the wanted dead band the networks see their own; 0 and full stay; both ways alike."""
+    u = torch.tensor([0.0, 0.15, -0.15, 1.0, 0.075])
+    band = torch.full_like(u, 0.15)
+    expected = [0.0, OWN_DEAD_BAND, -OWN_DEAD_BAND, 1.0, OWN_DEAD_BAND / 2]
+    np.testing.assert_allclose(warped(u, band).numpy(), expected, rtol=1e-6, atol=1e-7)
+
+
+def test_latency_holds_back_joystick_and_references() -> None:
+    """Two ticks of latency: a period's joystick is two fifths the old one; the arm moves two ticks later."""
+    plant = Plant(Drive([untrained(1)]))
+    one = torch.ones(1)
+    state = plant.start(0 * one, 1.2 * one, -1.5 * one)
+    after = plant.advance(state, torch.tensor([[1.0], [0.0], [0.0]]), nominal(1, latency=2.0))
+    assert float(after.u[-1]) == pytest.approx(0.6)
+    start = dict.fromkeys((0.0, 2.0), 0.0)
+    for latency in start:
+        now, machine = state, nominal(1, latency=latency, boom_delay=0.2)
+        for _ in range(4):
+            now = plant.advance(now, torch.tensor([[0.0], [0.2], [0.0]]), machine)
+        start[latency] = float(now.arm[0] - 1.2)
+    assert start[0.0] - start[2.0] == pytest.approx(2 * 0.02 * 0.2, rel=0.05)
+
+
+def test_counts_states_outside_the_data() -> None:
+    """As SlewNetwork.outside does."""
+    net = SlewNetwork.load(WEIGHTS)
+    rng = np.random.default_rng(1)
+    inertia, u, w = rng.uniform(1e5, 1.6e6, 500), rng.uniform(-1, 1, 500), rng.uniform(-1.2, 1.2, 500)
+    found = Drive([net], dtype=torch.float64).outside(*(torch.tensor(v) for v in (inertia, u, w)))
+    assert (found.numpy() == net.outside(inertia, u, w)).all()
+    assert 0 < found.float().mean() < 1

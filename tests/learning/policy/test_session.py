@@ -1,0 +1,154 @@
+"""Trainings end to end, small: files, going on along the same curve, and what stops them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from fmus.slew_nn.untrained import untrained
+from learning.policy import export, session
+from learning.policy.gradient import GradientTrainer
+from learning.policy.recipe import recipe
+from learning.policy.session import Options
+from specs.errors import InputError, RunError
+
+SMALL: dict[str, Any] = {
+    "envs": 8, "iterations": 4, "episode_s": 0.5, "layers": (8,), "steps": 4, "epochs": 1, "batches": 1,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def network(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small slew network."""
+    path = tmp_path_factory.mktemp("networks") / "small.npz"
+    untrained(1, residual=True).save(path)
+    return path
+
+
+def options(network: Path, out: Path, recipe: str, **more: Any) -> Options:
+    """A short training."""
+    task = "slew" if "slew" in recipe else "full"
+    return Options(
+        task, recipe, networks=(network,), out=out, changed={**SMALL, **more.pop("changed", {})}, **more
+    )
+
+
+def curve(out: Path) -> list[dict[str, float]]:
+    """The learning curve."""
+    return [json.loads(line) for line in (out / session.CURVE).read_text().splitlines()]
+
+
+def quiet(what: str, done: float, total: float) -> None:
+    """No progress."""
+
+
+@pytest.mark.parametrize("recipe", ["full", "slew", "paper"])
+def test_a_killed_training_goes_on_along_the_same_curve(recipe: str, network: Path, tmp_path: Path) -> None:
+    """Two iterations, then the rest from the checkpoint: every figure and the policy as if in one go."""
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    more = {"changed": {"consecutive": 0.5, "swinging": 0.5, "asymmetric": recipe == "paper"}}
+    done = session.run(options(network, whole, recipe, **more), quiet)
+    first = session.run(options(network, parts, recipe, **more, stop_after=2), quiet)
+    assert first["iterations"] == 2
+    assert not first["policy"]
+    with (parts / session.CURVE).open("a") as file:
+        file.write('{"iteration": 3, "rew')  # ended while it wrote a line
+    second = session.run(options(network, parts, recipe, **more), quiet)
+    assert second["resumed_at"] == 2
+    assert curve(parts) == curve(whole)
+    one, other = (export.read(Path(d["policy"])) for d in (done, second))
+    for a, b in zip(one.weights, other.weights, strict=True):
+        assert (a[0] == b[0]).all()
+        assert (a[1] == b[1]).all()
+    assert one.contract.made["seed"] == 1
+    assert "slewright train policy" in one.contract.made["command"]
+    assert one.contract.data_sha256 == session.digest([network])
+    assert any(whole.glob("events*"))
+
+
+def test_learning_improves_the_reward(network: Path, tmp_path: Path) -> None:
+    """By the gradient, on one fixed set of starts, more than noise."""
+    changed = {"iterations": 12, "rate": 0.01, "curriculum": 0.0, "episode_s": 2.0, "envs": 16}
+    session.run(options(network, tmp_path, "full", changed=changed), quiet)
+    rows = [row["reward/closing"] + row["reward/balance"] for row in curve(tmp_path)]
+    assert max(rows[-4:]) > max(rows[:4])
+
+
+def test_a_reward_that_is_no_number_stops_and_keeps_the_last_good(
+    network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The term is named; the checkpoint is that of before, and still loads."""
+    session.run(options(network, tmp_path, "full", stop_after=2), quiet)
+    kept = (tmp_path / "checkpoint.pt").read_bytes()
+    play = GradientTrainer.play
+
+    def broken(self: Any, *args: Any, **more: Any) -> Any:
+        after, rewards = play(self, *args, **more)
+        return after, rewards | {"closing": rewards["closing"] * float("nan")}
+
+    with monkeypatch.context() as patch:
+        patch.setattr(GradientTrainer, "play", broken)
+        with pytest.raises(RunError, match=r"reward term closing is .*checkpoint\.pt"):
+            session.run(options(network, tmp_path, "full"), quiet)
+    assert (tmp_path / "checkpoint.pt").read_bytes() == kept
+    assert session.run(options(network, tmp_path, "full"), quiet)["resumed_at"] == 2
+
+
+def test_checkpoints_of_another_training_are_refused(network: Path, tmp_path: Path) -> None:
+    """Another layout, recipe, seed or slew network; a file that is none."""
+    session.run(options(network, tmp_path, "full", stop_after=1), quiet)
+    for more, named in (
+        ({"changed": {"history": 3}}, "layout|history"),
+        ({"changed": {"rate": 0.5}}, "recipe: rate"),
+        ({"seed": 2}, "seed"),
+    ):
+        with pytest.raises(InputError, match=f"checkpoint of another.*({named})"):
+            session.run(options(network, tmp_path, "full", **more), quiet)
+    other = tmp_path / "other.npz"
+    untrained(2, residual=True).save(other)
+    with pytest.raises(InputError, match="set of slew networks"):
+        session.run(options(other, tmp_path, "full"), quiet)
+    (tmp_path / "checkpoint.pt").write_bytes(b"nothing")
+    with pytest.raises(InputError, match="no readable checkpoint"):
+        session.run(options(network, tmp_path, "full"), quiet)
+
+
+def test_wrong_words_are_refused(network: Path, tmp_path: Path) -> None:
+    """Task, recipe of another task, budget, field; a slew network without pressures or of another history."""
+    with pytest.raises(InputError, match="recipe slew is for task slew"):
+        Options("full", "slew").chosen()
+    with pytest.raises(InputError, match="no budget 'ful'"):
+        Options("full", budget="ful").chosen()
+    with pytest.raises(InputError, match="no field 'speed'"):
+        session.changes(["speed=1"])
+    assert session.changes(["envs=64", "weights.action=0.5"]) == {"envs": 64, "weights": {"action": 0.5}}
+    with pytest.raises(InputError, match=r"none\.npz"):
+        session.run(Options("full", networks=(tmp_path / "none.npz",), out=tmp_path / "x"), quiet)
+    assert not (tmp_path / "x").exists()
+    good = untrained(1)
+    cut = (good.velocity[0].weights[0][:, :31], *good.velocity[0].weights[1:])
+    replace(good, velocity=(replace(good.velocity[0], weights=cut),)).save(tmp_path / "short.npz")
+    with pytest.raises(InputError, match="velocity network of 31 inputs; with a history of 10 it has 41"):
+        session.run(Options("full", networks=(tmp_path / "short.npz",), out=tmp_path / "x"), quiet)
+
+
+def test_training_leaves_one_thread(network: Path, tmp_path: Path) -> None:
+    """A seed is a core's."""
+    session.run(options(network, tmp_path, "slew", stop_after=1), quiet)
+    assert torch.get_num_threads() == 1
+
+
+def test_products_in_bfloat16_learn_nearly_the_same(network: Path) -> None:
+    """One update of PPO in mixed precision moves the weights along those of single precision."""
+    moved = []
+    for mixed in (False, True):
+        chosen = recipe("paper", envs=64, steps=8, epochs=1, batches=1, layers=(32,), mixed=mixed)
+        trainer = session.make_trainer(chosen, (network,), 1)
+        before = [p.detach().clone() for p in trainer.mlp.parameters()]
+        trainer.iterate()
+        after = trainer.mlp.parameters()
+        moved.append(torch.cat([(b - a).detach().flatten() for a, b in zip(before, after, strict=True)]))
+    assert float(torch.nn.functional.cosine_similarity(*moved, dim=0)) > 0.9

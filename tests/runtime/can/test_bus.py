@@ -1,0 +1,173 @@
+"""The local bus as a process, python-can's interface to it, and the runtime's port on it."""
+
+import os
+import signal as signals
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from runtime.can.busd import ask, start_bus
+from runtime.can.codec import codecs
+from runtime.can.localbus import LocalBus
+from runtime.can.port import FRAMES_A_TICK, CanPort, open_bus
+from runtime.can.transmit import Transmitter
+from runtime.image import INPUT, OUTPUT, Flag, Status
+from runtime.shared import private_folder
+from specs.errors import InputError
+
+MACHINE = {f.name: i for i, f in enumerate(f for c in codecs().values() for f in c.fields)}
+
+
+@pytest.fixture(scope="module")
+def path() -> Iterator[Path]:
+    """A bus that takes no time."""
+    folder = private_folder()
+    process = start_bus(folder / "bus", bit_rate=0)
+    try:
+        yield folder / "bus"
+    finally:
+        if process.poll() is None:
+            ask(folder / "bus", "stop")
+        process.wait(10)
+        if process.stdout:
+            process.stdout.close()
+        (folder / "bus").unlink(missing_ok=True)
+        folder.rmdir()
+
+
+def settled(path: Path, sent: int) -> None:
+    """Wait until the bus has delivered `sent` frames."""
+    deadline = time.monotonic() + 10
+    while sum(n["sent"] for n in ask(path, "state")["nodes"].values()) < sent:
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def test_python_can_sends_and_receives(path: Path) -> None:
+    with LocalBus(str(path), node="a") as a, LocalBus(str(path), node="b") as b:
+        a.send(can.Message(arbitration_id=0x18FF1080, data=b"\x01\x02", is_extended_id=True))
+        got = b.recv(5.0)
+        assert got is not None
+        assert (got.arbitration_id, bytes(got.data), got.is_extended_id) == (0x18FF1080, b"\x01\x02", True)
+        assert abs(got.timestamp - time.time()) < 5
+        assert a.recv(0) is None  # nobody hears himself
+
+
+def test_python_can_knows_the_interface_by_name(path: Path) -> None:
+    try:
+        bus = can.Bus(interface="slewright", channel=str(path), node="x")
+    except can.CanInterfaceNotImplementedError:
+        pytest.skip("installed before the interface was there: pip install -e .")
+    assert isinstance(bus, LocalBus)
+    bus.shutdown()
+
+
+def test_machine_and_controller_talk(path: Path) -> None:
+    machine, bus = LocalBus(str(path), node="Machine"), open_bus("slewright", str(path), 250_000)
+    port, sender = CanPort(bus), Transmitter("Machine", MACHINE)
+    image, values = INPUT.new(), [0.0] * len(MACHINE)
+    values[MACHINE["q_slew"]], values[MACHINE["p_pump"]], values[MACHINE["oil_temperature"]] = (
+        1.25,
+        2e7,
+        300.0,
+    )
+    port.receive(image, 0)
+    assert image["status"][INPUT.at("q_slew")] == Status.NEVER
+    assert port.received_ns() == 0
+    frames = sender.due(values, 0)
+    for frame_id, data in frames:
+        machine.send_raw(frame_id | 0x8000_0000, data)
+    settled(path, len(frames))
+    port.receive(image, 1)
+    assert image["value"][INPUT.at("q_slew")] == pytest.approx(1.25)
+    assert image["value"][INPUT.at("p_pump")] == pytest.approx(2e7)
+    assert image["status"][INPUT.at("q_slew")] == Status.OK
+    assert image["age"][INPUT.at("q_slew")] in (0, 1)
+    assert 0 < port.received_ns() <= time.monotonic_ns()
+    port.send(OUTPUT.new(), 0)
+    got = machine.recv(5.0)
+    assert got is not None
+    assert got.arbitration_id == codecs()["SlewCommand"].message.frame_id
+    assert port.flags() == 0
+    machine.shutdown()
+    bus.shutdown()
+
+
+def test_one_tick_takes_a_bounded_number_of_frames(path: Path) -> None:
+    babbler, bus = LocalBus(str(path), node="babbler"), open_bus("slewright", str(path), 250_000)
+    port, sent = CanPort(bus), 0
+    while sent < FRAMES_A_TICK + 20:
+        try:
+            babbler.send_raw(0x8000_0001, bytes(8))
+            sent += 1
+        except can.CanOperationError:
+            time.sleep(0.001)
+        if sent == 60:
+            settled(path, 60)
+    time.sleep(0.1)
+    image, seen = INPUT.new(), []
+    source = port._bus
+    original = source.recv_raw
+    source.recv_raw = lambda: (seen.append(1), original())[1]
+    port.receive(image, 0)
+    assert len(seen) <= FRAMES_A_TICK
+    babbler.shutdown()
+    bus.shutdown()
+
+
+def test_bus_off_is_seen_and_seen_to_end(path: Path) -> None:
+    port = CanPort(open_bus("slewright", str(path), 250_000))
+    other = LocalBus(str(path), node="other")
+    image = INPUT.new()
+    ask(path, "spoil", node="Controller", count=20)
+    port.send(OUTPUT.new(), 0)
+    deadline = time.monotonic() + 10
+    while not port.flags() & Flag.BUS_PASSIVE:
+        port.receive(image, 0)
+        assert time.monotonic() < deadline
+    ask(path, "off", node="Controller")
+    while not port.flags() & Flag.BUS_OFF:
+        port.receive(image, 0)
+        assert time.monotonic() < deadline
+    while port.flags():
+        port.receive(image, 0)
+        assert time.monotonic() < deadline
+    other.shutdown()
+
+
+def test_a_bus_process_that_dies_is_a_bus_that_is_off() -> None:
+    folder = private_folder()
+    process = start_bus(folder / "bus", bit_rate=0)
+    port = CanPort(open_bus("slewright", str(folder / "bus"), 250_000))
+    os.kill(process.pid, signals.SIGKILL)
+    process.wait(10)
+    port.receive(INPUT.new(), 0)
+    port.send(OUTPUT.new(), 0)
+    assert port.flags() & Flag.BUS_OFF
+    assert port.unsent > 0
+    (folder / "bus").unlink()
+    folder.rmdir()
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "said"),
+    [
+        ("slewright", "/nowhere/bus", r"CAN bus slewright '/nowhere/bus' cannot be opened: no bus at"),
+        ("socketcan", "can77", r"CAN bus socketcan 'can77' cannot be opened"),
+        ("slcan", "/dev/nowhere", r"CAN bus slcan '/dev/nowhere' cannot be opened"),
+        ("udp_multicast", "x", r"unknown CAN interface 'udp_multicast'; valid: slcan, slewright, socketcan"),
+    ],
+)
+def test_a_bus_that_does_not_exist_is_refused(interface: str, channel: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        open_bus(interface, channel, 250_000)
+
+
+def test_a_second_bus_at_the_same_place_is_refused(path: Path) -> None:
+    with pytest.raises(InputError, match="is one there already"):
+        start_bus(path)
+    with pytest.raises(InputError, match="at most 107 bytes"):
+        start_bus(path.parent / ("x" * 120))

@@ -1,0 +1,44 @@
+/* Runs a control core over recorded input images: core_runner LIBRARY < inputs > outputs and last state. */
+#include <dlfcn.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "slr.h"
+
+typedef size_t Size(void);
+typedef const char *Text(void);
+typedef void Reset(SlrState *);
+typedef int Observe(const SlrInput *, const SlrState *, double *);
+typedef void Step(const SlrInput *, SlrState *, int64_t, SlrOutput *);
+
+int main(int argc, char **argv) {
+  void *library = argc > 1 ? dlopen(argv[1], RTLD_NOW) : NULL;
+  if (!library) {
+    fprintf(stderr, "%s\n", argc > 1 ? dlerror() : "which library?");
+    return 1;
+  }
+  Size *size = (Size *)dlsym(library, "slr_state_size");
+  Reset *reset = (Reset *)dlsym(library, "slr_reset");
+  Step *step = (Step *)dlsym(library, "slr_step");
+  Text *layout = (Text *)dlsym(library, "slr_layout"), *identity = (Text *)dlsym(library, "slr_identity");
+  Size *in_size = (Size *)dlsym(library, "slr_input_size"), *out_size = (Size *)dlsym(library, "slr_output_size");
+  fprintf(stderr, "core %s, images %s\n", identity(), layout());
+  if (in_size() != sizeof(SlrInput) || out_size() != sizeof(SlrOutput)) {
+    fprintf(stderr, "other images than this program's\n");
+    return 1;
+  }
+  SlrState *state = malloc(size());
+  Observe *observe = (Observe *)dlsym(library, "slr_observe");
+  double board[SLR_BOARD];
+  SlrInput in;
+  SlrOutput out;
+  reset(state);
+  while (fread(&in, sizeof in, 1, stdin) == 1) {
+    observe(&in, state, board); /* leaves the state as it is */
+    step(&in, state, in.tick, &out);
+    fwrite(&out, sizeof out, 1, stdout);
+  }
+  fwrite(state, size(), 1, stdout);
+  free(state);
+  return 0;
+}

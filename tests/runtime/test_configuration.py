@@ -1,0 +1,163 @@
+"""A configuration is read strictly: whatever does not fit is refused at the start with one message."""
+
+import socket
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from runtime import configuration
+from specs.errors import InputError
+from tests.conftest import ROOT
+
+DBC = ROOT / "specs" / "generated" / "slewright.dbc"
+MAP = ROOT / "specs" / "generated" / "modbus_map.csv"
+WHOLE = """
+bundle = "bundle"
+
+[can]
+interface = "slewright"
+channel = "bus"
+dbc = "slewright.dbc"
+
+[rates]
+base_hz = 50
+policy_hz = 10
+
+[realtime]
+priority = 70
+
+[modbus]
+port = 1502
+map = "modbus_map.csv"
+
+[recorder]
+folder = "recording"
+
+[retain]
+folder = "retained"
+signals = ["fault_code", "load_estimate"]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "slewright.dbc").write_bytes(DBC.read_bytes())
+    (tmp_path / "modbus_map.csv").write_bytes(MAP.read_bytes())
+    return tmp_path
+
+
+def written(folder: Path, text: str = WHOLE) -> Path:
+    path = folder / "machine.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_whole_configuration_and_its_paths(folder: Path):
+    found = configuration.read(written(folder))
+    assert found.bundle == folder / "bundle"
+    assert found.can.channel == "bus"
+    assert found.realtime.priority == 70
+    assert found.modbus is not None
+    assert found.modbus.host == "127.0.0.1"
+    assert found.recorder is not None
+    assert found.recorder.folder == folder / "recording"
+
+
+def test_the_shortest_configuration(folder: Path):
+    text = 'bundle = "b"\n[can]\ninterface = "socketcan"\nchannel = "can0"\n'
+    found = configuration.read(written(folder, text))
+    assert (found.modbus, found.recorder, found.retain) == (None, None, None)
+    assert found.realtime.fifo
+    assert found.realtime.lock
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("priority", "prioritee", "unknown key realtime.prioritee"),
+        ("[rates]", "[rate]", "unknown key rate"),
+        ('"load_estimate"', '"load_estimat"', "unknown signal 'load_estimat'; did you mean load_estimate"),
+        ('"slewright"', '"slewrite"', "'slewright', 'socketcan' or 'slcan' (is 'slewrite')"),
+        ("base_hz = 50", "base_hz = 100", "base_hz = 100: this runtime runs at 50 Hz"),
+        ("policy_hz = 10", "policy_hz = 20", "policy_hz = 20: this runtime runs at 10 Hz"),
+        ("priority = 70", "priority = 99", "priority = 99: 1 to 98"),
+        ("priority = 70", 'priority = "high"', "priority"),
+        ('channel = "bus"', 'channel = "bus"\nbit_rate = 500000', "runs at 250000 bit/s"),
+        ('bundle = "bundle"', "", "missing bundle"),
+        ('folder = "recording"', 'folder = "r"\nlimit_mb = 1', "limit_mb = 1: at least 8 MB"),
+        ("[can]", "[can", "not valid TOML"),
+        ('"slewright.dbc"', '"none.dbc"', "none.dbc"),
+        ('"modbus_map.csv"', '"none.csv"', "none.csv"),
+    ],
+)
+def test_what_does_not_fit_is_refused(folder: Path, old: str, new: str, said: str):
+    assert old in WHOLE
+    with pytest.raises(InputError) as refused:
+        configuration.read(written(folder, WHOLE.replace(old, new, 1)))
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_dbc_that_does_not_match_the_specs_is_refused(folder: Path):
+    dbc = folder / "slewright.dbc"
+    for old, new, said in (
+        (" SG_ q_boom : ", " SG_ q_bom : ", "no signal q_boom"),
+        ("BO_ 2566852738", "BO_ 2566852739", "x"),
+    ):
+        if old in DBC.read_text():
+            dbc.write_text(DBC.read_text().replace(old, new))
+            with pytest.raises(InputError, match="does not match the specs" if said == "x" else said):
+                configuration.read(written(folder))
+    dbc.write_text(DBC.read_text().replace("(0.0001,-3.2)", "(0.0002,-3.2)", 1))
+    with pytest.raises(InputError, match=r"does not match the specs: \w+ is at .* not "):
+        configuration.read(written(folder))
+    dbc.write_text("this is not a DBC")
+    with pytest.raises(InputError, match="cannot be read as a DBC"):
+        configuration.read(written(folder))
+
+
+def test_a_register_map_that_does_not_match_the_specs_is_refused(folder: Path):
+    path, text = folder / "modbus_map.csv", MAP.read_text()
+    row = next(line for line in text.splitlines() if ",target_x," in line)
+    path.write_text(text.replace(row + "\n", ""))
+    with pytest.raises(InputError, match="no register target_x in table holding"):
+        configuration.read(written(folder))
+    path.write_text(text.replace(row, row.replace("float32", "uint32")))
+    with pytest.raises(InputError, match="target_x has type uint32, not float32"):
+        configuration.read(written(folder))
+
+
+def test_a_bus_that_does_not_exist_is_refused(folder: Path):
+    found = configuration.read(written(folder, WHOLE.replace('"bus"', f'"{folder / "bus"}"')))
+    with pytest.raises(InputError, match="there is no bus"):
+        configuration.check_surroundings(found)
+    text = WHOLE.replace('"bus"', '"can7"').replace('"slewright"', '"socketcan"')
+    with pytest.raises(InputError, match="there is no CAN interface can7"):
+        configuration.check_surroundings(configuration.read(written(folder, text)))
+
+
+def test_a_port_in_use_is_refused(folder: Path):
+    (folder / "bus").touch()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        text = WHOLE.replace('"bus"', f'"{folder / "bus"}"').replace("1502", str(port))
+        with pytest.raises(InputError, match=f"port {port} of 127.0.0.1 cannot be had"):
+            configuration.check_surroundings(configuration.read(written(folder, text)))
+
+
+@given(at=st.integers(0, len(WHOLE) - 1), drop=st.integers(0, 12), put=st.text(max_size=6))
+@settings(max_examples=150)
+def test_any_damage_is_read_or_refused_with_one_message(tmp_path_factory, at: int, drop: int, put: str):
+    folder = tmp_path_factory.mktemp("damaged")
+    text = WHOLE.replace('dbc = "slewright.dbc"\n', "").replace('map = "modbus_map.csv"\n', "")
+    path = folder / "machine.toml"
+    path.write_bytes((text[:at] + put + text[at + drop :]).encode("utf-8", "surrogatepass"))
+    said, found = "", None
+    try:
+        found = configuration.read(path)
+    except InputError as error:
+        said = str(error)
+    assert found is not None or str(path) in said
+    if found is not None:
+        assert (found.rates.base_hz, found.can.bit_rate) == (50.0, 250_000)

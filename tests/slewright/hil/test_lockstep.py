@@ -1,0 +1,74 @@
+"""The control core drives the reference machine in lock-step: as the simulated system does, bit for bit."""
+
+import numpy as np
+import pytest
+
+from orchestrator.check import load_system
+from orchestrator.pack import pack_system
+from orchestrator.simulate import simulate
+from orchestrator.stimuli import Stimuli
+from orchestrator.verify import plant_parameters
+from records.metrics import compute
+from records.record import Record
+from runtime.image import OUTPUT
+from slewright.hil.lockstep import lockstep
+from slewright.hil.wires import Wires
+from specs import scenario
+from tests.runtime.bundles import NO_RATE_LIMIT, core
+
+TICKS = 500
+SEED = 3
+AUTOMATIC = 3.0
+
+
+@pytest.fixture(scope="module")
+def verified() -> Record:
+    """The first seconds of a scenario as `slewright verify` runs them."""
+    chosen = scenario.load("four_targets_empty")
+    system = load_system(pack_system("reference"))
+    values = plant_parameters(system, "reference", chosen.parameters(SEED))
+    return simulate(system, TICKS, Stimuli(chosen.stimuli()), values, seed=SEED)
+
+
+def test_without_a_rate_limit_it_is_the_simulated_system_bit_for_bit(verified: Record) -> None:
+    found = lockstep(core("pi", NO_RATE_LIMIT), scenario.load("four_targets_empty"), SEED, TICKS)
+    shared = [n for n in verified.names if n in found.names]
+    assert {"u_slew", "u_boom", "u_stick", "imu_tool_roll", "true_tool_x"} <= set(shared)
+    for name in shared:
+        later = 1 if name in ("qd_boom_ref", "qd_stick_ref") else 0  # shown as they are sent, a tick before
+        ours, theirs = found.column(name)[: TICKS + 1 - later], verified.column(name)[later:]
+        assert np.array_equal(ours, theirs), name
+
+
+@pytest.mark.slow
+def test_metrics_are_those_of_verification() -> None:
+    """The gate's rate limit is the only difference: 60 ms in a start or stop."""
+    chosen = scenario.load("four_targets_empty")
+    with_gate = compute(lockstep(core(), chosen, 1))
+    without = compute(lockstep(core("pi", NO_RATE_LIMIT), chosen, 1))
+    assert with_gate.missed == without.missed
+    assert with_gate.speed == pytest.approx(without.speed, abs=0.05)
+    assert with_gate.overshoot == pytest.approx(without.overshoot, abs=0.1)
+    assert with_gate.error == pytest.approx(without.error, abs=0.02)
+    assert with_gate.tool == pytest.approx(without.tool, rel=0.05)
+
+
+@pytest.mark.slow
+def test_through_the_wires_it_drives_the_same() -> None:
+    """Quanta, cycles of 100 ms and one frame's way back change the slew by less than half a degree."""
+    chosen = scenario.load("four_targets_empty")
+    bare, wired = (lockstep(core(), chosen, SEED, TICKS, wires=w) for w in (None, Wires()))
+    assert set(wired.column("control_mode")) == {AUTOMATIC}
+    assert set(wired.column("fault_code")) == {0.0}
+    apart = np.degrees(np.abs(bare.column("true_q_slew") - wired.column("true_q_slew")))
+    assert np.degrees(np.ptp(bare.column("true_q_slew"))) > 30.0
+    assert 0.0 < apart.max() < 0.5
+    assert not np.array_equal(bare.column("u_slew"), wired.column("u_slew"))
+
+
+def test_automatic_from_the_first_tick_and_no_fault() -> None:
+    found = lockstep(core(), scenario.load("four_targets_2t"), SEED, 100)
+    assert set(found.column("control_mode")) == {AUTOMATIC}
+    assert set(found.column("fault_code")) == {0.0}
+    assert found.meta["bundle"] == core().bundle.digest
+    assert set(OUTPUT.index) <= set(found.names)

@@ -1,0 +1,71 @@
+"""Faults: a few of each in lock-step; the figures can fail; all of them with real processes in the soak."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.control import ControlCore
+from slewright.faults import injected, run as runs
+from slewright.faults.drive import Drive
+from slewright.faults.injected import Disturbance
+from slewright.faults.run import faults, run
+from slewright.faults.table import BUS, IMAGE, INSIDE, Fault, Outcome
+from specs.errors import InputError
+from specs.scenario import load
+from tests.conftest import Command
+from tests.runtime.bundles import built
+
+TICKS = 700
+LOCKSTEP = [f.name for f in (*BUS, *IMAGE, *INSIDE)]
+
+
+def quiet(what: str, done: float | None = None, total: float | None = None) -> None:
+    pass
+
+
+def test_every_fault_is_caught_within_its_limit():
+    for outcome in run(built("pd").folder, faults(LOCKSTEP), 2, 3, quiet, TICKS):
+        assert outcome.missed == [], outcome.fault.name
+        assert (outcome.injected, outcome.caught) == (2, 2)
+
+
+def test_a_reaction_that_is_late_or_wrong_is_missed(monkeypatch: pytest.MonkeyPatch):
+    late = Fault("sensor_timeout", "", "", 40.0, "bus", ("sensor_timeout",))
+    wrong = Fault("sensor_stuck", "", "", 600.0, "bus", ("sensor_range",))
+    monkeypatch.setitem(injected.MAKERS, "bus_off", lambda random: Disturbance())
+    nothing = Fault("bus_off", "", "", 80.0, "bus", ("bus_off",))
+    drive = Drive(ControlCore(built("pd")), load(runs.SCENARIO), 300, 3)
+    moment = drive.moments({200})[200]
+    said = {}
+    for fault in (late, wrong, nothing):
+        outcome = Outcome(fault)
+        injected.inject(fault, drive, moment, np.random.default_rng(1), outcome)
+        assert (outcome.injected, outcome.caught) == (1, 0)
+        said[fault.name] = outcome.missed[0]
+    assert said["sensor_timeout"].endswith(" ms")
+    assert said["sensor_stuck"] == "tick 200: fault code sensor_stuck"
+    assert said["bus_off"] == "tick 200: no reaction"
+
+
+def test_the_same_seed_gives_the_same_moments_and_figures():
+    first, again = (run(built("pd").folder, faults(["sensor_range"]), 3, 5, quiet, 400) for _ in range(2))
+    assert first[0].figures() == again[0].figures()
+
+
+def test_an_unknown_fault_is_refused():
+    with pytest.raises(InputError, match="no fault 'sensor_timout'; did you mean sensor_timeout"):
+        faults(["sensor_timout"])
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+def test_all_faults_a_hundred_times(slewright: Command, tmp_path: Path):
+    path = tmp_path / "faults.json"
+    done = slewright("faults", "--json", path, timeout=7200.0)
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(path.read_text())
+    for name in [f.name for f in faults()]:
+        assert figures[name]["caught"] == figures[name]["injected"] == 100
+        assert figures[name]["worst_reaction_ms"] <= figures[name]["limit_ms"]

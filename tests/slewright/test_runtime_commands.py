@@ -1,0 +1,73 @@
+"""`slewright run` and `slewright replay`: what they refuse, and a recording repeated or not."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from runtime.recorder.feed import Feed
+from runtime.recorder.recorder import Recorder
+from runtime.recorder.segments import Disk, Folder
+from runtime.replay import identity
+from runtime.ring import Ring
+from specs.version import VERSION
+from tests.conftest import Command
+from tests.runtime.bundles import built, core
+from tests.runtime.test_replay_core import Wild
+
+
+def recording(folder: Path, core_identity: str, spoil: bool = False) -> Path:
+    ring = Ring.create(folder / "ring", 4 << 20)
+    feed, running, wild = Feed(ring), core("pd"), Wild(1)
+    recorder = Recorder(ring, Folder(folder / "out", 64 << 20), identity(core_identity, VERSION), 300, Disk())
+    for tick in range(600):
+        image = wild.next(tick)
+        feed.before(tick, running)
+        outputs = running.step(image, tick).copy()
+        if spoil and tick == 432:
+            outputs["value"][1] += 0.25
+        feed.tick(image, outputs, (tick * 20_000_000, 0, 0, 0, -1))
+    recorder.work()
+    recorder.close()
+    return folder / "out"
+
+
+def test_replay_repeats_a_recording_and_says_what_it_came_to(slewright: Command, tmp_path: Path):
+    bundle = built("pd")
+    path, figures = recording(tmp_path, bundle.identity), tmp_path / "replay.json"
+    done = slewright("replay", path, "--bundle", bundle.folder, "--json", figures)
+    assert done.returncode == 0, done.stderr
+    assert "600 ticks repeated bit for bit" in done.stdout
+    assert json.loads(figures.read_text())["ticks"] == 600
+
+
+def test_replay_names_the_first_tick_that_differs(slewright: Command, tmp_path: Path):
+    bundle = built("pd")
+    done = slewright("replay", recording(tmp_path, bundle.identity, spoil=True), "--bundle", bundle.folder)
+    assert done.returncode == 1
+    assert "differs at tick 432: u_boom was" in done.stderr
+
+
+def test_replay_refuses_a_recording_of_another_version(slewright: Command, tmp_path: Path):
+    done = slewright("replay", recording(tmp_path, "another core"), "--bundle", built("pd").folder)
+    assert done.returncode == 2
+    assert "the recording was made with another control core: another core" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[can]\nspeed = 1\n", "missing bundle"),
+        ('bundle = "none"\n[can]\ninterface = "slewright"\nchannel = "bus"\n', "is no bundle"),
+        ('bundle = "BUNDLE"\n[can]\ninterface = "slewright"\nchannel = "none"\n', "there is no bus"),
+        ('bundle = "BUNDLE"\n[can]\ninterface = "socketcan"\nchannel = "can7"\n', "no CAN interface can7"),
+    ],
+)
+def test_run_refuses_at_the_start(slewright: Command, tmp_path: Path, text: str, said: str):
+    path = tmp_path / "machine.toml"
+    path.write_text(text.replace("BUNDLE", str(built("pd").folder)))
+    done = slewright("run", "--config", path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["machine.toml"]
