@@ -52,10 +52,11 @@ def check_page(page: Path) -> None:
 def fill(page: Path, found: Mapping[str, Any], command: str) -> None:
     """Write the tables into the page's blocks, each with the `command` that made it.
 
-    With the pace swept, the tables at pace 1 stay as they are: they may be of more machines.
+    With the pace swept, or one thing changed at a time, the tables at pace 1 stay as they are: they may be of
+    more machines.
     """
-    blocks = [BLOCKS[0]] if len(found["paces"]) == 1 else [BLOCKS[1]]
-    for block in [*blocks, *([BLOCKS[2]] if found["sweeps"] else [])]:
+    swept = [BLOCKS[1]] * (len(found["paces"]) > 1) + [BLOCKS[2]] * bool(found["sweeps"])
+    for block in swept or [BLOCKS[0]]:
         head = (
             f"`{command}`, version {versions()['slewright']}; everything but the paper's rows is simulated."
         )

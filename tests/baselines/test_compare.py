@@ -151,6 +151,12 @@ def test_a_page_gets_the_tables_of_its_blocks(tmp_path: Path) -> None:
     assert "old compare" in text
     assert "old matched" not in text
     assert "old sweeps" in text
+    point = {"value": 0.1, "speed": 10.0, "overshoot": 1.0, "error": 0.7, "tool": 9.0}
+    changed = {"slew delay [s]": {"slew": {"pi": [point]}}}
+    comparison.fill(page, {**found, "paces": [1.0], "sweeps": changed}, "slewright compare --sweeps")
+    text = page.read_text(encoding="utf-8")
+    assert "old compare" in text
+    assert "| pi | 0.1 | 10.00 | 1.00 | 0.70 | 9.00 |" in text
     comparison.fill(page, {**found, "paces": [1.0]}, "slewright compare --no-sweep")
     text = page.read_text(encoding="utf-8")
     assert "old compare" not in text
