@@ -105,6 +105,8 @@ class Supervisor:
             time.sleep(WATCH_S)
         if code is None:
             code = self.control.end()
+        for helper in self.helpers:  # files are whole when this returns
+            helper.end()
         return self._ended(code)
 
     def now(self) -> Counts:
