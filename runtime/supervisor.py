@@ -8,6 +8,7 @@ itself after a failure nobody looked at; its valves go neutral by the plant's ow
 
 import json
 import shutil
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -99,12 +100,17 @@ class Supervisor:
     def run(
         self, report: Callable[[Counts], None], stop: Callable[[], bool] = lambda: False
     ) -> dict[str, Any]:
-        """Watch until the control process ends or `stop()`; its statistics. RunError if it failed."""
+        """Watch until the control process ends or `stop()`; its statistics. RunError if it failed.
+
+        KeyboardInterrupt if it was stopped before its first cycle.
+        """
         while (code := self.watch()) is None and not stop():
             report(self.now())
             time.sleep(WATCH_S)
         if code is None:
             code = self.control.end()
+            if code == -signal.SIGTERM:  # it had not begun: there is nothing to show
+                raise KeyboardInterrupt
         for helper in self.helpers:  # files are whole when this returns
             helper.end()
         return self._ended(code)
