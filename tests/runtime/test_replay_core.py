@@ -1,5 +1,6 @@
 """The control core's recordings repeat bit for bit: an hour in the tests, a day in the soak."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,7 @@ def test_a_day_repeats_bit_for_bit_in_parts(tmp_path: Path):
         folder = tmp_path / str(hour)
         folder.mkdir()
         assert repeated(folder, HOUR).ticks == HOUR
+        shutil.rmtree(folder)
 
 
 def test_another_core_differs_and_is_told_where(tmp_path: Path):

@@ -1,0 +1,64 @@
+"""Who starts and watches the runtime's processes: real ones, on a local bus without other nodes."""
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from runtime.can.busd import start_bus
+from runtime.image import Flag
+from runtime.recorder.reader import Recording
+from runtime.retain import COPIES
+from runtime.shared import private_folder
+from runtime.supervisor import Counts, Supervisor
+from specs.errors import RunError
+from tests.runtime.bundles import built
+from tests.runtime.test_helpers import until
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Iterator[Path]:
+    """A configuration with a recorder and retained values, for a bus that is there; no rights asked for."""
+    sockets = private_folder("slewright-test-")
+    bus = start_bus(sockets / "bus")
+    path = tmp_path / "machine.toml"
+    path.write_text(
+        f'bundle = "{built("pd").folder}"\n[can]\ninterface = "slewright"\nchannel = "{sockets / "bus"}"\n'
+        '[realtime]\nfifo = false\nlock = false\n[recorder]\nfolder = "rec"\n[retain]\nfolder = "kept"\n'
+    )
+    yield path
+    bus.terminate()
+    bus.wait()
+    (sockets / "bus").unlink(missing_ok=True)
+    sockets.rmdir()
+
+
+def test_it_runs_ends_and_leaves_whole_files_and_shows_what_it_lacks(machine: Path):
+    seen: list[Counts] = []
+    with Supervisor(machine, ticks=60) as supervisor:
+        found = supervisor.run(seen.append)
+        folder = supervisor.folder
+    assert found["ticks"] + found["skipped_ticks"] >= 60
+    assert found["flags_seen"] & (Flag.NO_REALTIME | Flag.NO_LOCK) == Flag.NO_REALTIME | Flag.NO_LOCK
+    assert len(found["reasons"]) == 2
+    assert found["restarts"] == {"recorder": 0, "retain": 0}
+    recording = Recording(machine.parent / "rec")
+    assert sum(1 for _ in recording.items()) > found["ticks"]
+    assert recording.notes == []
+    assert (machine.parent / "kept" / COPIES[0]).is_file()
+    assert not folder.exists()
+
+
+def test_a_killed_helper_comes_back_and_a_killed_control_process_does_not(machine: Path):
+    with Supervisor(machine) as supervisor:
+        until(lambda: supervisor.watch() is None and supervisor.now().ticks > 0)
+        recorder = supervisor.helpers[0]
+        before = recorder.pid
+        os.kill(before, signal.SIGKILL)
+        until(lambda: supervisor.watch() is None and recorder.pid != before)
+        os.kill(supervisor.control.pid, signal.SIGKILL)
+        with pytest.raises(RunError, match="ended with -9; the valves are neutral"):
+            supervisor.run(lambda _: None)
+        assert supervisor.control.starts == 1
