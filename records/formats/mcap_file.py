@@ -1,7 +1,8 @@
 """MCAP with JSON messages: a topic for each clock, a JSON schema that says each field's unit.
 
-Of other tools' files, topics in JSON are read: numbers become channels `topic.field`, their unit the `unit`
-of the field in the schema.  A file without footer or with damaged chunks is read as far as it is whole.
+Of other tools' files, topics in JSON and Protocol Buffers are read: numbers become channels `topic.field`,
+their unit the `unit` of the field in the schema.  A file without footer or with damaged chunks is read as far
+as it is whole.
 """
 
 import json
@@ -22,6 +23,7 @@ from mcap.records import Channel as Topic, Chunk, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, Writer
 
+from records.formats import mcap_protobuf
 from records.formats.grid import clocks, finer
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.start import START, as_json, at_ns, meta_of, start_of, to_ns
@@ -31,6 +33,7 @@ from specs.errors import InputError
 
 OURS = "slewright"  # name of our metadata, key of our topics' metadata
 JSON = "json"
+STATE = "state"  # under OURS in a topic's metadata: what a program goes on from, no channels
 YEAR_NS = 365 * 86_400 * 10**9  # stamps below it count from no date
 BROKEN_CHUNK = (CRCValidationError, McapError, ValueError, RuntimeError, struct.error, zstandard.ZstdError)
 
@@ -46,7 +49,7 @@ class _Contents:
 
 
 def read(path: Path, names: Mapping[str, str]) -> Raw:
-    """Read every topic of JSON; raises InputError where there is none."""
+    """Read every topic of JSON and Protocol Buffers; raises InputError where there is none."""
     notes: list[str] = []
     found = _Contents()
     for part in _parts(path, notes):
@@ -59,7 +62,7 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     groups = [group for topic in found.topics.values() for group in _group(topic, found, zero, path, notes)]
     if not groups:
         used = ", ".join(sorted({t.message_encoding or "none" for t in found.topics.values()}))
-        raise InputError(f"{path} holds no topic in JSON; its encodings: {used}")
+        raise InputError(f"{path} holds no topic in JSON or Protocol Buffers; its encodings: {used}")
     return Raw(groups, start, {k: v for k, v in meta.items() if k != START}, notes)
 
 
@@ -128,20 +131,27 @@ def _zero(first: int, meta: Mapping[str, Any], found: _Contents) -> tuple[int, d
     """The stamp [ns] that is 0 s, and the time of day then."""
     if start := start_of(meta):
         return to_ns(start), start
-    return (first, at_ns(first)) if first >= YEAR_NS and not found.meta else (0, None)
+    return (first, at_ns(first)) if first >= YEAR_NS and "meta" not in found.meta else (0, None)
 
 
 def _group(topic: Topic, found: _Contents, zero: int, path: Path, notes: list[str]) -> list[Group]:
     """The topic's numbers, in a list; an empty one for a topic in no JSON or without messages."""
     name = topic.topic.strip("/").replace("/", ".")
     messages = found.messages.get(topic.id, [])
-    if topic.message_encoding != JSON:
+    if topic.metadata.get(OURS) == STATE:
+        return []
+    schema = found.schemas.get(topic.schema_id)
+    in_protobuf = topic.message_encoding == mcap_protobuf.ENCODING and schema is not None
+    if topic.message_encoding != JSON and not in_protobuf:
         notes.append(f"topic {topic.topic}: left out, it is in {topic.message_encoding or 'no encoding'}")
         return []
     if not messages:
         return []
-    rows = [_row(m, topic, i, path) for i, m in enumerate(messages)]
-    units = _fields(found.schemas.get(topic.schema_id), topic)
+    if in_protobuf and schema is not None:
+        rows = mcap_protobuf.rows(messages, schema, f"{path}: topic {topic.topic}")
+    else:
+        rows = [_row(m, topic, i, path) for i, m in enumerate(messages)]
+    units = _fields(schema, topic)
     keys = list(dict.fromkeys(key for row in rows for key in row))
     columns = [_column(key, rows, units) for key in keys]
     if OURS not in topic.metadata:

@@ -52,8 +52,12 @@ class Segment:
         whole = schema()
         tick = self._writer.register_schema(f"{PACKAGE}.Tick", "protobuf", whole)
         snapshot = self._writer.register_schema(f"{PACKAGE}.Snapshot", "protobuf", whole)
-        self._tick = self._writer.register_channel(TICK_TOPIC, "protobuf", tick, units())
-        self._snapshot = self._writer.register_channel(SNAPSHOT_TOPIC, "protobuf", snapshot)
+        self._tick = self._writer.register_channel(
+            TICK_TOPIC, "protobuf", tick, {METADATA: "channels", **units()}
+        )
+        self._snapshot = self._writer.register_channel(
+            SNAPSHOT_TOPIC, "protobuf", snapshot, {METADATA: "state"}
+        )
         self._file.flush()
 
     def add_tick(self, entry: bytes) -> None:

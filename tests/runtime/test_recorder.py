@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from records.formats import read_measurement
 from runtime.image import INPUT, Flag
 from runtime.recorder.feed import DISK_FULL, TIMING
 from runtime.recorder.mend import mend
@@ -83,6 +84,18 @@ def test_an_independent_reader_sees_every_signal(ring: Ring, tmp_path: Path):
     assert (tick.q_boom_age, tick.q_boom_status, tick.q_slew_status) == (-1, 1, 0)
     assert topic.metadata["unit:q_slew"] == "rad"
     assert len(kind.data) == len(schema())
+
+
+def test_our_converter_reads_it_with_names_and_units(ring: Ring, tmp_path: Path):
+    path = Recording(recorded(ring, tmp_path / "out", 200)).files()[0]
+    found = read_measurement(path)
+    wanted = Lockstep(ring)
+    wanted.run(200)
+    assert found.channels["q_slew"].unit == "rad"
+    assert found.channels["q_slew"].values[-1] == wanted.inputs["value"][INPUT.at("q_slew")]
+    assert len(found.channels["u_slew"].values) == 200
+    assert np.allclose(np.diff(found.channels["u_slew"].time), 0.02)
+    assert "state" not in found.channels
 
 
 def test_a_replay_repeats_every_segment_bit_for_bit(ring: Ring, tmp_path: Path):

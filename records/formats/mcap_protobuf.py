@@ -1,0 +1,40 @@
+"""Messages of MCAP topics in Protocol Buffers, read by the schema that the file carries."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from mcap.records import Message, Schema
+
+from specs.errors import InputError
+
+ENCODING = "protobuf"
+
+
+def rows(messages: Sequence[Message], schema: Schema, topic: str) -> list[dict[str, float | int | bool]]:
+    """The numbers of each message by their path in it; raises InputError for what is not of the schema."""
+    try:
+        from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+        from google.protobuf.message import DecodeError
+    except ImportError:
+        raise InputError(f"{topic} is in Protocol Buffers: pip install protobuf") from None
+    try:
+        pool = descriptor_pool.DescriptorPool()
+        for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+            pool.Add(file)
+        kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+        return [dict(_numbers(kind.FromString(m.data), "")) for m in messages]
+    except (DecodeError, KeyError, TypeError, ValueError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{topic}: a message is not of its schema {schema.name}: {reason}") from None
+
+
+def _numbers(message: Any, at: str) -> Iterator[tuple[str, float | int | bool]]:
+    """Numbers in nested messages; text, bytes and repeated fields are no channels."""
+    for field in message.DESCRIPTOR.fields:
+        if field.is_repeated:
+            continue
+        value, path = getattr(message, field.name), f"{at}{field.name}"
+        if field.message_type is not None:
+            yield from _numbers(value, f"{path}.")
+        elif isinstance(value, bool | int | float):
+            yield path, value
