@@ -160,11 +160,10 @@ def _control_killed(
 def _flooded(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report) -> None:
     """Bursts at moments that the clients choose; each counts as caught if nothing changed in all of them."""
     with Supervisor(plant.configuration("modbus")) as supervisor:
-        plant.go(ARMED)
         modbus = supervisor.wanted.modbus
-        port = modbus.port if modbus else 0
-        with clients(port, BURST_S, count) as found:
+        with clients(modbus.port if modbus else 0, BURST_S, count) as found:
             process = found["process"]
+            plant.go(ARMED)
             plant.drive(
                 PATIENCE_TICKS,
                 lambda: process.poll() is not None or plant.shown("control_mode") != ARMED,
