@@ -101,7 +101,7 @@ class BusProcess:
                 one.silent = more["cut"]
         elif do == "off":
             for one in meant:
-                self._deliver(self.wire.switch_off(one))
+                self._deliver(self.wire.switch_off(one, time.monotonic_ns()))
         elif do == "stop":
             self.running = False
         elif do != "state":

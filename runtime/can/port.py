@@ -7,6 +7,7 @@ none).  A bus that is off comes back by itself, after the time its interface is 
 
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Protocol
 
 import can
@@ -37,7 +38,9 @@ def open_bus(interface: str, channel: str, bit_rate: int, node: str = NODE) -> c
     if interface == "slewright":
         return _opened(interface, channel, lambda: LocalBus(channel, node=node))
     if interface == "slcan":
-        options["bitrate"] = bit_rate
+        if not Path(channel.split("@")[0]).is_absolute():  # a URL would lead elsewhere than to a device here
+            raise InputError(f"CAN bus slcan '{channel}': not the path of a serial device")
+        options |= {"bitrate": bit_rate, "timeout": 0}  # a read must not wait
     return _opened(interface, channel, lambda: can.Bus(interface=interface, channel=channel, **options))
 
 
@@ -112,12 +115,13 @@ class CanPort:
         self.joystick = joystick
         self._timed_by = next((c.message.frame_id for c in wanted if c.message.name == TIMED_BY), None)
         self.passive = self.off = False
+        self._was_off = False  # in the last tick, if only for a moment
         self.lost = 0  # times that frames for us were lost
         self.unsent = 0  # frames that could not be sent
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Take what has come, at most FRAMES_A_TICK frames; put it and its age into the image."""
-        now = time.monotonic_ns()
+        now, self._was_off = time.monotonic_ns(), False
         for _ in range(FRAMES_A_TICK):
             try:
                 found = self._bus.recv_raw()
@@ -146,7 +150,7 @@ class CanPort:
 
     def _error(self, identifier: int, data: bytes) -> None:
         if identifier & wire.BUS_OFF:
-            self.off = True
+            self.off = self._was_off = True
         elif identifier & wire.RESTARTED:
             self.off = self.passive = False
         elif identifier & wire.CONTROLLER and len(data) > 1:
@@ -168,7 +172,7 @@ class CanPort:
 
     def flags(self) -> int:
         """BUS_PASSIVE and BUS_OFF."""
-        return Flag.BUS_PASSIVE * self.passive | Flag.BUS_OFF * self.off
+        return Flag.BUS_PASSIVE * self.passive | Flag.BUS_OFF * (self.off or self._was_off)
 
     def received_ns(self) -> int:
         """When the slew's position came last, on the monotonic clock; 0: never."""

@@ -154,17 +154,17 @@ class Wire:
         node.receive_errors = min(max(0, node.receive_errors + receive), OFF_ABOVE)
         passive = max(node.transmit_errors, node.receive_errors) >= PASSIVE_AT
         if node.transmit_errors > OFF_ABOVE:
-            yield from self.switch_off(node)
+            yield from self.switch_off(node, self._free_at)
         elif passive != node.passive:
             node.passive = passive
             sort = TX_PASSIVE if node.transmit_errors >= PASSIVE_AT else RX_PASSIVE
             yield node, self._report(node, CONTROLLER, sort if passive else ACTIVE), self._free_at
 
-    def switch_off(self, node: Node) -> Iterator[tuple[Node, Frame, int]]:
-        """Take a node off the bus."""
+    def switch_off(self, node: Node, now: int) -> Iterator[tuple[Node, Frame, int]]:
+        """Take a node off the bus at `now` [ns]."""
         node.queue.clear()
-        node.passive, node.off_until = False, self._free_at + self.restart_ns
-        yield node, self._report(node, BUS_OFF), self._free_at
+        node.passive, node.off_until = False, now + self.restart_ns
+        yield node, self._report(node, BUS_OFF), now
 
     def _report(self, node: Node, sort: int, controller: int = 0) -> Frame:
         counters = (min(node.transmit_errors, 255), node.receive_errors)

@@ -3,6 +3,7 @@
 import os
 import signal as signals
 import time
+import tty
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from runtime.can.codec import codecs
 from runtime.can.localbus import LocalBus
 from runtime.can.port import FRAMES_A_TICK, CanPort, open_bus
 from runtime.can.transmit import Transmitter
+from runtime.can.wire import BUS_OFF, ERROR, RESTARTED
 from runtime.image import INPUT, OUTPUT, Flag, Status
 from runtime.shared import private_folder
 from specs.errors import InputError
@@ -171,3 +173,63 @@ def test_a_second_bus_at_the_same_place_is_refused(path: Path) -> None:
         start_bus(path)
     with pytest.raises(InputError, match="at most 107 bytes"):
         start_bus(path.parent / ("x" * 120))
+
+
+def test_a_serial_adapter(tmp_path: Path) -> None:
+    """SLCAN over a pseudo terminal, whose other end plays the adapter."""
+    pytest.importorskip("serial", reason="pyserial is not installed")
+    adapter, device = os.openpty()
+    tty.setraw(adapter)
+    os.set_blocking(adapter, False)
+    bus = open_bus("slcan", os.ttyname(device), 250_000)
+    said = b""
+    while not said.endswith(b"O\r"):
+        said += _read(adapter)
+    assert b"S5\r" in said, "250 kbit/s"
+    port, image = CanPort(bus), INPUT.new()
+    codec = codecs()["SlewPosition"]
+    data = codec.pack([0.75], 1)
+    os.write(adapter, f"T{codec.message.frame_id:08X}8{data.hex().upper()}\r".encode())
+    deadline = time.monotonic() + 10
+    while image["status"][INPUT.at("q_slew")] != Status.OK:
+        assert time.monotonic() < deadline
+        port.receive(image, 0)
+    assert image["value"][INPUT.at("q_slew")] == pytest.approx(0.75)
+    port.send(OUTPUT.new(), 0)
+    sent = b""
+    while sent.count(b"\r") < 2:
+        assert time.monotonic() < deadline
+        sent += _read(adapter)
+    assert sent.startswith(f"T{codecs()['SlewCommand'].message.frame_id:08X}8".encode())
+    bus.shutdown()
+    os.close(adapter)
+
+
+def _read(descriptor: int) -> bytes:
+    try:
+        return os.read(descriptor, 4096)
+    except BlockingIOError:
+        time.sleep(0.005)
+        return b""
+
+
+def test_a_serial_adapter_is_a_device_of_this_machine() -> None:
+    with pytest.raises(InputError, match="not the path of a serial device"):
+        open_bus("slcan", "socket://example.org:99", 250_000)
+
+
+def test_off_and_back_within_one_tick_is_seen() -> None:
+    class Source:
+        frames = [(ERROR | RESTARTED, bytes(8), 0), (ERROR | BUS_OFF, bytes(8), 0)]  # noqa: RUF012
+
+        def recv_raw(self):
+            return self.frames.pop() if self.frames else None
+
+        def send_raw(self, identifier: int, data: bytes) -> None:
+            raise AssertionError
+
+    port, image = CanPort(Source()), INPUT.new()
+    port.receive(image, 0)
+    assert port.flags() == Flag.BUS_OFF
+    port.receive(image, 1)
+    assert port.flags() == 0
