@@ -10,6 +10,8 @@ from runtime.recorder.recorder import Recorder
 from runtime.recorder.segments import Disk, Folder
 from runtime.replay import identity
 from runtime.ring import Ring
+from runtime.supervisor import Supervisor
+from specs.errors import InputError
 from specs.version import VERSION
 from tests.conftest import Command
 from tests.runtime.bundles import built, core
@@ -63,11 +65,17 @@ def test_replay_refuses_a_recording_of_another_version(slewright: Command, tmp_p
         ('bundle = "BUNDLE"\n[can]\ninterface = "socketcan"\nchannel = "can7"\n', "no CAN interface can7"),
     ],
 )
-def test_run_refuses_at_the_start(slewright: Command, tmp_path: Path, text: str, said: str):
+def test_run_refuses_at_the_start(tmp_path: Path, text: str, said: str):
     path = tmp_path / "machine.toml"
     path.write_text(text.replace("BUNDLE", str(built("pd").folder)))
-    done = slewright("run", "--config", path)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert "Traceback" not in done.stderr
+    with pytest.raises(InputError, match=said):
+        Supervisor(path)
     assert [p.name for p in tmp_path.iterdir()] == ["machine.toml"]
+
+
+def test_run_says_it_in_a_line_and_exits_with_2(slewright: Command, tmp_path: Path):
+    (tmp_path / "machine.toml").write_text("[can]\nspeed = 1\n")
+    done = slewright("run", "--config", tmp_path / "machine.toml")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "missing bundle" in done.stderr
