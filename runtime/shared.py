@@ -2,9 +2,10 @@
 
 A cell is a file, mapped into each process.  Its writer (there is one) never waits: it fills the slot after
 the one that is current and then makes that current.  A reader copies the current slot and keeps the copy if
-number and CRC agree; only a writer that goes round all slots during one copy makes it try again.  So no reader
-ever waits for a writer that was preempted or killed, and no torn state passes, whatever the processor's order
-of stores: with a plain sequence lock the first is false, and the second needs barriers that Python lacks.
+number and CRC agree; only a writer that goes round all slots during one copy makes it try again.  So no
+reader ever waits for a writer that was preempted or killed, and no torn state passes, whatever the order of
+the processor's stores: with a plain sequence lock the first is false, and the second needs barriers that
+Python lacks.
 
 The image goes out of the control process in one cell; what other processes want from it comes in, each
 through a cell of its own (a mailbox: only the newest counts, `number` tells how many were written).

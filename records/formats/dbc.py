@@ -176,8 +176,9 @@ def data_id(message: Any) -> int | None:
     """The data ID of a message that is protected as ours are (specs/e2e.py); None of any other."""
     attributes = message.dbc.attributes if message.dbc else {}
     profile, number = attributes.get("E2EProfile"), attributes.get("E2EDataID")
-    ours = profile is not None and profile.value == PROFILE and number is not None
-    return int(number.value) if ours and message.length > 1 else None
+    if profile is None or number is None or profile.value != PROFILE or message.length < 2:
+        return None
+    return int(number.value)
 
 
 def checksums(data: np.ndarray, identifier: int) -> np.ndarray:

@@ -43,7 +43,7 @@ def test_protection_is_described(name: str, database: Database) -> None:
     assert (crc.start, crc.length, counter.start, counter.length) == (0, 8, 8, 4)
     for field, kind in ((crc, "MessageChecksum"), (counter, "MessageCounter")):
         assert field.dbc
-        assert dbc.SIGNAL_TYPES[field.dbc.attributes["SigType"].value] == kind
+        assert dbc.SIGNAL_TYPES[int(field.dbc.attributes["SigType"].value)] == kind
 
 
 @pytest.mark.parametrize("name", SPEC.bus.messages)

@@ -163,3 +163,15 @@ def test_reading_and_building_need_no_torch() -> None:
     """A policy is run, verified and compared where only CasADi and onnx are installed."""
     code = "import sys, learning.policy.controller, slewright.policies; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "learning" / "policies").glob("*.onnx")), ids=lambda p: p.name
+)
+def test_shipped_policies_keep_the_contract_and_say_what_made_them(path: Path) -> None:
+    """Read like any other; task by their name; command, seed and commit in the file."""
+    found = export.read(path).contract
+    assert found.task == path.stem
+    assert found.made["command"].startswith("slewright train policy")
+    assert {"seed", "commit", "training"} <= set(found.made)
+    assert len(found.data_sha256) == 64
