@@ -15,7 +15,7 @@ import can
 
 from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER, PACKET, QUEUE_BYTES, REMOTE
 
-ANSWER_S = 5.0  # s, for the bus process to take a node in
+ANSWER_S = 30.0  # s, for the bus process to take a node in
 
 
 class LocalBus(can.BusABC):

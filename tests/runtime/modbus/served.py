@@ -27,7 +27,7 @@ class Served:
             told["tls"] = {"port": 0, **tls}
         command = [sys.executable, "-m", "runtime.modbus.process", json.dumps(told)]
         self.process = subprocess.Popen(command, cwd=ROOT)
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 240
         while not ports.is_file() or not ports.read_text():
             assert self.process.poll() is None
             assert time.monotonic() < deadline
@@ -45,7 +45,7 @@ class Served:
         i = INPUT.at(name)
         return tuple(self.inputs[key][i].item() for key in ("value", "age", "status"))  # type: ignore[return-value]
 
-    def until(self, true: Any, seconds: float = 10.0) -> None:
+    def until(self, true: Any, seconds: float = 120.0) -> None:
         """Run cycles until something is true."""
         deadline = time.monotonic() + seconds
         while True:

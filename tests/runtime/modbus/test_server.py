@@ -136,7 +136,7 @@ def test_an_unnamed_writer_is_gone_with_its_connection(served: Served, client: R
     assert client.write(FIRST, *body(target_x=3.0, planner_heartbeat=2), 1) == 0
     served.until(lambda: served.target("target_x")[2] == Status.OK)
     client.close()
-    served.until(lambda: served.target("target_x")[2] == Status.NEVER, 5.0)
+    served.until(lambda: served.target("target_x")[2] == Status.NEVER)
 
 
 def test_refused_writes_are_counted(served: Served, client: Raw) -> None:
