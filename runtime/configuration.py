@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 from runtime.can.joystick import Joysticks
 from runtime.image import OUTPUT, TICK_S
 from runtime.matching import check_dbc, check_map
-from runtime.realtime import PRIORITY
+from runtime.realtime import PRIORITY, check_core
 from specs.errors import InputError, nearest
 from specs.schema import STRICT, read_toml, validate
 from specs.signals import definition
@@ -158,10 +158,12 @@ def read(path: Path) -> Configuration:
 def check_surroundings(found: Configuration) -> None:
     """Raise InputError for what is not there: the bus, a free port, a folder that can be written."""
     _check_bus(found.can)
+    check_core(found.realtime.core)
     if found.modbus:
         _check_port(found.modbus.host, found.modbus.port)
         if found.modbus.tls:
             _check_port(found.modbus.host, found.modbus.tls.port)
+            _check_tls(found.modbus.tls)
     for part in (found.recorder, found.retain):
         if part:
             _check_folder(part.folder)
@@ -183,12 +185,12 @@ def _check_bus(can: Can) -> None:
     if can.interface == "socketcan":
         there = [p.name for p in Path("/sys/class/net").glob("*can*")]
         if can.channel not in there:
-            raise InputError(
-                f"can.channel: there is no CAN interface {can.channel}; {nearest(can.channel, there)}"
-            )
+            have = nearest(can.channel, there) if there else "this machine has none"
+            raise InputError(f"can.channel: there is no CAN interface {can.channel}; {have}")
+    elif can.interface == "slewright" and not Path(can.channel).is_socket():
+        raise InputError(f"can.channel: {can.channel} is no local bus")
     elif not Path(can.channel.split("@")[0]).exists():
-        what = "bus" if can.interface == "slewright" else "device"
-        raise InputError(f"can.channel: there is no {what} {can.channel}")
+        raise InputError(f"can.channel: there is no device {can.channel}")
 
 
 def _check_port(host: str, port: int) -> None:
@@ -198,7 +200,14 @@ def _check_port(host: str, port: int) -> None:
         with socket.create_server((host, port)):
             pass
     except OSError as error:
-        raise InputError(f"modbus: port {port} of {host} cannot be had: {error.strerror}") from None
+        why = str(error.strerror).split(" (")[0]
+        raise InputError(f"modbus: port {port} of {host} cannot be had: {why}") from None
+
+
+def _check_tls(tls: Tls) -> None:
+    from runtime.modbus.roles import context
+
+    context(tls.certificate, tls.key, tls.authority)
 
 
 def _check_folder(path: Path) -> None:

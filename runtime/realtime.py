@@ -91,16 +91,21 @@ def die_with_parent(signal_number: int) -> None:
     _prctl(PR_SET_PDEATHSIG, signal_number)
 
 
-def pin(core: int | None) -> None:
-    """Keep this process on one core; raises InputError naming those there are."""
+def check_core(core: int | None) -> None:
+    """Raise InputError naming the cores there are, if a core is not one of them."""
     if core is None or not hasattr(os, "sched_setaffinity"):
         return
     there = os.sched_getaffinity(0)
     if core not in there:
-        raise InputError(
-            f"core {core} is not one of this machine's; valid: {', '.join(map(str, sorted(there)))}"
-        )
-    os.sched_setaffinity(0, {core})
+        listed = ", ".join(map(str, sorted(there)))
+        raise InputError(f"realtime.core: {core} is not one of this machine's; valid: {listed}")
+
+
+def pin(core: int | None) -> None:
+    """Keep this process on one core; raises InputError naming those there are."""
+    check_core(core)
+    if core is not None and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {core})
 
 
 def voluntary_switches() -> int:

@@ -33,9 +33,10 @@ class Histogram:
         return 0.0
 
     def figures(self) -> dict[str, float]:
-        """p50, p99, p99.9 and largest in µs."""
+        """p50, p99, p99.9 and largest in µs, all 0 where `count` is: nothing was timed."""
         names = (("p50", 0.5), ("p99", 0.99), ("p999", 0.999))
-        return {name: self.quantile(share) for name, share in names} | {"max": self.largest_ns / 1e3}
+        found = {name: self.quantile(share) for name, share in names}
+        return found | {"max": self.largest_ns / 1e3, "count": self.count}
 
 
 @dataclass

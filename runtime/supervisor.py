@@ -6,6 +6,7 @@ absence shows in the status register meanwhile.  The control process is not: a m
 itself after a failure nobody looked at; its valves go neutral by the plant's own timeout.
 """
 
+import fcntl
 import json
 import shutil
 import signal
@@ -15,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import IO, Any, Self
 
 from runtime import bundle, configuration
 from runtime.control_process import COUNTS, COUNTS_HOLD
@@ -34,6 +35,7 @@ RETAIN_BYTES = 1 << 13
 WATCH_S = 0.1
 PATIENCE_S = 90.0  # for a helper's first sign of life, on a machine that does other things too
 RESTART_S = 1.0  # between starts of a helper that does not stay
+LOCK = ".in-use"
 TICKS = "ticks"  # retained beside the signals: ticks over all runs
 
 
@@ -62,12 +64,13 @@ class Supervisor:
         self.bundle.library()
         self.retained = self._retained()
         configuration.check_surroundings(self.wanted)
+        self._locks = [lock(part.folder) for part in (self.wanted.recorder, self.wanted.retain) if part]
         self.folder = private_folder()
         self._ports = self.folder / "ports"
         self.helpers: list[Helper] = []
         self.rings: list[Ring] = []
         self.counts = Cell.create(self.folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
-        told = {"config": str(path), "folder": str(self.folder), "ticks": ticks}
+        told = {"config": str(path.resolve()), "folder": str(self.folder), "ticks": ticks}
         self.control = Helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
 
@@ -127,6 +130,8 @@ class Supervisor:
         for ring in self.rings:
             ring.close()
         self.counts.close()
+        for held in self._locks:
+            held.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _ended(self, code: int) -> dict[str, Any]:
@@ -143,7 +148,6 @@ class Supervisor:
         wanted = self.wanted.retain
         if wanted is None:
             return {}
-        wanted.folder.mkdir(parents=True, exist_ok=True)
         return Retained(Folder(wanted.folder), _layout(wanted.signals)).load()
 
     def _prepare(self) -> None:
@@ -209,6 +213,20 @@ class Supervisor:
 
     def _alive(self) -> bool:
         return all(ring.beat for ring in self.rings) and (not self.wanted.modbus or self._ports.is_file())
+
+
+def lock(folder: Path) -> IO[str]:
+    """Keep a folder to this run until the file is closed; InputError if another run has it.
+
+    Two recorders in one folder would mend, and so take away, each other's open files.
+    """
+    held = (folder / LOCK).open("w")
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        held.close()
+        raise InputError(f"{folder} is in use by another run; give each its own folder") from None
+    return held
 
 
 def _layout(names: tuple[str, ...]) -> str:

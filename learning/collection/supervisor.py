@@ -175,19 +175,20 @@ def _towards_neutral(now: float, full: float) -> float:
 def _arm(asked: tuple[float, float], seen: Sample, state: State, limits: Limits) -> tuple[float, float]:
     """Both references, one of them or none: the first choice after which the arm comes to rest inside.
 
-    It comes to rest where it stands, plus what it was told in the last stopping_s and may not have followed.
+    It comes to rest where it stands, plus what it has not followed yet: of the last stopping_s any part may
+    be done already, and with each the limits must be kept.
     """
     pitch, count = seen["imu_tool_pitch"], round(limits.stopping_s / PERIOD_S)
     now = _inside(seen["q_boom"], seen["q_stick"], pitch, limits)
-    pending = [PERIOD_S * sum(told[joint] for told in state.told[-count:]) for joint in (1, 2)]
+    pending = [[told[joint] for joint in (1, 2)] for told in state.told[-count:]]
     boom, stick = asked
     for choice in ((boom, stick), (boom, 0.0), (0.0, stick)):
-        rest = [
-            seen[name] + pending[joint] + PERIOD_S * choice[joint]
-            for joint, name in enumerate(("q_boom", "q_stick"))
-        ]
-        then = _inside(rest[0], rest[1], pitch, limits)
-        if all(t >= 0.0 or t > n for t, n in zip(then, now, strict=True)):
+        rest, kept = [seen["q_boom"], seen["q_stick"]], True
+        for told in (choice, *reversed(pending)):
+            rest = [q + PERIOD_S * rate for q, rate in zip(rest, told, strict=True)]
+            then = _inside(rest[0], rest[1], pitch, limits)
+            kept = kept and all(t >= 0.0 or t > n for t, n in zip(then, now, strict=True))
+        if kept:
             return choice
     return 0.0, 0.0
 

@@ -39,6 +39,8 @@ def hil(
     ]
     rows.append(("slew angles apart in °", result.slew_deg, 0.0, SLEW_DEG))
     show("four metrics (simulated reference machine)", ["", "real time", "lock-step", "tolerance"], rows)
+    if not result.real:
+        typer.echo("no target was finished in this time: of the metrics none is compared")
     timing = result.statistics
     typer.echo(
         f"{timing['ticks']} ticks, {timing['overruns']} overruns, {timing['stolen_ticks']} stolen, "

@@ -51,8 +51,13 @@ def _show(found: dict) -> None:
 
     names = ("lateness_us", "policy_tick_us", "other_tick_us", "policy_step_us", "latency_us")
     columns = ("p50", "p99", "p999", "max")
-    show("times in µs", ["", *columns], [(n[:-3], *(found[n][c] for c in columns)) for n in names])
+    show("times in µs", ["", *columns], [(n[:-3], *_times(found[n], columns)) for n in names])
     counted = ("ticks", "overruns", "stolen_ticks", "skipped_ticks", "unrecorded_ticks")
     typer.echo(", ".join(f"{found[name]} {name.replace('_', ' ')}" for name in counted))
     for reason in found["reasons"]:
         typer.echo(f"degraded: {reason}")
+
+
+def _times(found: dict, columns: tuple[str, ...]) -> list[float | str]:
+    """Dashes where nothing was timed: without sensor messages there is no latency."""
+    return [found[c] if found["count"] else "–" for c in columns]

@@ -18,6 +18,7 @@ def part(name: str, verdict: str, gain: float = 0.0, each: str = "ambiguous") ->
         figures={"verdict": verdict, "effects": effects},
         study=name,
         answer=None,
+        folder=name,
     )
 
 
@@ -26,12 +27,14 @@ def proposals(monkeypatch):
     """What is proposed by part: commands, none that help, or no range."""
     known: dict[str, Any] = {}
 
-    def propose(study, answer, verdict, report):
+    def propose(study, answer, verdict, report, moved):
+        assert (moved is None) == (study != "tool"), "the machine moves the tool, and drives the others"
         if known[study] is None:
             raise InputError("no input has a range")
         return Proposal({"sentence": study}, 0.1, known[study])
 
     monkeypatch.setattr(doubt, "propose", propose)
+    monkeypatch.setattr(doubt, "drivable", lambda folder: folder != "tool")
     return known
 
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from runtime import configuration
+from runtime.supervisor import lock
 from specs.errors import InputError
 from tests.conftest import ROOT
 
@@ -130,15 +131,53 @@ def test_a_register_map_that_does_not_match_the_specs_is_refused(folder: Path):
 
 def test_a_bus_that_does_not_exist_is_refused(folder: Path):
     found = configuration.read(written(folder, WHOLE.replace('"bus"', f'"{folder / "bus"}"')))
-    with pytest.raises(InputError, match="there is no bus"):
+    with pytest.raises(InputError, match="is no local bus"):
         configuration.check_surroundings(found)
     text = WHOLE.replace('"bus"', '"can7"').replace('"slewright"', '"socketcan"')
     with pytest.raises(InputError, match="there is no CAN interface can7"):
         configuration.check_surroundings(configuration.read(written(folder, text)))
 
 
-def test_a_port_in_use_is_refused(folder: Path):
+@pytest.fixture
+def bus(folder: Path):
+    """Something that a local bus could be."""
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(str(folder / "bus"))
+        yield folder / "bus"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[realtime]\n", "[realtime]\ncore = 4096\n", "core: 4096 is not one of this machine's; valid: "),
+        (
+            "[modbus]\n",
+            '[modbus]\ntls = { port = 1503, certificate = "a", key = "b", authority = "c" }\n',
+            "tls",
+        ),
+    ],
+)
+def test_what_the_computer_lacks_is_refused_before_anything_starts(folder: Path, bus: Path, old, new, said):
+    text = WHOLE.replace('"bus"', f'"{bus}"')
+    text = text.replace(old, new) if old in text else text + "\n" + new
+    with pytest.raises(InputError, match=said):
+        configuration.check_surroundings(configuration.read(written(folder, text)))
+
+
+def test_a_file_that_is_no_bus_is_refused(folder: Path):
     (folder / "bus").touch()
+    found = configuration.read(written(folder, WHOLE.replace('"bus"', f'"{folder / "bus"}"')))
+    with pytest.raises(InputError, match="is no local bus"):
+        configuration.check_surroundings(found)
+
+
+def test_a_folder_belongs_to_one_run_at_a_time(folder: Path):
+    with lock(folder), pytest.raises(InputError, match="in use by another run"):
+        lock(folder)
+    lock(folder).close()
+
+
+def test_a_port_in_use_is_refused(folder: Path, bus: Path):
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         text = WHOLE.replace('"bus"', f'"{folder / "bus"}"').replace("1502", str(port))

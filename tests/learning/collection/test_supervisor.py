@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 
 from learning.collection.command import NEUTRAL, Command
 from learning.collection.machine import SENSED
@@ -96,6 +96,9 @@ def test_outside_the_limits_the_arm_may_still_come_back():
     assert supervise(Command(0.0, 0.1, 0.0), seen, 0.0, State(), LIMITS)[0].qd_boom_ref == 0.0
 
 
+@example(
+    delay=8, wanted=[(1.0, 0.0)] * 13 + [(0.16, 0.0), (-0.13, 0.0)] + [(0.0, 0.0)] * 7 + [(1.0, 0.0)] * 9
+)
 @given(
     delay=st.integers(0, 8),
     wanted=st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=30, max_size=150),
