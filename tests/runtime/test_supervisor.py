@@ -13,7 +13,7 @@ from runtime.recorder.reader import Recording
 from runtime.retain import COPIES
 from runtime.shared import private_folder
 from runtime.supervisor import Counts, Supervisor
-from specs.errors import RunError
+from specs.errors import InputError, RunError
 from tests.runtime.bundles import built
 from tests.runtime.test_helpers import until
 
@@ -35,9 +35,12 @@ def machine(tmp_path: Path) -> Iterator[Path]:
     sockets.rmdir()
 
 
-def test_it_runs_ends_and_leaves_whole_files_and_shows_what_it_lacks(machine: Path):
+def test_it_runs_ends_and_leaves_whole_files_and_shows_what_it_lacks(machine: Path, monkeypatch):
     seen: list[Counts] = []
-    with Supervisor(machine, ticks=60) as supervisor:
+    monkeypatch.chdir(machine.parent)
+    with Supervisor(Path(machine.name), ticks=60) as supervisor:
+        with pytest.raises(InputError, match="rec is in use by another run"):
+            Supervisor(machine)
         found = supervisor.run(seen.append)
         folder = supervisor.folder
     assert found["ticks"] + found["skipped_ticks"] >= 60
