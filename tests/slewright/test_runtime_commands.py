@@ -61,7 +61,7 @@ def test_replay_refuses_a_recording_of_another_version(slewright: Command, tmp_p
     [
         ("[can]\nspeed = 1\n", "missing bundle"),
         ('bundle = "none"\n[can]\ninterface = "slewright"\nchannel = "bus"\n', "is no bundle"),
-        ('bundle = "BUNDLE"\n[can]\ninterface = "slewright"\nchannel = "none"\n', "there is no bus"),
+        ('bundle = "BUNDLE"\n[can]\ninterface = "slewright"\nchannel = "none"\n', "is no local bus"),
         ('bundle = "BUNDLE"\n[can]\ninterface = "socketcan"\nchannel = "can7"\n', "no CAN interface can7"),
     ],
 )
