@@ -56,6 +56,8 @@ class Rivals:
                 found |= self._simplified(fitted, gone[0])
             else:
                 others = [x for x in others if len(x.free) > 1]
+                if not others:
+                    continue
             without = self._stripped(fitted, gone)
             score = Score(self.search.study, without, others)
             for scored in (*score.best(RIVALS, 1), *self._pairs(score, gone)):

@@ -19,7 +19,7 @@ from reconcile import (
 )
 from reconcile.data import Run, read_run, split
 from reconcile.experiment import plan
-from reconcile.experiment.propose import Proposal, propose
+from reconcile.experiment.propose import OPEN, Proposal, propose
 from reconcile.model import Folder
 from reconcile.search import Answer, Search
 from reconcile.study import Study, unique
@@ -65,7 +65,8 @@ def reconcile(
     renamed = checks.read_names(names, _variables(folder))
     sets = _read(given, folder, renamed)
     figures, study, answer = examine(folder, *sets, report=said)
-    proposal = _next(study, answer, figures, said, _moved(given, folder, renamed))
+    moved = _moved(given, folder, renamed) if figures["verdict"] in OPEN else None
+    proposal = _next(study, answer, figures, said, moved)
     if then:
         figures |= then(study, answer, figures)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}

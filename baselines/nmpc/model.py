@@ -137,12 +137,11 @@ def _state(x: Namespace, u: Namespace, speed: Any, p: Namespace) -> Any:
 
 def _task(u: Namespace, p: Namespace) -> Any:
     _, boom, stick = kinematics.inverse(u.target_x, u.target_y, u.target_z, p)
-    margin = p.control_arm_margin
     pace = control.clip(u.pace, 0.1, 2.0)
     values = {
         "load": u.load_told,
-        "boom": control.clip(boom, p.boom_min + margin, p.boom_max - margin),
-        "stick": control.clip(stick, p.stick_min + margin, p.stick_max - margin),
+        "boom": control.within_joint(boom, p.boom_min, p.boom_max, p),
+        "stick": control.within_joint(stick, p.stick_min, p.stick_max, p),
         "speed_limit": p.nmpc_speed_limit * pace,
         **{name: getattr(p, f"nmpc_{name}") for name in cost.TASK[4:]},
     }

@@ -8,8 +8,6 @@ import casadi as ca
 from fmus.definition import Model, Namespace, Variable, from_parameters, from_signals
 from fmus.equations import kinematics, shaping, slew_control as control
 
-REFERENCE_INERTIA = 400e3  # kg m2, of control_rise_time
-AT_REST = 0.01  # rad/s
 NEW = 1e-6  # rad: a target that differs by more is a new one
 SLOTS = ("last", "now")  # two moves at a time: one that ends while the next one begins
 JOINTS = ("boom", "stick")
@@ -25,28 +23,15 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     speed, angle, bias = control.observed(x.angle, x.bias, u, p)
     radius, _ = kinematics.arm_tip(u.q_boom, u.q_stick, p)
     moment = control.inertia(x, u, p)
-    started = x.started > 0.5
     move = _moves(x, u, moment, p)
-    r, v, a = _reference(move)
-    late_r, late_v, late_a, lags = shaping.lagged(x, ca.if_else(started, r, u.q_slew), p.shaper_lag)
-    swing, model = shaping.swing(x, u, late_a, radius, p.plan_sway_gain, p)
-    feedback = p.shaper_speed_gain * (late_v - speed) + p.plan_angle_gain * (late_r - u.q_slew)
-    lead = ca.if_else(a * v >= 0, p.control_rise_time, p.plan_brake_lead) * moment / REFERENCE_INERTIA
-    wanted = v + lead * a + feedback + swing
-    near = (ca.fabs(move["goal"] - u.q_slew) < p.shaper_rest_band) * (ca.fabs(speed) < AT_REST)
-    resting = near * (ca.fabs(v) < AT_REST) * (ca.fabs(swing) < AT_REST)
-    arrived = (ca.fabs(v) < AT_REST) * (ca.fabs(late_v) < AT_REST) * (1 - near)
+    gains = shaping.Gains(p.plan_angle_gain, p.plan_brake_lead, p.plan_sway_gain)
     return {
-        "angle": ca.if_else(started, angle, u.q_slew),
+        "angle": ca.if_else(x.started > 0.5, angle, u.q_slew),
         "bias": bias,
         "started": 1.0,
-        "band": control.learnt_band(x.band, wanted, speed, arrived, p.shaper_band_rate, p),
         **move,
-        **{name: ca.if_else(started, value, u.q_slew) for name, value in lags.items()},
-        **model,
         **control.weighed(x, u, speed, p),
-        **shaping.pendulum(x, u, speed, radius, p, p.shaper_length_rate),
-        "slew_command": control.joystick(wanted, p, x.band) * (1 - resting),
+        **shaping.track(x, u, _reference(move), move["goal"], speed, moment, radius, gains, p),
         **_arm(move, u, p),
     }
 
@@ -142,18 +127,14 @@ def _arm(move: dict[str, Any], u: Namespace, p: Namespace) -> dict[str, Any]:
         for slot, way in (("last", passed - begin), ("now", goal - passed)):
             _, value, slope, *_ = step(move[f"clock_{slot}"], move[f"arm_time_{slot}"])
             angle, speed = angle + way * value, speed + way * slope
-        q = getattr(u, f"q_{name}")
-        reference = speed + p.control_arm_gain * (angle - p.shaper_arm_lag * speed - q)
-        limit = p.control_arm_rate_limit
-        found[f"{name}_reference"] = control.clip(reference, -limit, limit)
+        found[f"{name}_reference"] = shaping.joint_reference(angle, speed, getattr(u, f"q_{name}"), p)
     return found
 
 
 def _joint_targets(u: Namespace, p: Namespace) -> dict[str, Any]:
     _, *wanted = kinematics.inverse(u.target_x, u.target_y, u.target_z, p)
-    margin = p.control_arm_margin
     return {
-        f"_{name}": control.clip(q, getattr(p, f"{name}_min") + margin, getattr(p, f"{name}_max") - margin)
+        f"_{name}": control.within_joint(q, getattr(p, f"{name}_min"), getattr(p, f"{name}_max"), p)
         for name, q in zip(JOINTS, wanted, strict=True)
     }
 
@@ -190,14 +171,7 @@ MODEL = Model(
                 ("arm_time", "s", "Length of the arm's move", 1.0),
             )
         ),
-        Variable("lag_1", "rad", "Reference after one lag"),
-        Variable("lag_2", "rad", "Reference after both lags"),
-        Variable("model_roll", "rad", "Roll of the reference motion"),
-        Variable("model_rate", "rad/s", "Its rate"),
-        Variable("level", "rad", "Mean of the measured roll"),
-        Variable("slow_rate", "rad/s", "Filtered roll rate"),
-        Variable("slow_roll", "rad", "Filtered roll"),
-        Variable("inverse_length", "1/m", "Inverse of the pendulum's length", start=0.53),
+        *shaping.TRACKING_STATES,
         *control.COMMAND_STATES,
     ),
     inputs=control.inputs(*control.TOOL),

@@ -7,9 +7,6 @@ import casadi as ca
 from fmus.definition import Model, Namespace, Variable, from_signals
 from fmus.equations import kinematics, shaping, slew_control as control
 
-REFERENCE_INERTIA = 400e3  # kg m2, of control_rise_time
-AT_REST = 0.01  # rad/s
-
 
 def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
     speed, angle, bias = control.observed(x.angle, x.bias, u, p)
@@ -17,27 +14,15 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     moment = control.inertia(x, u, p)
     target = shaping.new_target(x, u, ca.pi / ca.sqrt(p.gravity * x.inverse_length))
     shares = shaping.amplitudes(p.shaper_kind, p.shaper_damping_ratio)
-    copies, r, v, a = _shaped(x, u, target, shares, moment, p)
-    late_r, late_v, late_a, lags = shaping.lagged(x, ca.if_else(x.started < 0.5, u.q_slew, r), p.shaper_lag)
-    swing, model = shaping.swing(x, u, late_a, radius, p.shaper_sway * p.shaper_sway_gain, p)
-    feedback = p.shaper_speed_gain * (late_v - speed) + p.shaper_angle_gain * (late_r - u.q_slew)
-    lead = ca.if_else(a * v >= 0, p.control_rise_time, p.shaper_brake_lead) * moment / REFERENCE_INERTIA
-    wanted = v + lead * a + feedback + swing
-    near = (ca.fabs(target["goal"] - u.q_slew) < p.shaper_rest_band) * (ca.fabs(speed) < AT_REST)
-    resting = near * (ca.fabs(v) < AT_REST) * (ca.fabs(swing) < AT_REST)
-    arrived = (ca.fabs(v) < AT_REST) * (ca.fabs(late_v) < AT_REST) * (1 - near)
-    started = x.started > 0.5
+    copies, reference = _shaped(x, u, target, shares, moment, p)
+    gains = shaping.Gains(p.shaper_angle_gain, p.shaper_brake_lead, p.shaper_sway * p.shaper_sway_gain)
     return {
-        "angle": ca.if_else(started, angle, u.q_slew),
+        "angle": ca.if_else(x.started > 0.5, angle, u.q_slew),
         "bias": bias,
-        "band": control.learnt_band(x.band, wanted, speed, arrived, p.shaper_band_rate, p),
         **target,
         **copies,
-        **{name: ca.if_else(started, value, u.q_slew) for name, value in lags.items()},
-        **model,
         **control.weighed(x, u, speed, p),
-        **shaping.pendulum(x, u, speed, radius, p, p.shaper_length_rate),
-        "slew_command": control.joystick(wanted, p, x.band) * (1 - resting),
+        **shaping.track(x, u, reference, target["goal"], speed, moment, radius, gains, p),
         **shaping.joints(x, u, target, shares, p),
     }
 
@@ -58,7 +43,7 @@ def _shaped(
         angle, speed = shaping.profile(here, before, goal, limit, rate, p.shaper_slope)
         states |= {f"r_{i}": angle, f"v_{i}": speed}
         r, v, a = r + share * angle, v + share * speed, a + share * (speed - before) / control.STEP
-    return states, r, v, a
+    return states, (r, v, a)
 
 
 MODEL = Model(
@@ -87,14 +72,7 @@ MODEL = Model(
                 *((f"v_{i}", "rad/s", f"speed of the profile's copy {i}") for i in shaping.COPIES),
             )
         ),
-        Variable("lag_1", "rad", "Reference after one lag"),
-        Variable("lag_2", "rad", "Reference after both lags"),
-        Variable("model_roll", "rad", "Roll of the reference motion"),
-        Variable("model_rate", "rad/s", "Its rate"),
-        Variable("level", "rad", "Mean of the measured roll"),
-        Variable("slow_rate", "rad/s", "Filtered roll rate"),
-        Variable("slow_roll", "rad", "Filtered roll"),
-        Variable("inverse_length", "1/m", "Inverse of the pendulum's length", start=0.53),
+        *shaping.TRACKING_STATES,
         *control.COMMAND_STATES,
     ),
     inputs=control.inputs(*control.TOOL),

@@ -8,10 +8,11 @@
 Equations and sources: baselines/shaper/README.md.  Angles in rad, speeds in rad/s, lengths in m.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
+from fmus.definition import Variable
 from fmus.equations import kinematics, slew_control as control
 
 Namespace = Any
@@ -22,6 +23,26 @@ EXCESS = 0.05  # V of the extra-insensitive shaper: residual swing that it allow
 FILTER = control.FILTER  # 1/s, of the estimator's regression
 EXCITATION = 0.4  # m/s: filtered forcing that counts as lively, a swing of 0.1 rad
 LENGTHS = (1.0, 3.5)  # m, between which the pendulum's length is looked for
+REFERENCE_INERTIA = 400e3  # kg m2, of control_rise_time
+AT_REST = 0.01  # rad/s
+TRACKING_STATES = (
+    Variable("lag_1", "rad", "Reference after one lag"),
+    Variable("lag_2", "rad", "Reference after both lags"),
+    Variable("model_roll", "rad", "Roll of the reference motion"),
+    Variable("model_rate", "rad/s", "Its rate"),
+    Variable("level", "rad", "Mean of the measured roll"),
+    Variable("slow_rate", "rad/s", "Filtered roll rate"),
+    Variable("slow_roll", "rad", "Filtered roll"),
+    Variable("inverse_length", "1/m", "Inverse of the pendulum's length", start=0.53),
+)
+
+
+class Gains(NamedTuple):
+    """Of tracking: angle [1/s], lead while braking [s], share of critical damping of the sway [1]."""
+
+    angle: Scalar
+    brake_lead: Scalar
+    sway: Scalar
 
 
 def amplitudes(kind: Scalar, damping_ratio: Scalar) -> list[Scalar]:
@@ -91,7 +112,7 @@ def _joint(
     p: Namespace,
 ) -> dict[str, Scalar]:
     low, high = getattr(p, f"{joint}_min"), getattr(p, f"{joint}_max")
-    goal = control.clip(goal, low + p.control_arm_margin, high - p.control_arm_margin)
+    goal = control.within_joint(goal, low, high, p)
     first, changed = x.started < 0.5, target["clock"] < control.STEP / 2
     before = ca.if_else(
         first, q, ca.if_else(changed, getattr(x, f"{joint}_goal"), getattr(x, f"{joint}_old"))
@@ -107,9 +128,43 @@ def _joint(
         )
         states |= {f"{joint}_r_{i}": r, f"{joint}_v_{i}": v}
         angle, speed = angle + share * r, speed + share * v
-    reference = speed + p.control_arm_gain * (angle - p.shaper_arm_lag * speed - q)
-    limited = control.clip(reference, -p.control_arm_rate_limit, p.control_arm_rate_limit)
-    return states | {f"{joint}_reference": limited}
+    return states | {f"{joint}_reference": joint_reference(angle, speed, q, p)}
+
+
+def joint_reference(angle: Scalar, speed: Scalar, q: Scalar, p: Namespace) -> Scalar:
+    """Velocity reference (rad/s) of a joint at `q` that follows a motion, which it is known to lag behind."""
+    return control.arm_rate(speed + p.control_arm_gain * (angle - p.shaper_arm_lag * speed - q), p)
+
+
+def track(
+    x: Namespace,
+    u: Namespace,
+    reference: tuple[Scalar, Scalar, Scalar],
+    goal: Scalar,
+    speed: Scalar,
+    moment: Scalar,
+    radius: Scalar,
+    gains: Gains,
+    p: Namespace,
+) -> dict[str, Scalar]:
+    """Next TRACKING_STATES, dead band and slew command after a reference (angle, speed, acceleration)."""
+    started = x.started > 0.5
+    r, v, a = reference
+    late_r, late_v, late_a, lags = lagged(x, ca.if_else(started, r, u.q_slew), p.shaper_lag)
+    sway, model = swing(x, u, late_a, radius, gains.sway, p)
+    feedback = p.shaper_speed_gain * (late_v - speed) + gains.angle * (late_r - u.q_slew)
+    lead = ca.if_else(a * v >= 0, p.control_rise_time, gains.brake_lead) * moment / REFERENCE_INERTIA
+    wanted = v + lead * a + feedback + sway
+    near = (ca.fabs(goal - u.q_slew) < p.shaper_rest_band) * (ca.fabs(speed) < AT_REST)
+    resting = near * (ca.fabs(v) < AT_REST) * (ca.fabs(sway) < AT_REST)
+    arrived = (ca.fabs(v) < AT_REST) * (ca.fabs(late_v) < AT_REST) * (1 - near)
+    return {
+        "band": control.learnt_band(x.band, wanted, speed, arrived, p.shaper_band_rate, p),
+        **{name: ca.if_else(started, value, u.q_slew) for name, value in lags.items()},
+        **model,
+        **pendulum(x, u, speed, radius, p, p.shaper_length_rate),
+        "slew_command": control.joystick(wanted, p, x.band) * (1 - resting),
+    }
 
 
 def lagged(x: Namespace, r: Scalar, lag: Scalar) -> tuple[Scalar, Scalar, Scalar, dict[str, Scalar]]:

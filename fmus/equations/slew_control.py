@@ -173,8 +173,17 @@ def target_angle(u: Namespace) -> Scalar:
 
 
 def _joint(target: Scalar, q: Scalar, low: Scalar, high: Scalar, p: Namespace) -> Scalar:
-    target = clip(target, low + p.control_arm_margin, high - p.control_arm_margin)
-    return clip(p.control_arm_gain * (target - q), -p.control_arm_rate_limit, p.control_arm_rate_limit)
+    return arm_rate(p.control_arm_gain * (within_joint(target, low, high, p) - q), p)
+
+
+def within_joint(target: Scalar, low: Scalar, high: Scalar, p: Namespace) -> Scalar:
+    """A joint's target (rad), kept off its limits."""
+    return clip(target, low + p.control_arm_margin, high - p.control_arm_margin)
+
+
+def arm_rate(reference: Scalar, p: Namespace) -> Scalar:
+    """A joint's velocity reference (rad/s) within what may be asked for."""
+    return clip(reference, -p.control_arm_rate_limit, p.control_arm_rate_limit)
 
 
 def _told_inertia(u: Namespace, p: Namespace) -> Scalar:

@@ -35,9 +35,10 @@ def kept() -> dict[str, tuple[float, float]]:
     return arm | {"qd_slew": (-speed, speed), "q_tool_x": (-swing, swing), "q_tool_y": (-swing, swing)}
 
 
-def command_units() -> dict[str, str]:
-    """Units of the machine's commands by name."""
-    return {n: signals()[n].unit for n in PLAN_COMMANDS}
+def units_of(folder: Folder) -> dict[str, str]:
+    """Units by name of what may be driven: a model's inputs, or the machine's commands that move it."""
+    commands = {n: signals()[n].unit for n in PLAN_COMMANDS}
+    return commands | {v.name: v.unit for v in folder.model.inputs}
 
 
 def pose(paths: Sequence[Path]) -> dict[str, float]:
@@ -56,9 +57,8 @@ def pose(paths: Sequence[Path]) -> dict[str, float]:
 
 def write_for(out: Path, proposal: Any, folder: Folder, paths: Sequence[Path]) -> None:
     """Write the files of a proposal for a model, whose recordings lie in `paths`."""
-    units = command_units() | {v.name: v.unit for v in folder.model.inputs}
     stands = pose(paths) if set(proposal.commands) <= set(PLAN_COMMANDS) else {}
-    write(out, proposal.figures, proposal.commands, units, stands)
+    write(out, proposal.figures, proposal.commands, units_of(folder), stands)
 
 
 def write(

@@ -20,6 +20,8 @@ from reconcile.study import Study
 from reconcile.system.parts import Part
 from specs.errors import InputError
 
+OPEN = ("ambiguous", "insufficient_excitation")  # verdicts that an experiment may settle, the worse first
+
 
 @dataclass(frozen=True)
 class Proposal:

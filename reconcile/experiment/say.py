@@ -5,7 +5,7 @@ from typing import Any
 
 from reconcile.experiment.excitation import of_dict
 from reconcile.experiment.limits import Limits
-from reconcile.experiment.plan import command_units
+from reconcile.experiment.plan import units_of
 from reconcile.model import Attached
 from reconcile.study import Study
 
@@ -36,7 +36,7 @@ SENSORS = {
 def drive(study: Study, figures: dict[str, Any]) -> str:
     """What to drive."""
     e = of_dict(figures["excitation"])
-    units = command_units() | {v.name: v.unit for v in study.model.inputs}
+    units = units_of(study.folder)
     low, high = figures["ranges"][e.inputs[0]]
     half, unit = 0.5 * (high - low), units[e.inputs[0]]
     shown = "" if unit == "1" else f" {unit}"

@@ -4,12 +4,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from reconcile.experiment.plan import drivable
-from reconcile.experiment.propose import Proposal, propose
+from reconcile.experiment.propose import OPEN, Proposal, propose
 from reconcile.system.examine import Examined
 from specs.errors import InputError
 
 Report = Callable[..., None]
-OPEN = ("ambiguous", "insufficient_excitation")  # verdicts that an experiment may settle, the worse first
 
 
 def most_doubtful(done: Sequence[Examined]) -> list[Examined]:
