@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from specs.errors import InputError
 
@@ -23,7 +23,6 @@ MAGIC = b"SLWRKEEP"
 FORMAT = 1
 HEAD = struct.Struct("<8sIIQ16s")
 COPIES = ("retain.a", "retain.b")
-TEMPORARY = "retain.new"
 LARGEST = 1 << 20  # bytes; more is no copy of ours
 
 
@@ -88,27 +87,31 @@ class Copy:
     name: str
     number: int
     layout: str
-    values: Mapping[str, float]
+    values: Mapping[str, Any]
 
 
 class Retained:
-    """The retained values in `files`, for one `layout` (16 characters: what the values mean)."""
+    """The retained values in `files`, for one `layout` (16 characters: what the values mean).
 
-    def __init__(self, files: Files, layout: str) -> None:
-        self.files, self.layout = files, layout
-        found = [copy for name in COPIES if (copy := _read(files, name))]
-        self._newest = max(found, key=lambda copy: copy.number, default=None)
-        there = [name for name in COPIES if files.read(name) is not None]
+    `copies` are the names of the two copies, `whole` those that are whole, newest first.
+    """
+
+    def __init__(self, files: Files, layout: str, copies: tuple[str, str] = COPIES) -> None:
+        self.files, self.layout, self.copies = files, layout, copies
+        found = [copy for name in copies if (copy := _read(files, name))]
+        self.whole = tuple(sorted(found, key=lambda copy: -copy.number))
+        self._newest = self.whole[0] if self.whole else None
+        there = [name for name in copies if files.read(name) is not None]
         self.damaged = tuple(name for name in there if name not in {c.name for c in found})
 
-    def load(self) -> dict[str, float]:
+    def load(self) -> dict[str, Any]:
         """The values saved last, {} on the first start.
 
         Raises InputError where they are of another layout, or where both copies are there and neither is
         whole.
         """
         if self._newest is None:
-            if len(self.damaged) == len(COPIES):
+            if len(self.damaged) == len(self.copies):
                 raise InputError("retained values: both copies are damaged; delete them to start without")
             return {}
         if self._newest.layout != self.layout:
@@ -118,18 +121,21 @@ class Retained:
             )
         return dict(self._newest.values)
 
-    def save(self, values: Mapping[str, float]) -> None:
+    def save(self, values: Mapping[str, Any]) -> None:
         """Keep `values`: on the disk when it returns. Raises OSError; the newer copy is still there."""
         number = self._newest.number + 1 if self._newest else 1
-        target = COPIES[1] if self._newest and self._newest.name == COPIES[0] else COPIES[0]
-        self.files.write(TEMPORARY, _packed(values, number, self.layout))
-        self.files.sync(TEMPORARY)
-        self.files.rename(TEMPORARY, target)
+        first, second = self.copies
+        target = second if self._newest and self._newest.name == first else first
+        temporary = target.partition(".")[0] + ".new"
+        self.files.write(temporary, _packed(values, number, self.layout))
+        self.files.sync(temporary)
+        self.files.rename(temporary, target)
         self.files.sync_folder()
         self._newest = Copy(target, number, self.layout, dict(values))
+        self.whole = (self._newest, *(copy for copy in self.whole if copy.name != target))
 
 
-def _packed(values: Mapping[str, float], number: int, layout: str) -> bytes:
+def _packed(values: Mapping[str, Any], number: int, layout: str) -> bytes:
     body = json.dumps(dict(values), sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
     whole = HEAD.pack(MAGIC, FORMAT, len(body), number, layout.encode()) + body
     return whole + struct.pack("<I", zlib.crc32(whole))
