@@ -43,6 +43,7 @@ class Status(IntEnum):
     CHECKSUM = 5  # checksum or counter wrong
     RANGE = 6  # outside its range, or no number
     STUCK = 7  # has not moved for longer than noise allows
+    FORCED = 8  # set by a service engineer; counts in STANDBY only, and not for what decides who may move
 
 
 class Flag(IntFlag):
@@ -59,6 +60,7 @@ class Flag(IntFlag):
     DISK_FULL = 256
     GATE_LIMITED = 512
     POLICY_LATE = 1024
+    FORCED = 2048  # not the computer's: some input is forced
 
 
 class Group(IntEnum):
@@ -136,6 +138,11 @@ def group(s: Signal) -> Group:
         return Group.MACHINE if message.name == "MachineStatus" else Group.INFORMATION
     known = {NODE: Group.OWN, "Planner": Group.PLANNER, "Operator": Group.OPERATOR}
     return known.get(message.sender, Group.SENSOR)
+
+
+def forceable(s: Signal) -> bool:
+    """Whether an input may be forced: not what decides who may move (switches, readiness, targets)."""
+    return group(s) in (Group.SENSOR, Group.INFORMATION)
 
 
 def timeout_ticks(s: Signal) -> int:

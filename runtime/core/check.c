@@ -29,9 +29,16 @@ static const int heartbeats[] = {SLR_IN_planner_heartbeat, SLR_IN_operator_heart
 
 static double size_of(double x) { return x < 0.0 ? -x : x; }
 
-static uint8_t judged(const SlrInput *in, int i) {
+/* A service engineer's value in the place of a sensor's: never one that decides who may move, and in STANDBY only.
+ * Anywhere else it is as good as none. */
+static int may_be_forced(const SlrState *s, const Signal *signal) {
+  return s->mode == SLR_MODE_STANDBY && (signal->group == SLR_GROUP_SENSOR || signal->group == SLR_GROUP_INFORMATION);
+}
+
+static uint8_t judged(const SlrInput *in, const SlrState *s, int i) {
   const Signal *signal = &signals[i];
-  if (in->status[i] != SLR_STATUS_OK) return in->status[i];
+  const int forced = in->status[i] == SLR_STATUS_FORCED && may_be_forced(s, signal);
+  if (in->status[i] != SLR_STATUS_OK && !forced) return in->status[i];
   if (in->age[i] < 0) return SLR_STATUS_NEVER;
   if (in->age[i] >= signal->timeout) return SLR_STATUS_TIMEOUT;
   if (!(in->value[i] >= signal->min && in->value[i] <= signal->max)) return SLR_STATUS_RANGE;
@@ -62,7 +69,17 @@ static int at_once(uint8_t status) {
   return status == SLR_STATUS_NEVER || status == SLR_STATUS_TIMEOUT || status == SLR_STATUS_STUCK;
 }
 
+/* A forced value is used as long as it is there; nothing is bridged with it afterwards. */
+static int use_forced(const SlrInput *in, SlrState *s, SlrView *view, int i) {
+  if (in->status[i] != SLR_STATUS_FORCED || view->status[i] != SLR_STATUS_OK) return 0;
+  view->board[i] = in->value[i];
+  view->lost[i] = 0;
+  s->bad[i] = SLR_DEBOUNCE;
+  return 1;
+}
+
 static void use(const SlrInput *in, SlrState *s, SlrView *view, int i) {
+  if (use_forced(in, s, view, i)) return;
   if (view->status[i] == SLR_STATUS_OK) {
     s->last[i] = in->value[i];
     s->bad[i] = 0;
@@ -74,7 +91,7 @@ static void use(const SlrInput *in, SlrState *s, SlrView *view, int i) {
 }
 
 void slr_check(const SlrInput *in, SlrState *s, SlrView *view) {
-  for (int i = 0; i < SLR_IN_COUNT; i++) view->status[i] = judged(in, i);
+  for (int i = 0; i < SLR_IN_COUNT; i++) view->status[i] = judged(in, s, i);
   count_repeats(in, s);
   find_stuck(s, view);
   for (int i = 0; i < SLR_IN_COUNT; i++) use(in, s, view, i);

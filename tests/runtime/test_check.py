@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from runtime.image import INPUT, OUTPUT, Status
 from specs.signals import signal
-from tests.runtime.bench import AUTOMATIC, FAULT, NOISY, POSE, Bench
+from tests.runtime.bench import ARMED, AUTOMATIC, FAULT, NOISY, POSE, STANDBY, Bench
 from tests.runtime.bundles import core
 
 BRIDGED = 3  # ticks, input_debounce
@@ -74,6 +74,33 @@ def test_an_angle_may_rest_but_not_while_its_joint_moves() -> None:
         bench.set(imu_cabin_rate_z=0.2 + 1e-4 * k).tick()
     assert (bench.mode, bench.fault) == (FAULT, "sensor_stuck")
     assert bench.out("fault_signal") == signal("q_slew").vr
+
+
+def test_a_forced_sensor_counts_in_standby_only_and_is_never_bridged_with() -> None:
+    bench = Bench(core()).tick(3)
+    bench.status.update(q_boom=Status.FORCED)
+    bench.tick(100)
+    estimated = bench.seen[-1]["status"][OUTPUT.at("load_estimate")]
+    bench.status.update(q_boom=Status.ERROR)
+    bench.tick(100)
+    assert (estimated, bench.mode) == (Status.OK, STANDBY)
+    assert bench.seen[-1]["status"][OUTPUT.at("load_estimate")] == Status.NOT_AVAILABLE
+    bench.status.update(q_boom=Status.FORCED)
+    bench.tick().set(operator_enable=1.0).tick()
+    bench.status.update(q_boom=Status.ERROR)
+    assert bench.tick().mode == ARMED
+    assert bench.set(automatic_request=1.0).tick().mode == ARMED  # at once: nothing left to bridge with
+    driving = Bench(core()).automatic()
+    driving.status.update(q_boom=Status.FORCED)
+    assert first_fault(driving) == BRIDGED + 1
+    assert driving.fault == "sensor_error"
+
+
+@pytest.mark.parametrize("name", ["operator_enable", "machine_ready", "emergency_stop", "joystick_slew"])
+def test_what_decides_who_may_move_cannot_be_forced(name: str) -> None:
+    bench = Bench(core()).tick(3)
+    bench.status[name] = Status.FORCED
+    assert bench.tick(5).set(operator_enable=1.0).tick(5).mode == STANDBY
 
 
 ANYTHING = st.floats(allow_nan=True, allow_infinity=True, width=64)
