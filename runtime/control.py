@@ -5,6 +5,7 @@ and the same inputs does the same, bit for bit, here or on another platform.
 """
 
 import ctypes
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -33,6 +34,8 @@ class ControlCore:
         self._step.restype = None
         self._reset = library.slr_reset
         self._reset.argtypes, self._reset.restype = [ctypes.c_void_p], None
+        self._limit = library.slr_limit
+        self._limit.argtypes, self._limit.restype = [ctypes.c_void_p, ctypes.c_void_p], None
         self._state = np.zeros(library.slr_state_size() // 8, np.int64)
         self._outputs = OUTPUT.new()
         self._inputs, self._at_inputs = OUTPUT.new(), 0  # the last inputs and where they lie
@@ -47,6 +50,19 @@ class ControlCore:
     def reset(self) -> None:
         """Back to the first state."""
         self._reset(self._at_state)
+
+    def limit(self, commands: Sequence[float], speed: float = 1.0, rise: float = 1.0) -> None:
+        """Limit the authority until `reset`: largest commands of slew, boom and stick, shares of the gate.
+
+        `speed` is of its speed limits, `rise` of the rate at which commands may grow; all 0 to 1.  They are
+        part of the state that `snapshot` copies.  Raises InputError for anything else.
+        """
+        values = np.array([*commands, speed, rise], dtype=float)
+        if values.shape != (5,) or not np.all((values >= 0.0) & (values <= 1.0)):
+            raise InputError(
+                f"limited authority {values.tolist()}: three commands, speed and rise, each 0 to 1"
+            )
+        self._limit(self._at_state, values.ctypes.data)
 
     def snapshot(self) -> bytes:
         """The whole state, for `restore` of a core of the same bundle, on any platform."""

@@ -19,6 +19,10 @@
 #define SLR_EXPORT __attribute__((visibility("default")))
 #endif
 
+/* Limited authority: the largest command of each axis, then the shares of the gate's speed limits and of its rise
+ * that are left. */
+enum { SLR_AUTHORITY_SPEED = SLR_AXES, SLR_AUTHORITY_RISE, SLR_AUTHORITY };
+
 typedef struct {
   int64_t tick;         /* of the last step */
   int32_t mode;         /* SlrMode */
@@ -39,6 +43,7 @@ typedef struct {
   int32_t same[SLR_IN_COUNT]; /* steps in a row with the same value */
   double own[SLR_OUT_COUNT];  /* the core's half of the board */
   double held[SLR_AXES];      /* commands as the gate let them through */
+  double authority[SLR_AUTHORITY]; /* see slr_limit */
 } SlrState;
 
 /* Everything a step finds out before it decides. */
@@ -86,6 +91,9 @@ SLR_EXPORT size_t slr_input_size(void);
 SLR_EXPORT size_t slr_output_size(void);
 SLR_EXPORT size_t slr_state_size(void);
 SLR_EXPORT void slr_reset(SlrState *state);
+/* Takes over SLR_AUTHORITY values, each 0 to 1; after slr_reset all are 1.  They are part of the state, so that a
+ * snapshot has them.  Ways to neutral are never limited. */
+SLR_EXPORT void slr_limit(SlrState *state, const double *authority);
 /* Whether the controller would run at the tick of this image, and the board that it would see: for a policy that
  * is evaluated outside.  The state stays as it is. */
 enum { SLR_NOT_DUE, SLR_DUE, SLR_STARTS };

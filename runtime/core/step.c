@@ -102,6 +102,18 @@ static void estimate(SlrState *s, SlrView *view) {
 
 /* ---- the gate ---- */
 
+/* The gate's limits, and commands, as far as the authority goes (slr_limit). */
+static SlrGateLimits within_authority(const double authority[SLR_AUTHORITY], double allowed[SLR_AXES]) {
+  SlrGateLimits limits = slr_limits;
+  for (int axis = 0; axis < SLR_AXES; axis++) {
+    const double most = authority[axis];
+    allowed[axis] = allowed[axis] > most ? most : allowed[axis] < -most ? -most : allowed[axis];
+    limits.speed[axis] *= authority[SLR_AUTHORITY_SPEED];
+  }
+  limits.rise *= authority[SLR_AUTHORITY_RISE];
+  return limits;
+}
+
 static void pass_gate(SlrState *s, const SlrView *view, const double wanted[SLR_AXES]) {
   SlrGateView seen = {.move = s->mode == SLR_MODE_AUTOMATIC || s->mode == SLR_MODE_MANUAL,
                       .by_hand = s->mode == SLR_MODE_MANUAL,
@@ -112,7 +124,10 @@ static void pass_gate(SlrState *s, const SlrView *view, const double wanted[SLR_
   seen.known[SLR_SLEW] = !view->lost[SLR_IN_imu_cabin_rate_z];
   seen.known[SLR_BOOM] = seen.known[SLR_STICK] = arm;
   memcpy(seen.walls, view->walls, sizeof seen.walls);
-  s->limited = slr_gate(&slr_limits, &seen, wanted, s->held);
+  double allowed[SLR_AXES] = {wanted[SLR_SLEW], wanted[SLR_BOOM], wanted[SLR_STICK]};
+  const SlrGateLimits limits = within_authority(s->authority, allowed);
+  s->limited = slr_gate(&limits, &seen, allowed, s->held);
+  for (int axis = 0; axis < SLR_AXES; axis++) s->limited |= !(allowed[axis] == wanted[axis]);
   if (s->fault == SLR_FAULT_EMERGENCY_STOP) memset(s->held, 0, sizeof s->held);
 }
 
@@ -165,7 +180,10 @@ void slr_reset(SlrState *s) {
   slr_start_values(s);
   s->tick = -1;
   s->running = -1;
+  for (int i = 0; i < SLR_AUTHORITY; i++) s->authority[i] = 1.0;
 }
+
+void slr_limit(SlrState *s, const double *authority) { memcpy(s->authority, authority, sizeof s->authority); }
 
 int slr_observe(const SlrInput *in, const SlrState *state, double *board) {
   SlrState s = *state;

@@ -9,6 +9,7 @@ typedef size_t Size(void);
 typedef const char *Text(void);
 typedef void Reset(SlrState *);
 typedef int Observe(const SlrInput *, const SlrState *, double *);
+typedef void Limit(SlrState *, const double *);
 typedef void Step(const SlrInput *, SlrState *, int64_t, SlrOutput *);
 
 int main(int argc, char **argv) {
@@ -32,7 +33,9 @@ int main(int argc, char **argv) {
   double board[SLR_BOARD];
   SlrInput in;
   SlrOutput out;
+  Limit *limit = (Limit *)dlsym(library, "slr_limit");
   reset(state);
+  limit(state, (double[SLR_AUTHORITY]){1.0, 1.0, 1.0, 1.0, 1.0}); /* all, as after a reset */
   while (fread(&in, sizeof in, 1, stdin) == 1) {
     observe(&in, state, board); /* leaves the state as it is */
     step(&in, state, in.tick, &out);
