@@ -16,7 +16,8 @@ import numpy as np
 from runtime import configuration, helpers, realtime
 from runtime.bundle import load
 from runtime.can.joystick import Joystick
-from runtime.can.port import CanPort, open_bus
+from runtime.can.native import NativePort
+from runtime.can.port import open_bus
 from runtime.image import OUTPUT, Flag
 from runtime.modbus.cells import join
 from runtime.modbus.port import ModbusPort
@@ -87,7 +88,7 @@ def main(text: str) -> None:
     bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate)
     found = Statistics()
     joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
-    ports: list[Port] = [CanPort(bus, joystick=joystick), *_others(wanted, folder, found)]
+    ports: list[Port] = [NativePort(bus, core.library, joystick), *_others(wanted, folder, found)]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
     realtime.pin(wanted.realtime.core)
     rights = realtime.acquire(wanted.realtime.fifo, wanted.realtime.lock, wanted.realtime.priority)

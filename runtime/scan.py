@@ -22,6 +22,7 @@ PERIOD_NS = round(TICK_S * 1e9)
 POLICY_EVERY = 5  # ticks (design: policy at 10 Hz)
 STOLEN_NS = 1_000_000  # ns without the processor that make a tick a stolen one
 EARLY_NS = 100_000  # ns before its deadline a cycle wakes: half a percent of a processor
+STOLEN = int(Flag.STOLEN_TIME)
 SHOWN_TICKS = 50  # ticks for which stolen time stays in the flags: one second
 
 
@@ -111,6 +112,7 @@ class Scan:
     def __post_init__(self) -> None:
         self.ports = tuple(self.ports)
         self.inputs = INPUT.new()
+        self._granted = int(self.rights.flags)
         self._stolen_until = -1
         self._received = 0  # when the sensor message came that was used last
 
@@ -149,11 +151,11 @@ class Scan:
         self._account(tick, deadline, woke, cpu, waited)
 
     def _flags(self, tick: int) -> int:
-        flags = int(self.rights.flags) | self.other_flags(tick)
+        flags = self._granted | self.other_flags(tick)
         for port in self.ports:
             flags |= port.flags()
         if tick < self._stolen_until:
-            flags |= Flag.STOLEN_TIME
+            flags |= STOLEN
         if self.feed:
             flags |= self.feed.flags(tick)
         self.statistics.flags_seen |= flags
@@ -161,7 +163,9 @@ class Scan:
 
     def _latency(self, sent: int) -> int:
         """ns from a new sensor message to the command that rests on it; -1 without one."""
-        received = max((port.received_ns() for port in self.ports), default=0)
+        received = 0
+        for port in self.ports:
+            received = max(received, port.received_ns())
         if not received or received == self._received:
             return -1
         self._received = received

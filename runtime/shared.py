@@ -37,6 +37,11 @@ def private_folder(prefix: str = "slewright-") -> Path:
     return Path(tempfile.mkdtemp(prefix=prefix, dir=base))
 
 
+def flat(state: bytes | memoryview | np.ndarray) -> memoryview:
+    """The bytes of an array as they lie in memory; valid while the array is changed."""
+    return state.reshape(-1).view(np.uint8).data if isinstance(state, np.ndarray) else memoryview(state)
+
+
 class Cell:
     """One state of fixed size in shared memory; make it with `create`, join it with `open`."""
 
@@ -80,17 +85,23 @@ class Cell:
         """How many states were written; 0: none yet."""
         return NUMBER.unpack_from(self._memory, CURRENT)[0]
 
-    def write(self, state: bytes | memoryview | np.ndarray) -> None:
-        """Make `state` the current one (single writer; never waits)."""
-        payload = state.tobytes() if isinstance(state, np.ndarray) else bytes(state)
-        if len(payload) != self.size:
-            raise ValueError(f"state of {len(payload)} bytes, not {self.size}")
-        number = self._number = self._number + 1
+    def write(self, *parts: bytes | memoryview | np.ndarray) -> None:
+        """Make `parts`, one after the other, the current state (single writer; never waits)."""
+        number = self._number + 1
         at = HEAD.size + number % SLOTS * self._stride
+        crc, end, last = number & 0xFFFFFFFF, at + SLOT.size, at + SLOT.size + self.size
         NUMBER.pack_into(self._memory, at, 0)  # nobody takes the slot while it is filled
-        body = at + SLOT.size
-        self._memory[body : body + self.size] = payload
-        SLOT.pack_into(self._memory, at, number, crc32(payload, number & 0xFFFFFFFF))
+        for part in parts:
+            state = flat(part) if isinstance(part, np.ndarray) else part
+            begin, end = end, end + len(state)
+            if end > last:
+                break
+            self._memory[begin:end] = state
+            crc = crc32(state, crc)
+        if end != last:
+            raise ValueError(f"state of {sum(len(flat(p)) for p in parts)} bytes, not {self.size}")
+        self._number = number
+        SLOT.pack_into(self._memory, at, number, crc)
         NUMBER.pack_into(self._memory, CURRENT, number)
 
     def read(self) -> tuple[int, bytes] | None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
 
-from runtime.image import Status
+from runtime.image import TICK_S, Status
 from specs.e2e import COUNTER_BITS, LAST_COUNT, TABLE, start
 from specs.signals import Signal, definition
 from specs.wire import CanPlace, Message
@@ -82,6 +82,11 @@ class Codec:
 
     message: Message
     fields: tuple[Field, ...]
+
+    @cached_property
+    def cycle_ticks(self) -> int:
+        """Ticks between two frames."""
+        return max(1, round(self.message.cycle_ms / 1000 / TICK_S))
 
     @cached_property
     def begun(self) -> int:

@@ -13,6 +13,7 @@ from typing import Any
 
 import can
 
+from runtime.can.batch import Batch
 from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER, PACKET, QUEUE_BYTES, REMOTE
 
 ANSWER_S = 30.0  # s, for the bus process to take a node in
@@ -66,6 +67,14 @@ class LocalBus(can.BusABC):
             raise can.CanOperationError("the bus is gone")
         identifier, length, data, stamp = PACKET.unpack(packet)
         return identifier, data[:length], stamp
+
+    def recv_batch(self, batch: Batch) -> int:
+        """Put all frames that wait into `batch`, as many as it holds; how many."""
+        return batch.from_socket(self._socket)
+
+    def send_packet(self, packet: memoryview) -> None:
+        """Give the bus process a frame of a batch; raises OSError if there is no room, or no bus."""
+        self._socket.send(packet)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         found = self.recv_raw()

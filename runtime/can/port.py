@@ -14,20 +14,20 @@ import can
 import numpy as np
 
 from runtime.can import wire
-from runtime.can.codec import Codec, received_by
+from runtime.can.batch import FrameSource
+from runtime.can.codec import Codec, received_by, sent_by
 from runtime.can.localbus import LocalBus
 from runtime.can.receive import Receiver
+from runtime.can.table import PERIOD_NS, TIMED_BY
 from runtime.can.transmit import Transmitter
-from runtime.image import INPUT, NODE, OUTPUT, TICK_S, Flag
+from runtime.image import INPUT, NODE, OUTPUT, Flag
 from specs.errors import InputError, nearest
 
 INTERFACES = ("slewright", "socketcan", "slcan")
 # A bus of 250 kbit/s carries at most 106 frames in 20 ms (47 bits each: 11-bit identifiers, no data); so a
 # queue that grew while the process was held up empties again.
 FRAMES_A_TICK = 128
-PERIOD_NS = round(1e9 * TICK_S)
 JOYSTICK = "OperatorJoystick"  # what a J1939 joystick stands for
-TIMED_BY = "SlewPosition"  # the sensor message whose arrival end-to-end latency is counted from
 
 
 def open_bus(interface: str, channel: str, bit_rate: int, node: str = NODE) -> can.BusABC:
@@ -50,18 +50,6 @@ def _opened(interface: str, channel: str, opened: Any) -> can.BusABC:
     except (can.CanError, OSError, ValueError, ImportError, AttributeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"CAN bus {interface} '{channel}' cannot be opened: {reason}") from None
-
-
-class FrameSource(Protocol):
-    """A bus that hands out frames without message objects."""
-
-    def recv_raw(self) -> tuple[int, bytes, int] | None:
-        """Identifier with flags, data and monotonic time [ns]; None if no frame waits."""
-        ...
-
-    def send_raw(self, identifier: int, data: bytes) -> None:
-        """Send a frame; raises can.CanOperationError if that cannot be."""
-        ...
 
 
 class AnyBus:
@@ -118,6 +106,8 @@ class CanPort:
         self._was_off = False  # in the last tick, if only for a moment
         self.lost = 0  # times that frames for us were lost
         self.unsent = 0  # frames that could not be sent
+        self.ours = 0  # frames that only this node sends, and that came from somebody else
+        self._sent = {c.message.frame_id for c in sent_by(node)}
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Take what has come, at most FRAMES_A_TICK frames; put it and its age into the image."""
@@ -147,6 +137,7 @@ class CanPort:
         frame_id = identifier & wire.IDENTIFIER
         if self.joystick is None or not self.joystick.take(frame_id, data, came):
             self.receiver.take(frame_id, data, came, stamp)
+            self.ours += frame_id in self._sent
 
     def _error(self, identifier: int, data: bytes) -> None:
         if identifier & wire.BUS_OFF:

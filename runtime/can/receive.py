@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from runtime.can.codec import Codec
-from runtime.image import TICK_S, Status, timeout_ticks
+from runtime.image import Status, timeout_ticks
 from specs.e2e import LAST_COUNT
 
 COUNTS = LAST_COUNT + 1
@@ -22,7 +22,6 @@ class _Inbox:
 
     def __init__(self, codec: Codec, places: list[int]) -> None:
         self.codec, self.places = codec, places
-        self.cycle_ticks = max(1, round(codec.message.cycle_ms / 1000 / TICK_S))
         self.count: int | None = None
         self.tick = -1  # of the last right frame
         self.stamp_ns = 0
@@ -33,7 +32,7 @@ class _Inbox:
         if self.count is None:
             return True
         gone = (count - self.count) % COUNTS
-        missed = max(0, tick - self.tick) // self.cycle_ticks
+        missed = max(0, tick - self.tick) // self.codec.cycle_ticks
         return 1 <= gone <= 1 + SPARE + missed or missed >= LAST_COUNT
 
 

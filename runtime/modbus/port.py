@@ -1,16 +1,21 @@
 """The control process's side of Modbus: a `Port` of the scan; it never waits for the server."""
 
+import struct
 import time
 
 import numpy as np
 
 from runtime.image import INPUT, TICK_S, Flag, Status, timeout_ticks
-from runtime.modbus.cells import HOLDING, IMAGE, TARGETS
-from runtime.shared import Cell
+from runtime.modbus.cells import HOLDING, TARGETS
+from runtime.shared import Cell, flat
 from specs.signals import signal
 
 PERIOD_NS = round(1e9 * TICK_S)
 HEARTBEAT = signal("planner_heartbeat")
+PLACES = [INPUT.index[s.name] for s in HOLDING]
+STAMP = struct.Struct("<q")
+OK, NEVER, TIMEOUT = int(Status.OK), int(Status.NEVER), int(Status.TIMEOUT)
+LOST = int(Flag.MODBUS_LOST)
 
 
 class ModbusPort:
@@ -18,11 +23,12 @@ class ModbusPort:
 
     def __init__(self, image: Cell, targets: Cell) -> None:
         self._image, self._targets = image, targets
-        self._state = np.zeros((), IMAGE)
-        self._newest = np.zeros((), TARGETS)
         self._number = -1
-        self._places = np.array([INPUT.index[s.name] for s in HOLDING], dtype=np.intp)
-        self._start = np.array([s.start for s in HOLDING])
+        self._commits = self._stamp_ns = self._heartbeat_ns = 0
+        self._values = self._start = np.array([s.start for s in HOLDING])
+        self._show(INPUT.new())
+        self._outputs = np.zeros(0)
+        self._sent = flat(self._outputs)
         self._late = timeout_ticks(HEARTBEAT)
         self._lost = True
         self._started_ns = time.monotonic_ns()
@@ -31,28 +37,46 @@ class ModbusPort:
         """Put the targets into the image."""
         now = time.monotonic_ns()
         if self._targets.number != self._number and (found := self._targets.read()):
-            self._number, self._newest = found[0], np.frombuffer(found[1], TARGETS)[0]
-        newest = self._newest
-        since = int(newest["stamp_ns"]) or self._started_ns
-        self._lost = now - since > self._late * PERIOD_NS
-        value, age, status = self._start, -1, Status.NEVER
-        if newest["commits"] and newest["heartbeat_ns"]:
-            value, age = newest["value"], max(0, now - int(newest["heartbeat_ns"])) // PERIOD_NS
-            status = Status.TIMEOUT if age >= self._late else Status.OK
-        inputs["value"][self._places] = value
-        inputs["age"][self._places] = age
-        inputs["status"][self._places] = status
-        self._state["inputs"] = inputs
+            self._take(*found)
+        if inputs is not self._inputs:
+            self._show(inputs)
+        self._lost = now - (self._stamp_ns or self._started_ns) > self._late * PERIOD_NS
+        value, age, status = self._start, -1, NEVER
+        if self._commits and self._heartbeat_ns:
+            value, age = self._values, max(0, now - self._heartbeat_ns) // PERIOD_NS
+            status = TIMEOUT if age >= self._late else OK
+        self._value[:], self._age[:], self._status[:] = value, age, status
 
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """Publish what came in and what goes out in this tick."""
-        self._state["outputs"], self._state["stamp_ns"] = outputs, time.monotonic_ns()
-        self._image.write(self._state)
+        if outputs is not self._outputs:
+            self._outputs, self._sent = outputs, flat(outputs)
+        self._image.write(STAMP.pack(time.monotonic_ns()), self._seen, self._sent)
+
+    def _take(self, number: int, state: bytes) -> None:
+        """A state of targets.cell."""
+        newest = np.frombuffer(state, TARGETS)[0]
+        self._number, self._values, self._commits = number, newest["value"], int(newest["commits"])
+        self._stamp_ns, self._heartbeat_ns = int(newest["stamp_ns"]), int(newest["heartbeat_ns"])
+
+    def _show(self, inputs: np.ndarray) -> None:
+        """Keep what is needed of an image: finding it takes longer than using it."""
+        self._inputs, self._seen = inputs, flat(inputs)
+        places = _together(PLACES)
+        self._value, self._age = inputs["value"][places], inputs["age"][places]
+        self._status = inputs["status"][places]
 
     def flags(self) -> int:
         """MODBUS_LOST while the server gives no sign of life."""
-        return Flag.MODBUS_LOST * self._lost
+        return LOST if self._lost else 0
 
     def received_ns(self) -> int:
         """No sensor comes this way."""
         return 0
+
+
+def _together(places: list[int]) -> slice:
+    """The places as a slice, for a view; the specs name targets one after the other."""
+    if places != list(range(places[0], places[-1] + 1)):
+        raise NotImplementedError("targets do not lie side by side in the input image")
+    return slice(places[0], places[-1] + 1)

@@ -13,6 +13,7 @@ import numpy as np
 
 from runtime.image import Flag
 from runtime.ring import Ring
+from runtime.shared import flat
 
 if TYPE_CHECKING:
     from runtime.scan import Core
@@ -23,6 +24,7 @@ SNAPSHOT_HEAD = struct.Struct("<qq")  # tick, time of day [ns]
 SNAPSHOT_TICKS = 500  # 10 s: a segment is closed and deleted in these steps
 DEAD_TICKS = 50  # 1 s without a beat: the recorder is gone
 DISK_FULL = 1  # bit of the recorder's note
+FULL_FLAG, LOST_FLAG = int(Flag.DISK_FULL), int(Flag.RECORDER_LOST)
 
 
 class Watch:
@@ -51,6 +53,8 @@ class Feed:
         self._watch, self._time_of_day = Watch(ring), time_of_day
         self._day_ns = time_of_day() - time.monotonic_ns()  # once: a set clock must not turn times back
         self._before: bytes | None = None
+        self._inputs = self._outputs = np.zeros(0)  # the images seen last, and their bytes
+        self._seen = self._sent = flat(self._inputs)
         self._count = 0  # ticks so far, lost ones too: a gap in a recording shows
 
     def before(self, tick: int, core: "Core") -> None:
@@ -60,22 +64,21 @@ class Feed:
 
     def tick(self, inputs: np.ndarray, outputs: np.ndarray, timing: tuple[int, ...]) -> None:
         """After the step: record it. `timing`: deadline, lateness, work, processor time, latency [ns]."""
-        tick, deadline = int(inputs["tick"]), timing[0]
         self._count += 1
-        day = deadline + self._day_ns
+        day = timing[0] + self._day_ns
+        if inputs is not self._inputs or outputs is not self._outputs:
+            self._inputs, self._outputs = inputs, outputs
+            self._seen, self._sent = flat(inputs), flat(outputs)
         if self._before is not None:
+            tick = int(inputs["tick"])
             if not self.ring.put(SNAPSHOT, SNAPSHOT_HEAD.pack(tick, day), self._before):
                 return
             self._before, self._snapshot_due = None, tick + self.snapshot_ticks
         clocks = TIMING.pack(day, self._count, self._time_of_day(), *timing)
-        if not self.ring.put(TICK, clocks, _bytes(inputs), _bytes(outputs)):
-            self._snapshot_due = tick + 1
+        if not self.ring.put(TICK, clocks, self._seen, self._sent):
+            self._snapshot_due = int(inputs["tick"]) + 1
 
     def flags(self, tick: int) -> int:
         """What is wrong with the recorder: gone, or its disk full."""
-        lost = Flag.RECORDER_LOST if self._watch.lost(tick) else Flag(0)
-        return int(lost | (Flag.DISK_FULL if self.ring.note & DISK_FULL else Flag(0)))
-
-
-def _bytes(image: np.ndarray) -> memoryview:
-    return image.reshape(1).view(np.uint8).data
+        full = FULL_FLAG if self.ring.note & DISK_FULL else 0
+        return full | LOST_FLAG if self._watch.lost(tick) else full

@@ -30,7 +30,10 @@ from specs.errors import InputError
 from specs.version import VERSION
 
 ARM = "arm_velocity"
-HAND_WRITTEN = ("slr.h", "gate.h", "block.h", "image_layout.h", "gate.c", "check.c", "mode.c", "step.c")
+HAND_WRITTEN = (
+    *("slr.h", "gate.h", "block.h", "wire.h", "image_layout.h", "wire_layout.h"),
+    *("gate.c", "check.c", "mode.c", "step.c", "wire.c"),
+)
 BAKED_IN = ("geometry", "slew", "machine", "load_estimate")  # files whose figures are constants of the C code
 UNCHECKED = ("geometry.c", "model.c")  # CasADi's own code
 UNUSED_OUT = ["-ffunction-sections", "-fdata-sections"]

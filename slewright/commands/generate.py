@@ -12,9 +12,10 @@ def generate(
 ) -> None:
     """Regenerate the files made from the specs, or check that they are up to date."""
     from runtime import image
+    from runtime.can import table
     from specs.generate import main
 
-    stale = main(check=check) + image.write(check=check)
+    stale = main(check=check) + image.write(check=check) + table.write(check=check)
     for path in stale:
         typer.echo(f"{'out of date' if check else 'written'}: {path}")
     if check and stale:

@@ -5,7 +5,6 @@ then begins at a random tick with everything as it was there.  From there on the
 the drive without the fault: what is judged is what the controller does at once, not where the machine ends.
 """
 
-import copy
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
@@ -14,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.can.codec import codecs
-from runtime.can.port import CanPort
+from runtime.can.native import NativePort
 from runtime.can.transmit import Transmitter
 from runtime.can.wire import EXTENDED
 from runtime.control import ControlCore
@@ -62,7 +61,7 @@ class Moment:
     """Runtime and core before `tick`."""
 
     tick: int
-    port: CanPort
+    port: bytes
     core: bytes
 
 
@@ -89,7 +88,7 @@ class Drive:
         run = Run(self, None)
         for tick in range(last + 1):
             if tick in wanted:
-                found[tick] = Moment(tick, _copied(run.port), self.core.snapshot())
+                found[tick] = Moment(tick, run.port.state(), self.core.snapshot())
             outputs = run.step(self.frames[tick], tick)
             if tick in self.ticks and outputs["value"][OUTPUT.index["control_mode"]] != AUTOMATIC:
                 code = int(outputs["value"][OUTPUT.index["fault_code"]])
@@ -102,13 +101,12 @@ class Run:
 
     def __init__(self, drive: Drive, moment: Moment | None) -> None:
         self.core, self.wires, self.inputs = drive.core, Wires(), INPUT.new()
+        self.port = NativePort(self.wires, self.core.library)
         if moment is None:
-            self.port = CanPort(self.wires)
             self.core.reset()
         else:
-            self.port = _copied(moment.port)
+            self.port.restore(moment.port)
             self.core.restore(moment.core)
-        self.port._bus = self.wires
 
     def arrive(self, frames: Sequence[Frame]) -> None:
         """Frames come."""
@@ -144,11 +142,3 @@ def _resting(values: np.ndarray, tick: int) -> np.ndarray:
         if group(s) is Group.SENSOR and s.can and s.min != 0:
             found[INPUT.index[s.name]] += tick % 2 * s.can.scale
     return found
-
-
-def _copied(port: CanPort) -> CanPort:
-    """A copy that shares what never changes."""
-    fixed: list[object] = [port._bus]
-    fixed += [box.codec for box in port.receiver._inboxes.values()]
-    fixed += [box.codec for box in port.transmitter._outboxes]
-    return copy.deepcopy(port, {id(item): item for item in fixed})

@@ -12,6 +12,7 @@ import numpy as np
 import runtime.can
 from runtime.can.codec import codecs
 from runtime.can.joystick import Joystick
+from runtime.can.native import NativePort
 from runtime.can.port import CanPort
 from runtime.can.transmit import Transmitter
 from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER
@@ -72,17 +73,21 @@ class _Source:
 
 def run(case: Case, edges: set[Edge], images: list[bytes] | None = None) -> None:
     """Play a case; AssertionError if an output is unsafe."""
-    control, source = core(), _Source()
+    control, source, other = core(), _Source(), _Source()
     control.reset()
-    port = CanPort(source, joystick=Joystick() if case and case[0][1] & IDENTIFIER == BJM else None)
-    image, before = INPUT.new(), np.zeros(len(COMMANDS))
+    sticks = [Joystick() if case and case[0][1] & IDENTIFIER == BJM else None for _ in range(2)]
+    port, reference = NativePort(source, control.library, sticks[0]), CanPort(other, joystick=sticks[1])
+    image, same, before = INPUT.new(), INPUT.new(), np.zeros(len(COMMANDS))
     ticks: dict[int, list] = {}
     for tick, identifier, data in case:
         ticks.setdefault(tick, []).append((identifier, bytes.fromhex(data), 1 << 62))
     for tick in range(TICKS):
-        source.frames = ticks.get(tick, [])
-        traced(lambda tick=tick: port.receive(image, tick), PACKAGE, edges)
-        image["tick"], image["flags"] = tick, port.flags()
+        source.frames, other.frames = ticks.get(tick, []), list(ticks.get(tick, []))
+        traced(lambda tick=tick: reference.receive(same, tick), PACKAGE, edges)
+        port.receive(image, tick)
+        assert (image.tobytes(), port.flags()) == (same.tobytes(), reference.flags()), "C and Python differ"
+        for one in (image, same):
+            one["tick"], one["flags"] = tick, port.flags()
         if images is not None:
             images.append(image.tobytes())
         out = control.step(image, tick)

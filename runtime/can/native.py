@@ -1,0 +1,141 @@
+"""The controller's CAN as the control process has it: `CanPort` (runtime/can/port.py) with the work in C.
+
+Frames are taken from the bus many at once and checked, decoded, counted and encoded by the bundle's library
+(runtime/core/wire.c), in a tenth of the time that Python takes with cold caches.
+"""
+
+import ctypes
+import time
+
+import can
+import numpy as np
+
+from runtime.can import table, wire
+from runtime.can.batch import Batch, FrameSource
+from runtime.can.codec import sent_by
+from runtime.can.localbus import LocalBus
+from runtime.can.port import FRAMES_A_TICK, JOYSTICK, PERIOD_NS, Reader, frame_source
+from runtime.image import INPUT, NODE, Flag
+from specs.errors import InputError
+
+# Words at the beginning of SlrWire (runtime/core/wire.h).
+STAMP, FLAGS, PASSIVE, OFF, WAS_OFF, LOST, WRONG, OURS, IGNORED = range(9)
+
+
+class NativePort:
+    """A `Port` of the scan (runtime/scan.py) on `bus`; `library`: that of a loaded bundle.
+
+    `joystick` reads frames of a J1939 joystick instead of OperatorJoystick (runtime/can/joystick.py).
+    """
+
+    def __init__(
+        self, bus: can.BusABC | FrameSource, library: ctypes.CDLL, joystick: Reader | None = None
+    ) -> None:
+        """Raises InputError for a library that was compiled for other frames."""
+        check(library)
+        self._bus = bus if isinstance(bus, LocalBus) else frame_source(bus)
+        self._receive, self._send, reset = (
+            library.slr_wire_receive,
+            library.slr_wire_send,
+            library.slr_wire_reset,
+        )
+        pointer, number = ctypes.c_void_p, ctypes.c_int64
+        self._receive.argtypes = [pointer, pointer, ctypes.c_int, number, number, pointer]
+        self._send.argtypes, reset.argtypes = [pointer, pointer, number, pointer], [pointer]
+        self._receive.restype = reset.restype = None
+        self._state = np.zeros(library.slr_wire_size() // 8, np.int64)
+        self._words, self._at = self._state.data, self._state.ctypes.data
+        self._came, self._going = Batch(FRAMES_A_TICK), Batch(len(sent_by(NODE)))
+        self._inputs, self._at_inputs = INPUT.new(), 0  # images seen last and where they lie
+        self._outputs, self._at_outputs = INPUT.new(), 0
+        self._joystick = joystick
+        self.unsent = 0  # frames that could not be sent
+        reset(self._at)
+        if joystick:
+            self._words[IGNORED + table.number_in(JOYSTICK)] = 1
+
+    def receive(self, inputs: np.ndarray, tick: int) -> None:
+        """Take what has come, at most FRAMES_A_TICK frames; put it and its age into the image."""
+        if inputs is not self._inputs:  # asking for it takes longer than all the rest
+            if inputs.nbytes != INPUT.dtype.itemsize:
+                raise ValueError(f"an array of {inputs.nbytes} bytes is no input image")
+            self._inputs, self._at_inputs = inputs, inputs.ctypes.data
+        now, gone = time.monotonic_ns(), False
+        try:
+            count = self._waiting()
+        except (can.CanError, OSError):
+            count, gone = 0, True
+        self._receive(self._at, self._came.at, count, tick, now, self._at_inputs)
+        if gone:  # the interface is down or gone
+            self._words[OFF], self._words[FLAGS] = 1, self._words[FLAGS] | int(Flag.BUS_OFF)
+        if self._joystick:
+            self._by_joystick(self._joystick, count, tick, now)
+            self._joystick.fill(inputs, tick)
+
+    def send(self, outputs: np.ndarray, tick: int) -> None:
+        """Send the frames that are due; what the bus has no room for is dropped and counted."""
+        if outputs is not self._outputs:
+            self._outputs, self._at_outputs = outputs, outputs.ctypes.data
+        count = self._send(self._at, self._at_outputs, tick, self._going.at)
+        for i in range(count):
+            try:
+                if isinstance(self._bus, LocalBus):
+                    self._bus.send_packet(self._going.packets[i])
+                else:
+                    self._bus.send_raw(*self._going.get(i)[:2])
+            except (can.CanError, OSError):
+                self.unsent += 1
+
+    def flags(self) -> int:
+        """BUS_PASSIVE and BUS_OFF."""
+        return self._words[FLAGS]
+
+    def received_ns(self) -> int:
+        """When the slew's position came last, on the monotonic clock; 0: never."""
+        return self._words[STAMP]
+
+    @property
+    def lost(self) -> int:
+        """Times that frames for us were lost."""
+        return self._words[LOST]
+
+    @property
+    def wrong(self) -> int:
+        """Frames refused so far."""
+        return self._words[WRONG]
+
+    @property
+    def ours(self) -> int:
+        """Frames that only we send, and that came from somebody else."""
+        return self._words[OURS]
+
+    def state(self) -> bytes:
+        """All that it remembers, for `restore`."""
+        return self._state.tobytes()
+
+    def restore(self, state: bytes) -> None:
+        """Go on from a state of the same library."""
+        self._state[:] = np.frombuffer(state, np.int64)
+
+    def _waiting(self) -> int:
+        """Fill the batch with what waits; how many frames."""
+        if isinstance(self._bus, LocalBus):
+            return self._bus.recv_batch(self._came)
+        return self._came.from_source(self._bus)
+
+    def _by_joystick(self, joystick: Reader, count: int, tick: int, now: int) -> None:
+        for i in range(count):
+            identifier, data, stamp = self._came.get(i)
+            if identifier & wire.EXTENDED and not identifier & wire.ERROR:
+                came = tick - max(0, now - stamp) // PERIOD_NS
+                joystick.take(identifier & wire.IDENTIFIER, data, came)
+
+
+def check(library: ctypes.CDLL) -> None:
+    """Raise InputError if a bundle's library was compiled for other frames."""
+    if not hasattr(library, "slr_wire_layout"):
+        raise InputError("the bundle's core cannot read frames: of an older version? Build it again")
+    library.slr_wire_layout.restype, library.slr_wire_size.restype = ctypes.c_char_p, ctypes.c_size_t
+    found = library.slr_wire_layout().decode()
+    if found != table.token():
+        raise InputError(f"the bundle's core reads frames {found}, not {table.token()}; build it again")
