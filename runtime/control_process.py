@@ -84,7 +84,7 @@ def main(text: str) -> None:
     folder = Path(told["folder"])
     helpers.end_with(signal.SIGTERM)
     wanted = configuration.read(Path(told["config"]))
-    core = open_core(load(wanted.bundle))
+    core = open_core(load(Path(told["bundle"]), told["digest"]))
     bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate)
     found = Statistics()
     joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
