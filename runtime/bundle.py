@@ -7,6 +7,7 @@ changed, missing or not in the manifest, another process image, format or platfo
 import hashlib
 import json
 import platform
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,22 +46,43 @@ class Bundle:
         return self.folder / f"core-{name}{SUFFIXES[name.partition('-')[2]]}"
 
 
-def load(folder: Path) -> Bundle:
-    """Read and check a bundle; raises InputError naming the file or entry that is wrong."""
+def load(folder: Path, expected: str = "") -> Bundle:
+    """Read and check a bundle; raises InputError naming the file or entry that is wrong.
+
+    `expected` is the digest of the manifest that another process has checked.
+    """
     content = _read(folder)
-    for what, expected in (("format", FORMAT), ("slewright", VERSION), ("layout", image.token())):
-        if content[what] != expected:
-            said = "specs/signals.toml has changed since" if what == "layout" else f"here it is {expected}"
-            raise InputError(f"bundle {folder}: {what} {content[what]}: {said}; build it again")
+    check_version(content, f"bundle {folder}")
     _check_files(folder, content["files"])
+    found = digest((folder / MANIFEST).read_bytes())
+    if expected and found != expected:
+        raise InputError(f"bundle {folder}: it was replaced while the runtime started")
     return Bundle(
         folder,
         content["controller"],
         content["engine"],
         content["identity"],
         tuple(content["platforms"]),
-        digest((folder / MANIFEST).read_bytes()),
+        found,
     )
+
+
+def parse(text: bytes, where: str) -> dict[str, Any]:
+    """A manifest's content; raises InputError, `where` first, for one of another form."""
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: {MANIFEST} is no JSON ({error})") from None
+    _check_form(content, where)
+    return content
+
+
+def check_version(content: Mapping[str, Any], where: str) -> None:
+    """Raise InputError for a manifest of another format, version or process image."""
+    for what, expected in (("format", FORMAT), ("slewright", VERSION), ("layout", image.token())):
+        if content[what] != expected:
+            said = "specs/signals.toml has changed since" if what == "layout" else f"here it is {expected}"
+            raise InputError(f"{where}: {what} {content[what]}: {said}; build it again")
 
 
 def hashes(folder: Path) -> dict[str, str]:
@@ -83,26 +105,22 @@ def host() -> str:
 def _read(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        return parse(path.read_bytes(), f"bundle {folder}")
     except OSError as error:
         raise InputError(f"{folder} is no bundle: {path.name} cannot be read ({error.strerror})") from None
-    except ValueError as error:
-        raise InputError(f"bundle {folder}: {path.name} is no JSON ({error})") from None
-    _check_form(content, folder)
-    return content
 
 
-def _check_form(content: Any, folder: Path) -> None:
+def _check_form(content: Any, where: str) -> None:
     if not isinstance(content, dict):
-        raise InputError(f"bundle {folder}: {MANIFEST} holds no object")
+        raise InputError(f"{where}: {MANIFEST} holds no object")
     for key, kind in KEYS.items():
         if not isinstance(content.get(key), kind):
-            raise InputError(f"bundle {folder}: {MANIFEST}: {key} is missing or no {kind.__name__}")
+            raise InputError(f"{where}: {MANIFEST}: {key} is missing or no {kind.__name__}")
     names, files = content.get("platforms"), content.get("files")
     if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
-        raise InputError(f"bundle {folder}: {MANIFEST}: platforms is missing or no list of names")
+        raise InputError(f"{where}: {MANIFEST}: platforms is missing or no list of names")
     if not isinstance(files, dict) or not all(isinstance(v, str) for v in files.values()):
-        raise InputError(f"bundle {folder}: {MANIFEST}: files is missing or no table of SHA-256")
+        raise InputError(f"{where}: {MANIFEST}: files is missing or no table of SHA-256")
 
 
 def _check_files(folder: Path, told: dict[str, str]) -> None:

@@ -18,6 +18,7 @@ from specs.errors import InputError, nearest
 from specs.schema import STRICT, read_toml, validate
 from specs.signals import definition
 
+LOCAL_BUS = "slewright"  # on one computer, for tests and simulated machines
 LOWEST_PRIORITY, HIGHEST_PRIORITY = 1, 98  # 99 is the kernel's own
 
 
@@ -130,18 +131,41 @@ class Retaining:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stored:
+    """The store of signed bundles whose active one runs, and the folder of the keys that are trusted."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    folder: Path
+    keys: Path | None = None  # default: `keys` in the store
+
+
+@dataclass(frozen=True, kw_only=True)
 class Configuration:
     """All of a configuration file; paths are those of the file's folder."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
 
-    bundle: Path
     can: Can
+    bundle: Path | None = None  # a bundle's folder, which nobody has signed
+    unsigned: bool = False  # whether such a one may run on a real bus
+    store: Stored | None = None
     rates: Rates = field(default_factory=Rates)
     realtime: Realtime = field(default_factory=Realtime)
     modbus: Modbus | None = None
     recorder: Recording | None = None
     retain: Retaining | None = None
+
+    def __post_init__(self) -> None:
+        if self.bundle is None and self.store is None:
+            raise InputError("missing bundle (a folder) or [store] (of signed ones)")
+        if self.store is not None and (self.bundle is not None or self.unsigned):
+            raise InputError("[store] leaves no room for bundle or unsigned: what runs is what it holds")
+        if self.bundle is not None and not self.unsigned and self.can.interface != LOCAL_BUS:
+            raise InputError(
+                "bundle is a folder that nobody has signed: on a real bus it runs with unsigned = true only; "
+                "signed ones come with [store] (docs/bundles.md)"
+            )
 
 
 def read(path: Path) -> Configuration:
@@ -187,7 +211,7 @@ def _check_bus(can: Can) -> None:
         if can.channel not in there:
             have = nearest(can.channel, there) if there else "this machine has none"
             raise InputError(f"can.channel: there is no CAN interface {can.channel}; {have}")
-    elif can.interface == "slewright" and not Path(can.channel).is_socket():
+    elif can.interface == LOCAL_BUS and not Path(can.channel).is_socket():
         raise InputError(f"can.channel: {can.channel} is no local bus")
     elif not Path(can.channel.split("@")[0]).exists():
         raise InputError(f"can.channel: there is no device {can.channel}")

@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import IO, Any, Self
 
 from runtime import bundle, configuration
+from runtime.archive import start
 from runtime.control_process import COUNTS, COUNTS_HOLD
 from runtime.helpers import Helper
 from runtime.image import TICK_S
@@ -33,6 +34,7 @@ from specs.version import VERSION
 RECORDER_BYTES = 4 << 20  # more than a minute of ticks
 RETAIN_BYTES = 1 << 13
 WATCH_S = 0.1
+PROVEN_TICKS = 500  # 10 s: loading, all processes and a hundred policy ticks are behind it
 PATIENCE_S = 90.0  # for a helper's first sign of life, on a machine that does other things too
 RESTART_S = 1.0  # between starts of a helper that does not stay
 LOCK = ".in-use"
@@ -60,8 +62,10 @@ class Supervisor:
         """Check everything; InputError for the first thing that does not fit, before anything runs."""
         self.path, self.ticks = path, ticks
         self.wanted = configuration.read(path)
-        self.bundle = bundle.load(self.wanted.bundle)
+        self.active = start.chosen(self.wanted, path)
+        self.bundle = self.active.bundle
         self.bundle.library()
+        self._proven = False
         self.retained = self._retained()
         configuration.check_surroundings(self.wanted)
         self._locks = [lock(part.folder) for part in (self.wanted.recorder, self.wanted.retain) if part]
@@ -70,7 +74,8 @@ class Supervisor:
         self.helpers: list[Helper] = []
         self.rings: list[Ring] = []
         self.counts = Cell.create(self.folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
-        told = {"config": str(path.resolve()), "folder": str(self.folder), "ticks": ticks}
+        which = {"bundle": str(self.bundle.folder.resolve()), "digest": self.bundle.digest}
+        told = {"config": str(path.resolve()), "folder": str(self.folder), "ticks": ticks, **which}
         self.control = Helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
 
@@ -108,7 +113,9 @@ class Supervisor:
         KeyboardInterrupt if it was stopped before its first cycle.
         """
         while (code := self.watch()) is None and not stop():
-            report(self.now())
+            report(now := self.now())
+            if now.ticks >= PROVEN_TICKS:
+                self._prove()
             time.sleep(WATCH_S)
         if code is None:
             code = self.control.end()
@@ -144,6 +151,14 @@ class Supervisor:
             )
         return {**json.loads(found.read_text()), "restarts": {h.name: h.starts - 1 for h in self.helpers}}
 
+    def _prove(self) -> None:
+        """The bundle has run long enough to be one to go back to; a store that is in use is asked again."""
+        try:
+            self._proven = self._proven or self.active.prove()
+        except OSError as error:
+            self._proven = True
+            sys.stderr.write(f"slewright: the store cannot keep in mind that its bundle ran: {error}\n")
+
     def _retained(self) -> dict[str, float]:
         wanted = self.wanted.retain
         if wanted is None:
@@ -173,6 +188,7 @@ class Supervisor:
     def _prepare_recorder(self, wanted: configuration.Recording) -> None:
         ring = self._ring("recorder.ring", RECORDER_BYTES)
         who = {**identity(self.bundle.identity, VERSION), "bundle": self.bundle.digest}
+        who["signed_by"] = self.active.signer
         told = {
             "ring": str(ring.path),
             "folder": str(wanted.folder.resolve()),

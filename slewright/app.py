@@ -20,6 +20,7 @@ from slewright.commands import (
     collect,
     compare,
     convert,
+    deploy,
     dossier,
     effects,
     estimate,
@@ -120,3 +121,4 @@ app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(train.app, name="train")
 app.add_typer(estimate.app, name="estimate")
 app.add_typer(import_.app, name="import")
+app.add_typer(deploy.app, name="deploy")

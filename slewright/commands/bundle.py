@@ -29,14 +29,39 @@ def bundle(
         Path | None,
         typer.Option("--load-calibration", metavar="FILE", help="Of the load estimate (estimate calibrate)."),
     ] = None,
+    sign: Annotated[
+        Path | None,
+        typer.Option("--sign", metavar="KEY.pem", help="Sign it: writes an archive (docs/bundles.md)."),
+    ] = None,
+    archive: Annotated[
+        Path | None,
+        typer.Option("--archive", metavar="FILE.slwb", help="Its file (default: DIR.slwb)."),
+    ] = None,
+    release: Annotated[str, typer.Option(metavar="NAME", help="A name for people to tell it by.")] = "",
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", metavar="FILE.toml", help="The only configuration it is to run with."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
+    from slewright.bundling import archive as signing
     from slewright.bundling.build import bundle as build
+    from slewright.commands.deploy_keys import passphrase
+    from specs.errors import InputError
 
+    if sign is None and (archive or release or config):
+        raise InputError("--archive, --release and --config are of a signed archive: add --sign KEY.pem")
+    target = archive or signing.default_path(out)
+    key = signing.check(target, sign, release, config, passphrase) if sign else None
     with progress("bundle") as report:
         report(f"compiling {controller}")
         made = build(controller, out, platform or (), engine=engine, calibration=calibration)
     typer.echo(f"{made.folder}: {made.controller} for {', '.join(made.platforms)}, SHA-256 {made.digest}")
     figures = {"controller": made.controller, "platforms": list(made.platforms), "sha256": made.digest}
-    write(json, {**figures, "identity": made.identity}, None)
+    figures |= {"identity": made.identity}
+    if key:
+        signed = signing.write(made, target, key, release, config)
+        typer.echo(f"{target}: {len(signed.files)} files, digest {signed.digest}, signed by {key.public.id}")
+        figures |= {"archive": str(target), "digest": signed.digest, "key": key.public.id}
+    write(json, figures, None)

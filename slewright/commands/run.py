@@ -36,6 +36,7 @@ def run(
             report(modes.get(found.mode, str(found.mode)), found.ticks, ticks)
 
         supervisor = Supervisor(config, ticks)
+        report(supervisor.active.said)
         with supervisor:
             try:
                 found = supervisor.run(show)

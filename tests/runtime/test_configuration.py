@@ -66,7 +66,7 @@ def test_a_whole_configuration_and_its_paths(folder: Path):
 
 
 def test_the_shortest_configuration(folder: Path):
-    text = 'bundle = "b"\n[can]\ninterface = "socketcan"\nchannel = "can0"\n'
+    text = '[can]\ninterface = "socketcan"\nchannel = "can0"\n[store]\nfolder = "s"\n'
     found = configuration.read(written(folder, text))
     assert (found.modbus, found.recorder, found.retain) == (None, None, None)
     assert found.realtime.fifo
@@ -85,7 +85,10 @@ def test_the_shortest_configuration(folder: Path):
         ("priority = 70", "priority = 99", "priority = 99: 1 to 98"),
         ("priority = 70", 'priority = "high"', "priority"),
         ('channel = "bus"', 'channel = "bus"\nbit_rate = 500000', "runs at 250000 bit/s"),
-        ('bundle = "bundle"', "", "missing bundle"),
+        ('bundle = "bundle"', "", "missing bundle (a folder) or [store]"),
+        ("[can]", '[store]\nfolder = "s"\n[can]', "[store] leaves no room for bundle"),
+        ('interface = "slewright"', 'interface = "socketcan"', "nobody has signed: on a real bus"),
+        ('interface = "slewright"', 'interface = "slcan"', "with unsigned = true only"),
         ('folder = "recording"', 'folder = "r"\nlimit_mb = 1', "limit_mb = 1: at least 8 MB"),
         ("[can]", "[can", "not valid TOML"),
         ('"slewright.dbc"', '"none.dbc"', "none.dbc"),
@@ -133,7 +136,7 @@ def test_a_bus_that_does_not_exist_is_refused(folder: Path):
     found = configuration.read(written(folder, WHOLE.replace('"bus"', f'"{folder / "bus"}"')))
     with pytest.raises(InputError, match="is no local bus"):
         configuration.check_surroundings(found)
-    text = WHOLE.replace('"bus"', '"can7"').replace('"slewright"', '"socketcan"')
+    text = "unsigned = true\n" + WHOLE.replace('"bus"', '"can7"').replace('"slewright"', '"socketcan"')
     with pytest.raises(InputError, match="there is no CAN interface can7"):
         configuration.check_surroundings(configuration.read(written(folder, text)))
 

@@ -28,6 +28,7 @@ COMMANDS = (
     "check",
     "build",
     "bundle",
+    "deploy",
     "generate",
     "dossier",
     "fit",

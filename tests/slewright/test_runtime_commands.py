@@ -59,10 +59,13 @@ def test_replay_refuses_a_recording_of_another_version(slewright: Command, tmp_p
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[can]\nspeed = 1\n", "missing bundle"),
+        ('[can]\ninterface = "slewright"\nchannel = "bus"\n', "missing bundle"),
         ('bundle = "none"\n[can]\ninterface = "slewright"\nchannel = "bus"\n', "is no bundle"),
         ('bundle = "BUNDLE"\n[can]\ninterface = "slewright"\nchannel = "none"\n', "is no local bus"),
-        ('bundle = "BUNDLE"\n[can]\ninterface = "socketcan"\nchannel = "can7"\n', "no CAN interface can7"),
+        (
+            'bundle = "BUNDLE"\nunsigned = true\n[can]\ninterface = "socketcan"\nchannel = "can7"\n',
+            "no CAN interface can7",
+        ),
     ],
 )
 def test_run_refuses_at_the_start(tmp_path: Path, text: str, said: str):
@@ -74,7 +77,7 @@ def test_run_refuses_at_the_start(tmp_path: Path, text: str, said: str):
 
 
 def test_run_says_it_in_a_line_and_exits_with_2(slewright: Command, tmp_path: Path):
-    (tmp_path / "machine.toml").write_text("[can]\nspeed = 1\n")
+    (tmp_path / "machine.toml").write_text('[can]\ninterface = "slewright"\nchannel = "bus"\n')
     done = slewright("run", "--config", tmp_path / "machine.toml")
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

@@ -1,0 +1,93 @@
+"""Bringing a bundle into a machine's store, and going back: every check before anything takes effect."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from runtime.archive import container, trust
+from runtime.archive.differences import Change, differences
+from runtime.archive.disk import StoreFolder
+from runtime.archive.signed import SHOWN, Signed, check_fit, verify
+from runtime.archive.start import Place
+from runtime.archive.store import State, Store, held
+from specs.errors import InputError
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A bundle that could be installed, and what it would change."""
+
+    signed: Signed
+    before: State
+    changes: tuple[Change, ...]
+    unknown: str = ""  # why the changes cannot be told
+
+    @property
+    def first(self) -> bool:
+        """Whether nothing is there to compare with."""
+        return not self.before.active
+
+
+def offer(place: Place, archive: Path) -> Offer:
+    """Check an archive for this machine and compare it with what is active; changes nothing.
+
+    Raises InputError with the first thing that is wrong with the archive.
+    """
+    signed = verify(container.read(archive), trust.read(place.keys), str(archive))
+    check_fit(signed, str(archive))
+    if not place.folder.is_dir():
+        return Offer(signed, State(), ())
+    before = place.store().state
+    return Offer(signed, before, *_changes(place, before.active, signed))
+
+
+def install(place: Place, offered: Offer) -> None:
+    """Let the offered bundle be the active one.
+
+    Raises InputError if another one was installed meanwhile, or if its core does not load on this machine;
+    what was active is still active then.
+    """
+    place.folder.mkdir(parents=True, exist_ok=True)
+    with held(place.folder):
+        store = Store(StoreFolder(place.folder))
+        if store.state != offered.before:
+            raise InputError(f"store {place.folder} has changed meanwhile: look at the difference again")
+        store.stage(offered.signed)
+        try:
+            _try(place, offered.signed.digest)
+        except InputError:
+            store.clean()
+            raise
+        store.activate(offered.signed.digest)
+        store.clean()
+
+
+def roll_back(place: Place) -> Offer:
+    """Let the last good bundle be the active one; what that changed.  InputError if there is none."""
+    with held(place.folder):
+        store = place.store()
+        before = store.state
+        if not before.fallback:
+            raise InputError(f"store {place.folder} holds no other good bundle to go back to")
+        signed = _try(place, before.fallback)
+        done = Offer(signed, before, *_changes(place, before.active, signed))
+        store.roll_back()
+        store.clean()
+    return done
+
+
+def _try(place: Place, digest: str) -> Signed:
+    """Read a bundle of the store as the runtime will, up to its core's first state."""
+    from runtime.policy import open_core
+
+    signed = place.fit(digest)
+    open_core(place.unpacked(digest))
+    return signed
+
+
+def _changes(place: Place, active: str, signed: Signed) -> tuple[tuple[Change, ...], str]:
+    if not active:
+        return (), ""
+    try:
+        return tuple(differences(place.store().files(active), signed.files)), ""
+    except InputError as error:
+        return (), f"active bundle {active[:SHOWN]}: {error}"
