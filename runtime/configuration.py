@@ -96,6 +96,29 @@ class Modbus:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HmiTls:
+    """What lets the page be reached safely over a network."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    certificate: Path
+    key: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hmi:
+    """The operator's page (docs/hmi.md); from elsewhere than this machine nothing is changed without TLS."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    port: int = 8080
+    host: str = "127.0.0.1"
+    tokens: Path = Path("hmi-tokens.json")
+    audit: Path = Path("audit")
+    tls: HmiTls | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Recording:
     """Where ticks are recorded, and how much of the disk for."""
 
@@ -155,6 +178,7 @@ class Configuration:
     modbus: Modbus | None = None
     recorder: Recording | None = None
     retain: Retaining | None = None
+    hmi: Hmi | None = None
 
     def __post_init__(self) -> None:
         if self.bundle is None and self.store is None:
@@ -179,15 +203,23 @@ def read(path: Path) -> Configuration:
     return found
 
 
+def with_hmi(found: Configuration, folder: Path) -> Configuration:
+    """The same with an HMI, the default one if it has none of its own; its files are those of `folder`."""
+    return found if found.hmi else replace(found, hmi=_placed(Hmi(), folder))
+
+
 def check_surroundings(found: Configuration) -> None:
     """Raise InputError for what is not there: the bus, a free port, a folder that can be written."""
     _check_bus(found.can)
     check_core(found.realtime.core)
     if found.modbus:
-        _check_port(found.modbus.host, found.modbus.port)
+        _check_port("modbus", found.modbus.host, found.modbus.port)
         if found.modbus.tls:
-            _check_port(found.modbus.host, found.modbus.tls.port)
+            _check_port("modbus", found.modbus.host, found.modbus.tls.port)
             _check_tls(found.modbus.tls)
+    if found.hmi:
+        _check_port("hmi", found.hmi.host, found.hmi.port)
+        _check_folder(found.hmi.audit)
     for part in (found.recorder, found.retain):
         if part:
             _check_folder(part.folder)
@@ -217,15 +249,15 @@ def _check_bus(can: Can) -> None:
         raise InputError(f"can.channel: there is no device {can.channel}")
 
 
-def _check_port(host: str, port: int) -> None:
+def _check_port(whose: str, host: str, port: int) -> None:
     if not 0 < port < 65536:
-        raise InputError(f"modbus: port {port}: 1 to 65535")
+        raise InputError(f"{whose}: port {port}: 1 to 65535")
     try:
         with socket.create_server((host, port)):
             pass
     except OSError as error:
         why = str(error.strerror).split(" (")[0]
-        raise InputError(f"modbus: port {port} of {host} cannot be had: {why}") from None
+        raise InputError(f"{whose}: port {port} of {host} cannot be had: {why}") from None
 
 
 def _check_tls(tls: Tls) -> None:

@@ -18,11 +18,13 @@ from runtime.bundle import load
 from runtime.can.joystick import Joystick
 from runtime.can.native import NativePort
 from runtime.can.port import open_bus
+from runtime.control import ControlCore
 from runtime.image import OUTPUT, Flag
 from runtime.modbus.cells import join
 from runtime.modbus.port import ModbusPort
 from runtime.policy import open_core
 from runtime.recorder.feed import Feed, Watch
+from runtime.rehearsal import Rehearsal
 from runtime.retain_process import FAILED, VALUES
 from runtime.ring import Ring
 from runtime.scan import Port, Scan
@@ -90,16 +92,22 @@ def main(text: str) -> None:
     joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
     ports: list[Port] = [NativePort(bus, core.library, joystick), *_others(wanted, folder, found)]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
+    twin = Rehearsal(core, ports, folder / "twin", feed is not None) if type(core) is ControlCore else None
     realtime.pin(wanted.realtime.core)
     rights = realtime.acquire(wanted.realtime.fifo, wanted.realtime.lock, wanted.realtime.priority)
     for reason in rights.reasons:
         sys.stderr.write(f"slewright: {reason}\n")
     scan = Scan(core, ports, rights, feed, statistics=found)
+    if twin:
+        scan.before = twin
     scan.run(stop=helpers.told_to_end, ticks=told.get("ticks"))
     realtime.release()
     bus.shutdown()
+    if twin:
+        twin.close()
     found.unrecorded = feed.ring.lost if feed else 0
     figures = {**found.figures(), "reasons": list(rights.reasons)}
+    figures["rehearsal_us"] = twin.figures() if twin else None
     (folder / "statistics").write_text(json.dumps(figures))
 
 

@@ -108,6 +108,7 @@ class Scan:
     clock: Clock = field(default_factory=SystemClock)
     other_flags: Callable[[int], int] = lambda tick: 0
     statistics: Statistics = field(default_factory=Statistics)
+    before: Callable[[int, int], None] = lambda tick, deadline_ns: None  # runtime/rehearsal.py
 
     def __post_init__(self) -> None:
         self.ports = tuple(self.ports)
@@ -123,6 +124,7 @@ class Scan:
         last = None if ticks is None else first + ticks
         while not stop() and (last is None or tick < last):
             deadline = start + (tick - first) * PERIOD_NS
+            self.before(tick, deadline)
             clock.sleep_until(deadline)
             self.cycle(tick, deadline)
             tick = self._next(tick, (clock.now() - start) // PERIOD_NS + first)

@@ -25,6 +25,7 @@ class ModbusPort:
         self._image, self._targets = image, targets
         self._number = -1
         self._commits = self._stamp_ns = self._heartbeat_ns = 0
+        self._owner = False
         self._values = self._start = np.array([s.start for s in HOLDING])
         self._show(INPUT.new())
         self._outputs = np.zeros(0)
@@ -53,11 +54,17 @@ class ModbusPort:
             self._outputs, self._sent = outputs, flat(outputs)
         self._image.write(STAMP.pack(time.monotonic_ns()), self._seen, self._sent)
 
+    def follow(self, other: "ModbusPort") -> None:
+        """Know what another one knows of the writer."""
+        self._values, self._commits = other._values, other._commits
+        self._stamp_ns, self._heartbeat_ns = other._stamp_ns, other._heartbeat_ns
+
     def _take(self, number: int, state: bytes) -> None:
         """A state of targets.cell."""
         newest = np.frombuffer(state, TARGETS)[0]
         self._number, self._values, self._commits = number, newest["value"], int(newest["commits"])
         self._stamp_ns, self._heartbeat_ns = int(newest["stamp_ns"]), int(newest["heartbeat_ns"])
+        self._owner = bool(newest["owner"])
 
     def _show(self, inputs: np.ndarray) -> None:
         """Keep what is needed of an image: finding it takes longer than using it."""
@@ -65,6 +72,10 @@ class ModbusPort:
         places = _together(PLACES)
         self._value, self._age = inputs["value"][places], inputs["age"][places]
         self._status = inputs["status"][places]
+
+    def claimed(self) -> bool:
+        """Whether a client has the right to write, though it may not have written yet."""
+        return self._owner and not self._lost
 
     def flags(self) -> int:
         """MODBUS_LOST while the server gives no sign of life."""

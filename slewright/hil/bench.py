@@ -43,6 +43,7 @@ class Block:
     other_tick: dict[str, float]
     policy_step: dict[str, float]
     latency: dict[str, float]
+    rehearsal: dict[str, float]
     stolen: int
     overruns: int
     ticks: int
@@ -137,6 +138,7 @@ def _block(bundle: Path, name: str, seconds: float, ours_first: bool) -> Block:
         other_tick=ours["other_tick_us"],
         policy_step=ours["policy_step_us"],
         latency=ours["latency_us"],
+        rehearsal=ours["rehearsal_us"],
         stolen=ours["stolen_ticks"],
         overruns=ours["overruns"],
         ticks=ours["ticks"],
@@ -204,6 +206,7 @@ def _medians(blocks: Sequence[Block]) -> dict[str, Any]:
         "other_tick_us": over([b.other_tick for b in blocks]),
         "policy_step_us": over([b.policy_step for b in blocks]),
         "latency_us": over([b.latency for b in blocks]),
+        "rehearsal_us": over([b.rehearsal for b in blocks]),
         "modbus_rps": median(rps) if rps else None,
         "stolen_ticks": sum(b.stolen for b in blocks),
         "overruns": sum(b.overruns for b in blocks),

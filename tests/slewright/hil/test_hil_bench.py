@@ -25,7 +25,7 @@ def block(p99: float, policy: float = 100.0, overruns: int = 0) -> Block:
     times = {"p50": 5.0, "p99": p99, "p999": 50.0, "max": 60.0}
     tick = {**times, "p50": policy}
     theirs = {"p50": 10.0, "p99": 20.0, "p999": 30.0, "max": 40.0}
-    return Block(times, theirs, tick, tick, tick, tick, stolen=1, overruns=overruns, ticks=100)
+    return Block(times, theirs, tick, tick, tick, tick, tick, stolen=1, overruns=overruns, ticks=100)
 
 
 def test_quantiles_of_cyclictests_histogram():

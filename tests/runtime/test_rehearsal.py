@@ -1,0 +1,91 @@
+"""The twin of a cycle leaves no trace in the real one, and does the same work."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.can.native import NativePort
+from runtime.can.transmit import Transmitter
+from runtime.can.wire import EXTENDED
+from runtime.image import INPUT
+from runtime.modbus.cells import create
+from runtime.modbus.port import ModbusPort
+from runtime.rehearsal import AHEAD_NS, Rehearsal
+from specs.signals import definition
+from tests.runtime.bench import NOISY, POSE, READY, TARGET
+from tests.runtime.bundles import core
+
+TICKS = 60
+INDEX = INPUT.index
+
+
+class Source:
+    def __init__(self) -> None:
+        self.frames: list[tuple[int, bytes, int]] = []
+        self.sent: list[tuple[int, bytes]] = []
+
+    def recv_raw(self) -> tuple[int, bytes, int] | None:
+        return self.frames.pop(0) if self.frames else None
+
+    def send_raw(self, identifier: int, data: bytes) -> None:
+        self.sent.append((identifier, data))
+
+
+def drive(folder: Path, rehearsed: bool) -> tuple[list[bytes], list[tuple[int, bytes]], bytes, Rehearsal]:
+    """Outputs, frames, last state and rehearsal of a drive into automatic operation."""
+    control, source = core(), Source()
+    folder.mkdir()
+    port, modbus = NativePort(source, control.library), ModbusPort(*create(folder))
+    twin = Rehearsal(control, [port, modbus], folder / "twin", recorder=True)
+    senders = [
+        Transmitter(n, INDEX) for n in definition().bus.nodes if n in ("Machine", "Operator", "Planner")
+    ]
+    noise, image, outputs = np.random.default_rng(1), INPUT.new(), []
+    for tick in range(TICKS):
+        values = INPUT.new()["value"]
+        now = {**POSE, **TARGET, **READY, **{n: noise.normal(0, 1e-3) for n in NOISY}}
+        now |= {n: float(tick) for n in ("operator_heartbeat", "machine_heartbeat", "planner_heartbeat")}
+        now |= {"operator_enable": float(tick > 8), "automatic_request": float(tick > 12)}
+        for name, value in now.items():
+            values[INDEX[name]] = value
+        if rehearsed:
+            twin(tick, time.monotonic_ns() + AHEAD_NS)
+        source.frames = [(i | EXTENDED, d, 1 << 62) for s in senders for i, d in s.due(values.tolist(), tick)]
+        port.receive(image, tick)
+        outputs.append(control.step(image, tick).tobytes())
+        port.send(control._outputs, tick)
+    return outputs, source.sent, control.snapshot(), twin
+
+
+def test_nothing_of_it_reaches_the_real_cycle(tmp_path: Path) -> None:
+    plain, with_twin = drive(tmp_path / "a", False), drive(tmp_path / "b", True)
+    assert plain[:3] == with_twin[:3]
+    twin = with_twin[3]
+    assert twin.ticks > TICKS // 2, "on a busy computer some are left out"
+    assert np.frombuffer(with_twin[0][-1], "<f8")[0] != 0.0
+    assert twin.figures()["count"] == twin.ticks
+    twin.close()
+    plain[3].close()
+
+
+def test_a_late_one_is_left_out(tmp_path: Path) -> None:
+    control = core()
+    port = NativePort(Source(), control.library)
+    twin = Rehearsal(control, [port], tmp_path / "twin", recorder=False)
+    twin(0, time.monotonic_ns())
+    assert twin.ticks == 0
+    twin.close()
+
+
+@pytest.mark.parametrize("ends", [0, 1])
+def test_a_twin_that_hears_itself_goes_on(ends: int, tmp_path: Path) -> None:
+    control = core()
+    twin = Rehearsal(control, [NativePort(Source(), control.library)], tmp_path / "t", recorder=bool(ends))
+    for tick in range(700):  # more than a ring or a socket holds, unless it is emptied
+        twin._twin.cycle(tick, time.monotonic_ns())
+        twin._empty()
+    assert twin._twin_can.unsent == 0
+    assert twin._ring is None or twin._ring.lost == 0
+    twin.close()
