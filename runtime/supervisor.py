@@ -58,10 +58,15 @@ class Counts:
 class Supervisor:
     """The runtime of one configuration file; a context, which ends all processes."""
 
-    def __init__(self, path: Path, ticks: int | None = None) -> None:
-        """Check everything; InputError for the first thing that does not fit, before anything runs."""
+    def __init__(self, path: Path, ticks: int | None = None, hmi: bool = False) -> None:
+        """Check everything; InputError for the first thing that does not fit, before anything runs.
+
+        `hmi`: with the operator's page, also where the configuration does not ask for it.
+        """
         self.path, self.ticks = path, ticks
         self.wanted = configuration.read(path)
+        if hmi:
+            self.wanted = configuration.with_hmi(self.wanted, path.parent)
         self.active = start.chosen(self.wanted, path)
         self.bundle = self.active.bundle
         self.bundle.library()
@@ -70,12 +75,14 @@ class Supervisor:
         configuration.check_surroundings(self.wanted)
         self._locks = [lock(part.folder) for part in (self.wanted.recorder, self.wanted.retain) if part]
         self.folder = private_folder()
-        self._ports = self.folder / "ports"
+        self._ports, self._hmi_port = self.folder / "ports", self.folder / "hmi.port"
+        self.tokens: dict[str, str] = {}  # by role, where they were made now: to be shown once
         self.helpers: list[Helper] = []
         self.rings: list[Ring] = []
         self.counts = Cell.create(self.folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
         which = {"bundle": str(self.bundle.folder.resolve()), "digest": self.bundle.digest}
         told = {"config": str(path.resolve()), "folder": str(self.folder), "ticks": ticks, **which}
+        told["hmi"] = self.wanted.hmi is not None
         self.control = Helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
 
@@ -166,6 +173,8 @@ class Supervisor:
         return Retained(Folder(wanted.folder), _layout(wanted.signals)).load()
 
     def _prepare(self) -> None:
+        if self.wanted.hmi:
+            self._prepare_hmi(self.wanted.hmi)
         if self.wanted.modbus:
             self._prepare_modbus(self.wanted.modbus)
         if self.wanted.recorder:
@@ -184,6 +193,32 @@ class Supervisor:
         }
         told = {"folder": str(self.folder), "host": wanted.host, "port": wanted.port, "tls": tls}
         self.helpers.append(Helper("modbus", "runtime.modbus.process", {**told, "ports": str(self._ports)}))
+
+    def _prepare_hmi(self, wanted: configuration.Hmi) -> None:
+        from runtime.hmi import tokens
+        from runtime.hmi.cells import create as create_hmi
+
+        if not wanted.tokens.exists():
+            self.tokens = tokens.make(wanted.tokens)
+        tokens.read(wanted.tokens)
+        for cell in create_hmi(self.folder):
+            cell.close()
+        simulated = self.wanted.can.interface == configuration.LOCAL_BUS
+        told = {
+            "folder": str(self.folder),
+            "host": wanted.host,
+            "port": wanted.port,
+            "port_file": str(self._hmi_port),
+            "tokens": str(wanted.tokens.resolve()),
+            "audit": str(wanted.audit.resolve()),
+            "tls": wanted.tls and {k: str(getattr(wanted.tls, k).resolve()) for k in ("certificate", "key")},
+            "about": {
+                "machine": "simulated machine" if simulated else self.path.stem,
+                "controller": self.bundle.controller,
+                "bundle": self.bundle.digest[:12],
+            },
+        }
+        self.helpers.append(Helper("hmi", "runtime.hmi.process", told))
 
     def _prepare_recorder(self, wanted: configuration.Recording) -> None:
         ring = self._ring("recorder.ring", RECORDER_BYTES)
@@ -228,7 +263,8 @@ class Supervisor:
             time.sleep(0.01)
 
     def _alive(self) -> bool:
-        return all(ring.beat for ring in self.rings) and (not self.wanted.modbus or self._ports.is_file())
+        files = [self._ports] * bool(self.wanted.modbus) + [self._hmi_port] * bool(self.wanted.hmi)
+        return all(ring.beat for ring in self.rings) and all(f.is_file() for f in files)
 
 
 def lock(folder: Path) -> IO[str]:

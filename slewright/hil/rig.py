@@ -47,6 +47,8 @@ class Setting:
     ticks: int | None = None  # of the scenario; None: all
     recorder: bool = True
     retain: bool = True
+    hmi: int | None = None  # port of the operator's page; None: without it
+    planner: bool = True  # False: targets come from the page
 
 
 class Rig:
@@ -80,7 +82,8 @@ class Rig:
             self.supervisor = Supervisor(self._configuration())
             self.supervisor.__enter__()
             self.await_true(lambda: self.counts().ticks > 0, "the first cycle")
-            self.planner.connect()
+            if self.setting.planner:
+                self.planner.connect()
         except BaseException:
             self.close()
             raise
@@ -97,11 +100,13 @@ class Rig:
         if machine.stdin:
             machine.stdin.write("start\n")
             machine.stdin.flush()
-        self.planner.start()
+        if self.setting.planner:
+            self.planner.start()
 
     def step(self) -> bool:
         """Keep planner and helpers going; True once the machine is through. RunError if a process failed."""
-        self.planner.work()
+        if self.setting.planner:
+            self.planner.work()
         if self.supervisor and (code := self.supervisor.watch()) is not None:
             raise RunError(f"the control process ended with {code}")
         return self._running().poll() is not None
@@ -181,6 +186,7 @@ class Rig:
             "[retain]",
             'folder = "retained"',
         ] * s.retain
+        lines += ["[hmi]", f"port = {s.hmi}"] if s.hmi else []
         path = self.folder / "machine.toml"
         path.write_text("\n".join(lines) + "\n")
         return path
