@@ -1,4 +1,8 @@
-/* Runs a control core over recorded input images: core_runner LIBRARY < inputs > outputs and last state. */
+/* Runs a control core over recorded input images: core_runner LIBRARY [EVERY [from]] < inputs > answers.
+ *
+ * Answers are the outputs and the last state; with EVERY the state also before every tick that EVERY divides.
+ * `from`: the input begins with a state to go on from.
+ */
 #include <dlfcn.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -36,7 +40,10 @@ int main(int argc, char **argv) {
   Limit *limit = (Limit *)dlsym(library, "slr_limit");
   reset(state);
   limit(state, (double[SLR_AUTHORITY]){1.0, 1.0, 1.0, 1.0, 1.0}); /* all, as after a reset */
+  const int64_t every = argc > 2 ? atoll(argv[2]) : 0;
+  if (argc > 3 && fread(state, size(), 1, stdin) != 1) return 1;
   while (fread(&in, sizeof in, 1, stdin) == 1) {
+    if (every > 0 && in.tick % every == 0) fwrite(state, size(), 1, stdout);
     observe(&in, state, board); /* leaves the state as it is */
     step(&in, state, in.tick, &out);
     fwrite(&out, sizeof out, 1, stdout);

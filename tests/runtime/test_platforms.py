@@ -1,5 +1,6 @@
 """The core elsewhere: aarch64 bits under qemu, sanitizers, and every line of the hand-written C executed."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -7,13 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from baselines import registry
 from fmus import compiler
+from runtime.bundle import Bundle
 from runtime.control import ControlCore
 from runtime.image import OUTPUT
+from runtime.recorder.feed import SNAPSHOT_TICKS, Feed
+from runtime.recorder.recorder import Recorder
+from runtime.recorder.segments import Disk, Folder
+from runtime.replay import identity
+from runtime.ring import Ring
+from runtime.scan import PERIOD_NS
+from slewright.app import app
 from slewright.bundling import build
 from specs.errors import RunError
+from specs.version import VERSION
 from tests.runtime.bench import ARMED, AUTOMATIC, FAULT, HOLD, MANUAL, STANDBY, STOPPING
 from tests.runtime.bundles import built, core, folder
 from tests.runtime.script import images
@@ -46,19 +57,107 @@ def test_the_script_visits_every_mode_and_moves() -> None:
     assert np.ptp(out["value"][:, OUTPUT.at("u_slew")]) > 0.5
 
 
+def for_both(controller: str) -> Bundle:
+    """A bundle with a core for this computer and one for aarch64."""
+    return build.bundle(controller, folder() / f"{controller}-both", [compiler.host().name, "aarch64-linux"])
+
+
+def on_aarch64(made: Bundle, given: bytes, into: Path, *options: str) -> bytes:
+    """What the core of aarch64 answers, run by qemu."""
+    program = [str(runner(into, "aarch64-linux")), str(made.library("aarch64-linux")), *options]
+    emulated = ["qemu-aarch64", "-L", str(CROSS_LIBRARIES), *program]
+    return subprocess.run(emulated, input=given, capture_output=True, check=True).stdout
+
+
+WITH_QEMU = pytest.mark.skipif(shutil.which("qemu-aarch64") is None, reason="qemu-user is not installed")
+WITH_LIBRARIES = pytest.mark.skipif(not CROSS_LIBRARIES.is_dir(), reason="libc6-arm64-cross is not installed")
+
+
 @pytest.mark.qemu
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("qemu-aarch64") is None, reason="qemu-user is not installed")
-@pytest.mark.skipif(not CROSS_LIBRARIES.is_dir(), reason="libc6-arm64-cross is not installed")
+@WITH_QEMU
+@WITH_LIBRARIES
 @pytest.mark.parametrize("controller", ["pi", pytest.param("lqr", marks=pytest.mark.soak)])
 def test_aarch64_gives_the_same_bits_for_ten_minutes(controller: str, tmp_path: Path) -> None:
-    made = build.bundle(controller, folder() / f"{controller}-both", [compiler.host().name, "aarch64-linux"])
+    made = for_both(controller)
     told = images(TEN_MINUTES)
     here = by_python(ControlCore(made), told)
-    program = [str(runner(tmp_path, "aarch64-linux")), str(made.library("aarch64-linux"))]
-    emulated = ["qemu-aarch64", "-L", str(CROSS_LIBRARIES), *program]
-    there = subprocess.run(emulated, input=told.tobytes(), capture_output=True, check=True).stdout
-    assert there == here
+    assert on_aarch64(made, told.tobytes(), tmp_path) == here
+
+
+@pytest.mark.qemu
+@pytest.mark.slow
+@WITH_QEMU
+@WITH_LIBRARIES
+def test_a_recording_made_on_aarch64_repeats_here_and_one_of_here_there(tmp_path: Path) -> None:
+    """Ten minutes run there; what is recorded of its answers is given to `slewright replay` here.
+
+    Then the second half once more there, from the state that was recorded here.
+    """
+    made, told = for_both("pd"), images(TEN_MINUTES, seed=2)
+    given = on_aarch64(made, told.tobytes(), tmp_path, str(SNAPSHOT_TICKS))
+    metadata = {**identity(made.identity, VERSION), "platform": "aarch64-linux"}
+    recording = recorded(Answers(given, ControlCore(made)), told, tmp_path / "out", metadata)
+    said = tmp_path / "replay.json"
+    done = CliRunner().invoke(
+        app, ["replay", str(recording), "--bundle", str(made.folder), "--json", str(said)]
+    )
+    assert done.exit_code == 0, done.output
+    found = json.loads(said.read_text())
+    assert (found["ticks"], found["gaps"], found["left_out"]) == (TEN_MINUTES, 0, 0)
+    assert found["recorded_on"] == "aarch64-linux"
+
+    control, half = ControlCore(made), TEN_MINUTES // 2
+    by_python(control, told[:half])
+    state = control.snapshot()
+    again = on_aarch64(made, state + told[half:].tobytes(), tmp_path, "0", "from")
+    outputs = b"".join(
+        control.step(told[k : k + 1], int(told["tick"][k])).tobytes() for k in range(half, len(told))
+    )
+    assert again == outputs + control.snapshot()
+
+
+class Answers:
+    """What a core elsewhere answered, as if it answered now."""
+
+    def __init__(self, given: bytes, like: ControlCore) -> None:
+        self._given, self._state_bytes = memoryview(given), len(like.snapshot())
+        self._state = b""
+
+    def _next(self, size: int) -> memoryview:
+        found, self._given = self._given[:size], self._given[size:]
+        return found
+
+    def snapshot(self) -> bytes:
+        return self._state
+
+    def restore(self, snapshot: bytes, /) -> None:
+        raise AssertionError
+
+    def step(self, inputs: np.ndarray, tick: int) -> np.ndarray:
+        return np.frombuffer(self._next(OUTPUT.dtype.itemsize), OUTPUT.dtype).reshape(())
+
+    def before(self, tick: int) -> None:
+        if tick % SNAPSHOT_TICKS == 0:
+            self._state = bytes(self._next(self._state_bytes))
+
+
+def recorded(answers: Answers, told: np.ndarray, out: Path, metadata: dict[str, str]) -> Path:
+    """A recording of the answers, by the runtime's own recorder."""
+    ring = Ring.create(out.with_suffix(".ring"), 4 << 20)
+    feed, recorder = Feed(ring), Recorder(ring, Folder(out, 1 << 30), metadata, 3000, Disk())
+    for tick in range(len(told)):
+        answers.before(tick)
+        feed.before(tick, answers)
+        image = told[tick]
+        feed.tick(np.array(image), answers.step(image, tick), (tick * PERIOD_NS, 0, 0, 0, -1))
+        if tick % 500 == 499:
+            recorder.work()
+    recorder.work()
+    recorder.close()
+    assert ring.lost == 0
+    ring.close()
+    return out
 
 
 def compiled(tmp_path: Path, extra: list[str], controller: str = "pi") -> Path:
