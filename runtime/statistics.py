@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 TOP_US = 20_000  # one period; longer times count in the last bin, the largest is kept beside it
+COARSE_BINS = 16  # for a display: bin k holds times below 2^k µs, the last one all others
 
 
 class Histogram:
@@ -12,13 +13,16 @@ class Histogram:
 
     def __init__(self) -> None:
         self.bins = array("q", bytes(8 * (TOP_US + 1)))
+        self.coarse = [0] * COARSE_BINS
         self.count = 0
         self.largest_ns = 0
 
     def add(self, ns: int) -> None:
         """Count a time in ns; a negative one counts as 0."""
         us = ns // 1000
-        self.bins[us if 0 <= us < TOP_US else (0 if us < 0 else TOP_US)] += 1
+        us = us if 0 <= us < TOP_US else (0 if us < 0 else TOP_US)
+        self.bins[us] += 1
+        self.coarse[us.bit_length()] += 1
         self.count += 1
         if ns > self.largest_ns:
             self.largest_ns = ns

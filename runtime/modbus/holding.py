@@ -1,11 +1,11 @@
 """The registers that a client writes, and who may: no sockets, no clock.
 
-One client writes at a time.  It becomes the writer by its first write, or by writing a number of its own to
-`claim`; a write by anybody else is answered busy.  Who claimed with a number stays the writer when its
-connection ends: the same number on a new connection takes the right over.  The right ends when the writer
-gives it back (`claim` 0), when its heartbeat has stood still for the time after which targets count as lost,
-and, of a writer without a number, with its connection.  Then all it wrote lapses: nothing counts before the
-next writer has committed something itself.
+One client writes at a time, and none while somebody writes at the HMI (runtime/hmi). It becomes the writer by
+its first write, or by writing a number of its own to `claim`; a write by anybody else is answered busy. Who
+claimed with a number stays the writer when its connection ends: the same number on a new connection takes the
+right over. The right ends when the writer gives it back (`claim` 0), when its heartbeat has stood still for
+the time after which targets count as lost, and, of a writer without a number, with its connection. Then all
+it wrote lapses: nothing counts before the next writer has committed something itself.
 
 Written values take effect when `commit` changes, all together, after all have been checked; only the
 heartbeat takes effect by itself.  A request that is refused changes nothing.
@@ -61,8 +61,11 @@ class Owner:
 class Holding:
     """The table and its writer; `publish` is given every new state (cells.TARGETS)."""
 
-    def __init__(self, publish: Callable[[np.ndarray], None]) -> None:
-        self._publish = publish
+    def __init__(
+        self, publish: Callable[[np.ndarray], None], taken: Callable[[], bool] = lambda: False
+    ) -> None:
+        """`taken`: whether somebody else, at the HMI, has the right to write."""
+        self._publish, self._taken = publish, taken
         self.owner: Owner | None = None
         self.refused = 0
         self.registers: list[int] = []
@@ -91,6 +94,8 @@ class Holding:
         if address < len(MODBUS_HEADER) or address + len(values) > len(self.registers):
             return Refusal.ADDRESS
         self.lapse(now)
+        if self._taken():
+            return Refusal.BUSY
         wanted = self.registers.copy()
         wanted[address : address + len(values)] = values
         claims = address <= CLAIM < address + len(values)
@@ -150,8 +155,8 @@ class Holding:
         self._clear()
 
     def lapse(self, now: int) -> None:
-        """End the right of a writer whose heartbeat stands still."""
-        if self.owner and now - self.owner.since_ns >= LAPSE_NS:
+        """End the right of a writer whose heartbeat stands still, or who came a moment after the HMI."""
+        if self.owner and (now - self.owner.since_ns >= LAPSE_NS or self._taken()):
             self._release()
 
     def left(self, client: Client) -> None:

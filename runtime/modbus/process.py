@@ -11,6 +11,7 @@ import signal
 from pathlib import Path
 
 from runtime.helpers import end_with, run, told_to_end
+from runtime.hmi.cells import join_grant
 from runtime.modbus.cells import BEAT_S, join
 from runtime.modbus.roles import context
 from runtime.modbus.server import Desk, Server
@@ -27,8 +28,9 @@ def main(text: str) -> None:
 async def _serve(told: dict) -> None:
     tls = told.get("tls")
     secure = context(Path(tls["certificate"]), Path(tls["key"]), Path(tls["authority"])) if tls else None
+    folder = Path(told["folder"])
     server = Server(
-        Desk(*join(Path(told["folder"]))), told["host"], told["port"], tls["port"] if tls else 0, secure
+        Desk(*join(folder), join_grant(folder)), told["host"], told["port"], tls["port"] if tls else 0, secure
     )
     ports = await server.listen()
     if told.get("ports"):

@@ -13,7 +13,6 @@ from contextvars import ContextVar
 from ipaddress import ip_address
 from typing import Any
 
-import numpy as np
 from pymodbus.constants import ExcCodes
 from pymodbus.exceptions import ModbusIOException
 from pymodbus.framer import FramerType
@@ -24,6 +23,7 @@ from pymodbus.server.requesthandler import ServerRequestHandler
 from pymodbus.simulator import DataType, SimData, SimDevice
 from pymodbus.transaction import TransactionManager
 
+from runtime.hmi.cells import GRANT, Writer, state_of
 from runtime.modbus.cells import BEAT_S
 from runtime.modbus.holding import Holding
 from runtime.modbus.roles import may_write
@@ -132,10 +132,16 @@ UNITS = (definition().modbus.unit_id, 0, 0xFF)  # 0 and 0xFF: the server itself,
 class Desk:
     """What all connections share: both tables, and who is there."""
 
-    def __init__(self, image: Cell, targets: Cell) -> None:
-        self.holding = Holding(targets.write)
+    def __init__(self, image: Cell, targets: Cell, grant: Cell | None = None) -> None:
+        """`grant`: in which the control process says whether the HMI writes; None where there is none."""
+        self._grant = grant
+        self.holding = Holding(targets.write, self._taken)
         self.showing = Showing(image, self.holding)
         self.connections: set[Connection] = set()
+
+    def _taken(self) -> bool:
+        found = state_of(self._grant, GRANT) if self._grant else None
+        return found is not None and found["writer"] == Writer.HMI
 
     async def access(
         self,
@@ -237,9 +243,3 @@ class Server:
 def _identity() -> ModbusDeviceIdentification:
     names = {"VendorName": "Slewright", "ProductCode": "slewright", "MajorMinorRevision": VERSION}
     return ModbusDeviceIdentification(info_name=names)
-
-
-def state_of(cell: Cell, dtype: np.dtype) -> np.ndarray | None:
-    """The newest state in a cell, for those who watch."""
-    found = cell.read()
-    return np.frombuffer(found[1], dtype)[0] if found else None

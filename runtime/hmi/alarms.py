@@ -1,0 +1,230 @@
+"""What is abnormal, since when and why: a list in which an alarm stays until it is gone and was acknowledged.
+
+Alarms are told from what the control process shows, ten times a second; the same is done with a recording.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from runtime.image import INPUT, OUTPUT, Flag, Status
+from specs.signals import definition, signal, signals
+
+HISTORY = 200  # alarms that are over and kept to be looked at
+HELD_S = 0.3  # an input must have been wrong for so long
+SERIOUS = (Status.TIMEOUT, Status.ERROR, Status.NOT_AVAILABLE, Status.CHECKSUM, Status.RANGE, Status.STUCK)
+
+
+class Level(StrEnum):
+    """How urgent: critical stops the machine, warning limits it, note is to be known."""
+
+    CRITICAL = "critical"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+@dataclass
+class Alarm:
+    """One occurrence; times in seconds of the day's clock (or of the recording)."""
+
+    number: int
+    key: str
+    level: Level
+    text: str
+    cause: str
+    since: float
+    gone: float | None = None
+    acknowledged: str = ""  # by whom
+
+    @property
+    def over(self) -> bool:
+        """Whether it may leave the list."""
+        return self.gone is not None and bool(self.acknowledged)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Something abnormal, by a key of its own."""
+
+    key: str
+    level: Level
+    text: str
+    cause: str
+
+
+FLAGS = {
+    Flag.NO_REALTIME: (
+        Level.WARNING,
+        "No real-time priority",
+        "cycles may come late: LimitRTPRIO of the service",
+    ),
+    Flag.NO_LOCK: (
+        Level.WARNING,
+        "Memory is not locked",
+        "cycles may come late: LimitMEMLOCK of the service",
+    ),
+    Flag.STOLEN_TIME: (
+        Level.WARNING,
+        "Processor time was taken away",
+        "by the kernel or the host of a virtual machine",
+    ),
+    Flag.BUS_PASSIVE: (Level.WARNING, "CAN bus error-passive", "many errors: cable, termination, bit rate"),
+    Flag.BUS_OFF: (Level.CRITICAL, "CAN bus off", "the controller has left the bus: short circuit, bit rate"),
+    Flag.RECORDER_LOST: (Level.WARNING, "Recorder does not work", "ticks are not recorded"),
+    Flag.MODBUS_LOST: (Level.WARNING, "Modbus server does not work", "no targets come from there"),
+    Flag.RETAIN_LOST: (Level.WARNING, "Retained values are not saved", "they would be old after a power cut"),
+    Flag.DISK_FULL: (Level.WARNING, "Disk full", "ticks are not recorded"),
+    Flag.POLICY_LATE: (Level.WARNING, "Policy late", "its last answer was used again"),
+    Flag.FORCED: (Level.NOTE, "Inputs are forced", "by the service role; see Signals"),
+}
+FAULTS = {
+    "sensor_timeout": "A sensor was lost",
+    "sensor_range": "A sensor is out of its range",
+    "sensor_checksum": "A sensor's messages are damaged",
+    "sensor_error": "A sensor reports an error",
+    "sensor_stuck": "A sensor is stuck",
+    "target_timeout": "Whoever writes targets was lost",
+    "target_out_of_reach": "The target is out of reach",
+    "machine_not_ready": "The machine is not ready",
+    "machine_timeout": "The machine's messages stopped",
+    "machine_fault": "The machine reports a fault",
+    "operator_timeout": "The operator's panel was lost",
+    "task_overrun": "The control cycle was too late three times",
+    "controller_failed": "The controller gave no number",
+    "emergency_stop": "Emergency stop",
+    "bus_off": "CAN bus off",
+    "keep_out": "Keep-out",
+    "configuration": "Configuration",
+}
+MACHINE_FAULTS = {
+    "command_timeout": "Machine: commands stopped, valves centred",
+    "emergency_stop": "Machine: emergency stop is open",
+    "low_supply": "Machine: pilot supply pressure is low",
+    "oil_temperature": "Machine: oil temperature",
+    "sensor_failed": "Machine: a sensor failed",
+    "brake_failed": "Machine: slew brake failed",
+}
+HOW_OUT = "latched: left by the enabling switch, pressed anew when the cause is gone and the joystick at rest"
+BY_VR = {s.vr: s for s in signals().values()}
+FAULT, FAULT_SIGNAL, MODE = (OUTPUT.index[n] for n in ("fault_code", "fault_signal", "control_mode"))
+STOP, MACHINE_FAULT = INPUT.index["emergency_stop"], INPUT.index["machine_fault"]
+FAULT_TEXTS, MODE_TEXTS = signal("fault_code").values, signal("control_mode").values
+
+
+def conditions(inputs: np.void, outputs: np.void) -> Iterator[Condition]:
+    """All that is abnormal in a pair of images."""
+    yield from _fault(outputs)
+    if inputs["status"][STOP] == Status.OK and inputs["value"][STOP] > 0.5:
+        yield Condition(
+            "emergency_stop", Level.CRITICAL, "Emergency stop is open", "hard-wired; it acts by itself"
+        )
+    code = int(inputs["value"][MACHINE_FAULT])
+    if inputs["status"][MACHINE_FAULT] == Status.OK and code:
+        name = signal("machine_fault").values.get(code, str(code))
+        yield Condition(
+            f"machine:{code}",
+            Level.CRITICAL,
+            MACHINE_FAULTS.get(name, f"Machine: {name}"),
+            "reported by the machine",
+        )
+    flags = int(outputs["flags"])
+    for flag, (level, text, cause) in FLAGS.items():
+        if flags & flag:
+            yield Condition(f"flag:{flag.value}", level, text, cause)
+
+
+def wrong_inputs(inputs: np.void) -> Iterator[Condition]:
+    """Inputs that are not as they should be, a message at a time."""
+    bad: dict[tuple[str, int], list[str]] = {}
+    for place in np.flatnonzero(np.isin(inputs["status"], SERIOUS)):
+        s = INPUT.signals[place]
+        if s.can:
+            bad.setdefault((s.can.message, int(inputs["status"][place])), []).append(s.name)
+    for (message, status), names in bad.items():
+        what = Status(status).name.lower().replace("_", " ")
+        about = definition().bus.messages[message].description
+        shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+        yield Condition(f"input:{message}:{status}", Level.WARNING, f"{message}: {what}", f"{about}: {shown}")
+
+
+def _fault(outputs: np.void) -> Iterator[Condition]:
+    code = int(outputs["value"][FAULT])
+    if not code:
+        return
+    name = FAULT_TEXTS.get(code, str(code))
+    latched = MODE_TEXTS.get(int(outputs["value"][MODE])) == "fault"
+    about = BY_VR.get(int(outputs["value"][FAULT_SIGNAL]))
+    parts = [f"{about.name}: {about.description}"] if about else []
+    parts += [HOW_OUT] if latched else []
+    level = Level.CRITICAL if latched else Level.WARNING
+    key = f"fault:{name}:{about.name if about else ''}"
+    yield Condition(key, level, FAULTS.get(name, name), "; ".join(parts))
+
+
+class Alarms:
+    """The list; `version` grows with every change.  One thread updates it, others acknowledge."""
+
+    def __init__(self, history: int = HISTORY) -> None:
+        self.version = 0
+        self._lock = threading.RLock()
+        self.present: dict[str, Alarm] = {}
+        self.history: deque[Alarm] = deque(maxlen=history)
+        self._waiting: list[Alarm] = []  # gone, but not acknowledged
+        self._first_wrong: dict[str, float] = {}
+        self._count = 0
+
+    def update(self, found: list[Condition], wrong: list[Condition], now: float) -> None:
+        """What is abnormal at `now` [s]; `wrong` counts when it has lasted."""
+        with self._lock:
+            self._first_wrong = {c.key: self._first_wrong.get(c.key, now) for c in wrong}
+            held = [c for c in wrong if now - self._first_wrong[c.key] >= HELD_S]
+            there = {c.key: c for c in (*found, *held)}
+            for key in [k for k in self.present if k not in there]:
+                self._leave(self.present.pop(key), now)
+            for key, condition in there.items():
+                if key not in self.present:
+                    self._raise(condition, now)
+
+    def acknowledge(self, number: int | None, who: str) -> list[Alarm]:
+        """Mark one alarm, or all (None), as seen; those that were not before."""
+        with self._lock:
+            fresh = [a for a in self.listed() if not a.acknowledged and number in (None, a.number)]
+            for alarm in fresh:
+                alarm.acknowledged = who
+            for alarm in [a for a in self._waiting if a.over]:
+                self._waiting.remove(alarm)
+                self.history.append(alarm)
+            self.version += bool(fresh)
+            return fresh
+
+    def listed(self) -> list[Alarm]:
+        """What is there or was not acknowledged: the most urgent first, then the newest."""
+        order = list(Level)
+        with self._lock:
+            found = [*self.present.values(), *self._waiting]
+        return sorted(found, key=lambda a: (a.gone is not None, order.index(a.level), -a.since, -a.number))
+
+    def _raise(self, condition: Condition, now: float) -> None:
+        again = next((a for a in self._waiting if a.key == condition.key), None)
+        if again:  # a contact that rattles is one alarm
+            self._waiting.remove(again)
+            again.gone, again.since = None, now
+            self.present[condition.key] = again
+        else:
+            self._count += 1
+            self.present[condition.key] = Alarm(
+                self._count, condition.key, condition.level, condition.text, condition.cause, now
+            )
+        self.version += 1
+
+    def _leave(self, alarm: Alarm, now: float) -> None:
+        alarm.gone = now
+        if alarm.over:
+            self.history.append(alarm)
+        else:
+            self._waiting.append(alarm)
+        self.version += 1

@@ -1,0 +1,107 @@
+"""What the control process and the HMI tell each other: the layouts of their three shared cells.
+
+`seen.cell` goes out ten times a second: both images, what the cycles and the bus came to.  `grant.cell` goes
+out when it changes: who writes targets, and which forcing is in force (the Modbus server reads it, too).
+`hmi.cell` comes in: what the page that may write asks for, and what is to be forced.
+"""
+
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from runtime.image import INPUT, OUTPUT
+from runtime.modbus.cells import TARGETS
+from runtime.shared import Cell
+from runtime.statistics import COARSE_BINS
+from specs.signals import definition
+
+SEEN_FILE, GRANT_FILE, HMI_FILE = "seen.cell", "grant.cell", "hmi.cell"
+
+
+class Writer(IntEnum):
+    """Whose targets count: one at a time, and nobody who is alive is displaced."""
+
+    NOBODY = 0
+    PLANNER = 1  # over CAN or Modbus
+    HMI = 2
+
+
+def _messages() -> dict[str, int]:
+    """Messages that the controller hears, and the place of one of their signals in the input image."""
+    found: dict[str, int] = {}
+    for place, s in enumerate(INPUT.signals):
+        if s.can:
+            found.setdefault(s.can.message, place)
+    return {name: found[name] for name in definition().bus.messages if name in found}
+
+
+MESSAGES = _messages()
+
+WORK = np.dtype(
+    [
+        ("ticks", "<i8"),
+        ("overruns", "<i8"),
+        ("stolen", "<i8"),
+        ("skipped", "<i8"),
+        ("unrecorded", "<i8"),
+        ("late_largest_ns", "<i8"),
+        ("work_largest_ns", "<i8"),
+        ("late", "<i8", (COARSE_BINS,)),  # ticks by lateness: runtime.statistics.Histogram.coarse
+        ("work", "<i8", (COARSE_BINS,)),
+        ("heard", "<i8", (len(MESSAGES),)),  # right frames so far of each of MESSAGES
+    ]
+)
+SEEN = np.dtype(
+    [
+        ("stamp_ns", "<i8"),  # on the monotonic clock
+        ("day_ns", "<i8"),  # time of day then
+        ("writer", "<u4"),
+        ("forcing", "<u4"),  # number of the forcing in force; 0: none
+        ("work", WORK),
+        ("inputs", INPUT.dtype),
+        ("outputs", OUTPUT.dtype),
+    ]
+)
+GRANT = np.dtype(
+    [
+        ("writer", "<u4"),
+        ("owner", "<u4"),  # number of the claim that was granted; 0: none
+        ("forcing", "<u4"),
+        ("force_ended", "<u4"),  # number of the last forcing that was ended or refused here
+    ]
+)
+HMI = np.dtype(
+    [
+        ("targets", TARGETS),
+        ("force_number", "<u4"),  # another one for each change; 0: nothing is to be forced
+        ("forced", "u1", (len(INPUT.signals),)),
+        ("value", "<f8", (len(INPUT.signals),)),
+    ]
+)
+CELLS = ((SEEN_FILE, SEEN, "seen"), (GRANT_FILE, GRANT, "grant"), (HMI_FILE, HMI, "hmi"))
+
+
+def create(folder: Path) -> tuple[Cell, Cell, Cell]:
+    """Make the cells in a private folder: seen, grant, hmi."""
+    seen, grant, asked = (Cell.create(folder / n, kind.itemsize, holds) for n, kind, holds in CELLS)
+    grant.write(np.zeros((), GRANT))
+    return seen, grant, asked
+
+
+def join(folder: Path) -> tuple[Cell, Cell, Cell]:
+    """Join them; raises InputError if they are of another version."""
+    seen, grant, asked = (Cell.open(folder / n, kind.itemsize, holds) for n, kind, holds in CELLS)
+    return seen, grant, asked
+
+
+def join_grant(folder: Path) -> Cell | None:
+    """Only who writes; None where no HMI is."""
+    path = folder / GRANT_FILE
+    return Cell.open(path, GRANT.itemsize, "grant") if path.is_file() else None
+
+
+def state_of(cell: Cell, kind: np.dtype) -> np.void | None:
+    """The newest state in a cell; None if there is none yet."""
+    found = cell.read()
+    return np.frombuffer(found[1], kind)[0] if found else None

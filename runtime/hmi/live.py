@@ -1,0 +1,131 @@
+"""What a page can ask of a running controller, by method and path."""
+
+import threading
+import time
+from typing import Any
+
+from runtime.hmi.catalogue import catalogue
+from runtime.hmi.desk import Desk
+from runtime.hmi.sessions import Refused, Session
+from runtime.hmi.trends import ROWS
+from runtime.hmi.watch import Watch
+from runtime.hmi.web import Request, Route
+from specs.errors import nearest
+
+GRANT_S = 0.3  # in which the control process answers a claim, ten cycles and more
+AUDIT_ROWS = 100
+
+
+class Live:
+    """The routes; those that change something need a session, and come from this computer or over TLS."""
+
+    def __init__(self, watch: Watch, desk: Desk, about: dict[str, Any], secure: bool) -> None:
+        self.watch, self.desk, self.about, self.secure = watch, desk, about, secure
+        self._alarms = threading.Lock()
+        names = [s["name"] for s in catalogue()["signals"]]
+        self._places = {name: i for i, name in enumerate(names)}
+
+    def routes(self) -> dict[tuple[str, str], Route]:
+        """All of them."""
+        return {
+            ("GET", "/api/catalogue"): lambda r: {**catalogue(), "source": "live", "about": self.about},
+            ("GET", "/api/history"): self._history,
+            ("GET", "/api/audit"): self._audit,
+            ("POST", "/api/session"): self._sign_in,
+            ("POST", "/api/session/end"): self._sign_out,
+            ("POST", "/api/control"): self._take_control,
+            ("POST", "/api/control/end"): self._changed(self.desk.release),
+            ("POST", "/api/beat"): self._changed(self.desk.beat),
+            ("POST", "/api/hold"): self._changed(self.desk.hold),
+            ("POST", "/api/target"): self._go,
+            ("POST", "/api/force"): self._force,
+            ("POST", "/api/force/end"): self._changed(self.desk.unforce),
+            ("POST", "/api/acknowledge"): self._acknowledge,
+        }
+
+    def _session(self, request: Request) -> Session:
+        if not (request.near or self.secure):
+            raise Refused(403, "without TLS only this computer may change anything")
+        return self.desk.sessions.find(request.key)
+
+    def _changed(self, action: Any) -> Route:
+        def route(request: Request) -> dict[str, Any]:
+            action(self._session(request), time.monotonic_ns())
+            return {}
+
+        return route
+
+    def _history(self, request: Request) -> dict[str, Any]:
+        places = asked_places(request, self._places)
+        return self.watch.trends.of(places, time.time() - asked_number(request, "seconds", 60.0, ROWS / 10))
+
+    def _audit(self, request: Request) -> dict[str, Any]:
+        self._session(request)
+        return {"entries": self.watch.audit.last(AUDIT_ROWS)}
+
+    def _sign_in(self, request: Request) -> dict[str, Any]:
+        if not (request.near or self.secure):
+            raise Refused(403, "without TLS only this computer may change anything")
+        token, name = request.body.get("token"), request.body.get("name")
+        if not isinstance(token, str) or not isinstance(name, str):
+            raise Refused(400, "a token and a name are wanted")
+        session = self.desk.sign_in(token.strip(), name, request.where, time.monotonic_ns())
+        return {"session": session.key, "role": session.role, "name": session.name}
+
+    def _sign_out(self, request: Request) -> dict[str, Any]:
+        self.desk.sign_out(self._session(request), time.monotonic_ns())
+        return {}
+
+    def _take_control(self, request: Request) -> dict[str, Any]:
+        session = self._session(request)
+        number = self.desk.ask(session, time.monotonic_ns())
+        end = time.monotonic() + GRANT_S
+        while not self.desk.has_grant(number):
+            if time.monotonic() > end:
+                self.desk.release(session, time.monotonic_ns(), "not granted")
+                raise Refused(
+                    409, "the control process does not grant it: is it running, does another write?"
+                )
+            time.sleep(0.01)
+        self.desk.beat(session, time.monotonic_ns())
+        return {}
+
+    def _go(self, request: Request) -> dict[str, Any]:
+        self.desk.go(self._session(request), request.body, time.monotonic_ns())
+        return {}
+
+    def _force(self, request: Request) -> dict[str, Any]:
+        name, value = request.body.get("signal"), request.body.get("value")
+        self.desk.force(self._session(request), str(name), value, time.monotonic_ns())
+        return {}
+
+    def _acknowledge(self, request: Request) -> dict[str, Any]:
+        session, number = self._session(request), request.body.get("number")
+        if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
+            raise Refused(400, "the number of an alarm is wanted, or none for all")
+        with self._alarms:
+            for alarm in self.watch.alarms.acknowledge(number, session.name):
+                self.desk.sessions.log(session, "acknowledge", alarm=alarm.text, since=alarm.since)
+        return {}
+
+
+def asked_places(request: Request, places: dict[str, int]) -> list[int]:
+    """Places of the signals in a query's `signals`; Refused for one that is unknown, or too many."""
+    names = [n for n in request.query.get("signals", "").split(",") if n]
+    for name in names:
+        if name not in places:
+            raise Refused(400, f"no signal '{name}'; {nearest(name, places)}")
+    if not 0 < len(names) <= 12:
+        raise Refused(400, "signals: 1 to 12 names")
+    return [places[name] for name in names]
+
+
+def asked_number(request: Request, key: str, otherwise: float, largest: float) -> float:
+    """A number of a query between 0 and `largest`; Refused for what is none."""
+    try:
+        found = float(request.query.get(key, otherwise))
+    except ValueError:
+        found = -1.0
+    if not 0.0 <= found <= largest:
+        raise Refused(400, f"{key}: 0 to {largest:g}")
+    return found

@@ -1,0 +1,116 @@
+"""The live side: reads what the control process shows, keeps trends and alarms, feeds the stream."""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from runtime.hmi import frames
+from runtime.hmi.alarms import Alarm, Alarms, Condition, Level, conditions, wrong_inputs
+from runtime.hmi.audit import Audit
+from runtime.hmi.cells import GRANT, SEEN, state_of
+from runtime.hmi.desk import Desk
+from runtime.hmi.hub import Hub
+from runtime.hmi.trends import Trends
+from runtime.image import OUTPUT
+from runtime.modbus.port import PERIOD_NS
+from runtime.shared import Cell
+
+STALE_NS = 25 * PERIOD_NS  # as on Modbus: then nothing that is shown is true any longer
+MODE = OUTPUT.index["control_mode"]
+WORK_EVERY_NS = 1_000_000_000
+GONE = Condition(
+    "gone",
+    Level.CRITICAL,
+    "The control process does not publish",
+    "it has ended or hangs; the valves are neutral by the machine's own timeout",
+)
+NO_AUDIT = Condition(
+    "audit",
+    Level.WARNING,
+    "The audit log cannot be written",
+    "disk full or not writable; nothing can be changed from the page",
+)
+
+
+class Watch:
+    """What all routes share; `look` is to be called often, by one thread."""
+
+    def __init__(self, cells: tuple[Cell, Cell, Cell], audit: Audit, hub: Hub) -> None:
+        self._seen, self._grant, self._asked = cells
+        self.audit, self.hub = audit, hub
+        self.trends, self.alarms = Trends(), Alarms()
+        self.newest: np.void | None = None
+        self.desk: Desk | None = None
+        self._number = self._version = -1
+        self._overruns = -1
+        self._worked_ns = 0
+        self._stale = False
+
+    def granted(self) -> np.void:
+        """What the control process has granted."""
+        found = state_of(self._grant, GRANT)
+        return np.zeros(1, GRANT)[0] if found is None else found
+
+    def mode(self) -> int:
+        """The controller's mode; -1 if it is not known."""
+        if self.newest is None or self._stale:
+            return -1
+        return int(self.newest["outputs"]["value"][MODE])
+
+    def look(self, now: int) -> None:
+        """Take what is new at `now` [ns]."""
+        if self._seen.number != self._number and (found := self._seen.read()):
+            self._number = found[0]
+            newest: np.void = np.frombuffer(found[1], SEEN)[0]
+            self.newest = newest
+            self._take(newest, now)
+        self._stale = self.newest is None or now - int(self.newest["stamp_ns"]) > STALE_NS
+        if self._stale:
+            self._update([GONE], [], time.time())
+            self.hub.put("stale", {"t": round(time.time(), 3)})
+        if self.alarms.version != self._version:
+            self._version = self.alarms.version
+            self.hub.put("alarms", listed(self.alarms))
+
+    def _take(self, newest: np.void, now: int) -> None:
+        inputs, outputs, when = newest["inputs"], newest["outputs"], int(newest["day_ns"]) / 1e9
+        self.trends.add(when, frames.values(inputs, outputs))
+        self._update(list(conditions(inputs, outputs)), list(wrong_inputs(inputs)), when)
+        shown = frames.frame(when, inputs, outputs)
+        self.hub.put("frame", {**shown, "writer": int(newest["writer"]), **self._control()})
+        if now - self._worked_ns >= WORK_EVERY_NS:
+            self._worked_ns = now
+            self.hub.put("work", {"t": when, **frames.work(newest["work"])})
+
+    def _control(self) -> dict[str, Any]:
+        if self.desk is None:
+            return {}
+        writer, forcer = self.desk.writer, self.desk.forcer
+        return {
+            "by": f"{writer.session.name} ({writer.session.role})" if writer else "",
+            "asked": self.desk.target(),
+            "forced_by": f"{forcer.session.name} ({forcer.session.role})" if forcer else "",
+        }
+
+    def _update(self, found: list[Condition], wrong: list[Condition], when: float) -> None:
+        self.alarms.update([*found, *[NO_AUDIT] * self.audit.failed], wrong, when)
+
+
+def listed(alarms: Alarms) -> dict[str, Any]:
+    """The list and what is over, as the page shows it."""
+    past = [plain(a) for a in list(alarms.history)[-50:]]
+    return {"list": [plain(a) for a in alarms.listed()], "past": past[::-1]}
+
+
+def plain(alarm: Alarm) -> dict[str, Any]:
+    """An alarm in plain data."""
+    return {
+        "number": alarm.number,
+        "level": alarm.level.value,
+        "text": alarm.text,
+        "cause": alarm.cause,
+        "since": round(alarm.since, 3),
+        "gone": None if alarm.gone is None else round(alarm.gone, 3),
+        "acknowledged": alarm.acknowledged,
+    }

@@ -1,0 +1,274 @@
+"""A small web server for the page: fixed files, JSON and one stream; made for loopback.
+
+The standard library reads the requests.  Added to it: names in `Host` are refused but localhost (so that no
+name of another site can be made to lead here), requests and connections are bounded in size, number and time,
+and a strict policy forbids the page to load anything from elsewhere.
+"""
+
+import json
+import socket
+import ssl
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from runtime.hmi.hub import Hub
+from runtime.hmi.sessions import Refused
+
+PAGE = Path(__file__).parent / "page"
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+CONNECTIONS, STREAMS = 64, 24
+BODY = 4096  # bytes of a request's body
+REQUEST_S = 10.0  # that a connection may take for a request, or stay idle
+STREAM_S = 5.0  # that a reader of the stream may take for what is sent to it
+QUIET_S = 2.0  # without an event: a line that keeps the stream open
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a route is given."""
+
+    query: Mapping[str, str]
+    body: Mapping[str, Any]
+    key: str  # of the session, "" without one
+    where: str  # address it came from
+    near: bool  # from this computer
+
+
+Route = Callable[[Request], Any]  # returns what is sent as JSON; raises Refused
+
+
+class Site(ThreadingHTTPServer):
+    """Serves the page, `routes` by method and path, and `hub` as /api/stream."""
+
+    daemon_threads = True
+    allow_reuse_address = True
+
+    def __init__(
+        self, host: str, port: int, routes: Mapping[tuple[str, str], Route], hub: Hub | None
+    ) -> None:
+        self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self.routes, self.hub = routes, hub
+        self.files = _files()
+        self.streams = threading.BoundedSemaphore(STREAMS)
+        self._free = threading.BoundedSemaphore(CONNECTIONS)
+        self.deadlines: dict[socket.socket, float] = {}
+        super().__init__((host, port), Handler)
+
+    @property
+    def port(self) -> int:
+        """That it listens on."""
+        return self.server_address[1]
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread of its own, if there are not too many."""
+        if not self._free.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """All of one connection."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self.deadlines.pop(request, None)
+            self._free.release()
+
+    def service_actions(self) -> None:
+        """Twice a second: end connections that take too long for a request."""
+        now = time.monotonic()
+        for connection, end in list(self.deadlines.items()):
+            if now > end:
+                self.deadlines.pop(connection, None)
+                try:
+                    connection.shutdown(socket.SHUT_RDWR)
+                except OSError:
+                    continue
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A connection that broke is its own affair."""
+
+
+class Handler(BaseHTTPRequestHandler):
+    """One connection."""
+
+    server: Site  # type: ignore[assignment]
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "slewright", ""
+    timeout = REQUEST_S
+    disable_nagle_algorithm = True
+
+    def handle_one_request(self) -> None:
+        """One request, within its time."""
+        self.server.deadlines[self.connection] = time.monotonic() + REQUEST_S
+        super().handle_one_request()
+
+    def do_GET(self) -> None:
+        """Files, the stream, and what can be asked for."""
+        path = self._path()
+        if path is None:
+            return
+        if path in self.server.files:
+            self._send(HTTPStatus.OK, *self.server.files[path])
+        elif path == "/api/stream" and self.server.hub:
+            self._stream(self.server.hub)
+        else:
+            self._answer("GET", path, {})
+
+    def do_HEAD(self) -> None:
+        """As GET, without the body."""
+        self.do_GET()
+
+    def do_POST(self) -> None:
+        """What is to be done."""
+        path = self._path()
+        if path is None:
+            return
+        try:
+            body = self._body()
+        except Refused as error:
+            self._refuse(error, close=True)  # what is left of the body must not be read as a request
+            return
+        self._answer("POST", path, body)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Not a line a request: who asks for nonsense must not fill our disk."""
+
+    def _path(self) -> str | None:
+        """What is asked for; None, and answered, where host or path are none of ours."""
+        if not self._known_host():
+            return None
+        try:
+            parts = urlsplit(self.path)
+            self._query = {k: v[-1] for k, v in parse_qs(parts.query, max_num_fields=20).items()}
+        except ValueError:
+            self._refuse(Refused(400, "this is no address"), close=True)
+            return None
+        return parts.path
+
+    def _known_host(self) -> bool:
+        host = self.headers.get("Host", "")
+        name = host[1:].partition("]")[0] if host.startswith("[") else host.partition(":")[0]
+        if name == "localhost" or _is_address(name):
+            return True
+        self._refuse(Refused(421, "ask for this page by its address, or as localhost"), close=True)
+        return False
+
+    def _body(self) -> Mapping[str, Any]:
+        origin = self.headers.get("Origin")
+        if origin is not None and origin.partition("://")[2] != self.headers.get("Host"):
+            raise Refused(403, "not from this page")
+        if self.headers.get_content_type() != "application/json":
+            raise Refused(415, "JSON is wanted")
+        length = self.headers.get("Content-Length", "")
+        if self.headers.get("Transfer-Encoding") or not length.isascii() or not length.isdigit():
+            raise Refused(411, "a length is wanted")
+        if int(length[:9]) > BODY or len(length) > 9:
+            raise Refused(413, f"at most {BODY} bytes")
+        try:
+            found = json.loads(self.rfile.read(int(length)))
+        except (ValueError, RecursionError):
+            raise Refused(400, "this is no JSON") from None
+        if not isinstance(found, dict):
+            raise Refused(400, "an object is wanted")
+        return found
+
+    def _answer(self, method: str, path: str, body: Mapping[str, Any]) -> None:
+        route = self.server.routes.get((method, path))
+        if route is None:
+            known = any(p == path for _, p in self.server.routes) or path in self.server.files
+            self._refuse(Refused(405 if known else 404, "there is no such page"))
+            return
+        scheme, _, key = self.headers.get("Authorization", "").partition(" ")
+        where = self.client_address[0]
+        near = ip_address(where.split("%")[0]).is_loopback
+        try:
+            found = route(Request(self._query, body, key if scheme == "Bearer" else "", where, near))
+        except Refused as error:
+            self._refuse(error)
+            return
+        self._send_json(HTTPStatus.OK, found)
+
+    def _refuse(self, error: Refused, close: bool = False) -> None:
+        self.close_connection = self.close_connection or close
+        self._send_json(error.status, {"error": str(error)})
+
+    def _send_json(self, status: int, content: Any) -> None:
+        data = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+        self._send(status, "application/json", data)
+
+    def _send(self, status: int, kind: str, data: bytes) -> None:
+        self._head(status, kind)
+        self.send_header("Content-Length", str(len(data)))
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(data)
+
+    def _head(self, status: int, kind: str) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        for name, value in HEADERS.items():
+            self.send_header(name, value)
+
+    def _stream(self, hub: Hub) -> None:
+        """Server-sent events: always the newest; who does not take them is left behind, then hung up on."""
+        self.close_connection = True
+        if self.command == "HEAD" or not self.server.streams.acquire(blocking=False):
+            self._refuse(Refused(503, "too many pages are open"))
+            return
+        self.server.deadlines.pop(self.connection, None)
+        self.connection.settimeout(STREAM_S)
+        try:
+            self._head(HTTPStatus.OK, "text/event-stream")
+            self.end_headers()
+            number = 0
+            while not hub.closed:
+                number, data = hub.after(number, QUIET_S)
+                self.wfile.write(data or b": still here\n\n")
+        except OSError:
+            return
+        finally:
+            self.server.streams.release()
+
+
+def secure(site: Site, context: ssl.SSLContext) -> None:
+    """Speak TLS; each connection shakes hands in its own thread, when it first reads."""
+    site.socket = context.wrap_socket(site.socket, server_side=True, do_handshake_on_connect=False)
+
+
+def _files() -> dict[str, tuple[str, bytes]]:
+    found = {f"/{p.name}": (TYPES[p.suffix], p.read_bytes()) for p in PAGE.iterdir() if p.suffix in TYPES}
+    return {**found, "/": found["/index.html"]}
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True
