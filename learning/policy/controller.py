@@ -22,6 +22,7 @@ from specs.signals import signal
 
 TICKS = round(SPACING_S / TICK_S)
 FILE = "policy.onnx"
+SPLIT = 2.0**29 + 1.0  # of 53 bits, 29 are rounded off
 UNUSED = ("qd_slew",)  # connected to every controller; the gyro tells the same, and is not late
 CODE = '''"""A policy; written by learning/policy/controller.py."""
 
@@ -113,7 +114,13 @@ def _observed(rows: dict[str, ca.MX], told: ca.MX, length: int) -> list[ca.MX]:
     ahead = angles[-1] - ca.atan2(y, x)
     error = ca.atan2(ca.sin(ahead), ca.cos(ahead))
     channels = [error + (angles - angles[-1]) if c == "q_slew" else rows[c] for c in _kept()]
-    return [*channels, ca.sqrt(x * x + y * y), z, load, pace]
+    return [single(v) for v in (*channels, ca.sqrt(x * x + y * y), z, load, pace)]
+
+
+def single(x: ca.MX) -> ca.MX:
+    """Numbers rounded to single precision's 24 bits, as ONNX takes and gives them (Veltkamp, Dekker 1971)."""
+    c = SPLIT * x
+    return c - (c - x)
 
 
 def _answer(policy: Policy, observation: ca.MX) -> ca.MX:
@@ -122,7 +129,7 @@ def _answer(policy: Policy, observation: ca.MX) -> ca.MX:
     for number, (w, b) in enumerate(policy.weights):
         y = ca.mtimes(ca.MX(ca.DM(w.astype(np.float64))), y) + ca.MX(ca.DM(b.astype(np.float64)))
         y = ca.tanh(y) if number + 1 < len(policy.weights) else y
-    return limited()(commands(c.task, c.history, c.prior)(y, observation))
+    return single(limited()(commands(c.task, c.history, c.prior)(y, observation)))
 
 
 def write_folder(policy: Policy, name: str, parent: Path) -> Path:

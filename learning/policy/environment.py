@@ -59,6 +59,14 @@ class Situation:
         plain = {k: v.detach() for k, v in self.__dict__.items() if isinstance(v, Tensor)}
         return replace(self, state=self.state.copy(), **plain)
 
+    def faded(self, share: float) -> "Situation":
+        """The same; of the gradient that comes back through the state, `share` goes on."""
+        if share < 1.0:
+            for value in (*self.state.__dict__.values(), self.sensors, self.rates, self.action):
+                if value.requires_grad:
+                    value.register_hook(lambda gradient: share * gradient)
+        return self
+
 
 class Environment:
     """n machines; `fresh` and `retargeted` make situations, `observe` and `advance` go through them."""

@@ -44,6 +44,7 @@ class GradientTrainer(Trainer):
         for k in range(e.periods):
             observation = e.observe(s)
             s, rewards = self.play(s, self.mlp(self.interface.features(observation)), observation)
+            s = s.faded(self.recipe.fade)
             total = total + sum(rewards.values()) * SPACING_S
             for name, value in rewards.items():
                 terms[name] = terms.get(name, torch.zeros(())) + value.detach().mean()

@@ -58,7 +58,7 @@ class Recipe:
     prior: str = ""  # the law that the network's answer is added to (specs.policy.PRIORS)
     layers: tuple[int, ...] = (256, 128, 128)  # paper
     weights: Mapping[str, float] = field(default_factory=dict)
-    quiet: tuple[str, ...] = ("oscillation", "swing")  # terms that weigh more at a slower pace
+    quiet: tuple[str, ...] = ("oscillation", "swing", "sway")  # terms that weigh more at a slower pace
     gentle: float = 2.0
     first: Shape = field(default_factory=Shape)  # widths of the terms at the start …
     last: Shape = field(default_factory=Shape)  # … and at the end of the curriculum
@@ -88,6 +88,7 @@ class Recipe:
     asymmetric: bool = False  # the critic sees load, tool length, dead band, pressures
     # by the gradient of the simulation
     norm: float = 1.0  # largest norm of a gradient
+    fade: float = 1.0  # share of an episode's gradient that passes from one step to the one before it
 
     def __post_init__(self) -> None:
         if self.task not in TASKS:
@@ -152,12 +153,24 @@ TINY: Mapping[str, Any] = {
 }
 
 
+GROUPS = ("weights", "random", "first", "last")  # fields of a recipe that hold others
+
+
+def _with(old: Any, group: str, told: Mapping[str, Any]) -> Any:
+    """Weights, ranges or widths with some of them changed; InputError for a name that is none."""
+    if group == "weights":
+        return {**old, **told}
+    for name in told:
+        if name not in old.__dict__:
+            raise InputError(f"no '{name}' in {group}; {nearest(name, old.__dict__)}")
+    return replace(old, **told)
+
+
 def recipe(name: str, tiny: bool = False, **changed: Any) -> Recipe:
     """The recipe of that name with fields changed; cut down to seconds if `tiny`."""
     if name not in RECIPES:
         raise InputError(f"no recipe '{name}'; {nearest(name, RECIPES)} (valid: {', '.join(RECIPES)})")
     base = RECIPES[name]
-    if "weights" in changed:
-        changed["weights"] = {**base.weights, **changed["weights"]}
-    found = replace(base, **changed)
+    inner = {group: changed.pop(group) for group in GROUPS if isinstance(changed.get(group), dict)}
+    found = replace(base, **changed, **{g: _with(getattr(base, g), g, told) for g, told in inner.items()})
     return replace(found, **TINY) if tiny else found

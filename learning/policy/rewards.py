@@ -1,4 +1,4 @@
-"""The paper's seven reward terms, each a function of what happened in a step of 0.1 s; and four of our own.
+"""The paper's seven reward terms, each a function of what happened in a step of 0.1 s; and six of our own.
 
 e: grab point less target [3, n] in m (full), or the slew error times ARC [1, n] (slew-only); all else as
 named. Each term is what the paper writes, without its weight; a recipe weighs them, and leaves one out by a
@@ -14,6 +14,7 @@ from torch import Tensor
 ARC = 10.0  # m: how far from the axis the slew-only task counts its error, so that both tasks have one scale
 MARGIN_M = 0.6  # above the keep-out height
 NEAR_M, STILL = 0.5, 0.02  # paper: where one-shot begins; m and rad/s
+STILL_TOOL = 0.005  # rad/s: below it the tool counts as still, so that the root has a slope
 ACTION_SCALE = (1.0, 0.2, 0.2)  # sigma_u: joystick, rad/s, rad/s
 
 
@@ -24,6 +25,7 @@ class Shape:
     balance_m: float = 1.0  # paper: 1
     target_m: float = 1.0
     overshoot_rad: float = 1.0
+    settle_rad: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,16 @@ def swing(i: Instant, s: Shape) -> Tensor:
     return -(i.roll_rate.square() + i.pitch_rate.square() + 4.9 * (i.roll.square() + i.pitch.square()))
 
 
+def settle(i: Instant, s: Shape) -> Tensor:
+    """Ours: -q^2 / (q^2 + width^2) of the slew error: nearly -1 until the slew has arrived, then 0."""
+    return -i.slew.square() / (i.slew.square() + s.settle_rad**2)
+
+
+def sway(i: Instant, s: Shape) -> Tensor:
+    """Ours: -|tool rates|_2, as the metric counts the tool's rate."""
+    return -(i.roll_rate.square() + i.pitch_rate.square() + STILL_TOOL**2).sqrt()
+
+
 def keep_out(i: Instant, s: Shape) -> Tensor:
     """Ours: -(depth within MARGIN_M of the keep-out height), a slope where a termination is a cliff."""
     return -i.low
@@ -115,6 +127,8 @@ TERMS: Mapping[str, Callable[[Instant, Shape], Tensor]] = {
         one_shot,
         closing,
         swing,
+        settle,
+        sway,
         keep_out,
         limits,
     )

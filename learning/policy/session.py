@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from learning.policy import checkpoint
-from learning.policy.recipe import RECIPES, Recipe, recipe
+from learning.policy.recipe import GROUPS, RECIPES, Recipe, recipe
 from specs.errors import InputError, RunError, nearest
 from specs.policy import TASKS
 from specs.schema import ROOT
@@ -63,8 +63,20 @@ class Options:
         words = [f"--task {self.task}", f"--seed {self.seed}", f"--budget {self.budget}"]
         words += [f"--recipe {self.recipe}"] if self.recipe else []
         words += [f"--networks {path}" for path in self.networks]
-        words += [f"--set {name}={value}" for name, value in self.changed.items()]
+        words += [f"--set {text}" for text in _settings(self.changed)]
         return "slewright train policy " + " ".join(words)
+
+
+def _settings(changed: Mapping[str, Any], group: str = "") -> list[str]:
+    """ "name=value" of changes, as `changes` reads them."""
+    found: list[str] = []
+    for name, value in changed.items():
+        if isinstance(value, Mapping):
+            found += _settings(value, f"{name}.")
+        else:
+            text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+            found.append(f"{group}{name}={text}")
+    return found
 
 
 def changes(texts: Sequence[str]) -> dict[str, Any]:
@@ -74,16 +86,17 @@ def changes(texts: Sequence[str]) -> dict[str, Any]:
     for text in texts:
         name, equals, value = text.partition("=")
         group, dot, term = name.partition(".")
-        if not equals or group not in able or (dot and group != "weights"):
+        if not equals or group not in able or (dot and group not in GROUPS):
             raise InputError(f"--set {text}: no field '{group}' of a recipe; {nearest(group, able)}")
         try:
             number: Any = json.loads(value)
         except ValueError:
             number = value
+        number = tuple(number) if isinstance(number, list) else number
         if dot:
-            found["weights"] = {**found.get("weights", {}), term: float(number)}
+            found[group] = {**found.get(group, {}), term: number}
         else:
-            found[name] = tuple(number) if isinstance(number, list) else number
+            found[name] = number
     return found
 
 

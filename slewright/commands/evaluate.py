@@ -10,7 +10,9 @@ from slewright.progress import progress
 
 
 def evaluate(
-    policy: Annotated[Path, typer.Argument(metavar="POLICY", help="An ONNX policy.")],
+    policy: Annotated[
+        list[Path], typer.Argument(metavar="POLICY...", help="ONNX policies: several are a recipe's seeds.")
+    ],
     machines: Annotated[
         int | None, typer.Option("--machines", min=1, help="Machines of the set (default: all).")
     ] = None,
@@ -18,6 +20,10 @@ def evaluate(
         str, typer.Option("--draws", metavar="SET", help="Machines: tuning or validation.")
     ] = "validation",
     pace: Annotated[float, typer.Option("--pace", min=0.0, max=2.0, help="Pace setting.")] = 1.0,
+    matched: Annotated[
+        float | None,
+        typer.Option("--matched", min=1.0, metavar="SPEED", help="At the pace with this mean speed, °/s."),
+    ] = None,
     load: Annotated[
         list[str] | None, typer.Option("--load", metavar="LOAD", help="empty, 2t or unknown (repeatable).")
     ] = None,
@@ -35,7 +41,7 @@ def evaluate(
     json: JsonOption = None,
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
-    from slewright import policies
+    from slewright import evaluation, policies
     from slewright.tables import show
     from specs import draws
     from specs.errors import InputError
@@ -48,31 +54,29 @@ def evaluate(
     if page is not None:
         from slewright import markers
 
-        markers.around(page, "policy")  # refused now, not after the runs
-    policies.question(policy, chosen, count, (1.0,), loads)  # refused now, before anything is logged
-    for text in policies.warnings(policy, chosen, count):
+        markers.around(page, f"policy-{policies.task_of(policy[0])}")  # refused now, not after the runs
+    for one in policy:
+        policies.question(one, chosen, count, (1.0,), loads)  # refused now, before anything is logged
+    for text in policies.warnings(policy[0], chosen, count):
         typer.echo(f"warning: {text}", err=True)
     opened = draws.open_test_set(sealed) if sealed else None
+    asked = evaluation.Asked(chosen, count, loads, pace, matched, jobs, opened)
     with progress("evaluate") as report:
-        found = policies.evaluate(policy, out, chosen, count, pace, loads, jobs, opened, report)
+        found = evaluation.evaluate(policy, out, asked, report)
     unit = "deg" if found["task"] == "slew" else "m"
-    rows = [(name, *_cells(cell)) for name, cell in found["loads"].items()]
-    columns = ("load", "speed °/s", "overshoot °", f"error {unit}", "tool °/s", "missed", "ended", "n")
-    title = (
-        f"{policy.name}, {found['task']}: {count} machines of the {chosen} draws, simulated, pace {pace:g}"
-    )
-    show(title, columns, rows)
+    columns = ("speed °/s", "overshoot °", "largest °", f"error {unit}", "tool °/s", "missed", "ended", "n")
+    where = f"{count} machines of the {chosen} draws, simulated"
+    rows = [(name, *evaluation.cells(cell)) for name, cell in found["loads"].items()]
+    show(f"{policy[0].name}, {found['task']}: {where}, pace {found['pace']:g}", ("load", *columns), rows)
+    if len(found["seeds"]) > 1:
+        rows = [(name, f"{c['pace']:g}", *evaluation.cells(c)) for name, c in found["seeds"].items()]
+        show("By seed, all loads", ("seed", "pace", *columns), rows)
     for key, reason in list(found["failed"].items())[:5]:
         typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
     write(json, found, seed=1)
     if page is not None:
         from slewright.markers import fill
 
-        fill(page, "policy", policies.markdown(found))
+        fill(page, f"policy-{found['task']}", evaluation.markdown(found))
     if found["failed"]:
         raise typer.Exit(3)
-
-
-def _cells(cell: dict) -> list[object]:
-    names = ("speed", "overshoot", "error", "tool", "missed", "terminations", "n")
-    return [cell.get(name, "–") for name in names]

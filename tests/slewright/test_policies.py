@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from learning.policy import export
-from slewright import policies
+from slewright import evaluation, policies
 from slewright.commands.evaluate import evaluate
 from specs import draws
 from specs.errors import InputError
@@ -81,16 +81,16 @@ def test_terminations_are_too_low_or_too_near() -> None:
         def column(self, name: str) -> np.ndarray:
             return np.array(self.columns[name])
 
-    assert policies.terminated(Record(9.0, 1.0, 5.0)) == 0
-    assert policies.terminated(Record(9.0, 1.0, 1.9)) == 1
-    assert policies.terminated(Record(1.0, 1.0, 5.0)) == 1
+    assert evaluation.terminated(Record(9.0, 1.0, 5.0)) == 0
+    assert evaluation.terminated(Record(9.0, 1.0, 1.9)) == 1
+    assert evaluation.terminated(Record(1.0, 1.0, 5.0)) == 1
 
 
 @pytest.mark.parametrize(
     ("changed", "named"),
     [
         ({"draw_set": "test"}, "sealed"),
-        ({"policy": Path("no.onnx")}, "there is no policy"),
+        ({"policy": [Path("no.onnx")]}, "there is no policy"),
         ({"load": ["3t"]}, "no load '3t'"),
         ({"machines": 99}, "99 machines"),
         ({"draw_set": "training"}, "no set of draws"),
@@ -101,12 +101,20 @@ def test_evaluate_refuses_before_anything_moves(
 ) -> None:
     """Sealed draws, no such file, load, number or set; nothing is written."""
     words: dict[str, Any] = {
-        "policy": policy,
+        "policy": [policy],
         "machines": 1,
         "draw_set": "validation",
         "out": tmp_path / "none",
     }
-    rest: dict[str, Any] = {"pace": 1.0, "load": None, "sealed": "", "jobs": 1, "json": None}
+    rest: dict[str, Any] = {
+        "pace": 1.0,
+        "matched": None,
+        "page": None,
+        "load": None,
+        "sealed": "",
+        "jobs": 1,
+        "json": None,
+    }
     with pytest.raises(InputError, match=named):
         evaluate(**{**words, **rest, **changed})
     assert not (tmp_path / "none").exists()
@@ -159,7 +167,37 @@ def test_the_page_s_table_says_what_made_the_policy() -> None:
         "made": {"command": "slewright train policy", "commit": "abc"},
         "loads": {"empty": cell, "2t": {"n": 0}},
     }  # fmt: skip
-    text = policies.markdown(found)
+    text = evaluation.markdown(found)
     assert "| empty | 11.20 | 1.00 | 2.00 | 0.50 | 8.00 | 1 | 0 | 2 |" in text
     assert "| 2t | – | – | – | – | – | – | – | 0 |" in text
     assert "`slewright train policy`, commit abc" in text
+
+
+def rows_at(pace: float) -> evaluation.Rows:
+    """Two machines whose speed grows with the square of the pace."""
+    cell = {"load": "empty", "failed": None, "overshoot": 0.0, "overshoot_max": 0.0, "error": 0.1}
+    rest = {"tool": 8.0, "missed": 0, "terminations": 0}
+    return [{**cell, **rest, "draw": f"d-{i}", "speed": 10.0 * pace**2 + i} for i in range(2)]
+
+
+def test_the_pace_of_a_speed_is_searched_within_the_trained_ones() -> None:
+    """By secant to 0.1 °/s; the nearest where the trained paces do not reach it."""
+    rows, pace = evaluation._at_speed(rows_at, evaluation.Asked(matched=14.0), (0.5, 1.4))
+    assert np.mean([r["speed"] for r in rows]) == pytest.approx(14.0, abs=evaluation.NEAR)
+    assert pace == pytest.approx(np.sqrt(1.35), abs=0.01)
+    assert evaluation._at_speed(rows_at, evaluation.Asked(matched=30.0), (0.5, 1.4))[1] == 1.4
+
+
+def test_seeds_stand_below_their_mean() -> None:
+    """Intervals over machines, seeds by name and pace; one seed has no second table."""
+    rows = [{**row, "seed": seed} for seed, pace in (("1", 1.0), ("2", 1.1)) for row in rows_at(pace)]
+    seeds = {s: {"pace": 1.0, **evaluation._mean(rows, seed=s)} for s in ("1", "2")}
+    found = {
+        "task": "slew", "policy": "slew.onnx", "machines": 2, "draw_set": "validation", "pace": 1.0,
+        "matched": 11.2, "made": {}, "loads": {"empty": evaluation._mean(rows)}, "seeds": seeds,
+    }  # fmt: skip
+    text = evaluation.markdown(found)
+    assert "| empty | 11.55 ± " in text
+    assert "| 2 | 1.0 | 12.60 ± " in text
+    found["seeds"] = {"1": seeds["1"]}
+    assert "| seed |" not in evaluation.markdown(found)

@@ -38,6 +38,8 @@ BY_HAND = {
     "one_shot": 0.0,  # near, but not still
     "closing": -0.07,
     "swing": -(0.04 + 0.01 + 4.9 * (0.01 + 0.04)),
+    "settle": -0.0016 / 1.0016,
+    "sway": -math.sqrt(0.05 + 0.005**2),
     "keep_out": -0.25,
     "limits": -0.36,
 }

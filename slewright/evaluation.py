@@ -1,0 +1,203 @@
+"""`slewright evaluate`: policies of one task on re-drawn machines, at a pace or at a speed asked for."""
+
+import hashlib
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from slewright.policies import LOADS, question
+from specs.errors import InputError
+
+FIGURES = ("speed", "overshoot", "overshoot_max", "error", "tool", "missed")
+MEANS = ("speed", "overshoot", "error", "tool")
+NEAR = 0.1  # °/s: a mean speed this near to the one asked for is that speed
+TRIES = 4  # paces at most on the way there
+SLOPE = 8.0  # °/s by a pace of 1, of the first step; the next ones know better
+Rows = list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """On which machines with which loads, and at which pace or (`matched`) mean speed in °/s."""
+
+    draw_set: str = "validation"
+    machines: int = 24
+    loads: Sequence[str] = LOADS
+    pace: float = 1.0
+    matched: float | None = None
+    jobs: int = 1
+    opened: Any = None
+
+
+def evaluate(paths: Sequence[Path], out: Path, asked: Asked, report: Any = None) -> dict[str, Any]:
+    """Figures by load, machine and seed; several policies of one task are seeds of one recipe."""
+    from learning.policy.export import read
+
+    contracts = [read(path).contract for path in paths]
+    tasks = {c.task for c in contracts}
+    if len(tasks) != 1:
+        raise InputError(f"policies of several tasks: {', '.join(sorted(tasks))}; one at a time")
+    rows: Rows = []
+    paces = {}
+    for path, contract in zip(paths, contracts, strict=True):
+        run = _runner(path, contract.task, _folder(out, path), asked, report)
+        seed = _name(contract.made.get("seed", ""), paces)
+        found, paces[seed] = _at_speed(run, asked, contract.ranges.get("pace", (0.0, 2.0)))
+        rows += [{**row, "seed": seed} for row in found]
+    return {
+        "task": contracts[0].task, "policy": str(paths[0]), "draw_set": asked.draw_set,
+        "machines": asked.machines, "pace": next(iter(paces.values())), "matched": asked.matched,
+        "made": dict(contracts[0].made), "loads": {load: _mean(rows, load=load) for load in asked.loads},
+        "draws": {d: _mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}},
+        "seeds": {s: {"pace": pace, **_mean(rows, seed=s)} for s, pace in paces.items()},
+        "failed": {f"{r['load']}/{r['draw']}": r["failed"] for r in rows if r["failed"]},
+    }  # fmt: skip
+
+
+def _name(seed: Any, known: Mapping[str, Any]) -> str:
+    """What a seed is called: two of the same are told apart."""
+    again = sum(name.split(" ")[0] == str(seed) for name in known)
+    return f"{seed} ({again + 1})" if again else str(seed)
+
+
+def _folder(out: Path, path: Path) -> Path:
+    """A policy's own folder of results: seeds share a file name."""
+    return out / hashlib.sha256(path.read_bytes()).hexdigest()[:8]
+
+
+def _at_speed(run: Callable[[float], Rows], asked: Asked, trained: tuple[float, float]) -> tuple[Rows, float]:
+    """(rows, pace): at the pace told, or at the one whose mean speed is the one asked for (secant)."""
+    if asked.matched is None:
+        return run(asked.pace), asked.pace
+    pace, slope, tried = 1.0, SLOPE, {}
+    for _ in range(TRIES):
+        rows = run(pace)
+        tried[pace] = (_speed(rows), rows)
+        off = asked.matched - tried[pace][0]
+        if abs(off) <= NEAR:
+            break
+        if len(tried) > 1:
+            (p, (v, _)), (q, (w, _)) = list(tried.items())[-2:]
+            slope = (w - v) / (q - p) if abs(w - v) > 1e-6 else slope
+        step = max(-0.4, min(0.4, off / max(slope, 1.0)))
+        pace = round(max(trained[0], min(trained[1], pace + step)), 2)
+        if pace in tried:
+            break
+    best = min(tried, key=lambda p: abs(tried[p][0] - asked.matched))
+    return tried[best][1], best
+
+
+def _speed(rows: Rows) -> float:
+    good = [r["speed"] for r in rows if not r["failed"]]
+    return sum(good) / len(good) if good else 0.0
+
+
+def _runner(path: Path, task: str, out: Path, asked: Asked, report: Any) -> Callable[[float], Rows]:
+    """pace -> a row of figures for every machine and load."""
+    from baselines.compare.plan import make_plan
+    from orchestrator.campaign.run import record_path, run_campaign
+    from records.record import read as read_record
+
+    def run(pace: float) -> Rows:
+        paces = (1.0,) if pace == 1.0 else (1.0, pace)
+        whole, _ = question(path, asked.draw_set, asked.machines, paces, asked.loads)
+        plan = make_plan(whole, asked.opened)
+        runs = tuple(r for r in plan.runs if r.spec["pace"] == pace)
+        done = run_campaign(replace(plan, runs=runs, keep="all"), out, asked.jobs, None, progress=report)
+        rows = []
+        for one in runs:
+            row = _row(one.spec, done.results[one.key], task)
+            if not row["failed"]:
+                row["terminations"] = terminated(read_record(record_path(out, one.key)))
+            rows.append(row)
+        return rows
+
+    return run
+
+
+def _row(spec: Mapping[str, Any], result: Mapping[str, Any], task: str) -> dict[str, Any]:
+    row = {"load": spec["load"], "draw": spec["draw"], "failed": result["failed"]}
+    if not result["failed"]:
+        error = "slew_error" if task == "slew" else "error"
+        row |= {k: result["figures"][error if k == "error" else k] for k in FIGURES}
+    return row
+
+
+def terminated(record: Any) -> int:
+    """1 if the grab came lower or nearer to the slew axis than is allowed, else 0."""
+    import numpy as np
+
+    from specs import parameters
+
+    g = parameters.load("geometry")
+    x, y, z = (record.column(f"true_tool_{axis}") for axis in "xyz")
+    low = z < g["keepout_height"].value
+    return int(np.any(low | (np.hypot(x, y) < g["keepout_radius"].value)))
+
+
+def _mean(rows: Iterable[Mapping[str, Any]], **where: str) -> dict[str, Any]:
+    """Figures over the runs of `where`, with 95 % intervals over machines (means of seeds and loads)."""
+    chosen = [r for r in rows if not r["failed"] and all(r[k] == v for k, v in where.items())]
+    found: dict[str, Any] = {"n": len(chosen)}
+    if not chosen:
+        return found
+    for name in MEANS:
+        found[name] = sum(r[name] for r in chosen) / len(chosen)
+    found["overshoot_max"] = max(r["overshoot_max"] for r in chosen)
+    found["missed"] = sum(r["missed"] for r in chosen)
+    found["terminations"] = sum(r["terminations"] for r in chosen)
+    found["ci95"] = {name: _interval(chosen, name) for name in MEANS}
+    return found
+
+
+def _interval(rows: Sequence[Mapping[str, Any]], name: str) -> list[float] | None:
+    from baselines.compare.figures import interval
+
+    ordered = sorted(rows, key=lambda r: r["draw"])
+    by_machine = [[r[name] for r in group] for _, group in itertools.groupby(ordered, lambda r: r["draw"])]
+    return interval([sum(values) / len(values) for values in by_machine])
+
+
+def markdown(found: Mapping[str, Any]) -> str:
+    """The figures by load and, if there are several, by seed as Markdown tables, with the command."""
+    made, unit = found["made"], "°" if found["task"] == "slew" else "m"
+    pace = f"pace {found['pace']:g}"
+    if found.get("matched"):
+        pace = f"at {found['matched']:g} °/s (pace of each seed: the one with this mean speed over the loads)"
+    lines = [
+        f"`{Path(found['policy']).name}`, {pace}, {found['machines']} machines of the "
+        f"{found['draw_set']} draws, simulated; ±: 95 % interval over machines. Made by "
+        f"`{made.get('command', '')}`, commit {made.get('commit', '')}.",
+        "",
+        f"| load | speed °/s | overshoot ° | largest ° | error {unit} | tool °/s | missed | ended | runs |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    lines += [f"| {' | '.join([load, *cells(cell)])} |" for load, cell in found["loads"].items()]
+    return "\n".join([*lines, *_by_seed(found, unit), ""])
+
+
+def _by_seed(found: Mapping[str, Any], unit: str) -> list[str]:
+    if len(found.get("seeds", {})) < 2:
+        return []
+    head = ["seed", "pace", "speed °/s", "overshoot °", "largest °", f"error {unit}", "tool °/s", "missed",
+            "ended", "runs"]  # fmt: skip
+    lines = ["", f"| {' | '.join(head)} |", "|---|" + "--:|" * 9]
+    for seed, cell in found["seeds"].items():
+        lines.append(f"| {' | '.join([seed, str(cell['pace']), *cells(cell)])} |")
+    return lines
+
+
+def cells(cell: Mapping[str, Any]) -> list[str]:
+    """Speed, overshoot, largest, error, tool, missed, ended, runs; a dash for what there is not."""
+    if not cell["n"]:
+        return ["–"] * 7 + ["0"]
+    order = ("speed", "overshoot", "overshoot_max", "error", "tool")
+    means = [f"{cell[n]:.2f}{_half(cell, n)}" for n in order]
+    return [*means, *(str(cell[n]) for n in ("missed", "terminations", "n"))]
+
+
+def _half(cell: Mapping[str, Any], name: str) -> str:
+    ends = (cell.get("ci95") or {}).get(name)
+    return f" ± {(ends[1] - ends[0]) / 2:.2f}" if ends else ""
