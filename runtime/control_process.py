@@ -19,6 +19,8 @@ from runtime.can.joystick import Joystick
 from runtime.can.native import NativePort
 from runtime.can.port import open_bus
 from runtime.control import ControlCore
+from runtime.hmi.cells import join as join_hmi
+from runtime.hmi.port import HmiPort
 from runtime.image import OUTPUT, Flag
 from runtime.modbus.cells import join
 from runtime.modbus.port import ModbusPort
@@ -92,6 +94,8 @@ def main(text: str) -> None:
     joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
     ports: list[Port] = [NativePort(bus, core.library, joystick), *_others(wanted, folder, found)]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
+    if told.get("hmi"):
+        ports.insert(len(ports) - 1, _hmi(ports, folder, found, feed))
     twin = Rehearsal(core, ports, folder / "twin", feed is not None) if type(core) is ControlCore else None
     realtime.pin(wanted.realtime.core)
     rights = realtime.acquire(wanted.realtime.fifo, wanted.realtime.lock, wanted.realtime.priority)
@@ -109,6 +113,15 @@ def main(text: str) -> None:
     figures = {**found.figures(), "reasons": list(rights.reasons)}
     figures["rehearsal_us"] = twin.figures() if twin else None
     (folder / "statistics").write_text(json.dumps(figures))
+
+
+def _hmi(ports: list[Port], folder: Path, found: Statistics, feed: Feed | None) -> Port:
+    """After all that bring targets or sensors: it decides what of them counts."""
+    modbus = [p.claimed for p in ports if isinstance(p, ModbusPort)]
+    ring = feed.ring if feed else None
+    return HmiPort(
+        join_hmi(folder), found, lambda: any(f() for f in modbus), lambda: ring.lost if ring else 0
+    )
 
 
 def _others(wanted: configuration.Configuration, folder: Path, found: Statistics) -> list[Port]:
