@@ -1,0 +1,42 @@
+"""What the cylinders' pressures say is in the grab, by the load estimate's torque balance, joint by joint.
+
+With an empty grab it must be about nothing; a pressure sensor that is swapped or scaled is off by tons.
+"""
+
+import numpy as np
+
+from baselines.load.balance import JOINTS
+from baselines.load.calibration import uncalibrated
+from baselines.load.windows import terms, windows
+from records.measurement import Channel, Measurement
+from runtime.image import INPUT
+from slewright.commissioning.rig import Trace
+
+CHANNELS = (
+    *(f"q_{j}" for j in ("slew", *JOINTS)), *(f"qd_{j}" for j in ("slew", *JOINTS)),
+    *(f"p_{j}_{s}" for j in JOINTS for s in "ab"),
+    "imu_cabin_roll", "imu_cabin_pitch", "imu_tool_roll", "imu_tool_pitch",
+)  # fmt: skip
+
+
+def measurement(
+    trace: Trace, names: tuple[str, ...] = CHANNELS, source: str = "commissioning"
+) -> Measurement:
+    """A trace as a recording of its sensors."""
+    channels = {n: Channel(n, INPUT.signals[INPUT.index[n]].unit, trace.time, trace[n].copy()) for n in names}
+    return Measurement(channels, None, {}, source)
+
+
+def at_rest(trace: Trace) -> dict[str, float]:
+    """kg that each joint's pressures carry beyond the nominal empty machine; NaN where nothing can be said."""
+    recording = measurement(trace)
+    values = uncalibrated().values
+    found: dict[str, list[float]] = {joint: [] for joint in JOINTS}
+    for window in windows(recording)[0]:
+        if window.reason is not None or window.moving:
+            continue
+        balance = terms(window, values)
+        for i, joint in enumerate(JOINTS):
+            if window.joints[i]:
+                found[joint].append(float(balance.y[i] / balance.h[i]))
+    return {joint: float(np.median(some)) if some else float("nan") for joint, some in found.items()}

@@ -1,0 +1,99 @@
+"""Motions of the procedure: slow, of one axis, watched every tick, and ended by the first thing that is odd.
+
+Commands go by the operator's joystick in the input image, so the core's state machine and gate, its authority
+limited for the step, stand between all of this and the valves.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.image import TICK_S
+from slewright.commissioning.bench import Bench, hanging_height
+from slewright.commissioning.rig import AXES, STILL, Rig
+
+ARMING = (
+    0.11  # joystick for one tick, so that the core takes it for manual operation; far below any dead band
+)
+MAY_MOVE = ("armed", "manual", "stopping")
+
+
+@dataclass
+class Guard:
+    """Ends a motion of `axis` at once: another axis moves, it goes too far, or the core is not in manual."""
+
+    bench: Bench
+    axis: str
+    furthest: float  # rad, that the axis may move from where it stood
+    modes: tuple[str, ...] = MAY_MOVE
+
+    def __post_init__(self) -> None:
+        self.start = {a: self.bench.rig.now(f"q_{a}") for a in AXES}
+
+    def __call__(self, rig: Rig) -> None:
+        """Look at the tick that has just passed."""
+        bench, f = self.bench, self.bench.f
+        if rig.taken_over:
+            bench.fail("joystick", "moved by the operator", "at rest", "start the step again when ready")
+        if rig.mode not in self.modes:
+            look = f"fault: {rig.fault}; was the enabling switch held?"
+            bench.fail("mode while the machine moves", rig.mode, "manual", look)
+        for axis in AXES:
+            moved = abs(rig.now(f"q_{axis}") - self.start[axis])
+            most = self.furthest if axis == self.axis else f.commissioning_still_angle
+            if not moved <= most:
+                look = f"valves and encoders of {self.axis} and {axis}: swapped?"
+                bench.fail(
+                    f"q_{axis} moved while the {self.axis} is driven",
+                    moved,
+                    f"at most {most:.3g}",
+                    look,
+                    "rad",
+                )
+        if hanging_height(rig.now("q_boom"), rig.now("q_stick")) < f.commissioning_lowest:
+            bench.fail(
+                "height of the grab", "too low", f"at least {f.commissioning_lowest:g} m", "raise the arm"
+            )
+
+
+def command(axis: str, value: float) -> tuple[float, float, float]:
+    """A joystick of one axis."""
+    return tuple(value if a == axis else 0.0 for a in AXES)  # type: ignore[return-value]
+
+
+def alone(bench: Bench, axis: str, most: float) -> None:
+    """Limit the core's authority to commands of one axis, up to `most`, rising slowly."""
+    bench.rig.limit(command(axis, most), 1.0, bench.f.commissioning_rise)
+
+
+def begin(bench: Bench, axis: str, sign: float) -> None:
+    """The core in manual operation, its command still neutral for the valves."""
+    bench.rig.wanted = command(axis, sign * ARMING)
+    bench.rig.step()
+    bench.rig.wanted = STILL
+
+
+def until_it_moves(bench: Bench, axis: str, sign: float, moves: Callable[[], bool], most: float) -> float:
+    """Raise the joystick slowly until the axis moves; the joystick [0, 1] then, NaN if it never did."""
+    f, rig = bench.f, bench.rig
+    begin(bench, axis, sign)
+    steps = round((most - f.commissioning_ramp_from) / (f.commissioning_ramp * TICK_S))
+    for k in range(steps + 1):
+        value = f.commissioning_ramp_from + k * f.commissioning_ramp * TICK_S
+        rig.wanted = command(axis, sign * value)
+        rig.step()
+        if moves():
+            return value
+    return float("nan")
+
+
+def stop(bench: Bench, seconds: float) -> None:
+    """Neutral, and time to come to rest."""
+    bench.rig.wanted = STILL
+    bench.wait(seconds)
+
+
+def speed(q: np.ndarray) -> float:
+    """Mean speed of an angle [n], rad/s: the slope of a line through it."""
+    return float(np.polyfit(np.arange(len(q)) * TICK_S, q, 1)[0])

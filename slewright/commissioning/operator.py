@@ -1,0 +1,95 @@
+"""Who stands at the machine: questions of the procedure and where their answers come from.
+
+While an answer is waited for the cycle goes on: `Person` looks at the terminal every tick.  A question that asks
+what was seen (`WITNESS`) is never answered by the program: two reversed signs hide each other, and only somebody
+who looks at the machine can tell.
+"""
+
+import select
+import sys
+from collections.abc import Generator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import typer
+
+from specs.errors import RunError
+
+Answering = Generator[None, None, str]  # yields once a tick, returns the answer
+
+
+class Kind(Enum):
+    """What is asked for."""
+
+    DO = "do"  # something to be done; Enter when it is done
+    WITNESS = "witness"  # what was seen: yes or no
+    NUMBER = "number"  # something measured at the machine
+
+
+@dataclass(frozen=True)
+class Question:
+    """`key` is what the simulated operator knows it by."""
+
+    kind: Kind
+    key: str
+    text: str
+    unit: str = ""
+
+
+class Operator(Protocol):
+    """Answers questions; `name` goes into the records."""
+
+    name: str
+
+    def answer(self, question: Question) -> Answering:
+        """The answer: "" for done, "yes" or "no", or a number."""
+        ...
+
+    def watching(self) -> None:
+        """Motion begins that will be asked about."""
+        ...
+
+
+class Person:
+    """Somebody at the terminal.  With `ready`, what is to be done counts as done as soon as it is seen."""
+
+    def __init__(self, name: str, ready: bool = False) -> None:
+        self.name, self.ready = name, ready
+
+    def watching(self) -> None:
+        """Said before each motion."""
+
+    def answer(self, question: Question) -> Answering:
+        """See `Operator`; asks again until the answer is one."""
+        hint = {Kind.DO: "Enter when done", Kind.WITNESS: "yes or no", Kind.NUMBER: question.unit}[
+            question.kind
+        ]
+        while True:
+            typer.echo(f"  > {question.text} [{hint}] ", nl=False)
+            if question.kind is Kind.DO and self.ready:
+                typer.echo("")
+                return ""
+            text = yield from _line()
+            if question.kind is Kind.DO or _valid(question, text):
+                return text.lower()
+            typer.echo(f"    '{text}' is no answer: {hint}")
+
+
+def _line() -> Answering:
+    """A line from the terminal; RunError when there is none any more."""
+    while not select.select([sys.stdin], [], [], 0)[0]:
+        yield
+    line = sys.stdin.readline()
+    if not line:
+        raise RunError("nobody answers: the terminal is closed")
+    return line.strip()
+
+
+def _valid(question: Question, text: str) -> bool:
+    if question.kind is Kind.WITNESS:
+        return text.lower() in ("yes", "no")
+    try:
+        return abs(float(text)) < 1e6
+    except ValueError:
+        return False

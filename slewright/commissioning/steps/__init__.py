@@ -1,0 +1,1 @@
+"""The steps of commissioning; `slewright.commissioning.procedure` has their order."""

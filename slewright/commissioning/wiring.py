@@ -1,0 +1,187 @@
+"""Faults of a machine's wiring, for the simulated machine: what is between its sensors and valves and the bus.
+
+Every sensor swapped with each plausible neighbour, with its sign turned, scaled (half, double, degrees for
+radians, g for m/s2, bar for Pa), off its zero, or dead (frozen, at zero, reporting an error); every valve
+swapped, turned, scaled or dead; every message missing or too seldom; every switch turned or dead.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+
+from runtime.can.codec import received_by
+from runtime.image import INPUT, NODE, Group, group
+
+JOINTS = ("slew", "boom", "stick")
+PRESSURES = tuple(f"p_{j}_{s}" for j in JOINTS for s in "ab")
+IMUS = ("cabin", "tool")
+IMU = ("rate_x", "rate_y", "rate_z", "acc_x", "acc_y", "acc_z", "roll", "pitch")
+VALVES = ("u_slew", "u_boom", "u_stick")
+SENSORS = tuple(s.name for s in INPUT.signals if group(s) is Group.SENSOR)
+SWITCHES = (
+    "operator_enable", "automatic_request", "emergency_stop", "automatic_allowed", "machine_ready", "pilot_enabled",
+)  # fmt: skip
+BINARY = (*SWITCHES, "brake_released")
+JOYSTICK = tuple(f"joystick_{j}" for j in JOINTS)
+BIAS = {"rad": 0.2, "rad/s": 0.1, "m/s2": 2.0, "Pa": 4e6}  # several times what the machine draws spread
+NO_VALUE = float("nan")  # goes over the wire as the code for an error
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong; `kind` says how `signals` are, `value` by how much."""
+
+    kind: str
+    signals: tuple[str, ...]
+    value: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """E.g. `q_boom scale 0.5`, `p_slew_a swapped p_slew_b`."""
+        if self.kind == "swapped":
+            half = len(self.signals) // 2
+            return f"{'+'.join(self.signals[:half])} swapped {'+'.join(self.signals[half:])}"
+        amount = f" {self.value:.4g}" if self.kind in ("scale", "bias") else ""
+        return f"{'+'.join(self.signals)} {self.kind}{amount}"
+
+    @property
+    def group(self) -> str:
+        """Which row of the matrix it belongs to: what is wired wrong, and how."""
+        what = "message" if self.kind in ("missing", "half rate") else _what(self.signals[0])
+        return f"{what}: {self.kind}"
+
+
+@dataclass
+class Wiring:
+    """Faults at work; `first` are the values that frozen signals keep."""
+
+    faults: tuple[Fault, ...] = ()
+    first: dict[str, float] = field(default_factory=dict)
+
+    def sensed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """What the electronics send of what the sensors show."""
+        found = dict(values)
+        for fault in self.faults:
+            self._apply(fault, found)
+        return found
+
+    commanded = sensed  # the same wires, the other way
+
+    def drops(self, message: str, beat: int) -> bool:
+        """Whether this frame of a message never comes."""
+        for fault in self.faults:
+            if fault.signals == (message,):
+                return fault.kind == "missing" or (fault.kind == "half rate" and beat % 2 == 1)
+        return False
+
+    def _apply(self, fault: Fault, found: dict[str, float]) -> None:
+        names = [n for n in fault.signals if n in found]
+        if fault.kind == "swapped" and names:
+            half = len(names) // 2
+            for a, b in zip(names[:half], names[half:], strict=True):
+                found[a], found[b] = found[b], found[a]
+        elif fault.kind in ONE:
+            for n in names:
+                found[n] = ONE[fault.kind](found[n], fault.value, self.first.setdefault(n, found[n]), n)
+
+
+ONE = {
+    "sign": lambda x, value, first, name: 1.0 - x if name in BINARY else -x,
+    "scale": lambda x, value, first, name: value * x,
+    "bias": lambda x, value, first, name: x + value,
+    "frozen": lambda x, value, first, name: first,
+    "zero": lambda x, value, first, name: 0.0,
+    "one": lambda x, value, first, name: 1.0,
+    "error": lambda x, value, first, name: NO_VALUE,
+}
+
+
+def cases() -> list[Fault]:
+    """Every single fault, each once."""
+    found = [*_sensors(), *_encoders(), *_swaps(), *_valves(), *_switches(), *_messages()]
+    return list({f.name: f for f in found}.values())
+
+
+def _sensors() -> Iterator[Fault]:
+    for name in SENSORS:
+        unit = INPUT.signals[INPUT.index[name]].unit
+        yield Fault("sign", (name,))
+        yield Fault("error", (name,))
+        yield Fault("zero", (name,))
+        if name in BINARY:
+            yield Fault("one", (name,))
+            continue
+        yield Fault("frozen", (name,))
+        yield Fault("bias", (name,), BIAS[unit])
+        for factor in (0.5, 2.0, *_units(unit)):
+            yield Fault("scale", (name,), factor)
+
+
+def _encoders() -> Iterator[Fault]:
+    """Position and velocity come from one encoder: wrong together."""
+    for joint in JOINTS:
+        both = (f"q_{joint}", f"qd_{joint}")
+        yield Fault("sign", both)
+        yield from (Fault("scale", both, factor) for factor in (0.5, 2.0))
+        yield Fault("frozen", both)
+    for a, b in combinations(JOINTS, 2):
+        yield Fault("swapped", (f"q_{a}", f"qd_{a}", f"q_{b}", f"qd_{b}"))
+
+
+def _units(unit: str) -> tuple[float, ...]:
+    """Wrong units: degrees for radians, g for m/s2, kPa for Pa."""
+    known = {"rad": math.degrees(1), "rad/s": math.degrees(1), "m/s2": 1 / 9.80665, "Pa": 1e-3}
+    return (known[unit],)
+
+
+def _swaps() -> Iterator[Fault]:
+    for kind in ("q", "qd"):
+        yield from (Fault("swapped", (f"{kind}_{a}", f"{kind}_{b}")) for a, b in combinations(JOINTS, 2))
+    yield from (Fault("swapped", pair) for pair in combinations((*PRESSURES, "p_pump"), 2))
+    for imu in IMUS:
+        for kind in ("rate", "acc"):
+            yield from (
+                Fault("swapped", (f"imu_{imu}_{kind}_{a}", f"imu_{imu}_{kind}_{b}"))
+                for a, b in combinations("xyz", 2)
+            )
+        yield Fault("swapped", (f"imu_{imu}_roll", f"imu_{imu}_pitch"))
+    yield from (Fault("swapped", (f"imu_cabin_{n}", f"imu_tool_{n}")) for n in IMU)
+    yield Fault("swapped", (*(f"imu_cabin_{n}" for n in IMU), *(f"imu_tool_{n}" for n in IMU)))
+
+
+def _valves() -> Iterator[Fault]:
+    for name in VALVES:
+        yield from (Fault("sign", (name,)), Fault("zero", (name,)))
+        yield from (Fault("scale", (name,), factor) for factor in (0.5, 2.0))
+    yield from (Fault("swapped", pair) for pair in combinations(VALVES, 2))
+
+
+def _switches() -> Iterator[Fault]:
+    for name in SWITCHES:
+        yield from (Fault("sign", (name,)), Fault("zero", (name,)), Fault("one", (name,)))
+    for name in JOYSTICK:
+        yield from (Fault("sign", (name,)), Fault("zero", (name,)), Fault("error", (name,)))
+        yield from (Fault("scale", (name,), factor) for factor in (0.5, 2.0))
+    yield from (Fault("swapped", pair) for pair in combinations(JOYSTICK, 2))
+
+
+def _messages() -> Iterator[Fault]:
+    for codec in received_by(NODE):
+        if codec.message.sender != "Planner":
+            yield Fault("missing", (codec.message.name,))
+            if codec.message.cycle_ms <= 100:
+                yield Fault("half rate", (codec.message.name,))
+
+
+def _what(name: str) -> str:
+    if name in VALVES:
+        return "valve"
+    if name in SWITCHES:
+        return "switch"
+    return "joystick" if name in JOYSTICK else "sensor"
+
+
+def find(text: str) -> list[Fault]:
+    """Cases whose name has `text` in it."""
+    return [fault for fault in cases() if text in fault.name or text == fault.group]
