@@ -79,9 +79,9 @@ def _entry(data: bytes, at: int, where: str) -> tuple[str, int]:
         said = f"byte {at} is no header: damaged" if at else "no archive of slewright bundle --sign"
         raise InputError(f"{where}: {said}")
     name = head[:LONGEST].rstrip(b"\0").decode("ascii", "replace")
-    _check_name(name, where)
     if head[156:157] != PLAIN:
-        raise InputError(f"{where}: entry {name} is {KINDS.get(head[156:157], 'no plain file')}; not allowed")
+        raise InputError(f"{where}: entry {name!r} is {KINDS.get(head[156:157], 'no plain file')}")
+    _check_name(name, where)
     size = re.fullmatch(rb"([0-7]{11})\0", head[124:136])
     if size is None or head != _header(name, int(size[1], 8)):
         raise InputError(f"{where}: the header of entry {name} is damaged")

@@ -18,7 +18,6 @@ from specs.errors import InputError
 Things = Mapping[str, Mapping[str, str]]  # attributes, as text, by thing
 PARAMETERS = form.BUNDLE + "parameters.json"
 SOURCES, CORE = form.BUNDLE + "sources/", form.BUNDLE + "core-"
-BROKEN_UP = (form.BUNDLE + MANIFEST, PARAMETERS, form.DBC, form.MAP, form.SBOM, form.CONFIGURATION)
 VALUE = ""  # the attribute that needs no name
 
 
@@ -44,20 +43,14 @@ def differences(old: Mapping[str, bytes], new: Mapping[str, bytes]) -> list[Chan
 
     Raises InputError for a part of either that cannot be read.
     """
-    found = []
-    for section, name, things in SECTIONS:
-        found += compare(section, _read(things, name, old), _read(things, name, new))
+    found = [change for name in SECTIONS for change in part(name, old, new)]
     return [*found, *compare("files", _others(old), _others(new))]
 
 
-def can(old: bytes, new: bytes) -> list[Change]:
-    """Differences of two DBC files."""
-    return compare("CAN", messages(old), messages(new))
-
-
-def registers(old: bytes, new: bytes) -> list[Change]:
-    """Differences of two register maps."""
-    return compare("Modbus", places(old), places(new))
+def part(name: str, old: Mapping[str, bytes], new: Mapping[str, bytes]) -> list[Change]:
+    """What changes in the file `name`, a key of SECTIONS; InputError if one of the two cannot be read."""
+    section, things = SECTIONS[name]
+    return compare(section, _read(things, name, old), _read(things, name, new))
 
 
 def compare(section: str, old: Things, new: Things) -> list[Change]:
@@ -126,14 +119,14 @@ def software(data: bytes) -> Things:
     }
 
 
-SECTIONS: tuple[tuple[str, str, Callable[[bytes], Things]], ...] = (
-    ("bundle", form.BUNDLE + MANIFEST, bundle),
-    ("parameters", PARAMETERS, parameters),
-    ("CAN", form.DBC, messages),
-    ("Modbus", form.MAP, places),
-    ("configuration", form.CONFIGURATION, configuration),
-    ("software", form.SBOM, software),
-)
+SECTIONS: Mapping[str, tuple[str, Callable[[bytes], Things]]] = {
+    form.BUNDLE + MANIFEST: ("bundle", bundle),
+    PARAMETERS: ("parameters", parameters),
+    form.DBC: ("CAN", messages),
+    form.MAP: ("Modbus", places),
+    form.CONFIGURATION: ("configuration", configuration),
+    form.SBOM: ("software", software),
+}
 
 
 def _read(things: Callable[[bytes], Things], name: str, files: Mapping[str, bytes]) -> Things:
@@ -150,7 +143,7 @@ def _others(files: Mapping[str, bytes]) -> Things:
     return {
         name: {VALUE: digest(data)[: form.SHOWN]}
         for name, data in sorted(files.items())
-        if name not in (*BROKEN_UP, form.MANIFEST, form.SIGNATURE) and not name.startswith((SOURCES, CORE))
+        if name not in (*SECTIONS, form.MANIFEST, form.SIGNATURE) and not name.startswith((SOURCES, CORE))
     }
 
 

@@ -12,8 +12,8 @@ from runtime.retain import Files, Folder
 class Disk(Files, Protocol):
     """Files whose names may hold slashes; `sync_folder` waits for all names."""
 
-    def names(self, below: str) -> list[str]:
-        """All names that begin with `below`, which ends with a slash."""
+    def below(self, folder: str) -> list[str]:
+        """All names that begin with `folder`, which ends with a slash."""
         ...
 
     def remove(self, name: str) -> None:
@@ -45,10 +45,10 @@ class StoreFolder(Folder):
         super().rename(old, new)
         self._touched |= {target.parent, (self.path / old).parent}
 
-    def names(self, below: str) -> list[str]:
+    def below(self, folder: str) -> list[str]:
         """All names below a folder; a link to a folder is one of them."""
         found = []
-        for at, folders, files in os.walk(self.path / below):
+        for at, folders, files in os.walk(self.path / folder):
             links = [name for name in folders if (Path(at) / name).is_symlink()]
             found += [(Path(at) / name).relative_to(self.path).as_posix() for name in (*files, *links)]
         return sorted(found)

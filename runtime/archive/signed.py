@@ -114,10 +114,13 @@ def specs() -> dict[str, bytes]:
 
 
 def _first(name: str, signed: Signed, here: bytes) -> str:
-    """The first difference in words; "" where it is one of remarks only."""
-    from runtime.archive.differences import can, registers
+    """The first difference in words; "" where it is one of remarks only, or cannot be told."""
+    from runtime.archive.differences import part
 
-    changes = (can if name == DBC else registers)(here, signed.files[name])
+    try:
+        changes = part(name, {name: here}, signed.files)
+    except InputError:
+        return ""
     return f" ({changes[0]})" if changes else ""
 
 

@@ -55,34 +55,34 @@ class Store:
     def files(self, digest: str) -> dict[str, bytes]:
         """All files of a bundle by their names in the archive; InputError if it cannot be read."""
         found, total = {}, 0
-        below = f"{BUNDLES}{digest}/"
-        for name in self.disk.names(below):
+        at = f"{BUNDLES}{digest}/"
+        for name in self.disk.below(at):
             data = self.disk.read(name)
             total += len(data or b"")
             if data is None or total > LARGEST:
                 raise InputError(
-                    f"bundle {digest[:SHOWN]}: {name.removeprefix(below)} is no plain file or too large"
+                    f"bundle {digest[:SHOWN]}: {name.removeprefix(at)} is no plain file or too large"
                 )
-            found[name.removeprefix(below)] = data
+            found[name.removeprefix(at)] = data
         return found
 
     def digests(self) -> list[str]:
         """The bundles that are there, the active one first, then the one to go back to."""
-        there = {name.removeprefix(BUNDLES).partition("/")[0] for name in self.disk.names(BUNDLES)}
+        there = {name.removeprefix(BUNDLES).partition("/")[0] for name in self.disk.below(BUNDLES)}
         known = [d for d in (self.state.active, self.state.fallback) if d]
         return [*known, *sorted(there.difference(known))]
 
     def stage(self, signed: Signed) -> None:
         """Put a bundle beside the others; files that are there already and right are left alone."""
-        below = f"{BUNDLES}{signed.digest}/"
-        for name in self.disk.names(below):
-            if name.removeprefix(below) not in signed.files:
+        at = f"{BUNDLES}{signed.digest}/"
+        for name in self.disk.below(at):
+            if name.removeprefix(at) not in signed.files:
                 self.disk.remove(name)
         for name, data in signed.files.items():
-            if self.disk.read(below + name) != data:
+            if self.disk.read(at + name) != data:
                 self.disk.write(PART, data)
                 self.disk.sync(PART)
-                self.disk.rename(PART, below + name)
+                self.disk.rename(PART, at + name)
         self.disk.sync_folder()
 
     def activate(self, digest: str) -> None:
@@ -110,7 +110,7 @@ class Store:
         if self.damaged:
             return
         kept = {d for state in self._states for d in (state.active, state.fallback)}
-        for name in self.disk.names(BUNDLES):
+        for name in self.disk.below(BUNDLES):
             if name.removeprefix(BUNDLES).partition("/")[0] not in kept:
                 self.disk.remove(name)
         self.disk.sync_folder()
