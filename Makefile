@@ -2,8 +2,9 @@
 # make test     the tests, two processes
 # make check    format, lint, types, import layers, generated files up to date
 # make soak     the long tests (not part of the others)
-# make fuzz     feeds damaged descriptions and archives to the orchestrator until 10 min bring nothing new
+# make fuzz     damaged systems, frames, requests, configurations, until 10 min bring nothing new
 # make generated  regenerates the files under specs/generated from the specs
+# make wheelhouse PLATFORM=x86_64|aarch64  all wheels of an installation without a network (docs/installation.md)
 # make lock     resolves the dependencies anew
 #
 # All of them set up .venv themselves; PYTHON=... names another Python (3.11 or newer).
@@ -11,7 +12,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help verify test check soak fuzz generated lock clean
+.PHONY: help verify test check soak fuzz generated wheelhouse lock clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -36,6 +37,7 @@ soak: $(VENV)/.test-ready
 
 fuzz: $(VENV)/.test-ready
 	$(BIN)/python -m tests.orchestrator.fuzz --minutes 60 --until-quiet 10 $(ARGS)
+	$(BIN)/python -m tests.runtime.fuzz --minutes 60 --until-quiet 10 $(ARGS)
 
 # All steps run, so that one go shows everything that is wrong.
 check: $(VENV)/.test-ready
@@ -48,6 +50,15 @@ check: $(VENV)/.test-ready
 
 generated: $(VENV)/.verify-ready
 	$(BIN)/slewright generate
+
+# EXTRAS="runtime verify" adds what simulates the machine; FOR is the Python of the computer it is for.
+PLATFORM ?= x86_64
+EXTRAS ?= runtime
+FOR ?= 3.11
+
+wheelhouse: $(VENV)/.verify-ready
+	$(BIN)/python requirements/wheelhouse.py --platform $(PLATFORM) --python $(FOR) --extras $(EXTRAS) \
+		--out dist/wheelhouse-$(PLATFORM)
 
 # --- set-up: hashed dependencies first, then the project itself without looking at an index ------------
 
@@ -79,6 +90,7 @@ LOCK := $(BIN)/uv pip compile pyproject.toml --quiet --universal --python-versio
 lock: $(VENV)/.test-ready
 	$(LOCK) --all-extras $(ARGS) --output-file requirements/test.lock
 	$(LOCK) --extra verify --extra build --constraint requirements/test.lock --output-file requirements/verify.lock
+	$(LOCK) --extra runtime --constraint requirements/test.lock --output-file requirements/runtime.lock
 
 clean:
 	rm -rf build out dist $(VENV)

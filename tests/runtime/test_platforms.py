@@ -30,15 +30,16 @@ from tests.runtime.bundles import built, core, folder
 from tests.runtime.script import images
 
 RUNNER = Path(__file__).parent / "core_runner.c"
+WIRE_RUNNER = RUNNER.with_name("wire_runner.c")
 CROSS_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 TEN_MINUTES = 30_000
 CHECKED = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
 
 
-def runner(into: Path, target: str, extra: list[str] | None = None) -> Path:
+def runner(into: Path, target: str, extra: list[str] | None = None, source: Path = RUNNER) -> Path:
     flags = ["-I", str(built().folder / "sources" / "core"), *(extra or ())]
-    made = compiler.compile_object(RUNNER, into / "runner.o", target, flags, generated=True)
-    return compiler.link_program([made], into / f"runner-{target}", target, [*(extra or ()), "-ldl"])
+    made = compiler.compile_object(source, into / f"{source.stem}.o", target, flags, generated=True)
+    return compiler.link_program([made], into / f"{source.stem}-{target}", target, [*(extra or ()), "-ldl"])
 
 
 def by_python(control: ControlCore, told: np.ndarray) -> bytes:

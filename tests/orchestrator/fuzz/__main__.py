@@ -14,8 +14,8 @@ from pathlib import Path
 from random import Random
 
 from fmus.build import BUILD
+from tests.edges import Edge
 from tests.orchestrator.fuzz.case import CORPUS, Case, read_corpus, write_corpus
-from tests.orchestrator.fuzz.edges import Edge
 from tests.orchestrator.fuzz.judge import Verdict, judge, limit_memory
 from tests.orchestrator.fuzz.mutate import Mutator
 from tests.orchestrator.fuzz.seeds import packages, seeds

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+import orchestrator
 from orchestrator.check import load_system
 from specs.errors import InputError, RunError
+from tests.edges import Edge, traced
 from tests.orchestrator.fuzz.case import Case
-from tests.orchestrator.fuzz.edges import Edge, traced
 
 LIMIT_S = 10.0  # processor time for one small input, tracing included
 MEMORY = 3 * 1024**3
@@ -46,7 +47,7 @@ def judge(case: Case, edges: set[Edge] | None = None) -> Verdict:
                 if edges is None:
                     load_system(path)
                 else:
-                    traced(lambda: load_system(path), edges)
+                    traced(lambda: load_system(path), orchestrator, edges)
         except (InputError, RunError) as error:
             return Verdict(False, str(error), _unfit(str(error)))
         except TooSlow:

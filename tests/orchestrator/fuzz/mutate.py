@@ -9,8 +9,9 @@ from pathlib import Path
 
 from lxml import etree
 
+import orchestrator
+from tests.edges import folder_of
 from tests.orchestrator.fuzz.case import LIBRARY, Case
-from tests.orchestrator.fuzz.edges import FOLDER
 
 ODD = (
     "", " ", "0", "1", "-1", "2", "1.5", "-0", "00", "0x1", "1_0", "١", "127", "128", "255", "256", "65536",
@@ -29,7 +30,7 @@ ENTRIES = ("../evil", "/evil", "a\\b", "resources/", "modelDescription.xml", "Sy
 def words() -> tuple[str, ...]:
     """Every string that the code under test compares with or looks up."""
     found: set[str] = set()
-    for path in sorted(Path(FOLDER).glob("*.py")):
+    for path in sorted(Path(folder_of(orchestrator)).glob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and 0 < len(node.value) < 48:
                 found.add(node.value)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from orchestrator.variable import FMI3_TYPES
+from tests.edges import Edge
 from tests.orchestrator.fuzz.case import Case, read_corpus
-from tests.orchestrator.fuzz.edges import Edge
 from tests.orchestrator.fuzz.judge import judge
 from tests.orchestrator.fuzz.mutate import Mutator
 from tests.orchestrator.fuzz.seeds import seeds

@@ -14,7 +14,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.runtime.fuzz", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0, help="at most so long")
     parser.add_argument(
-        "--until-quiet", type=float, metavar="MIN", help="stop when MIN minutes bring no edge"
+        "--until-quiet",
+        type=float,
+        metavar="MIN",
+        help="stop when MIN minutes of processor time bring no edge",
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", action="store_true", help="write the corpus back")
@@ -23,15 +26,13 @@ def main() -> int:
     session.begin()
     begun = reported = time.monotonic()
     quiet_s = 60.0 * (options.until_quiet or 1e9)
-    while (now := time.monotonic()) - begun < 60.0 * options.minutes and now - session.last_new < quiet_s:
+    while (now := time.monotonic()) - begun < 60.0 * options.minutes and session.quiet_s() < quiet_s:
         session.step()
         if now - reported > REPORT_S:
             reported = now
             print(f"{(now - begun) / 60.0:6.1f} min: {session.state()}", flush=True)
     session.sanitize()
-    print(
-        f"end: {session.state()}; {(time.monotonic() - session.last_new) / 60.0:.1f} min without a new edge"
-    )
+    print(f"end: {session.state()}; {session.quiet_s() / 60.0:.1f} min of processor time without a new edge")
     if options.keep:
         keep(session)
     for problem in session.problems:

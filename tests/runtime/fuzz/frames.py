@@ -5,6 +5,7 @@ range, commands change no faster than the gate allows, and in fault or standby t
 """
 
 import random
+import struct
 from functools import cache
 
 import numpy as np
@@ -15,13 +16,13 @@ from runtime.can.joystick import Joystick
 from runtime.can.native import NativePort
 from runtime.can.port import CanPort
 from runtime.can.transmit import Transmitter
-from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER
+from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER, PACKET
 from runtime.image import INPUT, OUTPUT, TICK_S
 from specs.parameters import parameter
 from specs.signals import definition
+from tests.edges import Edge, traced
 from tests.runtime.bench import FAULT, NOISY, POSE, READY, STANDBY, TARGET
 from tests.runtime.bundles import core
-from tests.runtime.fuzz.edges import Edge, traced
 
 PACKAGE = runtime.can
 TICKS = 40
@@ -69,6 +70,16 @@ class _Source:
 
     def send_raw(self, identifier: int, data: bytes) -> None:
         assert len(data) == CODECS[identifier & IDENTIFIER].message.length
+
+
+def as_bytes(case: Case) -> bytes:
+    """A case as tests/runtime/wire_runner.c reads it."""
+    found = struct.pack("<q", TICKS)
+    for tick in range(TICKS):
+        now = [(identifier, bytes.fromhex(data)) for at, identifier, data in case if at == tick]
+        found += struct.pack("<qqq", tick, 0, len(now))
+        found += b"".join(PACKET.pack(i, len(data) & 0xFF, data[:8], 0) for i, data in now)
+    return found
 
 
 def run(case: Case, edges: set[Edge], images: list[bytes] | None = None) -> None:

@@ -14,7 +14,7 @@ import runtime.modbus
 from runtime.modbus import server as serving
 from runtime.modbus.cells import HOLDING, IMAGE, TARGETS
 from runtime.modbus.holding import CLAIM, COMMIT, HEARTBEAT
-from tests.runtime.fuzz.edges import Edge, traced
+from tests.edges import Edge, traced
 from tests.runtime.modbus.test_holding import FIRST, body
 
 PACKAGE = runtime.modbus

@@ -13,10 +13,10 @@ from types import ModuleType
 from typing import Any
 
 from fmus import compiler
-from tests.runtime.fuzz import frames, requests
-from tests.runtime.fuzz.edges import Edge
+from tests.edges import Edge
+from tests.runtime.fuzz import frames, requests, settings
 
-TARGETS: dict[str, ModuleType] = {"frames": frames, "requests": requests}
+TARGETS: dict[str, ModuleType] = {"frames": frames, "requests": requests, "settings": settings}
 CORPUS = Path(__file__).parent / "corpus.json.gz"
 IMAGES = 20_000  # input images kept for the core with sanitizers
 
@@ -37,7 +37,7 @@ class Session:
         self.problems: list[str] = []
         self.images: list[bytes] = []
         self.runs = 0
-        self.last_new = time.monotonic()
+        self.last_new = time.process_time()  # a busy computer makes no session shorter
 
     def begin(self) -> None:
         """Run the seeds and the corpus."""
@@ -64,22 +64,31 @@ class Session:
         if edges - self.seen[name]:
             self.seen[name] |= edges
             self.cases[name].append((case, frozenset(edges)))
-            self.last_new = time.monotonic()
+            self.last_new = time.process_time()
         if len(self.images) < IMAGES:
             self.images += images
 
     def sanitize(self) -> None:
-        """The images seen once more, through the core compiled with sanitizers."""
-        from tests.runtime.test_platforms import CHECKED, compiled, runner
+        """The images seen, and all frames of the cases kept, once more through a library with sanitizers."""
+        from tests.runtime.test_platforms import CHECKED, WIRE_RUNNER, compiled, runner
 
+        host = compiler.host().name
         with tempfile.TemporaryDirectory() as folder:
             library = compiled(Path(folder), CHECKED)
-            program = runner(Path(folder), compiler.host().name, CHECKED)
-            done = subprocess.run(
-                [str(program), str(library)], input=b"".join(self.images), capture_output=True, check=False
-            )
+            core = runner(Path(folder), host, CHECKED)
+            wire = runner(Path(folder), host, CHECKED, WIRE_RUNNER)
+            cases = [frames.as_bytes(case) for case, _ in self.cases["frames"]]
+            self._checked("core", [str(core), str(library)], b"".join(self.images))
+            self._checked("frames", [str(wire), str(library)], b"".join(cases))
+
+    def _checked(self, what: str, command: list[str], given: bytes) -> None:
+        done = subprocess.run(command, input=given, capture_output=True, check=False)
         if done.returncode:
-            self.problems.append("core with sanitizers: " + done.stderr[-2000:].decode())
+            self.problems.append(f"{what} with sanitizers: " + done.stderr[-2000:].decode())
+
+    def quiet_s(self) -> float:
+        """Processor time since the last new edge."""
+        return time.process_time() - self.last_new
 
     def state(self) -> str:
         """One line."""
