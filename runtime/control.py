@@ -5,7 +5,7 @@ and the same inputs does the same, bit for bit, here or on another platform.
 """
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from runtime.image import INPUT, OUTPUT, token
 from specs.errors import InputError
 
 INPUT_BYTES = INPUT.dtype.itemsize
+LOAD, NONE = "load_estimate", -1.0  # kg: not known
 
 
 class ControlCore:
@@ -34,6 +35,9 @@ class ControlCore:
         self._step.restype = None
         self._reset = library.slr_reset
         self._reset.argtypes, self._reset.restype = [ctypes.c_void_p], None
+        self._restart = library.slr_restart
+        self._restart.argtypes = [ctypes.c_void_p, ctypes.c_int32, ctypes.c_int32, ctypes.c_double]
+        self._restart.restype = None
         self._limit = library.slr_limit
         self._limit.argtypes, self._limit.restype = [ctypes.c_void_p, ctypes.c_void_p], None
         self._state = np.zeros(library.slr_state_size() // 8, np.int64)
@@ -63,6 +67,19 @@ class ControlCore:
                 f"limited authority {values.tolist()}: three commands, speed and rise, each 0 to 1"
             )
         self._limit(self._at_state, values.ctypes.data)
+
+    def restart(self, kept: Mapping[str, float]) -> None:
+        """Back to the first state, with what was kept of the last run: a latched fault, the load.
+
+        `kept`: values of `fault_code`, `fault_signal` and `load_estimate`, as far as they are known; others do
+        not count.  Raises InputError for one that cannot be.
+        """
+        fault, source, load = (kept.get(n, d) for n, d in (("fault_code", 0.0), ("fault_signal", 0.0), (LOAD, NONE)))
+        for name, value in (("fault_code", fault), ("fault_signal", source), (LOAD, max(load, 0.0))):
+            s = OUTPUT.signals[OUTPUT.at(name)]
+            if not (s.min or 0.0) <= value <= (s.max or 0.0):
+                raise InputError(f"retained {name} = {value:g}: {s.min:g} to {s.max:g}; delete the retained values")
+        self._restart(self._at_state, int(fault), int(source), load)
 
     def snapshot(self) -> bytes:
         """The whole state, for `restore` of a core of the same bundle, on any platform."""

@@ -21,7 +21,7 @@ from runtime.can.port import open_bus
 from runtime.control import ControlCore
 from runtime.hmi.cells import join as join_hmi
 from runtime.hmi.port import HmiPort
-from runtime.image import OUTPUT, Flag
+from runtime.image import OUTPUT, Flag, Status
 from runtime.modbus.cells import join
 from runtime.modbus.port import ModbusPort
 from runtime.policy import open_core
@@ -43,7 +43,7 @@ class Publisher:
 
     def __init__(self, counts: Cell, found: Statistics, retain: Ring | None, names: Sequence[str]) -> None:
         self.counts, self.found, self.retain = counts, found, retain
-        self._places = np.array([OUTPUT.at(name) for name in names], dtype=np.intp)
+        self._places = [OUTPUT.at(name) for name in names]
         self._watch = Watch(retain) if retain else None
         self._flags = 0
 
@@ -71,7 +71,9 @@ class Publisher:
         )
         self.counts.write(COUNTS.pack(*counts))
         if self.retain:
-            self.retain.put(VALUES, struct.pack("<d", found.ticks), value[self._places].tobytes())
+            known = outputs["status"][self._places] == Status.OK
+            kept = np.where(known, value[self._places], np.nan)  # what is not known is not kept
+            self.retain.put(VALUES, struct.pack("<d", found.ticks), kept.tobytes())
 
     def flags(self) -> int:
         """RETAIN_LOST."""
@@ -89,6 +91,7 @@ def main(text: str) -> None:
     helpers.end_with(signal.SIGTERM)
     wanted = configuration.read(Path(told["config"]))
     core = open_core(load(Path(told["bundle"]), told["digest"]))
+    core.restart(told["retained"])
     bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate)
     found = Statistics()
     joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None

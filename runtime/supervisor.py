@@ -83,6 +83,7 @@ class Supervisor:
         which = {"bundle": str(self.bundle.folder.resolve()), "digest": self.bundle.digest}
         told = {"config": str(path.resolve()), "folder": str(self.folder), "ticks": ticks, **which}
         told["hmi"] = self.wanted.hmi is not None
+        told["retained"] = self.retained
         self.control = Helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
 

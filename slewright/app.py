@@ -29,6 +29,7 @@ from slewright.commands import (
     fit,
     generate,
     hil,
+    hmi,
     import_,
     optimum,
     reconcile,
@@ -108,6 +109,7 @@ app.command()(generate.generate)
 app.command()(dossier.dossier)
 app.command()(run.run)
 app.command()(hil.hil)
+app.command()(hmi.hmi)
 app.command()(faults.faults)
 app.command()(replay.replay)
 app.command()(reconcile.reconcile)

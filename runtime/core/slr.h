@@ -43,6 +43,7 @@ typedef struct {
   int32_t same[SLR_IN_COUNT]; /* steps in a row with the same value */
   double own[SLR_OUT_COUNT];  /* the core's half of the board */
   double held[SLR_AXES];      /* commands as the gate let them through */
+  double load;                /* kg, kept from the last run until the estimator knows its own; negative: none */
   double authority[SLR_AUTHORITY]; /* see slr_limit */
 } SlrState;
 
@@ -91,6 +92,8 @@ SLR_EXPORT size_t slr_input_size(void);
 SLR_EXPORT size_t slr_output_size(void);
 SLR_EXPORT size_t slr_state_size(void);
 SLR_EXPORT void slr_reset(SlrState *state);
+/* The first state with what was kept of the last run: a latched fault, the load (negative: none). */
+SLR_EXPORT void slr_restart(SlrState *state, int32_t fault, int32_t fault_signal, double load);
 /* Takes over SLR_AUTHORITY values, each 0 to 1; after slr_reset all are 1.  They are part of the state, so that a
  * snapshot has them.  Ways to neutral are never limited. */
 SLR_EXPORT void slr_limit(SlrState *state, const double *authority);

@@ -97,7 +97,10 @@ static void estimate(SlrState *s, SlrView *view) {
   void *state = slr_state_of(s, slr_estimator);
   if (!s->estimating) slr_estimator->initialise(state, view->board);
   s->estimating = sees(view, slr_estimator) && slr_estimator->step(state, view->board) == 0;
-  if (!s->estimating) view->board[SLR_OWN(SLR_OUT_load_estimate)] = -1.0;
+  double *load = &view->board[SLR_OWN(SLR_OUT_load_estimate)];
+  if (!s->estimating) *load = -1.0;
+  if (*load >= 0.0) s->load = -1.0; /* it knows its own */
+  if (s->estimating && *load < 0.0) *load = s->load;
 }
 
 /* ---- the gate ---- */
@@ -180,10 +183,20 @@ void slr_reset(SlrState *s) {
   slr_start_values(s);
   s->tick = -1;
   s->running = -1;
+  s->load = -1.0;
   for (int i = 0; i < SLR_AUTHORITY; i++) s->authority[i] = 1.0;
 }
 
 void slr_limit(SlrState *s, const double *authority) { memcpy(s->authority, authority, sizeof s->authority); }
+
+void slr_restart(SlrState *s, int32_t fault, int32_t fault_signal, double load) {
+  slr_reset(s);
+  s->load = load;
+  if (fault == SLR_FAULT_NONE || fault == SLR_FAULT_TARGET_OUT_OF_REACH) return;
+  slr_fail(s, (SlrFault)fault, fault_signal);
+  s->enable = 1; /* a switch that is on already acknowledges nothing: it counts as pressed until it is heard of */
+  s->last[SLR_IN_operator_enable] = 1.0;
+}
 
 int slr_observe(const SlrInput *in, const SlrState *state, double *board) {
   SlrState s = *state;

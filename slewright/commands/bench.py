@@ -275,18 +275,18 @@ def runtime(
     blocks: Annotated[int, typer.Option(min=1, help="Interleaved pairs of runs for each load.")] = 5,
     seconds: Annotated[float, typer.Option(min=2.0, metavar="S", help="Length of each run.")] = 30.0,
     load: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="idle, modbus or stress (default: all).")
+        list[str] | None, typer.Option(metavar="NAME", help="idle, modbus, stress (default: these) or hmi.")
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Lateness of the control cycle against cyclictest: idle, under 20 Modbus clients, under stress-ng."""
+    """Lateness of the control cycle against cyclictest: idle, with 20 Modbus clients, stress-ng, three pages."""
     from slewright.bundling.default import ready
-    from slewright.hil.bench import LOADS, run
+    from slewright.hil.bench import LOADS, MORE, run
     from specs.errors import InputError, nearest
 
     for name in load or ():
-        if name not in LOADS:
-            raise InputError(f"no load '{name}'; {nearest(name, LOADS)}")
+        if name not in (*LOADS, *MORE):
+            raise InputError(f"no load '{name}'; {nearest(name, (*LOADS, *MORE))}")
     with progress("bench runtime") as report:
         result = run(ready(bundle, report), blocks, seconds, load or LOADS, report)
     figures = result.figures()

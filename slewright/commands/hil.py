@@ -19,19 +19,34 @@ def hil(
         float | None, typer.Option(metavar="S", min=1.0, help="Only its first seconds (default: all).")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the machine's noise.")] = 1,
+    hmi: Annotated[bool, typer.Option("--hmi", help="Show it on the operator's page (docs/hmi.md).")] = False,
+    drive: Annotated[
+        bool,
+        typer.Option("--drive", help="With --hmi: no planner; you set the targets on the page, nothing is compared."),
+    ] = False,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Of the page.")] = 8080,
     json: JsonOption = None,
 ) -> None:
     """Run a scenario in real time on one computer; metrics must be those of lock-step within tolerance."""
     from slewright.bundling.default import ready
-    from slewright.hil.hil import SLEW_DEG, TOLERANCES, run
+    from slewright.commands.run import show_page
+    from slewright.hil.hil import SLEW_DEG, TOLERANCES, on_page, run
     from slewright.hil.rig import Setting
     from slewright.tables import show
+    from specs.errors import InputError
     from specs.scenario import TICK_S, load
 
+    if drive and not hmi:
+        raise InputError("--drive needs --hmi: targets come from the page")
     found = load(scenario)
     ticks = None if seconds is None else round(seconds / TICK_S)
     with progress("hil") as report:
-        result = run(Setting(ready(bundle, report), found, seed, ticks=ticks), report)
+        page = {"hmi": port, "planner": not drive} if hmi else {}
+        setting = Setting(ready(bundle, report), found, seed, ticks=ticks, **page)
+        if drive:
+            on_page(setting, show_page, report)
+            return
+        result = run(setting, report, show_page)
     rows = [
         (f"{name} in {unit}", result.real[name], result.simulated[name], limit)
         for name, (unit, limit) in TOLERANCES.items()

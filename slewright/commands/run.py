@@ -2,13 +2,16 @@
 
 import signal
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from slewright import figures
 from slewright.figures import JsonOption
 from slewright.progress import progress
+
+if TYPE_CHECKING:
+    from runtime.supervisor import Supervisor
 
 
 def run(
@@ -19,6 +22,9 @@ def run(
     seconds: Annotated[
         float | None, typer.Option(metavar="S", min=0.02, help="End after so long (default: when told to).")
     ] = None,
+    hmi: Annotated[
+        bool, typer.Option("--hmi", help="With the operator's page, also without [hmi] in the file (docs/hmi.md).")
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Run the cyclic controller on CAN and Modbus until Ctrl-C. No safety function (docs/hazards.md)."""
@@ -45,6 +51,18 @@ def run(
                 found = supervisor.run(show, stop=lambda: True)
     _show(found)
     figures.write(json, {**found, "interrupted": stopped})
+
+
+def show_page(supervisor: "Supervisor") -> None:
+    """Say where the operator's page is, and once the tokens that were made for it."""
+    from slewright.commands.hmi import show_tokens
+
+    wanted = supervisor.wanted.hmi
+    if wanted is None:
+        return
+    typer.echo(f"operator's page: {'https' if wanted.tls else 'http'}://{wanted.host}:{wanted.port}/")
+    if supervisor.tokens:
+        show_tokens(supervisor.tokens, wanted.tokens)
 
 
 def _show(found: dict) -> None:

@@ -6,7 +6,8 @@ comparison.
 """
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,17 @@ from records.metrics import compute
 from records.record import Record
 from runtime.bundle import load
 from runtime.control import ControlCore
+from runtime.hmi.cells import SEEN, SEEN_FILE, state_of
+from runtime.image import INPUT
+from runtime.shared import Cell
+from runtime.supervisor import Supervisor
 from slewright.hil.lockstep import lockstep
 from slewright.hil.rig import Rig, Setting
 from slewright.progress import Report
 from specs.scenario import TICK_S
 
 POLL_S = 0.005
+DRIVE_TICKS = 180_000  # an hour
 # What quantised wires and a tick of delay may change: about a tenth of the metrics' own size.
 TOLERANCES = {
     "speed": ("°/s", 0.5),
@@ -54,13 +60,17 @@ class Compared:
         return found
 
 
-def run(setting: Setting, report: Report) -> Compared:
-    """Both runs; RunError if a process fails."""
+def run(
+    setting: Setting, report: Report, started: Callable[[Supervisor], None] = lambda supervisor: None
+) -> Compared:
+    """Both runs; RunError if a process fails. `started` is called once the runtime runs."""
     core = ControlCore(load(setting.bundle))
     report("in lock-step")
     simulated = lockstep(core, setting.scenario, setting.seed, setting.ticks, pace=setting.pace)
     report("starting bus, machine and runtime")
     with Rig(setting) as rig:
+        if rig.supervisor:
+            started(rig.supervisor)
         rig.begin()
         begun, total = time.monotonic(), (setting.ticks or setting.scenario.duration_ticks) * TICK_S
         while not rig.step():
@@ -69,6 +79,26 @@ def run(setting: Setting, report: Report) -> Compared:
         real = rig.record()
         statistics = rig.statistics()
     return compared(real, simulated, statistics)
+
+
+def on_page(setting: Setting, started: Callable[[Supervisor], None], report: Report) -> None:
+    """The machine alone, for somebody who sets its targets on the page; until its time is over or Ctrl-C.
+
+    The simulated operator enables automatic operation when the first target has been set.
+    """
+    setting = replace(setting, ticks=setting.ticks or DRIVE_TICKS)
+    report("starting bus, machine and runtime")
+    with Rig(setting) as rig:
+        if rig.supervisor:
+            started(rig.supervisor)
+        seen, begun = Cell.open(rig.shared / SEEN_FILE, SEEN.itemsize, "seen"), False
+        while not rig.step():
+            found = state_of(seen, SEEN)
+            if not begun and found is not None and found["inputs"]["value"][INPUT.index["target_valid"]] > 0.5:
+                begun = True
+                rig.begin()
+            report("driving" if begun else "waiting for a target from the page")
+            time.sleep(POLL_S)
 
 
 def compared(real: Record, simulated: Record, statistics: dict[str, Any]) -> Compared:

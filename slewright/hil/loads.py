@@ -1,13 +1,15 @@
 """What disturbs the runtime while its timing is measured: twenty Modbus clients, or a full computer."""
 
 import json
+import os
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,9 @@ from slewright.hil.rig import HOST, PATIENCE_S
 from specs.errors import RunError
 
 CLIENTS = 20
+PAGES = 3  # browsers
+PAGES_S = 10.0  # until they show something
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 REGISTERS = 100  # of a request: nearly what Modbus allows (125)
 STRESS = ("stress-ng", "--cpu", "2", "--io", "1", "--vm", "1", "--vm-bytes", "128M", "--quiet")
 
@@ -39,6 +44,35 @@ def clients(port: int, seconds: float, bursts: int = 1) -> Iterator[dict[str, An
     finally:
         process.kill()
         process.wait()
+
+
+def browser() -> str | None:
+    """A headless browser of this computer, if it has one."""
+    return next((path for name in BROWSERS if (path := shutil.which(name))), None)
+
+
+@contextmanager
+def pages(port: int, count: int = PAGES) -> Iterator[None]:
+    """So many browsers with the operator's page open: its main one, its trends and its statistics."""
+    quiet = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run")
+    folder = Path(tempfile.mkdtemp(prefix="slewright-pages-"))
+    opened = []
+    try:
+        for number in range(count):
+            address = f"http://{HOST}:{port}/#{('machine', 'trends', 'statistics')[number % 3]}"
+            profile = f"--user-data-dir={folder / str(number)}"
+            command = [browser() or "", *quiet, "--remote-debugging-port=0", profile, address]
+            opened.append(
+                subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+            )
+        time.sleep(PAGES_S)
+        yield
+    finally:
+        for process in opened:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager

@@ -74,6 +74,11 @@ class Rig:
         """Where the runtime records."""
         return self.folder / "recording"
 
+    @property
+    def shared(self) -> Path:
+        """Where the runtime's shared memory is, while it runs."""
+        return self.supervisor.folder if self.supervisor else self.folder
+
     def __enter__(self) -> Self:
         try:
             self._bus = start_bus(self.channel)

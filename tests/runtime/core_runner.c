@@ -12,6 +12,7 @@
 typedef size_t Size(void);
 typedef const char *Text(void);
 typedef void Reset(SlrState *);
+typedef void Restart(SlrState *, int32_t, int32_t, double);
 typedef int Observe(const SlrInput *, const SlrState *, double *);
 typedef void Limit(SlrState *, const double *);
 typedef void Step(const SlrInput *, SlrState *, int64_t, SlrOutput *);
@@ -38,6 +39,7 @@ int main(int argc, char **argv) {
   SlrInput in;
   SlrOutput out;
   Limit *limit = (Limit *)dlsym(library, "slr_limit");
+  ((Restart *)dlsym(library, "slr_restart"))(state, SLR_FAULT_EMERGENCY_STOP, 0, 1.0); /* nothing is left of it */
   reset(state);
   limit(state, (double[SLR_AUTHORITY]){1.0, 1.0, 1.0, 1.0, 1.0}); /* all, as after a reset */
   const int64_t every = argc > 2 ? atoll(argv[2]) : 0;

@@ -84,12 +84,23 @@ def test_the_newest_values_are_saved_at_most_so_often_and_at_the_end(tmp_path: P
         ring.put(VALUES, struct.pack("<2d", 50.0 * number, 2.0))
     keep.work(now=0.0)
     assert Retained(Folder(tmp_path), LAYOUT).load() == {"ticks": 1100.0, "fault_code": 2.0}
-    ring.put(VALUES, struct.pack("<2d", 150.0, 3.0))
+    ring.put(VALUES, struct.pack("<2d", 150.0, 2.0))
     keep.work(now=4.9)
     assert Retained(Folder(tmp_path), LAYOUT).load()["ticks"] == 1100.0
     keep.work(now=4.9, last=True)
-    assert Retained(Folder(tmp_path), LAYOUT).load() == {"ticks": 1150.0, "fault_code": 3.0}
+    assert Retained(Folder(tmp_path), LAYOUT).load() == {"ticks": 1150.0, "fault_code": 2.0}
     assert ring.note == 0
+
+
+def test_a_fault_that_comes_or_goes_is_saved_at_once_and_what_is_not_known_is_not(tmp_path: Path):
+    ring, keep = keeper(tmp_path, Folder(tmp_path))
+    for fault in (0.0, 4.0, 0.0):
+        ring.put(VALUES, struct.pack("<2d", fault, fault))
+        keep.work(now=1.0)
+        assert Retained(Folder(tmp_path), LAYOUT).load()["fault_code"] == fault
+    ring.put(VALUES, struct.pack("<2d", 7.0, float("nan")))
+    keep.work(now=10.0)
+    assert Retained(Folder(tmp_path), LAYOUT).load() == {"ticks": 7.0}
 
 
 def test_a_disk_that_refuses_shows_in_the_note(tmp_path: Path):

@@ -42,6 +42,7 @@ COMMANDS = (
     "optimum",
     "run",
     "hil",
+    "hmi",
     "faults",
     "replay",
     "reconcile",
