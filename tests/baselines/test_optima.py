@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from baselines.optima import lookup, resimulate, search, store
+from baselines.optima.case import Case
 from baselines.optima.collocation import POINTS, Phase, Problem
 from baselines.optima.plant import PRESSURE, STATES, Plant
-from baselines.optima.problem import Case
 from baselines.optima.store import Entry, Key
 from fmus.loader import load_model
 from fmus.stepper import Stepper
