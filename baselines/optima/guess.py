@@ -25,10 +25,8 @@ def smooth(
         h = span / n
         points = (begin + h * (np.arange(n)[:, None] + TAU[None, 1:])).ravel()
         x = np.zeros((len(names), POINTS * n))
-        values = _slew(np.radians(case.travel_deg), lengths[0], points, plant) | _arm(
-            case, lengths[0], points
-        )
-        for name, value in values.items():
+        slew = _slew(np.radians(case.travel_deg), lengths[0], points, plant)
+        for name, value in (slew | _arm(case, lengths[0], points)).items():
             if name in names:
                 x[names.index(name)] = value
         states.append(x)

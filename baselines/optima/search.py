@@ -131,11 +131,13 @@ def _entry(
         reserve_deg=problem.reserve_deg,
         guess=guess,
         lengths_s=tuple(round(t, 5) for t in solution.lengths),
-        joystick=tuple(tuple(np.round(u[0], 4).tolist()) for u in solution.inputs),
-        arm=tuple(
-            tuple(tuple(np.round(v, 4).tolist()) for v in u[1:]) for u in solution.inputs if len(u) > 1
-        ),
+        joystick=tuple(_rounded(u[:1])[0] for u in solution.inputs),
+        arm=tuple(_rounded(u[1:]) for u in solution.inputs if len(u) > 1),
     )
+
+
+def _rounded(rows: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(np.round(row, 4).tolist()) for row in rows)
 
 
 def figures(entries: Sequence[Entry]) -> dict[str, Any]:
