@@ -23,6 +23,7 @@ LOADS = (0.0, 2000.0)
 SPEEDS = (8.0, 9.5, 11.0, 12.5, 14.0, 16.0)
 FULL_SPEEDS = (8.0, 9.5, 11.0, 12.5, 14.0)
 MOST_LOAD_KG = 2500.0
+LATE_S = 0.1  # on the whole machine, of a command that stays in the band as it should
 LONGEST_S = 14.0  # of a move in the window of 15 s
 Report = Callable[[str, float, float], None]
 
@@ -101,7 +102,8 @@ def search(key: Key, near: dict[Key, Solution]) -> tuple[Entry, Solution]:
         problem = MoveProblem(case, draw, reserve_deg=reserve)
         solution = problem.least_swing(key.speed, start) if key.speed else problem.least_time(start)
         found = resimulate.run(problem.command(solution), case.parameters(draw), case.target)
-        if found.reached or not solution.converged:
+        in_time = found.time_s <= solution.lengths[0] + problem.dead_s + LATE_S
+        if in_time or not solution.converged:
             break
         start, guess = solution, "the same with less reserve"
     return _entry(key, problem, solution, found, guess), solution
