@@ -15,7 +15,7 @@ from baselines.optima.case import Case, full
 from specs.errors import InputError
 
 PATH = Path(__file__).with_name("found.json")
-MOST_ERROR_M = 0.6  # between grab and target at the end of the window, of a command that counts
+MOST_ERROR_M = 1.0  # from grab to target at the end, of a command that counts: open loop, the arm drifts
 
 
 @dataclass(frozen=True, order=True)

@@ -104,8 +104,8 @@ def test_stored_fronts_make_sense() -> None:
     for key, entry in entries.items():
         assert not key.machine.startswith("test")
         assert 0 <= entry.found["tool"] < 40
-        if entry.counts and key.speed and not key.move and entry.reserve_deg < 0.8:
-            assert entry.found["speed"] >= key.speed - 0.1
+        if entry.counts and entry.status == "Solve_Succeeded" and entry.reserve_deg < 0.8:
+            assert entry.found["speed"] >= key.speed * 0.98
     cases = {(k.machine, k.load_kg, k.travel_deg, k.move) for k in entries}
     for machine, load, travel, move in cases:
         points = lookup.front(travel, load, machine, move=move)
