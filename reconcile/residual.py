@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconcile.fit.problem import Point, Problem
+from reconcile.fit.point import Point
+from reconcile.fit.problem import Problem
 from reconcile.fit.solve import Fitted, Free, fit
 from reconcile.fit.windows import Window, cut
 from reconcile.study import Study

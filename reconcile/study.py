@@ -14,7 +14,8 @@ from reconcile.extended import Extended
 from reconcile.fit import whitening
 from reconcile.fit.compiled import Compiled
 from reconcile.fit.noise import high_pass_level, quantum
-from reconcile.fit.problem import Point, Problem
+from reconcile.fit.point import Point
+from reconcile.fit.problem import Problem
 from reconcile.fit.solve import LONGER, Fitted, Free, fit
 from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, Window, cut, span
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
@@ -279,7 +280,7 @@ class Study:
         """States [rows, NX] in the fit windows: as recorded where outputs show them, else as simulated."""
         problem, rows = self.fit_problem, []
         point = problem.start(self.values)
-        shown = {i: n for i, (n, order) in problem._shown_states().items() if order == 0}
+        shown = {i: n for i, (n, order) in problem.shown.items() if order == 0}
         for k, window in enumerate(problem.windows):
             run = problem.simulate(point, k)
             if run is not None:

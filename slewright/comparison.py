@@ -118,13 +118,14 @@ def _matched(found: Mapping[str, Any]) -> Iterator[Table]:
 
 
 def _shares(found: Mapping[str, Any]) -> Iterator[Table]:
-    for load, content in found["optima"].items():
+    contents = ((task, *item) for task, loads in found["optima"].items() for item in loads.items())
+    for task, load, content in contents:
         rows = [
             [n, *(_number(c[k]) for k in ("speed", "tool", "least_tool"))]
             for n, c in content["controllers"].items()
         ]
         title = (
-            f"slew, {load}, simulated reference machine: share of the best found (local optima), "
+            f"{task}, {load}, simulated reference machine: share of the best found (local optima), "
             f"fastest {content['fastest']:.2f} °/s"
         )
         yield Table(title, SHARE_COLUMNS, rows)

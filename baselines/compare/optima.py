@@ -1,4 +1,4 @@
-"""Share of the best found optimum that controllers reach: slew task, the machine as its files describe it."""
+"""Share of the best found optimum that controllers reach, on the machine as its files describe it."""
 
 import math
 from collections.abc import Mapping
@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 from baselines.compare.plan import TASKS
-from baselines.optima import lookup
+from baselines.optima import case, lookup
 from specs import scenario as scenarios_spec
 
 LOAD_KG = {"empty": 0.0, "2t": 2000.0}  # the unknown load has no optima of its own
@@ -20,22 +20,29 @@ def travels() -> list[float]:
 
 
 def shares(single: Mapping[str, Any]) -> dict[str, Any]:
-    """Load -> fastest found, and controller -> share of speed and tool rate; loads without optima left out.
+    """Task -> load -> fastest found, and controller -> share of speed and tool rate.
 
-    `single` are the figures of single machines (baselines.compare.figures).
+    `single` are figures of single machines (baselines.compare.figures); loads without optima are left out.
     """
     found: dict[str, Any] = {}
-    cells = single.get("reference", {}).get("slew", {})
-    for load, mass in LOAD_KG.items():
-        fronts = [lookup.front(travel, mass) for travel in travels()]
-        if not all(fronts):
-            continue
-        own = {name: by_load[load] for name, by_load in cells.items() if load in by_load}
-        found[load] = {
-            "fastest": lookup.fastest(fronts),
-            "controllers": {name: _share(fronts, cell) for name, cell in own.items()},
-        }
+    for task, cells in single.get("reference", {}).items():
+        for load, mass in LOAD_KG.items():
+            fronts = _fronts(task, mass)
+            if not all(fronts):
+                continue
+            own = {name: by_load[load] for name, by_load in cells.items() if load in by_load}
+            found.setdefault(task, {})[load] = {
+                "fastest": lookup.fastest(fronts),
+                "controllers": {name: _share(fronts, cell) for name, cell in own.items()},
+            }
     return found
+
+
+def _fronts(task: str, load_kg: float) -> list[list[lookup.Point]]:
+    """Front of each target's move."""
+    if task == "full":
+        return [lookup.front(0.0, load_kg, move=1 + i) for i in range(len(case.moves()))]
+    return [lookup.front(travel, load_kg) for travel in travels()]
 
 
 def _share(fronts: list[list[lookup.Point]], cell: Mapping[str, float]) -> dict[str, float | None]:

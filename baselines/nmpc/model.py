@@ -1,7 +1,7 @@
 """Model predictive controller for slew, arm and tool: estimator at 50 Hz, optimisation at 10 Hz.
 
-Every tick    speed of the slew from gyro and encoder; swing from the tool's IMU; the valve's opening and the
-              arm's rates from the commands on their way
+Every tick    slew speed from gyro and encoder; inertia, as a load, from motor pressures; swing from the IMU
+              of the tool; the valve's opening and the arm's rates from the commands on their way
 Every fifth   the state is predicted to where a new command acts, the plan of the last time is moved on, the
               solver (solver.py) improves it; its first inputs are the commands until the next time
 
@@ -27,11 +27,11 @@ SENSORS = (
     "imu_cabin_rate_z", "p_slew_a", "p_slew_b",
     "imu_tool_roll", "imu_tool_pitch", "imu_tool_rate_x", "imu_tool_rate_y",
 )  # fmt: skip
-GEOMETRY = {
-    "boom_foot_x", "boom_foot_z", "boom_length", "stick_length", "tool_length",
-    "boom_min", "boom_max", "stick_min", "stick_max",
+CONTROL = {
+    "control_observer_rate", "control_arm_margin", "control_inertia_extra", "control_displacement",
+    "control_friction_viscous", "control_friction_dry", "control_ratio_rate",
 }  # fmt: skip
-CONTROL = {"control_observer_rate", "control_arm_margin"}
+LOADS = (-1000.0, 4000.0)  # kg, what is believed to hang at the arm tip: a lighter machine counts as less
 SETTLED_S = 0.4  # after a change of sign, until the spool is out of its dead band
 FILTER = 10.0  # 1/s, of the pressures' rates
 FALLBACK_BRAKE = 0.1  # rad/s2, deceleration that the fallback counts on: at 2 t and far out there is more
@@ -46,11 +46,11 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
     due = x.phase < 0.5
     plan = ca.vertcat(*(getattr(x, f"plan_{i:02d}") for i in range(solver.SIZE)))
     commands, plan, failed = _planned()(
-        due, now, ca.vertcat(*sent.values()), plan, _task(u, p), p.nmpc_tolerance
+        due, now, ca.vertcat(*sent.values()), plan, _task(x, u, p), p.nmpc_tolerance
     )
     commands = ca.if_else(due, commands, ca.vertcat(*(sent[c][-1] for c in CHANNELS)))
     opening = commands[0] * (1 - _resting(now, p))
-    own = _step(STEP)(now, ca.vertcat(*(sent[c][0] for c in CHANNELS)), u.load_told)
+    own = _step(STEP)(now, ca.vertcat(*(sent[c][0] for c in CHANNELS)), _load(x, u, p))
     learnt = _learnt(x, u, now, speed, sent["opening"][0], p)
     joystick = _joystick(opening, learnt["band"], p)
     return {
@@ -58,6 +58,7 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
         "bias": bias,
         "phase": ca.if_else(x.phase > PERIOD - 1.5, 0.0, x.phase + 1.0),
         **learnt,
+        **control.weighed(x, u, speed, p),
         "opening": own[prediction.STATES.index("opening")],
         "boom_rate": own[prediction.STATES.index("boom_rate")],
         "stick_rate": own[prediction.STATES.index("stick_rate")],
@@ -135,11 +136,18 @@ def _state(x: Namespace, u: Namespace, speed: Any, p: Namespace) -> Any:
     return ca.vertcat(*(values[name] for name in prediction.STATES))
 
 
-def _task(u: Namespace, p: Namespace) -> Any:
+def _load(x: Namespace, u: Namespace, p: Namespace) -> Any:
+    """Load (kg) at the arm tip that makes the inertia what it was found to be."""
+    radius, _ = kinematics.arm_tip(u.q_boom, u.q_stick, p)
+    told = control.inertia(x, u, p) / x.ratio
+    return control.clip(u.load_told + (x.ratio - 1.0) * told / radius**2, *LOADS)
+
+
+def _task(x: Namespace, u: Namespace, p: Namespace) -> Any:
     _, boom, stick = kinematics.inverse(u.target_x, u.target_y, u.target_z, p)
     pace = control.clip(u.pace, 0.1, 2.0)
     values = {
-        "load": u.load_told,
+        "load": _load(x, u, p),
         "boom": control.within_joint(boom, p.boom_min, p.boom_max, p),
         "stick": control.within_joint(stick, p.stick_min, p.stick_max, p),
         "speed_limit": p.nmpc_speed_limit * pace,
@@ -208,6 +216,7 @@ MODEL = Model(
         Variable("angle", "rad", "Slew angle of the observer"),
         Variable("bias", "rad/s", "Bias of the cabin's gyro"),
         Variable("phase", "1", "Ticks since the last solve, 0 to 4"),
+        *control.INERTIA_STATES,
         Variable("band", "1", "Learnt part of the dead band"),
         Variable("same", "s", "Time since the valve's command last changed sign"),
         Variable("slow_p_a", "Pa", "Filtered motor pressure, side a", nominal=prediction.PRESSURE),
@@ -233,7 +242,7 @@ MODEL = Model(
     inputs=from_signals(*control.TARGETS, *control.ENCODERS, *SENSORS),
     outputs=from_signals(*control.COMMANDS),
     parameters=(
-        *(v for v in from_parameters("geometry") if v.name in GEOMETRY),
+        *(v for v in from_parameters("geometry") if v.name in control.GEOMETRY),
         *(v for v in from_parameters("control") if v.name in CONTROL),
         *from_parameters("nmpc"),
     ),

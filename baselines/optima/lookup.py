@@ -25,13 +25,20 @@ class Share:
 
 
 def front(
-    travel_deg: float, load_kg: float = 0.0, machine: str = "nominal", path: Path = store.PATH
+    travel_deg: float, load_kg: float = 0.0, machine: str = "nominal", path: Path = store.PATH, move: int = 0
 ) -> list[Point]:
-    """(speed, tool rate) of the stored optima of a case that count, by speed; [] if there are none."""
+    """(speed, tool rate) of the stored optima of a case that count, by speed; [] if there are none.
+
+    `move`: of the full task, whose travel is then not looked at.
+    """
     entries = store.read(path).values()
-    case = (machine, load_kg, travel_deg)
-    own = [e for e in entries if (e.key.machine, e.key.load_kg, e.key.travel_deg) == case and e.counts]
+    case = (machine, load_kg, move, 0.0 if move else travel_deg)
+    own = [e for e in entries if _case(e.key) == case and e.counts]
     return sorted((float(e.found["speed"]), float(e.found["tool"])) for e in own)
+
+
+def _case(key: store.Key) -> tuple[str, float, int, float]:
+    return key.machine, key.load_kg, key.move, 0.0 if key.move else key.travel_deg
 
 
 def fastest(fronts: Sequence[Sequence[Point]]) -> float:

@@ -144,5 +144,5 @@ def _first(signal: Signal) -> float:
 
 def _shows(study: Study, output: str) -> str:
     """The state that an output shows, or an empty name."""
-    shown = study.fit_problem._shown_states().items()
+    shown = study.fit_problem.shown.items()
     return next((study.model.states[i].name for i, (n, order) in shown if n == output and not order), "")

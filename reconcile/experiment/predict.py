@@ -18,7 +18,8 @@ from reconcile.experiment.carried import Carrier
 from reconcile.experiment.excitation import LEAD_S, Excitation, commands, smooth
 from reconcile.experiment.limits import Limits
 from reconcile.fit import whitening
-from reconcile.fit.problem import Point, Problem
+from reconcile.fit.point import Point
+from reconcile.fit.problem import Problem
 from reconcile.fit.solve import Fitted
 from reconcile.fit.whitening import Whitener
 from reconcile.fit.windows import STEP_S, WINDOW_S, Window, span

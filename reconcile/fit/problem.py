@@ -6,15 +6,17 @@ whitened errors and their slopes by the parameters, freed of everything that ini
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from reconcile.fit import beginning
 from reconcile.fit.compiled import Columns, Compiled, Cut
+from reconcile.fit.late import Late
 from reconcile.fit.modes import by_guards
+from reconcile.fit.point import Linear, Point
 from reconcile.fit.whitening import Whitener
 from reconcile.fit.windows import Edge, InputTable, Window, interpolation, straight
 from reconcile.model import Attached
@@ -22,38 +24,6 @@ from reconcile.model import Attached
 ACCURACY = 2e-5  # of a state's size, of one step
 SHARE_OF_NOISE = 0.02
 LOOSE = 3.0  # sizes of a state by which an initial state is free
-
-
-@dataclass(frozen=True)
-class Point:
-    """Parameters [NP] and initial states [windows, NX]; `present`: the effects that are switched on."""
-
-    p: np.ndarray
-    x0: np.ndarray
-    present: tuple[Attached, ...] = ()
-
-
-@dataclass(frozen=True)
-class Linear:
-    """Errors [M] and slopes [M, K] after projection, whitened; `raw`: errors by window and output.
-
-    `white`: errors by window and output in whitened form, `raw` in units of the sensors' noise.
-    `price`: twice what hidden states of effects, free in every window, cost in marginal log-likelihood.
-    `steps`: what turns a change of the parameters [K] into that of the initial states, per window.
-    """
-
-    errors: np.ndarray
-    slopes: np.ndarray
-    raw: list[dict[str, np.ndarray]]
-    steps: list[tuple[np.ndarray, np.ndarray]]
-    states: list[np.ndarray]
-    white: list[dict[str, np.ndarray]]
-    price: float = 0.0
-
-    @property
-    def cost(self) -> float:
-        """Sum of squares of the projected errors."""
-        return float(self.errors @ self.errors)
 
 
 class Problem:
@@ -69,6 +39,7 @@ class Problem:
             for n in (v.name for v in model.outputs)
             if n in self.sigma and any(len(w.times.get(n, ())) for w in windows)
         ]
+        self.late = Late(self.extended, self.outputs)
         defaults = np.array([v.start for v in model.inputs])
         names = [v.name for v in model.inputs]
         self.tables = {id(w.run): InputTable(w.run, names, defaults) for w in windows}
@@ -87,41 +58,6 @@ class Problem:
     def parameter(self, name: str) -> int:
         """Index of a parameter."""
         return self.extended.index[name]
-
-    @cached_property
-    def input_delays(self) -> dict[int, list[int]]:
-        """Input -> parameters whose sum is its delay."""
-        found: dict[int, list[int]] = {}
-        for name, parameter in self.model.delays.items():
-            found.setdefault(self.model.index("inputs", name), []).append(self.parameter(parameter))
-        for a in self.extended.attached:
-            if a.effect.delays and a.effect.place == "input":
-                for name in self.extended.folder.ports.members(a.port):
-                    late = found.setdefault(self.model.index("inputs", name), [])
-                    late.append(self.parameter(a.name("delay")))
-        return found
-
-    @cached_property
-    def output_delays(self) -> dict[str, list[int]]:
-        """Output -> parameters whose sum is its delay."""
-        found: dict[str, list[int]] = {n: [] for n in self.outputs}
-        for name, sensor in self.model.sensors.items():
-            if sensor.delay and name in found:
-                found[name].append(self.parameter(sensor.delay))
-        for a in self.extended.attached:
-            if a.effect.delays and a.effect.place == "output" and not a.effect.clock:
-                for name in set(self.extended.folder.ports.members(a.port)) & set(self.outputs):
-                    found[name].append(self.parameter(a.name("delay")))
-        return found
-
-    @cached_property
-    def clocks(self) -> dict[str, list[int]]:
-        """Output -> parameters whose sum is the delay that it gains per second of a recording."""
-        members = self.extended.folder.ports.members
-        drifts = [a for a in self.extended.attached if a.effect.clock]
-        return {
-            n: [self.parameter(a.name("drift")) for a in drifts if n in members(a.port)] for n in self.outputs
-        }
 
     def active_states(self, present: Sequence[Attached]) -> np.ndarray:
         """Indices of the model's states and the hidden ones of `present` effects."""
@@ -151,7 +87,7 @@ class Problem:
     def set_scale(self, scale: np.ndarray) -> None:
         """Sizes of the states; steps are halved until right to a share of the noise, where it shows."""
         self.scale, self.tolerance = scale, ACCURACY * scale
-        for state, (output, order) in self._shown_states().items():
+        for state, (output, order) in self.shown.items():
             if order == 0:
                 self.tolerance[state] = min(self.tolerance[state], SHARE_OF_NOISE * self.sigma[output])
 
@@ -159,7 +95,7 @@ class Problem:
 
     def _inputs(self, window: Window, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, Edge | None]:
         """Inputs [steps, inputs, clock, axes], their slopes by delays, and where steps are cut."""
-        delays = {i: float(sum(p[k] for k in ks)) for i, ks in self.input_delays.items()}
+        delays = self.late.of_inputs(p)
         u, slope = self.tables[id(window.run)].rows(window, delays)
         edge = self.tables[id(window.run)].edge(window, delays) if self.model.kind == "continuous" else None
         if edge is not None:
@@ -183,7 +119,7 @@ class Problem:
         """Follow window k; `columns` are parameters to differentiate by, `pushed` inputs instead of them."""
         window = self.windows[k]
         chosen = pushed if columns is None else self._columns(window, columns)
-        run = self._follow(window, point.x0[k], point, chosen, pushed is not None)
+        run = self.follow(window, point.x0[k], point, chosen, pushed is not None)
         if run is None or columns is None:
             return run
         x, y, ys = run
@@ -192,7 +128,7 @@ class Problem:
             ys[:, first + c] += ys[:, extra]
         return x, y, ys[:, : first + len(columns)]
 
-    def _follow(
+    def follow(
         self,
         window: Window,
         x0: np.ndarray,
@@ -225,7 +161,7 @@ class Problem:
 
     def _shifted(self, columns: Sequence[int]) -> list[tuple[int, int]]:
         """(column, input that its delay shifts, -1: none): each column once, then the further inputs."""
-        late = {c: [i for i, qs in self.input_delays.items() if q in qs] for c, q in enumerate(columns)}
+        late = {c: [i for i, qs in self.late.inputs.items() if q in qs] for c, q in enumerate(columns)}
         further = [(c, i) for c, inputs in late.items() for i in inputs[1:]]
         return [(c, inputs[0] if inputs else -1) for c, inputs in late.items()] + further
 
@@ -258,9 +194,8 @@ class Problem:
         window, errors, slopes = self.windows[k], {}, []
         for name in self.outputs:
             times = window.times.get(name, np.empty(0))
-            late = float(sum(point.p[q] for q in self.output_delays[name]))
             since = times - window.run.start_s
-            late = late + since * float(sum(point.p[q] for q in self.clocks[name]))
+            late = self.late.of_output(name, point.p, since)
             index, weights, rates = self._between(k, name, times - late, len(y))
             column = self.model.index("outputs", name)
             sigma = self.heat * self.sigma[name]
@@ -270,8 +205,8 @@ class Problem:
             part = np.einsum("nk,nkc->nc", weights, ys[index, :, column])
             first = ys.shape[1] - len(columns)
             moved = np.sum(rates * y[index, column], axis=1) / window.step_s
-            weighted = [(q, moved) for q in self.output_delays[name]] + [
-                (q, moved * since) for q in self.clocks[name]
+            weighted = [(q, moved) for q in self.late.outputs[name]] + [
+                (q, moved * since) for q in self.late.clocks[name]
             ]
             for q, slope in weighted:
                 for c in np.flatnonzero(np.asarray(columns) == q):
@@ -344,78 +279,17 @@ class Problem:
             found.append(self.compare(point, k, run[1], None, ())[0])
         return found
 
-    # ---------------------------------------------------------------- starting points
-
     def start(self, values: Mapping[str, float]) -> Point:
-        """A point with parameters by name; initial states from what the outputs show at each start.
+        """A point with parameters by name; initial states as `beginning.fresh` finds them."""
+        return beginning.start(self, values)
 
-        Those that no output shows are where a simulation from the window before, or the run's start, has
-        them.
-        """
-        p = np.array([values[n] for n in self.extended.parameter_names])
-        x0 = np.zeros((len(self.windows), self.compiled.nx))
-        rest = np.asarray(self.model.x0(p[: len(self.model.parameters)])).ravel()
-        x0[:, : len(rest)] = rest
-        point = Point(p, x0)
-        for k in range(len(self.windows)):
-            x0[k] = self.fresh(point, k)
-        return point
-
-    def fresh(self, point: Point, k: int) -> np.ndarray:
-        """Initial state [NX] of window k from outputs and the window before, whatever it was."""
-        window, p, x0 = self.windows[k], point.p, point.x0[k].copy()
-        shown = self._shown_states()
-        for state, (output, order) in shown.items():
-            late = float(sum(p[q] for q in self.output_delays[output]))
-            late += (window.start_s - window.run.start_s) * float(sum(p[q] for q in self.clocks[output]))
-            x0[state] = _local(window.run.outputs[output], window.start_s + late, order)
-        unseen = np.setdiff1d(np.arange(len(self.model.states)), list(shown))
-        if len(unseen) and (reached := self._reached(point, k)) is not None:
-            x0[unseen] = reached[unseen]
-        return x0
-
-    def _reached(self, point: Point, k: int) -> np.ndarray | None:
-        """State [NX] at the start of window k, simulated from the window before it or the run's start."""
-        window = self.windows[k]
-        before = self.windows[k - 1] if k and self.windows[k - 1].run is window.run else None
-        first = window.run.start_s if before is None else before.start_s
-        steps = round((window.start_s - first) / window.step_s)
-        if steps <= 0:
-            return None
-        way = replace(window, start_s=first, steps=steps, times={}, samples={})
-        x0 = point.x0[k] if before is None else point.x0[k - 1]
-        found = self._follow(way, x0, point)
-        return None if found is None else found[0][-1]
-
-    def _shown_states(self) -> dict[int, tuple[str, int]]:
+    @cached_property
+    def shown(self) -> dict[int, tuple[str, int]]:
         """State -> (output that shows it, 0; or shows what it is the rate of, 1)."""
-        found: dict[int, tuple[str, int]] = {}
-        x, u, m, p = self.model.symbols
-        h, f = self.model.h(x, u, m, p), self.model.f(x, u, m, p)
-        for name in self.outputs:
-            expression = h[self.model.index("outputs", name)]
-            for i in range(x.numel()):
-                if ca.is_equal(expression, x[i]):
-                    found[i] = (name, 0)
-        if self.model.kind == "continuous":
-            for i, (name, order) in list(found.items()):
-                for j in range(x.numel()):
-                    if order == 0 and j not in found and ca.is_equal(f[i], x[j]):
-                        found[j] = (name, 1)
-        return found
+        return beginning.shown_states(self.model, self.outputs)
 
 
 def _apart(e: np.ndarray, like: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Errors of a window one output after the other -> by output."""
     ends = np.cumsum([len(v) for v in like.values()])[:-1]
     return dict(zip(like, np.split(e, ends), strict=True))
-
-
-def _local(signal, time: float, order: int) -> float:
-    """Value (order 0) or slope (1) of a signal at a time, by a line through the samples near it."""
-    count = 5 if order == 0 else 11
-    middle = int(np.searchsorted(signal.time, time))
-    low = max(0, min(middle - count // 2, len(signal.time) - count))
-    t, v = signal.time[low : low + count] - time, signal.values[low : low + count]
-    slope, value = np.polyfit(t, v, 1) if len(t) > 1 else (0.0, v[0])
-    return float(slope if order else value)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconcile.fit.problem import Linear, Point, Problem
+from reconcile.fit.point import Linear, Point
+from reconcile.fit.problem import Problem
 from reconcile.fit.states import settle
 
 PATIENCE = 4

@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from reconcile.fit.problem import Linear, Point, Problem
+from reconcile.fit import beginning
+from reconcile.fit.point import Linear, Point
+from reconcile.fit.problem import Problem
 
 OPEN = 0.2  # of what a window leaves after projection: more left before it, and its state is settled
 ROUNDS = 8
@@ -44,7 +46,7 @@ def _best(problem: Problem, point: Point, k: int) -> np.ndarray:
     promised = _errors(problem, point, k, point.x0[k])
     x0, left = _window(problem, point, k, point.x0[k])
     if promised is not None and left > STUCK * promised[1] + STUCK:
-        other, there = _window(problem, point, k, problem.fresh(point, k))
+        other, there = _window(problem, point, k, beginning.fresh(problem, point, k))
         return other if there < left else x0
     return x0
 

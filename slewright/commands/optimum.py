@@ -7,6 +7,7 @@ import typer
 
 from slewright.figures import JsonOption, write
 from slewright.progress import progress
+from specs.errors import InputError
 
 
 def optimum(
@@ -18,6 +19,9 @@ def optimum(
         list[float] | None,
         typer.Option("--travel", metavar="DEG", help="Slew angle, 45 to 135 (repeatable)."),
     ] = None,
+    task: Annotated[
+        str, typer.Option(metavar="TASK", help="slew (the arm stays) or full (the moves of the full task).")
+    ] = "slew",
     load: Annotated[
         list[float] | None, typer.Option("--load", metavar="KG", help="Load in the grab (repeatable).")
     ] = None,
@@ -38,7 +42,15 @@ def optimum(
     from baselines.optima import search, store
     from slewright import tables
 
-    keys = search.keys(machine or ["nominal"], load or search.LOADS, travel or search.TRAVELS, speed or None)
+    machines, loads = machine or ["nominal"], load or search.LOADS
+    if task not in ("slew", "full"):
+        raise InputError(f"no task '{task}'; valid: slew, full")
+    if task == "full" and travel:
+        raise InputError("--travel is for the task slew; the full task has its own moves")
+    if task == "full":
+        keys = search.full_keys(machines, loads, speed or None)
+    else:
+        keys = search.keys(machines, loads, travel or search.TRAVELS, speed or None)
     with progress("optimum") as report:
         found = search.find(keys, report, again, out or store.PATH)
     columns = ("machine", "load [kg]", "travel [°]", "asked", "speed [°/s]", "tool [°/s]", "overshoot [°]")

@@ -118,12 +118,12 @@ def test_sweeps_change_one_thing_at_a_time_within_its_bounds() -> None:
 def test_shares_of_the_best_found(monkeypatch: pytest.MonkeyPatch) -> None:
     assert optima.travels() == [75.0, 120.0, 90.0, 45.0]
     stored = {0.0: [(10.0, 2.0), (20.0, 6.0)], 2000.0: []}
-    monkeypatch.setattr(optima.lookup, "front", lambda travel, mass: stored[mass])
+    monkeypatch.setattr(optima.lookup, "front", lambda travel, mass, move=0: stored[mass])
     cells = {"pi": {"empty": {"speed": 15.0, "tool": 8.0}, "2t": {"speed": 9.0, "tool": 1.0}}}
     found = optima.shares({"reference": {"slew": cells}})
-    assert list(found) == ["empty"]  # no optima with 2 t
-    assert found["empty"]["fastest"] == 20.0
-    assert found["empty"]["controllers"]["pi"] == {"speed": 0.75, "tool": 0.5, "least_tool": 4.0}
+    assert list(found["slew"]) == ["empty"]  # no optima with 2 t
+    assert found["slew"]["empty"]["fastest"] == 20.0
+    assert found["slew"]["empty"]["controllers"]["pi"] == {"speed": 0.75, "tool": 0.5, "least_tool": 4.0}
 
 
 def _comparison(**cell: float) -> dict:
