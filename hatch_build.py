@@ -1,8 +1,9 @@
 """Build hook of the wheel: compiles the orchestrator's core, so that a run needs no compiler.
 
 With the ziglang package the core is built for glibc 2.17 and the wheel may be installed on any Linux of that
-age (manylinux); with the system's compiler alone it fits machines like this one.  An editable install
-compiles nothing: orchestrator/native.py does that at the first run.
+age (manylinux); with the system's compiler alone it fits machines like this one.  SLEWRIGHT_WHEEL_TARGET
+names another platform (aarch64-linux), for which ziglang is needed.  An editable install compiles nothing:
+orchestrator/native.py does that at the first run.
 """
 
 import importlib.util
@@ -16,6 +17,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 TARGET = "orchestrator/core/bin"
+OTHER = "SLEWRIGHT_WHEEL_TARGET"  # environment variable: a platform of fmus.compiler.TARGETS
 
 
 class CoreHook(BuildHookInterface):
@@ -39,12 +41,13 @@ class CoreHook(BuildHookInterface):
         if portable:
             os.environ[compiler.ALWAYS_ZIG] = "1"
         self.scratch = tempfile.TemporaryDirectory()
-        built = native.build(Path(self.scratch.name))
+        other = os.environ.get(OTHER)
+        built = native.build(Path(self.scratch.name), other)
         for path in (built.library, built.host):
             if path is not None:
                 build_data["force_include"][str(path)] = f"{TARGET}/{path.name}"
         build_data["pure_python"] = False
-        build_data["tag"] = f"py3-none-{platform_tag(portable)}"
+        build_data["tag"] = f"py3-none-{platform_tag(portable, other)}"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Drop the compiled files; the wheel has them."""
@@ -52,7 +55,9 @@ class CoreHook(BuildHookInterface):
             self.scratch.cleanup()
 
 
-def platform_tag(portable: bool) -> str:
-    """The wheel's platform: manylinux where the core was built for an old glibc."""
-    tag = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+def platform_tag(portable: bool, other: str | None = None) -> str:
+    """The wheel's platform: manylinux where the core was built for an old glibc; `other`: not this one's."""
+    machine, _, system = (other or "").partition("-")
+    plain = f"{system}-{machine}" if other else sysconfig.get_platform()
+    tag = plain.replace("-", "_").replace(".", "_")
     return tag.replace("linux", "manylinux_2_17", 1) if portable and tag.startswith("linux") else tag

@@ -11,6 +11,7 @@ import resource
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from runtime.image import Flag
 from specs.errors import InputError
@@ -21,6 +22,7 @@ TIMER_ABSTIME = 1  # time.h
 PR_SET_PDEATHSIG, PR_SET_TIMERSLACK = 1, 29  # linux/prctl.h
 EINTR = 4
 CPU_LATENCY = "/dev/cpu_dma_latency"  # µs wanted, as 4 bytes, while the file is open
+ISOLATED = Path("/sys/devices/system/cpu/isolated")  # by isolcpus=: outside the set that processes start with
 STACK_BYTES = 256 * 1024  # touched once, so that no page of the stack is fetched in a cycle
 
 
@@ -95,10 +97,20 @@ def check_core(core: int | None) -> None:
     """Raise InputError naming the cores there are, if a core is not one of them."""
     if core is None or not hasattr(os, "sched_setaffinity"):
         return
-    there = os.sched_getaffinity(0)
+    there = os.sched_getaffinity(0) | isolated()
     if core not in there:
         listed = ", ".join(map(str, sorted(there)))
         raise InputError(f"realtime.core: {core} is not one of this machine's; valid: {listed}")
+
+
+def isolated() -> set[int]:
+    """Cores that the kernel gives to nobody who does not ask for them by number (isolcpus=)."""
+    try:
+        text = ISOLATED.read_text().strip()
+    except OSError:
+        return set()
+    ends = [part.partition("-") for part in text.split(",") if part]
+    return {core for first, _, last in ends for core in range(int(first), int(last or first) + 1)}
 
 
 def pin(core: int | None) -> None:

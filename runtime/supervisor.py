@@ -22,8 +22,9 @@ from runtime import bundle, configuration
 from runtime.archive import start
 from runtime.control_process import COUNTS, COUNTS_HOLD
 from runtime.helpers import Helper
-from runtime.image import TICK_S
+from runtime.image import OUTPUT, TICK_S
 from runtime.modbus.cells import create
+from runtime.notify import Notifier
 from runtime.replay import identity
 from runtime.retain import Folder, Retained
 from runtime.ring import Ring
@@ -86,6 +87,7 @@ class Supervisor:
         told["retained"] = self.retained
         self.control = Helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
+        self._notifier = Notifier.of()
 
     def __enter__(self) -> Self:
         try:
@@ -122,9 +124,11 @@ class Supervisor:
         """
         while (code := self.watch()) is None and not stop():
             report(now := self.now())
+            self._notifier.ticked(now.ticks, self._status(now))
             if now.ticks >= PROVEN_TICKS:
                 self._prove()
             time.sleep(WATCH_S)
+        self._notifier.ending()
         if code is None:
             code = self.control.end()
             if code == -signal.SIGTERM:  # it had not begun: there is nothing to show
@@ -145,6 +149,7 @@ class Supervisor:
         for ring in self.rings:
             ring.close()
         self.counts.close()
+        self._notifier.close()
         for held in self._locks:
             held.close()
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -158,6 +163,10 @@ class Supervisor:
                 f"the control process ended with {code}; the valves are neutral by the plant's timeout"
             )
         return {**json.loads(found.read_text()), "restarts": {h.name: h.starts - 1 for h in self.helpers}}
+
+    def _status(self, now: Counts) -> str:
+        modes = OUTPUT.signals[OUTPUT.at("control_mode")].values
+        return f"{modes.get(now.mode, now.mode)}, fault {now.fault}, {now.ticks} ticks; {self.active.said}"
 
     def _prove(self) -> None:
         """The bundle has run long enough to be one to go back to; a store that is in use is asked again."""
