@@ -9,12 +9,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from runtime.bundle import Bundle
+from runtime.bundle import PARAMETERS, Bundle, parameters_of
 from runtime.image import INPUT, OUTPUT, token
 from specs.errors import InputError
 
 INPUT_BYTES = INPUT.dtype.itemsize
 LOAD, NONE = "load_estimate", -1.0  # kg: not known
+AXES = ("u_slew", "u_boom", "u_stick")
+# Why the gate may change a command, by the bits of slr_explain.
+REASONS = ("range", "rate", "speed", "keep_out", "joint_limit", "sensor", "authority")
 
 
 class ControlCore:
@@ -38,6 +41,8 @@ class ControlCore:
         self._restart = library.slr_restart
         self._restart.argtypes = [ctypes.c_void_p, ctypes.c_int32, ctypes.c_int32, ctypes.c_double]
         self._restart.restype = None
+        self._explain = library.slr_explain
+        self._explain.argtypes, self._explain.restype = [ctypes.c_void_p] * 5, None
         self._limit = library.slr_limit
         self._limit.argtypes, self._limit.restype = [ctypes.c_void_p, ctypes.c_void_p], None
         self._state = np.zeros(library.slr_state_size() // 8, np.int64)
@@ -71,14 +76,18 @@ class ControlCore:
     def restart(self, kept: Mapping[str, float]) -> None:
         """Back to the first state, with what was kept of the last run: a latched fault, the load.
 
-        `kept`: values of `fault_code`, `fault_signal` and `load_estimate`, as far as they are known; others do
-        not count.  Raises InputError for one that cannot be.
+        `kept`: `fault_code`, `fault_signal`, `load_estimate`, as far as they are known; others do not count.
+        Raises InputError for one that cannot be.
         """
-        fault, source, load = (kept.get(n, d) for n, d in (("fault_code", 0.0), ("fault_signal", 0.0), (LOAD, NONE)))
+        fault, source, load = (
+            kept.get(n, d) for n, d in (("fault_code", 0.0), ("fault_signal", 0.0), (LOAD, NONE))
+        )
         for name, value in (("fault_code", fault), ("fault_signal", source), (LOAD, max(load, 0.0))):
             s = OUTPUT.signals[OUTPUT.at(name)]
             if not (s.min or 0.0) <= value <= (s.max or 0.0):
-                raise InputError(f"retained {name} = {value:g}: {s.min:g} to {s.max:g}; delete the retained values")
+                raise InputError(
+                    f"retained {name} = {value:g}: {s.min:g} to {s.max:g}; delete the retained values"
+                )
         self._restart(self._at_state, int(fault), int(source), load)
 
     def snapshot(self) -> bytes:
@@ -91,6 +100,21 @@ class ControlCore:
             raise InputError(f"a snapshot of {len(snapshot)} bytes: this core's have {self._state.nbytes}")
         self._state[:] = np.frombuffer(snapshot, np.int64)
 
+    def explained(self, inputs: np.ndarray, before: bytes) -> tuple[list[float], list[list[str]]]:
+        """What was wanted of each axis (AXES) in the step just taken from the state `before`, and REASONS.
+
+        Reasons are those that by themselves give what came out (runtime/core/explain.c).  Not for the cycle:
+        for reports.
+        """
+        if len(before) < self._state.nbytes:
+            raise InputError(f"a snapshot of {len(before)} bytes: this core's have {self._state.nbytes}")
+        wanted, why = np.zeros(len(AXES)), np.zeros(len(AXES), np.int32)
+        state = np.frombuffer(before[: self._state.nbytes], np.int64)
+        places = (state.ctypes.data, self._at_state, wanted.ctypes.data, why.ctypes.data)
+        self._explain(self._at(inputs), *places)
+        reasons = [[name for bit, name in enumerate(REASONS) if bits >> bit & 1] for bits in why.tolist()]
+        return wanted.tolist(), reasons
+
     def _at(self, inputs: np.ndarray) -> int:
         """Address of an input image; ValueError for an array that is none, for C would read past its end."""
         if inputs is not self._inputs:  # asking for it takes longer than a step
@@ -100,13 +124,19 @@ class ControlCore:
         return self._at_inputs
 
     def _check(self, library: ctypes.CDLL) -> None:
-        for name in ("slr_layout", "slr_identity"):
+        path = self.bundle.folder / PARAMETERS
+        for name in ("slr_layout", "slr_identity", "slr_parameters"):
+            if not hasattr(library, name):
+                raise InputError(
+                    f"bundle {self.bundle.folder}: its core is of an older version; build it again"
+                )
             getattr(library, name).restype = ctypes.c_char_p
         for name in ("slr_input_size", "slr_output_size", "slr_state_size"):
             getattr(library, name).restype = ctypes.c_size_t
         found = {
             "layout": (library.slr_layout().decode(), token()),
             "identity": (library.slr_identity().decode(), self.bundle.identity),
+            f"parameters (SHA-256 of {PARAMETERS})": (library.slr_parameters().decode(), parameters_of(path)),
             "size of the input image": (library.slr_input_size(), INPUT.dtype.itemsize),
             "size of the output image": (library.slr_output_size(), OUTPUT.dtype.itemsize),
         }

@@ -81,6 +81,12 @@ void slr_fail(SlrState *s, SlrFault fault, int32_t signal);
 int32_t slr_value_reference(int input);
 void slr_start_values(SlrState *s);
 
+/* Walls, distance and reach of a view whose board is there: step.c. */
+void slr_look_around(SlrView *view);
+/* What the gate is shown, and its limits with the commands as far as the authority goes (slr_limit): step.c. */
+SlrGateView slr_gate_sees(const SlrState *s, const SlrView *view);
+SlrGateLimits slr_within_authority(const double authority[SLR_AUTHORITY], double allowed[SLR_AXES]);
+
 /* Where a block's state lies. */
 unsigned char *slr_state_of(SlrState *s, const SlrBlock *block);
 
@@ -88,6 +94,7 @@ unsigned char *slr_state_of(SlrState *s, const SlrBlock *block);
 
 SLR_EXPORT const char *slr_layout(void);   /* the images that this core was compiled for */
 SLR_EXPORT const char *slr_identity(void); /* of the bundle: a hash of its sources */
+SLR_EXPORT const char *slr_parameters(void); /* SHA-256 of the parameters.json with which it was compiled */
 SLR_EXPORT size_t slr_input_size(void);
 SLR_EXPORT size_t slr_output_size(void);
 SLR_EXPORT size_t slr_state_size(void);
@@ -104,5 +111,14 @@ SLR_EXPORT int slr_observe(const SlrInput *in, const SlrState *state, double *bo
 /* Its answer, before slr_step (external.c). */
 SLR_EXPORT void slr_offer(SlrState *state, const double *action);
 SLR_EXPORT void slr_step(const SlrInput *in, SlrState *state, int64_t tick, SlrOutput *out);
+
+/* For reports, not in the cycle: what the controller wanted in a step that has been taken, and, bit by bit, which
+ * of the gate's reasons changed that (explain.c). */
+enum {
+  SLR_WHY_RANGE, SLR_WHY_RATE, SLR_WHY_SPEED, SLR_WHY_KEEP_OUT, SLR_WHY_JOINT_LIMIT, SLR_WHY_SENSOR,
+  SLR_WHY_AUTHORITY, SLR_REASONS
+};
+SLR_EXPORT void slr_explain(const SlrInput *in, const SlrState *before, const SlrState *after, double *wanted,
+                            int32_t *why);
 
 #endif

@@ -14,7 +14,7 @@ unsigned char *slr_state_of(SlrState *s, const SlrBlock *block) {
   return block == slr_estimator ? after : after + slr_estimator->size;
 }
 
-static void look_around(SlrView *view) {
+void slr_look_around(SlrView *view) {
   const double *b = view->board;
   const double joints[] = {b[SLR_IN_q_slew], b[SLR_IN_q_boom], b[SLR_IN_q_stick], b[SLR_IN_qd_boom],
                            b[SLR_IN_qd_stick]};
@@ -106,7 +106,7 @@ static void estimate(SlrState *s, SlrView *view) {
 /* ---- the gate ---- */
 
 /* The gate's limits, and commands, as far as the authority goes (slr_limit). */
-static SlrGateLimits within_authority(const double authority[SLR_AUTHORITY], double allowed[SLR_AXES]) {
+SlrGateLimits slr_within_authority(const double authority[SLR_AUTHORITY], double allowed[SLR_AXES]) {
   SlrGateLimits limits = slr_limits;
   for (int axis = 0; axis < SLR_AXES; axis++) {
     const double most = authority[axis];
@@ -117,7 +117,7 @@ static SlrGateLimits within_authority(const double authority[SLR_AUTHORITY], dou
   return limits;
 }
 
-static void pass_gate(SlrState *s, const SlrView *view, const double wanted[SLR_AXES]) {
+SlrGateView slr_gate_sees(const SlrState *s, const SlrView *view) {
   SlrGateView seen = {.move = s->mode == SLR_MODE_AUTOMATIC || s->mode == SLR_MODE_MANUAL,
                       .by_hand = s->mode == SLR_MODE_MANUAL,
                       .speed = {view->board[SLR_IN_imu_cabin_rate_z], view->board[SLR_IN_qd_boom],
@@ -127,8 +127,13 @@ static void pass_gate(SlrState *s, const SlrView *view, const double wanted[SLR_
   seen.known[SLR_SLEW] = !view->lost[SLR_IN_imu_cabin_rate_z];
   seen.known[SLR_BOOM] = seen.known[SLR_STICK] = arm;
   memcpy(seen.walls, view->walls, sizeof seen.walls);
+  return seen;
+}
+
+static void pass_gate(SlrState *s, const SlrView *view, const double wanted[SLR_AXES]) {
+  const SlrGateView seen = slr_gate_sees(s, view);
   double allowed[SLR_AXES] = {wanted[SLR_SLEW], wanted[SLR_BOOM], wanted[SLR_STICK]};
-  const SlrGateLimits limits = within_authority(s->authority, allowed);
+  const SlrGateLimits limits = slr_within_authority(s->authority, allowed);
   s->limited = slr_gate(&limits, &seen, allowed, s->held);
   for (int axis = 0; axis < SLR_AXES; axis++) s->limited |= !(allowed[axis] == wanted[axis]);
   if (s->fault == SLR_FAULT_EMERGENCY_STOP) memset(s->held, 0, sizeof s->held);
@@ -202,7 +207,7 @@ int slr_observe(const SlrInput *in, const SlrState *state, double *board) {
   SlrState s = *state;
   SlrView view;
   slr_check(in, &s, &view);
-  look_around(&view);
+  slr_look_around(&view);
   slr_next_mode(in, &s, &view);
   if (s.mode != SLR_MODE_AUTOMATIC || (s.running > 0 && s.running % slr_controller->period != 0)) return 0;
   memcpy(board, view.board, sizeof view.board);
@@ -215,7 +220,7 @@ void slr_step(const SlrInput *in, SlrState *s, int64_t tick, SlrOutput *out) {
   memset(out, 0, sizeof *out);
   s->tick = out->tick = tick;
   slr_check(in, s, &view);
-  look_around(&view);
+  slr_look_around(&view);
   slr_next_mode(in, s, &view);
   find_wanted(s, &view, wanted);
   pass_gate(s, &view, wanted);

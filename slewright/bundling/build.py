@@ -32,7 +32,7 @@ from specs.version import VERSION
 ARM = "arm_velocity"
 HAND_WRITTEN = (
     *("slr.h", "gate.h", "block.h", "wire.h", "image_layout.h", "wire_layout.h"),
-    *("gate.c", "check.c", "mode.c", "step.c", "wire.c"),
+    *("gate.c", "check.c", "mode.c", "step.c", "explain.c", "wire.c"),
 )
 BAKED_IN = ("geometry", "slew", "machine", "load_estimate")  # files whose figures are constants of the C code
 UNCHECKED = ("geometry.c", "model.c")  # CasADi's own code
@@ -107,8 +107,8 @@ def assemble(
             compile_core(part / "sources", identity, part / f"core-{target}{suffix}", target)
         for name, data in content.files.items():
             (part / name).write_bytes(data)
-        _write_json(part / "parameters.json", _parameters(blocks, constants))
-        _write_json(part / form.MANIFEST, _manifest(part, content, identity, targets))
+        (part / form.PARAMETERS).write_bytes(_parameters(blocks, constants))
+        (part / form.MANIFEST).write_bytes(_json(_manifest(part, content, identity, targets)))
         shutil.rmtree(out, ignore_errors=True)
         part.replace(out)
     finally:
@@ -136,6 +136,8 @@ def write_sources(
     blocks = [arm, estimator] if isinstance(controller, External) else [controller, arm, estimator]
     for block in blocks:
         block.write(folder / "blocks" / block.name)
+    digest = form.digest(_parameters(blocks, constants))
+    (core / "parameters.c").write_text(config.parameters_c(digest))
     return blocks
 
 
@@ -250,16 +252,18 @@ def _check_folder(out: Path) -> None:
         raise InputError(f"{out}: there is no folder {out.parent}")
 
 
-def _parameters(blocks: Sequence[Block], constants: Mapping[str, float]) -> dict[str, Any]:
+def _parameters(blocks: Sequence[Block], constants: Mapping[str, float]) -> bytes:
+    """`parameters.json`."""
     known = parameters.check()
     found = {name: p.value for name, p in parameters.load(*BAKED_IN).items()}
     found |= {v.name: v.start for block in blocks for v in block.model.parameters} | dict(constants)
-    return {
+    entries = {
         name: {"value": value, "unit": known[name].unit, "source": known[name].source}
         if name in known
         else {"value": value}
         for name, value in found.items()
     }
+    return _json(entries)
 
 
 def _manifest(folder: Path, content: Content, identity: str, targets: Sequence[str]) -> dict[str, Any]:
@@ -275,5 +279,5 @@ def _manifest(folder: Path, content: Content, identity: str, targets: Sequence[s
     }
 
 
-def _write_json(path: Path, content: Any) -> None:
-    path.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n")
+def _json(content: Any) -> bytes:
+    return (json.dumps(content, indent=1, sort_keys=True) + "\n").encode()
