@@ -19,6 +19,7 @@ from runtime.shared import Cell
 STALE_NS = 25 * PERIOD_NS  # as on Modbus: then nothing that is shown is true any longer
 MODE = OUTPUT.index["control_mode"]
 WORK_EVERY_NS = 1_000_000_000
+START_NS = 60_000_000_000  # that the control process may take to start
 GONE = Condition(
     "gone",
     Level.CRITICAL,
@@ -46,6 +47,7 @@ class Watch:
         self._overruns = -1
         self._worked_ns = 0
         self._stale = False
+        self._begun_ns = time.monotonic_ns()
 
     def granted(self) -> np.void:
         """What the control process has granted."""
@@ -67,7 +69,8 @@ class Watch:
             self._take(newest, now)
         self._stale = self.newest is None or now - int(self.newest["stamp_ns"]) > STALE_NS
         if self._stale:
-            self._update([GONE], [], time.time())
+            if self.newest is not None or now - self._begun_ns > START_NS:  # it is started after this process
+                self._update([GONE], [], time.time())
             self.hub.put("stale", {"t": round(time.time(), 3)})
         if self.alarms.version != self._version:
             self._version = self.alarms.version

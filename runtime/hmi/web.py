@@ -65,6 +65,7 @@ class Site(ThreadingHTTPServer):
 
     daemon_threads = True
     allow_reuse_address = True
+    request_queue_size = CONNECTIONS
 
     def __init__(
         self, host: str, port: int, routes: Mapping[tuple[str, str], Route], hub: Hub | None

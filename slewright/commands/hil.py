@@ -22,7 +22,9 @@ def hil(
     hmi: Annotated[bool, typer.Option("--hmi", help="Show it on the operator's page (docs/hmi.md).")] = False,
     drive: Annotated[
         bool,
-        typer.Option("--drive", help="With --hmi: no planner; you set the targets on the page, nothing is compared."),
+        typer.Option(
+            "--drive", help="With --hmi: no planner; you set the targets on the page, nothing is compared."
+        ),
     ] = False,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Of the page.")] = 8080,
     json: JsonOption = None,

@@ -23,7 +23,8 @@ def run(
         float | None, typer.Option(metavar="S", min=0.02, help="End after so long (default: when told to).")
     ] = None,
     hmi: Annotated[
-        bool, typer.Option("--hmi", help="With the operator's page, also without [hmi] in the file (docs/hmi.md).")
+        bool,
+        typer.Option("--hmi", help="With the operator's page, also without [hmi] in the file (docs/hmi.md)."),
     ] = False,
     json: JsonOption = None,
 ) -> None:

@@ -94,7 +94,11 @@ def on_page(setting: Setting, started: Callable[[Supervisor], None], report: Rep
         seen, begun = Cell.open(rig.shared / SEEN_FILE, SEEN.itemsize, "seen"), False
         while not rig.step():
             found = state_of(seen, SEEN)
-            if not begun and found is not None and found["inputs"]["value"][INPUT.index["target_valid"]] > 0.5:
+            if (
+                not begun
+                and found is not None
+                and found["inputs"]["value"][INPUT.index["target_valid"]] > 0.5
+            ):
                 begun = True
                 rig.begin()
             report("driving" if begun else "waiting for a target from the page")

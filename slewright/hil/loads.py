@@ -54,7 +54,13 @@ def browser() -> str | None:
 @contextmanager
 def pages(port: int, count: int = PAGES) -> Iterator[None]:
     """So many browsers with the operator's page open: its main one, its trends and its statistics."""
-    quiet = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run")
+    quiet = (
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-background-networking",
+        "--no-first-run",
+    )
     folder = Path(tempfile.mkdtemp(prefix="slewright-pages-"))
     opened = []
     try:
@@ -63,7 +69,9 @@ def pages(port: int, count: int = PAGES) -> Iterator[None]:
             profile = f"--user-data-dir={folder / str(number)}"
             command = [browser() or "", *quiet, "--remote-debugging-port=0", profile, address]
             opened.append(
-                subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+                subprocess.Popen(
+                    command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+                )
             )
         time.sleep(PAGES_S)
         yield

@@ -46,9 +46,9 @@ export function text(s, x) {
   if (x === null || !Number.isFinite(x)) return "–";
   if (s.values && s.values[x] !== undefined) return s.values[x].replaceAll("_", " ");
   const y = shown(s, x);
-  if (Number.isInteger(x) && s.unit === "") return String(x);
+  if (Number.isInteger(x) && s.unit === "") return String(x).replace("-", "−");
   const size = Math.abs(y);
-  return y.toFixed(size >= 1000 ? 0 : size >= 100 ? 1 : size >= 10 ? 1 : 2);
+  return y.toFixed(size >= 1000 ? 0 : size >= 10 ? 1 : 2).replace("-", "−");
 }
 
 export function mode(frame = model.frame) {

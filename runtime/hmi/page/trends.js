@@ -10,8 +10,8 @@ let span = 60;
 const style = () => getComputedStyle(document.documentElement);
 
 class Plot {
-  constructor(canvas, names, seconds) {
-    Object.assign(this, { canvas, names, seconds });
+  constructor(canvas, names, seconds, titles = {}) {
+    Object.assign(this, { canvas, names, seconds, titles });
     plots.push(this);
   }
 
@@ -70,10 +70,10 @@ class Plot {
     c.textBaseline = "middle";
     c.fillStyle = colours.soft;
     c.font = "12px system-ui, sans-serif";
-    c.fillText(name, left, middle - 12, 134);
+    c.fillText(this.titles[name] ?? name, left, middle - 12, 134);
     if (box.h > 62) {
-      c.fillText(range.high.toPrecision(3), left, box.y + 9);
-      c.fillText(range.low.toPrecision(3), left, box.y + box.h - 7);
+      c.fillText(short(range.high), left, box.y + 9);
+      c.fillText(short(range.low), left, box.y + box.h - 7);
     }
     c.fillStyle = colours.text;
     c.font = "600 16px system-ui, sans-serif";
@@ -89,6 +89,8 @@ class Plot {
 }
 
 const STRIP = ["q_slew", "imu_tool_roll", "u_slew"];
+const TITLES = { q_slew: "Slew", imu_tool_roll: "Sway left", u_slew: "Slew command" };
+const short = (x) => text({ unit: " ", factor: 1, offset: 0 }, x);
 const wanted = () => [...new Set([...STRIP, ...chosen])];
 
 export async function fetchSeries(names = wanted(), until = null) {
@@ -144,7 +146,7 @@ function choose(names) {
 
 export function start() {
   chosen = chosen.filter((n) => model.place.has(n));
-  new Plot(byId("strip"), () => STRIP, () => 60);
+  new Plot(byId("strip"), () => STRIP, () => 60, TITLES);
   new Plot(byId("plot"), () => chosen, () => span);
   bar();
   if (model.catalogue.source === "live") {

@@ -1,6 +1,8 @@
-"""The HMI in this process: a control core with its port and a machine that only moves its angles, the desk, the
-site on loopback.  Everything that crosses processes goes through the real cells; only the processes are missing.
+"""The HMI in this process: a control core with its port, a machine that only moves its angles, desk and site.
+
+What crosses processes goes through the real cells; only the processes are missing.
 """
+
 
 import json
 import math
@@ -11,7 +13,6 @@ import urllib.request
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
-
 
 from runtime.control import ControlCore
 from runtime.hmi import tokens
