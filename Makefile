@@ -56,7 +56,7 @@ PLATFORM ?= x86_64
 EXTRAS ?= runtime
 FOR ?= 3.11
 
-wheelhouse: $(VENV)/.verify-ready
+wheelhouse: $(VENV)/.verify-ready $(VENV)/.runtime-locked
 	$(BIN)/python requirements/wheelhouse.py --platform $(PLATFORM) --python $(FOR) --extras $(EXTRAS) \
 		--out dist/wheelhouse-$(PLATFORM)
 
@@ -67,6 +67,11 @@ $(VENV)/.made: requirements/make-venv
 	touch $@
 
 $(VENV)/.verify-locked: requirements/verify.lock | $(VENV)/.made
+	$(PIP) install --quiet --require-hashes -r $<
+	touch $@
+
+# Signing bundles takes what the machine controller has.
+$(VENV)/.runtime-locked: requirements/runtime.lock $(VENV)/.verify-locked
 	$(PIP) install --quiet --require-hashes -r $<
 	touch $@
 
