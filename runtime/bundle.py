@@ -9,6 +9,7 @@ import json
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from runtime import image
 from specs.errors import InputError
 from specs.version import VERSION
 
-MANIFEST = "manifest.json"
+MANIFEST, PARAMETERS = "manifest.json", "parameters.json"
 FORMAT = 1
 NATIVE, ONNXRUNTIME = "native", "onnxruntime"
 ENGINES = (NATIVE, ONNXRUNTIME)
@@ -89,6 +90,27 @@ def hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of every file below `folder` but the manifest, by path with forward slashes."""
     files = {p.relative_to(folder).as_posix(): p for p in sorted(folder.rglob("*")) if p.is_file()}
     return {name: digest(path.read_bytes()) for name, path in files.items() if name != MANIFEST}
+
+
+def parameters_of(path: Path) -> str:
+    """SHA-256 of a bundle's `parameters.json`; InputError for one that holds no parameters.
+
+    Its values are compiled into the core; the file shows them, so it must be the one of that core.
+    """
+    try:
+        text = path.read_bytes()
+        content = json.loads(text)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is no JSON ({error})") from None
+    if not isinstance(content, dict) or not content:
+        raise InputError(f"{path} holds no table of parameters")
+    for name, entry in content.items():
+        value = entry.get("value") if isinstance(entry, dict) else None
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+            raise InputError(f"{path}: {name} has no number as its value")
+    return digest(text)
 
 
 def digest(content: bytes) -> str:

@@ -116,14 +116,28 @@ class PolicyCore(ControlCore):
         return self.answer(np.array(seen))
 
     def _check_parity(self, path: Path) -> None:
-        pairs = json.loads(path.read_text())["pairs"]
-        for number, pair in enumerate(pairs):
-            worst = float(np.max(np.abs(self.answer(np.array(pair["observation"])) - pair["action"])))
+        pairs = _pairs(path)
+        for number, (observation, wanted) in enumerate(pairs):
+            worst = float(np.max(np.abs(self.answer(observation) - wanted)))
             if not worst <= TOLERANCE:
                 raise InputError(
                     f"{path.parent / POLICY}: in onnxruntime its answer {number} differs by {worst:.3g} from "
                     f"that of the native engine; at most {TOLERANCE:g} is allowed"
                 )
+
+
+def _pairs(path: Path) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Observations and what must be answered; InputError for a file without them."""
+    try:
+        found = json.loads(path.read_bytes())["pairs"]
+        pairs = [(np.array(p["observation"], float), np.array(p["action"], float)) for p in found]
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise InputError(f"{path} holds no pairs of observations and answers") from None
+    if not pairs or any(answer.shape != (len(ACTIONS),) or o.ndim != 1 for o, answer in pairs):
+        raise InputError(f"{path} holds no pairs of observations and answers")
+    return pairs
 
 
 def _session(path: Path) -> tuple[Any, int]:

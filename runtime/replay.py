@@ -7,9 +7,11 @@ are missing (the queue was full, the disk, a cut file) it goes on at the next sn
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
+from runtime.bundle import MANIFEST, Bundle, load
 from runtime.image import INPUT, OUTPUT, token
 from runtime.recorder.feed import TIMING
 from runtime.recorder.reader import Recording, Snapshot
@@ -60,6 +62,19 @@ def check_identity(recorded: Mapping[str, str], mine: Mapping[str, str]) -> None
         if recorded.get(key) != mine[key]:
             theirs = recorded.get(key, "none")
             raise InputError(f"the recording was made with another {what}: {theirs}, not {mine[key]}")
+
+
+def bundle_of(recorded: Mapping[str, str]) -> Bundle:
+    """The bundle that ran, where it was then; InputError if it is not there any more, or is another now."""
+    folder = recorded.get("bundle_folder")
+    if not folder:
+        raise InputError("the recording does not say where its bundle was: name it with --bundle")
+    if not (Path(folder) / MANIFEST).is_file():
+        raise InputError(f"the bundle that ran is not at {folder} any more: name it with --bundle")
+    found = load(Path(folder))
+    if found.digest != recorded.get("bundle"):
+        raise InputError(f"{folder} holds another bundle than the one that ran: name that one with --bundle")
+    return found
 
 
 def replay(recording: Recording, core: Core, report: Callable[[int], None] = lambda ticks: None) -> Result:

@@ -20,11 +20,13 @@ from typing import IO, Any, Self
 
 from runtime import bundle, configuration
 from runtime.archive import start
+from runtime.can.native import check as check_frames
 from runtime.control_process import COUNTS, COUNTS_HOLD
 from runtime.helpers import Helper
 from runtime.image import OUTPUT, TICK_S
 from runtime.modbus.cells import create
 from runtime.notify import Notifier
+from runtime.policy import open_core
 from runtime.replay import identity
 from runtime.retain import Folder, Retained
 from runtime.ring import Ring
@@ -70,7 +72,7 @@ class Supervisor:
             self.wanted = configuration.with_hmi(self.wanted, path.parent)
         self.active = start.chosen(self.wanted, path)
         self.bundle = self.active.bundle
-        self.bundle.library()
+        check_frames(open_core(self.bundle).library)  # loaded once here: what is wrong with it is said now
         self._proven = False
         self.retained = self._retained()
         configuration.check_surroundings(self.wanted)
@@ -233,6 +235,7 @@ class Supervisor:
     def _prepare_recorder(self, wanted: configuration.Recording) -> None:
         ring = self._ring("recorder.ring", RECORDER_BYTES)
         who = {**identity(self.bundle.identity, VERSION), "bundle": self.bundle.digest}
+        who["bundle_folder"] = str(self.bundle.folder.resolve())
         who["signed_by"] = self.active.signer
         told = {
             "ring": str(ring.path),

@@ -56,6 +56,11 @@ def config_c(controller: Block | External, arm: Block, estimator: Block, c: Mapp
     )
 
 
+def parameters_c(digest: str) -> str:
+    """`parameters.c`: which parameters.json belongs to the core."""
+    return f'#include "slr.h"\n\nconst char *slr_parameters(void) {{ return "{digest}"; }}\n'
+
+
 def limits(c: Mapping[str, float]) -> str:
     """The initialiser of a SlrGateLimits; rates a tick."""
     speeds = ", ".join(repr(c[f"gate_speed_{name}"]) for name in ("slew", "arm", "arm"))

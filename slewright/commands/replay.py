@@ -15,21 +15,25 @@ def replay(
         Path, typer.Argument(metavar="FILE", help="A segment (.mcap), or the folder of all segments.")
     ],
     bundle: Annotated[
-        Path,
-        typer.Option(metavar="DIR", help="The bundle that ran when it was recorded.", show_default=False),
-    ],
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="The bundle that ran when it was recorded (default: where it was then).",
+            show_default=False,
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Repeat a recording with the same control core; name the first tick that comes out differently."""
     from runtime.bundle import load
     from runtime.policy import open_core
     from runtime.recorder.reader import Recording
-    from runtime.replay import check_identity, identity, replay as repeat
+    from runtime.replay import bundle_of, check_identity, identity, replay as repeat
     from specs.version import VERSION
 
     recording = Recording(file)
     metadata = recording.metadata()
-    checked = load(bundle)
+    checked = load(bundle) if bundle else bundle_of(metadata)
     check_identity(metadata, identity(checked.identity, VERSION))
     with progress("replay") as report:
         result = repeat(recording, open_core(checked), lambda ticks: report("ticks", ticks))

@@ -111,3 +111,33 @@ def test_a_library_that_is_none_is_refused(copy: Path) -> None:
 def test_a_snapshot_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match="a snapshot of 3 bytes"):
         core().restore(b"abc")
+
+
+def damaged(copy: Path, text: str) -> form.Bundle:
+    """The bundle with other parameters, and a manifest that says so."""
+    (copy / form.PARAMETERS).write_text(text)
+    edit(copy, lambda c: c["files"].update({form.PARAMETERS: form.digest(text.encode())}))
+    return form.load(copy)
+
+
+def without_lut(text: str) -> str:
+    return json.dumps({k: v for k, v in json.loads(text).items() if not k.startswith("lut_")})
+
+
+PARAMETERS = {
+    "no JSON": (lambda text: text[:-20], r"parameters\.json is no JSON"),
+    "no table": (lambda text: "[]", r"parameters\.json holds no table of parameters"),
+    "no number": (
+        lambda text: text.replace('"value": ', '"value": "x", "was": ', 1),
+        r"parameters\.json: \w+ has no number as its value",
+    ),
+    "no LUT": (without_lut, r"its core has parameters \(SHA-256 of parameters\.json\) \w+, not"),
+    "another LUT": (lambda text: text.replace("1.", "2."), r"its core has parameters .*, not"),
+}
+
+
+@pytest.mark.parametrize("case", PARAMETERS)
+def test_parameters_that_are_not_the_cores_are_refused(case: str, copy: Path) -> None:
+    change, said = PARAMETERS[case]
+    with pytest.raises(InputError, match=said):
+        ControlCore(damaged(copy, change((copy / form.PARAMETERS).read_text())))

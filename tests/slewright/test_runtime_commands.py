@@ -1,6 +1,7 @@
 """`slewright run` and `slewright replay`: what they refuse, and a recording repeated or not."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from runtime.recorder.feed import Feed
 from runtime.recorder.recorder import Recorder
 from runtime.recorder.segments import Disk, Folder
-from runtime.replay import identity
+from runtime.replay import bundle_of, identity
 from runtime.ring import Ring
 from runtime.supervisor import Supervisor
 from specs.errors import InputError
@@ -18,10 +19,11 @@ from tests.runtime.bundles import built, core
 from tests.runtime.test_replay_core import Wild
 
 
-def recording(folder: Path, core_identity: str, spoil: bool = False) -> Path:
+def recording(folder: Path, core_identity: str, spoil: bool = False, **more: str) -> Path:
     ring = Ring.create(folder / "ring", 4 << 20)
     feed, running, wild = Feed(ring), core("pd"), Wild(1)
-    recorder = Recorder(ring, Folder(folder / "out", 64 << 20), identity(core_identity, VERSION), 300, Disk())
+    metadata = {**identity(core_identity, VERSION), **more}
+    recorder = Recorder(ring, Folder(folder / "out", 64 << 20), metadata, 300, Disk())
     for tick in range(600):
         image = wild.next(tick)
         feed.before(tick, running)
@@ -54,6 +56,21 @@ def test_replay_refuses_a_recording_of_another_version(slewright: Command, tmp_p
     done = slewright("replay", recording(tmp_path, "another core"), "--bundle", built("pd").folder)
     assert done.returncode == 2
     assert "the recording was made with another control core: another core" in done.stderr
+
+
+def test_replay_finds_the_bundle_that_ran_or_asks_for_it(slewright: Command, tmp_path: Path):
+    folder = Path(shutil.copytree(built("pd").folder, tmp_path / "bundle"))
+    ran = {"bundle": built("pd").digest, "bundle_folder": str(folder)}
+    path = recording(tmp_path, built("pd").identity, **ran)
+    assert slewright("replay", path).returncode == 0
+    with pytest.raises(InputError, match="bundle holds another bundle than the one that ran"):
+        bundle_of({**ran, "bundle": "0" * 64})
+    with pytest.raises(InputError, match="does not say where its bundle was: name it with --bundle"):
+        bundle_of({})
+    folder.rename(tmp_path / "elsewhere")
+    done = slewright("replay", path)
+    assert done.returncode == 2
+    assert f"the bundle that ran is not at {folder} any more: name it with --bundle" in done.stderr
 
 
 @pytest.mark.parametrize(
