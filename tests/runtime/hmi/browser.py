@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-PATIENCE_S = 30.0
+PATIENCE_S = 90.0
 QUIET = ("--disable-gpu", "--disable-background-networking", "--no-first-run", "--hide-scrollbars")
 
 

@@ -3,7 +3,6 @@
 What crosses processes goes through the real cells; only the processes are missing.
 """
 
-
 import json
 import math
 import threading
