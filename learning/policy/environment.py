@@ -145,7 +145,7 @@ class Environment:
         return Machine(
             torch.stack(varied), self.uniform(*r.load), ticks(base.boom_delay), ticks(base.stick_delay),
             self.uniform(*r.latency).floor(), drawn(r.dead_band, base.dead_band),
-            self.uniform(*r.inertia_scale),
+            self.uniform(*r.inertia_scale), self.uniform(*r.gain),
         )  # fmt: skip
 
     def fresh(self) -> Situation:

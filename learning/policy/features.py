@@ -30,6 +30,8 @@ SLEW_CHANNELS = ("u_slew", "imu_cabin_rate_z")  # of the slew-only policy, with 
 HOLD_GAIN = 0.8  # 1/s: how the slew-only policy keeps the arm on its target
 PD_GAIN, PD_DAMPING = 0.6, 0.3  # 1/s and 1 of the prior, at pace 1
 PD_RAMP, PD_MOST = 0.03, 0.8  # rad/s over which the dead band is undone; largest joystick
+BRAKE_SHARE, BRAKE_PREVIEW, BRAKE_SLOPE = 0.6, 0.4, 0.8  # 1, s and 1/s of the prior "parabola", at pace 1
+BRAKE_SPEED, BRAKE_GAIN = 0.6, 2.0  # rad/s and 1
 _CONTROL = parameters.load("control")
 OUTPUTS = {"slew": 1, "full": 3}
 ACTION_SCALE = {"u_slew": 1.0, "qd_boom_ref": ARM_LIMIT, "qd_stick_ref": ARM_LIMIT}
@@ -78,14 +80,14 @@ def features(task: str, history: int) -> ca.Function:
 def commands(task: str, history: int, prior: str = "") -> ca.Function:
     """(outputs of the network, observation) -> commands [3] in SI before they are limited.
 
-    With the prior "pd" the answer is added to a plain law: slew by PD with its dead band undone, arm to the
-    target's pose.
+    With a prior the answer is added to a plain law: slew by PD ("pd") or braking parabola ("parabola") with
+    its dead band undone, arm to the target's pose.
     """
     observation = ca.SX.sym("observation", len(CHANNELS) * history + len(ONCE))
     y = ca.SX.sym("y", OUTPUTS[task])
     read = Reader(observation, history)
     arm = [-HOLD_GAIN * error for error in joint_errors(read).values()]
-    law = [_pd(read), *(ARM_LIMIT * ca.tanh(rate / ARM_LIMIT) for rate in arm)] if prior else [0.0] * 3
+    law = [_SLEW[prior](read), *(ARM_LIMIT * ca.tanh(r / ARM_LIMIT) for r in arm)] if prior else [0.0] * 3
     found = [y[0] + law[0], *arm]
     if task == "full":
         found = [y[i] * ACTION_SCALE[name] + law[i] for i, name in enumerate(ACTIONS)]
@@ -119,8 +121,32 @@ def joint_errors(read: Reader) -> dict[str, Any]:
 def _pd(read: Reader) -> Any:
     """Joystick for a speed in proportion to error and pace, less a share of the speed; PD_MOST at most."""
     speed = -PD_GAIN * read.now("pace") * read.now(SLEW_ERROR) - PD_DAMPING * read.now("imu_cabin_rate_z")
+    return _joystick(speed, PD_MOST)
+
+
+def _parabola(read: Reader) -> Any:
+    """Joystick for the speed from which a share of the braking torque, by pace, stops at the target.
+
+    baselines/parabola, with every corner rounded: a network is trained through it.
+    """
+    rate = read.now("imu_cabin_rate_z")
+    pose = read.now("q_boom"), read.now("q_stick"), read.now("load_told")
+    moment = kinematics.inertia_z(*pose, kinematics.geometry()) + _CONTROL["control_inertia_extra"].value
+    brake = BRAKE_SHARE * read.now("pace") * _CONTROL["control_brake_torque"].value / moment
+    error = read.now(SLEW_ERROR) + BRAKE_PREVIEW * rate
+    knee = 2.0 * brake / BRAKE_SLOPE**2
+    speed = -error * ca.sqrt(2.0 * brake / ca.sqrt(error * error + knee * knee))
+    speed = BRAKE_SPEED * ca.tanh(speed / BRAKE_SPEED)
+    return _joystick(speed + BRAKE_GAIN * (speed - rate), 1.0)
+
+
+def _joystick(speed: Any, most: float) -> Any:
+    """Joystick that settles at a speed: dead band undone over PD_RAMP, `most` at most."""
     band, slope = (_CONTROL[f"control_{n}"].value for n in ("dead_band", "valve_slope"))
-    return PD_MOST * ca.tanh((band * ca.tanh(speed / PD_RAMP) + slope * speed) / PD_MOST)
+    return most * ca.tanh((band * ca.tanh(speed / PD_RAMP) + slope * speed) / most)
+
+
+_SLEW = {"pd": _pd, "parabola": _parabola}
 
 
 def _past(q: Any, sine: Any, cosine: Any) -> Any:

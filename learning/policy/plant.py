@@ -222,6 +222,7 @@ class Machine:
     latency: Tensor  # ticks (float) from the network's answer to the command, 0..5
     dead_band: Tensor  # of the joystick: the drive's own is moved to this
     inertia_scale: Tensor  # slew inertia of the machine over that of its pose
+    gain: Tensor  # of the joystick beyond the dead band: more or less flow than the networks' machine
 
     def take(self, other: "Machine", where: Tensor) -> "Machine":
         """This machine, but `other`'s parameters where the mask [n] says so."""
@@ -265,7 +266,8 @@ class Plant:
         """0.1 s on with the commands `action` [3, n] (u_slew, qd_boom_ref, qd_stick_ref), already limited."""
         sent = torch.cat([state.sent[1:], action[None]])
         share = machine.latency / TICKS
-        joystick = warped((1.0 - share) * sent[-1, 0] + share * sent[-2, 0], machine.dead_band)
+        joystick = (1.0 - share) * sent[-1, 0] + share * sent[-2, 0]
+        joystick = warped(joystick, machine.dead_band, machine.gain)
         now = joystick.expand(self.ahead + 1, -1)
         inertia = self.inertia(state, machine)
         known = torch.cat([state.u[self.ahead :], now])
@@ -292,11 +294,12 @@ class Plant:
         return torch.cat(found)
 
 
-def warped(u: Tensor, band: Tensor) -> Tensor:
+def warped(u: Tensor, band: Tensor, gain: Tensor | float = 1.0) -> Tensor:
     """The joystick for the drive's own dead band that does what `u` does with `band`: two straight lines."""
     size = u.abs()
     inner = size * (OWN_DEAD_BAND / band)
-    outer = OWN_DEAD_BAND + (size - band) * ((1.0 - OWN_DEAD_BAND) / (1.0 - band))
+    outer = OWN_DEAD_BAND + gain * (size - band) * ((1.0 - OWN_DEAD_BAND) / (1.0 - band))
+    outer = outer.clamp(max=1.0)
     return torch.copysign(torch.where(size < band, inner, outer), u)
 
 
@@ -311,5 +314,5 @@ def nominal(n: int, device: str = "cpu", dtype: Any = torch.float32, **changed: 
         varied, full(changed.get("load", 0.0)),
         ticks(changed.get("boom_delay", boom)), ticks(changed.get("stick_delay", stick)),
         full(changed.get("latency", 0.0)), full(changed.get("dead_band", OWN_DEAD_BAND)),
-        full(changed.get("inertia_scale", 1.0)),
+        full(changed.get("inertia_scale", 1.0)), full(changed.get("gain", 1.0)),
     )  # fmt: skip

@@ -20,14 +20,15 @@ class Randomisation:
     load_told: float = 0.5  # share of episodes in which the load is told; else 0 is
     response: Range = (0.45, 0.8)  # P of boom and stick (identified: 0.64, 0.56)
     arm_delay: Range = (0.2, 0.36)  # s (identified: 0.28, 0.26), longer than the encoder's 0.2
-    tool_length: Range = (1.4, 2.4)  # m, of the pendulum
+    tool_length: Range = (1.2, 2.3)  # m, of the pendulum; draws.toml: com + gyration^2 / com
     tool_damping: Range = (0.05, 0.2)  # 1/s
-    dead_band: Range = (0.09, 0.17)  # of the joystick, as specs/draws.toml spreads it
-    inertia_scale: Range = (0.95, 1.2)  # what the pose's own inertia leaves out
-    latency: Range = (0.0, 3.0)  # ticks of 0.02 s from answer to command, beyond the networks' own delay
+    dead_band: Range = (0.09, 0.18)  # of the joystick, as specs/draws.toml spreads it
+    inertia_scale: Range = (0.8, 1.3)  # what the pose's own inertia leaves out, and the drive's torque
+    gain: Range = (0.88, 1.25)  # of the joystick's flow, as specs/draws.toml spreads it
+    latency: Range = (0.0, 5.0)  # ticks of 0.02 s from answer to command, beyond the networks' own delay
     slew_error: Range = (0.35, 2.5)  # rad, either way
     small_moves: float = 0.1  # share of targets nearer than that
-    pace: Range = (0.4, 1.4)
+    pace: Range = (0.5, 1.5)
     angle_noise: float = 0.0005  # rad, encoders
     rate_noise: float = 0.003  # rad/s, encoders
     imu_angle_noise: float = 0.002
@@ -41,8 +42,9 @@ class Randomisation:
         return replace(
             self, load=(0.0, 0.0), load_told=0.0, response=(-1.0, -1.0), arm_delay=(-1.0, -1.0),
             tool_length=(2.0, 2.0), tool_damping=(0.1, 0.1), dead_band=(-1.0, -1.0),
-            inertia_scale=(1.0, 1.0), latency=(0.0, 0.0), pace=(1.0, 1.0), angle_noise=0.0, rate_noise=0.0,
-            imu_angle_noise=0.0, imu_rate_noise=0.0, imu_angle_bias=0.0, imu_rate_bias=0.0, angle_bias=0.0,
+            inertia_scale=(1.0, 1.0), gain=(1.0, 1.0), latency=(0.0, 0.0), pace=(1.0, 1.0),
+            angle_noise=0.0, rate_noise=0.0, imu_angle_noise=0.0, imu_rate_noise=0.0,
+            imu_angle_bias=0.0, imu_rate_bias=0.0, angle_bias=0.0,
         )  # fmt: skip
 
 

@@ -44,21 +44,24 @@ class Panel:
         return f"<polyline points='{points}' fill='none' stroke-linejoin='round'{_attributes(look)}/>"
 
 
-def write_picture(path: Path | str, pair: Pair, title: str = "") -> Path:
+def write_picture(path: Path | str, pair: Pair, title: str = "", height: bool = False) -> Path:
     """Write the picture of one scenario (system → record) as SVG to `path`; return its path.
+
+    With `height` the tool's height over time stands in the place of the tool's rate.
 
     Raises InputError when a record has no true slew angle, tool position or tool rate, or names no targets.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(picture(pair, title), encoding="utf-8")
+    path.write_text(picture(pair, title, height), encoding="utf-8")
     return path
 
 
-def picture(pair: Pair, title: str = "") -> str:
+def picture(pair: Pair, title: str = "", height: bool = False) -> str:
     """Return the picture as SVG."""
     asked = targets(next(iter(pair.values())))
-    parts = [_head(pair, title), _above(pair, asked), _slew(pair, asked), _rate(pair, asked)]
+    last = _height if height else _rate
+    parts = [_head(pair, title), _above(pair, asked), _slew(pair, asked), last(pair, asked)]
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {WIDTH} {HEIGHT}' width='{WIDTH}' "
         f"height='{HEIGHT}' font-family='Helvetica, Arial, sans-serif' font-size='12' fill='{INK}'>"
@@ -150,6 +153,17 @@ def _rate(pair: Pair, asked: Sequence[Target]) -> str:
         + _labels(panel, "Time [s]", "", "Tool rate [°/s]")
         + _curves(panel, pair, rates)
     )
+
+
+def _height(pair: Pair, asked: Sequence[Target]) -> str:
+    heights = {s: r.column("true_tool_z")[thin(r)] for s, r in pair.items()}
+    ends = [t.z for t in asked], *heights.values()
+    panel = _over_time(pair, 268, 116, (min(map(min, ends)) - 0.5, max(map(max, ends)) + 0.5))
+    drawn = _grid(panel, 15.0, 2.0) + _labels(panel, "Time [s]", "", "Tool height [m], target dashed")
+    for target in asked:
+        span = (target.start_s, min(target.start_s + target.duration_s, panel.x[1]))
+        drawn += panel.line(span, (target.z, target.z), stroke=TARGET, stroke_dasharray="6 4")
+    return drawn + _curves(panel, pair, heights)
 
 
 def _over_time(pair: Pair, top: float, height: float, y: tuple[float, float]) -> Panel:

@@ -38,6 +38,10 @@ def evaluate(
         Path | None,
         typer.Option("--page", metavar="FILE.md", exists=True, help="Write the table between its markers."),
     ] = None,
+    figures: Annotated[
+        Path | None,
+        typer.Option("--figures", metavar="DIR", help="Draw two runs on the reference machine there."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
@@ -74,9 +78,20 @@ def evaluate(
     for key, reason in list(found["failed"].items())[:5]:
         typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
     write(json, found, seed=1)
+    _draw(found, policy[0], page, figures, out)
+    if found["failed"]:
+        raise typer.Exit(3)
+
+
+def _draw(found: dict, policy: Path, page: Path | None, figures: Path | None, out: Path) -> None:
+    """Table and pictures, where they are asked for."""
     if page is not None:
+        from slewright import evaluation
         from slewright.markers import fill
 
         fill(page, f"policy-{found['task']}", evaluation.markdown(found))
-    if found["failed"]:
-        raise typer.Exit(3)
+    if figures is not None and found["task"] == "full":
+        from slewright import policy_figures
+
+        for path in policy_figures.draw(policy, out / "figures", found["pace"], figures):
+            typer.echo(f"written: {path}")

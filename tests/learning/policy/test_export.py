@@ -24,7 +24,7 @@ from tests.learning.policy.test_features import observations
 
 PARITY = 1e-6
 LAYERS = (32, 16)
-PRIOR = {"full": "", "slew": "pd"}
+PRIOR = {"full": "parabola", "slew": "pd"}
 TICKS = 5
 
 

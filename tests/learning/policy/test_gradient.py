@@ -68,3 +68,20 @@ def test_the_rate_rises_and_falls() -> None:
     assert values[1] > 0.95
     assert values[2] == pytest.approx(0.51, abs=0.01)
     assert values[3] == pytest.approx(0.02)
+
+
+def test_fading_takes_a_share_of_the_gradient_at_each_step() -> None:
+    """What the state three steps before passes on is the share to the power of three; values stay."""
+    trainer = GradientTrainer(replace(recipe("slew"), envs=4, iterations=2), load_networks([WEIGHTS]), 1)
+    action = torch.zeros(3, 4)
+    found = {}
+    for share in (1.0, 0.9):
+        trainer.environment.generator.manual_seed(5)
+        s = trainer.environment.fresh()
+        q = s.state.q.clone().requires_grad_()
+        s = replace(s, state=replace(s.state, q=q))
+        for _ in range(3):
+            s = trainer.environment.advance(s, action).faded(share)
+        found[share] = s.state.q.detach(), torch.autograd.grad(s.state.q.sum(), q)[0]
+    assert torch.equal(found[0.9][0], found[1.0][0])
+    assert torch.allclose(found[0.9][1], 0.9**3 * found[1.0][1])

@@ -110,6 +110,14 @@ def test_dead_band_moved_by_two_straight_lines() -> None:
     np.testing.assert_allclose(warped(u, band).numpy(), expected, rtol=1e-6, atol=1e-7)
 
 
+def test_more_flow_is_more_joystick_beyond_the_dead_band() -> None:
+    """Twice the gain: twice the way beyond the dead band, full joystick at most; inside nothing changes."""
+    own = OWN_DEAD_BAND
+    u = torch.tensor([0.5 * own, own + 0.2, -own - 0.2, 0.9])
+    found = warped(u, torch.full_like(u, own), torch.full_like(u, 2.0))
+    np.testing.assert_allclose(found.numpy(), [0.5 * own, own + 0.4, -own - 0.4, 1.0], rtol=1e-6)
+
+
 def test_latency_holds_back_joystick_and_references() -> None:
     """Two ticks of latency: a period's joystick is two fifths the old one; the arm moves two ticks later."""
     plant = Plant(Drive([untrained(1)]))

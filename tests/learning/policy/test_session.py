@@ -125,6 +125,13 @@ def test_wrong_words_are_refused(network: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no field 'speed'"):
         session.changes(["speed=1"])
     assert session.changes(["envs=64", "weights.action=0.5"]) == {"envs": 64, "weights": {"action": 0.5}}
+    words = ["random.pace=[0.5,1.5]", "last.settle_rad=0.1", "prior=parabola"]
+    told = session.changes(words)
+    assert told["random"] == {"pace": (0.5, 1.5)}
+    assert session.Options(changed=told).command.endswith(" ".join(f"--set {w}" for w in words))
+    assert session.Options(changed=told).chosen().random.pace == (0.5, 1.5)
+    with pytest.raises(InputError, match="no 'paces' in random"):
+        session.Options(changed=session.changes(["random.paces=[1,2]"])).chosen()
     with pytest.raises(InputError, match=r"none\.npz"):
         session.run(Options("full", networks=(tmp_path / "none.npz",), out=tmp_path / "x"), quiet)
     assert not (tmp_path / "x").exists()
