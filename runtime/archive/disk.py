@@ -34,9 +34,12 @@ class StoreFolder(Folder):
             number = os.open(self.path / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         except OSError:
             return None
+        found = os.fstat(number)
+        if not stat.S_ISREG(found.st_mode) or found.st_size > LARGEST:
+            os.close(number)
+            return None
         with os.fdopen(number, "rb") as file:
-            found = os.fstat(number)
-            return file.read() if stat.S_ISREG(found.st_mode) and found.st_size <= LARGEST else None
+            return file.read()
 
     def rename(self, old: str, new: str) -> None:
         """Put one file in the place of another, in a folder that need not be there yet."""
@@ -46,17 +49,17 @@ class StoreFolder(Folder):
         self._touched |= {target.parent, (self.path / old).parent}
 
     def below(self, folder: str) -> list[str]:
-        """All names below a folder; a link to a folder is one of them."""
+        """All names below a folder; links to folders and empty folders are among them."""
         found = []
         for at, folders, files in os.walk(self.path / folder):
-            links = [name for name in folders if (Path(at) / name).is_symlink()]
-            found += [(Path(at) / name).relative_to(self.path).as_posix() for name in (*files, *links)]
-        return sorted(found)
+            paths = [Path(at) / name for name in (*files, *folders)]
+            found += [p for p in paths if not p.is_dir() or p.is_symlink() or not any(p.iterdir())]
+        return sorted(path.relative_to(self.path).as_posix() for path in found)
 
     def remove(self, name: str) -> None:
         """Take a file away, and folders that are empty without it."""
         path = self.path / name
-        path.unlink()
+        path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
         while path.parent != self.path and not any(path.parent.iterdir()):
             path = path.parent
             path.rmdir()

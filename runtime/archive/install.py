@@ -63,6 +63,7 @@ def install(place: Place, offered: Offer) -> None:
 
 def roll_back(place: Place) -> Offer:
     """Let the last good bundle be the active one; what that changed.  InputError if there is none."""
+    place.store()  # says if there is none
     with held(place.folder):
         store = place.store()
         before = store.state

@@ -76,7 +76,7 @@ class Store:
         """Put a bundle beside the others; files that are there already and right are left alone."""
         at = f"{BUNDLES}{signed.digest}/"
         for name in self.disk.below(at):
-            if name.removeprefix(at) not in signed.files:
+            if name.removeprefix(at) not in signed.files or self.disk.read(name) is None:
                 self.disk.remove(name)
         for name, data in signed.files.items():
             if self.disk.read(at + name) != data:
