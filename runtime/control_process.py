@@ -33,6 +33,7 @@ from runtime.scan import Port, Scan
 from runtime.shared import Cell
 from runtime.statistics import Statistics
 
+LISTEN_S = 0.2  # twice the cycle of the slowest message that a controller sends
 COUNTS = struct.Struct("<8q")  # cell `counts`: see `Publisher.send`
 COUNTS_HOLD = "counts"
 EVERY = 50  # ticks between what is published once a second
@@ -95,7 +96,7 @@ def main(text: str) -> None:
     bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate)
     found = Statistics()
     joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
-    ports: list[Port] = [NativePort(bus, core.library, joystick), *_others(wanted, folder, found)]
+    ports: list[Port] = [can := NativePort(bus, core.library, joystick), *_others(wanted, folder, found)]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
     if told.get("hmi"):
         ports.insert(len(ports) - 1, _hmi(ports, folder, found, feed))
@@ -107,6 +108,7 @@ def main(text: str) -> None:
     scan = Scan(core, ports, rights, feed, statistics=found)
     if twin:
         scan.before = twin
+    can.listen(LISTEN_S)
     scan.run(stop=helpers.told_to_end, ticks=told.get("ticks"))
     realtime.release()
     bus.shutdown()

@@ -61,6 +61,7 @@ class Flag(IntFlag):
     GATE_LIMITED = 512
     POLICY_LATE = 1024
     FORCED = 2048  # not the computer's: some input is forced
+    OTHER_CONTROLLER = 4096  # somebody else sends what only this controller may
 
 
 class Group(IntEnum):

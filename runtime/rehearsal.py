@@ -55,6 +55,7 @@ class Rehearsal:
         self._modbus = next((p for p in ports if isinstance(p, ModbusPort)), None)
         self._bus = Loop()
         self._twin_can = NativePort(self._bus, core.library)
+        self._twin_can.alone = False  # it hears itself
         self._twin_modbus = ModbusPort(*create(folder)) if self._modbus else None
         self._ring = Ring.create(folder / "ring", RING_BYTES) if recorder else None
         twins: list[Port] = [self._twin_can, *([self._twin_modbus] if self._twin_modbus else [])]

@@ -8,6 +8,7 @@ a packet {"do": …} on a connection of its own spoils frames, cuts cables, swit
 import argparse
 import json
 import select
+import signal
 import socket
 import subprocess
 import sys
@@ -157,6 +158,7 @@ def start_bus(path: Path, bit_rate: int | None = None) -> subprocess.Popen[bytes
 
         bit_rate = definition().bus.bit_rate
     command = [sys.executable, "-m", "runtime.can.busd", str(path), "--bit-rate", str(bit_rate)]
+    command.append("--with-parent")
     process = subprocess.Popen(command, stdout=subprocess.PIPE)
     assert process.stdout  # noqa: S101  (it was asked for)
     if process.stdout.readline() != b"ready\n":
@@ -179,7 +181,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("socket", type=Path)
     parser.add_argument("--bit-rate", type=int, default=250_000, help="0: frames take no time")
+    parser.add_argument(
+        "--with-parent", action="store_true", help="end when the process that started it ends"
+    )
     wanted = parser.parse_args()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if wanted.with_parent:
+        from runtime.realtime import die_with_parent  # what it needs takes a while to load
+
+        die_with_parent(signal.SIGTERM)
     try:
         bus = BusProcess(wanted.socket, Wire(wanted.bit_rate))
     except OSError as error:

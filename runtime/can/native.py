@@ -14,22 +14,29 @@ from runtime.can import table, wire
 from runtime.can.batch import Batch, FrameSource
 from runtime.can.codec import sent_by
 from runtime.can.localbus import LocalBus
-from runtime.can.port import FRAMES_A_TICK, JOYSTICK, PERIOD_NS, Reader, frame_source
+from runtime.can.port import FRAMES_A_TICK, JOYSTICK, PERIOD_NS, SHOWN_TICKS, Reader, frame_source
 from runtime.image import INPUT, NODE, Flag
 from specs.errors import InputError
 
 # Words at the beginning of SlrWire (runtime/core/wire.h).
+OTHER = int(Flag.OTHER_CONTROLLER)
+LISTEN_EVERY_S = 0.01
 STAMP, FLAGS, PASSIVE, OFF, WAS_OFF, LOST, WRONG, OURS, IGNORED = range(9)
 
 
 class NativePort:
     """A `Port` of the scan (runtime/scan.py) on `bus`; `library`: that of a loaded bundle.
 
-    `joystick` reads frames of a J1939 joystick instead of OperatorJoystick (runtime/can/joystick.py).
+    `joystick` reads frames of a J1939 joystick instead of OperatorJoystick (runtime/can/joystick.py), `other`
+    frames that are nobody's input (runtime/shadow.py).
     """
 
     def __init__(
-        self, bus: can.BusABC | FrameSource, library: ctypes.CDLL, joystick: Reader | None = None
+        self,
+        bus: can.BusABC | FrameSource,
+        library: ctypes.CDLL,
+        joystick: Reader | None = None,
+        other: Reader | None = None,
     ) -> None:
         """Raises InputError for a library that was compiled for other frames."""
         check(library)
@@ -48,7 +55,9 @@ class NativePort:
         self._came, self._going = Batch(FRAMES_A_TICK), Batch(len(sent_by(NODE)))
         self._inputs, self._at_inputs = INPUT.new(), 0  # images seen last and where they lie
         self._outputs, self._at_outputs = INPUT.new(), 0
-        self._joystick = joystick
+        self._readers = [r for r in (joystick, other) if r]
+        self.alone = other is None  # whether nobody else may send what we send
+        self._heard = self._another = self._flags = 0
         self.unsent = 0  # frames that could not be sent
         reset(self._at)
         if joystick:
@@ -68,9 +77,12 @@ class NativePort:
         self._receive(self._at, self._came.at, count, tick, now, self._at_inputs)
         if gone:  # the interface is down or gone
             self._words[OFF], self._words[FLAGS] = 1, self._words[FLAGS] | int(Flag.BUS_OFF)
-        if self._joystick:
-            self._by_joystick(self._joystick, count, tick, now)
-            self._joystick.fill(inputs, tick)
+        if self._words[OURS] != self._heard:
+            self._heard, self._another = self._words[OURS], tick + SHOWN_TICKS
+        self._flags = self._words[FLAGS] | (OTHER if self.alone and tick < self._another else 0)
+        for reader in self._readers:
+            self._read(reader, count, tick, now)
+            reader.fill(inputs, tick)
 
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """Send the frames that are due; what the bus has no room for is dropped and counted."""
@@ -87,8 +99,8 @@ class NativePort:
                 self.unsent += 1
 
     def flags(self) -> int:
-        """BUS_PASSIVE and BUS_OFF."""
-        return self._words[FLAGS]
+        """BUS_PASSIVE, BUS_OFF and OTHER_CONTROLLER."""
+        return self._flags
 
     def received_ns(self) -> int:
         """When the slew's position came last, on the monotonic clock; 0: never."""
@@ -116,6 +128,16 @@ class NativePort:
     def restore(self, state: bytes) -> None:
         """Go on from a state of the same library."""
         self._state[:] = np.frombuffer(state, np.int64)
+        self._heard = self._words[OURS]
+
+    def listen(self, seconds: float) -> None:
+        """Before anything is sent: InputError if another controller sends on this bus."""
+        inputs, end = INPUT.new(), time.monotonic() + seconds
+        while self.alone and time.monotonic() < end:
+            self.receive(inputs, 0)
+            if self.ours:
+                raise InputError("another controller sends on this bus: there can be one only")
+            time.sleep(LISTEN_EVERY_S)
 
     def _waiting(self) -> int:
         """Fill the batch with what waits; how many frames."""
@@ -123,12 +145,12 @@ class NativePort:
             return self._bus.recv_batch(self._came)
         return self._came.from_source(self._bus)
 
-    def _by_joystick(self, joystick: Reader, count: int, tick: int, now: int) -> None:
+    def _read(self, reader: Reader, count: int, tick: int, now: int) -> None:
         for i in range(count):
             identifier, data, stamp = self._came.get(i)
             if identifier & wire.EXTENDED and not identifier & wire.ERROR:
                 came = tick - max(0, now - stamp) // PERIOD_NS
-                joystick.take(identifier & wire.IDENTIFIER, data, came)
+                reader.take(identifier & wire.IDENTIFIER, data, came)
 
 
 def check(library: ctypes.CDLL) -> None:

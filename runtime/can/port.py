@@ -27,11 +27,34 @@ INTERFACES = ("slewright", "socketcan", "slcan")
 # A bus of 250 kbit/s carries at most 106 frames in 20 ms (47 bits each: 11-bit identifiers, no data); so a
 # queue that grew while the process was held up empties again.
 FRAMES_A_TICK = 128
+SHOWN_TICKS = 50  # for which a frame of another controller shows: one second
+WAYS_OUT = ("send", "send_raw", "send_packet", "send_periodic")  # of python-can's buses and the local one
 JOYSTICK = "OperatorJoystick"  # what a J1939 joystick stands for
 
 
-def open_bus(interface: str, channel: str, bit_rate: int, node: str = NODE) -> can.BusABC:
-    """Open a bus; raises InputError if there is none."""
+def open_bus(
+    interface: str, channel: str, bit_rate: int, node: str = NODE, listen_only: bool = False
+) -> can.BusABC:
+    """Open a bus; raises InputError if there is none.
+
+    With `listen_only` it refuses to send; an SLCAN adapter is told so too, and does not even acknowledge.
+    """
+    bus = _open(interface, channel, bit_rate, node, listen_only)
+    return mute(bus) if listen_only else bus
+
+
+def mute(bus: can.BusABC) -> can.BusABC:
+    """The same bus, which from now on refuses to send anything: can.CanOperationError."""
+
+    def refuse(*frame: object, **options: object) -> None:
+        raise can.CanOperationError("this bus is only listened to: nothing is sent")
+
+    for name in WAYS_OUT:
+        setattr(bus, name, refuse)
+    return bus
+
+
+def _open(interface: str, channel: str, bit_rate: int, node: str, listen_only: bool) -> can.BusABC:
     if interface not in INTERFACES:
         raise InputError(f"unknown CAN interface '{interface}'; {nearest(interface, INTERFACES)}")
     options: dict[str, Any] = {}
@@ -40,7 +63,7 @@ def open_bus(interface: str, channel: str, bit_rate: int, node: str = NODE) -> c
     if interface == "slcan":
         if not Path(channel.split("@")[0]).is_absolute():  # a URL would lead elsewhere than to a device here
             raise InputError(f"CAN bus slcan '{channel}': not the path of a serial device")
-        options |= {"bitrate": bit_rate, "timeout": 0}  # a read must not wait
+        options |= {"bitrate": bit_rate, "timeout": 0, "listen_only": listen_only}  # a read must not wait
     return _opened(interface, channel, lambda: can.Bus(interface=interface, channel=channel, **options))
 
 
@@ -107,11 +130,13 @@ class CanPort:
         self.lost = 0  # times that frames for us were lost
         self.unsent = 0  # frames that could not be sent
         self.ours = 0  # frames that only this node sends, and that came from somebody else
+        self._another = self._tick = 0  # until when another controller counts as there
         self._sent = {c.message.frame_id for c in sent_by(node)}
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Take what has come, at most FRAMES_A_TICK frames; put it and its age into the image."""
-        now, self._was_off = time.monotonic_ns(), False
+        now, self._was_off, self._tick = time.monotonic_ns(), False, tick
+        before = self.ours
         for _ in range(FRAMES_A_TICK):
             try:
                 found = self._bus.recv_raw()
@@ -121,6 +146,8 @@ class CanPort:
             if found is None:
                 break
             self._take(found, tick, now)
+        if self.ours != before:
+            self._another = tick + SHOWN_TICKS
         self.receiver.fill(inputs, tick)
         if self.joystick:
             self.joystick.fill(inputs, tick)
@@ -162,8 +189,9 @@ class CanPort:
                 self.unsent += 1
 
     def flags(self) -> int:
-        """BUS_PASSIVE and BUS_OFF."""
-        return Flag.BUS_PASSIVE * self.passive | Flag.BUS_OFF * (self.off or self._was_off)
+        """BUS_PASSIVE, BUS_OFF and OTHER_CONTROLLER."""
+        found = Flag.BUS_PASSIVE * self.passive | Flag.BUS_OFF * (self.off or self._was_off)
+        return found | Flag.OTHER_CONTROLLER * (self._tick < self._another)
 
     def received_ns(self) -> int:
         """When the slew's position came last, on the monotonic clock; 0: never."""

@@ -80,6 +80,11 @@ FLAGS = {
     Flag.DISK_FULL: (Level.WARNING, "Disk full", "ticks are not recorded"),
     Flag.POLICY_LATE: (Level.WARNING, "Policy late", "its last answer was used again"),
     Flag.FORCED: (Level.NOTE, "Inputs are forced", "by the service role; see Signals"),
+    Flag.OTHER_CONTROLLER: (
+        Level.CRITICAL,
+        "Another controller on the bus",
+        "it sends commands with this one's identifiers: switch one of them off",
+    ),
 }
 FAULTS = {
     "sensor_timeout": "A sensor was lost",
@@ -98,6 +103,7 @@ FAULTS = {
     "emergency_stop": "Emergency stop",
     "bus_off": "CAN bus off",
     "keep_out": "Keep-out",
+    "other_controller": "Another controller sends on the bus",
     "configuration": "Configuration",
 }
 MACHINE_FAULTS = {

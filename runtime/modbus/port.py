@@ -2,6 +2,7 @@
 
 import struct
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -21,8 +22,8 @@ LOST = int(Flag.MODBUS_LOST)
 class ModbusPort:
     """Publishes both images each tick; brings in what the writer committed, as old as its heartbeat."""
 
-    def __init__(self, image: Cell, targets: Cell) -> None:
-        self._image, self._targets = image, targets
+    def __init__(self, image: Cell, targets: Cell, clock: Callable[[], int] = time.monotonic_ns) -> None:
+        self._image, self._targets, self._clock = image, targets, clock
         self._number = -1
         self._commits = self._stamp_ns = self._heartbeat_ns = 0
         self._owner = False
@@ -32,11 +33,11 @@ class ModbusPort:
         self._sent = flat(self._outputs)
         self._late = timeout_ticks(HEARTBEAT)
         self._lost = True
-        self._started_ns = time.monotonic_ns()
+        self._started_ns = clock()
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Put the targets into the image."""
-        now = time.monotonic_ns()
+        now = self._clock()
         if self._targets.number != self._number and (found := self._targets.read()):
             self._take(*found)
         if inputs is not self._inputs:
@@ -52,7 +53,7 @@ class ModbusPort:
         """Publish what came in and what goes out in this tick."""
         if outputs is not self._outputs:
             self._outputs, self._sent = outputs, flat(outputs)
-        self._image.write(STAMP.pack(time.monotonic_ns()), self._seen, self._sent)
+        self._image.write(STAMP.pack(self._clock()), self._seen, self._sent)
 
     def follow(self, other: "ModbusPort") -> None:
         """Know what another one knows of the writer."""

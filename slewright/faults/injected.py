@@ -7,8 +7,10 @@ from functools import partial
 import numpy as np
 
 from runtime.can.codec import Codec, Field, codecs
+from runtime.can.transmit import Transmitter
 from runtime.can.wire import BUS_OFF, CONTROLLER, ERROR, RX_OVERFLOW
-from runtime.image import INPUT, OUTPUT, Group, Status, group, timeout_ticks
+from runtime.image import INPUT, NODE, OUTPUT
+from slewright.faults.client import Lost
 from slewright.faults.drive import Drive, Frame, Moment, Run, mode_number
 from slewright.faults.table import TICK_MS, Fault, Outcome
 from specs.e2e import COUNTER_BITS, LAST_COUNT
@@ -23,7 +25,6 @@ NAMES = definition().signals["fault_code"].values
 FAULT = mode_number("fault")
 BABBLE = 104  # frames of the lowest identifier that a tick has room for
 MARGIN_TICKS = 10  # beyond the limit, to see by how much it was missed
-PLANNER = [INPUT.index[s.name] for s in INPUT.signals if group(s) is Group.PLANNER]
 Random = np.random.Generator
 
 
@@ -172,6 +173,14 @@ def _babble(random: Random) -> Disturbance:
     return Disturbance(lambda frames, k: [(0, random.bytes(8)) for _ in range(BABBLE)])
 
 
+def _other_controller(random: Random) -> Disturbance:
+    """Its commands, now and then."""
+    other, every = Transmitter(NODE, OUTPUT.index), int(random.integers(1, 20))
+    values = OUTPUT.new()["value"].tolist()
+    values[OUTPUT.index["u_slew"]] = float(random.uniform(-1.0, 1.0))
+    return Disturbance(lambda frames, k: [*frames, *([] if k % every else other.due(values, k))])
+
+
 def _bus_off(random: Random) -> Disturbance:
     return Disturbance(lambda frames, k: [] if k else [(ERROR | BUS_OFF, bytes(8))])
 
@@ -207,20 +216,6 @@ def _nan(random: Random) -> Disturbance:
     return Disturbance(twist=twist)
 
 
-def _client_lost(random: Random) -> Disturbance:
-    """As runtime.modbus.port gives it: values stay, all as old as the last heartbeat."""
-    last: list[np.ndarray] = []
-    late = timeout_ticks(definition().signals["planner_heartbeat"])
-
-    def twist(k: int, image: np.ndarray) -> None:
-        if not last:
-            last.append(image["value"][PLANNER].copy())
-        image["value"][PLANNER], image["age"][PLANNER] = last[0], k
-        image["status"][PLANNER] = Status.TIMEOUT if k >= late else Status.OK
-
-    return Disturbance(twist=twist)
-
-
 def _nan_state(random: Random) -> Disturbance:
     """The blocks' states are at the end of the core's; what looks like a number there becomes none."""
 
@@ -252,13 +247,14 @@ MAKERS: dict[str, Callable[[Random], Disturbance]] = {
     "counter_wrong": _same_count,
     "babbling_node": _babble,
     "bus_off": _bus_off,
+    "other_controller": _other_controller,
     "receive_overflow": _overflow,
     "operator_lost": lambda random: _without(*_messages_of("Operator")),
     "machine_lost": lambda random: _without(_codec_of("machine_ready").message.frame_id),
     "planner_lost": lambda random: _without(*_messages_of("Planner")),
     "emergency_stop": _pressed,
     "sensor_nan": _nan,
-    "modbus_client_lost": _client_lost,
+    "modbus_client_lost": lambda random: Disturbance(twist=Lost(random)),
     "policy_nan": _nan_state,
     "task_overrun": _overrun,
 }

@@ -24,7 +24,7 @@ from runtime.shared import private_folder
 from runtime.supervisor import Supervisor
 from slewright.faults.drive import AUTOMATIC, mode_number
 from slewright.faults.table import Fault, Outcome
-from slewright.hil.loads import clients
+from slewright.hil.loads import clients, planning
 from slewright.hil.machine import Machine
 from slewright.hil.machine_node import PERIOD_NS, MachineNode, Valves
 from slewright.hil.panel import ARMING_TICKS
@@ -37,7 +37,8 @@ from specs.signals import definition
 SCENARIO = "four_targets_empty"
 PATIENCE_TICKS = 3000
 HEARD_TICKS = 10  # before the operator's switches: the planner's slower messages have come
-ARMED = mode_number("armed")
+ARMED, FAULT = mode_number("armed"), mode_number("fault")
+COMMANDS = ("u_slew", "u_boom", "u_stick")
 BURST_S = 0.2
 HELPERS = {"recorder_killed": ("recorder", Flag.RECORDER_LOST), "modbus_killed": ("modbus", Flag.MODBUS_LOST)}
 
@@ -117,6 +118,30 @@ class Plant:
             said = ", ".join(f"{name} {self.shown(name):.0f}" for name in ("control_mode", "fault_code"))
             raise RunError(f"mode {mode} did not come: {said}")
 
+    def go_automatic(self) -> None:
+        """As `go`, the request a while after the enabling: a busy computer must not show both in one tick."""
+        self.node.panel.over["automatic_request"] = 0.0
+        self.go(ARMED)
+        del self.node.panel.over["automatic_request"]
+        if not self.drive(500, lambda: self.shown("control_mode") == AUTOMATIC):
+            raise RunError("automatic operation did not come")
+
+    def acknowledge(self) -> None:
+        """The operator's switch off, on and off again: a fault is left."""
+        for state in (0.0, 1.0, 0.0):
+            self.node.panel.over["operator_enable"] = state
+            self.wait_periods(10)
+        del self.node.panel.over["operator_enable"]
+
+    def wait_periods(self, count: int) -> None:
+        """So many periods, neutral."""
+        left = iter(range(count))
+        self.wait(lambda: next(left, None) is None)
+
+    def stopped(self) -> bool:
+        """Whether the controller says that it is in FAULT, with neutral commands."""
+        return self.shown("control_mode") == FAULT and not any(self.shown(n) for n in COMMANDS)
+
     def shown(self, name: str) -> float:
         """What the controller says."""
         return self.node.valves.value(name)
@@ -130,7 +155,11 @@ class Plant:
 
 def run_all(bundle: Bundle, wanted: Sequence[Fault], count: int, seed: int, report: Report) -> list[Outcome]:
     """Each of the `wanted` faults `count` times."""
-    makers = {"control_killed": _control_killed, "modbus_flooding": _flooded}
+    makers = {
+        "control_killed": _control_killed,
+        "modbus_flooding": _flooded,
+        "modbus_client_gone": _client_gone,
+    }
     outcomes = []
     for fault in wanted:
         random = np.random.default_rng([seed, zlib.crc32(fault.name.encode())])
@@ -155,6 +184,28 @@ def _control_killed(
             neutral = plant.drive(50, lambda: not plant.node.valves.follows)
             ms = 1000.0 * (time.monotonic() - killed)
             outcome.add(plant.tick, ms if neutral else None)
+
+
+def _client_gone(
+    plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report
+) -> None:
+    """A client in a process of its own drives the machine, and is killed."""
+    with Supervisor(plant.configuration("modbus")) as supervisor:
+        modbus = supervisor.wanted.modbus
+        port = modbus.port if modbus else 0
+        for number in range(count):
+            report(outcome.fault.name, number, count)
+            with planning(port, SCENARIO) as client:
+                plant.acknowledge()
+                plant.go_automatic()
+                plant.drive(int(random.integers(5, 60)), lambda: False)
+                killed = time.monotonic()
+                client.kill()
+                stopped = plant.drive(100, plant.stopped)
+                ms = 1000.0 * (time.monotonic() - killed)
+            code = definition().signals["fault_code"].values[int(plant.shown("fault_code"))]
+            why = "" if code in outcome.fault.codes or not stopped else f"fault code {code}"
+            outcome.add(plant.tick, ms if stopped else None, why)
 
 
 def _flooded(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report) -> None:

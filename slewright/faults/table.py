@@ -22,6 +22,9 @@ MACHINE_MS = TICK_MS * timeout_ticks(signal("machine_ready"))
 MACHINE_CYCLE_MS = float(definition().bus.messages["MachineStatus"].cycle_ms)
 # Of the plant: commands of 100 ms age count as lost, seen in its next period; one period of the kill itself.
 COMMAND_MS = TICK_MS * (timeout_ticks(signal("u_slew")) + 2)
+# Of a real client, seen on the machine's bus: mode and fault come with the next ControllerStatus; a period of
+# each side's cycle.
+SHOWN_FAULT_MS = definition().bus.messages["ControllerStatus"].cycle_ms + 2 * TICK_MS
 SEEN_MS = 1100.0  # a helper's absence shows within a second
 SHOWN_MS = (
     SEEN_MS + definition().bus.messages["ControllerDetail"].cycle_ms
@@ -75,6 +78,7 @@ BUS = (
         *("operator_timeout", "machine_timeout", "sensor_timeout"),
     ),
     _stops("bus_off", "the controller's CAN controller goes off the bus", 0.0, "bus_off"),
+    _stops("other_controller", "somebody else sends the controller's commands", 0.0, "other_controller"),
     Fault(
         "receive_overflow",
         "frames of up to 60 ms are lost in the receive queue",
@@ -88,7 +92,13 @@ BUS = (
 )
 IMAGE = (
     _stops("sensor_nan", "a sensor value is NaN", DEBOUNCE_MS, "sensor_range", level="image"),
-    _stops("modbus_client_lost", "the client's heartbeat stops", PLANNER_MS, "target_timeout", level="image"),
+    _stops(
+        "modbus_client_lost",
+        "the client's heartbeat stops, or its connection ends",
+        PLANNER_MS,
+        "target_timeout",
+        level="image",
+    ),
     _stops(
         "policy_nan", "the controller's state becomes NaN", 4 * TICK_MS, "controller_failed", level="image"
     ),
@@ -137,6 +147,13 @@ PROCESS = (
         "plant side neutral by timeout",
         COMMAND_MS,
         "process",
+    ),
+    _stops(
+        "modbus_client_gone",
+        "the client's process dies (real server)",
+        PLANNER_MS + SHOWN_FAULT_MS,
+        "target_timeout",
+        level="process",
     ),
     Fault("modbus_flooding", "20 clients flat out", "no overrun, mode unchanged", 0.0, "process"),
     Fault(

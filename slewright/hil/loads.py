@@ -84,6 +84,20 @@ def pages(port: int, count: int = PAGES) -> Iterator[None]:
 
 
 @contextmanager
+def planning(port: int, scenario: str) -> Iterator["subprocess.Popen[str]"]:
+    """A planner (slewright/hil/planner.py) in a process of its own, connected and writing."""
+    command = [sys.executable, "-m", "slewright.hil.planner", str(port), scenario]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    try:
+        if not process.stdout or process.stdout.readline() != "ready\n":
+            raise RunError("the Modbus client did not start")
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
 def stress() -> Iterator[None]:
     """Processors, disk and memory busy."""
     process = subprocess.Popen(STRESS, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

@@ -1,5 +1,6 @@
 """The planner of a scenario as a Modbus client: claims, commits targets, keeps its heartbeat going."""
 
+import sys
 import time
 from collections.abc import Mapping
 
@@ -9,7 +10,7 @@ from runtime.modbus.cells import HOLDING
 from runtime.modbus.holding import CLAIM, COMMIT, HEARTBEAT, PLACES, encode
 from slewright.hil.panel import ARMING_TICKS
 from specs.errors import RunError
-from specs.scenario import TICK_S, Scenario
+from specs.scenario import TICK_S, Scenario, load
 from specs.signals import definition
 from specs.wire import MODBUS_HEADER
 
@@ -82,3 +83,17 @@ class Planner:
         answer = self._client.write_registers(address, registers, device_id=self._unit)
         if answer.isError():
             raise RunError(f"the Modbus server refused a write at {address}: {answer}")
+
+
+def main(port: int, scenario: str) -> None:
+    """A planner that keeps asking for the scenario's first target until it is ended."""
+    planner = Planner("127.0.0.1", port, load(scenario), 1.0)
+    planner.connect()
+    print("ready", flush=True)
+    while True:
+        planner.work()
+        time.sleep(BEAT_S / 10)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2])

@@ -196,3 +196,13 @@ def test_bus_off_stops_and_every_flag_is_shown(bench: Bench) -> None:
     bench.image["flags"] = Flag.BUS_OFF
     assert bench.tick().mode == FAULT
     assert bench.fault == "bus_off"
+
+
+def test_another_controller_on_the_bus_is_a_fault_until_it_has_gone() -> None:
+    bench = Bench(core()).automatic()
+    bench.image["flags"] = int(Flag.OTHER_CONTROLLER)
+    assert (bench.tick().mode, bench.fault) == (FAULT, "other_controller")
+    bench.set(operator_enable=0.0, automatic_request=0.0).tick(5).set(operator_enable=1.0)
+    assert bench.tick().mode == FAULT
+    bench.image["flags"] = 0
+    assert bench.set(operator_enable=0.0).tick().set(operator_enable=1.0).tick().mode == STANDBY

@@ -1,21 +1,30 @@
 """Who starts and watches the runtime's processes: real ones, on a local bus without other nodes."""
 
 import os
+import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from runtime.archive import trust
+from runtime.archive.install import install, offer
+from runtime.archive.start import Place
 from runtime.can.busd import start_bus
+from runtime.can.codec import sent_by
+from runtime.can.localbus import LocalBus
+from runtime.can.wire import EXTENDED
 from runtime.configuration import Retaining
 from runtime.image import Flag
 from runtime.recorder.reader import Recording
 from runtime.retain import COPIES, Folder, Retained
 from runtime.shared import private_folder
 from runtime.supervisor import Counts, Supervisor, _layout
+from slewright.bundling.archive import write
 from specs.errors import InputError, RunError
 from tests.runtime.bench import FAULT
+from tests.runtime.archive.made import key
 from tests.runtime.bundles import built
 from tests.runtime.test_helpers import until
 
@@ -81,3 +90,43 @@ def test_a_fault_that_was_kept_is_latched_from_the_first_cycle_on(machine: Path)
     values = Retained(Folder(machine.parent / "kept"), _layout(names)).load()
     assert (values["fault_code"], values["fault_signal"]) == (7.0, 101.0)
     assert "load_estimate" not in values
+
+
+def test_a_second_controller_on_the_bus_is_refused_and_the_first_goes_to_fault(machine: Path):
+    """Nothing of the second reaches the bus; one that sends all the same stops the first."""
+    elsewhere = machine.parent / "second"
+    elsewhere.mkdir()
+    second = elsewhere / "machine.toml"
+    second.write_text(machine.read_text())
+    with Supervisor(machine) as first:
+        until(lambda: first.watch() is None and first.now().ticks > 0)
+        with Supervisor(second) as other, pytest.raises(InputError, match="refused to start"):
+            other.run(lambda _: None)
+        assert not first.now().flags_seen & Flag.OTHER_CONTROLLER
+        channel = re.search(r'channel = "(.*)"', machine.read_text())
+        assert channel
+        intruder = LocalBus(channel[1], node="intruder")
+        intruder.send_raw(sent_by("Controller")[0].message.frame_id | EXTENDED, bytes(8))
+        until(lambda: bool(first.watch() is None and first.now().flags_seen & Flag.OTHER_CONTROLLER))
+        intruder.shutdown()
+
+
+def test_a_signed_bundle_is_good_once_it_has_run(machine: Path, monkeypatch: pytest.MonkeyPatch):
+    """Out of a store, and marked there as one to go back to; its key is in the recording."""
+    monkeypatch.setattr("runtime.supervisor.PROVEN_TICKS", 50)
+    folder = machine.parent / "store"
+    archive = machine.parent / "pd.slwb"
+    write(built("pd"), archive, key(), "1.0")
+    trust.add(folder / "keys", "works", key().public, None)
+    place = Place(folder)
+    install(place, offer(place, archive))
+    lines = machine.read_text().splitlines()[1:]
+    machine.write_text("\n".join([*lines, "[store]", 'folder = "store"']))
+    with Supervisor(machine, ticks=110) as supervisor:
+        assert not place.store().state.proven
+        supervisor.run(lambda _: None)
+    assert place.store().state.proven
+    assert Recording(machine.parent / "rec").metadata()["signed_by"] == "works"
+    (folder / "keys" / "works.pem").rename(folder / "keys" / "works.retired")
+    with pytest.raises(InputError, match=r"signed by works .*, which was retired"):
+        Supervisor(machine)

@@ -2,6 +2,8 @@
 
 import os
 import signal as signals
+import subprocess
+import sys
 import time
 import tty
 from collections.abc import Iterator
@@ -232,3 +234,22 @@ def test_off_and_back_within_one_tick_is_seen() -> None:
     assert port.flags() == Flag.BUS_OFF
     port.receive(image, 1)
     assert port.flags() == 0
+
+
+def test_a_bus_process_ends_with_the_one_that_started_it(tmp_path: Path) -> None:
+    """Killed, so that it cannot tidy up itself; the bus removes its socket."""
+    path = private_folder() / "bus"
+    code = (
+        "import sys, time; from pathlib import Path; from runtime.can.busd import start_bus\n"
+        "print(start_bus(Path(sys.argv[1])).pid, flush=True); time.sleep(600)"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code, str(path)], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout
+    pid = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    deadline = time.monotonic() + 120
+    while path.exists() or Path(f"/proc/{pid}").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    path.parent.rmdir()

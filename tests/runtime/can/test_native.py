@@ -149,3 +149,30 @@ def test_a_core_for_other_frames_is_refused(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_the_header_in_the_repository_is_up_to_date() -> None:
     assert table.write(check=True) == []
+
+
+def heard(port: NativePort, source: Source, tick: int) -> int:
+    """Flags after a frame that only the controller sends came from somebody else."""
+    source.frames = [(SENT[0] | EXTENDED, bytes(8), NOW)]
+    port.receive(INPUT.new(), tick)
+    return port.flags()
+
+
+def test_another_controller_shows_for_a_second_and_is_refused_at_the_start() -> None:
+    source = Source()
+    port = NativePort(source, core().library)
+    port.listen(0.02)
+    assert heard(port, source, 5) == Flag.OTHER_CONTROLLER
+    for tick, flags in ((54, Flag.OTHER_CONTROLLER), (55, 0)):
+        port.receive(INPUT.new(), tick)
+        assert port.flags() == flags
+    fresh = NativePort(source, core().library)
+    source.frames = [(SENT[0] | EXTENDED, bytes(8), NOW)]
+    with pytest.raises(InputError, match="another controller sends on this bus"):
+        fresh.listen(1.0)
+
+
+def test_a_shadow_may_hear_another_controller() -> None:
+    source = Source()
+    port = NativePort(source, core().library, other=Joystick())
+    assert heard(port, source, 5) == 0
