@@ -18,6 +18,7 @@ from slewright.commands import (
     campaign,
     check,
     collect,
+    commission,
     compare,
     convert,
     deploy,
@@ -107,6 +108,7 @@ app.command()(build.build)
 app.command()(bundle.bundle)
 app.command()(generate.generate)
 app.command()(dossier.dossier)
+app.command()(commission.commission)
 app.command()(run.run)
 app.command()(hil.hil)
 app.command()(hmi.hmi)

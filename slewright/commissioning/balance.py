@@ -28,7 +28,7 @@ def measurement(
 
 
 def at_rest(trace: Trace) -> dict[str, float]:
-    """kg that each joint's pressures carry beyond the nominal empty machine; NaN where nothing can be said."""
+    """kg that each joint's pressures carry beyond the nominal empty machine; NaN where unknown."""
     recording = measurement(trace)
     values = uncalibrated().values
     found: dict[str, list[float]] = {joint: [] for joint in JOINTS}

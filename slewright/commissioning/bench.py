@@ -1,7 +1,7 @@
 """What a step works with: the rig, the operator, figures, and checks that end in a verdict.
 
-A check has what was measured, what was expected and where to look when it is not so.  `Failed` ends a step: by a
-check at its end (`verdict`), or at once where going on would move the machine on wrong information.
+A check has what was measured, what was expected and where to look when it is not so.  `Failed` ends a step:
+by a check at its end (`verdict`), or at once where going on would move the machine on wrong information.
 """
 
 import math
@@ -56,6 +56,7 @@ class Bench:
     checks: list[Check] = field(default_factory=list)
     found: dict[str, Any] = field(default_factory=dict)
     said: list[dict[str, str]] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)  # name -> text, for the session's folder
     begun: int = 0
 
     def __post_init__(self) -> None:

@@ -16,6 +16,9 @@ from slewright.commissioning.rig import AXES, STILL, Rig
 ARMING = (
     0.11  # joystick for one tick, so that the core takes it for manual operation; far below any dead band
 )
+NEAR = 0.03  # rad, to an angle that a joint is moved to
+LEAD = 0.35  # s, encoder's delay and the valve's
+SLOWEST = 0.02  # rad/s with which a move counts as one that gets there
 MAY_MOVE = ("armed", "manual", "stopping")
 
 
@@ -97,3 +100,40 @@ def stop(bench: Bench, seconds: float) -> None:
 def speed(q: np.ndarray) -> float:
     """Mean speed of an angle [n], rad/s: the slope of a line through it."""
     return float(np.polyfit(np.arange(len(q)) * TICK_S, q, 1)[0])
+
+
+def go(bench: Bench, joint: str, target: float) -> None:
+    """Move one joint to an angle, at the speed that its sign was found with; Failed if it does not get
+    there."""
+    f, rig = bench.f, bench.rig
+    way = target - rig.now(f"q_{joint}")
+    if abs(way) < NEAR:
+        return
+    low = min(
+        hanging_height(*_pose(rig.now("q_boom"), rig.now("q_stick"), joint, q))
+        for q in np.linspace(rig.now(f"q_{joint}"), target, 9)
+    )
+    bench.between(
+        f"height on the way of the {joint}", low, f.commissioning_lowest, 30.0, "m", "raise the arm first"
+    )
+    bench.verdict()
+    sign = float(np.sign(way))
+    alone(bench, joint, f.commissioning_most)
+    rig.watch = Guard(bench, joint, abs(way) + 0.1)
+    begin(bench, joint, sign)
+    rig.wanted = command(joint, sign * f.commissioning_most)
+    there = bench.until(
+        lambda: sign * (target - rig.now(f"q_{joint}") - LEAD * rig.now(f"qd_{joint}")) < 0.0,
+        2.0 + abs(way) / SLOWEST,
+    )
+    stop(bench, f.commissioning_settle)
+    rig.watch = None
+    left = abs(target - rig.now(f"q_{joint}")) if there else float("nan")
+    bench.between(
+        f"{joint} to {target:.2f} rad: left", left, 0.0, 2 * NEAR, "rad", "the joint's valve; the gate"
+    )
+    bench.verdict()
+
+
+def _pose(boom: float, stick: float, joint: str, q: float) -> tuple[float, float]:
+    return (q, stick) if joint == "boom" else (boom, q)

@@ -1,8 +1,8 @@
 """Who stands at the machine: questions of the procedure and where their answers come from.
 
-While an answer is waited for the cycle goes on: `Person` looks at the terminal every tick.  A question that asks
-what was seen (`WITNESS`) is never answered by the program: two reversed signs hide each other, and only somebody
-who looks at the machine can tell.
+While an answer is waited for the cycle goes on: `Person` looks at the terminal every tick.  A question that
+asks what was seen (`WITNESS`) is never answered by the program: two reversed signs hide each other, and
+only somebody who looks at the machine can tell.
 """
 
 import select

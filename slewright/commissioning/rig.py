@@ -1,9 +1,10 @@
 """A machine to be commissioned, tick by tick: bus in, control core with its gate, bus out.
 
-The procedure moves the machine in the place of the operator's joystick: what it wants goes into the input image,
-and the core's state machine and gate decide about it as they do about an operator.  It has the joystick only
-while the enabling switch is held and the real joystick is at rest.  The same code runs on a bus with a machine
-and on the simulated one (slewright/commissioning/simulated.py); they differ in the frame source and in `Pace`.
+The procedure moves the machine in the place of the operator's joystick: what it wants goes into the input
+image, and the core's state machine and gate decide about it as they do about an operator.  It has the
+joystick only while the enabling switch is held and the real joystick is at rest.  The same code runs on a
+bus with a machine and on the simulated one (slewright/commissioning/simulated.py); they differ in the frame
+source and in `Pace`.
 """
 
 import time
@@ -183,7 +184,8 @@ class Rig:
             self.image["status"][place] = Status.OK
 
     def now(self, name: str) -> float:
-        """The last value of an input as it came, or of what the core sent; an error or absent value is NaN."""
+        """The last value of an input as it came, or of what the core sent; an error or absent value is
+        NaN."""
         seen, status, sent = self._rows[-1]
         if name in INPUT.index:
             place = INPUT.index[name]

@@ -1,4 +1,4 @@
-"""The simulated machine to be commissioned, and its operator: for rehearsal, and to test the procedure itself.
+"""The simulated machine to be commissioned, and its operator: for rehearsal, and to test the procedure.
 
 The reference machine behind its CAN messages in lock-step, with `Wiring` between sensors, valves and the bus.
 Emergency stop and enabling switch cut its pilot pressure, and its watchdog centres the valves, as
@@ -95,7 +95,7 @@ class SimulatedMachine:
 
     def wait(self, tick: int) -> None:
         """One period: the valves move by what came before, then the sensors are sent."""
-        commands = self.valves.at(tick)
+        commands = self._followed(tick)
         wired = self.valve_wiring.commanded(commands)
         if not self.pilot:
             wired = dict.fromkeys(COMMANDS, 0.0)
@@ -105,10 +105,18 @@ class SimulatedMachine:
         self.true = self.machine.outputs()
         self._send(tick)
 
+    def _followed(self, tick: int) -> dict[str, float]:
+        """The commands that the valves follow: the watchdog centres them, if there is one."""
+        found = self.valves.at(tick)
+        if self.wiring.has("no watchdog"):
+            found = {n: self.valves.value(n) for n in COMMANDS}
+        return found
+
     @property
     def pilot(self) -> bool:
         """Whether there is pilot pressure: the operator holds on and the emergency stop is not pressed."""
-        return self.enable > 0.5 and self.stop < 0.5
+        held = self.enable > 0.5 or self.wiring.has("enabling switch leaves pilot pressure")
+        return held and (self.stop < 0.5 or self.wiring.has("emergency stop leaves pilot pressure"))
 
     def recv_raw(self) -> tuple[int, bytes, int] | None:
         """The next frame for the controller."""
@@ -147,14 +155,15 @@ class SimulatedMachine:
             "machine_ready": ready,
             "pilot_enabled": float(self.pilot),
             "supply_pressure": PILOT_PA if self.pilot else DRAINED_PA,
-            "machine_fault": float(COMMAND_TIMEOUT) * self.valves.lost,
+            "machine_fault": float(COMMAND_TIMEOUT)
+            * (self.valves.lost and not self.wiring.has("no watchdog")),
             **self.joystick,
             **SLOWLY,
         }
 
 
 class SimulatedOperator:
-    """Does what is asked and answers from what is true; `blind` answers every question for a witness with yes."""
+    """Does what is asked, answers from what is true; `blind` says yes whatever is to be seen."""
 
     name = "simulated operator"
 

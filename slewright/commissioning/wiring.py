@@ -1,4 +1,4 @@
-"""Faults of a machine's wiring, for the simulated machine: what is between its sensors and valves and the bus.
+"""Faults of a machine's wiring, for the simulated machine: between its sensors or valves and the bus.
 
 Every sensor swapped with each plausible neighbour, with its sign turned, scaled (half, double, degrees for
 radians, g for m/s2, bar for Pa), off its zero, or dead (frozen, at zero, reporting an error); every valve
@@ -12,6 +12,7 @@ from itertools import combinations
 
 from runtime.can.codec import received_by
 from runtime.image import INPUT, NODE, Group, group
+from specs.errors import InputError, nearest
 
 JOINTS = ("slew", "boom", "stick")
 PRESSURES = tuple(f"p_{j}_{s}" for j in JOINTS for s in "ab")
@@ -20,9 +21,11 @@ IMU = ("rate_x", "rate_y", "rate_z", "acc_x", "acc_y", "acc_z", "roll", "pitch")
 VALVES = ("u_slew", "u_boom", "u_stick")
 SENSORS = tuple(s.name for s in INPUT.signals if group(s) is Group.SENSOR)
 SWITCHES = (
-    "operator_enable", "automatic_request", "emergency_stop", "automatic_allowed", "machine_ready", "pilot_enabled",
+    "operator_enable", "automatic_request", "emergency_stop", "automatic_allowed", "machine_ready",
+    "pilot_enabled",
 )  # fmt: skip
 BINARY = (*SWITCHES, "brake_released")
+HARD_WIRED = ("no watchdog", "enabling switch leaves pilot pressure", "emergency stop leaves pilot pressure")
 JOYSTICK = tuple(f"joystick_{j}" for j in JOINTS)
 BIAS = {"rad": 0.2, "rad/s": 0.1, "m/s2": 2.0, "Pa": 4e6}  # several times what the machine draws spread
 NO_VALUE = float("nan")  # goes over the wire as the code for an error
@@ -48,6 +51,8 @@ class Fault:
     @property
     def group(self) -> str:
         """Which row of the matrix it belongs to: what is wired wrong, and how."""
+        if self.kind in HARD_WIRED:
+            return f"hard-wired: {self.kind}"
         what = "message" if self.kind in ("missing", "half rate") else _what(self.signals[0])
         return f"{what}: {self.kind}"
 
@@ -68,6 +73,10 @@ class Wiring:
 
     commanded = sensed  # the same wires, the other way
 
+    def has(self, kind: str) -> bool:
+        """Whether something that is to be hard-wired does not work."""
+        return any(fault.kind == kind for fault in self.faults)
+
     def drops(self, message: str, beat: int) -> bool:
         """Whether this frame of a message never comes."""
         for fault in self.faults:
@@ -81,9 +90,18 @@ class Wiring:
             half = len(names) // 2
             for a, b in zip(names[:half], names[half:], strict=True):
                 found[a], found[b] = found[b], found[a]
+        elif fault.kind == "reversed with its pressures":
+            self._reverse(fault.signals, found)
         elif fault.kind in ONE:
             for n in names:
                 found[n] = ONE[fault.kind](found[n], fault.value, self.first.setdefault(n, found[n]), n)
+
+    def _reverse(self, signals: tuple[str, ...], found: dict[str, float]) -> None:
+        valve, a, b = signals
+        if valve in found:
+            found[valve] = -found[valve]
+        if a in found:
+            found[a], found[b] = found[b], found[a]
 
 
 ONE = {
@@ -99,7 +117,8 @@ ONE = {
 
 def cases() -> list[Fault]:
     """Every single fault, each once."""
-    found = [*_sensors(), *_encoders(), *_swaps(), *_valves(), *_switches(), *_messages()]
+    found = [*_sensors(), *_encoders(), *_swaps(), *_valves(), *_switches(), *_messages(), *_together()]
+    found += [Fault(kind, ("machine",)) for kind in HARD_WIRED]
     return list({f.name: f for f in found}.values())
 
 
@@ -127,6 +146,15 @@ def _encoders() -> Iterator[Fault]:
         yield Fault("frozen", both)
     for a, b in combinations(JOINTS, 2):
         yield Fault("swapped", (f"q_{a}", f"qd_{a}", f"q_{b}", f"qd_{b}"))
+
+
+def _together() -> Iterator[Fault]:
+    """Valve and sensors of an axis reversed together: they agree with each other."""
+    for joint in JOINTS:
+        yield Fault("sign", (f"u_{joint}", f"q_{joint}", f"qd_{joint}"))
+        both = (f"p_{joint}_a", f"p_{joint}_b")
+        yield Fault("reversed with its pressures", (f"u_{joint}", *both))
+    yield Fault("sign", ("u_slew", "q_slew", "qd_slew", "imu_cabin_rate_z"))
 
 
 def _units(unit: str) -> tuple[float, ...]:
@@ -185,3 +213,11 @@ def _what(name: str) -> str:
 def find(text: str) -> list[Fault]:
     """Cases whose name has `text` in it."""
     return [fault for fault in cases() if text in fault.name or text == fault.group]
+
+
+def named(name: str) -> Fault:
+    """The case of that name; InputError with the nearest."""
+    known = {fault.name: fault for fault in cases()}
+    if name not in known:
+        raise InputError(f"no wiring fault '{name}'; {nearest(name, known)}")
+    return known[name]

@@ -40,6 +40,7 @@ COMMANDS = (
     "evaluate",
     "import",
     "optimum",
+    "commission",
     "run",
     "hil",
     "hmi",

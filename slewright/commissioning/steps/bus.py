@@ -1,4 +1,4 @@
-"""Bus checkout: every message that the controller expects is there, as often as it should be, right, in range.
+"""Bus checkout: every message that the controller expects is there, often enough, right, in range.
 
 Nothing is moved and nobody has to do anything; commands are sent as neutral and not enabled.
 """

@@ -1,9 +1,9 @@
 """Both IMUs turned by hand, about each of their axes: every rate, acceleration and angle against gravity.
 
-The operator takes an IMU off its bracket and turns it.  Roll and pitch by gravity, by the IMU's own angle and by
-its rate must agree in sign and size; the way it was turned is known, because the operator was told.  About the
-upright axis gravity says nothing: there the quarter turn that was asked for is the reference.  This is the only
-step that moves rates about x and y of a cabin that stands firm.
+The operator takes an IMU off its bracket and turns it.  Roll and pitch by gravity, by the IMU's own angle
+and by its rate must agree in sign and size; the way it was turned is known, because the operator was told.
+About the upright axis gravity says nothing: there the quarter turn that was asked for is the reference.
+This is the only step that moves rates about x and y of a cabin that stands firm.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Sensors at rest: alive, plausible, and the zero of each against gravity, balance, or what the operator measures.
+"""Sensors at rest: alive, plausible; zeros against gravity, balance, or what the operator measures.
 
 boom and stick: the operator's inclinometer; slew: the mark for straight ahead; IMUs: gravity, inclination and
 accelerations against each other; pressures: what the arm's weight needs; all others: rest.

@@ -1,4 +1,4 @@
-"""Emergency stop, enabling switch, joystick and the other switches: each is worked and seen; nothing moves."""
+"""Emergency stop, enabling switch, joystick, the other switches: each is worked and seen; nothing moves."""
 
 import numpy as np
 

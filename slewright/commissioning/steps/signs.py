@@ -1,8 +1,10 @@
-"""Sign of a valve and of every sensor that its motion shows: slew, boom and stick, one after the other, slowly.
+"""Sign of a valve and of every sensor that its motion shows: slew, boom and stick, one after the other,
+slowly.
 
 The joystick is raised until the axis moves (its breakaway), held a little above, let go; then the other way.
-What agrees with itself is told by redundancy: encoder angle, encoder velocity and gyroscope; driven chamber, other
-chamber and pump; brake; tool.  Whether valve and sensors are reversed together is told by the operator alone.
+What agrees with itself is told by redundancy: encoder angle, encoder velocity and gyroscope; driven
+chamber, other chamber and pump; brake; tool.  Whether valve and sensors are reversed together is told by
+the operator alone.
 """
 
 from dataclasses import dataclass
@@ -25,7 +27,8 @@ LATE = 10  # ticks by which the encoder's velocity is late
 
 @dataclass
 class Pulse:
-    """One way: what passed, in rows of `trace`: from `begun` on it moved, at `ended` the joystick was let go."""
+    """One way: what passed, in rows of `trace`: from `begun` on it moved, at `ended` the joystick was let
+    go."""
 
     sign: float
     trace: Trace
@@ -231,7 +234,7 @@ def _tool(bench: Bench, axis: str, pulses: list[Pulse]) -> None:
     (angle, about), f = TOOL[axis], bench.f
     zero = bench.before.get("rest", {}).get(f"zero imu_tool_rate_{about}", 0.0)
     rate = np.concatenate([p.trace[f"imu_tool_rate_{about}"] - zero for p in pulses])
-    change = np.concatenate([savgol_filter(p.trace[f"imu_tool_{angle}"], 15, 2, 1, TICK_S) for p in pulses])
+    change = np.concatenate([_rate(p.trace[f"imu_tool_{angle}"]) for p in pulses])
     slope, share = float(rate @ change / (change @ change)), f.commissioning_agreement
     look = "the tool IMU: axes, mounting, which IMU it is"
     bench.between(
@@ -248,3 +251,8 @@ def _tool(bench: Bench, axis: str, pulses: list[Pulse]) -> None:
 
 def _together(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a, b)[0, 1])
+
+
+def _rate(angle: np.ndarray) -> np.ndarray:
+    """Smoothed derivative of an angle [n], rad/s."""
+    return np.asarray(savgol_filter(angle, 15, 2, 1, TICK_S))

@@ -1,0 +1,36 @@
+"""What commissioning measured, in one file: `calibration.json` in the session's folder.
+
+It is never applied by itself: `slewright bundle … --commissioning FILE` builds a bundle with it.
+"""
+
+import json
+from typing import Any
+
+from slewright.commissioning.session import Session
+from specs.version import VERSION
+
+FILE = "calibration.json"
+FORMAT = 1
+FILES = {"arm_tables": "arm-tables.toml", "load_calibration": "load-calibration.json"}
+STEP_OF = {"arm_tables": "tables", "load_calibration": "tare"}
+
+
+def write(session: Session) -> None:
+    """Write what the steps that passed have found so far."""
+    found = session.findings()
+    content: dict[str, Any] = {
+        "commissioning": FORMAT,
+        "slewright": VERSION,
+        **session.identity,
+        "steps": {step: session.passed(step) for step in session.steps},
+        "zeros": _named(found.get("rest", {}), "zero "),
+        "breakaway": {axis: _named(found.get(axis, {}), "breakaway ") for axis in ("slew", "boom", "stick")},
+        "dead_bands": _named(found.get("tables", {}), "dead band of the "),
+        "tool": found.get("sway", {}),
+        "files": {kind: name for kind, name in FILES.items() if session.passed(STEP_OF[kind])},
+    }
+    session.put(FILE, json.dumps(content, indent=2) + "\n")
+
+
+def _named(found: dict[str, Any], start: str) -> dict[str, Any]:
+    return {n.removeprefix(start): v for n, v in found.items() if n.startswith(start)}
