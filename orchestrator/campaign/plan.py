@@ -8,6 +8,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -121,9 +122,23 @@ def load_plan(path: Path, open_test_set: str = "") -> Plan:
 
 
 def digest(run: Run, fmus: Mapping[str, str]) -> str:
-    """SHA-256 of all that the result of a run depends on: its specification and the FMUs' own hashes."""
-    text = json.dumps([run.key, run.spec, dict(fmus)], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    """SHA-256 of all that the result of a run depends on: its specification and the FMUs' own hashes.
+
+    Of a scenario or system file the content counts, not where it lies.
+    """
+    spec = {k: v for k, v in run.spec.items() if k not in ("source", "path")}
+    source, path = run.spec.get("source"), run.spec.get("path")
+    content = _scenario_text(source, run.spec["scenario"]) if source else _hash(Path(path).read_bytes())  # type: ignore[arg-type]
+    return _hash(json.dumps([run.key, spec, content, dict(fmus)], sort_keys=True).encode())
+
+
+@cache
+def _scenario_text(source: str, name: str) -> str:
+    return repr(next(s for s in scenarios_spec.find(source) if s.name == name))
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _faults(entries: Any, path: Path) -> dict[str, list[dict[str, Any]]]:

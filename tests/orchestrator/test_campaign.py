@@ -15,10 +15,11 @@ import pytest
 
 from orchestrator.campaign import pool
 from orchestrator.campaign.journal import Journal, content_hash
-from orchestrator.campaign.plan import load_plan
+from orchestrator.campaign.plan import digest, load_plan
 from orchestrator.campaign.run import Campaign, run_campaign
 from orchestrator.campaign.worker import Result, Task, work
 from specs.errors import InputError
+from specs.schema import ROOT
 from tests.orchestrator.systems import OSCILLATOR, write_ssp
 
 PLAN = """
@@ -96,6 +97,20 @@ def test_a_changed_run_is_done_again(tmp_path: Path) -> None:
     done(tmp_path)
     written(tmp_path, [1], text=PLAN.replace("std = 0.1", "std = 0.2"))
     assert done(tmp_path).done == 1
+
+
+def test_where_a_scenario_lies_does_not_matter_but_what_it_says(tmp_path: Path) -> None:
+    """The same runs in another checkout are not stale; runs of a changed target file are."""
+    targets = (ROOT / "scenarios" / "four_targets.toml").read_text()
+    digests = []
+    for name, text in (("a", targets), ("b", targets), ("c", targets.replace("10.5", "10.6"))):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "mine.toml").write_text(text)
+        (folder / "plan.toml").write_text('[runs]\nscenarios = ["mine.toml"]\nsystems = ["nominal"]\n')
+        digests.append([digest(run, {"machine": "0"}) for run in load_plan(folder / "plan.toml").runs])
+    assert digests[0] == digests[1]
+    assert set(digests[0]).isdisjoint(digests[2])
 
 
 def _killed_once(marker: str, tasks: Sequence[Task]) -> list[Result]:
