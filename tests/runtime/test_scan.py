@@ -1,6 +1,7 @@
 """The cycle's bookkeeping on a clock of the test's own, and once on the real one."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -182,6 +183,6 @@ def test_what_runs_before_a_cycle_is_told_its_tick_and_deadline_and_costs_it_not
     scan.before = lambda tick, deadline: (told.append((tick, deadline)), clock.work(MS))[0]
     scan.run(ticks=5)
     assert [tick for tick, _ in told] == [0, 1, 2, 3, 4]
-    assert {b - a for (_, a), (_, b) in zip(told, told[1:], strict=False)} == {PERIOD_NS}
+    assert {b - a for (_, a), (_, b) in pairwise(told)} == {PERIOD_NS}
     assert scan.statistics.lateness.largest_ns == 0
     assert scan.statistics.other_work.largest_ns < MS
