@@ -18,6 +18,11 @@ pytestmark = pytest.mark.browser
 SIZES = {"desktop": (1440, 900), "tablet": (1024, 768), "upright": (768, 1024)}
 PAGES = ("machine", "trends", "alarms", "statistics", "signals")
 LONG = 10**12
+WHOLE = "document.documentElement"
+MODE = "document.querySelector('#mode').textContent"
+BADGE = "document.querySelector('#forced')"
+NAV = "[...document.querySelectorAll('main > section:not([hidden]) > *, footer, header, nav')]"
+TOUCHED = "[...document.querySelectorAll('button, select, nav a')]"
 EVIL = "<img src=x onerror=\"document.title='hurt'\">"
 
 
@@ -79,18 +84,17 @@ def test_every_page_fits_and_can_be_touched(page: Browser, size: str):
     for name in PAGES:
         page.run(f"location.hash = '#{name}'")
         page.wait(f"!document.querySelector('#{name}').hidden")
-        fits = "document.documentElement.scrollHeight <= innerHeight && document.documentElement.scrollWidth <= innerWidth"
-        assert page.run(fits), name
+        assert page.run(f"{WHOLE}.scrollHeight <= innerHeight && {WHOLE}.scrollWidth <= innerWidth"), name
         small = page.run(
-            "[...document.querySelectorAll('button, select, nav a')].filter(x => x.offsetParent !== null)"
+            f"{TOUCHED}.filter(x => x.offsetParent !== null)"
             ".filter(x => x.getBoundingClientRect().height < 43.5 || x.getBoundingClientRect().width < 40)"
             ".map(x => x.outerHTML)"
         )
         assert small == [], name
         outside = page.run(
-            "[...document.querySelectorAll('main > section:not([hidden]) > *, footer, header, nav')].filter(x => {"
-            "const r = x.getBoundingClientRect(); return r.right > innerWidth + 1 || r.bottom > innerHeight + 1;"
-            "}).map(x => x.id || x.className)"
+            NAV + ".filter(x => {"
+            "const r = x.getBoundingClientRect();"
+            "return r.right > innerWidth + 1 || r.bottom > innerHeight + 1; }).map(x => x.id || x.className)"
         )
         assert outside == [], name
     page.run("location.hash = '#machine'")
@@ -153,13 +157,9 @@ def test_service_forces_in_standby_and_every_page_says_so(page: Browser, served:
     until(lambda: value(served, "p_pump") == 1.5e7)
     for name in PAGES:
         page.run(f"location.hash = '#{name}'")
-        page.wait(
-            "!document.querySelector('#forced').hidden && document.querySelector('#forced').offsetParent !== null"
-        )
+        page.wait(f"!{BADGE}.hidden && {BADGE}.offsetParent !== null")
     served.bench.set(operator_enable=1.0)
-    page.wait(
-        "document.querySelector('#mode').textContent === 'armed' && document.querySelector('#forced').hidden"
-    )
+    page.wait(f"{MODE} === 'armed' && {BADGE}.hidden")
     page.run("location.hash = '#signals'")
     page.wait(f"{row}.querySelector('button').disabled")
     served.bench.set(operator_enable=0.0)
@@ -196,9 +196,7 @@ def test_it_says_so_when_nothing_new_comes(page: Browser, served: Served):
     assert text(page, "#mode") == "unknown"
     assert "not up to date" in text(page, "#banner-text")
     served.hold_still.clear()
-    page.wait(
-        "!document.body.classList.contains('stale') && document.querySelector('#mode').textContent === 'standby'"
-    )
+    page.wait(f"!document.body.classList.contains('stale') && {MODE} === 'standby'")
 
 
 def test_it_is_reached_with_the_keyboard(page: Browser):
