@@ -165,7 +165,8 @@ def markdown(found: Mapping[str, Any]) -> str:
     made, unit = found["made"], "°" if found["task"] == "slew" else "m"
     pace = f"pace {found['pace']:g}"
     if found.get("matched"):
-        pace = f"at {found['matched']:g} °/s (pace of each seed: the one with this mean speed over the loads)"
+        which = pace if len(found["seeds"]) == 1 else "each seed's own pace"
+        pace = f"{which}, set to {found['matched']:g} °/s in the mean over loads"
     lines = [
         f"`{Path(found['policy']).name}`, {pace}, {found['machines']} machines of the "
         f"{found['draw_set']} draws, simulated; ±: 95 % interval over machines. Made by "
