@@ -216,7 +216,8 @@ def test_nothing_was_asked_of_anybody_else_and_the_console_is_empty(page: Browse
     """The last one: over all that the tests above did."""
     assert page.requests
     assert [r for r in page.requests if not r.startswith((served.address, "about:", "data:"))] == []
-    assert page.complaints == []
+    # a beat that crosses the end of its right is refused, and the browser says so
+    assert [c for c in page.complaints if not ("409" in c and "api/beat" in c)] == []
 
 
 def test_a_request_to_elsewhere_would_be_refused_and_noticed(page: Browser):
