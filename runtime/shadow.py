@@ -17,7 +17,7 @@ import numpy as np
 
 from runtime.can.codec import Codec, sent_by
 from runtime.can.receive import Receiver
-from runtime.image import INPUT, NODE, OUTPUT, Status
+from runtime.image import INPUT, NODE, OUTPUT, Flag, Status
 from runtime.recorder.feed import Feed
 from runtime.recorder.seen import JOYSTICK, SEEN, SWITCHES, VALVES, new
 from runtime.scan import Port
@@ -27,16 +27,21 @@ COMMANDS = ("u_slew", "u_boom", "u_stick", "qd_boom_ref", "qd_stick_ref", "contr
 MODES = {text: number for number, text in signal("control_mode").values.items()}
 WAITS_FOR_ENABLE = (MODES["standby"], MODES["fault"])
 HEARTBEATS = 251
+OTHER = int(Flag.OTHER_CONTROLLER)
 
 
 class Listener:
     """A port of the scan without its way out."""
 
     def __init__(self, port: Port) -> None:
-        self.receive, self.flags, self.received_ns = port.receive, port.flags, port.received_ns
+        self.receive, self.received_ns, self._flags = port.receive, port.received_ns, port.flags
 
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """Nothing."""
+
+    def flags(self) -> int:
+        """Those of the port, but that somebody else moves the valves: in shadow mode that is meant to be."""
+        return self._flags() & ~OTHER
 
 
 class Withheld:

@@ -89,25 +89,18 @@ def _load(found: Shadowed) -> float:
 
 def _spans(found: Shadowed) -> list[slice]:
     """From one rest to the next, with motion in between; no gap inside."""
-    rests = [s for s in still(found, REST_S) if _calm(found, s)]
-    starts = [s.stop - 1 for s in rests]
-    ends = [*starts[1:], len(found) - 1]
+    calm = (np.abs(found.operator) <= NEUTRAL).all(axis=1)  # not so where it is not known
+    starts = [rest.stop - 1 for rest in still(found, REST_S, calm)]
     spans = []
-    for a, b in zip(starts, ends, strict=True):
-        first = max(a - round(REST_S / TICK_S), 0)
-        last = min(b, first + round(LONGEST_S / TICK_S))
+    for first, end in zip(starts, [*starts[1:], len(found)], strict=True):
+        last = min(end, first + round(LONGEST_S / TICK_S))
         gaps = np.flatnonzero(np.diff(found.tick[first:last]) != 1)
         last = first + int(gaps[0]) if gaps.size else last
-        moves = np.abs(np.nan_to_num(found.operator[first:last])).max(initial=0.0) > NEUTRAL
-        known = np.isfinite(found.operator[first:last]).all() and _posed(found, first)
-        if moves and known and (last - first) * TICK_S >= SHORTEST_S:
+        operator = found.operator[first:last]
+        driven = np.isfinite(operator).all() and np.abs(operator).max(initial=0.0) > NEUTRAL
+        if driven and _posed(found, first) and (last - first) * TICK_S >= SHORTEST_S:
             spans.append(slice(first, last))
     return spans
-
-
-def _calm(found: Shadowed, rows: slice) -> bool:
-    held = found.operator[max(rows.stop - round(REST_S / TICK_S), 0) : rows.stop]
-    return bool(np.isfinite(held).all() and np.abs(held).max(initial=0.0) <= NEUTRAL)
 
 
 def _posed(found: Shadowed, row: int) -> bool:
@@ -123,7 +116,7 @@ def _driven(found: Shadowed, rows: slice, load: float, which: str) -> Piece:
             machine.advance(dict(zip(COMMANDS, np.clip(commands, -1.0, 1.0).tolist(), strict=True)))
         table = np.array(shown)
         predicted = {n: table[:, machine.names.index(n)] for n in SIGNALS if n in machine.names}
-    begin = slice(rows.start, rows.start + round(REST_S / TICK_S))
+    begin = slice(max(rows.start - round(REST_S / TICK_S), 0), rows.start + 1)
     swing = [np.abs(found.input(f"imu_tool_rate_{a}")[begin]).max() for a in "xy"]
     return Piece(rows, predicted, bool(max(swing) < TOOL_STILL_RAD_S))
 

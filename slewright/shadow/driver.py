@@ -21,6 +21,7 @@ from specs.scenario import TICK_S, Scenario
 EVERY = round(PERIOD_S / TICK_S)  # ticks for which a hand keeps what it holds
 ARM_BAND, ARM_SLOPE = 0.2, 2.0  # 1 and s/rad: joystick for an arm speed; rough, as a hand is, for it looks
 ARM_AFTER_S = 1.0  # s, until the arm is begun
+IDLE_S = 1.0  # s, before the first hand is moved
 
 
 class Driver(Operator):
@@ -40,7 +41,7 @@ class Driver(Operator):
         number = min(tick // self._every, len(self._ways) - 1)
         if number != self._number:
             self._number, self.intent = number, self._intent(self._ways[number])
-        if not tick % EVERY:
+        if not tick % EVERY and tick * TICK_S >= IDLE_S:
             slew, boom, stick = self(tick // EVERY, seen)
             self.joystick = dict(
                 zip(COMMANDS, (_cut(slew), _cut(_stick_for(boom)), _cut(_stick_for(stick))), strict=True)

@@ -12,11 +12,10 @@ from runtime.policy import POLICY
 from slewright.shadow.agreement import AUTOMATIC, in_mode
 from slewright.shadow.recorded import Shadowed
 from slewright.shadow.sway import length
-from specs import draws, parameters, scenario as scenarios
+from specs import parameters, scenario as scenarios
 from specs.policy import slew_error
 
-LEAST = 20  # values from which a share is told
-WHERE = {"policy": "policy's metadata", "parameters": "specs"}
+TRAINED = "policy's metadata"
 
 
 @dataclass(frozen=True)
@@ -43,11 +42,11 @@ def trained(bundle: Bundle) -> list[Range]:
     from learning.policy.export import read
 
     ranges = read(path).contract.ranges
-    return [Range(n, UNITS.get(n, ""), low, high, WHERE["policy"]) for n, (low, high) in ranges.items()]
+    return [Range(n, UNITS.get(n, ""), low, high, TRAINED) for n, (low, high) in ranges.items()]
 
 
 def stated() -> list[Range]:
-    """Joint limits, the gate's speed limits, loads of the scenarios, and the spread of the drawn machines."""
+    """Joint limits, the gate's speed limits and the loads of the scenarios."""
     g, gate = parameters.load("geometry"), parameters.load("gate")
     found = [
         Range(f"q_{j}", "rad", g[f"{j}_min"].value, g[f"{j}_max"].value, "joint limits, geometry.toml")
@@ -65,9 +64,15 @@ def stated() -> list[Range]:
     found.append(
         Range("load_mass", "kg", min(load.low_kg for load in loads), top, "loads of specs/scenarios")
     )
-    spread = draws.spreads()["tool_length"]
-    low, high = spread.limits(g["tool_length"].value)
-    return [*found, Range("pendulum_length", "m", low, high, "tool_length, draws.toml")]
+    return found
+
+
+def pendulum(found: Shadowed) -> dict[str, Any] | None:
+    """Lengths of the tool's free swings, in m; None where it never swung freely."""
+    lengths = length(found)
+    if lengths is None:
+        return None
+    return {"swings": len(lengths), "low_m": float(lengths.min()), "high_m": float(lengths.max())}
 
 
 def _values(name: str, found: Shadowed) -> np.ndarray | None:

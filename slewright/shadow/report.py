@@ -64,6 +64,7 @@ def run(asked: Asked, report: Report) -> dict[str, Any]:
         "gate": agreement.gate(found),
         "faults": agreement.faults(found),
         "ranges": ranges.compare(found, asked.bundle),
+        "pendulum": ranges.pendulum(found),
         "closeness": near,
     }
     recording, told = asked.out / handover.FILE, asked.out / FIGURES

@@ -82,6 +82,11 @@ def sentences(f: Mapping[str, Any]) -> list[str]:
         "outside the range: " + (", ".join(outside) or "nothing that was seen")
         + (f"; not told by the recording: {', '.join(untold)}" if untold else ""),
     ]  # fmt: skip
+    if swing := f["pendulum"]:
+        found.append(
+            f"the tool swings as a pendulum of {swing['low_m']:.2f} … {swing['high_m']:.2f} m "
+            f"({swing['swings']} free swings)"
+        )
     if near["pieces"]:
         share = near["fit_percent"]
         told = "none" if share is None else f"{share:.0f} %"

@@ -14,13 +14,13 @@ LENGTHS = np.geomspace(0.4, 6.0, 240)  # m, that are tried: 1 % apart
 SMOOTH = 25  # ticks over which a joint's speed is averaged
 
 
-def still(found: Shadowed, least_s: float = LEAST_S) -> list[slice]:
-    """Stretches of at least `least_s` in which no joint moves."""
+def still(found: Shadowed, least_s: float = LEAST_S, also: np.ndarray | bool = True) -> list[slice]:
+    """Stretches of at least `least_s` in which no joint moves, and `also` [n] holds."""
     speeds = [np.abs(_smooth(found.input(f"qd_{j}"))) for j in ("slew", "boom", "stick")]
-    quiet = np.logical_and.reduce([s < STILL_RAD_S for s in speeds])
+    quiet = np.logical_and.reduce([s < STILL_RAD_S for s in speeds]) & also
     quiet[1:] &= np.diff(found.tick) == 1
     edges = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]])))
-    return [slice(a, b) for a, b in edges.reshape(-1, 2) if (b - a) * TICK_S >= least_s]
+    return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2) if (b - a) * TICK_S >= least_s]
 
 
 def length(found: Shadowed) -> np.ndarray | None:
