@@ -52,7 +52,7 @@ def evaluate(paths: Sequence[Path], out: Path, asked: Asked, report: Any = None)
         "made": dict(contracts[0].made), "loads": {load: _mean(rows, load=load) for load in asked.loads},
         "draws": {d: _mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}},
         "seeds": {s: {"pace": pace, **_mean(rows, seed=s)} for s, pace in paces.items()},
-        "failed": {f"{r['load']}/{r['draw']}": r["failed"] for r in rows if r["failed"]},
+        "runs": rows, "failed": {f"{r['load']}/{r['draw']}": r["failed"] for r in rows if r["failed"]},
     }  # fmt: skip
 
 

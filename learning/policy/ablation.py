@@ -73,6 +73,15 @@ def difference(base: Mapping[str, Any], other: Mapping[str, Any], group: str = "
     return found
 
 
+def _joined(found: Sequence[str]) -> list[str]:
+    """Several ranges of the machines as one."""
+    ranges = [one.split(" ")[0].removeprefix("random.") for one in found if one.startswith("random.")]
+    if len(ranges) < 3:
+        return list(found)
+    rest = [one for one in found if not one.startswith("random.")]
+    return [*rest, f"other ranges of {', '.join(ranges)}"]
+
+
 def _short(value: Any) -> str:
     if isinstance(value, list | tuple):
         return " … ".join(f"{v:g}" if isinstance(v, float | int) else str(v) for v in value)
@@ -86,7 +95,7 @@ def table(outs: Sequence[Path], speed: float) -> str:
     machines = Randomisation(**{k: v for k, v in recipes[0]["random"].items() if k != "kind"})
     rows: dict[str, list[tuple[str, Figures]]] = {}
     for out, told in zip(outs, recipes, strict=True):
-        what = ", ".join(difference(recipes[0], told)) or "base"
+        what = ", ".join(_joined(difference(recipes[0], told))) or "base"
         cost = f"{told['iterations']} × {told['envs']} × {told['episode_s']:g} s"
         rows.setdefault(f"{what} | {cost}", []).append(at_speed(front(out, task, machines), speed))
     unit = "°" if task == "slew" else "m"
