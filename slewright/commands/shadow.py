@@ -58,8 +58,8 @@ def shadow(
     from slewright.shadow import report as reports
 
     checked = load_bundle(bundle)
-    reports.check(out)
     asked = reports.Asked(recording, checked, out, operator, load, machine)
+    reports.check(asked)
     with progress("shadow") as report:
         if simulate is not None:
             _simulate(asked, simulate, scenario, seconds, seed, report)

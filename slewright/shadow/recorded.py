@@ -70,8 +70,7 @@ def read(path: Path, bundle: Bundle, source: str | None = None, report: Report =
 
     Raises InputError for a recording that is none of shadow mode or was made with another bundle.
     """
-    if source is not None and source not in SOURCES:
-        raise InputError(f"operator '{source}': valid are {', '.join(SOURCES)}")
+    check_source(source)
     recording = Recording(path)
     metadata = recording.metadata()
     if metadata.get("mode") != SHADOWED:
@@ -85,6 +84,12 @@ def read(path: Path, bundle: Bundle, source: str | None = None, report: Report =
     if not taken.ticks:
         raise InputError(f"{path} holds no tick")
     return taken.found(metadata, source, recording.notes)
+
+
+def check_source(source: str | None) -> None:
+    """InputError for a source of the operator's commands that there is not."""
+    if source is not None and source not in SOURCES:
+        raise InputError(f"operator '{source}': valid are {', '.join(SOURCES)}")
 
 
 class _Taken:

@@ -12,7 +12,7 @@ from slewright import figures as written
 from slewright.shadow import agreement, closeness, handover, ranges
 from slewright.shadow.closeness import Piece
 from slewright.shadow.page import page
-from slewright.shadow.recorded import Report, Shadowed, read
+from slewright.shadow.recorded import Report, Shadowed, check_source, read
 from specs import draws
 from specs.errors import InputError, RunError
 
@@ -32,7 +32,14 @@ class Asked:
     machine: str = draws.NOMINAL  # the reference machine that it is compared with
 
 
-def check(out: Path) -> None:
+def check(asked: Asked) -> None:
+    """InputError for what cannot be asked: before anything takes time."""
+    check_source(asked.source)
+    closeness.check_machine(asked.machine)
+    _check_folder(asked.out)
+
+
+def _check_folder(out: Path) -> None:
     """InputError for a folder that holds anything but an earlier report."""
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; name a folder for the report")
@@ -47,7 +54,7 @@ def check(out: Path) -> None:
 
 def run(asked: Asked, report: Report) -> dict[str, Any]:
     """Compute and write; the figures. InputError for a recording or machine that is none."""
-    closeness.check_machine(asked.machine)
+    check(asked)
     report("repeating the recording")
     found = read(asked.recording, asked.bundle, asked.source, report)
     near, pieces = closeness.compare(found, asked.load, asked.machine, report)

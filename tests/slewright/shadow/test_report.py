@@ -106,7 +106,7 @@ def test_the_report_is_written_whole(tmp_path: Path):
     assert told["closeness"]["pieces"] == figures["closeness"]["pieces"]
     page = (asked.out / "report.html").read_text()
     assert "simulated reference machine" in page
-    assert "http" not in page.split("<script>")[0]
+    assert "://" not in page.split("<script>")[0]
     assert [c.split()[1] for c in figures["next"]] == ["reconcile", "reconcile", "dossier"]
 
 
