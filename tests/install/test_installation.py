@@ -130,7 +130,7 @@ def test_the_control_process_has_its_rights_and_its_core_as_a_plain_user(ended: 
 
 @pytest.mark.soak
 def test_it_drives_the_simulated_machine_over_the_kernels_bus(ended: vm.Ended) -> None:
-    """The computer is a virtual one that others use as well: only what happened is judged, not how timely."""
+    """What happened is judged, not how timely: the virtual computer's clock waits for its processor."""
     assert "AUTOMATIC" in properties(ended, "driving")["StatusText"].upper()
     assert ended.text("machine.rc").strip() == "0"
     drive = json.loads(ended.text("drive.json"))

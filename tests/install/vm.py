@@ -5,7 +5,6 @@ a running controller come first, each block by itself; then the simulated machin
 What is written in /root/results comes back.
 """
 
-import os
 import shutil
 import subprocess
 import tarfile
@@ -15,11 +14,14 @@ from pathlib import Path
 import pytest
 
 from tests.install import guide
-from tests.install.roots import copy, need, run
+from tests.install.roots import LOWEST, copy, need, run
 
 CORES = 2  # the last one is isolated, as the guide says
 MEMORY_MB, IMAGE_MB, RESULTS_MB = 1500, 4096, 256
-PATIENCE_S = 1500.0
+PATIENCE_S = 7200.0
+# The processor is emulated and its clock counts instructions, 2 ns each: on a busy computer it all takes longer, and
+# nothing in it is late.  So it says nothing of how late a real one is.
+CLOCK = ["-accel", "tcg,thread=single", "-icount", "shift=1,sleep=off"]
 LEFT_OUT = ("delivery.tar", "wheelhouse-x86_64")  # installed already
 SCRIPT = Path(__file__).with_name("vcan.sh")
 ALL = "/root/in-the-machine.sh"
@@ -64,10 +66,8 @@ class Ended:
 
 
 def start(root: Path, into: Path) -> Ended:
-    """Boot a copy of `root`, wait until it ends by itself; skips where there is no KVM."""
+    """Boot a copy of `root`, wait until it ends by itself, or end it after PATIENCE_S."""
     need("qemu-system-x86_64", "mke2fs")
-    if not os.access("/dev/kvm", os.R_OK | os.W_OK):
-        pytest.skip("no /dev/kvm: without it the processor of the virtual machine is too slow for 50 Hz")
     image, results = into / "root.img", into / "results.img"
     kernel, initrd = (_boot_file(root, name) for name in ("vmlinuz", "initrd.img"))
     _image(root, into / "root", image)
@@ -75,10 +75,10 @@ def start(root: Path, into: Path) -> Ended:
         file.truncate(RESULTS_MB << 20)
     words = f"root=/dev/vda rw console=ttyS0 quiet isolcpus={CORES - 1} irqaffinity=0"
     disks = [o for f in (image, results) for o in ("-drive", f"file={f},format=raw,if=virtio,cache=unsafe")]
-    line = ["qemu-system-x86_64", "-enable-kvm", "-cpu", "host", "-smp", str(CORES), "-m", str(MEMORY_MB)]
+    line = ["qemu-system-x86_64", *CLOCK, "-cpu", "max", "-smp", str(CORES), "-m", str(MEMORY_MB)]
     line += ["-kernel", str(kernel), "-initrd", str(initrd), "-append", words, *disks, "-nic", "none"]
     line += ["-display", "none", "-serial", f"file:{into / 'console'}", "-no-reboot"]
-    process = subprocess.Popen(line, stdin=subprocess.DEVNULL)
+    process = subprocess.Popen([*LOWEST, *line], stdin=subprocess.DEVNULL)
     try:
         process.wait(PATIENCE_S)
     except subprocess.TimeoutExpired:
