@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Thread
 from types import TracebackType
 from typing import IO, Any, Self
 
@@ -78,7 +79,7 @@ class Supervisor:
         self.active = start.chosen(self.wanted, path)
         self.bundle = self.active.bundle
         check_frames(open_core(self.bundle).library)  # loaded once here: what is wrong with it is said now
-        self._proven = False
+        self._proving: Thread | None = None
         self.retained = self._retained()
         configuration.check_surroundings(self.wanted)
         self._locks = [lock(part.folder) for part in (self.wanted.recorder, self.wanted.retain) if part]
@@ -176,11 +177,20 @@ class Supervisor:
         return f"{modes.get(now.mode, now.mode)}, fault {now.fault}, {now.ticks} ticks; {self.active.said}"
 
     def _prove(self) -> None:
-        """The bundle has run long enough to be one to go back to; a store that is in use is asked again."""
+        """The bundle has run long enough to be one to go back to.
+
+        Kept in mind by a thread: a busy disk can take minutes for a sync, and the watch goes on.
+        """
+        if self._proving is None:
+            self._proving = Thread(target=self._keep_proof, daemon=True)
+            self._proving.start()
+
+    def _keep_proof(self) -> None:
+        """Write it down; a store that is in use is asked again."""
         try:
-            self._proven = self._proven or self.active.prove()
-        except OSError as error:
-            self._proven = True
+            while not self.active.prove():
+                time.sleep(RESTART_S)
+        except (OSError, InputError) as error:
             sys.stderr.write(f"slewright: the store cannot keep in mind that its bundle ran: {error}\n")
 
     def _retained(self) -> dict[str, float]:

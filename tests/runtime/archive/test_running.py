@@ -13,6 +13,7 @@ from slewright.bundling.archive import write
 from specs.errors import InputError
 from tests.runtime.archive.made import key
 from tests.runtime.bundles import built
+from tests.runtime.test_helpers import until
 from tests.runtime.test_supervisor import machine
 
 __all__ = ["machine"]  # the fixture
@@ -32,7 +33,7 @@ def test_a_signed_bundle_is_good_once_it_has_run(machine: Path, monkeypatch: pyt
     with Supervisor(machine, ticks=110) as supervisor:
         assert not place.store().state.proven
         supervisor.run(lambda _: None)
-    assert place.store().state.proven
+        until(lambda: place.store().state.proven)
     assert Recording(machine.parent / "rec").metadata()["signed_by"] == "works"
     (folder / "keys" / "works.pem").rename(folder / "keys" / "works.retired")
     with pytest.raises(InputError, match=r"signed by works .*, which was retired"):
