@@ -80,7 +80,7 @@ def copy(source: Path, target: Path) -> Path:
 
 
 def inside(
-    root: Path, text: str, *, online: bool = False, at: str = "/root"
+    root: Path, text: str, *, online: bool = False, at: str = "/srv"
 ) -> subprocess.CompletedProcess[str]:
     """Run shell commands in a root, each shown, until the first that fails; without `online` no network."""
     spaces = ["--mount", "--propagation", "private", "--pid", "--fork", "--kill-child"]

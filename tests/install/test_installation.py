@@ -20,7 +20,7 @@ from runtime.realtime import PRIORITY
 from tests.conftest import ROOT
 from tests.install import guide, roots, vm
 
-DELIVERY = Path("root") / "slewright" / "dist" / "delivery.tar"
+DELIVERY = Path("srv") / "slewright" / "dist" / "delivery.tar"
 
 
 def test_every_block_has_a_place_and_those_without_one_are_said() -> None:
@@ -45,7 +45,7 @@ def scratch() -> Iterator[Path]:
         yield Path(folder)
 
 
-def execute(root: Path, place: str, at: str = "/root") -> dict[int, str]:
+def execute(root: Path, place: str, at: str = "/srv") -> dict[int, str]:
     """All blocks of a place; what each said, by its line in the guide."""
     said = {}
     for block in guide.of(place):
@@ -63,10 +63,10 @@ def delivered(scratch: Path) -> Path:
     names = subprocess.run(listed, cwd=ROOT, capture_output=True, check=True).stdout.decode().split("\0")
     for name in names:
         if name and (ROOT / name).is_file():
-            target = root / "root" / "slewright" / name
+            target = root / "srv" / "slewright" / name
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, target)
-    execute(root, "workstation", "/root/slewright")
+    execute(root, "workstation", "/srv/slewright")
     target = (root / DELIVERY).rename(scratch / DELIVERY.name)
     shutil.rmtree(root)
     return target
@@ -76,7 +76,7 @@ def delivered(scratch: Path) -> Path:
 def controller(delivered: Path, scratch: Path) -> tuple[Path, dict[int, str]]:
     """The root in which the controller's commands were executed, and what they said."""
     root = roots.copy(roots.fresh("amd64"), scratch / "controller")
-    delivered.rename(root / "root" / delivered.name)
+    delivered.rename(root / "srv" / delivered.name)
     return root, execute(root, "controller")
 
 
@@ -90,7 +90,7 @@ def ended(controller: tuple[Path, dict[int, str]], scratch: Path) -> vm.Ended:
 def test_a_fresh_debian_comes_to_a_running_scenario(controller: tuple[Path, dict[int, str]]) -> None:
     """`slewright hil` judged its own tolerances; without its block this would pass for nothing."""
     root, said = controller
-    found = json.loads((root / "root" / "hil.json").read_text())
+    found = json.loads((root / "srv" / "hil.json").read_text())
     assert found["within_tolerance"] is True
     assert found["statistics"]["ticks"] > 900
     assert any("real time" in text for text in said.values())

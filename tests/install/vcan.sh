@@ -14,8 +14,8 @@ systemctl stop slewright.service
 candump -L can0 > candump.log &
 listener=$!
 mkfifo told
-cd /root
-$python -m slewright.hil.machine_node '{"scenario": "four_targets_empty", "seed": 1, "ticks": 1000, "planner": true, "interface": "socketcan", "channel": "can0", "record": "/root/results/machine.parquet"}' < results/told > results/machine.out &
+cd /srv
+$python -m slewright.hil.machine_node '{"scenario": "four_targets_empty", "seed": 1, "ticks": 1000, "planner": true, "interface": "socketcan", "channel": "can0", "record": "/srv/results/machine.parquet"}' < results/told > results/machine.out &
 machine=$!
 cd results
 exec 3> told
@@ -52,7 +52,7 @@ END
 # -- it ends as it should --------------------------------------------------------------------------------
 systemctl stop slewright.service
 state > stopped
-digest=$(python3 -c 'import json; print(json.load(open("/root/first.json"))["digest"])')
+digest=$(python3 -c 'import json; print(json.load(open("/srv/first.json"))["digest"])')
 /opt/slewright/bin/slewright replay /var/lib/slewright/recording --bundle "/var/lib/slewright/store/bundles/$digest/bundle" > replay.out 2>&1
 echo $? > replay.rc
 

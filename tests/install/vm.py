@@ -2,7 +2,7 @@
 
 The root is the one in which the guide's commands for the controller were executed.  Inside, its commands for
 a running controller come first, each block by itself; then the simulated machine joins the bus by SocketCAN.
-What is written in /root/results comes back.
+What is written in /srv/results comes back.
 """
 
 import shutil
@@ -19,18 +19,18 @@ from tests.install.roots import LOWEST, copy, need, run
 CORES = 2  # the last one is isolated, as the guide says
 MEMORY_MB, IMAGE_MB, RESULTS_MB = 1500, 4096, 256
 PATIENCE_S = 7200.0
-# The processor is emulated and its clock counts instructions, 2 ns each: on a busy computer it all takes longer, and
-# nothing in it is late.  So it says nothing of how late a real one is.
+# The processor is emulated and its clock counts instructions, 2 ns each: on a busy computer it all takes
+# longer, and nothing in it is late.  So it says nothing of how late a real one is.
 CLOCK = ["-accel", "tcg,thread=single", "-icount", "shift=1,sleep=off"]
 LEFT_OUT = ("delivery.tar", "wheelhouse-x86_64")  # installed already
 SCRIPT = Path(__file__).with_name("vcan.sh")
-ALL = "/root/in-the-machine.sh"
+ALL = "/srv/in-the-machine.sh"
 UNIT = f"""[Unit]
 After=basic.target dbus.service
 [Service]
 Type=oneshot
 ExecStart=-/bin/sh {ALL}
-ExecStopPost=/bin/tar --create --file /dev/vdb --directory /root results
+ExecStopPost=/bin/tar --create --file /dev/vdb --directory /srv results
 ExecStopPost=/bin/systemctl poweroff
 TimeoutStartSec={round(PATIENCE_S)}
 StandardOutput=journal+console
@@ -40,13 +40,13 @@ WantedBy=multi-user.target
 # A virtual bus has no bit rate (docs/installation.md).
 VIRTUAL_BUS = "[Service]\nExecStartPre=\n"
 BEGIN = """
-mkdir -p /root/results && cd /root/results
+mkdir -p /srv/results && cd /srv/results
 modprobe vcan
 ip link add dev can0 type vcan
 """
 BLOCK = """
 sh -eux > guide-{line}.out 2> guide-{line}.err <<'BLOCK-ENDS'
-cd /root
+cd /srv
 {text}BLOCK-ENDS
 echo $? > guide-{line}.rc
 """
@@ -101,7 +101,7 @@ def _image(source: Path, root: Path, image: Path) -> None:
     """The root, with what is to be executed in it, as a file system in a file."""
     copy(source, root)
     for name in LEFT_OUT:
-        path = root / "root" / name
+        path = root / "srv" / name
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     blocks = [BLOCK.format(line=block.line, text=block.text) for block in guide.of("running")]
     (root / ALL[1:]).write_text(BEGIN + "".join(blocks) + SCRIPT.read_text())
