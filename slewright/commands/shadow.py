@@ -15,14 +15,16 @@ def shadow(
     recording: Annotated[
         Path, typer.Argument(metavar="RECORDING", help="The recorder's folder, or one segment (.mcap) of it.")
     ],
-    bundle: Annotated[
-        Path,
-        typer.Option(metavar="DIR", help="The bundle that ran.", show_default=False),
-    ],
     out: Annotated[
         Path,
         typer.Option(metavar="DIR", help="Folder for report, figures and the operator's recording."),
     ],
+    bundle: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="The bundle that ran (default: where it was then).", show_default=False
+        ),
+    ] = None,
     operator: Annotated[
         str | None,
         typer.Option(
@@ -55,9 +57,13 @@ def shadow(
 ) -> None:
     """What the controller would have done while an operator drove, and how close the reference machine is."""
     from runtime.bundle import load as load_bundle
+    from runtime.recorder.reader import Recording
+    from runtime.replay import bundle_of
     from slewright.shadow import report as reports
 
-    checked = load_bundle(bundle)
+    if bundle is None and simulate is not None:
+        raise InputError("--simulate needs --bundle: what is to run (slewright bundle pd --out pd.bundle)")
+    checked = load_bundle(bundle) if bundle else bundle_of(Recording(recording).metadata())
     asked = reports.Asked(recording, checked, out, operator, load, machine)
     reports.check(asked)
     with progress("shadow") as report:

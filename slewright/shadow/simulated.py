@@ -157,4 +157,5 @@ class Simulated:
 
 def _about(bundle: Bundle, which: str) -> dict[str, str]:
     mine = {"bundle": bundle.digest, "controller": bundle.controller, "platform": host(), "mode": SHADOWED}
-    return {**identity(bundle.identity, VERSION), **mine, "label": LABEL, "machine": which}
+    where = {"bundle_folder": str(bundle.folder.resolve()), "label": LABEL, "machine": which}
+    return {**identity(bundle.identity, VERSION), **mine, **where}
