@@ -89,7 +89,7 @@ def _load(found: Shadowed) -> float:
 
 def _spans(found: Shadowed) -> list[slice]:
     """From one rest to the next, with motion in between; no gap inside."""
-    calm = (np.abs(found.operator) <= NEUTRAL).all(axis=1)  # not so where it is not known
+    calm = np.all(np.abs(found.operator) <= NEUTRAL, axis=1)  # not so where it is not known
     starts = [rest.stop - 1 for rest in still(found, REST_S, calm)]
     spans = []
     for first, end in zip(starts, [*starts[1:], len(found)], strict=True):
@@ -110,7 +110,7 @@ def _posed(found: Shadowed, row: int) -> bool:
 def _driven(found: Shadowed, rows: slice, load: float, which: str) -> Piece:
     q = [float(found.input(f"q_{j}")[rows.start]) for j in ("slew", "boom", "stick")]
     shown = []
-    with Machine(Pose(*q, load), SEED, which) as machine:
+    with Machine(Pose(q[0], q[1], q[2], load), SEED, which) as machine:
         for commands in found.operator[rows]:
             shown.append(machine.values)
             machine.advance(dict(zip(COMMANDS, np.clip(commands, -1.0, 1.0).tolist(), strict=True)))

@@ -64,9 +64,9 @@ def _pose(slew_deg: float, xyz: tuple[float, float, float], geometry: Any) -> Ta
 
 def _limits() -> Limits:
     """Of the joints; the operator sees the rest."""
-    ends = {f"{j}_rad": _ends(j) for j in ("boom", "stick")}
     return Limits(
-        **ends,
+        boom_rad=_ends("boom"),
+        stick_rad=_ends("stick"),
         slew_speed_rad_s=0.9,
         keepout_margin_m=0.3,
         tool_swing_rad=0.6,

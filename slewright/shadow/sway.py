@@ -1,5 +1,7 @@
 """The tool's pendulum length, from how it swings while nothing else moves: L = g (T / 2 pi)^2."""
 
+from typing import Any
+
 import numpy as np
 
 from runtime.image import TICK_S
@@ -14,7 +16,7 @@ LENGTHS = np.geomspace(0.4, 6.0, 240)  # m, that are tried: 1 % apart
 SMOOTH = 25  # ticks over which a joint's speed is averaged
 
 
-def still(found: Shadowed, least_s: float = LEAST_S, also: np.ndarray | bool = True) -> list[slice]:
+def still(found: Shadowed, least_s: float = LEAST_S, also: Any = True) -> list[slice]:
     """Stretches of at least `least_s` in which no joint moves, and `also` [n] holds."""
     speeds = [np.abs(_smooth(found.input(f"qd_{j}"))) for j in ("slew", "boom", "stick")]
     quiet = np.logical_and.reduce([s < STILL_RAD_S for s in speeds]) & also

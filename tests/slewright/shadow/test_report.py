@@ -1,6 +1,8 @@
 """What a run in shadow mode tells: on a simulated machine, in lock-step, an operator model driving."""
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from slewright.shadow import agreement, closeness, handover, ranges
 from slewright.shadow.recorded import Shadowed, read
 from slewright.shadow.report import Asked, run
 from specs.errors import InputError
+from tests.conftest import ROOT
 from tests.runtime.bundles import built, core
 from tests.slewright.shadow.runs import TICKS, recorded, repeated
 
@@ -83,6 +86,15 @@ def test_ranges_are_told_with_their_source():
     found = repeated()
     moved = Shadowed(**{**found.__dict__, "inputs": found.inputs + 3.0})
     assert {r["name"]: r["inside"] for r in ranges.compare(moved, built("pd"))}["q_boom"] is False
+
+
+def test_a_policys_trained_ranges_go_before_the_stated_ones(tmp_path: Path):
+    shutil.copy(ROOT / "learning" / "policies" / "full.onnx", tmp_path / "policy.onnx")
+    rows = ranges.compare(repeated(), replace(built("pd"), folder=tmp_path))
+    assert {r["source"] for r in rows} == {ranges.TRAINED}
+    by_name = {r["name"]: r for r in rows}
+    assert by_name["inertia"]["inside_share"] is not None
+    assert by_name["slew_dead_band"]["inside"] is None  # a recording does not tell it
 
 
 def test_reconcile_reads_what_is_handed_over(tmp_path: Path):
