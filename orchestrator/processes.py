@@ -1,4 +1,4 @@
-"""Pools of worker processes: no tracebacks at Ctrl-C, imports before the first job, an end with the parent."""
+"""Pools of worker processes: no tracebacks at Ctrl-C, imports before the first job, ended with the parent."""
 
 import multiprocessing
 import os
