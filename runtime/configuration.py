@@ -173,6 +173,7 @@ class Configuration:
     bundle: Path | None = None  # a bundle's folder, which nobody has signed
     unsigned: bool = False  # whether such a one may run on a real bus
     store: Stored | None = None
+    shadow: bool = False  # read and compute everything, command nothing (docs/shadow.md)
     rates: Rates = field(default_factory=Rates)
     realtime: Realtime = field(default_factory=Realtime)
     modbus: Modbus | None = None
@@ -181,6 +182,8 @@ class Configuration:
     hmi: Hmi | None = None
 
     def __post_init__(self) -> None:
+        if self.shadow and self.recorder is None:
+            raise InputError("shadow mode without [recorder]: what it computes would go nowhere")
         if self.bundle is None and self.store is None:
             raise InputError("missing bundle (a folder) or [store] (of signed ones)")
         if self.store is not None and (self.bundle is not None or self.unsigned):
@@ -200,12 +203,20 @@ def read(path: Path) -> Configuration:
         check_dbc(found.can.dbc)
     if found.modbus and found.modbus.map:
         check_map(found.modbus.map)
-    return found
+    return in_shadow(found) if found.shadow else found
 
 
 def with_hmi(found: Configuration, folder: Path) -> Configuration:
     """The same with an HMI, the default one if it has none of its own; its files are those of `folder`."""
     return found if found.hmi else replace(found, hmi=_placed(Hmi(), folder))
+
+
+def in_shadow(found: Configuration) -> Configuration:
+    """The same in shadow mode, which retains nothing: what it meets is no machine's that it drove.
+
+    Raises InputError if that cannot be.
+    """
+    return replace(found, shadow=True, retain=None)
 
 
 def check_surroundings(found: Configuration) -> None:

@@ -30,6 +30,7 @@ from runtime.rehearsal import Rehearsal
 from runtime.retain_process import FAILED, VALUES
 from runtime.ring import Ring
 from runtime.scan import Port, Scan
+from runtime.shadow import Overheard, StandIn, silent
 from runtime.shared import Cell
 from runtime.statistics import Statistics
 
@@ -91,16 +92,25 @@ def main(text: str) -> None:
     folder = Path(told["folder"])
     helpers.end_with(signal.SIGTERM)
     wanted = configuration.read(Path(told["config"]))
+    if quiet := bool(told.get("shadow")):
+        wanted = configuration.in_shadow(wanted)
     core = open_core(load(Path(told["bundle"]), told["digest"]))
     core.restart(told["retained"])
-    bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate)
+    bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate, listen_only=quiet)
     found = Statistics()
     joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
-    ports: list[Port] = [can := NativePort(bus, core.library, joystick), *_others(wanted, folder, found)]
+    overheard = Overheard() if quiet else None
+    ports: list[Port] = [
+        can := NativePort(bus, core.library, joystick, overheard),
+        *_others(wanted, folder, found),
+    ]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
     if told.get("hmi"):
         ports.insert(len(ports) - 1, _hmi(ports, folder, found, feed))
-    twin = Rehearsal(core, ports, folder / "twin", feed is not None) if type(core) is ControlCore else None
+    if overheard:
+        ports = silent(ports, ModbusPort, NativePort, StandIn(overheard, feed))
+    native = type(core) is ControlCore and not quiet
+    twin = Rehearsal(core, ports, folder / "twin", feed is not None) if native else None
     realtime.pin(wanted.realtime.core)
     rights = realtime.acquire(wanted.realtime.fifo, wanted.realtime.lock, wanted.realtime.priority)
     for reason in rights.reasons:
@@ -108,7 +118,8 @@ def main(text: str) -> None:
     scan = Scan(core, ports, rights, feed, statistics=found)
     if twin:
         scan.before = twin
-    can.listen(LISTEN_S)
+    if not quiet:
+        can.listen(LISTEN_S)
     scan.run(stop=helpers.told_to_end, ticks=told.get("ticks"))
     realtime.release()
     bus.shutdown()

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Thread
 from types import TracebackType
 from typing import IO, Any, Self
 
@@ -27,6 +28,7 @@ from runtime.image import OUTPUT, TICK_S
 from runtime.modbus.cells import create
 from runtime.notify import Notifier
 from runtime.policy import open_core
+from runtime.recorder.seen import SHADOWED
 from runtime.replay import identity
 from runtime.retain import Folder, Retained
 from runtime.ring import Ring
@@ -40,6 +42,7 @@ WATCH_S = 0.1
 PROVEN_TICKS = 500  # 10 s: loading, all processes and a hundred policy ticks are behind it
 PATIENCE_S = 90.0  # for a helper's first sign of life, on a machine that does other things too
 RESTART_S = 1.0  # between starts of a helper that does not stay
+SHADOW = ", in shadow: nothing is commanded"  # said wherever its commands are shown
 LOCK = ".in-use"
 TICKS = "ticks"  # retained beside the signals: ticks over all runs
 
@@ -61,19 +64,22 @@ class Counts:
 class Supervisor:
     """The runtime of one configuration file; a context, which ends all processes."""
 
-    def __init__(self, path: Path, ticks: int | None = None, hmi: bool = False) -> None:
+    def __init__(self, path: Path, ticks: int | None = None, hmi: bool = False, shadow: bool = False) -> None:
         """Check everything; InputError for the first thing that does not fit, before anything runs.
 
-        `hmi`: with the operator's page, also where the configuration does not ask for it.
+        `hmi`: with the operator's page, `shadow`: in shadow mode, also where the configuration does not ask
+        for it.
         """
         self.path, self.ticks = path, ticks
         self.wanted = configuration.read(path)
         if hmi:
             self.wanted = configuration.with_hmi(self.wanted, path.parent)
+        if shadow:
+            self.wanted = configuration.in_shadow(self.wanted)
         self.active = start.chosen(self.wanted, path)
         self.bundle = self.active.bundle
         check_frames(open_core(self.bundle).library)  # loaded once here: what is wrong with it is said now
-        self._proven = False
+        self._proving: Thread | None = None
         self.retained = self._retained()
         configuration.check_surroundings(self.wanted)
         self._locks = [lock(part.folder) for part in (self.wanted.recorder, self.wanted.retain) if part]
@@ -86,7 +92,7 @@ class Supervisor:
         which = {"bundle": str(self.bundle.folder.resolve()), "digest": self.bundle.digest}
         told = {"config": str(path.resolve()), "folder": str(self.folder), "ticks": ticks, **which}
         told["hmi"] = self.wanted.hmi is not None
-        told["retained"] = self.retained
+        told["retained"], told["shadow"] = self.retained, self.wanted.shadow
         self.control = Helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
         self._notifier = Notifier.of()
@@ -127,7 +133,7 @@ class Supervisor:
         while (code := self.watch()) is None and not stop():
             report(now := self.now())
             self._notifier.ticked(now.ticks, self._status(now))
-            if now.ticks >= PROVEN_TICKS:
+            if now.ticks >= PROVEN_TICKS and not self.wanted.shadow:
                 self._prove()
             time.sleep(WATCH_S)
         self._notifier.ending()
@@ -171,11 +177,20 @@ class Supervisor:
         return f"{modes.get(now.mode, now.mode)}, fault {now.fault}, {now.ticks} ticks; {self.active.said}"
 
     def _prove(self) -> None:
-        """The bundle has run long enough to be one to go back to; a store that is in use is asked again."""
+        """The bundle has run long enough to be one to go back to.
+
+        Kept in mind by a thread: a busy disk can take minutes for a sync, and the watch goes on.
+        """
+        if self._proving is None:
+            self._proving = Thread(target=self._keep_proof, daemon=True)
+            self._proving.start()
+
+    def _keep_proof(self) -> None:
+        """Write it down; a store that is in use is asked again."""
         try:
-            self._proven = self._proven or self.active.prove()
-        except OSError as error:
-            self._proven = True
+            while not self.active.prove():
+                time.sleep(RESTART_S)
+        except (OSError, InputError) as error:
             sys.stderr.write(f"slewright: the store cannot keep in mind that its bundle ran: {error}\n")
 
     def _retained(self) -> dict[str, float]:
@@ -225,7 +240,8 @@ class Supervisor:
             "audit": str(wanted.audit.resolve()),
             "tls": wanted.tls and {k: str(getattr(wanted.tls, k).resolve()) for k in ("certificate", "key")},
             "about": {
-                "machine": "simulated machine" if simulated else self.path.stem,
+                "machine": ("simulated machine" if simulated else self.path.stem)
+                + SHADOW * self.wanted.shadow,
                 "controller": self.bundle.controller,
                 "bundle": self.bundle.digest[:12],
             },
@@ -237,6 +253,7 @@ class Supervisor:
         who = {**identity(self.bundle.identity, VERSION), "bundle": self.bundle.digest}
         who["bundle_folder"] = str(self.bundle.folder.resolve())
         who["signed_by"] = self.active.signer
+        who["mode"] = SHADOWED if self.wanted.shadow else "control"
         told = {
             "ring": str(ring.path),
             "folder": str(wanted.folder.resolve()),

@@ -37,6 +37,7 @@ from slewright.commands import (
     reconcile_suite,
     replay,
     run,
+    shadow,
     simulate,
     testpack,
     train,
@@ -114,6 +115,7 @@ app.command()(hil.hil)
 app.command()(hmi.hmi)
 app.command()(faults.faults)
 app.command()(replay.replay)
+app.command()(shadow.shadow)
 app.command()(reconcile.reconcile)
 app.command()(effects.effects)
 app.command()(optimum.optimum)

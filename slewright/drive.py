@@ -15,11 +15,11 @@ MACHINE = "machine"
 Report = Callable[..., None]
 
 
-def which(text: str) -> str:
+def which(text: str, option: str = "--drive") -> str:
     """The machine draw of `machine[:draw]`: "nominal", "tuning:K" or "validation:K"."""
     name, _, draw = text.partition(":")
     if name != MACHINE:
-        raise InputError(f"--drive {text}: valid: machine, machine:tuning:K, machine:validation:K")
+        raise InputError(f"{option} {text}: valid: machine, machine:tuning:K, machine:validation:K")
     return draw or "nominal"
 
 

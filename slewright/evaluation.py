@@ -52,7 +52,7 @@ def evaluate(paths: Sequence[Path], out: Path, asked: Asked, report: Any = None)
         "made": dict(contracts[0].made), "loads": {load: _mean(rows, load=load) for load in asked.loads},
         "draws": {d: _mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}},
         "seeds": {s: {"pace": pace, **_mean(rows, seed=s)} for s, pace in paces.items()},
-        "failed": {f"{r['load']}/{r['draw']}": r["failed"] for r in rows if r["failed"]},
+        "runs": rows, "failed": {f"{r['load']}/{r['draw']}": r["failed"] for r in rows if r["failed"]},
     }  # fmt: skip
 
 
@@ -165,7 +165,8 @@ def markdown(found: Mapping[str, Any]) -> str:
     made, unit = found["made"], "°" if found["task"] == "slew" else "m"
     pace = f"pace {found['pace']:g}"
     if found.get("matched"):
-        pace = f"at {found['matched']:g} °/s (pace of each seed: the one with this mean speed over the loads)"
+        which = pace if len(found["seeds"]) == 1 else "each seed's own pace"
+        pace = f"{which}, set to {found['matched']:g} °/s in the mean over loads"
     lines = [
         f"`{Path(found['policy']).name}`, {pace}, {found['machines']} machines of the "
         f"{found['draw_set']} draws, simulated; ±: 95 % interval over machines. Made by "

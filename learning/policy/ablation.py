@@ -1,4 +1,4 @@
-"""What each idea gave: trainings judged at one speed in the training environment, as a Markdown table.
+"""What each idea gave: trainings judged at one speed in the training environment, as a Markdown page.
 
     python -m learning.policy.ablation OUT... [--speed 10] [--out FILE]
 
@@ -9,8 +9,8 @@ a policy does not reach it.  Folders that differ in the seed alone share a row.
 """
 
 import argparse
+import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,8 @@ import torch
 from learning.policy import checkpoint
 from learning.policy.environment import load_networks
 from learning.policy.export import read
-from learning.policy.judge import judge
-from learning.policy.network import perceptron, set_weights
-from learning.policy.recipe import RECIPES, Randomisation
+from learning.policy.judge import judge_file
+from learning.policy.recipe import Randomisation
 from learning.policy.session import NETWORKS
 from specs.errors import InputError
 
@@ -43,14 +42,8 @@ def recipe_of(out: Path) -> dict[str, Any]:
 
 def front(out: Path, task: str, machines: Randomisation) -> list[Figures]:
     """Mean metrics over the loads at each pace, on machines like these."""
-    policy = read(out / f"{task}.onnx")
-    c = policy.contract
-    recipe = replace(RECIPES[task], history=c.history, prior=c.prior, random=machines, ahead_s=0.2)
-    layers = [policy.weights[0][0].shape[1], *(len(b) for _, b in policy.weights)]
-    mlp = perceptron(layers)
-    set_weights(mlp, policy.weights)
-    networks = load_networks(NETWORKS)
-    return [_mean(judge(recipe, networks, mlp, pace, MACHINES)) for pace in PACES]
+    policy, networks = read(out / f"{task}.onnx"), load_networks(NETWORKS)
+    return [_mean(judge_file(policy, networks, machines, pace, MACHINES)) for pace in PACES]
 
 
 def _mean(by_load: Mapping[str, Figures]) -> Figures:
@@ -71,12 +64,22 @@ def at_speed(points: Sequence[Figures], speed: float) -> tuple[str, Figures]:
 def difference(base: Mapping[str, Any], other: Mapping[str, Any], group: str = "") -> list[str]:
     """ "field value" of every field in which a recipe is another than the base."""
     found: list[str] = []
-    for name, value in other.items():
+    for name in {**other, **base}:
+        value = other.get(name, "")
         if isinstance(value, Mapping):
             found += difference(base.get(name) or {}, value, f"{name}.")
         elif base.get(name) != value and name not in (*COST, "name", "why", "kind"):
             found.append(f"{group}{name} {_short(value)}")
     return found
+
+
+def _joined(found: Sequence[str]) -> list[str]:
+    """Several ranges of the machines as one."""
+    ranges = [one.split(" ")[0].removeprefix("random.") for one in found if one.startswith("random.")]
+    if len(ranges) < 3:
+        return list(found)
+    rest = [one for one in found if not one.startswith("random.")]
+    return [*rest, f"other ranges of {', '.join(ranges)}"]
 
 
 def _short(value: Any) -> str:
@@ -92,13 +95,29 @@ def table(outs: Sequence[Path], speed: float) -> str:
     machines = Randomisation(**{k: v for k, v in recipes[0]["random"].items() if k != "kind"})
     rows: dict[str, list[tuple[str, Figures]]] = {}
     for out, told in zip(outs, recipes, strict=True):
-        what = ", ".join(difference(recipes[0], told)) or "base"
+        what = ", ".join(_joined(difference(recipes[0], told))) or "base"
         cost = f"{told['iterations']} × {told['envs']} × {told['episode_s']:g} s"
         rows.setdefault(f"{what} | {cost}", []).append(at_speed(front(out, task, machines), speed))
     unit = "°" if task == "slew" else "m"
     head = f"| what differs | iterations × machines × time | seeds | speed °/s | overshoot ° | error {unit} "
     lines = [head + "| tool °/s | missed |", "|---|---|--:|--:|--:|--:|--:|--:|"]
     return "\n".join([*lines, *(_line(name, found, task) for name, found in rows.items()), ""])
+
+
+def page(outs: Sequence[Path], speed: float, words: str) -> str:
+    """The table with what it is and what made each of its trainings."""
+    made = [read(next(out.glob("*.onnx"))).contract.made for out in outs]
+    trained = {str(one["command"]): None for one in made}
+    about = (
+        f"Made by `python -m learning.policy.ablation {words}`. Judged in the training environment: one "
+        f"target for 15 s on {MACHINES} random machines a load (empty, 2 t told, 0 … 2 t not told), means "
+        f"over the loads, linear between paces to {speed:g} °/s; `<` and `>`: the nearest pace of one that "
+        "does not reach that speed. These are no results on the reference machine, and one seed of a short "
+        "training is little to go by. Tool rate and share of missed targets are what counts here."
+    )
+    commands = "\n".join(trained)
+    head = f"# What each idea gave\n\n{about}\n\n{table(outs, speed)}"
+    return f"{head}\nTrained by\n\n```sh\n{commands}\n```\n"
 
 
 def _line(name: str, found: Sequence[tuple[str, Figures]], task: str) -> str:
@@ -117,7 +136,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, help="a file for the table")
     told = parser.parse_args(words)
     torch.set_num_threads(1)
-    text = table(told.outs, told.speed)
+    text = page(told.outs, told.speed, " ".join(words or sys.argv[1:]))
     if told.out:
         told.out.write_text(text, encoding="utf-8")
     print(text)

@@ -5,6 +5,7 @@ held.  Commands are states: they appear one tick after the sensors they answer (
 history starts filled with the first sensors and commands of 0 (specs/policy.py, `History`).
 """
 
+import hashlib
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,11 @@ TICKS = round(SPACING_S / TICK_S)
 FILE = "policy.onnx"
 SPLIT = 2.0**29 + 1.0  # of 53 bits, 29 are rounded off
 UNUSED = ("qd_slew",)  # connected to every controller; the gyro tells the same, and is not late
-CODE = '''"""A policy; written by learning/policy/controller.py."""
+SOURCES = ("controller.py", "export.py", "features.py")  # beside the file, what its model is made by
+CODE = '''"""A policy; written by learning/policy/controller.py.
+
+SHA-256 of policy.onnx and of what makes the model of it: {digest}
+"""
 
 from pathlib import Path
 
@@ -137,10 +142,18 @@ def write_folder(policy: Policy, name: str, parent: Path) -> Path:
     folder = parent / name
     folder.mkdir(parents=True, exist_ok=True)
     export.write(policy, folder / FILE)
-    (folder / "model.py").write_text(CODE.format(name=name), encoding="utf-8")
+    code = CODE.format(name=name, digest=_digest(folder / FILE))
+    (folder / "model.py").write_text(code, encoding="utf-8")
     text = README.format(name=name, rate=policy.contract.rate_hz)
     (folder / "README.md").write_text(text, encoding="utf-8")
     return folder
+
+
+def _digest(path: Path) -> str:
+    """An FMU is built anew when its folder's code changes: so the code says which policy it reads."""
+    here = Path(__file__).parent
+    parts = [path.read_bytes(), *((here / name).read_bytes() for name in SOURCES)]
+    return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
 def build(policy: Policy, name: str, out: Path, fmi_version: int = 2) -> Path:

@@ -3,20 +3,26 @@
 Every machine gets one target for 15 s, as the scenarios do; the metrics are those of records/metrics.py, at
 the 10 Hz of the environment: the slew angle between targets over the time to enter and stay within 3
 degrees, the angle past the target, the mean error of the last second, the mean rate of the tool.
+
+    python -m learning.policy.judge POLICY [--machines 256] [--pace 1]
 """
 
+import argparse
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from fmus.slew_nn.network import SlewNetwork
-from learning.policy.environment import Environment
-from learning.policy.network import Interface
-from learning.policy.recipe import Recipe
+from learning.policy.environment import Environment, load_networks
+from learning.policy.export import Policy, read
+from learning.policy.network import Interface, perceptron, set_weights
+from learning.policy.recipe import RECIPES, Randomisation, Recipe
 from specs.policy import SPACING_S
 
 DURATION_S, BAND_DEG, LAST_S = 15.0, 3.0, 1.0
@@ -50,6 +56,17 @@ def judge(
         environment = Environment(replace(recipe, random=random, episode_s=DURATION_S), networks, n, seed)
         found[load] = metrics(*roll_out(environment, mlp))
     return found
+
+
+def judge_file(
+    policy: Policy, networks: Sequence[SlewNetwork], machines: Randomisation, pace: float, n: int = 256
+) -> dict[str, dict[str, float]]:
+    """`judge` of an exported policy on machines of these ranges."""
+    c = policy.contract
+    recipe = replace(RECIPES[c.task], history=c.history, prior=c.prior, random=machines)
+    mlp = perceptron([policy.weights[0][0].shape[1], *(len(b) for _, b in policy.weights)])
+    set_weights(mlp, policy.weights)
+    return judge(recipe, networks, mlp, pace, n)
 
 
 @torch.no_grad()
@@ -88,3 +105,23 @@ def metrics(slew: Tensor, distance: Tensor, tool: Tensor, ended: Tensor) -> dict
         "ended": ended.float().mean(),
     }
     return {name: float(value) for name, value in found.items()}
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Print the metrics of a policy by load as JSON."""
+    from learning.policy.session import NETWORKS
+
+    parser = argparse.ArgumentParser(prog="python -m learning.policy.judge")
+    parser.add_argument("policy", type=Path)
+    parser.add_argument("--machines", type=int, default=256)
+    parser.add_argument("--pace", type=float, default=1.0)
+    told = parser.parse_args(words)
+    torch.set_num_threads(1)
+    policy = read(told.policy)
+    machines = RECIPES[policy.contract.task].random
+    found = judge_file(policy, load_networks(NETWORKS), machines, told.pace, told.machines)
+    print(json.dumps(found, indent=1))
+
+
+if __name__ == "__main__":
+    main()

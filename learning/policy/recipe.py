@@ -121,9 +121,10 @@ _PAPER = {
     "one_shot": 0.2,
 }  # fmt: skip
 _OURS = {
-    "balance": 1.0, "closing": 1.0, "action": 0.05, "overshoot": 2.0, "oscillation": 3.0, "one_shot": 0.05,
-    "keep_out": 2.0, "limits": 0.05,
+    "balance": 0.7, "closing": 0.15, "settle": 1.0, "overshoot": 2.0, "sway": 1.2, "action": 0.05,
+    "one_shot": 0.05, "keep_out": 2.0, "limits": 0.05,
 }  # fmt: skip
+_FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
 _RECIPES = (
     Recipe(
         "paper", "the paper's seven terms, PPO", method="ppo", weights=_PAPER, ahead_s=0.0,
@@ -135,13 +136,15 @@ _RECIPES = (
         first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0,
     ),
     Recipe(
-        "full", "ours: through the simulation's own gradient", prior="pd", weights=_OURS,
-        episode_s=15.0, consecutive=0.5,
-        first=Shape(5.0, 1.0, 0.2), last=Shape(0.7, 0.5, 0.05), envs=256, rate=1.5e-3,
+        "full", "ours: through the simulation's own gradient", prior="parabola", weights=_OURS,
+        first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25, fade=0.97,
+        episode_s=15.0, consecutive=0.5, envs=192, iterations=250, rate=1.5e-3,
     ),
     Recipe(
-        "slew", "ours, slew-only", task="slew", prior="pd", weights=_OURS, episode_s=15.0, consecutive=0.5,
-        first=Shape(5.0, 1.0, 0.2), last=Shape(0.7, 0.5, 0.05), envs=256, rate=1.5e-3,
+        "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST,
+        first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.05), curriculum=0.25, fade=0.985,
+        random=Randomisation(pace=(0.5, 2.0)),
+        episode_s=12.0, consecutive=0.5, envs=128, iterations=150, rate=1.5e-3,
     ),
 )  # fmt: skip
 RECIPES = {r.name: r for r in _RECIPES}

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from orchestrator.dossier import calibration, draws, parameters, physics_chapter, residuals, steps, trust
+from orchestrator.dossier import (
+    calibration,
+    draws,
+    parameters,
+    physics_chapter,
+    recorded,
+    residuals,
+    steps,
+    trust,
+)
 from orchestrator.dossier.machine import Bench
 from orchestrator.dossier.markdown import FOLDER, chapter
 from orchestrator.dossier.section import Check, Report, Section, check_table
@@ -28,15 +37,21 @@ FULL = Effort()
 
 
 def run(
-    out: Path, progress: Report | None = None, page: Path | None = None, effort: Effort = FULL
+    out: Path,
+    progress: Report | None = None,
+    page: Path | None = None,
+    effort: Effort = FULL,
+    against: Path | None = None,
 ) -> dict[str, Any]:
     """Compute the dossier and write it to `out`, its pictures to a folder of the same name beside it.
 
-    `page` gets the same as one HTML file.  Returns the figures by chapter, every limit with its verdict under
-    `checks`, and `accepted`.  Deterministic: the same sources give the same bytes.
+    `page` gets the same as one HTML file; `against`: the figures of `slewright shadow`, for a chapter on how
+    close the machine is to the one recorded.  Returns the figures by chapter, every limit with its verdict
+    under `checks`, and `accepted`.  Deterministic: the same sources give the same bytes.
     """
     report = progress or (lambda what, done=None, total=None: None)
-    sections = list(chapters(report, effort))
+    compared = [recorded.section(recorded.read(against))] if against else []
+    sections = [*chapters(report, effort), *compared]
     checks = [c for s in sections for c in s.checks]
     report("writing the page")
     text = compose(sections)

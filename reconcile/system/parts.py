@@ -14,6 +14,7 @@ import numpy as np
 from fmus.equations import kinematics
 from fmus.tool import model as tool
 from records.measurement import Channel, Measurement
+from records.tool import joint_rates
 from specs.errors import InputError
 
 JOINTS = ("q_boom", "q_stick")
@@ -99,8 +100,7 @@ def part_named(name: str) -> Part | None:
 def with_signals(measured: Measurement) -> Measurement:
     """The measurement with what its IMU says of the tool's angles and their rates, where they are not in it.
 
-    On level ground the IMU's roll and pitch are the joint angles.  Its rates are those of the tool's body:
-    w_x = q_x' − sin q_y W, w_y = cos q_x q_y' + sin q_x cos q_y W, w_z = −sin q_x q_y' + cos q_x cos q_y W.
+    On level ground the IMU's roll and pitch are the joint angles; its rates: `records.tool`.
     """
     names = [f"imu_tool_{n}" for n in ("roll", "pitch", "rate_x", "rate_y", "rate_z")]
     wanted = ("q_tool_x", "q_tool_y", "qd_tool_x", "qd_tool_y")
@@ -109,13 +109,12 @@ def with_signals(measured: Measurement) -> Measurement:
     roll, pitch, *rates = (measured[n] for n in names)
     if any(len(c.time) != len(roll.time) for c in (pitch, *rates)):
         raise InputError(f"{measured.source or 'the recording'}: the channels of imu_tool do not go together")
-    w_x, w_y, w_z = (c.values for c in rates)
-    sine, cosine = np.sin(roll.values), np.cos(roll.values)
+    rate_x, rate_y = joint_rates(roll.values, pitch.values, *(c.values for c in rates))
     found = {
         "q_tool_x": ("rad", roll.values),
         "q_tool_y": ("rad", pitch.values),
-        "qd_tool_x": ("rad/s", w_x + np.tan(pitch.values) * (sine * w_y + cosine * w_z)),
-        "qd_tool_y": ("rad/s", cosine * w_y - sine * w_z),
+        "qd_tool_x": ("rad/s", rate_x),
+        "qd_tool_y": ("rad/s", rate_y),
     }
     for n in ("x", "y"):
         found[f"qd_tool_{n}"] = (

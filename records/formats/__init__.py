@@ -25,8 +25,10 @@ FORMATS = {
     ".mcap": "mcap_file",
     ".blf": "can_log",
     ".asc": "can_log",
+    ".rosbag2": "ros2_bag",
 }
 READ_ONLY = (".recording", ".tsv", ".txt", ".mdf")
+WRITE_ONLY = (".rosbag2",)
 TABLES = ("parquet_file", "csv_file")  # modules of files whose time is a column like others
 CAN_LOGS = (".blf", ".asc")
 DBC = ROOT / "generated" / "slewright.dbc"
@@ -47,10 +49,12 @@ def read_measurement(
     from records.formats.tables import is_clock
 
     path = Path(path)
+    if path.suffix.lower() in WRITE_ONLY:
+        raise InputError(f"{path}: bags of ROS 2 are written, not read")
+    if path.is_dir() and not is_segments(path):
+        raise InputError(f"{path} is a folder, and none of the recorder's (*.mcap); name a recording")
     module, options = _module(path, dbc)
-    if path.is_dir():
-        raise InputError(f"{path} is a folder; name a recording")
-    if not path.is_file() and not Path(f"{path}.recording").is_file():
+    if not path.exists() and not Path(f"{path}.recording").is_file():
         raise InputError(f"no recording at {path}")
     if path.is_file() and not path.stat().st_size:
         raise InputError(f"{path} is empty")
@@ -91,6 +95,11 @@ def write_measurement(
     return lost
 
 
+def is_segments(path: Path) -> bool:
+    """Whether it is a folder of the runtime's recorder."""
+    return path.is_dir() and any(path.glob("*.mcap"))
+
+
 def check_format(path: Path) -> None:
     """Raise InputError for a file that is of no format that is written."""
     if path.suffix.lower() not in FORMATS or path.suffix.lower() in READ_ONLY:
@@ -100,7 +109,7 @@ def check_format(path: Path) -> None:
 
 def _module(path: Path, dbc: Path | str | None) -> tuple[Any, dict[str, Path]]:
     """The module that reads and writes files of this name, and its options."""
-    suffix = path.suffix.lower()
+    suffix = ".mcap" if is_segments(path) else path.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{path}: unknown format '{path.suffix}'; valid: {', '.join(FORMATS)}")
     if dbc is not None and suffix not in CAN_LOGS:

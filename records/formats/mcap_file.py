@@ -38,32 +38,62 @@ YEAR_NS = 365 * 86_400 * 10**9  # stamps below it count from no date
 BROKEN_CHUNK = (CRCValidationError, McapError, ValueError, RuntimeError, struct.error, zstandard.ZstdError)
 
 
+Key = tuple[str, str, str]  # a topic's name, schema and encoding: the same in every segment
+
+
 @dataclass
 class _Contents:
     """What was read so far."""
 
-    topics: dict[int, Topic] = field(default_factory=dict)
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    messages: dict[int, list[Message]] = field(default_factory=dict)
+    topics: dict[Key, Topic] = field(default_factory=dict)
+    schemas: dict[Key, Schema | None] = field(default_factory=dict)
+    messages: dict[Key, list[Message]] = field(default_factory=dict)
     meta: dict[str, str] = field(default_factory=dict)
+    # Numbers in the file that is being read: another segment has others.
+    _keys: dict[int, Key] = field(default_factory=dict)
+    _schemas: dict[int, Schema] = field(default_factory=dict)
+
+    def begin(self) -> None:
+        """A file begins."""
+        self._keys, self._schemas = {}, {}
+
+    def take(self, part: Any) -> None:
+        """A record of the file."""
+        if isinstance(part, Message):
+            self.messages.setdefault(self._keys[part.channel_id], []).append(part)
+        elif isinstance(part, Topic):
+            schema = self._schemas.get(part.schema_id)
+            key = (part.topic, schema.name if schema else "", part.message_encoding)
+            self._keys[part.id], self.topics[key], self.schemas[key] = key, part, schema
+        elif isinstance(part, Schema):
+            self._schemas[part.id] = part
+        elif isinstance(part, Metadata) and part.name == OURS:
+            self.meta |= part.metadata
 
 
 def read(path: Path, names: Mapping[str, str]) -> Raw:
     """Read every topic of JSON and Protocol Buffers; raises InputError where there is none."""
     notes: list[str] = []
     found = _Contents()
-    for part in _parts(path, notes):
-        _take(part, found)
+    for file in _files(path):
+        found.begin()
+        for part in _parts(file, notes):
+            found.take(part)
     meta = _our_meta(found.meta)
     stamps = [m.log_time for messages in found.messages.values() for m in messages]
     if not stamps:
         raise InputError(f"{path} holds no messages" + (f" ({notes[0]})" if notes else ""))
     zero, start = _zero(min(stamps), meta, found)
-    groups = [group for topic in found.topics.values() for group in _group(topic, found, zero, path, notes)]
+    groups = [group for key in found.topics for group in _group(key, found, zero, path, notes)]
     if not groups:
         used = ", ".join(sorted({t.message_encoding or "none" for t in found.topics.values()}))
         raise InputError(f"{path} holds no topic in JSON or Protocol Buffers; its encodings: {used}")
     return Raw(groups, start, {k: v for k, v in meta.items() if k != START}, notes)
+
+
+def _files(path: Path) -> list[Path]:
+    """The file, or all segments of the runtime's recorder in a folder, oldest first."""
+    return sorted(path.glob("*.mcap")) if path.is_dir() else [path]
 
 
 def _parts(path: Path, notes: list[str]) -> Iterator[Any]:
@@ -109,20 +139,12 @@ def _broken_up(chunk: Chunk, notes: list[str]) -> list[Any]:
         return []
 
 
-def _take(part: Any, found: _Contents) -> None:
-    if isinstance(part, Message):
-        found.messages.setdefault(part.channel_id, []).append(part)
-    elif isinstance(part, Topic):
-        found.topics[part.id] = part
-    elif isinstance(part, Schema):
-        found.schemas[part.id] = part
-    elif isinstance(part, Metadata) and part.name == OURS:
-        found.meta |= part.metadata
-
-
 def _our_meta(stored: Mapping[str, str]) -> dict[str, Any]:
+    """Our own metadata; what the runtime's recorder says of itself stands under `recorded`."""
+    if "meta" not in stored:
+        return {"recorded": dict(stored)} if stored else {}
     try:
-        return json.loads(stored.get("meta", "{}"))
+        return json.loads(stored["meta"])
     except ValueError:
         return {}
 
@@ -134,13 +156,13 @@ def _zero(first: int, meta: Mapping[str, Any], found: _Contents) -> tuple[int, d
     return (first, at_ns(first)) if first >= YEAR_NS and "meta" not in found.meta else (0, None)
 
 
-def _group(topic: Topic, found: _Contents, zero: int, path: Path, notes: list[str]) -> list[Group]:
+def _group(key: Key, found: _Contents, zero: int, path: Path, notes: list[str]) -> list[Group]:
     """The topic's numbers, in a list; an empty one for a topic in no JSON or without messages."""
+    topic, messages = found.topics[key], found.messages.get(key, [])
     name = topic.topic.strip("/").replace("/", ".")
-    messages = found.messages.get(topic.id, [])
     if topic.metadata.get(OURS) == STATE:
         return []
-    schema = found.schemas.get(topic.schema_id)
+    schema = found.schemas.get(key)
     in_protobuf = topic.message_encoding == mcap_protobuf.ENCODING and schema is not None
     if topic.message_encoding != JSON and not in_protobuf:
         notes.append(f"topic {topic.topic}: left out, it is in {topic.message_encoding or 'no encoding'}")

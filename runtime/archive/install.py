@@ -32,6 +32,8 @@ def offer(place: Place, archive: Path) -> Offer:
 
     Raises InputError with the first thing that is wrong with the archive.
     """
+    if place.folder.exists() and not place.folder.is_dir():
+        raise InputError(f"{place.folder} is no folder: a store is one")
     signed = verify(container.read(archive), trust.read(place.keys), str(archive))
     check_fit(signed, str(archive))
     if not place.folder.is_dir():
@@ -78,10 +80,11 @@ def roll_back(place: Place) -> Offer:
 
 def _try(place: Place, digest: str) -> Signed:
     """Read a bundle of the store as the runtime will, up to its core's first state."""
+    from runtime.can.native import check
     from runtime.policy import open_core
 
     signed = place.fit(digest)
-    open_core(place.unpacked(digest))
+    check(open_core(place.unpacked(digest)).library)
     return signed
 
 

@@ -1,7 +1,6 @@
 """What a store holds, checked as at a start, and whether a key can go."""
 
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from runtime.archive import trust
@@ -53,14 +52,14 @@ def overview(place: Place) -> Overview:
     return Overview(tuple(_entry(place, digest, store.state) for digest in store.digests()), store.damaged)
 
 
-def check_retirement(folder: Path, store: Path | None, name: str) -> None:
-    """Raise InputError where a machine would not start without the key `name` of `folder`."""
-    known = trust.read(folder)
+def check_retirement(place: Place, name: str) -> None:
+    """Raise InputError where a machine would not start without the key `name`."""
+    known = trust.read(place.keys)
     key = trust.find(known, name)
     if len(known.trusted) == 1:
         raise InputError(f"{key.name} is the only trusted key: add its successor first (--now: all the same)")
-    active = Place(store, folder).store().state.active if store else ""
-    if active and _signer(Place(store or folder, folder), active) == key.name:
+    active = place.store().state.active if place.folder.is_dir() else ""
+    if active and _signer(place, active) == key.name:
         raise InputError(
             f"{key.name} signed the active bundle: install one that another key signed first "
             "(--now: retire it all the same)"

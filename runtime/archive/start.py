@@ -5,7 +5,7 @@ from pathlib import Path
 
 from runtime import bundle as form
 from runtime.archive import trust
-from runtime.archive.differences import compare, configuration
+from runtime.archive.differences import part
 from runtime.archive.disk import StoreFolder
 from runtime.archive.signed import BUNDLE, CONFIGURATION, SHOWN, Signed, check_fit, verify
 from runtime.archive.store import BUNDLES, Store, held
@@ -123,8 +123,7 @@ def _check_configuration(signed: Signed, config: Path) -> None:
     """A bundle with a configuration runs with no other."""
     if CONFIGURATION not in signed.files:
         return
-    here = config.read_bytes()
-    if changes := compare("", configuration(signed.files[CONFIGURATION]), configuration(here)):
+    if changes := part(CONFIGURATION, signed.files, {CONFIGURATION: config.read_bytes()}):
         raise InputError(
             f"{config} is not the configuration that was signed with {signed.name}: {changes[0]}"
         )

@@ -48,7 +48,7 @@ class Trust:
         """
         found = [k for k in self.known if k.key.id == key]
         if not found:
-            have = ", ".join(f"{k.name} ({k.key.id})" for k in self.trusted) or "none"
+            have = ", ".join(f"{k.name} ({k.key.id})" for k in self.trusted) or "none (deploy keys add)"
             raise InputError(f"{where}: signed by the unknown key {key[:16]!r}; trusted: {have}")
         if retired := [k for k in found if k.retired]:
             raise InputError(f"{where}: signed by {retired[0].name} ({key}), which was retired")
@@ -89,7 +89,10 @@ def add(folder: Path, name: str, key: PublicKey, endorsement: bytes | None) -> s
         if known.name == name:
             raise InputError(f"{folder} has a key {name} already ({known.key.id}); --name gives another")
     by = _endorser(trust, key, endorsement) if trust.known else ""
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made: {error.strerror}") from None
     _put(folder, f"{name}{TRUSTED}", key.pem())
     return by
 

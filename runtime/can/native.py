@@ -1,7 +1,7 @@
 """The controller's CAN as the control process has it: `CanPort` (runtime/can/port.py) with the work in C.
 
 Frames are taken from the bus many at once and checked, decoded, counted and encoded by the bundle's library
-(runtime/core/wire.c), in a tenth of the time that Python takes with cold caches.
+(runtime/core/wire.c), in a fifth of the time that Python takes.
 """
 
 import ctypes
@@ -15,12 +15,12 @@ from runtime.can.batch import Batch, FrameSource
 from runtime.can.codec import sent_by
 from runtime.can.localbus import LocalBus
 from runtime.can.port import FRAMES_A_TICK, JOYSTICK, PERIOD_NS, SHOWN_TICKS, Reader, frame_source
-from runtime.image import INPUT, NODE, Flag
+from runtime.image import INPUT, NODE, OUTPUT, Flag
 from specs.errors import InputError
 
-# Words at the beginning of SlrWire (runtime/core/wire.h).
 OTHER = int(Flag.OTHER_CONTROLLER)
 LISTEN_EVERY_S = 0.01
+# Words at the beginning of SlrWire (runtime/core/wire.h).
 STAMP, FLAGS, PASSIVE, OFF, WAS_OFF, LOST, WRONG, OURS, IGNORED = range(9)
 
 
@@ -87,6 +87,8 @@ class NativePort:
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """Send the frames that are due; what the bus has no room for is dropped and counted."""
         if outputs is not self._outputs:
+            if outputs.nbytes != OUTPUT.dtype.itemsize:
+                raise ValueError(f"an array of {outputs.nbytes} bytes is no output image")
             self._outputs, self._at_outputs = outputs, outputs.ctypes.data
         count = self._send(self._at, self._at_outputs, tick, self._going.at)
         for i in range(count):

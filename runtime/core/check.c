@@ -81,7 +81,7 @@ static int use_forced(const SlrInput *in, SlrState *s, SlrView *view, int i) {
 static void use(const SlrInput *in, SlrState *s, SlrView *view, int i) {
   if (use_forced(in, s, view, i)) return;
   if (view->status[i] == SLR_STATUS_OK) {
-    s->last[i] = in->value[i];
+    s->last[i] = in->value[i] - slr_zero[i];
     s->bad[i] = 0;
   } else {
     s->bad[i] += s->bad[i] < INT32_MAX;

@@ -63,6 +63,7 @@ extern const SlrBlock *const slr_controller;
 extern const SlrBlock *const slr_arm;
 extern const SlrBlock *const slr_estimator; /* of the load; negative: nothing known yet */
 extern const uint8_t slr_needed[SLR_IN_COUNT]; /* inputs that automatic operation depends on */
+extern const double slr_zero[SLR_IN_COUNT];    /* what each input shows at its zero: taken off when it is used */
 extern const SlrGateLimits slr_limits;
 extern const char slr_identity_text[];
 /* Walls (distance, rate, gradient by boom, gradient by stick, each), distance to the target, reach. */

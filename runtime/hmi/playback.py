@@ -1,4 +1,4 @@
-"""The page over a recording: what it can ask for, and a first reading of the whole for alarms and statistics."""
+"""The page over a recording: what it can ask for, and one reading of the whole for alarms and statistics."""
 
 import threading
 from typing import Any

@@ -37,7 +37,9 @@ class HmiPort:
         """`claimed`: whether a Modbus client has the right to write, though it may not have written yet."""
         self._seen, self._grant, self._asked = cells
         self._found, self._claimed, self._unrecorded = found, claimed, unrecorded
-        self._state, self._granted = np.zeros((), SEEN), np.zeros((), GRANT)
+        self._state = np.zeros((), SEEN)
+        self._granted: dict[str, int] = dict.fromkeys(GRANT.names or (), 0)
+        self._owner = self._heartbeat_ns = self._commits = self._stamp_ns = self._force_number = 0
         self._newest = np.zeros((), HMI)
         self._number = -1
         self._targets = np.array([INPUT.index[s.name] for s in HOLDING], dtype=np.intp)
@@ -56,7 +58,7 @@ class HmiPort:
         now = time.monotonic_ns()
         self._frames += inputs["age"][self._heard] == 0
         if self._asked.number != self._number and (found := self._asked.read()):
-            self._number, self._newest = found[0], np.frombuffer(found[1], HMI)[0]
+            self._take(*found)
         self._write(inputs, now)
         self._force(inputs, now)
         self._inputs = inputs
@@ -75,13 +77,20 @@ class HmiPort:
         """No sensor comes this way."""
         return 0
 
-    def _write(self, inputs: np.ndarray, now: int) -> None:
+    def _take(self, number: int, state: bytes) -> None:
+        """A state of hmi.cell; plain numbers of it are kept, for reading them from an array takes long."""
+        self._number, self._newest = number, np.frombuffer(state, HMI)[0]
         targets: Any = self._newest["targets"]
-        writer = int(self._granted["writer"])
-        owner, age = int(targets["owner"]), (now - int(targets["heartbeat_ns"])) // PERIOD_NS
+        self._owner, self._commits = int(targets["owner"]), int(targets["commits"])
+        self._heartbeat_ns, self._stamp_ns = int(targets["heartbeat_ns"]), int(targets["stamp_ns"])
+        self._force_number = int(self._newest["force_number"])
+
+    def _write(self, inputs: np.ndarray, now: int) -> None:
+        writer = self._granted["writer"]
+        owner, age = self._owner, (now - self._heartbeat_ns) // PERIOD_NS
         alive = bool(owner) and owner != self._ended and 0 <= age < self._late
         if writer == Writer.HMI and not (alive and owner == self._granted["owner"]):
-            self._ended, self._draining, writer = int(self._granted["owner"]), True, Writer.NOBODY
+            self._ended, self._draining, writer = self._granted["owner"], True, Writer.NOBODY
         self._draining = self._draining and self._mode in FOLLOWING
         if writer != Writer.HMI:
             other = self._claimed() or self._planner_alive(inputs)
@@ -89,7 +98,8 @@ class HmiPort:
             writer = Writer.HMI if free else Writer.PLANNER if other else Writer.NOBODY
         self._tell(writer=writer, owner=owner if writer == Writer.HMI else 0)
         if writer == Writer.HMI or self._draining:
-            self._fill(inputs, targets if writer == Writer.HMI and targets["commits"] else None, age)
+            follow = writer == Writer.HMI and self._commits
+            self._fill(inputs, self._newest["targets"] if follow else None, age)
 
     def _planner_alive(self, inputs: np.ndarray) -> bool:
         place = self._heartbeat
@@ -104,10 +114,10 @@ class HmiPort:
             inputs["status"][self._targets] = Status.OK
 
     def _force(self, inputs: np.ndarray, now: int) -> None:
-        number = int(self._newest["force_number"])
+        number = self._force_number
         if not number and not self._granted["forcing"]:
             return
-        stale = now - int(self._newest["targets"]["stamp_ns"]) > self._late * PERIOD_NS
+        stale = now - self._stamp_ns > self._late * PERIOD_NS
         ended = number == self._granted["force_ended"] or stale or self._mode != STANDBY
         if number and ended:
             self._tell(
@@ -121,9 +131,8 @@ class HmiPort:
 
     def _tell(self, **changes: int) -> None:
         if any(self._granted[key] != value for key, value in changes.items()):
-            for key, value in changes.items():
-                self._granted[key] = value
-            self._grant.write(self._granted)
+            self._granted |= {key: int(value) for key, value in changes.items()}
+            self._grant.write(np.array(tuple(self._granted.values()), GRANT))
 
     def _show(self, outputs: np.ndarray) -> None:
         state, work, found = self._state, self._state["work"], self._found

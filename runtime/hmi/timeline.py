@@ -1,7 +1,7 @@
 """A recording as the page plays it: ten moments a second, read a segment at a time.
 
-Two kinds are read: a recording of the runtime (a folder of MCAP segments, or one of them), and a run record of
-a simulation (Parquet), which knows fewer signals.
+Two kinds are read: a recording of the runtime (a folder of MCAP segments, or one of them), and a run record
+of a simulation (Parquet), which knows fewer signals.
 """
 
 import threading

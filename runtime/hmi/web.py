@@ -155,6 +155,12 @@ class Handler(BaseHTTPRequestHandler):
             return
         self._answer("POST", path, body)
 
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """What the standard library refuses: nothing of the request is said back."""
+        self.request_version = "HTTP/1.1"  # an answer without a head is read as one
+        self.command = self.command or "GET"
+        self._refuse(Refused(int(code), "this is no request that is answered here"), close=True)
+
     def log_message(self, format: str, *args: Any) -> None:
         """Not a line a request: who asks for nonsense must not fill our disk."""
 

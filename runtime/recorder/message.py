@@ -60,9 +60,9 @@ def fields() -> tuple[Field, ...]:
 class Places:
     """Where each byte of an entry goes in the message, and back."""
 
-    def __init__(self) -> None:
+    def __init__(self, found: tuple[Field, ...], entry_bytes: int) -> None:
         template, to, source = bytearray(), [], []
-        for f in fields():
+        for f in found:
             wide = f.type in (SFIXED64, DOUBLE)
             template += _varint(f.number << 3 | (WIDE if wide else NARROW))
             to += range(len(template), len(template) + f.size)
@@ -71,7 +71,7 @@ class Places:
         self._template = np.frombuffer(bytes(template), np.uint8)
         self._to, self._source = np.array(to), np.array(source)
         self._constant = np.setdiff1d(np.arange(len(template)), self._to)
-        self.entry_bytes = 8 * len(TIMING_FIELDS) + INPUT.dtype.itemsize + OUTPUT.dtype.itemsize
+        self.entry_bytes = entry_bytes
         self.message_bytes = len(template)
 
     def message(self, entry: bytes) -> bytes:
@@ -93,7 +93,7 @@ class Places:
 @cache
 def places() -> Places:
     """The one of this layout."""
-    return Places()
+    return Places(fields(), 8 * len(TIMING_FIELDS) + INPUT.dtype.itemsize + OUTPUT.dtype.itemsize)
 
 
 def snapshot_message(tick: int, state: bytes) -> bytes:
@@ -114,15 +114,16 @@ def snapshot_of(message: bytes) -> tuple[int, bytes]:
     return int.from_bytes(message[1:9], "little", signed=True), message[at : at + length]
 
 
-def schema() -> bytes:
-    """The serialised FileDescriptorSet that MCAP wants of Protocol Buffers, with both messages."""
+def schema(**more: tuple[Field, ...]) -> bytes:
+    """The serialised FileDescriptorSet that MCAP wants of Protocol Buffers, with `more` messages by name."""
     from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
 
     whole = FileDescriptorSet()
     file = whole.file.add(name="slewright/tick.proto", package=PACKAGE, syntax="proto3")
-    tick = file.message_type.add(name="Tick")
-    for f in fields():
-        _declare(tick, f.name, f.number, getattr(FieldDescriptorProto, f"TYPE_{f.type.upper()}"))
+    for name, found in {"Tick": fields(), **more}.items():
+        message = file.message_type.add(name=name)
+        for f in found:
+            _declare(message, f.name, f.number, getattr(FieldDescriptorProto, f"TYPE_{f.type.upper()}"))
     snapshot = file.message_type.add(name="Snapshot")
     _declare(snapshot, "tick", 1, FieldDescriptorProto.TYPE_SFIXED64)
     _declare(snapshot, "state", 2, FieldDescriptorProto.TYPE_BYTES)

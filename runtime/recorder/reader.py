@@ -13,6 +13,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from runtime.recorder.message import SNAPSHOT_TOPIC, TICK_TOPIC, places, snapshot_of
+from runtime.recorder.seen import SEEN_TOPIC, places as seen_places
 from runtime.recorder.segments import METADATA, SUFFIX
 from specs.errors import InputError
 
@@ -32,6 +33,13 @@ class Snapshot:
 
     tick: int
     state: bytes
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the operator did in a tick of shadow mode: an entry of runtime/recorder/seen.py."""
+
+    entry: bytes
 
 
 @dataclass
@@ -60,6 +68,10 @@ class Recording:
 
     def items(self) -> Iterator[Tick | Snapshot]:
         """Ticks and snapshots in order, as far as the files are whole."""
+        return (item for item in self.everything() if not isinstance(item, Seen))
+
+    def everything(self) -> Iterator[Tick | Snapshot | Seen]:
+        """The same, each tick of shadow mode followed by what the operator did in it."""
         for path in self.files():
             topics: dict[int, str] = {}
             for part in parts(path, self.notes):
@@ -69,7 +81,7 @@ class Recording:
                     yield from _item(part, topics.get(part.channel_id, ""), path)
 
 
-def _item(message: Message, topic: str, path: Path) -> Iterator[Tick | Snapshot]:
+def _item(message: Message, topic: str, path: Path) -> Iterator[Tick | Snapshot | Seen]:
     if topic == SNAPSHOT_TOPIC:
         yield Snapshot(*snapshot_of(message.data))
     elif topic == TICK_TOPIC:
@@ -77,6 +89,11 @@ def _item(message: Message, topic: str, path: Path) -> Iterator[Tick | Snapshot]
         if entry is None:
             raise InputError(f"{path}: its ticks are not of this version's signals")
         yield Tick(entry)
+    elif topic == SEEN_TOPIC:
+        entry = seen_places().entry(message.data)
+        if entry is None:
+            raise InputError(f"{path}: what its operator did is not of this version's signals")
+        yield Seen(entry)
 
 
 def parts(path: Path, notes: list[str]) -> Iterator[Any]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from runtime.image import INPUT
 from runtime.recorder.feed import DISK_FULL, SNAPSHOT, SNAPSHOT_HEAD, TICK, TIMING
 from runtime.recorder.mend import mend
+from runtime.recorder.seen import SEEN
 from runtime.recorder.segments import Disk, Folder, Segment
 from runtime.ring import Ring
 
@@ -34,6 +35,7 @@ class Recorder:
     segment: Segment | None = None
     full: bool = False
     _synced: float = 0.0
+    _seen: bytes = b""
 
     def __post_init__(self) -> None:
         for path in self.folder.segments()[-1:]:
@@ -71,8 +73,13 @@ class Recorder:
     def _take(self, kind: int, data: bytes) -> None:
         if kind == SNAPSHOT:
             self._at_snapshot(data)
+        elif kind == SEEN:
+            self._seen = data
         elif kind == TICK and self.segment:
             self.segment.add_tick(data)
+            if self._seen:  # came before its tick, and has its time
+                self.segment.add_seen(self._seen)
+            self._seen = b""
 
     def _at_snapshot(self, data: bytes) -> None:
         tick, day = SNAPSHOT_HEAD.unpack_from(data)

@@ -12,6 +12,7 @@ from typing import BinaryIO
 
 from mcap.writer import Writer
 
+from runtime.recorder import seen
 from runtime.recorder.message import (
     PACKAGE,
     SNAPSHOT_TOPIC,
@@ -58,13 +59,24 @@ class Segment:
         self._snapshot = self._writer.register_channel(
             SNAPSHOT_TOPIC, "protobuf", snapshot, {METADATA: "state"}
         )
+        self._operator: int | None = None  # the topic, once there is something in it
+        self._day = 0  # of the last tick
         self._file.flush()
 
     def add_tick(self, entry: bytes) -> None:
         """A tick as the queue holds it."""
-        day = int.from_bytes(entry[:8], "little", signed=True)
+        day = self._day = int.from_bytes(entry[:8], "little", signed=True)
         self._writer.add_message(self._tick, day, places().message(entry), day, self.ticks & 0xFFFF_FFFF)
         self.ticks += 1
+
+    def add_seen(self, entry: bytes) -> None:
+        """What the operator did in the tick that was added last (shadow mode)."""
+        if self._operator is None:
+            whole = schema(Operator=seen.fields())
+            kind = self._writer.register_schema(f"{PACKAGE}.Operator", "protobuf", whole)
+            told = {METADATA: "channels", **seen.units()}
+            self._operator = self._writer.register_channel(seen.SEEN_TOPIC, "protobuf", kind, told)
+        self._writer.add_message(self._operator, self._day, seen.places().message(entry), self._day)
 
     def add_snapshot(self, tick: int, day: int, state: bytes) -> None:
         """The core's state before `tick`."""

@@ -23,7 +23,7 @@ from fmus.definition import Model
 from fmus.loader import load_model
 from fmus.paths import BUILD, SHIM
 from runtime import bundle as form, image
-from slewright.bundling import config
+from slewright.bundling import commissioned, config
 from slewright.bundling.blocks import COMPILED, CORE, Block, External
 from specs import parameters
 from specs.errors import InputError
@@ -56,6 +56,8 @@ class Content:
     engine: str = form.NATIVE
     files: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
     calibration: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the load estimate
+    zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of sensors, SI
+    arm: Mapping[str, float] = dataclasses.field(default_factory=dict)  # parameters of the arm loops
 
 
 def bundle(
@@ -65,16 +67,24 @@ def bundle(
     changes: Mapping[str, float] | None = None,
     engine: str = form.NATIVE,
     calibration: Path | None = None,
+    commissioning: Path | None = None,
 ) -> form.Bundle:
     """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
 
     What was in `out` before is replaced.  `platforms` are names of fmus.compiler.TARGETS (default: this
     machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is evaluated:
-    "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`.  Raises InputError
+    "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`, `commissioning`
+    the calibration.json of `slewright commission`, whose tare a `calibration` replaces.  Raises InputError
     for an unknown controller, platform, parameter or engine, a controller that no core can run, or a folder
     that holds something else; RunError if C fails.
     """
     content = _content(controller, engine)
+    if commissioning is not None:
+        found = commissioned.read(commissioning)
+        calibration = calibration or found.load_calibration
+        content = dataclasses.replace(
+            content, zeros=found.zeros, arm=found.arm, files={**content.files, **found.files}
+        )
     if calibration is not None:
         content = _calibrated(content, calibration)
     return assemble(content, out, platforms, changes)
@@ -96,11 +106,14 @@ def assemble(
 ) -> form.Bundle:
     """Write, compile and hash; `out` is replaced only when all of it is there."""
     targets = [compiler.target(n).name for n in platforms or [compiler.host().name]]
-    constants = config.constants(changes or {})
+    zeros = {f"zero_{name}": value for name, value in content.zeros.items()}
+    constants = {**config.constants(changes or {}), **zeros}
     _check_folder(out)
     part = out.with_name(f"{out.name}.{os.getpid()}.part")
     try:
-        blocks = write_sources(content.controller, part / "sources", constants, content.calibration)
+        blocks = write_sources(
+            content.controller, part / "sources", constants, content.calibration, content.zeros, content.arm
+        )
         identity = sources_hash(part / "sources")
         for target in targets:
             suffix = compiler.target(target).suffix
@@ -121,9 +134,12 @@ def write_sources(
     folder: Path,
     constants: Mapping[str, float],
     calibration: Mapping[str, float] | None = None,
+    zeros: Mapping[str, float] | None = None,
+    tables: Mapping[str, float] | None = None,
 ) -> list[Block]:
     """Write core and blocks; the blocks."""
-    arm, estimator = Block(load_model(ARM), ARM), Block(load_estimate(calibration), "load")
+    arm = Block(commissioned.with_tables(load_model(ARM), tables or {}), ARM)
+    estimator = Block(load_estimate(calibration), "load")
     core = folder / "core"
     core.mkdir(parents=True, exist_ok=True)
     external = isinstance(controller, External)
@@ -131,7 +147,7 @@ def write_sources(
         (core / name).write_bytes((CORE / name).read_bytes())
     (core / "slw_math.h").write_bytes((SHIM / "slw_math.h").read_bytes())
     (core / "core_config.h").write_text(config.config_h(constants))
-    (core / "core_config.c").write_text(config.config_c(controller, arm, estimator, constants))
+    (core / "core_config.c").write_text(config.config_c(controller, arm, estimator, constants, zeros or {}))
     (core / "geometry.c").write_text(config.geometry_c())
     blocks = [arm, estimator] if isinstance(controller, External) else [controller, arm, estimator]
     for block in blocks:

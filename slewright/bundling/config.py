@@ -40,9 +40,16 @@ def config_h(c: Mapping[str, float]) -> str:
     )
 
 
-def config_c(controller: Block | External, arm: Block, estimator: Block, c: Mapping[str, float]) -> str:
-    """`core_config.c`: which blocks, which inputs they need, the gate's limits."""
+def config_c(
+    controller: Block | External,
+    arm: Block,
+    estimator: Block,
+    c: Mapping[str, float],
+    zeros: Mapping[str, float],
+) -> str:
+    """`core_config.c`: which blocks, which inputs they need, sensors' zeros, the gate's limits."""
     needed = {*controller.inputs, *arm.inputs, *GATE_SENSORS}
+    off = ", ".join(repr(zeros.get(s.name, 0.0)) for s in INPUT.signals)
     sensors = [int(s.name in needed and group(s) is Group.SENSOR) for s in INPUT.signals]
     return (
         '/* The bundle\'s own part of the core, generated. */\n#include "slr.h"\n\n'
@@ -51,6 +58,7 @@ def config_c(controller: Block | External, arm: Block, estimator: Block, c: Mapp
         f"const SlrBlock *const slr_arm = &{arm.symbol};\n"
         f"const SlrBlock *const slr_estimator = &{estimator.symbol};\n"
         f"const uint8_t slr_needed[SLR_IN_COUNT] = {{{', '.join(map(str, sensors))}}};\n"
+        f"const double slr_zero[SLR_IN_COUNT] = {{{off}}};\n"
         f"const SlrGateLimits slr_limits = {limits(c)};\n"
         "const char slr_identity_text[] = SLR_IDENTITY;\n"
     )

@@ -279,7 +279,7 @@ def runtime(
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Lateness of the control cycle against cyclictest: idle, with 20 Modbus clients, stress-ng, three pages."""
+    """Lateness of the control cycle against cyclictest: idle, with Modbus clients, stress-ng, three pages."""
     from slewright.bundling.default import ready
     from slewright.hil.bench import LOADS, MORE, run
     from specs.errors import InputError, nearest

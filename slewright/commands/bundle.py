@@ -29,6 +29,10 @@ def bundle(
         Path | None,
         typer.Option("--load-calibration", metavar="FILE", help="Of the load estimate (estimate calibrate)."),
     ] = None,
+    commissioning: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="calibration.json of slewright commission: zeros, tables, tare."),
+    ] = None,
     sign: Annotated[
         Path | None,
         typer.Option("--sign", metavar="KEY.pem", help="Sign it: writes an archive (docs/bundles.md)."),
@@ -56,7 +60,14 @@ def bundle(
     key = signing.check(target, sign, release, config, passphrase) if sign else None
     with progress("bundle") as report:
         report(f"compiling {controller}")
-        made = build(controller, out, platform or (), engine=engine, calibration=calibration)
+        made = build(
+            controller,
+            out,
+            platform or (),
+            engine=engine,
+            calibration=calibration,
+            commissioning=commissioning,
+        )
     typer.echo(f"{made.folder}: {made.controller} for {', '.join(made.platforms)}, SHA-256 {made.digest}")
     figures = {"controller": made.controller, "platforms": list(made.platforms), "sha256": made.digest}
     figures |= {"identity": made.identity}

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from slewright.commissioning.procedure import Outcome
 
 OUT = Path("out/commission")
+SHOWN = 8  # failed checks on the terminal
 
 
 def commission(
@@ -227,8 +228,10 @@ def _steps_of(session: Any, rig: Any, operator: Any, step: str | None) -> "list[
 def _show(outcome: "Outcome", path: Path) -> None:
     n = len(outcome.checks)
     typer.echo(f"{outcome.step.name}: {outcome.verdict}, {n} checks, {outcome.seconds:.0f} s")
-    for check in outcome.failures:
+    for check in outcome.failures[:SHOWN]:
         typer.echo(f"slewright: step {outcome.step.name}: {check}", err=True)
+    if len(outcome.failures) > SHOWN:
+        typer.echo(f"slewright: and {len(outcome.failures) - SHOWN} more, in the record", err=True)
     if outcome.failures:
         typer.echo(f"slewright: later steps do not start; record: {path}", err=True)
 

@@ -12,9 +12,16 @@ from specs.errors import InputError
 
 def convert(
     source: Annotated[
-        Path, typer.Argument(metavar="IN", help="The recording: .parquet, .csv, .mf4, .mcap, .blf or .asc.")
+        Path,
+        typer.Argument(
+            metavar="IN",
+            help="The recording: .parquet, .csv, .mf4, .mcap, .blf, .asc, or the recorder's folder.",
+        ),
     ],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help="The file to write, of the same kinds.")],
+    target: Annotated[
+        Path,
+        typer.Argument(metavar="OUT", help="The file to write, of the same kinds; .rosbag2 for a ROS 2 bag."),
+    ],
     dbc: Annotated[
         Path | None,
         typer.Option("--dbc", metavar="FILE", help="CAN database of logs (default: the machine's)."),
@@ -31,11 +38,13 @@ def convert(
     json: JsonOption = None,
 ) -> None:
     """Convert a recording; what was mended and what the format does not keep is printed."""
-    from records.formats import CAN_LOGS, check_format, read_measurement, write_measurement
+    from records.formats import CAN_LOGS, WRITE_ONLY, check_format, read_measurement, write_measurement
     from records.formats.grid import on_grid
     from slewright.progress import progress
 
     check_format(target)
+    if target.suffix.lower() in WRITE_ONLY and target.exists():
+        raise InputError(f"{target} is there already; bags are folders: remove it, or name another")
     _check_files(source, target, json, force)
     logs = [p for p in (source, target) if p.suffix.lower() in CAN_LOGS]
     if dbc is not None and not logs:

@@ -1,6 +1,7 @@
 """`slewright deploy keys`: the keys that sign bundles, and those that a machine trusts."""
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,7 +27,7 @@ KeysOption = Annotated[
 
 def passphrase() -> str:
     """The passphrase of a private key: from the environment, else asked."""
-    return os.environ.get(VARIABLE) or typer.prompt("passphrase of the key", hide_input=True, err=True)
+    return _asked("passphrase of the key")
 
 
 @app.command()
@@ -46,7 +47,7 @@ def new(
 
         raise InputError(f"{file}: a key's file ends in .pem")
     old = keys.read_private(by, passphrase) if by else None
-    secret = _new_passphrase() if encrypt else ""
+    secret = _asked("passphrase of the new key", twice=True) if encrypt else ""
     made = keys.new(file, secret)
     typer.echo(f"{file}: private; whoever has it can sign bundles for the machines that trust it")
     typer.echo(f"{keys.public_path(file)}: public, key {made.public.id}")
@@ -95,10 +96,14 @@ def retire(
     """Trust a key no more; bundles that it signed are refused from the next start on."""
     from runtime.archive import trust
     from runtime.archive.overview import check_retirement
+    from runtime.archive.start import Place
+    from specs.errors import InputError
 
     folder = _folder(store, keys)
     if not now:
-        check_retirement(folder, store, name)
+        if store is None:
+            raise InputError("which store's active bundle may need the key? --store DIR, or --now")
+        check_retirement(Place(store, keys), name)
     found = trust.retire(folder, name)
     typer.echo(f"{folder}: {found.name} ({found.key.id}) is retired")
 
@@ -138,7 +143,11 @@ def _folder(store: Path | None, keys: Path | None) -> Path:
     return Place(store or Path(), keys).keys
 
 
-def _new_passphrase() -> str:
-    return os.environ.get(VARIABLE) or typer.prompt(
-        "passphrase of the new key", hide_input=True, confirmation_prompt=True, err=True
-    )
+def _asked(what: str, twice: bool = False) -> str:
+    from specs.errors import InputError
+
+    if given := os.environ.get(VARIABLE):
+        return given
+    if not sys.stdin.isatty():
+        raise InputError(f"{what}: there is no terminal to ask on; set {VARIABLE}")
+    return typer.prompt(what, hide_input=True, confirmation_prompt=twice, err=True)

@@ -24,6 +24,13 @@ def dossier(
         Path | None,
         typer.Option("--html", metavar="FILE", callback=check_target, help="Write it as one HTML file, too."),
     ] = None,
+    recorded: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="report.json of slewright shadow: with a chapter on how close the machine is to that one.",
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Write the validation dossier of the reference machine: calibration, residuals, what is assumed.
@@ -33,7 +40,7 @@ def dossier(
     from orchestrator.dossier import run
 
     with progress("dossier") as report:
-        figures = run(out, report, html)
+        figures = run(out, report, html, against=recorded)
     checks = [
         (
             name,

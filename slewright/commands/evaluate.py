@@ -38,6 +38,10 @@ def evaluate(
         Path | None,
         typer.Option("--page", metavar="FILE.md", exists=True, help="Write the table between its markers."),
     ] = None,
+    beside: Annotated[
+        Path | None,
+        typer.Option("--beside", metavar="FILE", help="results.jsonl of compare: differences by machine."),
+    ] = None,
     figures: Annotated[
         Path | None,
         typer.Option("--figures", metavar="DIR", help="Draw two runs on the reference machine there."),
@@ -46,6 +50,7 @@ def evaluate(
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
     from slewright import evaluation, policies
+    from slewright.beside import known
     from slewright.tables import show
     from specs import draws
     from specs.errors import InputError
@@ -78,18 +83,26 @@ def evaluate(
     for key, reason in list(found["failed"].items())[:5]:
         typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
     write(json, found, seed=1)
-    _draw(found, policy[0], page, figures, out)
+    others = known(beside, found["task"]) if beside else {}
+    _draw(found, policy[0], page, figures, out, others)
     if found["failed"]:
         raise typer.Exit(3)
 
 
-def _draw(found: dict, policy: Path, page: Path | None, figures: Path | None, out: Path) -> None:
+def _draw(
+    found: dict, policy: Path, page: Path | None, figures: Path | None, out: Path, others: dict
+) -> None:
     """Table and pictures, where they are asked for."""
     if page is not None:
         from slewright import evaluation
+        from slewright.beside import table
         from slewright.markers import fill
 
         fill(page, f"policy-{found['task']}", evaluation.markdown(found))
+        if others:
+            unit = "°" if found["task"] == "slew" else "m"
+            text = table(found["runs"], list(found["loads"]), others, unit)
+            fill(page, f"policy-beside-{found['task']}", text)
     if figures is not None and found["task"] == "full":
         from slewright import policy_figures
 

@@ -26,6 +26,10 @@ def run(
         bool,
         typer.Option("--hmi", help="With the operator's page, also without [hmi] in the file (docs/hmi.md)."),
     ] = False,
+    shadow: Annotated[
+        bool,
+        typer.Option("--shadow", help="Read and compute everything, command nothing (docs/shadow.md)."),
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Run the cyclic controller on CAN and Modbus until Ctrl-C. No safety function (docs/hazards.md)."""
@@ -42,8 +46,10 @@ def run(
         def show(found: Counts) -> None:
             report(modes.get(found.mode, str(found.mode)), found.ticks, ticks)
 
-        supervisor = Supervisor(config, ticks)
+        supervisor = Supervisor(config, ticks, hmi, shadow)
         report(supervisor.active.said)
+        if supervisor.wanted.shadow:
+            report("in shadow: nothing is sent")
         with supervisor:
             try:
                 found = supervisor.run(show)

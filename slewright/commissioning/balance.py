@@ -3,6 +3,8 @@
 With an empty grab it must be about nothing; a pressure sensor that is swapped or scaled is off by tons.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from baselines.load.balance import JOINTS
@@ -19,12 +21,14 @@ CHANNELS = (
 )  # fmt: skip
 
 
-def measurement(
-    trace: Trace, names: tuple[str, ...] = CHANNELS, source: str = "commissioning"
-) -> Measurement:
-    """A trace as a recording of its sensors."""
-    channels = {n: Channel(n, INPUT.signals[INPUT.index[n]].unit, trace.time, trace[n].copy()) for n in names}
-    return Measurement(channels, None, {}, source)
+def measurement(trace: Trace, zeros: Mapping[str, float] | None = None) -> Measurement:
+    """A trace as a recording of its sensors, less their `zeros`."""
+    off = zeros or {}
+    channels = {
+        n: Channel(n, INPUT.signals[INPUT.index[n]].unit, trace.time, trace[n] - off.get(n, 0.0))
+        for n in CHANNELS
+    }
+    return Measurement(channels, None, {}, "commissioning")
 
 
 def at_rest(trace: Trace) -> dict[str, float]:

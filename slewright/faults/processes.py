@@ -40,6 +40,7 @@ HEARD_TICKS = 10  # before the operator's switches: the planner's slower message
 ARMED, FAULT = mode_number("armed"), mode_number("fault")
 COMMANDS = ("u_slew", "u_boom", "u_stick")
 BURST_S = 0.2
+ATTEMPTS = 5  # of the operator to start automatic operation
 HELPERS = {"recorder_killed": ("recorder", Flag.RECORDER_LOST), "modbus_killed": ("modbus", Flag.MODBUS_LOST)}
 
 
@@ -121,7 +122,13 @@ class Plant:
     def go_automatic(self) -> None:
         """As `go`, the request a while after the enabling: a busy computer must not show both in one tick."""
         self.node.panel.over["automatic_request"] = 0.0
-        self.go(ARMED)
+        for left in reversed(range(ATTEMPTS)):
+            try:
+                self.go(ARMED)
+                break
+            except RunError:  # the operator's message was late when the switch was pressed
+                if not left:
+                    raise
         del self.node.panel.over["automatic_request"]
         if not self.drive(500, lambda: self.shown("control_mode") == AUTOMATIC):
             raise RunError("automatic operation did not come")

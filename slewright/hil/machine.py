@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import cache
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -13,11 +13,19 @@ from orchestrator.master import Master, Options
 from orchestrator.simulate import seeds
 from orchestrator.system import System
 from specs import draws, systems
-from specs.scenario import TICK_S, Scenario
+from specs.scenario import TICK_S
 from specs.signals import signal
 
 COMPONENT = "machine"
 COMMANDS: tuple[str, ...] = ("u_slew", "u_boom", "u_stick")
+
+
+class Placed(Protocol):
+    """How a run begins: a `Scenario`, or anything else that says pose and load."""
+
+    def parameters(self, seed: int) -> Mapping[str, float]:
+        """Parameters of the machine by name, SI."""
+        ...
 
 
 class Machine:
@@ -26,7 +34,7 @@ class Machine:
     After `start` and after every `advance`, `outputs` are those of the present tick.
     """
 
-    def __init__(self, scenario: Scenario, seed: int = 1, which: str = draws.NOMINAL) -> None:
+    def __init__(self, scenario: Placed, seed: int = 1, which: str = draws.NOMINAL) -> None:
         """Stand where `scenario` starts, with its load; `seed` is of noise and load, `which` names a draw."""
         self.system = plant()
         parameters = {**draws.named(which), **scenario.parameters(seed)}

@@ -185,7 +185,7 @@ def main(text: str) -> None:
     bus = open_bus(told.get("interface", "slewright"), told["channel"], definition().bus.bit_rate, "Machine")
     ticks = scenario.duration_ticks if told.get("ticks") is None else told["ticks"]
     with Machine(scenario, seed, which) as machine:
-        node = MachineNode(bus, scenario, machine, told.get("pace", 1.0))
+        node = MachineNode(bus, scenario, machine, told.get("pace", 1.0), told.get("planner", False))
         print("ready", flush=True)
         late = _run(node, ticks)
         writer = RecordWriter(Path(told["record"]), node.columns, meta(scenario, seed, which))

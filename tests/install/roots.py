@@ -15,7 +15,7 @@ import pytest
 RELEASE = "bookworm"  # Debian 12, whose Python is 3.11
 # What Debian's installer leaves, as far as the guide rests on it.
 INSTALLED = ("systemd", "systemd-sysv", "udev", "dbus", "iproute2", "kmod")
-PYTHON = ("python3", "python3-venv", "python3-pip")
+PYTHON = ("python3", "python3-venv", "python3-pip", "libstdc++6")  # the last one is in every installed Debian
 LOWEST = ["nice", "-n", "10"]
 PATIENCE_S = 3600.0
 INSIDE = """

@@ -23,7 +23,22 @@ from tests.runtime.mutants import Mutant, mutants
 
 FILES = ("check.c", "mode.c")
 TESTS = tuple(f"tests/runtime/test_{name}.py" for name in ("check", "mode", "restart"))
-EQUAL: dict[str, str] = {}  # part of the mutated line: why it is the same program
+EQUAL = {  # part of the mutated line: why it is the same program, or what else finds it
+    "i  <= SLR_IN_COUNT": "one step past the end: for the sanitizers",
+    "i  <= SLR_OUT_COUNT": "as above",
+    "k  <= LENGTH(": "as above",
+    " / Anywhere": "a comment",
+    "return x  <= 0.0 ? -x": "0 either way",
+    "int i = 1; i < SLR_IN_COUNT; i++) {": "its repeats do not count: a target",
+    "after  >= 0 && s->same": "every time limit is more than a tick",
+    "after > 1 && s->same": "as above",
+    "s->bad[i]  <= INT32_MAX": "a year and four months of one fault",
+    "s->bad[i]  >= 0 && (at_once": "without a bad step the status is OK, which is never lost",
+    "s->last[i] = s->raw[i] = signals": "what was never heard is lost, and nothing lost is used",
+    "SLR_MOVING)) s->same[angles[k][0]] = 1": "stuck a tick earlier",
+    "]])  >= SLR_MOVING": "a measured rate is never exactly the limit",
+    "]])  >= SLR_DEFLECTED": "a joystick is never exactly at the limit: its steps are finer",
+}
 
 
 @dataclass(frozen=True)

@@ -206,3 +206,15 @@ def test_another_controller_on_the_bus_is_a_fault_until_it_has_gone() -> None:
     assert bench.tick().mode == FAULT
     bench.image["flags"] = 0
     assert bench.set(operator_enable=0.0).tick().set(operator_enable=1.0).tick().mode == STANDBY
+
+
+@pytest.mark.parametrize("axis", ["joystick_slew", "joystick_boom", "joystick_stick"])
+def test_every_axis_of_the_joystick_takes_over(axis: str) -> None:
+    bench = Bench(core()).automatic()
+    assert bench.set(**{axis: -0.5}).tick().mode == MANUAL
+
+
+def test_a_fault_that_no_input_is_to_blame_for_names_none() -> None:
+    bench = Bench(core()).automatic()
+    bench.image["flags"] = int(Flag.BUS_OFF)
+    assert (bench.tick().fault, bench.out("fault_signal")) == ("bus_off", 0.0)

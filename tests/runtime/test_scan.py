@@ -1,6 +1,7 @@
 """The cycle's bookkeeping on a clock of the test's own, and once on the real one."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -173,3 +174,15 @@ def test_a_histogram_gives_its_quantiles():
     assert times.quantile(1.0) == 50_000.0
     assert times.figures()["max"] == 50_000.0
     assert times.bins[TOP_US] == 1
+
+
+def test_what_runs_before_a_cycle_is_told_its_tick_and_deadline_and_costs_it_nothing() -> None:
+    clock = Clock()
+    scan = Scan(Busy(clock, {}), [Noise()], FULL, clock=clock)
+    told: list[tuple[int, int]] = []
+    scan.before = lambda tick, deadline: (told.append((tick, deadline)), clock.work(MS))[0]
+    scan.run(ticks=5)
+    assert [tick for tick, _ in told] == [0, 1, 2, 3, 4]
+    assert {b - a for (_, a), (_, b) in pairwise(told)} == {PERIOD_NS}
+    assert scan.statistics.lateness.largest_ns == 0
+    assert scan.statistics.other_work.largest_ns < MS

@@ -8,9 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from runtime.archive import trust
-from runtime.archive.install import install, offer
-from runtime.archive.start import Place
 from runtime.can.busd import start_bus
 from runtime.can.codec import sent_by
 from runtime.can.localbus import LocalBus
@@ -21,10 +18,8 @@ from runtime.recorder.reader import Recording
 from runtime.retain import COPIES, Folder, Retained
 from runtime.shared import private_folder
 from runtime.supervisor import Counts, Supervisor, _layout
-from slewright.bundling.archive import write
 from specs.errors import InputError, RunError
 from tests.runtime.bench import FAULT
-from tests.runtime.archive.made import key
 from tests.runtime.bundles import built
 from tests.runtime.test_helpers import until
 
@@ -109,24 +104,3 @@ def test_a_second_controller_on_the_bus_is_refused_and_the_first_goes_to_fault(m
         intruder.send_raw(sent_by("Controller")[0].message.frame_id | EXTENDED, bytes(8))
         until(lambda: bool(first.watch() is None and first.now().flags_seen & Flag.OTHER_CONTROLLER))
         intruder.shutdown()
-
-
-def test_a_signed_bundle_is_good_once_it_has_run(machine: Path, monkeypatch: pytest.MonkeyPatch):
-    """Out of a store, and marked there as one to go back to; its key is in the recording."""
-    monkeypatch.setattr("runtime.supervisor.PROVEN_TICKS", 50)
-    folder = machine.parent / "store"
-    archive = machine.parent / "pd.slwb"
-    write(built("pd"), archive, key(), "1.0")
-    trust.add(folder / "keys", "works", key().public, None)
-    place = Place(folder)
-    install(place, offer(place, archive))
-    lines = machine.read_text().splitlines()[1:]
-    machine.write_text("\n".join([*lines, "[store]", 'folder = "store"']))
-    with Supervisor(machine, ticks=110) as supervisor:
-        assert not place.store().state.proven
-        supervisor.run(lambda _: None)
-    assert place.store().state.proven
-    assert Recording(machine.parent / "rec").metadata()["signed_by"] == "works"
-    (folder / "keys" / "works.pem").rename(folder / "keys" / "works.retired")
-    with pytest.raises(InputError, match=r"signed by works .*, which was retired"):
-        Supervisor(machine)

@@ -46,6 +46,7 @@ COMMANDS = (
     "hmi",
     "faults",
     "replay",
+    "shadow",
     "reconcile",
     "reconcile-suite",
     "effects",

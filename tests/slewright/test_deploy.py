@@ -294,6 +294,7 @@ def test_an_active_bundle_of_older_specs_is_still_compared_with(machine: Machine
         (("rollback",), "there is no such folder"),
         (("keys", "retire", "none"), "no trusted key 'none'"),
         (("keys", "add", "none.pem"), "there is no such file"),
+        (("keys", "retire", "one", "--keys", "none"), "none: no trusted key 'one'"),
     ],
 )
 def test_what_is_refused(machine: Machine, told: tuple[str, ...], said: str):

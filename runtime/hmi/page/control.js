@@ -7,6 +7,7 @@ const FIELDS = [["target_x", "x"], ["target_y", "y"], ["target_z", "z"], ["pace"
 const UNITS = { target_x: "m", target_y: "m", target_z: "m", pace: "", load_told: "kg" };
 let hasControl = false;
 let forcing = false;
+const confirmed = { control: false, force: false }; // the stream says so, too
 let beating = 0;
 let waiting = 0;
 let inputs = {};
@@ -76,12 +77,25 @@ function begin() {
 
 function end(message) {
   if (!hasControl && !forcing) return;
-  hasControl = forcing = false;
-  clearInterval(beating);
-  beating = 0;
+  hasControl = forcing = confirmed.control = confirmed.force = false;
+  stop();
   mark("draft", null);
   if (message) toast(message);
   buildControl();
+}
+
+// One of the rights is over, by what the stream says; the other may go on.
+function ended(which, message) {
+  if (which === "control") hasControl = confirmed.control = false;
+  else forcing = confirmed.force = false;
+  toast(message);
+  if (!hasControl && !forcing) stop();
+  if (which === "control") mark("draft", null), buildControl();
+}
+
+function stop() {
+  clearInterval(beating);
+  beating = 0;
 }
 
 async function take() {
@@ -93,9 +107,10 @@ async function take() {
 }
 
 async function release() {
+  hasControl = confirmed.control = false;
+  if (!forcing) stop();
   await attempt(() => ask("api/control/end", {}));
-  hasControl = false;
-  if (!forcing) end("");
+  mark("draft", null);
   buildControl();
 }
 
@@ -172,8 +187,10 @@ function showControl() {
   const line = byId("target-text");
   const to = ["target_x", "target_y", "target_z"].map((n) => text(signal(n), value(n)));
   if (line) line.textContent = value("target_valid") > 0.5 ? `Target ${to.join(" / ")} m, pace ${text(signal("pace"), value("pace"))}${value("target_in_reach") > 0.5 ? "" : ", out of reach"}${value("target_reached") > 0.5 ? ", reached" : ""}` : "No target";
-  if (hasControl && model.frame.by === "") end("Control has ended");
-  if (forcing && model.frame.forced_by === "") (forcing = false), !hasControl && end("");
+  confirmed.control ||= hasControl && model.frame.by !== "";
+  confirmed.force ||= forcing && model.frame.forced_by !== "";
+  if (confirmed.control && model.frame.by === "") ended("control", "Control has ended");
+  if (confirmed.force && model.frame.forced_by === "") ended("force", "Forcing has ended");
 }
 
 // --- dialogs ---
@@ -213,7 +230,7 @@ function force(s) {
   const submit = button("Force", async () => {
     if (field.value.trim() === "") return;
     if (await attempt(() => ask("api/force", { signal: s.name, value: kept(s, Number(field.value)) }))) {
-      setTimeout(() => (forcing = true), 400); // when the stream says so, too
+      forcing = true;
       begin();
       close();
     }

@@ -65,7 +65,7 @@ function histogram(work) {
     counts.forEach((n, k) => {
       const tall = n ? Math.max(2, (Math.log10(n + 1) / most) * 68) : 0;
       add("rect", { x: 2 + k * 20, y: y + 88 - tall, width: 16, height: tall, class: "grab" });
-      if (k % 3 === 1) add("text", { x: 2 + k * 20, y: y + 101 }, k > 10 ? `<${2 ** (k - 10)} ms` : `<${2 ** k} µs`);
+      if (k % 3 === 1) add("text", { x: 2 + k * 20, y: y + 101 }, k > 9 ? `<${2 ** (k - 10)} ms` : `<${2 ** k} µs`);
     });
     add("line", { x1: 0, x2: 320, y1: y + 88, y2: y + 88, class: "axis" });
   });

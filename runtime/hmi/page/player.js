@@ -94,7 +94,7 @@ export function start() {
   bar.hidden = false;
   parts.play = element("button", { type: "button", id: "play", className: "main" }, "▶ Play");
   parts.play.addEventListener("click", () => play(!playing));
-  const back = element("button", { type: "button", ariaLabel: "Back to the start" }, "⏮");
+  const back = element("button", { type: "button", ariaLabel: "Back to the start" }, "|◀");
   back.addEventListener("click", () => seek(0));
   parts.slider = element("input", { type: "range", id: "slider", min: "0", max: String(model.catalogue.duration), step: "0.1", value: "0", ariaLabel: "Time" });
   parts.slider.addEventListener("input", () => seek(Number(parts.slider.value)));

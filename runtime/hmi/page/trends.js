@@ -3,6 +3,7 @@ import { model, on, ask, attempt, byId, element, value, signal, text, shown, tim
 
 const MOST = 6;
 const KEPT_S = 600;
+const GAP_S = 2; // without values: no line is drawn across
 const series = new Map(); // name -> {t, v}
 const plots = [];
 let chosen = JSON.parse(sessionStorage.getItem("trends") ?? "null") ?? ["q_slew", "imu_tool_roll", "imu_tool_pitch", "u_slew", "p_pump"];
@@ -47,7 +48,10 @@ class Plot {
     c.strokeRect(box.x, box.y + 3.5, box.w, box.h - 5);
     if (low < 0 && high > 0) this.line(c, [[box.x, y(-s.offset / s.factor)], [box.x + box.w, y(-s.offset / s.factor)]], colours.line, 1);
     const path = [];
-    for (let i = first; i < points.t.length; i++) path.push(Number.isFinite(points.v[i]) ? [x(points.t[i]), y(points.v[i])] : null);
+    for (let i = first; i < points.t.length; i++) {
+      if (i > first && points.t[i] - points.t[i - 1] > GAP_S) path.push(null);
+      path.push(Number.isFinite(points.v[i]) ? [x(points.t[i]), y(points.v[i])] : null);
+    }
     this.line(c, path, colours.ink, 1.6);
     this.label(c, s, name, points, { low, high }, box, colours);
   }

@@ -29,7 +29,8 @@ def run(bench: Bench) -> None:
         if message.sender != "Planner":
             _message(bench, message.name, message.sender, message.cycle_ms / 1000, len(trace) * TICK_S)
     for place, s in enumerate(INPUT.signals):
-        if group(s) is not Group.PLANNER:
+        gone = s.can is not None and not rig.bus.frames[s.can.message]  # said of its message already
+        if group(s) is not Group.PLANNER and not gone:
             _signal(bench, s.name, trace.status[:, place])
     for name in HEARTBEATS:
         counts = len(np.unique(trace[name]))

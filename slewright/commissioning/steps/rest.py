@@ -80,7 +80,8 @@ def _imu(bench: Bench, trace: Trace, imu: str) -> None:
     bench.between(f"{imu} IMU: gravity along its up axis", z, f.gravity - 0.4, f.gravity + 0.4, "m/s2", look)
     by_gravity = {"roll": math.atan2(y, z), "pitch": math.atan2(-x, math.hypot(y, z))}
     for name, angle in mean.items():
-        bench.found[f"zero imu_{imu}_{name}"] = angle
+        # The tool hangs plumb; the cabin stands as the ground does, so its inclination is no zero.
+        bench.found[f"{'zero' if imu == 'tool' else 'level'} imu_{imu}_{name}"] = angle
         apart, most = angle - by_gravity[name], f.commissioning_inclination
         bench.between(f"{imu} IMU: {name}", angle, -f.commissioning_level, f.commissioning_level, "rad", look)
         bench.between(f"{imu} IMU: {name} less that of gravity", apart, -most, most, "rad", look)

@@ -17,6 +17,7 @@ def test_differences_are_named_with_their_values() -> None:
     found = ablation.difference(base, other)
     assert found == ["prior none", "fade 0.97", "weights.sway 2", "random.pace 0.4 … 1.5"]
     assert ablation.difference(base, base) == []
+    assert ablation.difference(base, {**base, "weights": {}}) == ["weights.sway none"]
 
 
 def test_figures_at_a_speed_are_linear_between_paces() -> None:

@@ -100,6 +100,15 @@ def test_the_fmu_answers_like_onnxruntime(task: str, files: dict[str, Path], tmp
     assert np.ptp(np.array(seen)[:, 0]) > 0.01
 
 
+def test_another_policy_is_another_model_s_code(tmp_path: Path) -> None:
+    """An FMU of the same name is not taken for that of a policy trained since."""
+    codes = [
+        (controller.write_folder(made("slew", seed=seed), "slew", tmp_path / str(i)) / "model.py").read_text()
+        for i, seed in enumerate((1, 2, 1))
+    ]
+    assert codes[0] == codes[2] != codes[1]
+
+
 def test_single_is_single_precision() -> None:
     """As numpy rounds, in the code that CasADi writes."""
     x = ca.MX.sym("x")

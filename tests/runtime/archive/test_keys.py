@@ -9,6 +9,7 @@ import pytest
 from runtime.archive import keys, trust
 from runtime.archive.keys import ARCHIVE
 from runtime.archive.overview import check_retirement
+from runtime.archive.start import Place
 from specs.errors import InputError
 from tests.runtime.archive.made import key
 
@@ -142,4 +143,4 @@ def test_a_key_that_is_trusted_and_retired_is_retired(tmp_path: Path):
 def test_the_only_key_is_not_retired_by_accident(tmp_path: Path):
     trust.add(tmp_path, "works", key(1).public, None)
     with pytest.raises(InputError, match="is the only trusted key"):
-        check_retirement(tmp_path, None, "works")
+        check_retirement(Place(tmp_path / "store", tmp_path), "works")

@@ -204,7 +204,7 @@ def test_the_sets_are_not_empty():
 
 
 def test_without_any_key_nothing_is_taken():
-    with pytest.raises(InputError, match=r"unknown key .*; trusted: none"):
+    with pytest.raises(InputError, match=r"unknown key .*; trusted: none \(deploy keys add\)"):
         verify(RIGHT, Trust(Path("none"), ()), "x")
 
 

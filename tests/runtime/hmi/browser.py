@@ -5,6 +5,7 @@ import json
 import os
 import select
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,10 @@ from types import TracebackType
 from typing import Any, Self
 
 PATIENCE_S = 90.0
+PIPES = (  # the browser wants them as 3 and 4
+    "import fcntl, os, sys; a, b = (fcntl.fcntl(int(x), fcntl.F_DUPFD, 20) for x in sys.argv[1:3]);"
+    "os.dup2(a, 3); os.dup2(b, 4); os.execv(sys.argv[3], sys.argv[3:])"
+)
 QUIET = ("--disable-gpu", "--disable-background-networking", "--no-first-run", "--hide-scrollbars")
 
 
@@ -26,7 +31,7 @@ class Browser:
         # no name is found: whatever the page asked of elsewhere would fail, and be seen
         command += ["--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"]
         self._process = subprocess.Popen(
-            ["/bin/sh", "-c", f'exec "$@" 3<&{to_it} 4>&{from_it}', "sh", *command],
+            [sys.executable, "-S", "-c", PIPES, str(to_it), str(from_it), *command],
             pass_fds=(to_it, from_it),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

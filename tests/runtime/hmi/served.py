@@ -37,6 +37,7 @@ class Served:
 
     def __init__(self, core: ControlCore, folder: Path, planner: bool = False, moving: bool = True) -> None:
         self.bench, self.planner, self.moving = Bench(core), planner, moving
+        self.bench.set(p_pump=2.1e7)
         self.found = Statistics()
         cells = create(folder)
         self.port = HmiPort(cells, self.found)

@@ -13,7 +13,7 @@ from runtime.replay import check_identity, identity, replay
 from slewright.hil.hil import compared
 from slewright.hil.lockstep import lockstep
 from slewright.hil.rig import Rig, Setting
-from specs.scenario import load as load_scenario
+from specs.scenario import TICK_S, load as load_scenario
 from specs.version import VERSION
 from tests.conftest import Command
 from tests.runtime.bundles import built
@@ -57,3 +57,20 @@ def test_the_four_targets_in_real_time(slewright: Command, tmp_path: Path):
     done = slewright("hil", "--json", path, timeout=600.0)
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads(path.read_text())["within_tolerance"]
+
+
+def run_for(seconds: float) -> dict:
+    """Statistics of the runtime after so long with the whole of it."""
+    with Rig(Setting(built("pd").folder, SCENARIO, ticks=round(seconds / TICK_S))) as rig:
+        rig.begin()
+        while not rig.step():
+            time.sleep(0.1)
+        return rig.statistics()
+
+
+@pytest.mark.soak
+def test_half_an_hour_without_a_missed_tick_of_our_own_making():
+    found = run_for(1800.0)
+    assert found["ticks"] + found["skipped_ticks"] >= 1800.0 / TICK_S
+    assert (found["overruns"], found["unrecorded_ticks"]) == (0, 0)
+    assert not found["skipped_ticks"] or found["stolen_ticks"], "skipped, and nobody took the processor"

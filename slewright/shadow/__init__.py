@@ -1,0 +1,1 @@
+"""Shadow mode seen afterwards: what the controller would have done, how close the reference machine is."""

@@ -1,0 +1,97 @@
+"""The report of a run in shadow mode: everything computed, then written into one folder."""
+
+import json
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from runtime.bundle import Bundle
+from slewright import figures as written
+from slewright.shadow import agreement, closeness, handover, ranges
+from slewright.shadow.closeness import Piece
+from slewright.shadow.page import page
+from slewright.shadow.recorded import Report, Shadowed, check_source, read
+from specs import draws
+from specs.errors import InputError, RunError
+
+PAGE, FIGURES = "report.html", "report.json"
+OURS = (PAGE, FIGURES, handover.FILE)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a recording."""
+
+    recording: Path
+    bundle: Bundle
+    out: Path
+    source: str | None = None  # of the operator's commands: joystick or valves
+    load: float | None = None  # kg in the grab
+    machine: str = draws.NOMINAL  # the reference machine that it is compared with
+
+
+def check(asked: Asked) -> None:
+    """InputError for what cannot be asked: before anything takes time."""
+    check_source(asked.source)
+    closeness.check_machine(asked.machine)
+    _check_folder(asked.out)
+
+
+def _check_folder(out: Path) -> None:
+    """InputError for a folder that holds anything but an earlier report."""
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; name a folder for the report")
+    foreign = sorted(p.name for p in out.iterdir() if p.name not in OURS) if out.is_dir() else []
+    if foreign:
+        raise InputError(
+            f"{out} holds {foreign[0]}, which is not from this report; name a new or empty folder"
+        )
+    if not out.absolute().parent.is_dir():
+        raise InputError(f"{out}: there is no folder {out.absolute().parent}")
+
+
+def run(asked: Asked, report: Report) -> dict[str, Any]:
+    """Compute and write; the figures. InputError for a recording or machine that is none."""
+    check(asked)
+    report("repeating the recording")
+    found = read(asked.recording, asked.bundle, asked.source, report)
+    near, pieces = closeness.compare(found, asked.load, asked.machine, report)
+    figures = {
+        "recording": str(asked.recording),
+        "controller": found.metadata.get("controller"),
+        "label": found.metadata.get("label"),
+        "operator": found.source,
+        "ticks": len(found),
+        "seconds": float(found.time[-1]),
+        "notes": found.notes,
+        "modes": agreement.modes(found),
+        "commands": agreement.commands(found),
+        "gate": agreement.gate(found),
+        "faults": agreement.faults(found),
+        "ranges": ranges.compare(found, asked.bundle),
+        "pendulum": ranges.pendulum(found),
+        "closeness": near,
+    }
+    recording, told = asked.out / handover.FILE, asked.out / FIGURES
+    figures["next"] = handover.next_commands(recording, asked.out, told)
+    report("writing the report")
+    _write(asked, found, figures, pieces)
+    return figures
+
+
+def _write(asked: Asked, found: Shadowed, figures: dict[str, Any], pieces: list[Piece]) -> None:
+    """All files or none: they are made beside the folder first."""
+    try:
+        with tempfile.TemporaryDirectory(prefix=".shadow-", dir=asked.out.absolute().parent) as scratch:
+            part = Path(scratch)
+            handover.write(found, asked.recording, figures["closeness"]["load_kg"], part)
+            written.write(part / FIGURES, figures)
+            plain = json.loads((part / FIGURES).read_text())
+            (part / PAGE).write_text(page(found, plain, pieces), encoding="utf-8")
+            asked.out.mkdir(exist_ok=True)
+            for name in OURS:
+                shutil.move(part / name, asked.out / name)
+    except OSError as error:
+        raise RunError(f"cannot write {asked.out}: {error.strerror or error}") from error
