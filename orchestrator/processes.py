@@ -1,6 +1,9 @@
-"""Pools of worker processes: Ctrl-C without tracebacks, and imports before the first job."""
+"""Pools of worker processes: no tracebacks at Ctrl-C, imports before the first job, ended with the parent."""
 
+import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -25,5 +28,15 @@ def interrupts_held(how: str = "SIG_BLOCK") -> Iterator[None]:
 
 
 def warm_up() -> None:
-    """Import what a first record imports (pyarrow asks for pandas): no part of a simulation's time."""
+    """Import what a first record imports (pyarrow asks for pandas): no part of a simulation's time.
+
+    And end with the parent, however that ends: a worker that only waits for its next job would stay for ever.
+    """
     pa.array(np.zeros(1))
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    if parent := multiprocessing.parent_process():
+        parent.join()
+        os._exit(1)

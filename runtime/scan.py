@@ -120,7 +120,7 @@ class Scan:
     def run(self, stop: Callable[[], bool] = lambda: False, ticks: int | None = None, first: int = 0) -> None:
         """Run cycles from tick `first` on, until `stop()` or for `ticks` periods."""
         clock, tick = self.clock, first
-        start = clock.now() + PERIOD_NS
+        start = -(-(clock.now() + PERIOD_NS) // PERIOD_NS) * PERIOD_NS  # whole periods of the clock
         last = None if ticks is None else first + ticks
         while not stop() and (last is None or tick < last):
             deadline = start + (tick - first) * PERIOD_NS

@@ -7,6 +7,7 @@ import random
 import signal
 import time
 from collections.abc import Sequence
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -181,6 +182,47 @@ def test_ctrl_c_keeps_what_came(tmp_path: Path) -> None:
     kept = len((tmp_path / "out" / "results.jsonl").read_text().splitlines())
     assert 0 < kept < 120
     assert done(tmp_path).done == 120 - kept
+
+
+def _sleepy(tasks: Sequence[Task]) -> list[Result]:
+    Path(tasks[0]["marker"]).write_text(str(os.getpid()))
+    time.sleep(60.0)
+    return []
+
+
+def _with_a_pool(folder: Path) -> None:
+    tasks = [{"key": str(i), "ssp": "", "marker": str(folder / f"pid{i}")} for i in range(2)]
+    list(pool.local(tasks, 2, _sleepy))  # type: ignore[arg-type]
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no SIGKILL here")
+def test_workers_end_with_their_parent(tmp_path: Path) -> None:
+    parent = get_context("spawn").Process(target=_with_a_pool, args=(tmp_path,))
+    parent.start()
+    pids = [int(_content(tmp_path / f"pid{i}")) for i in range(2)]
+    parent.kill()
+    parent.join()
+    deadline = time.monotonic() + 20.0
+    while any(_runs(pid) for pid in pids):
+        assert time.monotonic() < deadline, "workers outlive their parent"
+        time.sleep(0.05)
+
+
+def _content(path: Path) -> str:
+    deadline = time.monotonic() + 60.0
+    while not (path.is_file() and path.read_text()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    return path.read_text()
+
+
+def _runs(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    state = Path(f"/proc/{pid}/stat")
+    return not state.exists() or state.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
 def test_two_campaigns_do_not_write_to_one_folder(tmp_path: Path) -> None:
