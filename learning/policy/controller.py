@@ -100,16 +100,21 @@ def _tick(policy: Policy) -> ca.Function:
     arguments = [started, history, sensors, told]
     rows = {c: history[k * length : (k + 1) * length] for k, c in enumerate(_kept())}
     for k, name in enumerate(SENSORS):
-        first = ca.if_else(started > 0.5, rows[name][1:], ca.repmat(sensors[k], length - 1, 1))
-        rows[name] = ca.vertcat(first, sensors[k])
+        first = ca.repmat(sensors[k], length - 1, 1)
+        rows[name] = ca.vertcat(ca.if_else(started > 0.5, _older(rows[name]), first), sensors[k])
     # a stored row of commands runs one period ahead of the sensors: the newest is held from now on
     observation = ca.vertcat(*_observed(rows, told, length))
     answer = _answer(policy, observation)
     for k, name in enumerate(ACTIONS):
-        rows[name] = ca.vertcat(rows[name][1:], answer[k])
+        rows[name] = ca.vertcat(_older(rows[name]), answer[k])
     due = ca.Function("due", arguments, [ca.vertcat(*(rows[c] for c in _kept()))])
     waiting = ca.Function("waiting", arguments, [history])
     return ca.Function.if_else("tick", due, waiting)
+
+
+def _older(row: ca.MX) -> ca.MX:
+    """All but the oldest value [n - 1, 1], which is also right for a history of one value."""
+    return row[1:] if row.numel() > 1 else ca.MX(0, 1)
 
 
 def _observed(rows: dict[str, ca.MX], told: ca.MX, length: int) -> list[ca.MX]:
