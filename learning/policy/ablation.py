@@ -68,7 +68,7 @@ def difference(base: Mapping[str, Any], other: Mapping[str, Any], group: str = "
         value = other.get(name, "")
         if isinstance(value, Mapping):
             found += difference(base.get(name) or {}, value, f"{name}.")
-        elif base.get(name) != value and name not in (*COST, "name", "why", "kind"):
+        elif (base.get(name) or "") != (value or "") and name not in (*COST, "name", "why", "kind"):
             found.append(f"{group}{name} {_short(value)}")
     return found
 
