@@ -18,7 +18,7 @@ def dossier(monkeypatch: pytest.MonkeyPatch):
         check = {"found": found, "limit": 1.0, "unit": "°/s", "at_least": False}
         check |= {"passed": found <= 1.0, "judged": judged}
 
-        def run(out: Path, *_: Any) -> dict[str, Any]:
+        def run(out: Path, *_: Any, **__: Any) -> dict[str, Any]:
             out.write_text("# page\n")
             return {"accepted": check["passed"] or not judged, "checks": {"speed": check}}
 
