@@ -1,7 +1,8 @@
 """What a recording in shadow mode holds beside its ticks: `/operator`, what the real operator did.
 
-`seen_NAME` as it came, with age and status: joystick and switches, which the core was not shown (runtime/shadow.py), and
-the valve commands that somebody else sent on the bus, where there were any.  `tick` is that of `/tick`.
+`seen_NAME` as it came, with age and status: joystick and switches, which the core was not shown
+(runtime/shadow.py), and the valve commands that somebody else sent on the bus, where there were any.  `tick`
+is that of `/tick`.
 """
 
 from functools import cache
