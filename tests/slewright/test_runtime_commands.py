@@ -61,7 +61,7 @@ def test_replay_refuses_a_recording_of_another_version(slewright: Command, tmp_p
 def test_replay_finds_the_bundle_that_ran_or_asks_for_it(slewright: Command, tmp_path: Path):
     folder = Path(shutil.copytree(built("pd").folder, tmp_path / "bundle"))
     ran = {"bundle": built("pd").digest, "bundle_folder": str(folder)}
-    path = recording(tmp_path, built("pd").identity, **ran)
+    path = recording(tmp_path, built("pd").identity, False, **ran)
     assert slewright("replay", path).returncode == 0
     with pytest.raises(InputError, match="bundle holds another bundle than the one that ran"):
         bundle_of({**ran, "bundle": "0" * 64})

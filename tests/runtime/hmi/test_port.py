@@ -71,7 +71,7 @@ class Rack:
             self.port.send(outputs, bench.now)
         return self
 
-    def granted(self) -> tuple[int, int, int, int]:
+    def granted(self) -> tuple[int, ...]:
         found = state_of(self.cells[1], GRANT)
         return tuple(int(found[n]) for n in GRANT.names or ()) if found is not None else (0, 0, 0, 0)
 

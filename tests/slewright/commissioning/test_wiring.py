@@ -67,15 +67,19 @@ def test_one_that_shows_in_motion_is_found_by_a_machine_that_moves(bundle: Path,
     assert matrix.run_case(bundle, wiring.named(name)).step in WIRING[4:]
 
 
+def quiet(what: str, done: float | None = None, total: float | None = None) -> None:
+    """No progress lines."""
+
+
 @pytest.mark.slow
 @pytest.mark.soak
 def test_all_are_found_and_none_is_passed(bundle: Path, tmp_path: Path) -> None:
-    cases = matrix.run(bundle, wiring.cases(), tmp_path, lambda *_: None, workers=2)
+    cases = matrix.run(bundle, wiring.cases(), tmp_path, quiet, workers=2)
     assert [c.name for c in cases if not c.found] == []
 
 
 def test_cases_that_are_done_are_not_run_again(bundle: Path, tmp_path: Path) -> None:
     chosen = [wiring.named("SlewPosition missing")]
-    first = matrix.run(bundle, chosen, tmp_path, lambda *_: None)
+    first = matrix.run(bundle, chosen, tmp_path, quiet)
     (tmp_path / "not a bundle").mkdir()
-    assert matrix.run(tmp_path / "not a bundle", chosen, tmp_path, lambda *_: None) == first
+    assert matrix.run(tmp_path / "not a bundle", chosen, tmp_path, quiet) == first
