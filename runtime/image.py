@@ -162,10 +162,15 @@ def header() -> str:
 
 def write(check: bool = False, path: Path = HEADER) -> list[Path]:
     """Write the header if it is out of date (`check`: only say so); the paths that were."""
-    if path.is_file() and path.read_text() == header():
+    return refreshed(path, header(), check)
+
+
+def refreshed(path: Path, text: str, check: bool) -> list[Path]:
+    """Write a generated file if it does not say `text` (`check`: only say so); the paths that did not."""
+    if path.is_file() and path.read_text() == text:
         return []
     if not check:
-        path.write_text(header())
+        path.write_text(text)
     return [path]
 
 

@@ -10,6 +10,7 @@ import tarfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from runtime.archive import bounded
 from specs.errors import InputError
 
 SUFFIX = ".slwb"
@@ -58,16 +59,8 @@ def unpack(data: bytes, where: str) -> dict[str, bytes]:
 
 def read(path: Path) -> dict[str, bytes]:
     """The contents of the archive in a file; InputError for one that cannot be read, is too large or none."""
-    try:
-        if not path.is_file():
-            raise InputError(f"{path}: there is no such file")
-        with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(data) > LARGEST:
-        raise InputError(f"{path}: larger than an archive can be ({LARGEST >> 20} MiB)")
-    return unpack(data, str(path))
+    too_large = f"larger than an archive can be ({LARGEST >> 20} MiB)"
+    return unpack(bounded.read(path, LARGEST, too_large), str(path))
 
 
 def _entry(data: bytes, at: int, where: str) -> tuple[str, int]:

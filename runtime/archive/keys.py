@@ -10,6 +10,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from runtime.archive import bounded
 from specs.errors import InputError
 
 ARCHIVE, KEY = b"slewright archive 1\0", b"slewright key 1\0"  # what a signature is for
@@ -128,16 +129,7 @@ def read_public(path: Path) -> PublicKey:
 
 def read(path: Path) -> bytes:
     """The contents of a file that is as small as a key's; InputError if it is not, or cannot be read."""
-    try:
-        if not path.is_file():
-            raise InputError(f"{path}: there is no such file")
-        with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(data) > LARGEST:
-        raise InputError(f"{path}: too large for a key")
-    return data
+    return bounded.read(path, LARGEST, "too large for a key")
 
 
 def _write(path: Path, data: bytes, mode: int) -> None:

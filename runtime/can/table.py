@@ -12,7 +12,7 @@ from runtime.can import wire
 from runtime.can.codec import Codec, Field, received_by
 from runtime.can.receive import COUNTS, SPARE
 from runtime.can.transmit import turns
-from runtime.image import INPUT, NODE, OUTPUT, TICK_S, Layout
+from runtime.image import INPUT, NODE, OUTPUT, TICK_S, Layout, refreshed
 from specs.e2e import LAST_COUNT, TABLE
 
 HEADER = Path(__file__).parents[1] / "core" / "wire_layout.h"
@@ -42,11 +42,7 @@ def header() -> str:
 
 def write(check: bool = False, path: Path = HEADER) -> list[Path]:
     """Write the header if it is out of date (`check`: only say so); the paths that were."""
-    if path.is_file() and path.read_text() == header():
-        return []
-    if not check:
-        path.write_text(header())
-    return [path]
+    return refreshed(path, header(), check)
 
 
 def number_in(name: str) -> int:
