@@ -2,11 +2,13 @@
 
 import hashlib
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from baselines.registry import Controller
+from fmus.definition import Variable
 from fmus.loader import load_model
 from specs import draws, parameters
 from specs.errors import InputError, nearest
@@ -17,6 +19,12 @@ def machine() -> str:
     known = parameters.load(*draws.FILES)
     text = json.dumps({name: p.value for name, p in sorted(known.items())})
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def limits(gain: Variable) -> tuple[float, float]:
+    """Least and greatest value of a parameter, in its unit; infinite where it has no limit."""
+    low = -math.inf if gain.min is None else gain.min
+    return low, math.inf if gain.max is None else gain.max
 
 
 def apply(controller: Controller, path: Path) -> Controller:
@@ -36,12 +44,8 @@ def apply(controller: Controller, path: Path) -> Controller:
     for name, value in content["gains"].items():
         if name not in known:
             raise InputError(f"{path}: {controller.name} has no gain '{name}'; {nearest(name, known)}")
-        low, high = known[name].min, known[name].max
-        if (
-            not isinstance(value, int | float)
-            or not (low is None or value >= low)
-            or not (high is None or value <= high)
-        ):
+        low, high = limits(known[name])
+        if not isinstance(value, int | float) or not low <= value <= high:
             raise InputError(f"{path}: {name} = {value} outside {low:g} … {high:g}")
     return replace(controller, settings={**controller.settings, **content["gains"]})
 

@@ -20,13 +20,14 @@ from scipy.linalg import expm
 
 from baselines import analysis
 from baselines.analysis import FREQUENCIES, Margins, Plant
+from baselines.gains import limits
 from baselines.registry import Controller
 from fmus.definition import Model
 from fmus.discrete import DiscreteStepper
 from fmus.equations import kinematics
 from fmus.loader import load_model
 from specs import parameters
-from specs.errors import InputError
+from specs.errors import InputError, nearest
 
 ERROR = 0.03  # rad from the target: where controllers are linearised
 ROLL = 0.15  # rad: swing outside of the dead zones of sway feedback
@@ -80,10 +81,13 @@ def analyse(
         raise InputError(f"controller {controller.name} has no linear loop: {controller.linear}")
     model = load_model(controller.folder)
     values = {**controller.settings, **(gains or {})}
+    known = {v.name: v for v in model.parameters}
     for name, value in values.items():
-        v = model.parameters[model.index("parameters", name)]
-        if not (v.min or -np.inf) <= value <= (np.inf if v.max is None else v.max):
-            raise InputError(f"parameter {name} = {value:g}: outside {v.min:g} … {v.max:g}")
+        if name not in known:
+            raise InputError(f"{controller.name}: no parameter '{name}'; {nearest(name, known)}")
+        low, high = limits(known[name])
+        if not low <= value <= high:
+            raise InputError(f"parameter {name} = {value:g}: outside {low:g} … {high:g}")
     return {name: _loop(model, values, pose, later_s) for name, pose in POSES.items()}
 
 

@@ -201,7 +201,9 @@ def _known() -> dict[str, Controller]:
 def find(name: str) -> Controller:
     """The controller of this name; InputError names the valid ones."""
     if name not in _known():
-        raise InputError(f"no controller '{name}'; {nearest(name, names())} (valid: {', '.join(names())})")
+        near, valid = nearest(name, names()), f"valid: {', '.join(names())}"
+        hint = valid if near.startswith("valid") else f"{near} ({valid})"
+        raise InputError(f"no controller '{name}'; {hint}")
     return _known()[name]
 
 

@@ -64,8 +64,13 @@ def fill(page: Path, found: Mapping[str, Any], command: str) -> None:
         markers.fill(page, block, "\n\n".join([head, *own]) + "\n")
 
 
+def _machine_count(found: Mapping[str, Any]) -> str:
+    count = found["machines"]
+    return f"{count} machine" + "s" * (count != 1)
+
+
 def _machines(found: Mapping[str, Any]) -> Iterator[Table]:
-    where = f"{found['machines']} machines of the {found['draw_set']} draws"
+    where = f"{_machine_count(found)} of the {found['draw_set']} draws"
     for task, content in found["task"].items():
         yield from _by_load(task, where, content["controllers"], "compare")
 
@@ -93,7 +98,7 @@ def _goals(found: Mapping[str, Any]) -> Iterator[Table]:
     for g in found["goals"]:
         figures = ["–"] * 5 if g["controller"] is None else [_number(g[k]) for k in ("pace", *METRICS)]
         rows.append([g["goal"], g["load"], g["controller"] or "none", *figures, "yes" if g["met"] else "no"])
-    title = f"What is asked for, and who comes nearest: {found['machines']} machines"
+    title = f"What is asked for, and who comes nearest: {_machine_count(found)}"
     yield Table(title, GOAL_COLUMNS, rows, _goals_block(found))
 
 
@@ -111,7 +116,7 @@ def _matched(found: Mapping[str, Any]) -> Iterator[Table]:
                 if load in by_load
             ]
             title = (
-                f"{task}, {load}: at {matched['speed']:g} °/s, {found['machines']} machines of the "
+                f"{task}, {load}: at {matched['speed']:g} °/s, {_machine_count(found)} of the "
                 f"{found['draw_set']} draws; error in {_unit(task)}"
             )
             yield Table(title, MATCHED_COLUMNS, rows, "matched")

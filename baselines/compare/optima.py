@@ -22,15 +22,16 @@ def travels() -> list[float]:
 def shares(single: Mapping[str, Any]) -> dict[str, Any]:
     """Task -> load -> fastest found, and controller -> share of speed and tool rate.
 
-    `single` are figures of single machines (baselines.compare.figures); loads without optima are left out.
+    `single` are figures of single machines (baselines.compare.figures); loads without optima, or without
+    a run, are left out.
     """
     found: dict[str, Any] = {}
     for task, cells in single.get("reference", {}).items():
         for load, mass in LOAD_KG.items():
             fronts = _fronts(task, mass)
-            if not all(fronts):
-                continue
             own = {name: by_load[load] for name, by_load in cells.items() if load in by_load}
+            if not own or not all(fronts):
+                continue
             found.setdefault(task, {})[load] = {
                 "fastest": lookup.fastest(fronts),
                 "controllers": {name: _share(fronts, cell) for name, cell in own.items()},

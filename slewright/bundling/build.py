@@ -42,9 +42,6 @@ UNUSED_GONE = {
     "darwin": ["-Wl,-dead_strip"],
     "windows": ["-Wl,--gc-sections"],
 }
-NOT_COMPILED = {
-    "nmpc": "its solver runs in Python beside the model, and a core computes each tick within a bounded time"
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -235,8 +232,6 @@ def _content(controller: str, engine: str) -> Content:
     found = registry.find(controller)
     if engine != form.NATIVE:
         raise InputError(f"controller {controller} is no policy: its engine is {form.NATIVE}")
-    if found.folder in NOT_COMPILED:
-        raise InputError(f"controller {controller} cannot be bundled: {NOT_COMPILED[found.folder]}")
     return Content(controller, Block(settled(found), "controller"))
 
 

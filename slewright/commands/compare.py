@@ -163,6 +163,9 @@ def _with_gains(controllers: list[Any], texts: Sequence[str]) -> list[Any]:
     from baselines.gains import apply
     from specs.errors import InputError
 
+    for text in texts:
+        if "=" not in text:
+            raise InputError(f"--gains {text}: needs NAME=FILE, with =")
     files = {name: Path(file) for name, _, file in (text.partition("=") for text in texts)}
     names = [c.name for c in controllers]
     for name in files:

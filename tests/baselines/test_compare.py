@@ -215,6 +215,7 @@ def test_the_sealed_set_needs_leave() -> None:
         (["--draws", "test"], "sealed"),
         (["--machines", "99"], "99 machines of set validation: valid are 1 to 24"),
         (["--gains", "pdd=x.json"], "--gains pdd=…: no such controller in this comparison (pi, pd,"),
+        (["--gains", "x.json"], "--gains x.json: needs NAME=FILE"),
         (["--page", "README.md"], "README.md: no '<!-- compare:begin -->'"),
         (["--policy", "docs"], "docs"),
         (["--policy", "fmus/slew"], "fmus/slew: no controller of this machine: model slew lacks"),

@@ -60,7 +60,9 @@ def test_an_unstable_loop_is_said_with_its_margin(slewright: Command, tmp_path: 
         (["pd", "--gain", "pd_gian=1"], "no parameter 'pd_gian'"),
         (["pd", "--gain", "pd_gain"], "NAME=VALUE"),
         (["pd", "--gain", "pd_gain=100"], "outside"),
+        (["parabola", "--gain", "parabola_speed_gain=-1"], "parabola_speed_gain = -1: outside 0 … 20"),
         (["pdd"], "no controller 'pdd'"),
+        (["nosuch"], "no controller 'nosuch'; valid: pi, pd, "),
     ],
 )
 def test_wrong_input_is_named(slewright: Command, arguments: list[str], message: str) -> None:

@@ -41,8 +41,6 @@ def test_the_sources_make_the_same_identity_again() -> None:
 
 
 def test_what_a_core_cannot_run_is_said(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="controller nmpc cannot be bundled: its solver runs in Python"):
-        build.bundle("nmpc", tmp_path / "b")
     with pytest.raises(InputError, match=r"no controller 'pie'.*pi"):
         build.bundle("pie", tmp_path / "b")
     with pytest.raises(InputError, match="model machine is continuous"):

@@ -1,8 +1,11 @@
 """The control core drives the reference machine in lock-step: as the simulated system does, bit for bit."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from fmus.loader import model_folders
 from orchestrator.check import load_system
 from orchestrator.pack import pack_system
 from orchestrator.simulate import simulate
@@ -38,6 +41,20 @@ def test_without_a_rate_limit_it_is_the_simulated_system_bit_for_bit(verified: R
         later = 1 if name in ("qd_boom_ref", "qd_stick_ref") else 0  # shown as they are sent, a tick before
         ours, theirs = found.column(name)[: TICKS + 1 - later], verified.column(name)[later:]
         assert np.array_equal(ours, theirs), name
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+def test_predictive_control_is_the_same_bit_for_bit_in_a_core(tmp_path: Path) -> None:
+    """Its solver is C code like the rest."""
+    chosen = scenario.load("four_targets_empty")
+    system = load_system(pack_system("reference", out=tmp_path, models={"pi": model_folders()["nmpc"]}))
+    values = plant_parameters(system, "reference", chosen.parameters(SEED))
+    wanted = simulate(system, TICKS, Stimuli(chosen.stimuli()), values, seed=SEED)
+    found = lockstep(core("nmpc", NO_RATE_LIMIT), chosen, SEED, TICKS)
+    assert np.ptp(wanted.column("u_slew")) > 0.2
+    for name in ("u_slew", "u_boom", "u_stick", "true_q_slew"):
+        assert np.array_equal(found.column(name)[: TICKS + 1], wanted.column(name)), name
 
 
 @pytest.mark.slow
