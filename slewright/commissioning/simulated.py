@@ -189,8 +189,10 @@ class SimulatedOperator:
         yield from _pause(0.4)
         return ""
 
-    def _joystick(self, axis: str) -> Answering:
-        for value in (1.0, -1.0, 0.0):
+    def _joystick(self, rest: str) -> Answering:
+        """`AXIS`: fully there and back; `AXIS.half`: halfway."""
+        axis, _, half = rest.partition(".")
+        for value in (0.5, 0.0) if half else (1.0, -1.0, 0.0):
             self.machine.joystick[f"joystick_{axis}"] = value
             yield from _pause(0.4)
         return ""

@@ -102,6 +102,15 @@ def _joystick(bench: Bench, axis: str) -> None:
         if name != f"joystick_{axis}":
             most = float(np.abs(trace[name]).max())
             bench.between(f"{name} meanwhile", most, 0.0, f.commissioning_joystick_rest, "", look)
+    _half(bench, axis, look)
+
+
+def _half(bench: Bench, axis: str, look: str) -> None:
+    """Halfway: one that reads too much is at its limit already; at the end it looks like a good one."""
+    begin, spread = bench.rig.tick, bench.f.commissioning_half_joystick
+    bench.do(f"joystick.{axis}.half", f"Move the joystick of the {axis} halfway {LEFT[axis]}, and let go")
+    most = float(bench.rig.since(begin)[f"joystick_{axis}"].max())
+    bench.between(f"joystick_{axis}, halfway {LEFT[axis]}", most, 0.5 - spread, 0.5 + spread, "", look)
 
 
 def _toggle(bench: Bench, switch: str, name: str, what: str, there: int) -> None:
