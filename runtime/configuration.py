@@ -193,6 +193,8 @@ class Configuration:
                 "bundle is a folder that nobody has signed: on a real bus it runs with unsigned = true only; "
                 "signed ones come with [store] (docs/bundles.md)"
             )
+        if self.recorder and self.retain and self.recorder.folder == self.retain.folder:
+            raise InputError("recorder.folder and retain.folder are the same; give each its own")
 
 
 def read(path: Path) -> Configuration:
@@ -223,6 +225,7 @@ def check_surroundings(found: Configuration) -> None:
     """Raise InputError for what is not there: the bus, a free port, a folder that can be written."""
     _check_bus(found.can)
     check_core(found.realtime.core)
+    _check_ports_differ(found)
     if found.modbus:
         _check_port("modbus", found.modbus.host, found.modbus.port)
         if found.modbus.tls:
@@ -258,6 +261,16 @@ def _check_bus(can: Can) -> None:
         raise InputError(f"can.channel: {can.channel} is no local bus")
     elif not Path(can.channel.split("@")[0]).exists():
         raise InputError(f"can.channel: there is no device {can.channel}")
+
+
+def _check_ports_differ(found: Configuration) -> None:
+    tls = found.modbus.tls if found.modbus else None
+    parts = {"modbus.port": found.modbus, "modbus.tls.port": tls, "hmi.port": found.hmi}
+    taken: dict[int, str] = {}
+    for name, port in ((name, part.port) for name, part in parts.items() if part):
+        if port in taken:
+            raise InputError(f"{taken[port]} and {name} are both {port}; give each its own")
+        taken[port] = name
 
 
 def _check_port(whose: str, host: str, port: int) -> None:

@@ -89,6 +89,7 @@ def test_the_shortest_configuration(folder: Path):
         ("[can]", '[store]\nfolder = "s"\n[can]', "[store] leaves no room for bundle"),
         ('interface = "slewright"', 'interface = "socketcan"', "nobody has signed: on a real bus"),
         ('interface = "slewright"', 'interface = "slcan"', "with unsigned = true only"),
+        ('folder = "recording"', 'folder = "retained"', "recorder.folder and retain.folder are the same"),
         ('folder = "recording"', 'folder = "r"\nlimit_mb = 1', "limit_mb = 1: at least 8 MB"),
         ("[can]", "[can", "not valid TOML"),
         ('"slewright.dbc"', '"none.dbc"', "none.dbc"),
@@ -158,6 +159,7 @@ def bus(folder: Path):
             '[modbus]\ntls = { port = 1503, certificate = "a", key = "b", authority = "c" }\n',
             "tls",
         ),
+        ("[hmi]\n", "[hmi]\nport = 1502\n", "modbus.port and hmi.port are both 1502"),
     ],
 )
 def test_what_the_computer_lacks_is_refused_before_anything_starts(folder: Path, bus: Path, old, new, said):
