@@ -28,7 +28,7 @@ def run(bench: Bench) -> None:
 def _swing(bench: Bench, angle: str, axis: str) -> None:
     f, rig = bench.f, bench.rig
     hold(bench)
-    level = bench.before[axis][f"breakaway {WAYS[axis]}"] + f.commissioning_above
+    level = bench.before[axis][f"breakaway {WAYS[axis]}"] + f.commissioning_sway_above
     drive.alone(bench, axis, level)
     rig.watch = drive.Guard(bench, axis, f.commissioning_furthest)
     drive.begin(bench, axis, -1.0)
