@@ -16,13 +16,28 @@ T = TypeVar("T")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Parse a TOML file; raises InputError naming the file if it is missing or malformed."""
+    """Parse a TOML file; raises InputError naming the file if it is missing or malformed.
+
+    A text with a NUL in it is malformed, too: no name, path or host has one.
+    """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{shown(path)}: cannot be read ({error.strerror})") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{shown(path)}: not valid TOML: {error}") from error
+    if "\0" in _texts(data):
+        raise InputError(f"{shown(path)}: a text with a NUL character (\\u0000) in it")
+    return data
+
+
+def _texts(data: Any) -> str:
+    """All keys and texts of parsed data, one after the other."""
+    if isinstance(data, dict):
+        return "".join(f"{key}{_texts(value)}" for key, value in data.items())
+    if isinstance(data, list):
+        return "".join(map(_texts, data))
+    return data if isinstance(data, str) else ""
 
 
 def validate(kind: type[T], data: Any, where: str) -> T:

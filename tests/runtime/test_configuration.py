@@ -77,6 +77,7 @@ def test_the_shortest_configuration(folder: Path):
     ("old", "new", "said"),
     [
         ("priority", "prioritee", "unknown key realtime.prioritee"),
+        ('"slewright.dbc"', r'"slewright.dbc\u0000"', "a text with a NUL character"),
         ("[rates]", "[rate]", "unknown key rate"),
         ('"load_estimate"', '"load_estimat"', "unknown signal 'load_estimat'; did you mean load_estimate"),
         ('"slewright"', '"slewrite"', "'slewright', 'socketcan' or 'slcan' (is 'slewrite')"),
