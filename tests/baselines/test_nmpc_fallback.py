@@ -58,7 +58,7 @@ def _fallback_of_now(stepper: DiscreteStepper) -> float:
     )
     speed, _, _ = control.observed(x.angle, x.bias, u, p)
     sent = ca.vertcat(*(getattr(x, f"{c}_{i}") for c in nmpc.CHANNELS for i in range(nmpc.WAY)))
-    ahead = nmpc._ahead(nmpc._state(x, u, speed, p), sent, u.load_told)
+    ahead = nmpc._ahead(nmpc._state(x, u, speed, p), sent, nmpc._load(x, u, p))
     return float(ca.DM(nmpc._fallback(ahead)[0]))
 
 

@@ -146,7 +146,8 @@ def test_interrupted_runs_stay_readable(tmp_path: Path, root: Path) -> None:
         line, cwd=root, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("records/*.recording")) and time.monotonic() < deadline:
+    while not any(p.stat().st_size for p in tmp_path.glob("records/*.recording")):
+        assert time.monotonic() < deadline
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)
     assert process.wait(timeout=60) == 130
