@@ -1,4 +1,4 @@
-"""`slewright optimum`: the best found optima of a slew by optimal control."""
+"""`slewright optimum`: the best found optima of both tasks by optimal control."""
 
 from pathlib import Path
 from typing import Annotated
