@@ -42,7 +42,8 @@ def shares(single: Mapping[str, Any]) -> dict[str, Any]:
 def _fronts(task: str, load_kg: float) -> list[list[lookup.Point]]:
     """Front of each target's move."""
     if task == "full":
-        return [lookup.front(0.0, load_kg, move=1 + i) for i in range(len(case.moves()))]
+        numbers = range(1, len(case.moves()) + 1)
+        return [lookup.front(case.full(n).travel_deg, load_kg, move=n) for n in numbers]
     return [lookup.front(travel, load_kg) for travel in travels()]
 
 

@@ -7,7 +7,7 @@ sum for piecewise linear convex fronts.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from baselines.optima import store
@@ -27,18 +27,11 @@ class Share:
 def front(
     travel_deg: float, load_kg: float = 0.0, machine: str = "nominal", path: Path = store.PATH, move: int = 0
 ) -> list[Point]:
-    """(speed, tool rate) of the stored optima of a case that count, by speed; [] if there are none.
-
-    `move`: of the full task, whose travel is then not looked at.
-    """
+    """(speed, tool rate) of the stored optima of a case that count, by speed; [] if there are none."""
     entries = store.read(path).values()
-    case = (machine, load_kg, move, 0.0 if move else travel_deg)
-    own = [e for e in entries if _case(e.key) == case and e.counts]
+    wanted = store.Key(machine, load_kg, travel_deg, move=move)
+    own = [e for e in entries if replace(e.key, speed=wanted.speed) == wanted and e.counts]
     return sorted((float(e.found["speed"]), float(e.found["tool"])) for e in own)
-
-
-def _case(key: store.Key) -> tuple[str, float, int, float]:
-    return key.machine, key.load_kg, key.move, 0.0 if key.move else key.travel_deg
 
 
 def fastest(fronts: Sequence[Sequence[Point]]) -> float:

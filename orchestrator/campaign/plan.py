@@ -6,9 +6,8 @@ of one's own, once for each seed and fault set.  docs/campaigns.md shows both.
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -121,20 +120,22 @@ def load_plan(path: Path, open_test_set: str = "") -> Plan:
     )
 
 
-def digest(run: Run, fmus: Mapping[str, str]) -> str:
+def content(place: str, scenario: str) -> str:
+    """What the `scenario` in a file says; without one, the SHA-256 of the file."""
+    if not scenario:
+        return _hash(Path(place).read_bytes())
+    return repr(next(s for s in scenarios_spec.find(place) if s.name == scenario))
+
+
+def digest(run: Run, fmus: Mapping[str, str], said: Callable[[str, str], str] = content) -> str:
     """SHA-256 of all that the result of a run depends on: its specification and the FMUs' own hashes.
 
-    Of a scenario or system file the content counts, not where it lies.
+    Of a scenario or system file the content counts, not where it lies; `said` is `content`, or remembers it.
     """
     spec = {k: v for k, v in run.spec.items() if k not in ("source", "path")}
-    source, path = run.spec.get("source"), run.spec.get("path")
-    content = _scenario_text(source, run.spec["scenario"]) if source else _hash(Path(path).read_bytes())  # type: ignore[arg-type]
-    return _hash(json.dumps([run.key, spec, content, dict(fmus)], sort_keys=True).encode())
-
-
-@cache
-def _scenario_text(source: str, name: str) -> str:
-    return repr(next(s for s in scenarios_spec.find(source) if s.name == name))
+    place = run.spec.get("source") or run.spec["path"]
+    told = said(place, run.spec.get("scenario", ""))
+    return _hash(json.dumps([run.key, spec, told, dict(fmus)], sort_keys=True).encode())
 
 
 def _hash(content: bytes) -> str:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pyarrow as pa
@@ -10,7 +11,7 @@ import pyarrow.parquet as pq
 
 from orchestrator.campaign import pool
 from orchestrator.campaign.journal import Journal, content_hash
-from orchestrator.campaign.plan import Plan, Run, digest
+from orchestrator.campaign.plan import Plan, Run, content, digest
 from orchestrator.campaign.summary import write_summary
 from orchestrator.campaign.worker import Result, Task
 from orchestrator.check import load_system
@@ -103,12 +104,14 @@ def _tasks(plan: Plan, out: Path) -> list[Task]:
         models = replacement(plan.controllers[controller], [system])
         packed[system, controller] = pack_system(system, out=out / "systems" / controller, models=models)
     hashes: dict[Path, dict[str, str]] = {}
-    tasks = []
+    said, tasks = cache(content), []
     for run in plan.runs:
         ssp = _system_of(run, packed)
         if ssp not in hashes:
             hashes[ssp] = {name: c.sha256 for name, c in load_system(ssp).components.items()}
-        tasks.append({"key": run.key, "digest": digest(run, hashes[ssp]), "spec": run.spec, "ssp": str(ssp)})
+        tasks.append(
+            {"key": run.key, "digest": digest(run, hashes[ssp], said), "spec": run.spec, "ssp": str(ssp)}
+        )
     return tasks
 
 

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from slewright.commands.compare import Task
 from slewright.figures import JsonOption, write
 from slewright.progress import progress
 from specs.errors import InputError
@@ -19,9 +20,7 @@ def optimum(
         list[float] | None,
         typer.Option("--travel", metavar="DEG", help="Slew angle, 45 to 135 (repeatable)."),
     ] = None,
-    task: Annotated[
-        str, typer.Option(metavar="TASK", help="slew (the arm stays) or full (the moves of the full task).")
-    ] = "slew",
+    task: Annotated[Task, typer.Option(help="The arm stays, or goes through the moves too.")] = Task.slew,
     load: Annotated[
         list[float] | None, typer.Option("--load", metavar="KG", help="Load in the grab (repeatable).")
     ] = None,
@@ -43,11 +42,9 @@ def optimum(
     from slewright import tables
 
     machines, loads = machine or ["nominal"], load or search.LOADS
-    if task not in ("slew", "full"):
-        raise InputError(f"no task '{task}'; valid: slew, full")
-    if task == "full" and travel:
+    if task is Task.full and travel:
         raise InputError("--travel is for the task slew; the full task has its own moves")
-    if task == "full":
+    if task is Task.full:
         keys = search.full_keys(machines, loads, speed or None)
     else:
         keys = search.keys(machines, loads, travel or search.TRAVELS, speed or None)

@@ -13,6 +13,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from orchestrator.processes import warm_up
 from runtime.bundle import load
 from runtime.policy import open_core
 from slewright.commissioning.bench import Bench, Failed
@@ -82,7 +83,7 @@ def _cases(bundle: Path, faults: Sequence[Fault], seed: int, which: str, workers
     if workers <= 1:
         yield from (run_case(bundle, fault, seed, which) for fault in faults)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=warm_up) as pool:
         waiting = [pool.submit(run_case, bundle, fault, seed, which) for fault in faults]
         try:
             for one in as_completed(waiting):
