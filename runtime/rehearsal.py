@@ -15,12 +15,15 @@ from runtime.can.batch import Batch
 from runtime.can.localbus import LocalBus
 from runtime.can.native import NativePort
 from runtime.control import ControlCore
+from runtime.hmi.cells import create as create_hmi
+from runtime.hmi.port import HmiPort
 from runtime.modbus.cells import create
 from runtime.modbus.port import ModbusPort
 from runtime.realtime import sleep_until
 from runtime.recorder.feed import Feed
 from runtime.ring import Ring
 from runtime.scan import Port, Scan
+from runtime.statistics import Statistics
 
 AHEAD_NS = 800_000  # ns before the deadline: the rehearsal takes 0.2 to 0.5 ms
 RING_BYTES = 1 << 16
@@ -58,8 +61,12 @@ class Rehearsal:
         self._twin_can.alone = False  # it hears itself
         self._twin_modbus = ModbusPort(*create(folder)) if self._modbus else None
         self._ring = Ring.create(folder / "ring", RING_BYTES) if recorder else None
-        twins: list[Port] = [self._twin_can, *([self._twin_modbus] if self._twin_modbus else [])]
-        self._twin = Scan(self._twin_core, twins, feed=Feed(self._ring) if self._ring else None)
+        self._hmi = next((p for p in ports if isinstance(p, HmiPort)), None)
+        found = Statistics()
+        self._twin_hmi = self._hmi.twin(create_hmi(folder), found) if self._hmi else None
+        twins: list[Port] = [p for p in (self._twin_can, self._twin_modbus, self._twin_hmi) if p]
+        feed = Feed(self._ring) if self._ring else None
+        self._twin = Scan(self._twin_core, twins, feed=feed, statistics=found)
 
     def __call__(self, tick: int, deadline_ns: int) -> None:
         """Wait until shortly before the deadline of `tick`, and run its twin."""
@@ -70,6 +77,8 @@ class Rehearsal:
         self._twin_can.restore(self._can.state())
         if self._modbus and self._twin_modbus:
             self._twin_modbus.follow(self._modbus)
+        if self._hmi and self._twin_hmi:
+            self._twin_hmi.follow(self._hmi)
         self._twin.cycle(tick, deadline_ns)
         self._empty()
 

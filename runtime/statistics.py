@@ -13,7 +13,7 @@ class Histogram:
 
     def __init__(self) -> None:
         self.bins = array("q", bytes(8 * (TOP_US + 1)))
-        self.coarse = [0] * COARSE_BINS
+        self.coarse = array("q", bytes(8 * COARSE_BINS))
         self.count = 0
         self.largest_ns = 0
 

@@ -5,6 +5,7 @@ out when it changes: who writes targets, and which forcing is in force (the Modb
 `hmi.cell` comes in: what the page that may write asks for, and what is to be forced.
 """
 
+import struct
 from enum import IntEnum
 from pathlib import Path
 
@@ -48,7 +49,7 @@ WORK = np.dtype(
         ("late_largest_ns", "<i8"),
         ("work_largest_ns", "<i8"),
         ("late", "<i8", (COARSE_BINS,)),  # ticks by lateness: runtime.statistics.Histogram.coarse
-        ("work", "<i8", (COARSE_BINS,)),
+        ("work", "<i8", (2, COARSE_BINS)),  # by the work of a cycle: with the policy, and the others
         ("heard", "<i8", (len(MESSAGES),)),  # right frames so far of each of MESSAGES
     ]
 )
@@ -56,13 +57,14 @@ SEEN = np.dtype(
     [
         ("stamp_ns", "<i8"),  # on the monotonic clock
         ("day_ns", "<i8"),  # time of day then
-        ("writer", "<u4"),
-        ("forcing", "<u4"),  # number of the forcing in force; 0: none
+        ("writer", "<i8"),
+        ("forcing", "<i8"),  # number of the forcing in force; 0: none
         ("work", WORK),
         ("inputs", INPUT.dtype),
         ("outputs", OUTPUT.dtype),
     ]
 )
+SEEN_HEAD = struct.Struct("<11q")  # its plain numbers, from `stamp_ns` to `work_largest_ns`
 GRANT = np.dtype(
     [
         ("writer", "<u4"),
@@ -73,12 +75,13 @@ GRANT = np.dtype(
 )
 HMI = np.dtype(
     [
-        ("targets", TARGETS),
+        ("targets", TARGETS),  # begins with ASKED_HEAD
         ("force_number", "<u4"),  # another one for each change; 0: nothing is to be forced
         ("forced", "u1", (len(INPUT.signals),)),
         ("value", "<f8", (len(INPUT.signals),)),
     ]
 )
+ASKED_HEAD = struct.Struct("<qqII")  # stamp_ns, heartbeat_ns, commits, owner
 CELLS = ((SEEN_FILE, SEEN, "seen"), (GRANT_FILE, GRANT, "grant"), (HMI_FILE, HMI, "hmi"))
 
 

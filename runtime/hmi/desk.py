@@ -133,10 +133,11 @@ class Desk:
                 self._end_forcing(now, "STANDBY was left")
 
     def tick(self, now: int) -> None:
-        """To be called at least every BEAT_S: rights end, and this process is seen to be alive."""
+        """To be called at least every BEAT_S: rights end, and who forces is seen to be alive."""
         with self._lock:
             self.lapse(now)
-            self._send(now)
+            if self.writer or self.forcer:  # else nobody asks for anything, and the control process rests
+                self._send(now)
 
     # --- what is asked for ---
 

@@ -36,7 +36,8 @@ def frame(when: float, inputs: np.void, outputs: np.void) -> dict[str, Any]:
 
 def work(found: np.void) -> dict[str, Any]:
     """What the cycles and the bus came to (cells.WORK)."""
-    return {name: found[name].tolist() for name in WORK.names or ()}
+    plain = {name: found[name].tolist() for name in WORK.names or ()}
+    return plain | {"work": found["work"].sum(axis=0).tolist()}
 
 
 def _plain(x: float) -> float | None:

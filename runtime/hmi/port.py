@@ -3,6 +3,9 @@
 It alone decides whose targets count and what is forced; the HMI only asks.  A planner that is alive, over CAN
 or Modbus, is never displaced, and neither is a page that has the right.  When a page's right ends while its
 targets are followed, nothing counts until automatic operation has ended: no other target slips in.
+
+It costs a cycle next to nothing while pages only look: the ages are copied, one number is compared, and in
+every fifth tick one state is written.  What is shown is worked out in the HMI's own process.
 """
 
 import time
@@ -11,17 +14,24 @@ from typing import Any
 
 import numpy as np
 
-from runtime.hmi.cells import GRANT, HMI, MESSAGES, SEEN, Writer
+from runtime.hmi.cells import ASKED_HEAD, GRANT, HMI, MESSAGES, SEEN_HEAD, Writer
 from runtime.image import INPUT, OUTPUT, Flag, Status, forceable, timeout_ticks
 from runtime.modbus.cells import HOLDING
 from runtime.modbus.port import HEARTBEAT, PERIOD_NS
-from runtime.shared import Cell
-from runtime.statistics import Statistics
+from runtime.shared import Cell, flat
+from runtime.statistics import Histogram, Statistics
 from specs.signals import signal
 
 EVERY, PHASE = 5, 3  # ticks between two states of `seen`; not in the ticks of the policy
 MODES = {text: number for number, text in signal("control_mode").values.items()}
 STANDBY, FOLLOWING = MODES["standby"], (MODES["automatic"], MODES["hold"])
+MODE = OUTPUT.index["control_mode"]
+FORCED, OK = int(Flag.FORCED), int(Status.OK)
+NOBODY, PLANNER, PAGE = int(Writer.NOBODY), int(Writer.PLANNER), int(Writer.HMI)
+VALUES_AT = ASKED_HEAD.size  # of the targets, in a state of hmi.cell
+NUMBER_AT = (HMI.fields or {})["force_number"][1]
+HEARD = np.array(list(MESSAGES.values()), dtype=np.intp)
+TARGETS = np.array([INPUT.index[s.name] for s in HOLDING], dtype=np.intp)
 
 
 class HmiPort:
@@ -35,119 +45,149 @@ class HmiPort:
         unrecorded: Callable[[], int] = lambda: 0,
     ) -> None:
         """`claimed`: whether a Modbus client has the right to write, though it may not have written yet."""
-        self._seen, self._grant, self._asked = cells
+        self.seen, self._grant, self.asked = cells
         self._found, self._claimed, self._unrecorded = found, claimed, unrecorded
-        self._state = np.zeros((), SEEN)
+        self._counts = [_bytes(h) for h in (found.lateness, found.policy_work, found.other_work)]
         self._granted: dict[str, int] = dict.fromkeys(GRANT.names or (), 0)
         self._owner = self._heartbeat_ns = self._commits = self._stamp_ns = self._force_number = 0
-        self._newest = np.zeros((), HMI)
+        self._newest = np.zeros((), HMI).tobytes()
         self._number = -1
-        self._targets = np.array([INPUT.index[s.name] for s in HOLDING], dtype=np.intp)
         self._start = np.array([s.start for s in HOLDING])
         self._heartbeat, self._late = INPUT.index[HEARTBEAT.name], timeout_ticks(HEARTBEAT)
         self._may_be_forced = np.array([forceable(s) for s in INPUT.signals])
-        self._heard = np.array(list(MESSAGES.values()), dtype=np.intp)
         self._frames = np.zeros(len(MESSAGES), dtype=np.int64)
-        self._mode = 0
+        self._ages = np.ones((EVERY, len(INPUT.signals)), np.int32)  # of the last ticks
         self._ended = 0  # the claim whose right ended last
         self._draining = False  # its targets are still being followed
-        self._inputs: np.ndarray | None = None
+        self._quiet = True  # pages only look: nothing is asked for, nothing is granted
+        self._look_at(INPUT.new())
+        self._outputs, self._sent = OUTPUT.new(), memoryview(b"")
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Put targets and forced values into the image, if they count."""
-        now = time.monotonic_ns()
-        self._frames += inputs["age"][self._heard] == 0
-        if self._asked.number != self._number and (found := self._asked.read()):
+        if inputs is not self._inputs:
+            self._look_at(inputs)
+        self._ages[tick % EVERY] = self._age
+        if self.asked.number != self._number and (found := self.asked.read()):
             self._take(*found)
-        self._write(inputs, now)
-        self._force(inputs, now)
-        self._inputs = inputs
+        if not self._quiet:
+            self._decide(time.monotonic_ns())
 
     def send(self, outputs: np.ndarray, tick: int) -> None:
-        """Note the mode; show everything, if it is time."""
-        self._mode = int(outputs["value"][MODE])
+        """Show everything, if it is time."""
+        if outputs is not self._outputs:
+            self._outputs, self._sent = outputs, flat(outputs)
         if tick % EVERY == PHASE:
-            self._show(outputs)
+            self._show()
 
     def flags(self) -> int:
         """FORCED."""
-        return Flag.FORCED * bool(self._granted["forcing"])
+        return FORCED if self._granted["forcing"] else 0
 
     def received_ns(self) -> int:
         """No sensor comes this way."""
         return 0
 
-    def _take(self, number: int, state: bytes) -> None:
-        """A state of hmi.cell; plain numbers of it are kept, for reading them from an array takes long."""
-        self._number, self._newest = number, np.frombuffer(state, HMI)[0]
-        targets: Any = self._newest["targets"]
-        self._owner, self._commits = int(targets["owner"]), int(targets["commits"])
-        self._heartbeat_ns, self._stamp_ns = int(targets["heartbeat_ns"]), int(targets["stamp_ns"])
-        self._force_number = int(self._newest["force_number"])
+    def twin(self, cells: tuple[Cell, Cell, Cell], found: Statistics) -> "HmiPort":
+        """Another one that is asked the same and shows it in other cells (runtime/rehearsal.py)."""
+        return HmiPort((cells[0], cells[1], self.asked), found, self._claimed)
 
-    def _write(self, inputs: np.ndarray, now: int) -> None:
+    def follow(self, other: "HmiPort") -> None:
+        """Stand where another one stands, so that the same comes next."""
+        self._granted, self._ended, self._draining = dict(other._granted), other._ended, other._draining
+        self._number, self._newest, self._quiet = other._number, other._newest, other._quiet
+        self._owner, self._heartbeat_ns, self._commits = other._owner, other._heartbeat_ns, other._commits
+        self._stamp_ns, self._force_number = other._stamp_ns, other._force_number
+
+    def _look_at(self, inputs: np.ndarray) -> None:
+        """Keep what is needed of an image: finding it takes longer than using it."""
+        self._inputs, self._came = inputs, flat(inputs)
+        self._value, self._age, self._status = inputs["value"], inputs["age"], inputs["status"]
+
+    def _take(self, number: int, state: bytes) -> None:
+        """A state of hmi.cell."""
+        self._number, self._newest = number, state
+        self._stamp_ns, self._heartbeat_ns, self._commits, self._owner = ASKED_HEAD.unpack_from(state)
+        self._force_number = int.from_bytes(state[NUMBER_AT : NUMBER_AT + 4], "little")
+        self._quiet = self._quiet and not (self._owner or self._force_number)
+
+    def _decide(self, now: int) -> None:
+        """Who writes, and what is forced."""
+        mode = int(self._outputs["value"][MODE])  # of the last tick
+        self._write(now, mode)
+        self._force(now, mode)
+        granted = self._granted["writer"] == PAGE or self._granted["forcing"] or self._draining
+        self._quiet = not (granted or self._owner or self._force_number)
+
+    def _write(self, now: int, mode: int) -> None:
         writer = self._granted["writer"]
         owner, age = self._owner, (now - self._heartbeat_ns) // PERIOD_NS
         alive = bool(owner) and owner != self._ended and 0 <= age < self._late
-        if writer == Writer.HMI and not (alive and owner == self._granted["owner"]):
-            self._ended, self._draining, writer = self._granted["owner"], True, Writer.NOBODY
-        self._draining = self._draining and self._mode in FOLLOWING
-        if writer != Writer.HMI:
-            other = self._claimed() or self._planner_alive(inputs)
+        if writer == PAGE and not (alive and owner == self._granted["owner"]):
+            self._ended, self._draining, writer = self._granted["owner"], True, NOBODY
+        self._draining = self._draining and mode in FOLLOWING
+        if writer != PAGE:
+            other = self._other()
             free = alive and not other and not self._draining
-            writer = Writer.HMI if free else Writer.PLANNER if other else Writer.NOBODY
-        self._tell(writer=writer, owner=owner if writer == Writer.HMI else 0)
-        if writer == Writer.HMI or self._draining:
-            follow = writer == Writer.HMI and self._commits
-            self._fill(inputs, self._newest["targets"] if follow else None, age)
+            writer = PAGE if free else PLANNER if other else NOBODY
+        self._tell(writer=writer, owner=owner if writer == PAGE else 0)
+        if writer == PAGE or self._draining:
+            self._fill(writer == PAGE and self._commits > 0, age)
 
-    def _planner_alive(self, inputs: np.ndarray) -> bool:
+    def _other(self) -> bool:
+        """Whether a planner is alive, or a Modbus client has the right to be one."""
         place = self._heartbeat
-        return inputs["status"][place] == Status.OK and 0 <= inputs["age"][place] < self._late
+        return self._claimed() or bool(self._status[place] == OK and 0 <= self._age[place] < self._late)
 
-    def _fill(self, inputs: np.ndarray, targets: Any, age: int) -> None:
-        if targets is None:
-            inputs["value"][self._targets], inputs["age"][self._targets] = self._start, -1
-            inputs["status"][self._targets] = Status.NEVER
-        else:
-            inputs["value"][self._targets], inputs["age"][self._targets] = targets["value"], age
-            inputs["status"][self._targets] = Status.OK
+    def _fill(self, follow: bool, age: int) -> None:
+        value, status = self._start, Status.NEVER
+        if follow:
+            value, status = np.frombuffer(self._newest, "<f8", len(HOLDING), VALUES_AT), Status.OK
+        self._value[TARGETS], self._status[TARGETS] = value, status
+        self._age[TARGETS] = age if follow else -1
 
-    def _force(self, inputs: np.ndarray, now: int) -> None:
+    def _force(self, now: int, mode: int) -> None:
         number = self._force_number
         if not number and not self._granted["forcing"]:
             return
         stale = now - self._stamp_ns > self._late * PERIOD_NS
-        ended = number == self._granted["force_ended"] or stale or self._mode != STANDBY
-        if number and ended:
-            self._tell(
-                forcing=0, force_ended=number
-            )  # it does not come back with STANDBY: a new one must be asked for
+        ended = number == self._granted["force_ended"] or stale or mode != STANDBY
+        if number and ended:  # it does not come back with STANDBY: a new one must be asked for
+            self._tell(forcing=0, force_ended=number)
             return
         self._tell(forcing=number)
-        chosen = self._newest["forced"].astype(bool) & self._may_be_forced
-        inputs["value"][chosen] = self._newest["value"][chosen]
-        inputs["age"][chosen], inputs["status"][chosen] = 0, Status.FORCED
+        asked: Any = np.frombuffer(self._newest, HMI)[0]
+        chosen = asked["forced"].astype(bool) & self._may_be_forced
+        self._value[chosen] = asked["value"][chosen]
+        self._age[chosen], self._status[chosen] = 0, Status.FORCED
 
     def _tell(self, **changes: int) -> None:
         if any(self._granted[key] != value for key, value in changes.items()):
             self._granted |= {key: int(value) for key, value in changes.items()}
             self._grant.write(np.array(tuple(self._granted.values()), GRANT))
 
-    def _show(self, outputs: np.ndarray) -> None:
-        state, work, found = self._state, self._state["work"], self._found
-        state["stamp_ns"], state["day_ns"] = time.monotonic_ns(), time.time_ns()
-        state["writer"], state["forcing"] = self._granted["writer"], self._granted["forcing"]
-        for key in ("ticks", "overruns", "stolen", "skipped"):
-            work[key] = getattr(found, key)
-        work["unrecorded"] = self._unrecorded()
-        work["late"], work["late_largest_ns"] = found.lateness.coarse, found.lateness.largest_ns
-        ours, policy = found.other_work, found.policy_work
-        work["work"] = [a + b for a, b in zip(ours.coarse, policy.coarse, strict=True)]
-        work["work_largest_ns"] = max(ours.largest_ns, policy.largest_ns)
-        work["heard"] = self._frames
-        state["inputs"], state["outputs"] = self._inputs, outputs
-        self._seen.write(state)
+    def _show(self) -> None:
+        found, granted = self._found, self._granted
+        if self._quiet:
+            self._tell(writer=PLANNER if self._other() else NOBODY)
+        self._frames += (self._ages[:, HEARD] == 0).sum(axis=0)
+        self._ages[:] = 1  # a tick that is skipped heard nothing
+        head = SEEN_HEAD.pack(
+            time.monotonic_ns(),
+            time.time_ns(),
+            granted["writer"],
+            granted["forcing"],
+            found.ticks,
+            found.overruns,
+            found.stolen,
+            found.skipped,
+            self._unrecorded(),
+            found.lateness.largest_ns,
+            max(found.other_work.largest_ns, found.policy_work.largest_ns),
+        )
+        self.seen.write(b"".join((head, *self._counts, self._frames, self._came, self._sent)))
 
 
-MODE = OUTPUT.index["control_mode"]
+def _bytes(times: Histogram) -> memoryview:
+    """The counts for a display, as they lie in memory."""
+    return memoryview(times.coarse).cast("B")

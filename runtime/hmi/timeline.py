@@ -178,7 +178,11 @@ def _record(path: Path) -> Timeline:
 
 def worked(late: Histogram, work: Histogram) -> dict[str, Any]:
     """What a recording says of cycles, as the page shows it live (cells.WORK)."""
-    found = dict.fromkeys(WORK.names or (), 0) | {"late": late.coarse, "work": work.coarse, "heard": None}
+    found = dict.fromkeys(WORK.names or (), 0) | {
+        "late": list(late.coarse),
+        "work": list(work.coarse),
+        "heard": None,
+    }
     return found | {
         "ticks": late.count,
         "late_largest_ns": late.largest_ns,

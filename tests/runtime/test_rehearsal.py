@@ -10,10 +10,13 @@ from runtime import rehearsal
 from runtime.can.native import NativePort
 from runtime.can.transmit import Transmitter
 from runtime.can.wire import EXTENDED
+from runtime.hmi.cells import GRANT, HMI, SEEN, create as create_hmi, state_of
+from runtime.hmi.port import HmiPort
 from runtime.image import INPUT
 from runtime.modbus.cells import create
 from runtime.modbus.port import ModbusPort
 from runtime.rehearsal import Rehearsal
+from runtime.statistics import Statistics
 from specs.signals import definition
 from tests.runtime.bench import NOISY, POSE, READY, TARGET
 from tests.runtime.bundles import core
@@ -39,7 +42,8 @@ def drive(folder: Path, rehearsed: bool) -> tuple[list[bytes], list[tuple[int, b
     control, source = core(), Source()
     folder.mkdir()
     port, modbus = NativePort(source, control.library), ModbusPort(*create(folder))
-    twin = Rehearsal(control, [port, modbus], folder / "twin", recorder=True)
+    hmi = HmiPort(create_hmi(folder), Statistics())
+    twin = Rehearsal(control, [port, modbus, hmi], folder / "twin", recorder=True)
     senders = [
         Transmitter(n, INDEX) for n in definition().bus.nodes if n in ("Machine", "Operator", "Planner")
     ]
@@ -54,10 +58,31 @@ def drive(folder: Path, rehearsed: bool) -> tuple[list[bytes], list[tuple[int, b
         if rehearsed:
             twin(tick, time.monotonic_ns() + 3600 * 10**9)
         source.frames = [(i | EXTENDED, d, 1 << 62) for s in senders for i, d in s.due(values.tolist(), tick)]
-        port.receive(image, tick)
+        if tick == 3:  # somebody forces a sensor, and goes on until STANDBY is left
+            force(hmi, "imu_tool_roll")
+        for each in (port, hmi):
+            each.receive(image, tick)
+        image["flags"] = hmi.flags()
         outputs.append(control.step(image, tick).tobytes())
-        port.send(control._outputs, tick)
-    return outputs, source.sent, control.snapshot(), twin
+        for each in (port, hmi):
+            each.send(control._outputs, tick)
+    return outputs, [*source.sent, told(hmi)], control.snapshot(), twin
+
+
+def force(hmi: HmiPort, name: str) -> None:
+    """What the HMI's process writes."""
+    asked = np.zeros((), HMI)
+    asked["targets"]["stamp_ns"], asked["force_number"] = time.monotonic_ns() + 3600 * 10**9, 7
+    asked["forced"][INDEX[name]], asked["value"][INDEX[name]] = 1, 0.02
+    hmi.asked.write(asked)
+
+
+def told(hmi: HmiPort) -> tuple[int, bytes]:
+    """What pages are shown, and who was granted what."""
+    seen, granted = state_of(hmi.seen, SEEN), state_of(hmi._grant, GRANT)
+    assert seen is not None and granted is not None  # noqa: PT018
+    assert granted["force_ended"] == 7
+    return hmi.seen.number, seen["inputs"].tobytes() + seen["work"]["heard"].tobytes() + granted.tobytes()
 
 
 def test_nothing_of_it_reaches_the_real_cycle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
