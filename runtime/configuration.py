@@ -200,7 +200,7 @@ class Configuration:
 def read(path: Path) -> Configuration:
     """Read and check a configuration; raises InputError naming file, key and what is valid."""
     found = validate(Configuration, read_toml(path), str(path))
-    found = _placed(found, path.parent)
+    found = _placed(found, path.absolute().parent)
     if found.can.dbc:
         check_dbc(found.can.dbc)
     if found.modbus and found.modbus.map:
@@ -214,10 +214,7 @@ def with_hmi(found: Configuration, folder: Path) -> Configuration:
 
 
 def in_shadow(found: Configuration) -> Configuration:
-    """The same in shadow mode, which retains nothing: what it meets is no machine's that it drove.
-
-    Raises InputError if that cannot be.
-    """
+    """The same in shadow mode, which retains nothing: what it meets is no machine's that it drove."""
     return replace(found, shadow=True, retain=None)
 
 
@@ -248,6 +245,8 @@ def _placed(found: Any, folder: Path) -> Any:
             changes[f.name] = folder / value
         elif is_dataclass(value):
             changes[f.name] = _placed(value, folder)
+    if isinstance(found, Can) and found.interface == LOCAL_BUS:  # the others' channels are no files of ours
+        changes["channel"] = str(folder / found.channel)
     return replace(found, **changes)
 
 

@@ -90,7 +90,7 @@ class Supervisor:
         self.rings: list[Ring] = []
         self.counts = Cell.create(self.folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
         which = {"bundle": str(self.bundle.folder.resolve()), "digest": self.bundle.digest}
-        told = {"config": str(path.resolve()), "folder": str(self.folder), "ticks": ticks, **which}
+        told = {"config": str(path.absolute()), "folder": str(self.folder), "ticks": ticks, **which}
         told["hmi"] = self.wanted.hmi is not None
         told["retained"], told["shadow"] = self.retained, self.wanted.shadow
         self.control = Helper("control", "runtime.control_process", told)

@@ -32,6 +32,7 @@ from slewright.commands import (
     hil,
     hmi,
     import_,
+    machine,
     optimum,
     reconcile,
     reconcile_suite,
@@ -112,6 +113,7 @@ app.command()(dossier.dossier)
 app.command()(commission.commission)
 app.command()(run.run)
 app.command()(hil.hil)
+app.command()(machine.machine)
 app.command()(hmi.hmi)
 app.command()(faults.faults)
 app.command()(replay.replay)

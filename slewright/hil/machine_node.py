@@ -14,7 +14,7 @@ import json
 import select
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,7 @@ class Valves:
         self.receiver = Receiver(heard, self.index)
         n = len(names)
         self.image = np.zeros((), [("value", "<f8", (n,)), ("age", "<i4", (n,)), ("status", "u1", (n,))])
+        self.image["status"] = Status.NEVER
         self.enabled_once = False
 
     def at(self, tick: int) -> dict[str, float]:
@@ -76,6 +77,11 @@ class Valves:
         """Whether commands have stopped that were there: a message too old, or error in it."""
         status = self.image["status"][self.index["control_enable"]]
         return self.enabled_once and status not in (Status.OK, Status.CHECKSUM)
+
+    @property
+    def heard(self) -> bool:
+        """Whether a controller is there: it says what it does."""
+        return self.image["status"][self.index["control_mode"]] in (Status.OK, Status.CHECKSUM)
 
     def value(self, name: str) -> float:
         """The last right value of what the controller sends."""
@@ -196,14 +202,21 @@ def main(text: str) -> None:
     print("done", flush=True)
 
 
-def _run(node: MachineNode, ticks: int) -> int:
-    """All periods by absolute deadlines; how many were begun a period late or more."""
-    tick, beat, late = -ARMING_TICKS - 1, 0, 0
-    deadline, begun = time.monotonic_ns() // PERIOD_NS * PERIOD_NS + PHASE_NS, False
-    while tick < ticks:
+def beats() -> Iterator[tuple[int, bool]]:
+    """Every period of the machine, without end: its number, whether it began a period late."""
+    deadline, beat = time.monotonic_ns() // PERIOD_NS * PERIOD_NS + PHASE_NS, 0
+    while True:
         deadline += PERIOD_NS
         sleep_until(deadline)
-        late += time.monotonic_ns() - deadline > PERIOD_NS
+        yield beat, time.monotonic_ns() - deadline > PERIOD_NS
+        beat += 1
+
+
+def _run(node: MachineNode, ticks: int) -> int:
+    """All periods; how many were begun a period late or more."""
+    tick, late, begun = -ARMING_TICKS - 1, 0, False
+    for beat, behind in beats():
+        late += behind
         begun |= _told(node)
         node.listen(beat, time.monotonic_ns())
         if begun:
@@ -211,7 +224,8 @@ def _run(node: MachineNode, ticks: int) -> int:
             node.tick(tick, beat)
         else:
             node.wait(beat)
-        beat += 1
+        if tick >= ticks:
+            break
     return late
 
 

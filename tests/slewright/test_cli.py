@@ -43,6 +43,7 @@ COMMANDS = (
     "commission",
     "run",
     "hil",
+    "machine",
     "hmi",
     "faults",
     "replay",

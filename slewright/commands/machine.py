@@ -1,0 +1,48 @@
+"""`slewright machine`: the simulated machine alone on a bus, for `slewright run`."""
+
+import signal
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def machine(
+    channel: Annotated[
+        str, typer.Option(metavar="NAME", help="The bus: a socket to make or join, or a CAN interface.")
+    ] = "bus",
+    interface: Annotated[
+        str, typer.Option(metavar="KIND", help="slewright (on this computer), socketcan or slcan.")
+    ] = "slewright",
+    scenario: Annotated[
+        str, typer.Option(metavar="NAME", help="Pose and load at the start.")
+    ] = "four_targets_empty",
+    draw: Annotated[
+        str, typer.Option("--machine", metavar="M", help="nominal, tuning:K or validation:K.")
+    ] = "nominal",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = 1,
+    seconds: Annotated[
+        float | None, typer.Option(metavar="S", min=0.02, help="End after so long (default: when told to).")
+    ] = None,
+    by_hand: Annotated[
+        bool, typer.Option("--by-hand", help="No simulated operator: switches by lines on the input only.")
+    ] = False,
+) -> None:
+    """The simulated machine and its operator on a bus, for slewright run (docs/runtime.md)."""
+    from slewright.hil.alone import Alone, Operator, drive
+    from slewright.hil.machine import Machine
+    from slewright.hil.machine_node import MachineNode
+    from slewright.progress import progress
+    from specs.scenario import TICK_S, load
+
+    found, ticks = load(scenario), None if seconds is None else round(seconds / TICK_S)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the bus goes, too
+    with progress("machine") as report:
+        report("starting")
+        plant = Machine(found, seed, draw)
+    with plant, Alone(interface, channel) as end:
+        where = Path(channel).resolve() if interface == "slewright" else channel
+        typer.echo(f"simulated machine on {interface} {where}; Ctrl-C ends it")
+        with suppress(KeyboardInterrupt):
+            drive(MachineNode(end.bus, found, plant), ticks, typer.echo, None if by_hand else Operator())
