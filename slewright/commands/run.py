@@ -51,6 +51,7 @@ def run(
         if supervisor.wanted.shadow:
             report("in shadow: nothing is sent")
         with supervisor:
+            show_page(supervisor)
             try:
                 found = supervisor.run(show)
             except KeyboardInterrupt:
