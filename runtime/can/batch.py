@@ -24,11 +24,11 @@ class FrameSource(Protocol):
         ...
 
 
-class _Vector(ctypes.Structure):
+class Vector(ctypes.Structure):
     _fields_ = [("base", ctypes.c_void_p), ("length", ctypes.c_size_t)]
 
 
-class _Message(ctypes.Structure):  # struct msghdr of Linux
+class MessageHead(ctypes.Structure):  # struct msghdr of Linux
     _fields_ = [
         ("name", ctypes.c_void_p), ("name_length", ctypes.c_uint32), ("vectors", ctypes.c_void_p),
         ("n_vectors", ctypes.c_size_t), ("control", ctypes.c_void_p), ("control_length", ctypes.c_size_t),
@@ -36,11 +36,11 @@ class _Message(ctypes.Structure):  # struct msghdr of Linux
     ]  # fmt: skip
 
 
-class _Head(ctypes.Structure):  # struct mmsghdr
-    _fields_ = [("message", _Message), ("received", ctypes.c_uint)]
+class Head(ctypes.Structure):  # struct mmsghdr
+    _fields_ = [("message", MessageHead), ("received", ctypes.c_uint)]
 
 
-_receive = getattr(ctypes.PyDLL(None, use_errno=True), "recvmmsg", None)  # Linux
+receive_many = getattr(ctypes.PyDLL(None, use_errno=True), "recvmmsg", None)  # Linux
 
 
 class Batch:
@@ -52,9 +52,9 @@ class Batch:
         self.at = ctypes.addressof((ctypes.c_char * len(self.bytes)).from_buffer(self.bytes))
         whole = memoryview(self.bytes)
         self.packets = [whole[i * PACKET.size : (i + 1) * PACKET.size] for i in range(size)]
-        self._vectors = (_Vector * size)(*((self.at + i * PACKET.size, PACKET.size) for i in range(size)))
-        first, step = ctypes.addressof(self._vectors), ctypes.sizeof(_Vector)
-        self._heads = (_Head * size)(*(((None, 0, first + i * step, 1),) for i in range(size)))
+        self._vectors = (Vector * size)(*((self.at + i * PACKET.size, PACKET.size) for i in range(size)))
+        first, step = ctypes.addressof(self._vectors), ctypes.sizeof(Vector)
+        self._heads = (Head * size)(*(((None, 0, first + i * step, 1),) for i in range(size)))
 
     def put(self, at: int, identifier: int, data: bytes, stamp: int) -> None:
         """A frame in place `at`."""
@@ -81,9 +81,9 @@ class Batch:
 
     def from_socket(self, end: socket.socket) -> int:
         """Take the packets that wait at a local bus's socket; raises CanOperationError if the bus is gone."""
-        if _receive is None:
+        if receive_many is None:
             return self._one_by_one(end)
-        found = _receive(end.fileno(), self._heads, self.size, socket.MSG_DONTWAIT, None)
+        found = receive_many(end.fileno(), self._heads, self.size, socket.MSG_DONTWAIT, None)
         if found < 0:
             error = ctypes.get_errno()
             if error == AGAIN:

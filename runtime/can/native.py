@@ -6,6 +6,7 @@ Frames are taken from the bus many at once and checked, decoded, counted and enc
 
 import ctypes
 import time
+from collections.abc import Callable
 
 import can
 import numpy as np
@@ -40,7 +41,8 @@ class NativePort:
     ) -> None:
         """Raises InputError for a library that was compiled for other frames."""
         check(library)
-        self._bus = bus if isinstance(bus, LocalBus) else frame_source(bus)
+        self._bus = frame_source(bus)
+        self._many: Callable[[Batch], int] | None = getattr(self._bus, "recv_batch", None)
         self._receive, self._send, reset = (
             library.slr_wire_receive,
             library.slr_wire_send,
@@ -143,9 +145,7 @@ class NativePort:
 
     def _waiting(self) -> int:
         """Fill the batch with what waits; how many frames."""
-        if isinstance(self._bus, LocalBus):
-            return self._bus.recv_batch(self._came)
-        return self._came.from_source(self._bus)
+        return self._many(self._came) if self._many else self._came.from_source(self._bus)
 
     def _read(self, reader: Reader, count: int, tick: int, now: int) -> None:
         for i in range(count):

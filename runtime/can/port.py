@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import can
 import numpy as np
+from can.interfaces.socketcan import SocketcanBus
 
 from runtime.can import wire
 from runtime.can.batch import FrameSource
@@ -99,7 +100,13 @@ class AnyBus:
 
 def frame_source(bus: can.BusABC | FrameSource) -> FrameSource:
     """A bus as a frame source: the local one is one already."""
-    return AnyBus(bus) if isinstance(bus, can.BusABC) and not isinstance(bus, LocalBus) else bus  # type: ignore[return-value]
+    if isinstance(bus, LocalBus) or not isinstance(bus, can.BusABC):
+        return bus
+    if isinstance(bus, SocketcanBus):
+        from runtime.can.socketcan import SocketCan
+
+        return SocketCan(bus)
+    return AnyBus(bus)
 
 
 class CanPort:
