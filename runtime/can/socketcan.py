@@ -67,8 +67,8 @@ class SocketCan(AnyBus):
         room, received = Head.message.offset + type(head.message).control_length.offset, Head.received.offset
         every = np.frombuffer(self._heads, np.uint8)  # type: ignore[arg-type]
         whole = every.reshape(n, ctypes.sizeof(Head))
-        self._rooms = whole[:, room : room + 8].view("<u8")
-        self._received = whole[:, received : received + 4].view("<u4")
+        self._rooms = whole[:, room : room + 8].view("<u8")[:, 0]
+        self._received = whole[:, received : received + 4].view("<u4")[:, 0]
         self._stamps = np.frombuffer(batch.bytes, NUMBER)["ns"]
 
     def _stamp(self, found: int) -> None:
