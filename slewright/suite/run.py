@@ -83,7 +83,8 @@ def _task(
     folder = (out / "cases" / case.key).resolve()
     return {
         "key": case.key,
-        "ssp": "",  # cases share nothing: they are done in their order, so that a part of a suite has every system
+        "ssp": "",  # what the pool keeps together: nothing, so that the first cases are of every system
+        "system": case.system,
         "digest": "",
         "folder": str(folder),
         "seed": case.seed,

@@ -27,7 +27,7 @@ from specs.errors import RunError
 REDRAWS = 3  # seeds that are tried where one gives no clear case
 PLAIN = ("sindy", "greedy_bic")
 PARTS = ("report.json", "result.json", AFTER, *(f"{name}.json" for name in PLAIN))
-# key, ssp (its system, for the pool), digest, folder, seed, noise, visible, baselines, experiments, again
+# key, ssp (for the pool), system, digest, folder, seed, noise, visible, baselines, experiments, again
 Task = dict[str, Any]
 
 
@@ -75,7 +75,7 @@ def _clear(task: Task) -> cases.Case:
         try:
             seed = task["seed"] + more
             outside = task["visible"] == "outside"
-            return cases.draw(seed, task["noise"], task["ssp"], visible, outside)
+            return cases.draw(seed, task["noise"], task["system"], visible, outside)
         except RunError:
             if more == REDRAWS - 1:
                 raise
