@@ -71,6 +71,16 @@ def test_the_wheel_is_of_one_platform_and_names_no_python(wheel: Path):
     assert platform != "any"
 
 
+@pytest.mark.parametrize("folder", ["runtime/hmi/page", "runtime/systemd", "specs/scenarios"])
+def test_what_is_no_python_is_in_it(wheel: Path, folder: str):
+    """Of the operator's page a missing script is seen by whoever opens it, and by nobody before."""
+    with zipfile.ZipFile(wheel) as archive:
+        inside = {n: archive.read(n) for n in archive.namelist() if n.startswith(f"{folder}/")}
+    files = [p for p in (ROOT / folder).iterdir() if p.is_file()]
+    assert {f"{folder}/{p.name}": p.read_bytes() for p in files} == inside
+    assert len(files) > 2
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="glibc is Linux's")
 def test_a_manylinux_wheel_asks_for_no_newer_glibc(wheel: Path):
     if "manylinux" not in wheel.name:
