@@ -289,12 +289,16 @@ def runtime(
             raise InputError(f"no load '{name}'; {nearest(name, (*LOADS, *MORE))}")
     with progress("bench runtime") as report:
         result = run(ready(bundle, report), blocks, seconds, load or LOADS, report)
-    figures = result.figures()
-    write(json, figures)
+    figures, costs = result.figures(), result.costs()
+    write(json, {**figures, "hmi_costs_us": costs} if costs else figures)
     if result.skipped:
         typer.echo(f"skipped: {result.skipped}; nothing was measured")
         return
     _show_runtime(figures)
+    if costs:
+        columns = ("smallest", "median", "largest", "idle_varies")
+        rows = [(name, *(f"{row[c]:+.0f}" for c in columns)) for name, row in costs.items()]
+        show("what three open pages add, µs: hmi less idle, within a block", ["", *columns], rows)
     for miss in (missed := result.misses()):
         typer.echo(f"slewright: missed: {miss}", err=True)
     if missed:

@@ -30,6 +30,8 @@ LOADS = ("idle", "modbus", "stress")
 MORE = ("hmi",)  # measured when it is asked for: three pages open, and the HMI that serves them
 LIMITS = {"idle": 1.5, "modbus": 1.5, "stress": 3.0, "hmi": 1.5}  # ratio of p99: what is asked for
 POLICY_P50_US = 150.0
+RESOLUTION_US = 1.0  # of the histograms
+COSTS = (("ours", "p50"), ("ours", "p99"), ("policy_tick", "p50"), ("other_tick", "p50"), ("latency", "p99"))
 QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
 SCENARIO = "four_targets_empty"
 
@@ -69,9 +71,30 @@ class Result:
             return {"skipped": self.skipped}
         return {name: _medians(blocks) for name, blocks in self.blocks.items()}
 
+    def costs(self) -> dict[str, dict[str, float]]:
+        """What open pages add to the control loop, µs: differences from idle within a block.
+
+        `idle_varies` is by how much idle alone differs between blocks: a difference below that is not
+        measurable.  Empty unless both loads were measured.
+        """
+        if not {"idle", "hmi"} <= self.blocks.keys():
+            return {}
+        found = {}
+        for kind, quantile in COSTS:
+            idle, open_ = ([getattr(b, kind)[quantile] for b in self.blocks[n]] for n in ("idle", "hmi"))
+            apart = [b - a for a, b in zip(idle, open_, strict=True)]
+            name = f"{'lateness' if kind == 'ours' else kind} {quantile}"
+            found[name] = {"smallest": min(apart), "median": median(apart), "largest": max(apart)}
+            found[name]["idle_varies"] = max(idle) - min(idle)
+        return found
+
     def misses(self) -> list[str]:
         """What is beyond its limit."""
-        found = []
+        found = [
+            f"hmi: {name} {cost['median']:.0f} µs more than idle, which varies by {cost['idle_varies']:.0f}"
+            for name, cost in self.costs().items()
+            if cost["median"] > cost["idle_varies"] + RESOLUTION_US
+        ]
         for name, row in self.figures().items() if not self.skipped else ():
             if row["ratio_p99"] > LIMITS[name]:
                 found.append(f"{name}: p99 {row['ratio_p99']:.2f} × cyclictest's, limit {LIMITS[name]:g} ×")
