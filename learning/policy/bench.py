@@ -77,11 +77,13 @@ def _step(trainer: Any) -> Callable[[], None]:
 
     @torch.no_grad()
     def job() -> None:
-        s = trainer.now
+        s, steps = trainer.now, []
         for _ in range(STEPS):
             observation = e.observe(s)
             trainer.interface.features(observation)
-            s, _ = trainer.play(s, action, observation, leak=0.0)
+            steps.append(trainer.play(s, action, observation, leak=0.0))
+            s = steps[-1].after
+        trainer.rewards(steps)
 
     return job
 

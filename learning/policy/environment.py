@@ -5,19 +5,23 @@ and no operation works in place, so that a whole episode can be differentiated.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
+import casadi as ca
 import torch
 from torch import Tensor
 
 from fmus.equations import kinematics
-from fmus.slew_nn.network import HISTORY, INPUTS, SlewNetwork
+from fmus.slew_nn.network import HISTORY as SPEEDS, INPUTS, SlewNetwork
+from learning.policy.drive import Drive
 from learning.policy.features import errors
 from learning.policy.kernel import Kernel
-from learning.policy.plant import Drive, Machine, Plant, State, nominal
+from learning.policy.plant import Machine, Plant, nominal, tip_of
 from learning.policy.recipe import Randomisation, Recipe
 from learning.policy.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
+from learning.policy.situation import Situation
 from specs import parameters
 from specs.errors import InputError
 from specs.policy import CHANNELS, SLEW_ERROR, SPACING_S, TICK_S
@@ -27,45 +31,6 @@ POOL = 8192  # poses to draw from
 POSE = {"boom": (0.8, 1.4), "stick": (-2.1, -0.3)}  # rad, of the authors' code
 RADIUS, HEIGHT = (7.0, 14.0), (2.8, 10.0)  # m, of the grab
 SWING = (0.2, 0.5)  # rad and rad/s: largest of a tool that swings at the start
-
-
-@dataclass
-class Situation:
-    """All that an environment remembers; tensors [rows, n] or [n]."""
-
-    state: State
-    machine: Machine
-    sensors: Tensor  # [channels, history, n]: the observation's rows, the slew angle as the error
-    rates: Tensor  # [LATE + 1, 2, n] of boom and stick, oldest first
-    action: Tensor  # [3, n] last commands
-    start: Tensor  # slew error when the target came
-    target: Tensor  # [2, n] radius, height
-    told: Tensor  # load told
-    pace: Tensor
-    bias: Tensor  # [7, n] of q_slew, q_boom, q_stick, roll, pitch, roll rate, pitch rate
-    age: Tensor  # [n] periods since the target came (int64)
-
-    def take(self, other: "Situation", where: Tensor) -> "Situation":
-        """This one, but `other` where the mask [n] says so."""
-        pairs = {k: (v, getattr(other, k)) for k, v in self.__dict__.items()}
-        joined: dict[str, Any] = {
-            k: a.take(b, where) if isinstance(a, State | Machine) else torch.where(where, b, a)
-            for k, (a, b) in pairs.items()
-        }
-        return Situation(**joined)
-
-    def cut(self) -> "Situation":
-        """The same numbers, cut off from what they were computed from."""
-        plain = {k: v.detach() for k, v in self.__dict__.items() if isinstance(v, Tensor)}
-        return replace(self, state=self.state.copy(), **plain)
-
-    def faded(self, share: float) -> "Situation":
-        """The same; of the gradient that comes back through the state, `share` goes on."""
-        if share < 1.0:
-            for value in (*self.state.__dict__.values(), self.sensors, self.rates, self.action):
-                if value.requires_grad:
-                    value.register_hook(lambda gradient: share * gradient)
-        return self
 
 
 class Environment:
@@ -80,16 +45,14 @@ class Environment:
         self.plant = Plant(Drive(networks, device), round(recipe.ahead_s / SPACING_S), recipe.task == "slew")
         self.boost = parameters.load("slew")["slew_boost_pressure"].value  # Pa, of a drive at rest
         self.generator = torch.Generator(device).manual_seed(seed)
-        self._errors = Kernel(errors())
+        self._miss, self._sense = Kernel(_miss()), Kernel(_sense(recipe.history))
+        self.lowest = kinematics.geometry().keepout_height + MARGIN_M
+        self._action_scale = torch.tensor(ACTION_SCALE, device=device)[:, None]
         self._poses = self._pool()
-        self.noisy = any(
-            (
-                self.random.angle_noise,
-                self.random.rate_noise,
-                self.random.imu_angle_noise,
-                self.random.imu_rate_noise,
-            )
-        )
+        sizes = _noise_sizes(self.random)
+        self.noisy = any(sizes)
+        self._noise_size = torch.tensor(sizes, device=device)[:, None]
+        self._quiet = torch.zeros(len(sizes), self.n, device=device)
 
     # ---- random numbers ----
 
@@ -209,45 +172,50 @@ class Environment:
         if self.recipe.task == "slew":
             action = torch.cat([action[:1], torch.zeros_like(action[1:])])
         state = self.plant.advance(s.state, action, s.machine)
-        rates = torch.cat([s.rates[1:], state.arm[None, 2:]])
-        after = replace(s, state=state, rates=rates, action=action, age=s.age + 1)
-        row = self._row(after)
-        return replace(after, sensors=torch.cat([s.sensors[:, 1:], row[:, None]], dim=1))
+        flat = s.sensors.reshape(-1, self.n), s.rates.reshape(-1, self.n)
+        now = (action, state.q, state.arm, state.tool, state.omega, s.bias, self._noise())
+        sensors, rates = self._sense(*flat, *now)
+        return replace(
+            s, state=state, action=action, age=s.age + 1,
+            sensors=sensors.view(s.sensors.shape), rates=rates.view(s.rates.shape),
+        )  # fmt: skip
 
     def _row(self, s: Situation) -> Tensor:
-        """What the sensors show now [channels, n], in the order of CHANNELS."""
-        arm, tool = s.state.arm, s.state.tool
-        angles = torch.stack([s.state.q, arm[0], arm[1], tool[0], tool[1]]) + s.bias[:5]
-        rates = torch.stack([s.state.omega[-1], s.rates[0, 0], s.rates[0, 1], tool[2], tool[3]])
-        rates = torch.cat([rates[:3], rates[3:] + s.bias[5:]])
-        row = torch.cat([s.action, angles, rates])
-        return row + self._noise() if self.noisy else row
+        """What the sensors show now [channels, n], in the order of CHANNELS; noise is new each time."""
+        state, flat = s.state, (s.sensors.reshape(-1, self.n), s.rates.reshape(-1, self.n))
+        shifted = torch.cat([flat[1][:2], flat[1][:-2]])  # `_sense` moves the arm's rates on by a period
+        now = (s.action, state.q, state.arm, state.tool, state.omega, s.bias, self._noise())
+        return self._sense(flat[0], shifted, *now)[0].view(s.sensors.shape)[:, -1]
 
     def _noise(self) -> Tensor:
-        r = self.random
-        sizes = [0.0] * 3 + [r.angle_noise] * 3 + [r.imu_angle_noise] * 2
-        sizes += [r.imu_rate_noise, r.rate_noise, r.rate_noise, r.imu_rate_noise, r.imu_rate_noise]
-        scale = torch.tensor(sizes, device=self.device)[:, None]
-        return scale * self._either_way(1.7, len(sizes))  # uniform (paper) with about that deviation
+        """Uniform (paper), about of the deviations that the recipe says, [channels, n]."""
+        if not self.noisy:
+            return self._quiet
+        noise = torch.rand(self._quiet.shape, generator=self.generator, device=self.device)
+        return noise.sub_(0.5).mul_(self._noise_size)
 
     def instant(self, before: Situation, after: Situation) -> Instant:
         """What the rewards of the step from `before` to `after` depend on."""
-        arm, tool = after.state.arm, after.state.tool
-        scale = torch.tensor(ACTION_SCALE, device=self.device)[:, None]
+        return self.instants([before], [after])
+
+    def instants(self, before: Sequence[Situation], after: Sequence[Situation]) -> Instant:
+        """The same of many steps at once, [rows, steps * n]: most of an operation's cost is its call."""
         used = 1 if self.recipe.task == "slew" else 3
-        point = self.error(after)
-        error = point if self.recipe.task == "full" else ARC * after.state.q[None]
-        low = (kinematics.geometry().keepout_height + MARGIN_M - point[2] - after.target[1]).clamp(min=0.0)
+        many = lambda take, which=after: torch.cat([take(s) for s in which], dim=-1)  # noqa: E731
+        arm, tool, q = (many(lambda s, k=k: getattr(s.state, k)) for k in ("arm", "tool", "q"))
+        target = many(lambda s: s.target)
+        (point,) = self._miss(q, arm, tool, target)
+        error = point if self.recipe.task == "full" else ARC * q[None]
+        low = (self.lowest - point[2] - target[1]).clamp(min=0.0)
+        action, last = (many(lambda s: s.action, w) / self._action_scale for w in (after, before))
         return Instant(
-            error, (after.action / scale)[:used], (before.action / scale)[:used], after.state.q, after.start,
-            after.state.omega[-1], arm[2], arm[3], tool[2], tool[3], tool[0], tool[1], low,
-            torch.zeros_like(low),
+            error, action[:used], last[:used], q, many(lambda s: s.start), many(lambda s: s.state.omega[-1]),
+            arm[2], arm[3], tool[2], tool[3], tool[0], tool[1], low, torch.zeros_like(low),
         )  # fmt: skip
 
     def error(self, s: Situation) -> Tensor:
         """Grab point less target [3, n], m."""
-        (tip,) = self.plant.tip(s.state.arm)
-        return self._errors(torch.cat([s.state.q[None], tip, s.state.tool[:2], s.target]))[0]
+        return self._miss(s.state.q, s.state.arm, s.state.tool, s.target)[0]
 
     def ended(self, s: Situation) -> Tensor:
         """Where the grab is too low or too near the cabin: the episode terminates, bool [n]."""
@@ -267,6 +235,38 @@ class Environment:
         return round(self.recipe.episode_s / SPACING_S)
 
 
+@cache
+def _sense(history: int) -> ca.Function:
+    """A period on: (sensors, rates, action, angle, arm, tool, speeds, bias, noise) -> (sensors, rates).
+
+    The sensors' newest row is what they show of angle, arm, tool and speed; the arm's rates are LATE.
+    """
+    sensors, rates = ca.SX.sym("sensors", len(CHANNELS) * history), ca.SX.sym("rates", 2 * (LATE + 1))
+    sizes = {"action": 3, "q": 1, "arm": 4, "tool": 6, "omega": SPEEDS, "bias": 7, "noise": len(CHANNELS)}
+    action, q, arm, tool, omega, bias, noise = now = [ca.SX.sym(n, k) for n, k in sizes.items()]
+    rates_on = ca.vertcat(rates[2:], arm[2:])
+    angles = ca.vertcat(q, arm[:2], tool[:2]) + bias[:5]
+    speeds = ca.vertcat(omega[SPEEDS - 1], rates_on[:2], tool[2:4] + bias[5:])
+    row = ca.vertcat(action, angles, speeds) + noise
+    rows = [ca.vertcat(sensors[i * history + 1 : (i + 1) * history], row[i]) for i in range(len(CHANNELS))]
+    return ca.Function("sense", [sensors, rates, *now], [ca.vertcat(*rows), rates_on])
+
+
+@cache
+def _miss() -> ca.Function:
+    """(angle, arm, tool, target) -> grab point less target [3]."""
+    q, arm, tool, target = inputs = [ca.SX.sym(n, k) for n, k in (("q", 1), ("a", 4), ("t", 6), ("g", 2))]
+    tip = tip_of()(arm)
+    return ca.Function("miss", inputs, [ca.cse(errors()(ca.vertcat(q, tip, tool[:2], target)))])
+
+
+def _noise_sizes(r: Randomisation) -> list[float]:
+    """Widths of the channels' uniform noise, which has about the deviation that is told."""
+    sizes = [0.0] * 3 + [r.angle_noise] * 3 + [r.imu_angle_noise] * 2
+    sizes += [r.imu_rate_noise, r.rate_noise, r.rate_noise, r.imu_rate_noise, r.imu_rate_noise]
+    return [2 * 1.7 * size for size in sizes]
+
+
 def without_noise(recipe: Recipe) -> Recipe:
     """The recipe on nominal machines with perfect sensors."""
     return replace(recipe, random=Randomisation().off())
@@ -280,6 +280,6 @@ def load_networks(paths: Sequence[Any]) -> list[SlewNetwork]:
         for part in ("pressure", "velocity"):
             if (have := getattr(network, part)[0].sizes[0]) != INPUTS:
                 raise InputError(
-                    f"{path}: a {part} network of {have} inputs; with a history of {HISTORY} it has {INPUTS}"
+                    f"{path}: a {part} network of {have} inputs; with a history of {SPEEDS} it has {INPUTS}"
                 )
     return found

@@ -13,10 +13,10 @@ import torch
 from torch import Tensor
 
 from fmus.slew_nn.network import SlewNetwork
-from learning.policy.environment import Situation
 from learning.policy.network import perceptron
 from learning.policy.recipe import Recipe
-from learning.policy.trainer import Trainer
+from learning.policy.situation import Situation
+from learning.policy.trainer import Step, Trainer
 from specs.errors import RunError
 from specs.policy import SPACING_S
 
@@ -38,22 +38,20 @@ class GradientTrainer(Trainer):
     def iterate(self) -> dict[str, float]:
         """One episode of all machines and one step; mean reward a second, by term, and what happened."""
         e, s = self.environment, self.begin(self.last)
-        total = torch.zeros(e.n, device=self.device)
-        terms: dict[str, Tensor] = {}
+        steps: list[Step] = []
         unknown, ended = torch.zeros(()), torch.zeros(())
         for k in range(e.periods):
             observation = e.observe(s)
-            s, rewards = self.play(s, self.mlp(self.interface.features(observation)), observation)
-            s = s.faded(self.recipe.fade)
-            total = total + sum(rewards.values()) * SPACING_S
-            for name, value in rewards.items():
-                terms[name] = terms.get(name, torch.zeros(())) + value.detach().mean()
+            steps.append(self.play(s, self.mlp(self.interface.features(observation)), observation))
+            s = steps[-1].after.faded(self.recipe.fade, self.recipe.level)
             if k % LOOK == 0:
                 with torch.no_grad():
                     unknown = unknown + LOOK * e.unknown(s).float().mean()
                     ended = ended + LOOK * e.ended(s).float().mean()
+        rewards = self.rewards(steps)
+        terms = {name: value.detach().mean() * e.periods for name, value in rewards.items()}
         self.check(terms)
-        self._learn(-total.mean())
+        self._learn(-sum(value.mean() for value in rewards.values()) * e.periods * SPACING_S)  # type: ignore[arg-type]
         self.last = s.cut()
         self.done += 1
         return self.report(terms, e.periods, unknown, ended) | self.end_errors(self.last)

@@ -41,7 +41,7 @@ _C = {
 
 
 class Kernel:
-    """f on tensors [elements, n], one an argument; returns one an output.  Differentiable."""
+    """f on tensors [elements, n] or [n], one an argument; one [elements, n] an output.  Differentiable."""
 
     def __init__(self, f: ca.Function) -> None:
         self.f = f
@@ -57,8 +57,9 @@ class Kernel:
         return _Call.apply(compiled, self.outputs, *inputs)  # type: ignore[return-value]
 
     def _slowly(self, inputs: Sequence[Tensor]) -> tuple[Tensor, ...]:
-        like = torch.zeros_like(inputs[0][0])
-        found = self._plain(*(x.unbind(0) for x in inputs))
+        rows = [x[None] if x.dim() == 1 else x for x in inputs]
+        like = torch.zeros_like(rows[0][0])
+        found = self._plain(*(x.unbind(0) for x in rows))
         return tuple(torch.stack([row + like for row in rows]) for rows in found)
 
 
@@ -74,7 +75,7 @@ class _Call(torch.autograd.Function):
         inputs = tuple(x.contiguous() for x in inputs)
         ctx.library = library
         ctx.save_for_backward(*inputs)
-        n = inputs[0].shape[1]
+        n = inputs[0].shape[-1]
         outputs = tuple(torch.empty(size, n) for size in sizes)
         _run(library.forward, n, (*inputs, *outputs))
         return outputs
@@ -83,7 +84,7 @@ class _Call(torch.autograd.Function):
     def backward(ctx: Any, *seeds: Tensor) -> tuple[Any, ...]:  # type: ignore[override]
         inputs = ctx.saved_tensors
         found = tuple(torch.empty_like(x) for x in inputs)
-        _run(ctx.library.reverse, inputs[0].shape[1], (*inputs, *(s.contiguous() for s in seeds), *found))
+        _run(ctx.library.reverse, inputs[0].shape[-1], (*inputs, *(s.contiguous() for s in seeds), *found))
         return (None, None, *found)
 
 

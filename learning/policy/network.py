@@ -2,9 +2,8 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
-import casadi as ca
-import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -50,7 +49,7 @@ class Interface:
         self.inputs = features(task, history).numel_out(0)
         self.outputs = OUTPUTS[task]
         self._commands = Kernel(commands(task, history, prior))
-        self._split(features(task, history), device)
+        self._features = Kernel(features(task, history))
         low, high = zip(*(LIMITS[name] for name in ACTIONS), strict=True)
         self.low = torch.tensor(low, device=device)[:, None]
         self.high = torch.tensor(high, device=device)[:, None]
@@ -59,28 +58,9 @@ class Interface:
         """Widths of a network with these hidden layers."""
         return [self.inputs, *layers, self.outputs]
 
-    def _split(self, f: ca.Function, device: str) -> None:
-        """The inputs that are linear in the observation as one product, the others by their expressions."""
-        x = ca.SX.sym("x", f.numel_in(0))
-        y = f(x)
-        bent = np.array(ca.which_depends(y, x, 2, True))
-        straight = np.flatnonzero(~bent)
-        slope = np.array(ca.DM(ca.jacobian(y[straight.tolist()], x)))
-        at_zero = np.array(f(np.zeros(f.numel_in(0)))).ravel()[straight]
-        self._slope = torch.tensor(slope, dtype=torch.float32, device=device)
-        self._offset = torch.tensor(at_zero, dtype=torch.float32, device=device)[:, None]
-        curved = y[np.flatnonzero(bent).tolist()]
-        needed = [i for i in range(f.numel_in(0)) if ca.depends_on(curved, x[i])]
-        self._needed = torch.tensor(needed, device=device)
-        self._bent = Kernel(ca.Function("bent", [x[needed]], [ca.cse(curved)]))
-        order = np.argsort(np.concatenate([straight, np.flatnonzero(bent)]))
-        self._order = torch.tensor(order, device=device)
-
     def features(self, observation: Tensor) -> Tensor:
         """[N, n] -> [n, M]."""
-        straight = torch.addmm(self._offset, self._slope, observation)
-        (bent,) = self._bent(observation[self._needed])
-        return torch.cat([straight, bent])[self._order].T
+        return self._features(observation)[0].T
 
     def asked(self, y: Tensor, observation: Tensor) -> Tensor:
         """Commands [3, n] before they are limited."""
@@ -88,5 +68,20 @@ class Interface:
 
     def limited(self, asked: Tensor, leak: float = 0.0) -> Tensor:
         """Within the limits; with `leak` a share of the gradient passes at a limit."""
-        within = torch.minimum(torch.maximum(asked, self.low), self.high)
-        return within + leak * (asked - asked.detach()) if leak else within
+        return _Limited.apply(asked, self.low, self.high, leak)  # type: ignore[return-value]
+
+
+class _Limited(torch.autograd.Function):
+    """Commands within their limits, as one operation."""
+
+    @staticmethod
+    def forward(ctx: Any, asked: Tensor, low: Tensor, high: Tensor, leak: float) -> Tensor:  # type: ignore[override]
+        within = torch.minimum(torch.maximum(asked, low), high)
+        ctx.leak = leak
+        ctx.save_for_backward(asked, within)
+        return within
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Any, ...]:  # type: ignore[override]
+        asked, within = ctx.saved_tensors
+        return gradients[0] * ((asked == within) + ctx.leak), None, None, None

@@ -17,19 +17,18 @@ All of it can be differentiated.  Beside what the FMUs have, the joystick can be
 networks (`Variation`): one set of networks then stands for machines with other dead bands and delays.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, fields
+from functools import cache, cached_property
 from typing import Any
 
 import casadi as ca
-import numpy as np
 import torch
 from torch import Tensor
 
 from fmus.equations import kinematics
 from fmus.loader import load_model
-from fmus.slew_nn.network import CELL_AXES, HISTORY, PERIOD_S, TOLERANCE, Mlp, SlewNetwork
+from fmus.slew_nn.network import HISTORY, PERIOD_S
+from learning.policy.drive import Drive
 from learning.policy.kernel import Kernel
 from specs import parameters
 from specs.policy import TICK_S
@@ -42,126 +41,75 @@ VARIED = (  # parameters of each simulated machine, by the FMUs' names
     "boom_response", "stick_response", "tool_length_x", "tool_length_y", "tool_damping_x", "tool_damping_y",
 )  # fmt: skip
 
-
-class Drive:
-    """Slew networks on [41, n]: machines are shared out among them in equal, contiguous groups."""
-
-    def __init__(self, networks: Sequence[SlewNetwork], device: str = "cpu", dtype: Any = torch.float32):
-        for network in networks:
-            network.check_whole()
-        self.networks = tuple(networks)
-        self.symmetric = networks[0].symmetric
-        kind = {"device": device, "dtype": dtype}
-        self.parts = {
-            name: [_stack(nets, kind) for nets in zip(*(getattr(n, name) for n in networks), strict=True)]
-            for name in ("pressure", "velocity")
-        }
-        self.maps = [_visited(n, device) for n in networks]
-
-    def __call__(
-        self, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor, inertia: Tensor
-    ) -> tuple[Tensor, ...]:
-        """Next p_l, p_r, omega [n]; u [10, n] up to now, the others [10, n] up to the last instant."""
-        found = self._one_way(u, p_l, p_r, omega, inertia)
-        if not self.symmetric:
-            return found
-        left, right, speed = self._one_way(-u, p_r, p_l, -omega, inertia)
-        return (found[0] + right) / 2, (found[1] + left) / 2, (found[2] - speed) / 2
-
-    def _one_way(
-        self, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor, inertia: Tensor
-    ) -> tuple[Tensor, ...]:
-        seen = inertia[None]
-        p = self._mean("pressure", torch.cat([u, p_l, p_r, omega, seen]), torch.stack([p_l[-1], p_r[-1]]))
-        newer = [p_l[1:], p[:1], p_r[1:], p[1:]]
-        w = self._mean("velocity", torch.cat([u, *newer, omega, seen]), omega[-1:])
-        return p[0], p[1], w[0]
-
-    def _mean(self, part: str, x: Tensor, last: Tensor) -> Tensor:
-        """Mean over the members [outputs, n] for raw inputs x [41, n]."""
-        groups = len(self.networks)
-        y = x.view(len(x), groups, -1).transpose(0, 1)  # [groups, 41, n / groups]
-        total = sum(_forward(member, y) for member in self.parts[part]) / len(self.parts[part])
-        found = total.transpose(0, 1).reshape(last.shape)  # type: ignore[union-attr]
-        residual = getattr(self.networks[0], part)[0].residual
-        return found + last if residual else found
-
-    def outside(self, inertia: Tensor, u: Tensor, omega: Tensor) -> Tensor:
-        """Which of n states lie where the networks saw no data, bool [n] (SlewNetwork.outside)."""
-        groups = [v.view(len(self.maps), -1) for v in (inertia, u, omega)]
-        return torch.cat([_outside(m, *(g[i] for g in groups)) for i, m in enumerate(self.maps)])
-
-
-def _stack(nets: Sequence[Mlp], kind: Mapping[str, Any]) -> list[tuple[Tensor, Tensor]]:
-    """Layers of one member of each network, stacked, with scaling folded into the first and the last."""
-    layers: list[list[tuple[np.ndarray, np.ndarray]]] = []
-    for net in nets:
-        w = [np.asarray(a, np.float64) for a in net.weights]
-        b = [np.asarray(a, np.float64) for a in net.biases]
-        b[0] = b[0] - w[0] @ (net.mean_in / net.std_in)
-        w[0] = w[0] / net.std_in
-        w[-1], b[-1] = net.std_out[:, None] * w[-1], net.std_out * b[-1] + net.mean_out
-        layers.append(list(zip(w, b, strict=True)))
-    rows = [[np.stack(values) for values in zip(*row, strict=True)] for row in zip(*layers, strict=True)]
-    return [(torch.tensor(w, **kind), torch.tensor(b[..., None], **kind)) for w, b in rows]
-
-
-def _forward(layers: Sequence[tuple[Tensor, Tensor]], x: Tensor) -> Tensor:
-    for number, (w, b) in enumerate(layers):
-        x = torch.baddbmm(b, w, x)
-        if number + 1 < len(layers):
-            x = torch.relu(x)
-    return x
-
-
-def _visited(network: SlewNetwork, device: str) -> dict[str, Any]:
-    if network.visited is None:
-        return {}
-    return {"cells": torch.tensor(network.visited, device=device), "region": network.region}
-
-
-def _outside(known: Mapping[str, Any], inertia: Tensor, u: Tensor, omega: Tensor) -> Tensor:
-    if not known:
-        return torch.zeros_like(u, dtype=torch.bool)
-    index, beyond = [], torch.zeros_like(u, dtype=torch.bool)
-    for (name, count), value in zip(CELL_AXES.items(), (inertia, u, omega), strict=True):
-        low, high = known["region"][name]
-        share = (value - low) / (high - low)
-        beyond |= (share < -TOLERANCE) | (share > 1 + TOLERANCE)
-        index.append((share * count).long().clamp(0, count - 1))
-    return beyond | ~known["cells"][tuple(index)]
+OWN_DEAD_BAND = parameters.load("control")["control_dead_band"].value  # of the machine of the recordings
+OWN = ("latency", "dead_band", "gain", "load", "inertia_scale")  # of a machine, beside VARIED
 
 
 @cache
 def _equations() -> dict[str, Kernel]:
     """What is carried over to torch: a period of five ticks, and what follows from the arm's pose.
 
-    period: (arm, tool, references of each tick, slew rate before and after, VARIED) -> (arm, tool);
-    swing: (arm, tool, slew rate before and after, VARIED) -> tool, with the arm at rest;
-    tip: arm -> radius, height; moment: (arm, load) -> slew inertia.
+    command: (sent, action, arm, OWN) -> sent, the joystick that the networks see, slew inertia;
+    period: (arm, tool, references of each tick, speeds before, after, VARIED, angle) -> (arm, tool, angle);
+    swing: the same without references and with the arm at rest -> (tool, angle);
+    tip: arm -> radius, height; moment: (arm, load) -> slew inertia of the pose.
     """
     arm, tool = load_model("arm"), load_model("tool")
-    x, t, r, w, v = (ca.SX.sym(n, k) for n, k in zip("xtrwv", (4, 6, 2 * TICKS, 2, len(VARIED)), strict=True))
+    x, t, r, v, q = (ca.SX.sym(n, k) for n, k in zip("xtrvq", (4, 6, 2 * TICKS, len(VARIED), 1), strict=True))
+    before, after = ca.SX.sym("before", HISTORY), ca.SX.sym("after", HISTORY)
+    w = (before[HISTORY - 1], after[HISTORY - 1])
     load = ca.SX.sym("load")
     poses, swings, still = [x], [t], t
     for i in range(TICKS):
         rate = w[0] + (i / TICKS) * (w[1] - w[0])
         references = ca.vertcat(r[i], r[TICKS + i])
-        after = _tick(arm, tool, poses[-1], swings[-1], references, rate, v)
+        next_pose = _tick(arm, tool, poses[-1], swings[-1], references, rate, v)
         still = _tick(arm, tool, ca.vertcat(x[:2], 0, 0), still, references, rate, v)[1]
-        poses.append(after[0])
-        swings.append(after[1])
-    at = arm.h(x, ca.SX.zeros(4), [], _parameters(arm, v, 0.0))
-    out = {name.name: at[i] for i, name in enumerate(arm.outputs)}
+        poses.append(next_pose[0])
+        swings.append(next_pose[1])
+    angle = q + PERIOD_S * (w[0] + w[1]) / 2
+    moment = kinematics.inertia_z(x[0], x[1], load, kinematics.geometry())
     made = (
-        ca.Function("period", [x, t, r, w, v], ca.cse([poses[-1], swings[-1]])),
-        ca.Function("swing", [x, t, w, v], [ca.cse(still)]),
-        ca.Function("tip", [x], [ca.cse(ca.vertcat(out["radius"], out["height"]))]),
-        ca.Function(
-            "moment", [x, load], [ca.cse(kinematics.inertia_z(x[0], x[1], load, kinematics.geometry()))]
-        ),
+        _command(x),
+        ca.Function("period", [x, t, r, before, after, v, q], ca.cse([poses[-1], swings[-1], angle])),
+        ca.Function("swing", [x, t, before, after, v, q], ca.cse([still, angle])),
+        tip_of(),
+        ca.Function("moment", [x, load], [ca.cse(moment)]),
+        _warp(),
     )
     return {f.name(): Kernel(f) for f in made}
+
+
+@cache
+def tip_of() -> ca.Function:
+    """arm -> radius and height of its tip, as the arm's FMU says."""
+    arm, x, v = load_model("arm"), ca.SX.sym("x", len(ARM)), ca.SX.zeros(len(VARIED))
+    at = arm.h(x, ca.SX.zeros(4), [], _parameters(arm, v, 0.0))
+    out = {name.name: at[i] for i, name in enumerate(arm.outputs)}
+    return ca.Function("tip", [x], [ca.cse(ca.SX(ca.vertcat(out["radius"], out["height"])))])
+
+
+def _command(arm: ca.SX) -> ca.Function:
+    """The commands that are under way, what of them the networks see, and the slew inertia."""
+    sent, action, own = ca.SX.sym("sent", 3 * KEPT), ca.SX.sym("action", 3), ca.SX.sym("own", len(OWN))
+    latency, band, gain, load, scale = (own[i] for i in range(len(OWN)))
+    share = latency / TICKS
+    joystick = (1.0 - share) * action[0] + share * sent[3 * (KEPT - 1)]
+    inertia = scale * kinematics.inertia_z(arm[0], arm[1], load, kinematics.geometry())
+    found: list[Any] = [ca.vertcat(sent[3:], action), _warped(joystick, band, gain), inertia]
+    return ca.Function("command", [sent, action, arm, own], ca.cse(found))
+
+
+def _warped(u: ca.SX, band: ca.SX, gain: ca.SX) -> ca.SX:
+    size = ca.fabs(u)
+    inner = size * (OWN_DEAD_BAND / band)
+    outer = OWN_DEAD_BAND + gain * (size - band) * ((1.0 - OWN_DEAD_BAND) / (1.0 - band))
+    return ca.sign(u) * ca.if_else(size < band, inner, ca.fmin(outer, 1.0))
+
+
+def _warp() -> ca.Function:
+    u, band, gain = (ca.SX.sym(n) for n in ("u", "band", "gain"))
+    return ca.Function("warp", [u, band, gain], [_warped(u, band, gain)])
 
 
 def _tick(
@@ -226,15 +174,27 @@ class Machine:
 
     def take(self, other: "Machine", where: Tensor) -> "Machine":
         """This machine, but `other`'s parameters where the mask [n] says so."""
-        pairs = {name: (value, getattr(other, name)) for name, value in self.__dict__.items()}
+        pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
         return Machine(**{name: torch.where(where, b, a) for name, (a, b) in pairs.items()})
+
+    @cached_property
+    def own(self) -> Tensor:
+        """What the machine makes of a command [OWN, n]."""
+        return torch.stack([getattr(self, name).to(self.load.dtype) for name in OWN])
+
+    @cached_property
+    def places(self) -> Tensor:
+        """Row of the commands under way [3 KEPT, n] at each tick of a period [2 TICKS, n]: boom, stick."""
+        ticks = torch.arange(TICKS, device=self.load.device)[:, None]
+        found = []
+        for which, delay in ((1, self.boom_delay), (2, self.stick_delay)):
+            back = torch.div(ticks - (delay + self.latency), TICKS, rounding_mode="floor").long()
+            found.append(3 * (KEPT - 1 + back).clamp(min=0) + which)
+        return torch.cat(found)
 
     def named(self, name: str) -> Tensor:
         """One of VARIED [n]."""
         return self.varied[VARIED.index(name)]
-
-
-OWN_DEAD_BAND = parameters.load("control")["control_dead_band"].value  # of the machine of the recordings
 
 
 class Plant:
@@ -244,8 +204,8 @@ class Plant:
         self.drive, self.ahead = drive, ahead
         self.still = still  # the arm stays where it is: slew-only, and cheaper
         made = _equations()
-        self.period, self.swing, self.tip = made["period"], made["swing"], made["tip"]
-        self.moment = made["moment"]
+        self.command, self.period, self.swing = made["command"], made["period"], made["swing"]
+        self.tip, self.moment = made["tip"], made["moment"]
 
     def start(self, q: Tensor, boom: Tensor, stick: Tensor, pressure: float = 0.0) -> State:
         """At rest at these angles [n], the tool hanging, histories as the slew model's FMU starts them."""
@@ -264,43 +224,26 @@ class Plant:
 
     def advance(self, state: State, action: Tensor, machine: Machine) -> State:
         """0.1 s on with the commands `action` [3, n] (u_slew, qd_boom_ref, qd_stick_ref), already limited."""
-        sent = torch.cat([state.sent[1:], action[None]])
-        share = machine.latency / TICKS
-        joystick = (1.0 - share) * sent[-1, 0] + share * sent[-2, 0]
-        joystick = warped(joystick, machine.dead_band, machine.gain)
-        now = joystick.expand(self.ahead + 1, -1)
-        inertia = self.inertia(state, machine)
-        known = torch.cat([state.u[self.ahead :], now])
-        left, right, speed = self.drive(known, state.p_l, state.p_r, state.omega, inertia)
-        before = state.omega[-1]
-        rates, varied = torch.stack([before, speed]), machine.varied
+        n = action.shape[1]
+        sent, joystick, inertia = self.command(
+            state.sent.reshape(3 * KEPT, n), action, state.arm, machine.own
+        )
+        past = (state.u, state.p_l, state.p_r, state.omega)
+        u, p_l, p_r, omega = self.drive.onward(past, joystick.view(n), inertia.view(n), self.ahead)
         if self.still:
-            arm, (tool,) = state.arm, self.swing(state.arm, state.tool, rates, varied)
+            arm = state.arm
+            tool, q = self.swing(arm, state.tool, state.omega, omega, machine.varied, state.q)
         else:
-            arm, tool = self.period(state.arm, state.tool, self._references(sent, machine), rates, varied)
-        return State(
-            torch.cat([state.u[1:], now[:1]]), torch.cat([state.p_l[1:], left[None]]),
-            torch.cat([state.p_r[1:], right[None]]), torch.cat([state.omega[1:], speed[None]]),
-            state.q + PERIOD_S * (before + speed) / 2, arm, tool, sent,
-        )  # fmt: skip
-
-    def _references(self, sent: Tensor, machine: Machine) -> Tensor:
-        """What boom and stick are told at each tick of a period [2 TICKS, n]: late by delay and latency."""
-        ticks = torch.arange(TICKS, device=sent.device)[:, None]
-        found = []
-        for which, delay in ((1, machine.boom_delay), (2, machine.stick_delay)):
-            back = torch.div(ticks - (delay + machine.latency), TICKS, rounding_mode="floor").long()
-            found.append(sent[:, which].gather(0, (len(sent) - 1 + back).clamp(min=0)))
-        return torch.cat(found)
+            told = sent.gather(0, machine.places)
+            arm, tool, q = self.period(
+                state.arm, state.tool, told, state.omega, omega, machine.varied, state.q
+            )
+        return State(u, p_l, p_r, omega, q.view(n), arm, tool, sent.view(KEPT, 3, n))
 
 
 def warped(u: Tensor, band: Tensor, gain: Tensor | float = 1.0) -> Tensor:
     """The joystick for the drive's own dead band that does what `u` does with `band`: two straight lines."""
-    size = u.abs()
-    inner = size * (OWN_DEAD_BAND / band)
-    outer = OWN_DEAD_BAND + gain * (size - band) * ((1.0 - OWN_DEAD_BAND) / (1.0 - band))
-    outer = outer.clamp(max=1.0)
-    return torch.copysign(torch.where(size < band, inner, outer), u)
+    return _equations()["warp"](u, band, torch.as_tensor(gain).expand_as(u))[0][0]
 
 
 def nominal(n: int, device: str = "cpu", dtype: Any = torch.float32, **changed: Any) -> Machine:

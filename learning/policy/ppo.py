@@ -14,8 +14,8 @@ import torch
 from torch import Tensor, nn
 
 from fmus.slew_nn.network import SlewNetwork
-from learning.policy.environment import Situation
 from learning.policy.recipe import Recipe
+from learning.policy.situation import Situation
 from learning.policy.trainer import Trainer
 from specs.policy import SPACING_S
 
@@ -50,7 +50,8 @@ class PpoTrainer(Trainer):
         with torch.no_grad():
             seen = self._seen(self.now)
             for _ in range(self.recipe.steps):
-                after, rewards = self.play(self.now, self.algorithm.act(seen), self._observation, leak=0.0)
+                step = self.play(self.now, self.algorithm.act(seen), self._observation, leak=0.0)
+                after, rewards = step.after, self.rewards([step])
                 self.check(rewards)
                 for name, value in rewards.items():
                     terms[name] = terms.get(name, torch.zeros(())) + value.mean()

@@ -91,6 +91,7 @@ class Recipe:
     # by the gradient of the simulation
     norm: float = 1.0  # largest norm of a gradient
     fade: float = 1.0  # share of an episode's gradient that passes from one step to the one before it
+    level: float = 0.0  # largest gradient of one machine in medians over machines; 0: without limit
 
     def __post_init__(self) -> None:
         if self.task not in TASKS:

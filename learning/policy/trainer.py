@@ -2,18 +2,28 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from fmus.slew_nn.network import SlewNetwork
-from learning.policy.environment import Environment, Situation
+from learning.policy.environment import Environment
 from learning.policy.network import LEAK, Interface
 from learning.policy.recipe import Recipe
 from learning.policy.rewards import weigh
+from learning.policy.situation import Situation
 from specs.errors import RunError
+
+
+@dataclass(frozen=True)
+class Step:
+    """A period of control: the situations around it, and the commands [3, n] before they were limited."""
+
+    before: Situation
+    after: Situation
+    asked: Tensor
 
 
 class Trainer:
@@ -39,21 +49,24 @@ class Trainer:
         """One iteration; figures by name."""
         raise NotImplementedError
 
-    def play(
-        self, s: Situation, y: Tensor, observation: Tensor, leak: float = LEAK
-    ) -> tuple[Situation, dict[str, Tensor]]:
-        """A step with the network's answer y [n, outputs]: the situation after it, weighed rewards [n]."""
-        e = self.environment
+    def play(self, s: Situation, y: Tensor, observation: Tensor, leak: float = LEAK) -> "Step":
+        """A step with the network's answer y [n, outputs]; what it is worth: `rewards`."""
         asked = self.interface.asked(y, observation)
-        after = e.advance(s, self.interface.limited(asked, leak))
-        over = (asked - self.interface.limited(asked)) / self.interface.high
-        instant = replace(e.instant(s, after), beyond=over[: self.interface.outputs].square().sum(0))
-        return after, weigh(instant, self.recipe.shape(self.progress), self.weights(s))
+        return Step(s, self.environment.advance(s, self.interface.limited(asked, leak)), asked)
 
-    def weights(self, s: Situation) -> dict[str, Any]:
+    def rewards(self, steps: Sequence["Step"]) -> dict[str, Tensor]:
+        """Weighed rewards of steps, [steps * n] by name: all machines of the first step come first."""
+        asked = torch.cat([step.asked for step in steps], dim=1)
+        over = (asked - self.interface.limited(asked)) / self.interface.high
+        instant = self.environment.instants([step.before for step in steps], [step.after for step in steps])
+        instant = replace(instant, beyond=over[: self.interface.outputs].square().sum(0))
+        pace = torch.cat([step.before.pace for step in steps])
+        return weigh(instant, self.recipe.shape(self.progress), self.weights(pace))
+
+    def weights(self, pace: Tensor) -> dict[str, Any]:
         """Weights of the terms; the quiet ones weigh more where the pace is slow."""
         r = self.recipe
-        slow = s.pace ** (-r.gentle)
+        slow = pace ** (-r.gentle)
         return {n: r.weight(n, self.progress) * (slow if n in r.quiet else 1.0) for n in r.terms}
 
     def begin(self, last: Situation | None) -> Situation:

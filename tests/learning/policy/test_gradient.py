@@ -21,7 +21,8 @@ def episode(trainer: GradientTrainer) -> torch.Tensor:
     for _ in range(20):
         observation = trainer.environment.observe(s)
         y = trainer.mlp(trainer.interface.features(observation))
-        s, rewards = trainer.play(s, y, observation, leak=0.0)
+        step = trainer.play(s, y, observation, leak=0.0)
+        s, rewards = step.after, trainer.rewards([step])
         total = total + sum(rewards.values())
     return total.mean()
 

@@ -10,7 +10,8 @@ import torch
 from fmus.equations.kinematics import geometry
 from fmus.slew_nn.network import SlewNetwork
 from fmus.slew_nn.untrained import untrained
-from learning.policy.plant import OWN_DEAD_BAND, TICKS, Drive, Plant, nominal, warped
+from learning.policy.drive import Drive
+from learning.policy.plant import OWN_DEAD_BAND, TICKS, Plant, nominal, warped
 from orchestrator.assembly import assemble
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli

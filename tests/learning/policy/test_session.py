@@ -83,14 +83,14 @@ def test_a_reward_that_is_no_number_stops_and_keeps_the_last_good(
     """The term is named; the checkpoint is that of before, and still loads."""
     session.run(options(network, tmp_path, "full", stop_after=2), quiet)
     kept = (tmp_path / "checkpoint.pt").read_bytes()
-    play = GradientTrainer.play
+    weighed = GradientTrainer.rewards
 
-    def broken(self: Any, *args: Any, **more: Any) -> Any:
-        after, rewards = play(self, *args, **more)
-        return after, rewards | {"closing": rewards["closing"] * float("nan")}
+    def broken(self: Any, *args: Any) -> Any:
+        rewards = weighed(self, *args)
+        return rewards | {"closing": rewards["closing"] * float("nan")}
 
     with monkeypatch.context() as patch:
-        patch.setattr(GradientTrainer, "play", broken)
+        patch.setattr(GradientTrainer, "rewards", broken)
         with pytest.raises(RunError, match=r"reward term closing is .*checkpoint\.pt"):
             session.run(options(network, tmp_path, "full"), quiet)
     assert (tmp_path / "checkpoint.pt").read_bytes() == kept

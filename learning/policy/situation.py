@@ -1,0 +1,71 @@
+"""All that the training environment remembers between two steps, and how a gradient goes back through it."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from learning.policy.plant import Machine, State
+
+
+@dataclass
+class Situation:
+    """All that an environment remembers; tensors [rows, n] or [n]."""
+
+    state: State
+    machine: Machine
+    sensors: Tensor  # [channels, history, n]: the observation's rows, the slew angle as the error
+    rates: Tensor  # [LATE + 1, 2, n] of boom and stick, oldest first
+    action: Tensor  # [3, n] last commands
+    start: Tensor  # slew error when the target came
+    target: Tensor  # [2, n] radius, height
+    told: Tensor  # load told
+    pace: Tensor
+    bias: Tensor  # [7, n] of q_slew, q_boom, q_stick, roll, pitch, roll rate, pitch rate
+    age: Tensor  # [n] periods since the target came (int64)
+
+    def take(self, other: "Situation", where: Tensor) -> "Situation":
+        """This one, but `other` where the mask [n] says so."""
+        pairs = {k: (v, getattr(other, k)) for k, v in self.__dict__.items()}
+        joined: dict[str, Any] = {
+            k: a.take(b, where) if isinstance(a, State | Machine) else torch.where(where, b, a)
+            for k, (a, b) in pairs.items()
+        }
+        return Situation(**joined)
+
+    def cut(self) -> "Situation":
+        """The same numbers, cut off from what they were computed from."""
+        plain = {k: v.detach() for k, v in self.__dict__.items() if isinstance(v, Tensor)}
+        return replace(self, state=self.state.copy(), **plain)
+
+    def faded(self, share: float, most: float = 0.0) -> "Situation":
+        """The same; of the gradient that comes back through the state, `share` goes on.
+
+        Of no machine more than `most` times the median over machines (0: without limit).
+        """
+        if share == 1.0 and not most:
+            return self
+        values = (*self.state.__dict__.values(), self.sensors, self.rates, self.action)
+        found = iter(_Fade.apply(share, most, *values))  # type: ignore[arg-type]
+        state = State(**{name: next(found) for name in self.state.__dict__})
+        return replace(self, state=state, sensors=next(found), rates=next(found), action=next(found))
+
+
+class _Fade(torch.autograd.Function):
+    """Nothing forward; backward a share of the gradient, each machine's held to some medians of all."""
+
+    @staticmethod
+    def forward(ctx: Any, share: float, most: float, *values: Tensor) -> tuple[Tensor, ...]:  # type: ignore[override]
+        ctx.share, ctx.most = share, most
+        ctx.set_materialize_grads(False)
+        return tuple(v.view_as(v) for v in values)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor | None) -> tuple[Any, ...]:  # type: ignore[override]
+        scale: Any = ctx.share
+        some = [g for g in gradients if g is not None]
+        if ctx.most and some:
+            size = sum(g.square().reshape(-1, g.shape[-1]).sum(0) for g in some).sqrt()  # type: ignore[union-attr]
+            scale = ctx.share * (ctx.most * size.median() / size.clamp(min=1e-30)).clamp(max=1.0)
+        return (None, None, *(g if g is None else g * scale for g in gradients))
