@@ -30,6 +30,7 @@ class Guard:
     axis: str
     furthest: float  # rad, that the axis may move from where it stood
     modes: tuple[str, ...] = MAY_MOVE
+    others: float | None = None  # rad, that other axes may; None: commissioning_still_angle
 
     def __post_init__(self) -> None:
         self.start = {a: self.bench.rig.now(f"q_{a}") for a in AXES}
@@ -44,7 +45,8 @@ class Guard:
             bench.fail("mode while the machine moves", rig.mode, "manual", look)
         for axis in AXES:
             moved = abs(rig.now(f"q_{axis}") - self.start[axis])
-            most = self.furthest if axis == self.axis else f.commissioning_still_angle
+            others = f.commissioning_still_angle if self.others is None else self.others
+            most = self.furthest if axis == self.axis else others
             if not moved <= most:
                 look = f"valves and encoders of {self.axis} and {axis}: swapped?"
                 bench.fail(

@@ -13,6 +13,7 @@ import numpy as np
 from runtime.image import TICK_S
 from slewright.commissioning.bench import Bench
 from slewright.commissioning.rig import Trace
+from slewright.commissioning.steps import timing
 from slewright.commissioning.wiring import IMUS
 
 TEXTS = {
@@ -36,6 +37,7 @@ def run(bench: Bench) -> None:
             turning = bench.rig.since(begin)
             held = bench.wait(bench.f.commissioning_held)
             _turned(bench, imu, axis, before, turning, held)
+            _in_time(bench, imu, axis, before, bench.rig.since(begin))
             bench.do(f"turn.{imu}.{axis}.back", "Turn it back as it was mounted")
         bench.verdict()
     bench.do("ready", "Both IMUs back on their brackets")
@@ -77,6 +79,20 @@ def _angles(bench: Bench, imu: str, axis: str, angle: float, before: Trace, held
             bench.between(
                 f"{imu} IMU: gravity's {name}, turned about {axis}", sideways, -0.35, 0.35, "rad", look
             )
+
+
+def _in_time(bench: Bench, imu: str, axis: str, before: Trace, turn: Trace) -> None:
+    """Angle and accelerations follow the rate at once; about the upright axis they say nothing."""
+    if axis == "z":
+        return
+    rate, angle = f"rate_{axis}", {"x": "roll", "y": "pitch"}[axis]
+    turned = timing.swept(turn[f"imu_{imu}_{rate}"], float(np.mean(before[f"imu_{imu}_{rate}"])))
+    sideways = {"x": "y", "y": "x"}[axis]
+    expected = {angle: turned, f"acc_{sideways}": np.sin(turned), "acc_z": np.cos(turned)}
+    look = f"the {imu} IMU: its filters, delays on the bus"
+    for name, reference in expected.items():
+        title = f"{imu} IMU, turned about {axis}: {name} than {rate}"
+        timing.agree(bench, title, turn[f"imu_{imu}_{name}"], reference, look)
 
 
 def _swept(imu: str, axis: str, before: Trace, turning: Trace) -> float:

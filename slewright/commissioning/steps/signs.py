@@ -18,6 +18,7 @@ from runtime.image import TICK_S
 from slewright.commissioning import drive
 from slewright.commissioning.bench import Bench, hanging_height
 from slewright.commissioning.rig import AXES, Trace
+from slewright.commissioning.steps import timing
 from slewright.commissioning.steps.safety import LEFT, RIGHT, hold, release
 
 SIDES = {1.0: ("a", "b"), -1.0: ("b", "a")}  # driven chamber, other chamber
@@ -62,6 +63,7 @@ def run(bench: Bench, axis: str) -> None:
     for pulse in pulses:
         _agrees(bench, axis, pulse)
         (_slew_pressures if axis == "slew" else _arm_pressures)(bench, axis, pulse)
+        _in_time(bench, axis, pulse)
     if axis == "slew":
         _mirrored(bench, pulses)
         _cabin(bench, pulses)
@@ -187,6 +189,27 @@ def _slew_pressures(bench: Bench, axis: str, pulse: Pulse) -> None:
     bench.between(f"slew {way}: p_slew_{driven} drives", high, least, pump + 15.0, "bar", look)
     bench.between(f"slew {way}: p_slew_{other} does not", low, -5.0, 60.0, "bar", look)
     bench.found[f"drives {way}"] = high
+
+
+def _in_time(bench: Bench, axis: str, pulse: Pulse) -> None:
+    """Sensors show the motion at the same time, and the valve ends it in time."""
+    way, zeros = LEFT[axis] if pulse.sign > 0 else RIGHT[axis], bench.before.get("rest", {})
+    names = {f"qd_{axis}": LATE * TICK_S}
+    names |= {"imu_cabin_rate_z": 0.0, "imu_tool_rate_z": 0.0} if axis == "slew" else {}
+    for name, usual in names.items():
+        angle = timing.swept(pulse.trace[name], zeros.get(f"zero {name}", 0.0))
+        look = f"q_{axis}, {name}: filters, delays on the bus"
+        timing.agree(bench, f"{axis} {way}: {name}", angle, pulse.trace[f"q_{axis}"], look, usual)
+    if axis == "slew":
+        shown = pulse.trace[f"p_slew_{SIDES[pulse.sign][0]}"]
+    else:
+        shown = np.abs(_rate(pulse.trace[f"q_{axis}"]))
+    before, after = shown[pulse.ended - 25 : pulse.ended], shown[pulse.ended :]
+    ended = np.flatnonzero(after < 0.5 * np.mean(before))
+    lasts = float(ended[0]) * TICK_S if len(ended) else float("nan")
+    look = f"valve and sensors of the {axis}: delays; oil cold"
+    title = f"{axis} {way}: {'pressure' if axis == 'slew' else 'speed'} halved after the joystick was let go"
+    bench.between(title, lasts, 0.0, bench.f.commissioning_lets_go, "s", look)
 
 
 def _mirrored(bench: Bench, pulses: list[Pulse]) -> None:

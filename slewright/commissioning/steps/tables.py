@@ -51,7 +51,7 @@ def _sweep(bench: Bench, joint: str) -> Trace:
     )
     bench.verdict()
     rig.limit(drive.command(joint, 1.0), SPEED)
-    rig.watch = drive.Guard(bench, joint, 3.0)
+    rig.watch = drive.Guard(bench, joint, 3.0, others=f.commissioning_still_sweep)
     first = rig.tick
     driver = Driver(
         joint, Condition("commissioning", {joint: other}), (low, high), shuffled(LEVELS, "sweep", joint)

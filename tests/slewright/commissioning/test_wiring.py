@@ -1,12 +1,21 @@
 """Wiring faults: each sensor and valve has its own, and the steps find them."""
 
+import math
 from pathlib import Path
 
 import pytest
 
 from slewright.commissioning import matrix, wiring
 from slewright.commissioning.procedure import WIRING
-from slewright.commissioning.wiring import SENSORS, VALVES, Fault, Wiring
+from slewright.commissioning.wiring import (
+    IMU,
+    LOOSE_EVERY,
+    LOOSE_FOR,
+    SENSORS,
+    VALVES,
+    Fault,
+    Wiring,
+)
 from specs.errors import InputError
 from tests.runtime.bundles import built
 
@@ -22,6 +31,8 @@ def test_every_sensor_and_every_valve_has_each_fault() -> None:
     for name in (*SENSORS, *VALVES):
         kinds = {c.kind for c in cases if name in c.signals}
         wanted = {"sign", "zero"} if name == "brake_released" else {"sign", "scale", "zero", "swapped"}
+        wanted |= {"noisy", "loose contact", "full scale"} if "scale" in wanted and name in SENSORS else set()
+        wanted |= {"late"} if name.startswith(("q", "imu", "u_")) else set()
         assert wanted <= kinds, name
 
 
@@ -35,6 +46,24 @@ def test_wires_do_what_their_faults_say() -> None:
     assert Wiring().sensed(values) == values
 
 
+def test_wires_do_what_comes_with_time() -> None:
+    late, loose = Wiring((Fault("late", ("q_slew",), 0.06),)), Wiring((Fault("loose contact", ("q_slew",)),))
+    seen = [late.sensed({"q_slew": float(k)})["q_slew"] for k in range(6)]
+    assert seen == [0.0, 0.0, 0.0, 0.0, 1.0, 2.0]
+    gone = [math.isnan(loose.sensed({"q_slew": 1.0})["q_slew"]) for _ in range(2 * LOOSE_EVERY)]
+    assert sum(gone) == 2 * LOOSE_FOR
+
+
+def test_an_imu_that_is_turned_shows_its_axes_turned() -> None:
+    values = {f"imu_tool_{n}": float(k + 1) for k, n in enumerate(IMU)}
+    turned = Wiring((wiring.named("imu_tool turned 90"),)).sensed(values)
+    assert [turned[f"imu_tool_{n}"] for n in IMU] == pytest.approx([2, -1, 3, 5, -4, 6, 8, -7])
+    once, back = wiring.named("imu_tool turned 90"), wiring.named("imu_tool turned -90")
+    assert Wiring((once, back)).sensed(values) == pytest.approx(values)
+    down = Wiring((wiring.named("imu_tool upside down"),)).sensed({**values, "imu_tool_acc_z": 9.8})
+    assert (down["imu_tool_acc_z"], down["imu_tool_rate_x"]) == (-9.8, 1.0)
+
+
 def test_an_unknown_fault_is_refused_with_the_nearest() -> None:
     with pytest.raises(InputError, match="did you mean q_boom sign"):
         wiring.named("q_boom sigm")
@@ -45,11 +74,13 @@ def test_an_unknown_fault_is_refused_with_the_nearest() -> None:
     [
         ("ArmPosition missing", "bus"),
         ("imu_tool_roll error", "bus"),
+        ("q_slew loose contact", "bus"),
         ("emergency_stop zero", "safety"),
         ("joystick_boom swapped joystick_stick", "safety"),
         ("q_boom+qd_boom sign", "rest"),
         ("p_boom_a scale 0.5", "rest"),
         ("imu_cabin_acc_x sign", "imus"),
+        ("imu_tool turned 180", "imus"),
         ("u_slew sign", "slew"),
     ],
 )
@@ -61,7 +92,15 @@ def test_a_wrong_wire_is_found_by_its_step(bundle: Path, name: str, step: str) -
 @pytest.mark.slow
 @pytest.mark.soak
 @pytest.mark.parametrize(
-    "name", ["u_boom swapped u_stick", "p_stick_b scale 2", "q_slew+qd_slew scale 0.5", "machine no watchdog"]
+    "name",
+    [
+        "q_boom+qd_boom late 0.5",
+        "u_slew late 0.5",
+        "u_boom swapped u_stick",
+        "p_stick_b scale 2",
+        "q_slew+qd_slew scale 0.5",
+        "machine no watchdog",
+    ],
 )
 def test_one_that_shows_in_motion_is_found_by_a_machine_that_moves(bundle: Path, name: str) -> None:
     assert matrix.run_case(bundle, wiring.named(name)).step in WIRING[4:]
