@@ -27,7 +27,6 @@ EQUAL = {  # part of the mutated line: why it is the same program, or what else 
     "i  <= SLR_IN_COUNT": "one step past the end: for the sanitizers",
     "i  <= SLR_OUT_COUNT": "as above",
     "k  <= LENGTH(": "as above",
-    " / Anywhere": "a comment",
     "return x  <= 0.0 ? -x": "0 either way",
     "int i = 1; i < SLR_IN_COUNT; i++) {": "its repeats do not count: a target",
     "after  >= 0 && s->same": "every time limit is more than a tick",
@@ -36,8 +35,19 @@ EQUAL = {  # part of the mutated line: why it is the same program, or what else 
     "s->bad[i]  >= 0 && (at_once": "without a bad step the status is OK, which is never lost",
     "s->last[i] = s->raw[i] = signals": "what was never heard is lost, and nothing lost is used",
     "SLR_MOVING)) s->same[angles[k][0]] = 1": "stuck a tick earlier",
+    "none = {SLR_FAULT_NONE, 1}": "without a fault nobody asks for its input",
+    "(input = slr_first_lost(view, SLR_GROUP_OPERATOR)) > 0)": "input 0 is the planner's",
+    "(input = slr_first_lost(view, SLR_GROUP_OPERATOR)) >= 1)": "as above",
+    "(input = slr_first_lost(view, SLR_GROUP_MACHINE)) > 0)": "as above",
+    "(input = slr_first_lost(view, SLR_GROUP_MACHINE)) >= 1)": "as above",
+    "(input = slr_first_lost(view, SLR_GROUP_SENSOR)) > 0)": "as above",
+    "(input = slr_first_lost(view, SLR_GROUP_SENSOR)) >= 1)": "as above",
+    "slr_first_lost(view, SLR_GROUP_OPERATOR)  <= 0": "as above",
+    "slr_first_lost(view, SLR_GROUP_OPERATOR) < 1": "as above",
+    "slr_first_lost(view, SLR_GROUP_MACHINE)  <= 0": "as above",
+    "view->reach > 0.0": "a target is never exactly at the end of reach",
     "]])  >= SLR_MOVING": "a measured rate is never exactly the limit",
-    "]])  >= SLR_DEFLECTED": "a joystick is never exactly at the limit: its steps are finer",
+    "board[i])  >= SLR_DEFLECTED": "a joystick is never exactly at the limit: its steps are finer",
 }
 
 

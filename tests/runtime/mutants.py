@@ -68,9 +68,10 @@ class Mutant:
 
 def mutants(text: str) -> Iterator[Mutant]:
     """Every mutant of the code in `text`, comments and preprocessor lines left alone."""
-    offset = 0
+    offset, inside = 0, False  # a comment that goes on
     for number, line in enumerate(text.splitlines(keepends=True), 1):
-        code = line.partition("/*")[0]
+        code = "" if inside else line.partition("/*")[0]
+        inside = (inside or "/*" in line) and "*/" not in line
         if not code.startswith("#") and not _declares(code):
             for pattern, others in SWAPS:
                 for match in re.finditer(pattern, code):

@@ -36,6 +36,13 @@ def test_a_machine_that_is_not_ready_is_not_armed(bench: Bench, why: dict[str, f
     assert bench.fault == "none"
 
 
+def test_a_switch_between_off_and_on_is_off_and_so_is_half_a_fault(bench: Bench) -> None:
+    bench.set(machine_fault=0.5).tick(2).set(operator_enable=0.5)
+    assert bench.tick(3).mode == STANDBY
+    assert bench.set(operator_enable=1.0).tick().mode == ARMED
+    assert bench.set(automatic_request=0.5).tick(3).mode == ARMED
+
+
 def test_automatic_by_the_switch_turned_on_anew(bench: Bench) -> None:
     bench.set(automatic_request=1.0).armed()
     assert bench.tick(20).mode == ARMED  # it was on before
@@ -65,7 +72,10 @@ def test_letting_go_stops_and_then_rests(bench: Bench) -> None:
     bench.manual(1.0).set(operator_enable=0.0)
     assert bench.tick().mode == STOPPING
     assert 0.0 < bench.commands[0] < 1.0
-    assert bench.tick(4).mode == STANDBY
+    while any(bench.commands):
+        assert bench.mode == STOPPING
+        bench.tick()
+    assert bench.tick().mode == STANDBY
     assert bench.commands == NEUTRAL
 
 
@@ -175,6 +185,25 @@ def test_by_hand_planner_and_sensors_may_be_lost_but_the_axis_only_creeps(bench:
     assert bench.mode == MANUAL  # automatic operation is not started without them
 
 
+def test_two_overruns_in_a_row_are_not_yet_a_fault_however_often(bench: Bench) -> None:
+    bench.automatic()
+    for _ in range(4):
+        for _ in range(2):
+            bench.image["overruns"] += 1
+            bench.tick()
+        assert bench.tick().mode == AUTOMATIC
+
+
+def test_without_a_fault_no_signal_is_named(bench: Bench) -> None:
+    for way in (bench.tick, bench.armed, bench.automatic):
+        way()
+        assert (bench.fault, bench.out("fault_signal")) == ("none", 0.0)
+    bench.set(machine_ready=0.0).tick()
+    assert bench.out("fault_signal") == signal("machine_ready").vr
+    bench.set(machine_ready=1.0, operator_enable=0.0).tick(5).set(operator_enable=1.0).tick()
+    assert (bench.fault, bench.out("fault_signal")) == ("none", 0.0)
+
+
 def test_overruns_in_a_row_are_a_fault_single_ones_are_counted(bench: Bench) -> None:
     bench.automatic()
     for _ in range(4):
@@ -184,7 +213,7 @@ def test_overruns_in_a_row_are_a_fault_single_ones_are_counted(bench: Bench) -> 
     for _ in range(3):
         bench.image["overruns"] += 1
         bench.tick()
-    assert (bench.mode, bench.fault) == (FAULT, "task_overrun")
+    assert (bench.mode, bench.fault, bench.out("fault_signal")) == (FAULT, "task_overrun", 0.0)
 
 
 def test_bus_off_stops_and_every_flag_is_shown(bench: Bench) -> None:
@@ -202,6 +231,7 @@ def test_another_controller_on_the_bus_is_a_fault_until_it_has_gone() -> None:
     bench = Bench(core()).automatic()
     bench.image["flags"] = int(Flag.OTHER_CONTROLLER)
     assert (bench.tick().mode, bench.fault) == (FAULT, "other_controller")
+    assert bench.out("fault_signal") == 0.0
     bench.set(operator_enable=0.0, automatic_request=0.0).tick(5).set(operator_enable=1.0)
     assert bench.tick().mode == FAULT
     bench.image["flags"] = 0

@@ -2,6 +2,8 @@
 
 import pytest
 
+from runtime.image import INPUT, Group, group
+from tests.runtime import core_mutants
 from tests.runtime.gate import CORE
 from tests.runtime.mutants import EQUAL, killed, mutants, survivors
 
@@ -11,6 +13,13 @@ def test_no_mutant_of_the_gate_survives() -> None:
     count, alive = survivors()
     assert count > 100
     assert not alive, [f"{m.line}: {m.after}" for m in alive]
+
+
+def test_what_is_said_to_be_equal_is_among_the_mutants_of_the_core() -> None:
+    """And why much of it is: no fault of an input of the others is one of input 0."""
+    every = [m.after for name in core_mutants.FILES for m in mutants((CORE / name).read_text())]
+    assert [part for part in core_mutants.EQUAL if not any(part in after for after in every)] == []
+    assert group(INPUT.signals[0]) is Group.PLANNER
 
 
 def test_some_mutants_are_found_at_once() -> None:
