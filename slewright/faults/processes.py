@@ -247,12 +247,17 @@ def _helper_killed(
             os.kill(helper.pid, signal.SIGKILL)
             seen = plant.drive(100, lambda: bool(int(plant.shown("runtime_flags")) & flag))
             ms = 1000.0 * (time.monotonic() - killed)
-            supervisor.watch()
-            back = plant.drive(PATIENCE_TICKS, lambda: not int(plant.shown("runtime_flags")) & flag)
+            back = plant.drive(PATIENCE_TICKS, lambda: _well(supervisor, plant, flag))
             why = "" if back else "it did not come back"
             if supervisor.watch() is not None or supervisor.now().overruns:
                 why = "the control process was touched"
             outcome.add(plant.tick, ms if seen else None, why)
+
+
+def _well(supervisor: Supervisor, plant: Plant, flag: Flag) -> bool:
+    """Watch as `slewright run` does, who waits before the next start; whether the flag has gone."""
+    supervisor.watch()
+    return not int(plant.shown("runtime_flags")) & flag
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
