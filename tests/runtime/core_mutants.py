@@ -7,6 +7,7 @@ first failure.  What survives is a hole in the tests or the same program; the la
 """
 
 import os
+import resource
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from tests.runtime.mutants import Mutant, mutants
 
 FILES = ("check.c", "mode.c")
 TESTS = tuple(f"tests/runtime/test_{name}.py" for name in ("check", "mode", "restart"))
+MOST_CPU_S = 120  # of a mutant's tests, which take 5: a loop without end
 EQUAL = {  # part of the mutated line: why it is the same program, or what else finds it
     "i  <= SLR_IN_COUNT": "one step past the end: for the sanitizers",
     "i  <= SLR_OUT_COUNT": "as above",
@@ -88,6 +90,7 @@ class Workshop:
             return True
         child = os.fork()
         if child == 0:
+            resource.setrlimit(resource.RLIMIT_CPU, (MOST_CPU_S, MOST_CPU_S))
             os._exit(_tested(self.made, path))
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0
 

@@ -1,6 +1,7 @@
 """The queue between two processes: order, wrap, a full queue, and a writer and a reader at the same time."""
 
 import multiprocessing
+import time
 from pathlib import Path
 
 import pytest
@@ -68,7 +69,8 @@ def write_numbers(path: Path, count: int) -> None:
     ring = Ring.attach(path)
     number = 0
     while number < count:
-        number += ring.put(number & 0xFF, number.to_bytes(8, "little") * (1 + number % 60))
+        put = ring.put(number & 0xFF, number.to_bytes(8, "little") * (1 + number % 60))
+        number += put or time.sleep(0) or 0  # full: the reader's turn
 
 
 def test_a_writer_and_a_reader_in_two_processes(tmp_path: Path):
@@ -82,5 +84,7 @@ def test_a_writer_and_a_reader_in_two_processes(tmp_path: Path):
         if entry is not None:
             assert entry == (number & 0xFF, number.to_bytes(8, "little") * (1 + number % 60))
             number += 1
+        else:
+            time.sleep(0)  # empty: the writer's turn
     writer.join()
     assert number == count
