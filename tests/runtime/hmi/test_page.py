@@ -126,6 +126,8 @@ def test_an_operator_sets_a_target_by_hand_and_by_touch_and_holds(page: Browser,
     page.click("#go")
     until(lambda: value(served, "target_x") == 6.5 and value(served, "target_valid") == 1.0)
     page.wait("document.querySelector('#above .target').getAttribute('visibility') === 'visible'")
+    styles = "['#above', '#side'].map(x => getComputedStyle(document.querySelector(`${x} .target circle`)))"
+    assert page.run(f"{styles}.every(x => x.fill === 'none' && x.vectorEffect === 'non-scaling-stroke')")
     page.run(
         "(() => { const r = document.querySelector('#above').getBoundingClientRect();"
         "document.querySelector('#above').dispatchEvent(new MouseEvent('click', {bubbles: true,"
