@@ -18,7 +18,7 @@ def shadow(
     out: Annotated[
         Path,
         typer.Option(metavar="DIR", help="Folder for report, figures and the operator's recording."),
-    ],
+    ] = Path("out/shadow"),
     bundle: Annotated[
         Path | None,
         typer.Option(

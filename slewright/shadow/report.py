@@ -48,8 +48,9 @@ def _check_folder(out: Path) -> None:
         raise InputError(
             f"{out} holds {foreign[0]}, which is not from this report; name a new or empty folder"
         )
-    if not out.absolute().parent.is_dir():
-        raise InputError(f"{out}: there is no folder {out.absolute().parent}")
+    above = next(p for p in out.absolute().parents if p.exists())
+    if not above.is_dir():
+        raise InputError(f"{out}: {above} is a file")
 
 
 def run(asked: Asked, report: Report) -> dict[str, Any]:
@@ -84,6 +85,7 @@ def run(asked: Asked, report: Report) -> dict[str, Any]:
 def _write(asked: Asked, found: Shadowed, figures: dict[str, Any], pieces: list[Piece]) -> None:
     """All files or none: they are made beside the folder first."""
     try:
+        asked.out.absolute().parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".shadow-", dir=asked.out.absolute().parent) as scratch:
             part = Path(scratch)
             handover.write(found, asked.recording, figures["closeness"]["load_kg"], part)
