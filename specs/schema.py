@@ -1,16 +1,21 @@
 """Reading the specs' TOML files: every mistake becomes one InputError that names file and key."""
 
 import tomllib
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from types import NoneType
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from specs.errors import InputError
+from specs.errors import InputError, nearest
 
 ROOT = Path(__file__).parent
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden")  # pydantic's types of it
 
 T = TypeVar("T")
 
@@ -48,7 +53,7 @@ def validate(kind: type[T], data: Any, where: str) -> T:
     try:
         return _adapter(kind).validate_python(data)
     except ValidationError as error:
-        raise InputError(_sentence(error, where)) from error
+        raise InputError(_sentence(error, where, kind)) from error
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
 
@@ -63,15 +68,36 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def _sentence(error: ValidationError, where: str) -> str:
-    """The first two faults in one line: what was expected, where, and what stood there."""
+def _sentence(error: ValidationError, where: str, kind: Any) -> str:
+    """Two faults in one line, unknown keys first: what was expected, where, and what stood there."""
     faults = []
-    for fault in error.errors(include_url=False)[:2]:
+    for fault in sorted(error.errors(include_url=False), key=lambda f: f["type"] not in UNKNOWN)[:2]:
         key = ".".join(str(part) for part in fault["loc"])
         if fault["type"] == "missing":
             faults.append(f"missing {key}")
-        elif fault["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
-            faults.append(f"unknown key {key}")
+        elif fault["type"] in UNKNOWN:
+            *place, wrong = fault["loc"]
+            keys = _keys(kind, place)
+            faults.append(f"unknown key {key}" + (f" ({nearest(str(wrong), keys)})" if keys else ""))
         else:
             faults.append(f"{key}: {fault['msg']} (is {fault['input']!r})" if key else str(fault["msg"]))
     return f"{where}: " + "; ".join(faults)
+
+
+def _keys(kind: Any, place: Sequence[int | str]) -> list[str]:
+    """The keys that a table at `place` in the data may have; none where that cannot be told."""
+    for part in place:
+        if is_dataclass(kind):
+            kind = get_type_hints(kind).get(str(part))
+        else:  # an element of a list, or an entry of a table of tables
+            kind = next(iter(get_args(kind)[-1:] if isinstance(part, str) else get_args(kind)), None)
+        kind = (
+            next((one for one in get_args(kind) if is_dataclass(one)), kind)
+            if _may_be_left_out(kind)
+            else kind
+        )
+    return [f.name for f in fields(kind) if f.init] if is_dataclass(kind) else []
+
+
+def _may_be_left_out(kind: Any) -> bool:
+    return NoneType in get_args(kind)

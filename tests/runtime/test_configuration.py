@@ -76,7 +76,12 @@ def test_the_shortest_configuration(folder: Path):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("priority", "prioritee", "unknown key realtime.prioritee"),
+        ("priority", "prioritee", "unknown key realtime.prioritee (did you mean priority?)"),
+        (
+            'channel = "bus"',
+            'chanel = "bus"',
+            "unknown key can.chanel (did you mean channel?); missing can.ch",
+        ),
         ('"slewright.dbc"', r'"slewright.dbc\u0000"', "a text with a NUL character"),
         ("[rates]", "[rate]", "unknown key rate"),
         ('"load_estimate"', '"load_estimat"', "unknown signal 'load_estimat'; did you mean load_estimate"),

@@ -185,7 +185,7 @@ MISTAKES = {
     "no range": ("low = 9.7\n", "", r"gravity\): needs low and high, or sd"),
     "both kinds": ("low = 9.7\n", "low = 9.7\nsd = 1.0\n", r"gravity\): needs low and high, or sd"),
     "unknown relation": ('"factor"', '"times"', r"boom_mass\): relation: .*'times'"),
-    "no reason": ("reason", "why", r"gravity\): missing reason"),
+    "no reason": ("reason", "why", r"gravity\): unknown key why .*; missing reason"),
     "no status": ('status = "sourced"\n', "", r"gravity\): missing status"),
     "bad size": ("tuning = 2", 'tuning = "two"', r"sets: tuning: .*'two'"),
 }
