@@ -5,6 +5,7 @@ asks what was seen (`WITNESS`) is never answered by the program: two reversed si
 only somebody who looks at the machine can tell.
 """
 
+import os
 import select
 import sys
 from collections.abc import Generator
@@ -56,6 +57,7 @@ class Person:
 
     def __init__(self, name: str, ready: bool = False) -> None:
         self.name, self.ready = name, ready
+        self._typed = ""
 
     def watching(self) -> None:
         """Said before each motion."""
@@ -70,20 +72,26 @@ class Person:
             if question.kind is Kind.DO and self.ready:
                 typer.echo("")
                 return ""
-            text = yield from _line()
+            text = yield from self._line()
             if question.kind is Kind.DO or _valid(question, text):
                 return text.lower()
             typer.echo(f"    '{text}' is no answer: {hint}")
 
+    def _line(self) -> Answering:
+        """A line from the terminal; RunError when there is none any more.
 
-def _line() -> Answering:
-    """A line from the terminal; RunError when there is none any more."""
-    while not select.select([sys.stdin], [], [], 0)[0]:
-        yield
-    line = sys.stdin.readline()
-    if not line:
-        raise RunError("nobody answers: the terminal is closed")
-    return line.strip()
+        Read as bytes: a text stream would keep lines that came together, and nobody would see them waiting.
+        """
+        place = sys.stdin.fileno()
+        while "\n" not in self._typed:
+            while not select.select([place], [], [], 0)[0]:
+                yield
+            data = os.read(place, 4096)
+            if not data:
+                raise RunError("nobody answers: the terminal is closed")
+            self._typed += data.decode(errors="replace")
+        line, _, self._typed = self._typed.partition("\n")
+        return line.strip()
 
 
 def _valid(question: Question, text: str) -> bool:
