@@ -67,7 +67,7 @@ class Strong:
         least = min((coarse[k].cost for k in keys), default=np.inf)
         if least > LEFT * fitted.cost:
             return None
-        near = [k for k in keys if coarse[k].cost < ALIKE * least]
+        near = [k for k in keys if coarse[k].cost <= min(ALIKE * least, LEFT * fitted.cost)]
         best = min(near, key=lambda k: (len(coarse[k].free), coarse[k].cost))
         search.tried.fits[best] = coarse[best]
         return best

@@ -9,7 +9,7 @@ from fmus.definition import Model, Variable
 from reconcile import sites
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
-from reconcile.data import Parts, Run
+from reconcile.data import Block, Parts, Run
 from reconcile.extended import Extended
 from reconcile.fit import whitening
 from reconcile.fit.compiled import Compiled
@@ -17,7 +17,7 @@ from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.point import Point
 from reconcile.fit.problem import Problem
 from reconcile.fit.solve import LONGER, Fitted, Free, fit
-from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, Window, cut, span
+from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, Window, cut, span, thinned
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from specs.errors import InputError
 
@@ -27,6 +27,7 @@ WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks
 FAR = 0.1  # of what an output moves by: with larger errors a model goes elsewhere
 BEYOND = 30.0  # times the grid of starts to which a shape may go
 RANKING, CHOOSING = 20.0, 5.0  # times the tolerance of steps where sets are ranked, and where they are judged
+FEW = 60  # windows in which strong effects are looked for
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
 
 
@@ -60,7 +61,7 @@ class Study:
             which: Problem(self.compiled, windows(_blocks(parts, which), seconds, step), sigma)
             for which, windows, seconds in (
                 ("fit", span, WINDOW_S),
-                ("first", cut, FIRST_S),
+                ("first", few, FIRST_S),
                 ("short", cut, SHORT_S),
                 ("confirm", span, WINDOW_S),
                 ("holdout", cut, HOLDOUT_S),
@@ -325,6 +326,11 @@ class Study:
             raise InputError(f"model {model.name} runs away on the recordings from its start parameters")
         felt = [np.linalg.norm(linear.slopes[:, i]) * _spread(v) > 0.3 for i, v in enumerate(names)]
         return [_free(v) for v, f in zip(names, felt, strict=True) if f]
+
+
+def few(blocks: Sequence[Block], window_s: float, step_s: float | None) -> list[Window]:
+    """A part of the windows: what is strong shows in it, and a model that is lost is slow to fit."""
+    return thinned(cut(blocks, window_s, step_s), FEW)
 
 
 def _blocks(parts: Parts, which: str):

@@ -1,5 +1,6 @@
 """Which parameters delay what: the model's own delays and those of attached effects, summed."""
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +22,10 @@ class Late:
         """Delay (s) of an output `since` seconds after its recording began."""
         fixed = float(sum(p[q] for q in self.outputs[name]))
         return fixed + since * float(sum(p[q] for q in self.clocks[name]))
+
+    def slopes(self, name: str, since: np.ndarray) -> Sequence[tuple[int, np.ndarray | float]]:
+        """(parameter, slope of the delay of an output by it), `since` seconds after its recording began."""
+        return [(q, 1.0) for q in self.outputs[name]] + [(q, since) for q in self.clocks[name]]
 
     @cached_property
     def inputs(self) -> dict[int, list[int]]:

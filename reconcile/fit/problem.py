@@ -8,17 +8,19 @@ whitened errors and their slopes by the parameters, freed of everything that ini
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import lapack
 
 from reconcile.fit import beginning
 from reconcile.fit.compiled import Columns, Compiled, Cut
 from reconcile.fit.late import Late
 from reconcile.fit.modes import by_guards
 from reconcile.fit.point import Linear, Point
+from reconcile.fit.reading import Readings
 from reconcile.fit.whitening import Whitener
-from reconcile.fit.windows import Edge, InputTable, Window, interpolation, straight
+from reconcile.fit.windows import Edge, InputTable, Window
 from reconcile.model import Attached
 
 ACCURACY = 2e-5  # of a state's size, of one step
@@ -47,11 +49,10 @@ class Problem:
         self.tolerance = np.full(compiled.nx, 1e-3)
         self.patience = 1.0  # times the tolerance: more where sets are only ranked
         self.heat = 1.0  # times the noise: more far from an answer, where steps at full sharpness overshoot
-        # between its steps a discrete model says nothing of curves: its positions go straight
-        self.between = interpolation if model.kind == "continuous" else straight
+        self.readings = Readings(model.kind)
+        self._driven: dict[tuple[int, float, int], tuple[tuple[float, ...], Any]] = {}
         self.whiteners: list[Whitener] | None = None
         self._modes: dict[tuple[int, float, int], np.ndarray] = {}
-        self._weights: dict[tuple[int, str], tuple[np.ndarray, ...]] = {}
 
     # ---------------------------------------------------------------- parameters
 
@@ -96,8 +97,17 @@ class Problem:
     def _inputs(self, window: Window, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, Edge | None]:
         """Inputs [steps, inputs, clock, axes], their slopes by delays, and where steps are cut."""
         delays = self.late.of_inputs(p)
-        u, slope = self.tables[id(window.run)].rows(window, delays)
-        edge = self.tables[id(window.run)].edge(window, delays) if self.model.kind == "continuous" else None
+        key, late = (id(window.run), window.start_s, window.steps), tuple(delays.values())
+        if key not in self._driven or self._driven[key][0] != late:  # most points leave delays as they are
+            self._driven[key] = (late, self._driven_by(window, delays))
+        return self._driven[key][1]
+
+    def _driven_by(
+        self, window: Window, delays: Mapping[int, float]
+    ) -> tuple[np.ndarray, np.ndarray, Edge | None]:
+        table = self.tables[id(window.run)]
+        u, slope = table.rows(window, delays)
+        edge = table.edge(window, delays) if self.model.kind == "continuous" else None
         if edge is not None:
             cut = edge.share > 0.0
             u[cut, edge.input], slope[cut, edge.input] = edge.before[cut], 0.0
@@ -192,39 +202,24 @@ class Problem:
     def compare(self, point: Point, k: int, y: np.ndarray, ys: np.ndarray | None, columns: Sequence[int]):
         """Whitened errors of window k by output, and their slopes output by output."""
         window, errors, slopes = self.windows[k], {}, []
+        place = {} if ys is None else {q: ys.shape[1] - len(columns) + c for c, q in enumerate(columns)}
         for name in self.outputs:
             times = window.times.get(name, np.empty(0))
             since = times - window.run.start_s
             late = self.late.of_output(name, point.p, since)
-            index, weights, rates = self._between(k, name, times - late, len(y))
+            read = self.readings.of(k, name, window, times - late, len(y))
             column = self.model.index("outputs", name)
             sigma = self.heat * self.sigma[name]
-            errors[name] = (window.samples[name] - np.sum(weights * y[index, column], axis=1)) / sigma
+            errors[name] = (window.samples[name] - read.value @ y[:, column]) / sigma
             if ys is None:
                 continue
-            part = np.einsum("nk,nkc->nc", weights, ys[index, :, column])
-            first = ys.shape[1] - len(columns)
-            moved = np.sum(rates * y[index, column], axis=1) / window.step_s
-            weighted = [(q, moved) for q in self.late.outputs[name]] + [
-                (q, moved * since) for q in self.late.clocks[name]
-            ]
-            for q, slope in weighted:
-                for c in np.flatnonzero(np.asarray(columns) == q):
-                    part[:, first + c] -= slope
+            part = read.value @ ys[:, :, column]
+            moved = read.rate @ y[:, column] / window.step_s
+            for q, weight in self.late.slopes(name, since):
+                if q in place:
+                    part[:, place[q]] -= weight * moved
             slopes.append(part / sigma)
         return errors, slopes
-
-    def _between(
-        self, k: int, name: str, times: np.ndarray, rows: int
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Interpolation of window k's rows at `times`; kept, since most delays stay as they are."""
-        key = (k, name)
-        if key not in self._weights or not np.array_equal(self._weights[key][0], times):
-            window = self.windows[k]
-            found = self.between((times - window.start_s) / window.step_s, rows)
-            self._weights[key] = (times, *found)
-        _, index, weights, rates = self._weights[key]
-        return index, weights, rates
 
     def linear(self, point: Point, columns: Sequence[int]) -> Linear | None:
         """The problem linearised at a point; None if the model runs away there."""
@@ -250,7 +245,7 @@ class Problem:
             e_in, p_in = q.T @ e, q.T @ slope[:, n:]
             errors.append(e - q @ e_in)
             slopes.append(slope[:, n:] - q @ p_in)
-            steps.append((solve_triangular(r, e_in), solve_triangular(r, p_in)))
+            steps.append((back(r, e_in), back(r, p_in)))
             raw.append(found)
             white.append(_apart(e, found))
             states.append(x)
@@ -287,6 +282,11 @@ class Problem:
     def shown(self) -> dict[int, tuple[str, int]]:
         """State -> (output that shows it, 0; or shows what it is the rate of, 1)."""
         return beginning.shown_states(self.model, self.outputs)
+
+
+def back(r: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Solution of r x = b, r upper triangular and regular: what solve_triangular does, without its checks."""
+    return lapack.dtrtrs(r, b)[0]  # type: ignore[attr-defined]
 
 
 def _apart(e: np.ndarray, like: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -8,11 +8,10 @@ window that has not found its own must not hold up the others.
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from reconcile.fit import beginning
 from reconcile.fit.point import Linear, Point
-from reconcile.fit.problem import Problem
+from reconcile.fit.problem import Problem, back
 
 OPEN = 0.2  # of what a window leaves after projection: more left before it, and its state is settled
 ROUNDS = 8
@@ -86,4 +85,4 @@ def _errors(problem: Problem, point: Point, k: int, x0: np.ndarray) -> tuple[flo
     q, r = np.linalg.qr(np.vstack([slope, loose]))
     inside = q[: len(e)].T @ e
     left = e - q[: len(e)] @ inside
-    return float(e @ e), float(left @ left), solve_triangular(r, inside)
+    return float(e @ e), float(left @ left), back(r, inside)

@@ -159,6 +159,12 @@ def span(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | No
     return windows
 
 
+def thinned(windows: Sequence[Window], most: int) -> list[Window]:
+    """At most `most` windows, spread evenly over all of them."""
+    chosen = np.unique(np.linspace(0, len(windows) - 1, min(most, len(windows))).round().astype(int))
+    return [windows[i] for i in chosen]
+
+
 def _step(run: Run, step_s: float | None) -> float:
     return step_s or float(np.clip(0.5 * run.period_s, *STEP_S))
 
