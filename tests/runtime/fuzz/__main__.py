@@ -1,9 +1,10 @@
-"""`python -m tests.runtime.fuzz [--minutes N] [--until-quiet MIN]`: fuzz both targets, keep the corpus."""
+"""`python -m tests.runtime.fuzz [--minutes N] [--until-quiet MIN]`: fuzz all targets, keep the corpus."""
 
 import argparse
 import sys
 import time
 
+from tests.runtime.fuzz.native import compiled
 from tests.runtime.fuzz.session import Session, keep
 
 REPORT_S = 30.0
@@ -22,7 +23,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", action="store_true", help="write the corpus back")
     options = parser.parse_args()
-    session = Session(options.seed)
+    with compiled() as native:
+        return _fuzz(Session(options.seed, native), options)
+
+
+def _fuzz(session: Session, options: argparse.Namespace) -> int:
     session.begin()
     begun = reported = time.monotonic()
     quiet_s = 60.0 * (options.until_quiet or 1e9)

@@ -15,6 +15,7 @@ from typing import Any
 from fmus import compiler
 from tests.edges import Edge
 from tests.runtime.fuzz import frames, requests, settings
+from tests.runtime.fuzz.native import Native
 
 TARGETS: dict[str, ModuleType] = {"frames": frames, "requests": requests, "settings": settings}
 CORPUS = Path(__file__).parent / "corpus.json.gz"
@@ -29,7 +30,9 @@ def read_corpus() -> dict[str, list[Any]]:
 class Session:
     """Cases of all targets; the same seed and time of stopping make the same session."""
 
-    def __init__(self, seed: int = 1) -> None:
+    def __init__(self, seed: int = 1, native: Native | None = None) -> None:
+        """`native`: the C code under sanitizers, to which all frames go, too."""
+        self.native = native
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # it says of each what is wrong with it
         self.chance = random.Random(seed)
         self.cases: dict[str, list[tuple[Any, frozenset[Edge]]]] = {name: [] for name in TARGETS}
@@ -59,6 +62,8 @@ class Session:
         self.runs += 1
         try:
             TARGETS[name].run(case, edges, images)
+            if self.native and name == "frames":
+                edges |= self.native.edges(frames.as_bytes(case))
         except Exception:  # noqa: BLE001  (whatever it is, it is what is looked for)
             self.problems.append(f"{name}: {json.dumps(case)}\n{traceback.format_exc()}")
         if edges - self.seen[name]:

@@ -1,9 +1,14 @@
 """A few seconds of fuzzing with the kept corpus; the long session is for `make soak`."""
 
+import sys
+import tempfile
 import time
+from contextlib import ExitStack
 
 import pytest
 
+from specs.errors import RunError
+from tests.runtime.fuzz.native import Native, compiled
 from tests.runtime.fuzz.session import TARGETS, Session, read_corpus
 
 
@@ -27,18 +32,33 @@ def test_new_cases_find_nothing() -> None:
 
 @pytest.mark.soak
 def test_ten_minutes_without_a_new_edge() -> None:
-    session = Session(3)
-    session.begin()
-    begun = time.monotonic()
-    while session.quiet_s() < 600 and time.monotonic() - begun < 7200:
-        session.step()
+    with compiled() as native:
+        session = Session(3, native)
+        session.begin()
+        begun = time.monotonic()
+        while session.quiet_s() < 600 and time.monotonic() - begun < 7200:
+            session.step()
     session.sanitize()
     assert not session.problems, session.problems[0]
 
 
 @pytest.mark.slow
 def test_sanitizers_find_nothing_in_the_cases_kept() -> None:
-    session = Session(4)
-    session.begin()
-    session.sanitize()
+    with ExitStack() as stack:
+        try:
+            session = Session(4, stack.enter_context(compiled()))
+        except RunError as missing:
+            pytest.skip(f"this compiler cannot: {str(missing).splitlines()[-1]}")
+        session.begin()
     assert not session.problems, session.problems[0]
+    assert sum(name == "core" for name, *_ in session.seen["frames"]) > 500
+
+
+def test_what_sanitizers_say_is_a_problem_and_the_session_goes_on() -> None:
+    ends = "import sys; sys.stdin.buffer.read(8); sys.exit('AddressSanitizer: heap-buffer-overflow')"
+    with tempfile.TemporaryFile() as said:
+        native = Native([sys.executable, "-c", ends], said)
+        session = Session(5, native)
+        for _ in range(2):
+            session.run("frames", TARGETS["frames"].seeds()[0])
+    assert ["AddressSanitizer: heap-buffer-overflow" in text for text in session.problems] == [True, True]
