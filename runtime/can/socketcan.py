@@ -43,15 +43,19 @@ class SocketCan(AnyBus):
         if batch is not self._batch:
             self._aim(batch)
         self._rooms[:] = STAMP.itemsize
+        now = time.monotonic_ns()
         found = receive_many(self._socket.fileno(), self._heads, batch.size, socket.MSG_DONTWAIT, None)
         if found < 0:
             error = ctypes.get_errno()
             if error == AGAIN:
+                self._empty_ns = now
                 return 0
             raise can.CanOperationError(f"the interface is gone: {os.strerror(error)}", error)
         if (self._received[:found] != FRAME_BYTES).any():
             raise can.CanOperationError("frames of another length: the interface is no classical CAN")
         self._stamp(found)
+        if found < batch.size:
+            self._empty_ns = now
         return found
 
     def _aim(self, batch: Batch) -> None:
@@ -76,5 +80,5 @@ class SocketCan(AnyBus):
         told, now = self._control[:found], time.monotonic_ns()
         age = time.time_ns() - (told["s"] * 1_000_000_000 + told["ns"])
         timed = (told["level"] == socket.SOL_SOCKET) & (told["type"] == SO_TIMESTAMPNS)
-        age[~timed | (self._rooms[:found] < TOLD_BYTES) | (age < 0)] = 0
-        self._stamps[:found] = now - age
+        age[~timed | (self._rooms[:found] < TOLD_BYTES)] = 0
+        self._stamps[:found] = now - np.clip(age, 0, now - self._empty_ns)

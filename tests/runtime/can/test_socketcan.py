@@ -60,13 +60,14 @@ FRAMES = [(0x98000000 + i, bytes(range(i, i + i % 9))) for i in range(20)] + [
 
 
 def test_a_batch_is_what_python_can_reads_with_the_drivers_times(line: Line) -> None:
+    bus = source(line)
     line.say(*FRAMES)
     one_by_one = [AnyBus(line.bus).recv_raw() for _ in FRAMES]
     line.say(*FRAMES)
     said = time.monotonic_ns()
     time.sleep(0.03)  # what comes to 15 ms is no mistake of two clocks that are read one after the other
     batch = Batch(64)
-    assert source(line).recv_batch(batch) == len(FRAMES)
+    assert bus.recv_batch(batch) == len(FRAMES)
     found = [batch.get(i) for i in range(len(FRAMES))]
     assert [f[:2] for f in found] == [f[:2] for f in one_by_one if f] == FRAMES
     for *_, stamp in found:
@@ -96,6 +97,24 @@ def test_without_a_time_a_frame_came_now(line: Line) -> None:
     line.say(FRAMES[3])
     assert bus.recv_batch(batch) == 1
     assert before <= batch.get(0)[2] <= time.monotonic_ns()
+
+
+@pytest.mark.parametrize("step_s", [-3e7, 3e7])
+@pytest.mark.parametrize("kind", [SocketCan, AnyBus])
+def test_a_clock_that_is_set_makes_no_frame_old(
+    kind: type[AnyBus], step_s: float, line: Line, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bus, batch = kind(line.bus), Batch(4)
+    take = bus.recv_batch if isinstance(bus, SocketCan) else lambda batch: batch.from_source(bus)
+    assert take(batch) == 0
+    empty = bus._empty_ns
+    line.say(*FRAMES[:2])
+    now = time.time() + step_s
+    monkeypatch.setattr(time, "time", lambda: now)
+    monkeypatch.setattr(time, "time_ns", lambda: round(1e9 * now))
+    assert take(batch) == 2
+    for i in range(2):
+        assert empty <= batch.get(i)[2] <= time.monotonic_ns()
 
 
 def test_frames_of_another_length_and_a_lost_interface_are_told(line: Line) -> None:
