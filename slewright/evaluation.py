@@ -52,6 +52,7 @@ def evaluate(paths: Sequence[Path], out: Path, asked: Asked, report: Any = None)
         "made": dict(contracts[0].made), "loads": {load: _mean(rows, load=load) for load in asked.loads},
         "draws": {d: _mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}},
         "seeds": {s: {"pace": pace, **_mean(rows, seed=s)} for s, pace in paces.items()},
+        "worst": worst(rows),
         "runs": rows, "failed": {f"{r['load']}/{r['draw']}": r["failed"] for r in rows if r["failed"]},
     }  # fmt: skip
 
@@ -152,6 +153,17 @@ def _mean(rows: Iterable[Mapping[str, Any]], **where: str) -> dict[str, Any]:
     return found
 
 
+def worst(rows: Rows) -> dict[str, float]:
+    """A metric on its worst machine over its mean over machines, means over loads (speed: mean over slowest)."""
+    machines = [_mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}]
+    machines = [m for m in machines if m["n"]]
+    if not machines:
+        return {}
+    mean = {name: sum(m[name] for m in machines) / len(machines) for name in MEANS}
+    far = {name: max(m[name] for m in machines) / mean[name] for name in MEANS[1:] if mean[name] > 0}
+    return {"speed": mean["speed"] / min(m["speed"] for m in machines), **far}
+
+
 def _interval(rows: Sequence[Mapping[str, Any]], name: str) -> list[float] | None:
     from baselines.compare.figures import interval
 
@@ -176,7 +188,17 @@ def markdown(found: Mapping[str, Any]) -> str:
         "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]
     lines += [f"| {' | '.join([load, *cells(cell)])} |" for load, cell in found["loads"].items()]
-    return "\n".join([*lines, *_by_seed(found, unit), ""])
+    return "\n".join([*lines, *_by_seed(found, unit), *_by_worst(found), ""])
+
+
+def _by_worst(found: Mapping[str, Any]) -> list[str]:
+    if not (ratios := found.get("worst")):
+        return []
+    text = ", ".join(f"{name} {ratio:.2f}" for name, ratio in ratios.items())
+    return [
+        "",
+        f"Worst machine over the mean of machines (means over loads; speed: mean over slowest): {text}.",
+    ]
 
 
 def _by_seed(found: Mapping[str, Any], unit: str) -> list[str]:

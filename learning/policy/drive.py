@@ -88,13 +88,14 @@ class _Onward(torch.autograd.Function):
     ) -> tuple[Tensor, ...]:  # fmt: skip
         x = torch.cat([u[ahead:], joystick.expand(ahead + 1, -1), p_l, p_r, omega, inertia[None]])
         (pressure,), (velocity,) = drive.parts["pressure"], drive.parts["velocity"]
-        p, ctx.kept_p = _run(pressure, x)
+        keep = any(ctx.needs_input_grad)
+        p, ctx.kept_p = _run(pressure, x, keep)
         adds = [getattr(drive.networks[0], part)[0].residual for part in ("pressure", "velocity")]
         if adds[0]:
             p[0] += p_l[-1]
             p[1] += p_r[-1]
         newer = torch.cat([x[:10], x[11:20], p[:1], x[21:30], p[1:], x[30:]])
-        w, ctx.kept_w = _run(velocity, newer)
+        w, ctx.kept_w = _run(velocity, newer, keep)
         if adds[1]:
             w += omega[-1:]
         ctx.parts, ctx.adds, ctx.ahead = (pressure, velocity), adds, ahead
@@ -127,13 +128,18 @@ class _Onward(torch.autograd.Function):
         return None, None, u, x[10:20], x[20:30], x[30:40], joystick, x[40]
 
 
-def _run(layers: Sequence[tuple[Tensor, Tensor]], x: Tensor) -> tuple[Tensor, list[Tensor]]:
-    """(outputs, what lies between the layers) of networks with relu; [groups, inputs, n] or [inputs, n]."""
+def _run(layers: Sequence[tuple[Tensor, Tensor]], x: Tensor, keep: bool) -> tuple[Tensor, list[Tensor]]:
+    """(outputs, what lies between the layers if `keep`) of networks with relu, x [(groups,) inputs, n].
+
+    What is not kept is free for the next layer: it is still in the cache then.
+    """
     kept, y = [], x if x.dim() == 3 else x[None]
     for number, (w, b) in enumerate(layers):
         y = torch.baddbmm(b, w, y)
         if number + 1 < len(layers):
-            kept.append(y.relu_())
+            y.relu_()
+            if keep:
+                kept.append(y)
     return y if x.dim() == 3 else y[0], kept
 
 
@@ -172,7 +178,7 @@ class _Layers(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, layers: Sequence[tuple[Tensor, Tensor]], x: Tensor) -> Tensor:  # type: ignore[override]
         ctx.layers = layers
-        y, ctx.kept = _run(layers, x)
+        y, ctx.kept = _run(layers, x, any(ctx.needs_input_grad))
         return y
 
     @staticmethod

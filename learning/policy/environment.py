@@ -24,7 +24,7 @@ from learning.policy.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
 from learning.policy.situation import Situation
 from specs import parameters
 from specs.errors import InputError
-from specs.policy import CHANNELS, SLEW_ERROR, SPACING_S, TICK_S
+from specs.policy import CHANNELS, SENSORS, SLEW_ERROR, SPACING_S, TICK_S
 
 LATE = 2  # periods by which the arm encoders' rates are late (0.2 s)
 POOL = 8192  # poses to draw from
@@ -188,7 +188,7 @@ class Environment:
         return self._sense(flat[0], shifted, *now)[0].view(s.sensors.shape)[:, -1]
 
     def _noise(self) -> Tensor:
-        """Uniform (paper), about of the deviations that the recipe says, [channels, n]."""
+        """Uniform (paper), about of the deviations that the recipe says, [sensors, n]."""
         if not self.noisy:
             return self._quiet
         noise = torch.rand(self._quiet.shape, generator=self.generator, device=self.device)
@@ -242,12 +242,12 @@ def _sense(history: int) -> ca.Function:
     The sensors' newest row is what they show of angle, arm, tool and speed; the arm's rates are LATE.
     """
     sensors, rates = ca.SX.sym("sensors", len(CHANNELS) * history), ca.SX.sym("rates", 2 * (LATE + 1))
-    sizes = {"action": 3, "q": 1, "arm": 4, "tool": 6, "omega": SPEEDS, "bias": 7, "noise": len(CHANNELS)}
+    sizes = {"action": 3, "q": 1, "arm": 4, "tool": 6, "omega": SPEEDS, "bias": 7, "noise": len(SENSORS)}
     action, q, arm, tool, omega, bias, noise = now = [ca.SX.sym(n, k) for n, k in sizes.items()]
     rates_on = ca.vertcat(rates[2:], arm[2:])
     angles = ca.vertcat(q, arm[:2], tool[:2]) + bias[:5]
     speeds = ca.vertcat(omega[SPEEDS - 1], rates_on[:2], tool[2:4] + bias[5:])
-    row = ca.vertcat(action, angles, speeds) + noise
+    row = ca.vertcat(action, ca.vertcat(angles, speeds) + noise)
     rows = [ca.vertcat(sensors[i * history + 1 : (i + 1) * history], row[i]) for i in range(len(CHANNELS))]
     return ca.Function("sense", [sensors, rates, *now], [ca.vertcat(*rows), rates_on])
 
@@ -261,8 +261,8 @@ def _miss() -> ca.Function:
 
 
 def _noise_sizes(r: Randomisation) -> list[float]:
-    """Widths of the channels' uniform noise, which has about the deviation that is told."""
-    sizes = [0.0] * 3 + [r.angle_noise] * 3 + [r.imu_angle_noise] * 2
+    """Widths of the sensors' uniform noise, which has about the deviation that is told."""
+    sizes = [r.angle_noise] * 3 + [r.imu_angle_noise] * 2
     sizes += [r.imu_rate_noise, r.rate_noise, r.rate_noise, r.imu_rate_noise, r.imu_rate_noise]
     return [2 * 1.7 * size for size in sizes]
 

@@ -40,7 +40,7 @@ def evaluate(
     ] = None,
     beside: Annotated[
         Path | None,
-        typer.Option("--beside", metavar="FILE", help="results.jsonl of compare: differences by machine."),
+        typer.Option("--beside", metavar="FILE", help="results.jsonl of compare: differences at one speed."),
     ] = None,
     figures: Annotated[
         Path | None,
@@ -101,7 +101,7 @@ def _draw(
         fill(page, f"policy-{found['task']}", evaluation.markdown(found))
         if others:
             unit = "°" if found["task"] == "slew" else "m"
-            text = table(found["runs"], list(found["loads"]), others, unit)
+            text = table(found["runs"], list(found["loads"]), others, unit, policy.stem)
             fill(page, f"policy-beside-{found['task']}", text)
     if figures is not None and found["task"] == "full":
         from slewright import policy_figures

@@ -188,6 +188,22 @@ def test_the_pace_of_a_speed_is_searched_within_the_trained_ones() -> None:
     assert evaluation._at_speed(rows_at, evaluation.Asked(matched=30.0), (0.5, 1.4))[1] == 1.4
 
 
+def test_the_worst_machine_is_held_against_the_mean() -> None:
+    """Loads are averaged first; of the speed the slowest counts."""
+    cell = {
+        "failed": None,
+        "overshoot": 0.0,
+        "overshoot_max": 0.0,
+        "error": 0.1,
+        "missed": 0,
+        "terminations": 0,
+    }
+    tools = {("a", "empty"): 8.0, ("a", "2t"): 4.0, ("b", "empty"): 10.0, ("b", "2t"): 8.0}
+    rows = [{**cell, "draw": d, "load": load, "speed": 12.0 if d == "a" else 8.0, "tool": tool}
+            for (d, load), tool in tools.items()]  # fmt: skip
+    assert evaluation.worst(rows) == pytest.approx({"speed": 1.25, "error": 1.0, "tool": 9.0 / 7.5})
+
+
 def test_seeds_stand_below_their_mean() -> None:
     """Intervals over machines, seeds by name and pace; one seed has no second table."""
     rows = [{**row, "seed": seed} for seed, pace in (("1", 1.0), ("2", 1.1)) for row in rows_at(pace)]

@@ -86,3 +86,14 @@ def test_fading_takes_a_share_of_the_gradient_at_each_step() -> None:
         found[share] = s.state.q.detach(), torch.autograd.grad(s.state.q.sum(), q)[0]
     assert torch.equal(found[0.9][0], found[1.0][0])
     assert torch.allclose(found[0.9][1], 0.9**3 * found[1.0][1])
+
+
+def test_no_machine_rules_the_gradient_of_all() -> None:
+    """One whose gradient is a thousand times the others' is held to `most` medians; the others' stay."""
+    trainer = GradientTrainer(replace(recipe("slew"), envs=5, iterations=2), load_networks([WEIGHTS]), 1)
+    s = trainer.environment.fresh()
+    q = s.state.q.clone().requires_grad_()
+    s = replace(s, state=replace(s.state, q=q))
+    weights = torch.tensor([1.0, 1.0, 1.0, 1000.0, 1.0])
+    (found,) = torch.autograd.grad((s.faded(1.0, 3.0).state.q * weights).sum(), q)
+    assert torch.allclose(found, torch.tensor([1.0, 1.0, 1.0, 3.0, 1.0]))

@@ -103,6 +103,29 @@ def test_networks_are_those_of_numpy_also_several_at_once() -> None:
             np.testing.assert_allclose(a[part].numpy(), b, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("residual", "ahead"), [(True, 0), (False, 2)])
+def test_one_operation_for_the_drive_is_what_its_parts_are(residual: bool, ahead: int) -> None:
+    """Histories a period on and all gradients: against the way that several networks take."""
+    net = untrained(1, (24, 16), (16,), residual=residual)
+    short, long = Drive([net], dtype=torch.float64), Drive([net, net], dtype=torch.float64)
+    draw = torch.Generator().manual_seed(2)
+    rows, scales = (9, 10, 10, 10, 1, 1), (1.0, 1e7, 1e7, 0.5, 1.0, 4e5)
+    inputs = [
+        (s * torch.rand(r, 8, generator=draw, dtype=torch.float64)).requires_grad_()
+        for r, s in zip(rows, scales, strict=True)
+    ]
+    found = []
+    for drive in (short, long):
+        after = drive.onward(inputs[:4], inputs[4][0], inputs[5][0], ahead)
+        total = sum(
+            (torch.sin(a) * torch.linspace(1, 2, a.shape[0], dtype=a.dtype)[:, None]).sum() for a in after
+        )
+        found.append((after, torch.autograd.grad(total, inputs)))  # type: ignore[arg-type]
+    for ours, theirs in zip(*found, strict=True):
+        for a, b in zip(ours, theirs, strict=True):
+            torch.testing.assert_close(a, b, rtol=1e-9, atol=1e-12)
+
+
 def test_dead_band_moved_by_two_straight_lines() -> None:
     """At the wanted dead band the networks see their own; 0 and full stay; both ways alike."""
     u = torch.tensor([0.0, 0.15, -0.15, 1.0, 0.075])
