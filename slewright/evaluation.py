@@ -154,7 +154,7 @@ def _mean(rows: Iterable[Mapping[str, Any]], **where: str) -> dict[str, Any]:
 
 
 def worst(rows: Rows) -> dict[str, float]:
-    """A metric on its worst machine over its mean over machines, means over loads (speed: mean over slowest)."""
+    """A metric on its worst machine over the mean of machines, loads averaged (speed: mean over slowest)."""
     machines = [_mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}]
     machines = [m for m in machines if m["n"]]
     if not machines:
