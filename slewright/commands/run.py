@@ -1,6 +1,7 @@
 """`slewright run`: the machine controller."""
 
 import signal
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,15 +63,20 @@ def run(
 
 
 def show_page(supervisor: "Supervisor") -> None:
-    """Say where the operator's page is, and once the tokens that were made for it."""
+    """Say where the operator's page is, and once the tokens that were made for it: at a terminal, not in a
+    log."""
     from slewright.commands.hmi import show_tokens
 
     wanted = supervisor.wanted.hmi
     if wanted is None:
         return
     typer.echo(f"operator's page: {'https' if wanted.tls else 'http'}://{wanted.host}:{wanted.port}/")
-    if supervisor.tokens:
+    if supervisor.tokens and sys.stdout.isatty():
         show_tokens(supervisor.tokens, wanted.tokens)
+    elif supervisor.tokens:
+        typer.echo(
+            f"its tokens are not shown in a log: slewright hmi --new-tokens {wanted.tokens} makes new ones"
+        )
 
 
 def _show(found: dict) -> None:
