@@ -56,7 +56,8 @@ class HmiPort:
         self._heartbeat, self._late = INPUT.index[HEARTBEAT.name], timeout_ticks(HEARTBEAT)
         self._may_be_forced = np.array([forceable(s) for s in INPUT.signals])
         self._frames = np.zeros(len(MESSAGES), dtype=np.int64)
-        self._ages = np.ones((EVERY, len(INPUT.signals)), np.int32)  # of the last ticks
+        self._ages = np.ones((2 * EVERY, len(INPUT.signals)), np.int32)  # of the ticks since the last state
+        self._next = 0  # tick of the next state
         self._ended = 0  # the claim whose right ended last
         self._draining = False  # its targets are still being followed
         self._quiet = True  # pages only look: nothing is asked for, nothing is granted
@@ -67,7 +68,7 @@ class HmiPort:
         """Put targets and forced values into the image, if they count."""
         if inputs is not self._inputs:
             self._look_at(inputs)
-        self._ages[tick % EVERY] = self._age
+        self._ages[tick % len(self._ages)] = self._age
         if self.asked.number != self._number and (found := self.asked.read()):
             self._take(*found)
         if not self._quiet:
@@ -77,7 +78,8 @@ class HmiPort:
         """Show everything, if it is time."""
         if outputs is not self._outputs:
             self._outputs, self._sent = outputs, flat(outputs)
-        if tick % EVERY == PHASE:
+        if tick >= self._next:  # later where ticks were skipped
+            self._next = tick + EVERY - (tick - PHASE) % EVERY
             self._show()
 
     def flags(self) -> int:
@@ -98,6 +100,7 @@ class HmiPort:
         self._number, self._newest, self._quiet = other._number, other._newest, other._quiet
         self._owner, self._heartbeat_ns, self._commits = other._owner, other._heartbeat_ns, other._commits
         self._stamp_ns, self._force_number = other._stamp_ns, other._force_number
+        self._next = other._next
 
     def _look_at(self, inputs: np.ndarray) -> None:
         """Keep what is needed of an image: finding it takes longer than using it."""
@@ -171,7 +174,7 @@ class HmiPort:
         if self._quiet:
             self._tell(writer=PLANNER if self._other() else NOBODY)
         self._frames += (self._ages[:, HEARD] == 0).sum(axis=0)
-        self._ages[:] = 1  # a tick that is skipped heard nothing
+        self._ages[:] = 1
         head = SEEN_HEAD.pack(
             time.monotonic_ns(),
             time.time_ns(),

@@ -5,6 +5,7 @@ remaining commands are executed and the simulated machine joins it over the kern
 """
 
 import json
+import os
 import shutil
 import subprocess
 import tarfile
@@ -39,8 +40,13 @@ def test_a_wrong_place_is_noticed(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def scratch() -> Iterator[Path]:
-    """Gigabytes, so not kept as other tests' files are."""
+    """Gigabytes, so not kept as other tests' files are; in SLEWRIGHT_KEEP the controller's root is, to be
+    started once more without making it anew."""
     roots.need("mmdebstrap", "unshare", "git")
+    if kept := os.environ.get("SLEWRIGHT_KEEP"):
+        Path(kept).mkdir(parents=True, exist_ok=True)
+        yield Path(kept)
+        return
     with tempfile.TemporaryDirectory(prefix="run-", dir=roots.folder()) as folder:
         yield Path(folder)
 
@@ -55,7 +61,6 @@ def execute(root: Path, place: str, at: str = "/srv") -> dict[int, str]:
     return said
 
 
-@pytest.fixture(scope="module")
 def delivered(scratch: Path) -> Path:
     """What the workstation's commands make for the controller."""
     root = roots.copy(roots.fresh("amd64"), scratch / "workstation")
@@ -73,31 +78,37 @@ def delivered(scratch: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def controller(delivered: Path, scratch: Path) -> tuple[Path, dict[int, str]]:
+def controller(scratch: Path) -> tuple[Path, list[str]]:
     """The root in which the controller's commands were executed, and what they said."""
-    root = roots.copy(roots.fresh("amd64"), scratch / "controller")
-    delivered.rename(root / "srv" / delivered.name)
-    return root, execute(root, "controller")
+    root, said = scratch / "controller", scratch / "said.json"
+    if not said.is_file():
+        shutil.rmtree(root, ignore_errors=True)
+        delivery = delivered(scratch)
+        roots.copy(roots.fresh("amd64"), root)
+        delivery.rename(root / "srv" / delivery.name)
+        said.write_text(json.dumps(list(execute(root, "controller").values())))
+    return root, json.loads(said.read_text())
 
 
 @pytest.fixture(scope="module")
-def ended(controller: tuple[Path, dict[int, str]], scratch: Path) -> vm.Ended:
+def ended(controller: tuple[Path, list[str]], scratch: Path) -> vm.Ended:
+    shutil.rmtree(scratch / "vm", ignore_errors=True)
     (scratch / "vm").mkdir()
     return vm.start(controller[0], scratch / "vm")
 
 
 @pytest.mark.soak
-def test_a_fresh_debian_comes_to_a_running_scenario(controller: tuple[Path, dict[int, str]]) -> None:
+def test_a_fresh_debian_comes_to_a_running_scenario(controller: tuple[Path, list[str]]) -> None:
     """`slewright hil` judged its own tolerances; without its block this would pass for nothing."""
     root, said = controller
     found = json.loads((root / "srv" / "hil.json").read_text())
     assert found["within_tolerance"] is True
     assert found["statistics"]["ticks"] > 900
-    assert any("real time" in text for text in said.values())
+    assert any("real time" in text for text in said)
 
 
 @pytest.mark.soak
-def test_what_the_service_runs_belongs_to_root(controller: tuple[Path, dict[int, str]]) -> None:
+def test_what_the_service_runs_belongs_to_root(controller: tuple[Path, list[str]]) -> None:
     root, _ = controller
     for name in ("opt/slewright/bin/slewright", "etc/slewright/machine.toml", "etc/slewright/keys"):
         status = (root / name).stat()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.hmi.cells import GRANT, HMI, SEEN, Writer, create, state_of
+from runtime.hmi.cells import GRANT, HMI, MESSAGES, SEEN, Writer, create, state_of
 from runtime.hmi.port import HmiPort
 from runtime.image import INPUT, OUTPUT, Flag, Status
 from runtime.modbus.cells import HOLDING
@@ -204,3 +204,37 @@ def test_what_is_shown_is_what_the_core_saw(rack: Rack):
     assert seen["outputs"]["value"][OUTPUT.at("control_mode")] == STANDBY
     assert (int(seen["writer"]), int(seen["forcing"])) == (Writer.NOBODY, 5)
     assert seen["work"]["heard"].max() > 0
+
+
+def test_while_pages_only_look_nothing_is_decided(rack: Rack, monkeypatch: pytest.MonkeyPatch):
+    asked: list[int] = []
+    decide = rack.port._decide
+    monkeypatch.setattr(rack.port, "_decide", lambda now: (asked.append(now), decide(now)))
+    rack.planner = True
+    rack.tick(10)
+    assert asked == []
+    assert rack.granted()[0] == Writer.PLANNER  # shown all the same
+    rack.planner = False
+    rack.ask(7, **TARGET)
+    rack.tick(3)
+    assert len(asked) == 3
+    rack.ask(0)
+    rack.tick(10)
+    count = len(asked)
+    rack.tick(10)
+    assert len(asked) == count
+
+
+def test_every_frame_that_was_heard_is_counted_once(rack: Rack):
+    """Of a message that comes in every third tick, and ticks that are skipped."""
+    name = "SlewPosition"
+    places = [INPUT.at(s.name) for s in INPUT.signals if s.can and s.can.message == name]
+    heard = 0
+    for tick in [t for t in range(1, 204) if t % 17]:
+        rack.bench.image["age"][places] = tick % 3
+        heard += tick % 3 == 0
+        rack.port.receive(rack.bench.image, tick)
+        rack.port.send(OUTPUT.new(), tick)
+    seen = state_of(rack.cells[0], SEEN)
+    assert seen is not None
+    assert seen["work"]["heard"][list(MESSAGES).index(name)] == heard
