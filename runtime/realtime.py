@@ -84,7 +84,8 @@ def release() -> None:
     while _kept_open:
         os.close(_kept_open.pop())
     if hasattr(os, "sched_setscheduler"):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        kept = os.sched_getscheduler(0) & os.SCHED_RESET_ON_FORK  # only who is privileged may give that back
+        os.sched_setscheduler(0, os.SCHED_OTHER | kept, os.sched_param(0))
     getattr(_libc, "munlockall", lambda: 0)()
 
 
