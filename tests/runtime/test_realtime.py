@@ -1,33 +1,23 @@
 """Rights of a control process that is nobody's root, as under systemd."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 
-from tests.conftest import ROOT
-
-PLAIN = """
-import os, resource
 from runtime import realtime
-resource.setrlimit(resource.RLIMIT_RTPRIO, (realtime.PRIORITY, realtime.PRIORITY))
-os.setgroups([])
-os.setresgid(65534, 65534, 65534)
-os.setresuid(65534, 65534, 65534)
-rights = realtime.acquire(lock=False)
-print(rights.fifo, os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO)
-realtime.release()
-print(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER)
-"""
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="needs root: it becomes another user")
-def test_a_plain_user_takes_the_priority_and_gives_it_back() -> None:
-    """Once given back with an error, every orderly end of the service was a failure."""
-    done = subprocess.run(
-        [sys.executable, "-c", PLAIN], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    if done.stdout.startswith("False"):
-        pytest.skip("this computer gives no real-time priority")
-    assert (done.returncode, done.stdout.split()) == (0, ["True", "True", "True"]), done.stderr
+def test_priority_is_given_back_as_a_plain_user_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Children start without it (SCHED_RESET_ON_FORK), and that only the privileged may change.
+
+    Tried with a real user and a real limit in the virtual machine (tests/install); not every computer that runs
+    the tests may set one.
+    """
+    asked: list[int] = []
+    monkeypatch.setattr(os, "sched_getscheduler", lambda pid: os.SCHED_FIFO | os.SCHED_RESET_ON_FORK)
+    monkeypatch.setattr(os, "sched_setscheduler", lambda pid, policy, param: asked.append(policy))
+    realtime.release()
+    assert asked == [os.SCHED_OTHER | os.SCHED_RESET_ON_FORK]
+    monkeypatch.setattr(os, "sched_getscheduler", lambda pid: os.SCHED_OTHER)
+    realtime.release()
+    assert asked[1:] == [os.SCHED_OTHER]
