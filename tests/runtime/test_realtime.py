@@ -10,8 +10,8 @@ from runtime import realtime
 def test_priority_is_given_back_as_a_plain_user_may(monkeypatch: pytest.MonkeyPatch) -> None:
     """Children start without it (SCHED_RESET_ON_FORK), and that only the privileged may change.
 
-    Tried with a real user and a real limit in the virtual machine (tests/install); not every computer that runs
-    the tests may set one.
+    A real user with a real limit is in the virtual machine (tests/install): not every computer that runs the
+    tests may set one.
     """
     asked: list[int] = []
     monkeypatch.setattr(os, "sched_getscheduler", lambda pid: os.SCHED_FIFO | os.SCHED_RESET_ON_FORK)
