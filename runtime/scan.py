@@ -21,6 +21,9 @@ from runtime.statistics import Statistics
 PERIOD_NS = round(TICK_S * 1e9)
 POLICY_EVERY = 5  # ticks (design: policy at 10 Hz)
 STOLEN_NS = 1_000_000  # ns without the processor that make a tick a stolen one
+# Cycles begin so long after whole periods of the clock. At those Linux has its own timer interrupts (from 6.4
+# on), which make a cycle several times as late as it is between two of them.
+PHASE_NS = 500_000
 EARLY_NS = 100_000  # ns before its deadline a cycle wakes: half a percent of a processor
 STOLEN = int(Flag.STOLEN_TIME)
 SHOWN_TICKS = 50  # ticks for which stolen time stays in the flags: one second
@@ -120,7 +123,7 @@ class Scan:
     def run(self, stop: Callable[[], bool] = lambda: False, ticks: int | None = None, first: int = 0) -> None:
         """Run cycles from tick `first` on, until `stop()` or for `ticks` periods."""
         clock, tick = self.clock, first
-        start = -(-(clock.now() + PERIOD_NS) // PERIOD_NS) * PERIOD_NS  # whole periods of the clock
+        start = -(-(clock.now() + PERIOD_NS) // PERIOD_NS) * PERIOD_NS + PHASE_NS
         last = None if ticks is None else first + ticks
         while not stop() and (last is None or tick < last):
             deadline = start + (tick - first) * PERIOD_NS

@@ -29,6 +29,7 @@ from runtime.can.transmit import Transmitter
 from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER
 from runtime.image import Status
 from runtime.realtime import sleep_until
+from runtime.scan import PHASE_NS
 from slewright.hil.machine import COMMANDS, Machine, within_field
 from slewright.hil.panel import ARMING_TICKS, CALM, Panel, sensor_names
 from specs import draws, scenario as scenarios
@@ -40,7 +41,7 @@ SLOW_HEARTBEATS = ("machine_heartbeat", "planner_heartbeat", "imu_cabin_heartbea
 STATUS_MESSAGES = ("MachineStatus", "MachineSlow", "OperatorJoystick")  # sent before the start, too
 COMMAND_TIMEOUT = next(n for n, text in signal("machine_fault").values.items() if text == "command_timeout")
 PERIOD_NS = round(1e9 * TICK_S)
-PHASE_NS = 6_000_000  # behind the controller's cycle: its commands have 6 ms on the bus, the sensors 14 ms
+BEHIND_NS = 6_000_000  # the controller's cycle: its commands have 6 ms on the bus, the sensors 14 ms
 TARGETS = ("target_x", "target_y", "target_z", "load_told", "pace")
 
 
@@ -204,7 +205,7 @@ def main(text: str) -> None:
 
 def beats() -> Iterator[tuple[int, bool]]:
     """Every period of the machine, without end: its number, whether it began a period late."""
-    deadline, beat = time.monotonic_ns() // PERIOD_NS * PERIOD_NS + PHASE_NS, 0
+    deadline, beat = time.monotonic_ns() // PERIOD_NS * PERIOD_NS + PHASE_NS + BEHIND_NS, 0
     while True:
         deadline += PERIOD_NS
         sleep_until(deadline)

@@ -9,7 +9,7 @@ import pytest
 from runtime import realtime
 from runtime.image import INPUT, Flag
 from runtime.realtime import Rights
-from runtime.scan import PERIOD_NS, SHOWN_TICKS, Scan
+from runtime.scan import PERIOD_NS, PHASE_NS, SHOWN_TICKS, Scan
 from runtime.statistics import TOP_US, Histogram
 from tests.runtime.stand_in import Noise, StandIn
 
@@ -184,5 +184,6 @@ def test_what_runs_before_a_cycle_is_told_its_tick_and_deadline_and_costs_it_not
     scan.run(ticks=5)
     assert [tick for tick, _ in told] == [0, 1, 2, 3, 4]
     assert {b - a for (_, a), (_, b) in pairwise(told)} == {PERIOD_NS}
+    assert told[0][1] % PERIOD_NS == PHASE_NS
     assert scan.statistics.lateness.largest_ns == 0
     assert scan.statistics.other_work.largest_ns < MS

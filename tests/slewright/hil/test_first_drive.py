@@ -117,21 +117,35 @@ def test_the_page_has_the_blocks_in_their_order() -> None:
     ]
 
 
+ATTEMPTS = 4  # on a busy computer a heartbeat may come too late, which is a fault, as it should be
+
+
+def driven(shell: Shell, machine: Path, number: int, done: str) -> str:
+    """What a block said, once it drove to its end."""
+    said = ""
+    for _ in range(ATTEMPTS):
+        seen = len(machine.read_text())
+        said = shell.run(number)
+        if re.search(done, said, re.MULTILINE):
+            return said
+        shell.until(machine, "armed", seen)
+    raise AssertionError(said + machine.read_text())
+
+
 def test_a_first_drive_as_the_page_says(shell: Shell) -> None:
     shell.run(0)
     machine = shell.start(1, "no controller")
     shell.start(2, "run: armed")
     (shell.folder / "drive.py").write_text(shell.text(3))
-    lines = shell.run(4).splitlines()
-    assert lines[0].startswith("mode 6, fault 0")
-    assert lines[-1].startswith("mode 3, fault 0")
+    seen = len(machine.read_text())
+    lines = driven(shell, machine, 4, r"^mode 3, fault 0.*\n\Z").splitlines()
+    assert lines[0].startswith(("mode 6, fault 0", "mode 3, fault 0"))
     assert float(lines[-1].split()[-2]) > 0.2, "it did not turn towards the target"
-    shell.until(machine, "fault, target_timeout")
+    shell.until(machine, "fault, target_timeout", seen)
     if shutil.which("mbpoll") is None:
         pytest.skip("no mbpoll: install mbpoll")
-    shell.until(machine, "armed", machine.read_text().index("fault"))
-    said = shell.run(5)
-    assert re.search(r"\[85\]:\s+3\b", said), said + machine.read_text()
+    shell.until(machine, "armed", machine.read_text().rindex("fault"))
+    driven(shell, machine, 5, r"^\[85\]:\s+3\b")
 
 
 def modes(operator: Operator, *steps: tuple[str, float]) -> list[tuple[float, float]]:
