@@ -1,7 +1,7 @@
 """SocketCAN, read many frames at once; what is sent goes through python-can.
 
 Linux's struct can_frame is the beginning of our packet (runtime/can/wire.py), so a batch is filled where it
-lies; the driver's time of arrival comes beside it.  Ten frames take 12 µs, one by one through python-can 70.
+lies; the driver's time of arrival comes beside it.  That takes a fifth of the time of python-can's way.
 """
 
 import ctypes
