@@ -64,6 +64,25 @@ def test_commands_are_held_for_five_ticks(bundles: dict[str, form.Bundle]) -> No
         assert len(changes) > 10
 
 
+def test_what_is_held_is_in_the_state_not_in_memory_that_another_core_uses(
+    bundles: dict[str, form.Bundle],
+) -> None:
+    """Cores of one library that run in turn do not disturb each other."""
+    alone, among, other = (Bench(open_core(bundles[form.NATIVE])) for _ in range(3))
+    for bench in (alone, among, other):
+        bench.armed()
+    for bench in (alone, among):
+        bench.set(automatic_request=1.0)
+    for _ in range(30):
+        alone.tick()
+    for _ in range(30):
+        other.tick()
+        among.tick()
+    assert alone.commands[0] != 0.0 == other.commands[0]
+    shown = [[s["value"].tobytes() for s in bench.seen] for bench in (alone, among)]
+    assert shown[0] == shown[1]
+
+
 def test_bundles_hold_the_policy_and_say_their_engine(bundles: dict[str, form.Bundle], onnx: Path) -> None:
     for engine, found in bundles.items():
         assert (found.engine, found.controller) == (engine, "random")
