@@ -25,8 +25,8 @@ def machine() -> Iterator[SimulatedMachine]:
         yield found
 
 
-def rig_of(machine: SimulatedMachine) -> Rig:
-    return Rig(open_core(built("pi")), machine, machine, simulated=True)
+def rig_of(machine: SimulatedMachine, controller: str = "pi") -> Rig:
+    return Rig(open_core(built(controller)), machine, machine, simulated=True)
 
 
 def session(folder: Path, resume: bool = False, **changes: str) -> Session:
@@ -124,3 +124,16 @@ def test_an_operator_who_takes_the_joystick_ends_the_motion(machine: SimulatedMa
     rig.step(5)
     assert rig.taken_over
     assert rig.now("u_slew") < 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+@pytest.mark.parametrize("which", ["nominal", "tuning:1", "tuning:3", "validation:2", "validation:5"])
+def test_a_machine_that_is_wired_right_passes_every_step(which: str, tmp_path: Path) -> None:
+    """Draws in which a limit that was made for the nominal machine failed, and one more."""
+    kept = session(tmp_path / "s")
+    with SimulatedMachine((), 1, which) as machine:
+        rig, operator = rig_of(machine, "pd"), SimulatedOperator(machine)
+        for step in STEPS:
+            outcome = perform(step, rig, operator, kept)
+            assert outcome.verdict == "passed", [str(c) for c in outcome.failures]
