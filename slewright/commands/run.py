@@ -63,20 +63,24 @@ def run(
 
 
 def show_page(supervisor: "Supervisor") -> None:
-    """Say where the operator's page is, and once the tokens that were made for it: at a terminal, not in a
-    log."""
+    """Say where the operator's page is, and once the tokens that were made for it.
+
+    Those of a machine go to a terminal only, not into a service's log.
+    """
+    from runtime.configuration import LOCAL_BUS
     from slewright.commands.hmi import show_tokens
 
     wanted = supervisor.wanted.hmi
     if wanted is None:
         return
     typer.echo(f"operator's page: {'https' if wanted.tls else 'http'}://{wanted.host}:{wanted.port}/")
-    if supervisor.tokens and sys.stdout.isatty():
+    if not supervisor.tokens:
+        return
+    if sys.stdout.isatty() or supervisor.wanted.can.interface == LOCAL_BUS:
         show_tokens(supervisor.tokens, wanted.tokens)
-    elif supervisor.tokens:
-        typer.echo(
-            f"its tokens are not shown in a log: slewright hmi --new-tokens {wanted.tokens} makes new ones"
-        )
+    else:
+        typer.echo("its tokens are not shown in a log; others, from the next start on:")
+        typer.echo(f"slewright hmi --new-tokens {wanted.tokens}")
 
 
 def _show(found: dict) -> None:
