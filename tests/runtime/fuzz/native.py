@@ -59,11 +59,19 @@ class Native:
 
 @contextmanager
 def compiled() -> Iterator[Native]:
-    """The library, compiled with sanitizers; RunError where the compiler has none."""
-    host = compiler.host().name
+    """The library, compiled with sanitizers; RunError where the compiler has none.
+
+    Edges are those of the hand-written code: what is generated from equations has only limits and tables.
+    """
+    host, sources = compiler.host().name, built("pi").folder / "sources"
+    flags = [*build.UNUSED_OUT, *TRACED, '-DSLR_IDENTITY="test"', "-I", str(sources / "core")]
     with tempfile.TemporaryDirectory() as name, tempfile.TemporaryFile() as said:
         folder = Path(name)
-        library = build.link(built("pi").folder / "sources", "test", folder, host, TRACED)
+        objects = build.objects_of(sources, "test", folder, host, CHECKED)
+        for path in sorted((sources / "core").glob("*.c")):
+            if path.name not in build.UNCHECKED:
+                compiler.compile_object(path, folder / f"{path.stem}.o", host, flags)
+        library = compiler.link_shared(objects, folder / "core.so", host, CHECKED)
         program = runner(folder, host, [*CHECKED, "-rdynamic"], EDGE_RUNNER)
         native = Native([str(program), str(library)], said)
         try:
