@@ -142,9 +142,8 @@ class MachineNode:
     def _beats(self, beat: int) -> dict[str, float]:
         beats = {n: float(beat // 5 % 251) for n in SLOW_HEARTBEATS}
         beats["operator_heartbeat"] = float(beat % 251)
-        if self.valves.lost:
-            beats |= {"machine_fault": float(COMMAND_TIMEOUT)}
-        return beats
+        fault = COMMAND_TIMEOUT if self.valves.lost else 0  # it ends when there are commands again
+        return {**beats, "machine_fault": float(fault)}
 
     def _set(self, values: Mapping[str, float]) -> None:
         for name, value in values.items():

@@ -105,6 +105,11 @@ def test_valves_are_neutral_when_commands_stop_and_the_machine_says_so() -> None
             pair.tick(tick)
         assert pair.image["value"][INPUT.at("machine_fault")] == COMMAND_TIMEOUT
         assert pair.node.rows[-1][pair.node.columns.index("u_slew")] == 0.0
+        pair.ends[0].cut = False  # or a controller that was started again
+        for tick in range(80, 95):
+            pair.tick(tick)
+        assert pair.image["value"][INPUT.at("machine_fault")] == 0
+        assert pair.node.valves.at(pair.beat) == dict.fromkeys(COMMANDS, 0.0), "not before it is enabled anew"
 
 
 def test_sensors_come_with_the_start_not_before() -> None:
