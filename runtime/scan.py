@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from runtime.image import INPUT, TICK_S, Flag
+from runtime.image import INPUT, OUTPUT, TICK_S, Flag
 from runtime.realtime import Rights, sleep_until, voluntary_switches
 from runtime.recorder.feed import Feed
 from runtime.statistics import Statistics
@@ -26,6 +26,8 @@ STOLEN_NS = 1_000_000  # ns without the processor that make a tick a stolen one
 PHASE_NS = 500_000
 EARLY_NS = 100_000  # ns before its deadline a cycle wakes: half a percent of a processor
 STOLEN = int(Flag.STOLEN_TIME)
+MODE = OUTPUT.at("control_mode")
+AUTOMATIC = next(n for n, text in OUTPUT.signals[MODE].values.items() if text == "automatic")
 SHOWN_TICKS = 50  # ticks for which stolen time stays in the flags: one second
 
 
@@ -119,6 +121,7 @@ class Scan:
         self._granted = int(self.rights.flags)
         self._stolen_until = -1
         self._received = 0  # when the sensor message came that was used last
+        self._policy, self._automatic, self._phase = False, False, 0
 
     def run(self, stop: Callable[[], bool] = lambda: False, ticks: int | None = None, first: int = 0) -> None:
         """Run cycles from tick `first` on, until `stop()` or for `ticks` periods."""
@@ -145,7 +148,7 @@ class Scan:
             self.feed.before(tick, self.core)
         begun = clock.now()
         outputs = self.core.step(inputs, tick)
-        if not tick % POLICY_EVERY:
+        if self._computes(outputs, tick):
             self.statistics.policy_step.add(clock.now() - begun)
         for port in self.ports:
             port.send(outputs, tick)
@@ -154,6 +157,14 @@ class Scan:
         if self.feed:
             self.feed.tick(inputs, outputs, (deadline, woke - deadline, sent - woke, used, latency))
         self._account(tick, deadline, woke, cpu, waited)
+
+    def _computes(self, outputs: np.ndarray, tick: int) -> bool:
+        """Whether a policy computed in this tick: every fifth from the beginning of automatic mode on."""
+        automatic = outputs["value"][MODE] == AUTOMATIC
+        if automatic and not self._automatic:
+            self._phase = tick % POLICY_EVERY
+        self._automatic, self._policy = automatic, tick % POLICY_EVERY == self._phase
+        return self._policy
 
     def _flags(self, tick: int) -> int:
         flags = self._granted | self.other_flags(tick)
@@ -184,7 +195,7 @@ class Scan:
         used, late = clock.cpu() - cpu, woke - deadline
         found.ticks += 1
         found.lateness.add(late)
-        (found.other_work if tick % POLICY_EVERY else found.policy_work).add(end - woke)
+        (found.policy_work if self._policy else found.other_work).add(end - woke)
         own_wait = clock.waited() != waited
         taken = end - woke - used  # wall time of the work in which the thread did not run
         if late > STOLEN_NS or (taken > STOLEN_NS and not own_wait):

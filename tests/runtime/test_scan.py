@@ -9,7 +9,7 @@ import pytest
 from runtime import realtime
 from runtime.image import INPUT, Flag
 from runtime.realtime import Rights
-from runtime.scan import PERIOD_NS, PHASE_NS, SHOWN_TICKS, Scan
+from runtime.scan import AUTOMATIC, MODE, PERIOD_NS, PHASE_NS, SHOWN_TICKS, Scan
 from runtime.statistics import TOP_US, Histogram
 from tests.runtime.stand_in import Noise, StandIn
 
@@ -83,6 +83,23 @@ def test_every_tick_at_its_deadline():
     assert (found.ticks, found.overruns, found.stolen, found.skipped, found.flags_seen) == (20, 0, 0, 0, 0)
     assert (found.policy_work.count, found.other_work.count) == (4, 16)
     assert found.lateness.largest_ns == 0
+
+
+def test_ticks_in_which_a_policy_computes_are_those_from_the_beginning_of_automatic_mode_on() -> None:
+    """It computes in every fifth tick of its own; before that every fifth tick counts."""
+    clock, begun = Clock(), 7
+    core = Busy(clock, {k: lambda: clock.work(2 * MS) for k in range(begun + 5, 30, 5)})
+
+    def begin() -> None:
+        core.outputs["value"][MODE] = AUTOMATIC
+        clock.work(2 * MS)
+
+    core.doing[begun] = begin
+    scan = Scan(core, [Noise()], FULL, clock=clock)
+    scan.run(ticks=30)
+    found = scan.statistics
+    assert (found.policy_work.count, found.policy_step.count) == (2 + 5, 2 + 5)
+    assert found.policy_step.largest_ns > 2 * MS > MS > found.other_work.largest_ns
 
 
 @pytest.mark.parametrize("ms", [21, 39])
