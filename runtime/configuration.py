@@ -256,8 +256,9 @@ def _check_bus(can: Can) -> None:
         if can.channel not in there:
             have = nearest(can.channel, there) if there else "this machine has none"
             raise InputError(f"can.channel: there is no CAN interface {can.channel}; {have}")
-    elif can.interface == LOCAL_BUS and not Path(can.channel).is_socket():
-        raise InputError(f"can.channel: {can.channel} is no local bus (slewright machine makes one)")
+    elif can.interface == LOCAL_BUS:
+        if not Path(can.channel).is_socket():
+            raise InputError(f"can.channel: {can.channel} is no local bus (slewright machine makes one)")
     elif not Path(can.channel.split("@")[0]).exists():
         raise InputError(f"can.channel: there is no device {can.channel}")
 

@@ -22,7 +22,7 @@ FORMAT = "1"  # of the recording
 INPUT_END = TIMING.size + INPUT.dtype.itemsize
 COUNT_AT = 8  # bytes of an entry before the count
 SAID_EVERY = 5000  # ticks between calls of the report
-WHAT = {"format": "format", "layout": "signals", "specs": "specs version", "core": "control core"}
+WHAT = {"format": "format", "layout": "set of signals", "specs": "specs version", "core": "control core"}
 
 
 @dataclass(frozen=True)

@@ -126,6 +126,10 @@ def read_contract(metadata: Mapping[str, str], source: str) -> Contract:
         raise InputError(f"{source} is no policy of this project: it has no metadata '{META}'")
     try:
         told = json.loads(metadata[META])
+        if (made := told.get("format", FORMAT)) != FORMAT:  # before its keys: another format has others
+            raise InputError(
+                f"{source}: another contract than specs/policy.py: format {made!r}, specs say {FORMAT}"
+            )
         found = Contract(
             **{
                 **told,

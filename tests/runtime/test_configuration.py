@@ -182,6 +182,18 @@ def test_a_file_that_is_no_bus_is_refused(folder: Path):
         configuration.check_surroundings(found)
 
 
+def test_a_local_bus_may_be_in_a_folder_of_any_name(tmp_path: Path):
+    (tmp_path / "a@b").mkdir()
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(str(tmp_path / "a@b" / "bus"))
+        text = (
+            WHOLE.partition("[modbus]")[0]
+            .replace('"bus"', '"a@b/bus"')
+            .replace('dbc = "slewright.dbc"\n', "")
+        )
+        configuration.check_surroundings(configuration.read(written(tmp_path, text)))
+
+
 def test_a_folder_belongs_to_one_run_at_a_time(folder: Path):
     with lock(folder), pytest.raises(InputError, match="in use by another run"):
         lock(folder)

@@ -135,7 +135,7 @@ def test_a_recording_of_another_version_is_refused(ring: Ring, tmp_path: Path):
     check_identity(found, ME)
     with pytest.raises(InputError, match="another control core: c0de, not beef"):
         check_identity(found, identity(core="beef", specs="1"))
-    with pytest.raises(InputError, match="another signals: 0000"):
+    with pytest.raises(InputError, match="another set of signals: 0000"):
         check_identity({**found, "layout": "0000"}, ME)
 
 

@@ -78,6 +78,7 @@ def test_contract_survives_the_metadata() -> None:
     [
         ({"rate_hz": 20.0}, "rate_hz 20.0, specs say 10.0"),
         ({"format": 2}, "format 2, specs say 1"),
+        ({"format": 2, "surprise": 1}, "format 2, specs say 1"),
         ({"task": "boom"}, "task 'boom'"),
         ({"actions": ["u_slew", "qd_stick_ref", "qd_boom_ref"]}, "actions entry 1 is 'qd_stick_ref'"),
         ({"layout": ["q_slew"]}, "layout of 1 entries, specs say 69"),
