@@ -10,6 +10,7 @@ from runtime.configuration import read
 from runtime.image import INPUT, Status, timeout_ticks
 from specs.errors import InputError
 from specs.signals import signal
+from tests.conftest import ROOT
 
 LEFT, RIGHT = 0x85, 0x86
 
@@ -151,3 +152,12 @@ def test_a_configuration_names_them(tmp_path) -> None:
     path.write_text("\n".join([*lines, *axis, "colour = 3"]))
     with pytest.raises(InputError, match="colour"):
         read(path)
+
+
+def test_the_page_shows_what_it_is_without_the_lines(tmp_path) -> None:
+    page = (ROOT / "docs" / "buses.md").read_text()
+    shown = "[can.joystick]\n" + page.partition("```toml\n[can.joystick]\n")[2].partition("```")[0]
+    path = tmp_path / "machine.toml"
+    path.write_text('bundle = "b"\n[can]\ninterface = "slewright"\nchannel = "bus"\n' + shown)
+    assert "automatic" in shown
+    assert read(path).can.joystick == Joysticks()
