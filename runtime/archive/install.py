@@ -70,7 +70,9 @@ def roll_back(place: Place) -> Offer:
         store = place.store()
         before = store.state
         if not before.fallback:
-            raise InputError(f"store {place.folder} holds no other good bundle to go back to")
+            raise InputError(
+                f"store {place.folder} holds no other good bundle to go back to (good: it has run for 10 s)"
+            )
         signed = _try(place, before.fallback)
         done = Offer(signed, before, *_changes(place, before.active, signed))
         store.roll_back()

@@ -25,7 +25,7 @@ class Entry:
     def row(self) -> list[str]:
         """For a table."""
         texts = [self.role, self.controller, self.release, self.digest[:SHOWN], self.signer]
-        return [*texts, "yes" if self.proven else "no", self.problem or "good"]
+        return [*texts, "yes" if self.proven else "no", self.problem or "as signed"]
 
     def figures(self) -> dict[str, Any]:
         """For a file."""

@@ -208,11 +208,11 @@ class Alarms:
             return fresh
 
     def listed(self) -> list[Alarm]:
-        """What is there or was not acknowledged: the most urgent first, then the newest."""
+        """What is there or was not acknowledged: the most urgent first, then the newest; at one time causes first."""
         order = list(Level)
         with self._lock:
             found = [*self.present.values(), *self._waiting]
-        return sorted(found, key=lambda a: (a.gone is not None, order.index(a.level), -a.since, -a.number))
+        return sorted(found, key=lambda a: (a.gone is not None, order.index(a.level), -a.since, a.number))
 
     def _raise(self, condition: Condition, now: float) -> None:
         again = next((a for a in self._waiting if a.key == condition.key), None)

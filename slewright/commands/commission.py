@@ -15,6 +15,7 @@ from specs.errors import InputError
 if TYPE_CHECKING:
     from slewright.commissioning.matrix import Case
     from slewright.commissioning.procedure import Outcome
+    from slewright.commissioning.session import Session
 
 OUT = Path("out/commission")
 SHOWN = 8  # failed checks on the terminal
@@ -75,14 +76,16 @@ def commission(
         )
     if not simulate and (inject or bundle or wiring != "all" or markdown or machine != "nominal"):
         raise InputError("--inject, --bundle, --wiring, --machine and --markdown are of --simulate")
+    if simulate and (who or yes):
+        raise InputError("--who and --yes are of --config: a rehearsal has a simulated operator")
     if config:
-        outcomes = _machine(config, out or OUT, resume, step, who, yes)
+        outcomes, session = _machine(config, out or OUT, resume, step, who, yes)
         cases: list[Case] = []
     else:
-        outcomes, cases = _rehearse(
+        outcomes, session, cases = _rehearse(
             out, resume, step, bundle, machine, seed, wiring, inject, workers, markdown
         )
-    content = {"simulated": simulate, "steps": _steps(outcomes)}
+    content = {"simulated": simulate, "steps": _steps(session)}
     if simulate:
         from slewright.commissioning.matrix import by_group
 
@@ -95,7 +98,7 @@ def commission(
 
 def _machine(
     config: Path, out: Path, resume: bool, step: str | None, who: str | None, yes: bool
-) -> "list[Outcome]":
+) -> "tuple[list[Outcome], Session]":
     from runtime import configuration, realtime
     from runtime.archive import start
     from runtime.can.port import frame_source, open_bus
@@ -121,7 +124,7 @@ def _machine(
         realtime.pin(wish.core)
         for reason in realtime.acquire(wish.fifo, wish.lock, wish.priority).reasons:
             typer.echo(f"slewright: degraded: {reason}", err=True)
-        return _steps_of(session, rig, Person(name, yes), step)
+        return _steps_of(session, rig, Person(name, yes), step), session
     finally:
         realtime.release()
         opened.shutdown()
@@ -138,7 +141,7 @@ def _rehearse(
     inject: str | None,
     workers: int,
     markdown: Path | None,
-) -> "tuple[list[Outcome], list[Case]]":
+) -> "tuple[list[Outcome], Session, list[Case]]":
     from slewright.bundling.default import ready
     from slewright.commissioning import matrix, wiring as faults
     from slewright.markers import around
@@ -159,12 +162,12 @@ def _rehearse(
         outcomes, session = _simulated(folder, out, resume, step, machine, seed, injected, inject or "")
         cases = []
         if chosen and all(o.verdict == "passed" for o in outcomes):
-            cases = matrix.run(folder, chosen, session, report, seed, machine, workers)
+            cases = matrix.run(folder, chosen, session.folder, report, seed, machine, workers)
     if cases:
         _show_cases(cases)
     if markdown and cases:
         matrix.markdown(markdown, cases, seed, VERSION)
-    return outcomes, cases
+    return outcomes, session, cases
 
 
 def _simulated(
@@ -176,7 +179,7 @@ def _simulated(
     seed: int,
     injected: Any,
     what: str,
-) -> "tuple[list[Outcome], Path]":
+) -> "tuple[list[Outcome], Session]":
     from runtime.bundle import load
     from runtime.policy import open_core
     from slewright.commissioning.rig import Rig
@@ -190,7 +193,7 @@ def _simulated(
     session = _session(out or OUT, identity, resume)
     with SimulatedMachine(injected, seed, machine) as plant:
         rig = Rig(open_core(loaded), plant, plant, simulated=True)
-        return _steps_of(session, rig, SimulatedOperator(plant), step), session.folder
+        return _steps_of(session, rig, SimulatedOperator(plant), step), session
 
 
 def _clear(folder: Path) -> None:
@@ -202,7 +205,7 @@ def _clear(folder: Path) -> None:
         shutil.rmtree(folder)
 
 
-def _session(out: Path, identity: dict[str, Any], resume: bool) -> Any:
+def _session(out: Path, identity: dict[str, Any], resume: bool) -> "Session":
     from slewright.commissioning.procedure import NAMES
     from slewright.commissioning.session import Session
 
@@ -253,14 +256,19 @@ def _show_cases(cases: "list[Case]") -> None:
             typer.echo(f"slewright: not found: {case.name}", err=True)
 
 
-def _steps(outcomes: "list[Outcome]") -> dict[str, Any]:
+def _steps(session: "Session") -> dict[str, Any]:
+    """All steps that have a record, also those of an earlier call that was gone on with."""
+    from slewright.commissioning.bench import Check
+
+    records = {name: record for name in session.steps if (record := session.record(name))}
+    checks = {name: [Check(**c) for c in record["checks"]] for name, record in records.items()}
     return {
-        o.step.name: {
-            "passed": o.verdict == "passed",
-            "checks": len(o.checks),
-            "seconds": o.seconds,
-            "failed": [str(c) for c in o.failures],
-            "found": o.found,
+        name: {
+            "passed": session.passed(name),
+            "checks": len(checks[name]),
+            "seconds": record.get("seconds"),
+            "failed": [str(c) for c in checks[name] if not c.passed],
+            "found": record["found"],
         }
-        for o in outcomes
+        for name, record in records.items()
     }

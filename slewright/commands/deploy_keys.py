@@ -112,8 +112,11 @@ def retire(
 def list_(store: StoreOption = None, keys: KeysOption = None, json: JsonOption = None) -> None:
     """The keys of a machine."""
     from runtime.archive import trust
+    from specs.errors import InputError
 
     folder = _folder(store, keys)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder; slewright deploy keys add makes it")
     known = trust.read(folder).known
     rows = [(k.name, k.key.id, "retired" if k.retired else "trusted") for k in known]
     show(f"keys in {folder}", ["name", "key", ""], rows)

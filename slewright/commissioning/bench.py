@@ -34,8 +34,11 @@ class Check:
     look: str = ""  # at what, if it failed
 
     def __str__(self) -> str:
-        measured = f"{self.measured:.4g}" if isinstance(self.measured, float) else str(self.measured)
-        said = f"{self.name}: measured {measured}{' ' * bool(self.unit)}{self.unit}, expected {self.expected}"
+        number = f"{self.measured:.4g}" if isinstance(self.measured, float) else str(self.measured)
+        measured = f"{number} {self.unit}".strip()
+        if self.measured is None or number == "nan":  # as which a record has it
+            measured = "nothing that is a number"
+        said = f"{self.name}: measured {measured}, expected {self.expected}"
         return said if self.passed or not self.look else f"{said}; look at: {self.look}"
 
 

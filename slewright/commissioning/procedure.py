@@ -8,13 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from runtime.image import TICK_S
 from slewright.commissioning import calibration
 from slewright.commissioning.bench import Bench, Check, Failed
 from slewright.commissioning.operator import Operator
 from slewright.commissioning.rig import STILL, Rig
 from slewright.commissioning.session import FAILED, INTERRUPTED, PASSED, Session
 from slewright.commissioning.steps import bus, imus, rest, safety, signs, stages, stopping, sway, tables, tare
-from specs.errors import InputError, nearest
+from specs.errors import InputError
 
 REST_TICKS = 100  # of neutral commands after a step that did not pass
 
@@ -89,9 +90,9 @@ class Outcome:
 
 
 def find(name: str) -> Step:
-    """A step by its name; InputError with the nearest."""
+    """A step by its name; InputError with all of them."""
     if name not in NAMES:
-        raise InputError(f"no step '{name}'; {nearest(name, NAMES)} (in order: {', '.join(NAMES)})")
+        raise InputError(f"no step '{name}'; valid, in this order: {', '.join(NAMES)}")
     return STEPS[NAMES.index(name)]
 
 
@@ -121,12 +122,14 @@ def perform(step: Step, rig: Rig, operator: Operator, session: Session) -> Outco
         verdict = FAILED
     finally:
         _come_to_rest(bench, verdict)
-        session.write(step.name, verdict, bench.as_dict(), rig.since(bench.begun))
+        seconds = (rig.tick - bench.begun) * TICK_S
+        content = {"seconds": seconds, **bench.as_dict()}
+        session.write(step.name, verdict, content, rig.since(bench.begun))
     for name, text in bench.files.items():
         session.put(name, text)
     if verdict == PASSED:
         calibration.write(session)
-    return Outcome(step, verdict, bench.checks, bench.found, (rig.tick - bench.begun) * 0.02)
+    return Outcome(step, verdict, bench.checks, bench.found, seconds)
 
 
 def _come_to_rest(bench: Bench, verdict: str) -> None:

@@ -107,7 +107,8 @@ def _check_same(folder: Path, told: Mapping[str, Any], identity: Mapping[str, An
     for key, value in identity.items():
         if key != "who" and told.get(key) != value:
             raise InputError(
-                f"--resume: {folder} was begun with {key} {told.get(key)}, this is {value}; "
+                f"--resume: {folder} was begun with {key} {told.get(key) or 'nothing'}, "
+                f"this is {value or 'nothing'}; "
                 "begin anew in another --out"
             )
 

@@ -141,6 +141,9 @@ def test_rotation_of_keys(machine: Machine):
     assert (code, "signed by one" in err, "was retired" in err) == (2, True, True)
     code, out, _ = machine.deploy("keys", "list")
     assert [line.split()[1] for line in out.splitlines() if "│" in line] == ["one", "two"]
+    shutil.rmtree(machine.store)
+    code, _, err = machine.deploy("keys", "list")
+    assert (code, "there is no such folder" in err) == (2, True)
 
 
 def test_a_leaked_key_stops_the_machine_and_the_way_back_is_said(machine: Machine):

@@ -10,12 +10,13 @@ let forcing = false;
 const confirmed = { control: false, force: false }; // the stream says so, too
 let beating = 0;
 let waiting = 0;
+let rights = 0; // got so far: a beat from before the newest says nothing about it
 let inputs = {};
 
 // --- values ---
 
 const VALUES = [["Slew", "q_slew"], ["Boom", "q_boom"], ["Stick", "q_stick"], ["Sway left", "imu_tool_roll"], ["Sway in", "imu_tool_pitch"], ["Pump", "p_pump"], ["Load, estimated", "load_estimate"]];
-const GAUGES = [["Slew", "u_slew"], ["Boom", "u_boom"], ["Stick", "u_stick"]];
+const GAUGES = [["Slew command", "u_slew"], ["Boom command", "u_boom"], ["Stick command", "u_stick"]];
 const places = {};
 
 function buildValues() {
@@ -62,10 +63,11 @@ function showValues(frame) {
 async function beat() {
   if (waiting > 2) return; // an answer that does not come is a loss by itself
   waiting += 1;
+  const before = rights;
   try {
     await ask("api/beat", {});
   } catch {
-    end("Control has ended");
+    if (before === rights) end(hasControl ? "Control has ended" : "Forcing has ended");
   } finally {
     waiting -= 1;
   }
@@ -101,6 +103,7 @@ function stop() {
 async function take() {
   if (await attempt(() => ask("api/control", {}))) {
     hasControl = true;
+    rights += 1;
     begin();
     buildControl();
   }
@@ -229,8 +232,9 @@ function force(s) {
   const field = element("input", { id: "force-value", type: "number", step: "any", inputMode: "decimal", value: Number.isFinite(value(s.name)) ? shown(s, value(s.name)).toFixed(3) : "" });
   const submit = button("Force", async () => {
     if (field.value.trim() === "") return;
-    if (await attempt(() => ask("api/force", { signal: s.name, value: kept(s, Number(field.value)) }))) {
+    if (await attempt(() => ask("api/force", { signal: s.name, value: Number(kept(s, Number(field.value)).toPrecision(12)) }))) {
       forcing = true;
+      rights += 1;
       begin();
       close();
     }

@@ -27,11 +27,12 @@ function showAlarms() {
 
 async function showAudit() {
   const found = await attempt(() => ask("api/audit"));
-  const said = (x) => (x === undefined || x === null ? "" : typeof x === "object" ? Object.entries(x).map(([k, v]) => `${k} ${v}`).join(", ") : String(x));
+  const one = (name, x) => (typeof x === "number" && model.place.has(name) ? `${text(signal(name), x)} ${signal(name).unit}`.trim() : String(x));
+  const said = (x, name) => (x === undefined || x === null ? "" : typeof x === "object" ? Object.entries(x).map(([k, v]) => `${k} ${one(k, v)}`).join(", ") : one(name, x));
   const rows = (found?.entries ?? []).map((e) => {
     const about = said(e.signal ?? e.alarm);
-    const change = e.new === undefined && e.old === undefined ? "" : `${said(e.old) || "–"} → ${said(e.new) || "–"}`;
-    return element("tr", {}, cell(said(e.time).replace("T", " ").slice(0, 19), "time"), cell(`${said(e.who)} (${said(e.role)})`), cell(`${said(e.what)} ${about}`), cell(change), cell(said(e.result)));
+    const change = e.new === undefined && e.old === undefined ? "" : `${said(e.old, e.signal) || "–"} → ${said(e.new, e.signal) || "–"}`;
+    return element("tr", {}, cell(new Date(e.time).toLocaleString("sv-SE"), "time"), cell(`${said(e.who)} (${said(e.role)})`), cell(`${said(e.what)} ${about}`), cell(change), cell(said(e.result)));
   });
   byId("audit-list").tBodies[0].replaceChildren(...rows);
 }

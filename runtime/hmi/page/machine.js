@@ -46,7 +46,7 @@ function drawAbove(svg) {
   const still = make(svg, "g", { "stroke-width": 0.08 });
   for (const r of [5, 10, 15]) {
     make(still, "circle", { r, class: "ring" });
-    make(still, "text", { x: 0.2, y: -r - 0.2, "font-size": 0.9 }).textContent = `${r} m`;
+    make(still, "text", { x: 0.2, y: -r - 0.2, "font-size": 1.2 }).textContent = `${r} m`;
   }
   make(still, "circle", { r: g.keepout_radius, class: "keepout" });
   make(still, "rect", { x: -2.6, y: -1.5, width: 5.2, height: 3, rx: 0.3, class: "under" });

@@ -47,14 +47,14 @@ function header() {
   byId("forced").hidden = !(model.frame && model.frame.flags & FORCED);
   if (model.frame) {
     byId("clock").textContent = time(model.frame.t);
-    byId("day").textContent = model.catalogue.clock === "run" ? "of the run" : new Date(1000 * model.frame.t).toLocaleDateString();
+    byId("day").textContent = model.catalogue.clock === "run" ? "of the run" : new Date(1000 * model.frame.t).toLocaleDateString("sv-SE");
   }
   const live = model.catalogue.source === "live";
   const t = model.frame?.t ?? 0;
   const there = model.alarms.list.filter((a) => (live ? a.gone === null : a.since <= t && (a.gone === null || a.gone > t)));
   const top = there[0];
   if (model.stale) banner("critical", "!!", "This display is not up to date", "no news from the control process: rely on the machine, not on this page");
-  else if (top) banner(top.level, { critical: "!!", warning: "!" }[top.level] ?? "F", top.text + (there.length > 1 ? `  (and ${there.length - 1} more)` : ""), top.cause);
+  else if (top) banner(top.level, { critical: "!!", warning: "!" }[top.level] ?? "F", top.text, (there.length > 1 ? `(and ${there.length - 1} more) ` : "") + top.cause);
   else banner("", "", "No alarms", live && model.alarms.list.length ? "some are gone and not acknowledged: see Alarms" : "");
 }
 

@@ -160,8 +160,12 @@ def test_service_forces_in_standby_and_every_page_says_so(page: Browser, served:
     for name in PAGES:
         page.run(f"location.hash = '#{name}'")
         page.wait(f"!{BADGE}.hidden && {BADGE}.offsetParent !== null")
+    page.run("location.hash = '#alarms'")
+    page.click("#audit-load")
+    page.wait("document.querySelector('#audit-list').textContent.includes('→ 150.0 bar')")
     served.bench.set(operator_enable=1.0)
     page.wait(f"{MODE} === 'armed' && {BADGE}.hidden")
+    page.wait("document.querySelector('#toast').textContent === 'Forcing has ended'")
     page.run("location.hash = '#signals'")
     page.wait(f"{row}.querySelector('button').disabled")
     served.bench.set(operator_enable=0.0)
