@@ -275,7 +275,8 @@ def runtime(
     blocks: Annotated[int, typer.Option(min=1, help="Interleaved pairs of runs for each load.")] = 5,
     seconds: Annotated[float, typer.Option(min=2.0, metavar="S", help="Length of each run.")] = 30.0,
     load: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="idle, modbus, stress (default: these) or hmi.")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="idle, modbus, stress (default: these), hmi, browsers."),
     ] = None,
     json: JsonOption = None,
 ) -> None:
@@ -289,16 +290,16 @@ def runtime(
             raise InputError(f"no load '{name}'; {nearest(name, (*LOADS, *MORE))}")
     with progress("bench runtime") as report:
         result = run(ready(bundle, report), blocks, seconds, load or LOADS, report)
-    figures, costs = result.figures(), result.costs()
-    write(json, {**figures, "hmi_costs_us": costs} if costs else figures)
+    figures, costs = result.figures(), {name: found for name in MORE if (found := result.costs(name))}
+    write(json, {**figures, "costs_us": costs} if costs else figures)
     if result.skipped:
         typer.echo(f"skipped: {result.skipped}; nothing was measured")
         return
     _show_runtime(figures)
-    if costs:
+    for load_, cost in costs.items():
         columns = ("smallest", "median", "largest", "idle_varies")
-        rows = [(name, *(f"{row[c]:+.0f}" for c in columns)) for name, row in costs.items()]
-        show("what three open pages add, µs: hmi less idle, within a block", ["", *columns], rows)
+        rows = [(name, *(f"{row[c]:+.0f}" for c in columns)) for name, row in cost.items()]
+        show(f"what three open pages add, µs: {load_} less idle, within a block", ["", *columns], rows)
     for miss in (missed := result.misses()):
         typer.echo(f"slewright: missed: {miss}", err=True)
     if missed:

@@ -27,8 +27,11 @@ from specs.errors import RunError
 from specs.scenario import load
 
 LOADS = ("idle", "modbus", "stress")
-MORE = ("hmi",)  # measured when it is asked for: three pages open, and the HMI that serves them
-LIMITS = {"idle": 1.5, "modbus": 1.5, "stress": 3.0, "hmi": 1.5}  # ratio of p99: what is asked for
+# Measured when it is asked for: the HMI with three pages open, on other computers (`hmi`) or in browsers on
+# this one (`browsers`), which then has them to draw.
+PAGES = {"hmi": loads.readers, "browsers": loads.pages}
+MORE = tuple(PAGES)
+LIMITS = {"idle": 1.5, "modbus": 1.5, "stress": 3.0, "hmi": 1.5, "browsers": 1.5}  # ratio of p99, asked for
 POLICY_P50_US = 150.0
 RESOLUTION_US = 1.0  # of the histograms
 COSTS = (("ours", "p50"), ("ours", "p99"), ("policy_tick", "p50"), ("other_tick", "p50"), ("latency", "p99"))
@@ -71,17 +74,17 @@ class Result:
             return {"skipped": self.skipped}
         return {name: _medians(blocks) for name, blocks in self.blocks.items()}
 
-    def costs(self) -> dict[str, dict[str, float]]:
-        """What open pages add to the control loop, µs: differences from idle within a block.
+    def costs(self, load: str) -> dict[str, dict[str, float]]:
+        """What open pages (`hmi`, `browsers`) add to the control loop, µs: differences from idle in a block.
 
         `idle_varies` is by how much idle alone differs between blocks: a difference below that is not
         measurable.  Empty unless both loads were measured.
         """
-        if not {"idle", "hmi"} <= self.blocks.keys():
+        if not {"idle", load} <= self.blocks.keys():
             return {}
         found = {}
         for kind, quantile in COSTS:
-            idle, open_ = ([getattr(b, kind)[quantile] for b in self.blocks[n]] for n in ("idle", "hmi"))
+            idle, open_ = ([getattr(b, kind)[quantile] for b in self.blocks[n]] for n in ("idle", load))
             apart = [b - a for a, b in zip(idle, open_, strict=True)]
             name = f"{'lateness' if kind == 'ours' else kind} {quantile}"
             found[name] = {"smallest": min(apart), "median": median(apart), "largest": max(apart)}
@@ -91,8 +94,9 @@ class Result:
     def misses(self) -> list[str]:
         """What is beyond its limit."""
         found = [
-            f"hmi: {name} {cost['median']:.0f} µs more than idle, which varies by {cost['idle_varies']:.0f}"
-            for name, cost in self.costs().items()
+            f"{load}: {name} {cost['median']:.0f} µs more than idle; that varies by {cost['idle_varies']:.0f}"
+            for load in MORE
+            for name, cost in self.costs(load).items()
             if cost["median"] > cost["idle_varies"] + RESOLUTION_US
         ]
         for name, row in self.figures().items() if not self.skipped else ():
@@ -174,7 +178,7 @@ def _ours(bundle: Path, name: str, seconds: float) -> tuple[dict[str, Any], floa
     """Statistics of the cycles, and requests a second that were answered beside them."""
     ticks = round(seconds / TICK_S)
     scenario = load(SCENARIO)
-    hmi = free_port() if name == "hmi" else None
+    hmi = free_port() if name in PAGES else None
     with Rig(Setting(bundle, scenario, ticks=min(ticks, scenario.duration_ticks), hmi=hmi)) as rig:
         with _load(name, lambda: nullcontext(rig.port), seconds, hmi) as found:
             rig.begin()
@@ -197,7 +201,7 @@ def _load(
         if name == "stress":
             stack.enter_context(loads.stress())
         if hmi:  # not beside cyclictest: what is compared is the cycle with pages and the computer without
-            stack.enter_context(loads.pages(hmi))
+            stack.enter_context(PAGES[name](hmi))
         yield (
             stack.enter_context(loads.clients(stack.enter_context(port()), seconds))
             if name == "modbus"
@@ -207,8 +211,8 @@ def _load(
 
 def _missing(names: Sequence[str]) -> str:
     """Why nothing can be measured; empty if it can."""
-    if "hmi" in names and loads.browser() is None:
-        return "no browser for the load hmi: install chromium"
+    if "browsers" in names and loads.browser() is None:
+        return "no browser for the load browsers: install chromium"
     if shutil.which("cyclictest") is None:
         return "cyclictest is not installed (Debian: rt-tests)"
     if "stress" in names and shutil.which("stress-ng") is None:

@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -81,6 +83,27 @@ def pages(port: int, count: int = PAGES) -> Iterator[None]:
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def readers(port: int, count: int = PAGES) -> Iterator[None]:
+    """So many pages on other computers: what the HMI sends them is taken, and nothing is drawn here."""
+    stop = threading.Event()
+
+    def read() -> None:
+        with urllib.request.urlopen(f"http://{HOST}:{port}/api/stream", timeout=PAGES_S) as stream:
+            while not stop.is_set() and stream.readline():
+                pass
+
+    threads = [threading.Thread(target=read, daemon=True) for _ in range(count)]
+    for thread in threads:
+        thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join(PAGES_S)
 
 
 @contextmanager

@@ -13,12 +13,12 @@ state() { systemctl show slewright.service --property ActiveState,SubState,Resul
 systemctl stop slewright.service
 candump -L can0 > candump.log &
 listener=$!
-mkfifo told
+mkfifo /run/told  # not among the results: a pipe cannot come back
 cd /srv
-$python -m slewright.hil.machine_node '{"scenario": "four_targets_empty", "seed": 1, "ticks": 1000, "planner": true, "interface": "socketcan", "channel": "can0", "record": "/srv/results/machine.parquet"}' < results/told > results/machine.out &
+$python -m slewright.hil.machine_node '{"scenario": "four_targets_empty", "seed": 1, "ticks": 1000, "planner": true, "interface": "socketcan", "channel": "can0", "record": "/srv/results/machine.parquet"}' < /run/told > results/machine.out &
 machine=$!
 cd results
-exec 3> told
+exec 3> /run/told
 for _ in $(seq 120); do grep -q ready machine.out && break; sleep 1; done
 systemctl start slewright.service
 state > started

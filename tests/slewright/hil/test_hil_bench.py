@@ -50,13 +50,13 @@ def test_what_is_beyond_a_limit_is_said():
 
 def test_what_pages_cost_is_compared_with_what_idle_varies_by_itself():
     idle = [block(10.0), block(14.0), block(12.0)]
-    assert Result({"idle": idle}).costs() == {}
+    assert Result({"idle": idle}).costs("hmi") == {}
     within = Result({"idle": idle, "hmi": [block(12.0), block(17.0), block(15.0)]})
     expected = {"smallest": 2.0, "median": 3.0, "largest": 3.0, "idle_varies": 4.0}
-    assert within.costs()["lateness p99"] == expected
+    assert within.costs("hmi")["lateness p99"] == expected
     assert within.misses() == []
     beyond = Result({"idle": idle, "hmi": [block(17.0), block(22.0), block(18.0)]})
-    assert beyond.misses()[0].startswith("hmi: lateness p99 7 µs more than idle, which varies by 4")
+    assert beyond.misses()[0].startswith("hmi: lateness p99 7 µs more than idle; that varies by 4")
 
 
 def test_without_cyclictest_or_rights_it_says_so_and_measures_nothing(monkeypatch: pytest.MonkeyPatch):
