@@ -208,7 +208,7 @@ class Alarms:
             return fresh
 
     def listed(self) -> list[Alarm]:
-        """What is there or was not acknowledged: the most urgent first, then the newest; of one time the cause."""
+        """What is there or was not acknowledged: the most urgent first, then the newest, causes first."""
         order = list(Level)
         with self._lock:
             found = [*self.present.values(), *self._waiting]
