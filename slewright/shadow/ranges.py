@@ -76,12 +76,14 @@ def pendulum(found: Shadowed) -> dict[str, Any] | None:
 
 
 def _values(name: str, found: Shadowed) -> np.ndarray | None:
-    """What the recording tells of a quantity, in automatic operation; None: nothing."""
+    """What the recording tells of a quantity, in SI; of a target's in automatic operation.  None: nothing."""
     if name == "pendulum_length":
         return length(found)
     if name not in QUANTITIES:
         return None
-    values = QUANTITIES[name](found)[in_mode(found, AUTOMATIC)]
+    values = QUANTITIES[name](found)
+    if name in OF_TARGET:  # elsewhere targets are left over, or none
+        values = values[in_mode(found, AUTOMATIC)]
     return values[np.isfinite(values)]
 
 
@@ -112,6 +114,7 @@ QUANTITIES: dict[str, Callable[[Shadowed], np.ndarray]] = {
     "inertia": _inertia,
     "slew_error": _slew_error,
 }
+OF_TARGET = ("pace", "target_z", "target_radius", "slew_error")
 UNITS = {
     "q_boom": "rad", "q_stick": "rad", "load_mass": "kg", "target_radius": "m", "target_z": "m", "pace": "1",
     "inertia": "kg.m2", "slew_error": "rad", "pendulum_length": "m", "slew_dead_band": "1",

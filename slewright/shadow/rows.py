@@ -90,7 +90,7 @@ def sentences(f: Mapping[str, Any]) -> list[str]:
     if near["pieces"]:
         share = near["fit_percent"]
         told = "none" if share is None else f"{share:.0f} %"
-        pieces = f"{near['pieces']} pieces, {near['seconds']:.0f} s"
+        pieces = f"{near['pieces']} piece{'s' * (near['pieces'] != 1)}, {near['seconds']:.0f} s"
         found.append(f"closeness: mean FIT of the joints' speeds {told} ({pieces})")
     else:
         found.append(

@@ -12,6 +12,7 @@ from reconcile.data import read_run
 from reconcile.model import read_folder
 from records.formats import read_measurement, write_measurement
 from runtime.control import AXES
+from runtime.image import OUTPUT
 from runtime.recorder.reader import Recording
 from runtime.replay import replay
 from slewright.shadow import agreement, closeness, handover, ranges
@@ -19,6 +20,7 @@ from slewright.shadow.recorded import Shadowed, read
 from slewright.shadow.report import Asked, run
 from specs.errors import InputError
 from tests.conftest import ROOT
+from tests.runtime.bench import HOLD
 from tests.runtime.bundles import built, core
 from tests.slewright.shadow.runs import TICKS, recorded, repeated
 
@@ -86,6 +88,15 @@ def test_ranges_are_told_with_their_source():
     found = repeated()
     moved = Shadowed(**{**found.__dict__, "inputs": found.inputs + 3.0})
     assert {r["name"]: r["inside"] for r in ranges.compare(moved, built("pd"))}["q_boom"] is False
+
+
+def test_ranges_of_the_machine_are_told_without_a_target():
+    found = repeated()
+    outputs = found.outputs.copy()
+    outputs[:, OUTPUT.at("control_mode")] = HOLD
+    held = replace(found, outputs=outputs)
+    assert not agreement.in_mode(held, "automatic").any()
+    assert ranges.compare(held, built("pd")) == ranges.compare(found, built("pd"))
 
 
 def test_a_policys_trained_ranges_go_before_the_stated_ones(tmp_path: Path):
