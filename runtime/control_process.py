@@ -8,9 +8,11 @@ import json
 import signal
 import struct
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+import can
 import numpy as np
 
 from runtime import configuration, helpers, realtime
@@ -89,19 +91,28 @@ class Publisher:
 def main(text: str) -> None:
     """Run cycles until SIGTERM or for `ticks`; statistics go to `statistics` as JSON at the end."""
     told = json.loads(text)
-    folder = Path(told["folder"])
     helpers.end_with(signal.SIGTERM)
     wanted = configuration.read(Path(told["config"]))
     if quiet := bool(told.get("shadow")):
         wanted = configuration.in_shadow(wanted)
     core = open_core(load(Path(told["bundle"]), told["digest"]))
     core.restart(told["retained"])
-    bus = open_bus(wanted.can.interface, wanted.can.channel, wanted.can.bit_rate, listen_only=quiet)
-    found = Statistics()
+    told_bus = wanted.can.interface, wanted.can.channel, wanted.can.bit_rate
+    with open_bus(
+        *told_bus, listen_only=quiet
+    ) as bus:  # left properly, too, where another controller is heard
+        _control(told, wanted, core, bus)
+
+
+def _control(
+    told: Mapping[str, Any], wanted: configuration.Configuration, core: ControlCore, bus: can.BusABC
+) -> None:
+    """All cycles, and their statistics."""
+    folder, quiet, found = Path(told["folder"]), bool(told.get("shadow")), Statistics()
     joystick = Joystick(wanted.can.joystick) if wanted.can.joystick else None
     overheard = Overheard() if quiet else None
     ports: list[Port] = [
-        can := NativePort(bus, core.library, joystick, overheard),
+        wires := NativePort(bus, core.library, joystick, overheard),
         *_others(wanted, folder, found),
     ]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
@@ -119,10 +130,9 @@ def main(text: str) -> None:
     if twin:
         scan.before = twin
     if not quiet:
-        can.listen(LISTEN_S)
+        wires.listen(LISTEN_S)
     scan.run(stop=helpers.told_to_end, ticks=told.get("ticks"))
     realtime.release()
-    bus.shutdown()
     if twin:
         twin.close()
     found.unrecorded = feed.ring.lost if feed else 0

@@ -87,7 +87,7 @@ def test_a_fault_that_was_kept_is_latched_from_the_first_cycle_on(machine: Path)
     assert "load_estimate" not in values
 
 
-def test_a_second_controller_on_the_bus_is_refused_and_the_first_goes_to_fault(machine: Path):
+def test_a_second_controller_on_the_bus_is_refused_and_the_first_goes_to_fault(machine: Path, capfd):
     """Nothing of the second reaches the bus; one that sends all the same stops the first."""
     elsewhere = machine.parent / "second"
     elsewhere.mkdir()
@@ -97,6 +97,10 @@ def test_a_second_controller_on_the_bus_is_refused_and_the_first_goes_to_fault(m
         until(lambda: first.watch() is None and first.now().ticks > 0)
         with Supervisor(second) as other, pytest.raises(InputError, match="refused to start"):
             other.run(lambda _: None)
+        said = capfd.readouterr().err.splitlines()
+        assert [s for s in said if "real-time" not in s and "locked memory" not in s] == [
+            "slewright: another controller sends on this bus: there can be one only"
+        ]
         assert not first.now().flags_seen & Flag.OTHER_CONTROLLER
         channel = re.search(r'channel = "(.*)"', machine.read_text())
         assert channel
