@@ -28,7 +28,7 @@ from runtime.image import OUTPUT, TICK_S
 from runtime.modbus.cells import create
 from runtime.notify import Notifier
 from runtime.policy import open_core
-from runtime.recorder.seen import SHADOWED
+from runtime.recorder.seen import SHADOW, SHADOWED
 from runtime.replay import identity
 from runtime.retain import Folder, Retained
 from runtime.ring import Ring
@@ -42,7 +42,6 @@ WATCH_S = 0.1
 PROVEN_TICKS = 500  # 10 s: loading, all processes and a hundred policy ticks are behind it
 PATIENCE_S = 90.0  # for a helper's first sign of life, on a machine that does other things too
 RESTART_S = 1.0  # between starts of a helper that does not stay
-SHADOW = ", in shadow: nothing is commanded"  # said wherever its commands are shown
 LOCK = ".in-use"
 TICKS = "ticks"  # retained beside the signals: ticks over all runs
 

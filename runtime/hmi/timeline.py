@@ -20,6 +20,7 @@ from runtime.image import INPUT, OUTPUT, TICK_S, Status, token
 from runtime.recorder.feed import TIMING
 from runtime.recorder.message import TIMING_FIELDS
 from runtime.recorder.reader import Recording, Tick
+from runtime.recorder.seen import SHADOW, SHADOWED
 from runtime.statistics import Histogram
 from specs.errors import InputError
 
@@ -106,7 +107,7 @@ def _recording(path: Path) -> Timeline:
         raise InputError(f"{path} was recorded with other signals: {metadata.get('layout')}, not {token()}")
     spans = [s for file in recording.files() if (s := _span(file, recording.notes))]
     about = {
-        "machine": path.name,
+        "machine": path.name + SHADOW * (metadata.get("mode") == SHADOWED),
         **{k: metadata[k] for k in ("controller", "bundle", "platform") if k in metadata},
     }
     return Timeline(spans, about, "day", recording.notes)

@@ -16,6 +16,7 @@ from specs.signals import signal
 SEEN = 3  # kind of its entries in the recorder's queue
 SEEN_TOPIC = "/operator"
 SHADOWED = "shadow"  # `mode` in the metadata of such a recording
+SHADOW = ", in shadow: nothing is commanded"  # said wherever its commands are shown
 JOYSTICK = ("joystick_slew", "joystick_boom", "joystick_stick")
 SWITCHES = ("operator_enable", "automatic_request", "automatic_allowed")
 VALVES = ("u_slew", "u_boom", "u_stick", "control_enable")

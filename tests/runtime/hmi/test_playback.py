@@ -26,10 +26,12 @@ from tests.runtime.stand_in import Lockstep
 TICKS = 1500
 
 
-def recorded(folder: Path, ticks: int = TICKS, close: bool = True) -> Path:
+def recorded(folder: Path, ticks: int = TICKS, close: bool = True, mode: str = "control") -> Path:
     """A recording of half a minute in segments of ten seconds, its slew turning, an emergency stop within."""
     ring = Ring.create(folder / "ring", 1 << 20)
-    writer = Recorder(ring, Folder(folder / "rec", 64 << 20), identity(core="c0de", specs="1"), 500)
+    writer = Recorder(
+        ring, Folder(folder / "rec", 64 << 20), {**identity(core="c0de", specs="1"), "mode": mode}, 500
+    )
     run = Lockstep(ring)
     run.port.receive = lambda inputs, tick: None  # type: ignore[method-assign]  (what is set here stays)
     for k in range(ticks // 50):
@@ -73,6 +75,12 @@ def test_a_timeline_holds_every_fifth_tick_of_all_segments(tmp_path: Path):
     assert sum(len(b.late_ns) for b in blocks) == TICKS
     slew = np.concatenate([b.inputs["value"][:, INPUT.at("q_slew")] for b in blocks])
     assert (slew[0], slew[-1]) == (0.0, pytest.approx(0.03 * (TICKS // 50 - 1)))
+
+
+@pytest.mark.parametrize("mode", ["control", "shadow"])
+def test_a_recording_of_shadow_mode_is_shown_as_one(mode: str, tmp_path: Path):
+    about = open_timeline(recorded(tmp_path, 100, mode=mode)).about
+    assert about["machine"] == {"control": "rec", "shadow": "rec, in shadow: nothing is commanded"}[mode]
 
 
 def test_a_segment_that_was_cut_plays_as_far_as_it_is_whole(tmp_path: Path):
