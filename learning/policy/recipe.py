@@ -137,11 +137,9 @@ _RECIPES = (
         first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0,
     ),
     Recipe(
-        "full", "ours: through the simulation's own gradient", prior="parabola",
-        weights={**_OURS, "sway": 2.5, "balance": 0.4, "closing": 0.25}, gentle=1.5,
-        random=Randomisation(pace=(0.6, 2.0)),
-        first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25,
-        fade=0.99, level=3.0, episode_s=12.0, consecutive=0.5, envs=192, iterations=160, rate=1.5e-3,
+        "full", "ours: through the simulation's own gradient", prior="parabola", weights=_OURS,
+        first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25, fade=0.97,
+        episode_s=15.0, consecutive=0.5, envs=192, iterations=250, rate=1.5e-3,
     ),
     Recipe(
         "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST,
