@@ -18,7 +18,7 @@ STEP_LIMIT, UPDATE_LIMIT = (
     1.5,
 )  # a step over its products at most; an iteration of theirs over ours at least
 MACHINES, STEPS = 1000, 5  # no power of two: rows that lie 4 KiB apart share a place in the cache
-PPO: dict[str, Any] = {"envs": 1024, "steps": 12, "epochs": 5, "batches": 4}
+PPO: dict[str, Any] = {"envs": 1000, "steps": 12, "epochs": 5, "batches": 4}
 Report = Callable[[str, float, float], None]
 
 

@@ -96,6 +96,40 @@ class _Call(torch.autograd.Function):
         return (None, None, *found)
 
 
+class Tanh(torch.nn.Module):
+    """tanh by the compiler's vector library, a few times as fast as torch's; torch's where there is none."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Element by element, in single precision or bfloat16."""
+        return _Tanh.apply(x)  # type: ignore[return-value]
+
+
+class _Tanh(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, x: Tensor) -> Tensor:  # type: ignore[override]
+        able = x.device.type == "cpu" and x.dtype in (torch.float32, torch.bfloat16)
+        library = _compiled(_tanh()) if able else None
+        if library is None:
+            y = torch.tanh(x)
+        else:
+            wide = x.float().contiguous()
+            found = torch.empty_like(wide)
+            _run(library.forward, wide.numel(), (wide, found))
+            y = found.to(x.dtype)
+        ctx.save_for_backward(y)
+        return y
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> Tensor:  # type: ignore[override]
+        return torch.ops.aten.tanh_backward(gradients[0], ctx.saved_tensors[0])
+
+
+@functools.cache
+def _tanh() -> ca.Function:
+    x = ca.SX.sym("x")
+    return ca.Function("tanh", [x], [ca.tanh(x)])
+
+
 def _run(function: Any, n: int, tensors: Sequence[Tensor]) -> None:
     pointers = (ctypes.c_void_p * len(tensors))(*(t.data_ptr() for t in tensors))
     function(ctypes.c_long(n), pointers)

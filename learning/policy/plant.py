@@ -86,7 +86,8 @@ def tip_of() -> ca.Function:
     arm, x, v = load_model("arm"), ca.SX.sym("x", len(ARM)), ca.SX.zeros(len(VARIED))
     at = arm.h(x, ca.SX.zeros(4), [], _parameters(arm, v, 0.0))
     out = {name.name: at[i] for i, name in enumerate(arm.outputs)}
-    return ca.Function("tip", [x], [ca.cse(ca.SX(ca.vertcat(out["radius"], out["height"])))])
+    found: Any = ca.cse(ca.vertcat(out["radius"], out["height"]))
+    return ca.Function("tip", [x], [found])
 
 
 def _command(arm: ca.SX) -> ca.Function:

@@ -40,6 +40,8 @@ class PpoTrainer(Trainer):
         with contextlib.redirect_stdout(io.StringIO()):  # it prints its networks
             self.algorithm = PPO.construct_algorithm(self._seen(self.now), self, _settings(recipe), device)  # type: ignore[arg-type]
         self.mlp: nn.Sequential = self.algorithm.actor.mlp
+        if recipe.mixed:
+            self._hasten()
         self.algorithm.train_mode()
 
     def iterate(self) -> dict[str, float]:
@@ -50,7 +52,9 @@ class PpoTrainer(Trainer):
         with torch.no_grad():
             seen = self._seen(self.now)
             for _ in range(self.recipe.steps):
-                step = self.play(self.now, self.algorithm.act(seen), self._observation, leak=0.0)
+                with torch.autocast(self.device, torch.bfloat16, enabled=self.recipe.mixed):
+                    action = self.algorithm.act(seen).float()
+                step = self.play(self.now, action, self._observation, leak=0.0)
                 after, rewards = step.after, self.rewards([step])
                 self.check(rewards)
                 for name, value in rewards.items():
@@ -74,6 +78,17 @@ class PpoTrainer(Trainer):
         return self.report(terms, self.recipe.steps, unknown, ended) | means | {
             f"loss/{k}": float(v) for k, v in losses.items() if v is not None
         }  # fmt: skip
+
+    def _hasten(self) -> None:
+        """The same update in less time: one operation for all of Adam, a quicker tanh."""
+        from learning.policy.kernel import Tanh
+
+        for model in (self.algorithm.actor, self.algorithm.critic):
+            for place, layer in enumerate(model.mlp):
+                if isinstance(layer, nn.Tanh):
+                    model.mlp[place] = Tanh()
+        for group in self.algorithm.optimizer.param_groups:
+            group["foreach"], group["fused"] = False, True
 
     def _ends(self, s: Situation, which: Tensor) -> dict[str, float]:
         error = self.environment.error(s).norm(dim=0)[which].mean()
