@@ -40,8 +40,8 @@ class Pulse:
 
     @property
     def steady(self) -> Trace:
-        """The last second at the level."""
-        return self.trace.part(max(self.begun, self.ended - 50), self.ended)
+        """The last second at the level; the last tick, if it never moved."""
+        return self.trace.part(min(max(self.begun, self.ended - 50), self.ended - 1), self.ended)
 
 
 def run(bench: Bench, axis: str) -> None:
