@@ -98,7 +98,8 @@ def _command(arm: ca.SX) -> ca.Function:
     joystick = (1.0 - share) * action[0] + share * sent[3 * (KEPT - 1)]
     inertia = scale * kinematics.inertia_z(arm[0], arm[1], load, kinematics.geometry())
     found: list[Any] = [ca.vertcat(sent[3:], action), _warped(joystick, band, gain), inertia]
-    return ca.Function("command", [sent, action, arm, own], ca.cse(found))
+    made: Any = ca.cse(found)
+    return ca.Function("command", [sent, action, arm, own], made)
 
 
 def _warped(u: ca.SX, band: ca.SX, gain: ca.SX) -> ca.SX:
