@@ -21,7 +21,7 @@ from runtime.image import INPUT, OUTPUT, TICK_S
 from specs.parameters import parameter
 from specs.signals import definition
 from tests.edges import Edge, traced
-from tests.runtime.bench import FAULT, NOISY, POSE, READY, STANDBY, TARGET
+from tests.runtime.bench import FAULT, FAULTS, NOISY, POSE, READY, STANDBY, TARGET
 from tests.runtime.bundles import core
 
 PACKAGE = runtime.can
@@ -110,7 +110,8 @@ def _judge(values: np.ndarray, before: np.ndarray) -> np.ndarray:
     assert np.isfinite(values).all(), values
     assert ((values >= LOW) & (values <= HIGH)).all(), [s.name for s in OUTPUT.signals]
     commands = values[COMMANDS]
-    assert (abs(commands - before) <= STEP + 1e-9).all(), (commands, before)
+    stopped = values[OUTPUT.index["fault_code"]] == FAULTS["emergency_stop"] and not commands.any()  # at once
+    assert stopped or (abs(commands - before) <= STEP + 1e-9).all(), (commands, before)
     if values[OUTPUT.index["control_mode"]] in (FAULT, STANDBY):
         assert (abs(commands) <= abs(before) + 1e-12).all(), (commands, before)
     return commands
