@@ -194,8 +194,8 @@ def main() -> None:
         bus = BusProcess(wanted.socket, Wire(wanted.bit_rate))
     except OSError as error:
         sys.exit(f"{wanted.socket}: {error.strerror}")
-    print("ready", flush=True)
     try:
+        print("ready", flush=True)
         bus.run()
     except KeyboardInterrupt:
         pass
