@@ -9,7 +9,7 @@ from fmus.definition import Model, Variable
 from reconcile import sites
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
-from reconcile.data import Block, Parts, Run
+from reconcile.data import Parts, Run
 from reconcile.extended import Extended
 from reconcile.fit import whitening
 from reconcile.fit.compiled import Compiled
@@ -17,7 +17,7 @@ from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.point import Point
 from reconcile.fit.problem import Problem
 from reconcile.fit.solve import LONGER, Fitted, Free, fit
-from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, Window, cut, span, thinned
+from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, Window, cut, few, span
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from specs.errors import InputError
 
@@ -27,7 +27,6 @@ WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks
 FAR = 0.1  # of what an output moves by: with larger errors a model goes elsewhere
 BEYOND = 30.0  # times the grid of starts to which a shape may go
 RANKING, CHOOSING = 20.0, 5.0  # times the tolerance of steps where sets are ranked, and where they are judged
-FEW = 60  # windows in which strong effects are looked for
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
 
 
@@ -50,7 +49,7 @@ class Study:
         options = {} if catalogue is None else {"catalogue": catalogue}
         self.candidates = candidates(folder, sorted(recorded), **options)
         self.extended = Extended(folder, self.candidates)
-        self.compiled = _compiled(self.extended)
+        self.compiled = Compiled(self.extended)
         shown = [n for n in folder.ports.outputs if n in recorded and not _switches(runs, n)]
         if not shown:
             raise InputError(f"the recordings hold no output of {self.model.name} that varies")
@@ -328,11 +327,6 @@ class Study:
         return [_free(v) for v, f in zip(names, felt, strict=True) if f]
 
 
-def few(blocks: Sequence[Block], window_s: float, step_s: float | None) -> list[Window]:
-    """A part of the windows: what is strong shows in it, and a model that is lost is slow to fit."""
-    return thinned(cut(blocks, window_s, step_s), FEW)
-
-
 def _blocks(parts: Parts, which: str):
     """Blocks of a problem: the short windows are those to fit as well."""
     return parts.fit if which in ("first", "short") else getattr(parts, which)
@@ -387,10 +381,3 @@ def _floor(model: Model, name: str, runs: Sequence[Run]) -> Floor:
         if start > 0 and seen < 1.5 * start:
             return Floor(float(np.hypot(start, step / np.sqrt(12.0))), "sensor specification")
     return Floor(seen, "high-pass estimate")
-
-
-_LOADED: dict[tuple, Compiled] = {}
-
-
-def _compiled(extended: Extended) -> Compiled:
-    return Compiled(extended)

@@ -97,10 +97,9 @@ def main(text: str) -> None:
         wanted = configuration.in_shadow(wanted)
     core = open_core(load(Path(told["bundle"]), told["digest"]))
     core.restart(told["retained"])
-    told_bus = wanted.can.interface, wanted.can.channel, wanted.can.bit_rate
-    with open_bus(
-        *told_bus, listen_only=quiet
-    ) as bus:  # left properly, too, where another controller is heard
+    place = wanted.can.interface, wanted.can.channel, wanted.can.bit_rate
+    # left properly, too, where another controller is heard
+    with open_bus(*place, listen_only=quiet) as bus:
         _control(told, wanted, core, bus)
 
 

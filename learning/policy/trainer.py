@@ -49,12 +49,12 @@ class Trainer:
         """One iteration; figures by name."""
         raise NotImplementedError
 
-    def play(self, s: Situation, y: Tensor, observation: Tensor, leak: float = LEAK) -> "Step":
+    def play(self, s: Situation, y: Tensor, observation: Tensor, leak: float = LEAK) -> Step:
         """A step with the network's answer y [n, outputs]; what it is worth: `rewards`."""
         asked = self.interface.asked(y, observation)
         return Step(s, self.environment.advance(s, self.interface.limited(asked, leak)), asked)
 
-    def rewards(self, steps: Sequence["Step"]) -> dict[str, Tensor]:
+    def rewards(self, steps: Sequence[Step]) -> dict[str, Tensor]:
         """Weighed rewards of steps, [steps * n] by name: all machines of the first step come first."""
         asked = torch.cat([step.asked for step in steps], dim=1)
         over = (asked - self.interface.limited(asked)) / self.interface.high

@@ -17,6 +17,7 @@ from reconcile.data import Block, Run, Signal
 
 WINDOW_S = 20.0
 FIRST_S = 0.5  # where a model is lost within SHORT_S, as a pendulum that knows of no gravity
+FEW = 60  # windows in which strong effects are looked for: a model that is lost is slow to fit
 SHORT_S = 2.0  # while strong effects are missing: the model does not get far from the recording
 HOLDOUT_S = 4.0
 STEP_S = (0.002, 0.01)  # least and largest step
@@ -159,9 +160,10 @@ def span(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | No
     return windows
 
 
-def thinned(windows: Sequence[Window], most: int) -> list[Window]:
-    """At most `most` windows, spread evenly over all of them."""
-    chosen = np.unique(np.linspace(0, len(windows) - 1, min(most, len(windows))).round().astype(int))
+def few(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | None = None) -> list[Window]:
+    """As `cut`, but at most FEW of them, spread evenly: what is strong shows in a part as well."""
+    windows = cut(blocks, window_s, step_s)
+    chosen = np.unique(np.linspace(0, len(windows) - 1, min(FEW, len(windows))).round().astype(int))
     return [windows[i] for i in chosen]
 
 

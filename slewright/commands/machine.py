@@ -30,6 +30,7 @@ def machine(
     ] = False,
 ) -> None:
     """The simulated machine and its operator on a bus, for slewright run (docs/runtime.md)."""
+    from runtime.configuration import LOCAL_BUS
     from slewright.hil.alone import Alone, Operator, drive
     from slewright.hil.machine import Machine
     from slewright.hil.machine_node import MachineNode
@@ -42,7 +43,7 @@ def machine(
         report("starting")
         plant = Machine(found, seed, draw)
     with plant, Alone(interface, channel) as end:
-        where = Path(channel).resolve() if interface == "slewright" else channel
+        where = Path(channel).resolve() if interface == LOCAL_BUS else channel
         typer.echo(f"simulated machine on {interface} {where}; Ctrl-C ends it")
         with suppress(KeyboardInterrupt):
             drive(MachineNode(end.bus, found, plant), ticks, typer.echo, None if by_hand else Operator())

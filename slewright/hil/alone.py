@@ -18,13 +18,13 @@ import can
 
 from runtime.can.busd import start_bus
 from runtime.can.port import open_bus
+from runtime.configuration import LOCAL_BUS
 from slewright.hil.machine_node import NODES, MachineNode, beats
 from slewright.hil.rig import BUS_PRIORITY, MACHINE_PRIORITY, prefer
 from specs.errors import InputError, nearest
 from specs.scenario import TICK_S
 from specs.signals import definition, signal, signals
 
-LOCAL = "slewright"
 PRESS_S = 0.5  # s, that a switch is off before it is pressed, and then on before it is pressed anew
 ACKNOWLEDGE_S = 2.0  # s, that a fault is looked at first
 MODES = {text: number for number, text in signal("control_mode").values.items()}
@@ -93,7 +93,7 @@ class Alone:
         """Join the bus, after making it if it is a local one that nobody has made."""
         self._made: Popen[bytes] | None = None
         rate = definition().bus.bit_rate
-        if interface == LOCAL and not _answers(Path(channel), rate):
+        if interface == LOCAL_BUS and not _answers(Path(channel), rate):
             Path(channel).unlink(missing_ok=True)
             self._made = start_bus(Path(channel))
             prefer(self._made.pid, BUS_PRIORITY)
@@ -118,7 +118,7 @@ def _answers(path: Path, rate: int) -> bool:
     if not path.is_socket():
         raise InputError(f"{path} is there already, and no local bus")
     try:
-        open_bus(LOCAL, str(path), rate, "").shutdown()
+        open_bus(LOCAL_BUS, str(path), rate, "").shutdown()
     except InputError:
         return False
     return True

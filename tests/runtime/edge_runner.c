@@ -6,19 +6,13 @@
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
-#include <stdio.h>
-#include <stdlib.h>
 
 #include "slr.h"
-#include "wire.h"
+#include "turn.h"
 
 #define EDGES (1u << 18)
 
-typedef size_t Size(void);
-typedef void ResetWire(SlrWire *);
 typedef void ResetCore(SlrState *);
-typedef void Receive(SlrWire *, const SlrFrame *, int, int64_t, int64_t, SlrInput *);
-typedef int Send(SlrWire *, const SlrOutput *, int64_t, SlrFrame *);
 typedef void Step(const SlrInput *, SlrState *, int64_t, SlrOutput *);
 
 static uintptr_t base, before;
@@ -40,22 +34,14 @@ static Receive *receive;
 static Send *send_due;
 static Step *step;
 
-/* Every array in memory of its own size, so that a sanitizer sees what is read past it. */
 static void turn(SlrWire *w, SlrState *state, const int64_t head[3]) {
-  const size_t bytes = (size_t)head[2] * sizeof(SlrFrame);
-  SlrFrame *frames = malloc(bytes + 1), *due = malloc(SLR_WIRE_OUT_MESSAGES * sizeof *due);
-  SlrInput *in = calloc(1, sizeof *in);
-  SlrOutput *out = calloc(1, sizeof *out);
-  if (fread(frames, 1, bytes, stdin) != bytes) exit(1);
-  receive(w, frames, (int)head[2], head[0], head[1], in);
-  in->tick = head[0];
-  in->flags = (uint32_t)w->flags;
-  step(in, state, head[0], out);
-  send_due(w, out, head[0], due);
-  free(due);
-  free(out);
-  free(in);
-  free(frames);
+  Turn t = turn_begun(head[2]);
+  receive(w, t.frames, (int)head[2], head[0], head[1], t.in);
+  t.in->tick = head[0];
+  t.in->flags = (uint32_t)w->flags;
+  step(t.in, state, head[0], t.out);
+  send_due(w, t.out, head[0], t.due);
+  turn_ended(&t);
 }
 
 int main(int argc, char **argv) {

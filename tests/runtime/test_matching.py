@@ -12,6 +12,14 @@ DBC = FOLDER / "slewright.dbc"
 MAP = FOLDER / "modbus_map.csv"
 
 
+def edited(given: Path, folder: Path, old: str, new: str) -> Path:
+    """A copy of a file with every `old` made `new`."""
+    text = given.read_text()
+    assert old in text
+    (folder / given.name).write_text(text.replace(old, new))
+    return folder / given.name
+
+
 def test_our_dbc_matches() -> None:
     check_dbc(DBC)
 
@@ -44,13 +52,11 @@ def test_our_dbc_matches() -> None:
     ],
 )
 def test_a_dbc_that_does_not_match_is_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
-    text = DBC.read_text()
+    given = DBC
     if "u_slew : 48" in new:
-        text = text.replace("u_stick : 48|16", "u_stick : 16|16")
-    assert old in text
-    (tmp_path / "other.dbc").write_text(text.replace(old, new))
+        given = edited(DBC, tmp_path, "u_stick : 48|16", "u_stick : 16|16")
     with pytest.raises(InputError, match=said):
-        check_dbc(tmp_path / "other.dbc")
+        check_dbc(edited(given, tmp_path, old, new))
 
 
 def test_no_dbc_at_all_is_said(tmp_path: Path) -> None:
@@ -101,8 +107,5 @@ def test_our_map_matches_whatever_it_was_saved_with(tmp_path: Path) -> None:
     ],
 )
 def test_a_map_that_does_not_match_is_refused(tmp_path: Path, old: str, new: str, said: str) -> None:
-    text = MAP.read_text()
-    assert old in text
-    (tmp_path / "other.csv").write_text(text.replace(old, new))
     with pytest.raises(InputError, match=said):
-        check_map(tmp_path / "other.csv")
+        check_map(edited(MAP, tmp_path, old, new))

@@ -4,36 +4,21 @@
  * memory of its own size, so that a sanitizer sees what is read past it.
  */
 #include <dlfcn.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "wire.h"
-
-typedef size_t Size(void);
-typedef void Reset(SlrWire *);
-typedef void Receive(SlrWire *, const SlrFrame *, int, int64_t, int64_t, SlrInput *);
-typedef int Send(SlrWire *, const SlrOutput *, int64_t, SlrFrame *);
+#include "turn.h"
 
 static Receive *receive;
 static Send *send_due;
 
 /* What comes is sent as it is, too: any bits as values. */
 static void turn(SlrWire *w, const int64_t head[3]) {
-  const size_t bytes = (size_t)head[2] * sizeof(SlrFrame);
-  SlrFrame *frames = malloc(bytes + 1);
-  SlrInput *in = calloc(1, sizeof *in);
-  SlrOutput *out = calloc(1, sizeof *out);
-  SlrFrame *due = malloc(SLR_WIRE_OUT_MESSAGES * sizeof *due);
-  if (fread(frames, 1, bytes, stdin) != bytes) exit(1);
-  receive(w, frames, (int)head[2], head[0], head[1], in);
-  fwrite(in, sizeof *in, 1, stdout);
-  memcpy(out->value, frames, bytes < sizeof out->value ? bytes : sizeof out->value);
-  send_due(w, out, head[0], due);
-  free(due);
-  free(out);
-  free(in);
-  free(frames);
+  Turn t = turn_begun(head[2]);
+  receive(w, t.frames, (int)head[2], head[0], head[1], t.in);
+  fwrite(t.in, sizeof *t.in, 1, stdout);
+  memcpy(t.out->value, t.frames, t.bytes < sizeof t.out->value ? t.bytes : sizeof t.out->value);
+  send_due(w, t.out, head[0], t.due);
+  turn_ended(&t);
 }
 
 int main(int argc, char **argv) {
@@ -44,7 +29,7 @@ int main(int argc, char **argv) {
   send_due = (Send *)dlsym(library, "slr_wire_send");
   SlrWire *w = malloc(((Size *)dlsym(library, "slr_wire_size"))());
   while (fread(&ticks, sizeof ticks, 1, stdin) == 1) {
-    ((Reset *)dlsym(library, "slr_wire_reset"))(w);
+    ((ResetWire *)dlsym(library, "slr_wire_reset"))(w);
     for (; ticks > 0; ticks--) {
       if (fread(head, sizeof head, 1, stdin) != 1) return 1;
       turn(w, head);
