@@ -26,7 +26,7 @@ bending of boom and stick, the turning base's own tilt motion.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -146,6 +146,14 @@ def equations_of_motion(motion: Motion, gravity: ca.SX, shaking: ca.SX | None = 
         c += jb.T @ (line.mass * a_base + line.first * a_dir)
         c += jd.T @ (line.first * a_base + line.second * a_dir)
     return mass, c
+
+
+def tool_swing(motion: Motion, gravity: ca.SX, acceleration: ca.SX) -> ca.SX:
+    """(pitch, roll) in rad/s2 of a tool without dampers, where slew, boom and stick accelerate so (3)."""
+    mass, c = equations_of_motion(replace(motion, lines=motion.lines[-1:]), gravity)
+    # the joint's two axes are at right angles: neither pulls on the other but by velocities, in c
+    right = -c[PITCH:] - mass[PITCH:, :PITCH] @ acceleration
+    return ca.vertcat(right[0] / mass[PITCH, PITCH], right[1] / mass[ROLL, ROLL])
 
 
 def tool_rotation(q: ca.SX) -> ca.SX:

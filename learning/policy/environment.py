@@ -4,6 +4,7 @@ Targets lie at slew angle 0, so that the slew angle is the error (paper).  Every
 and no operation works in place, so that a whole episode can be differentiated.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -42,7 +43,8 @@ class Environment:
         self.recipe, self.random = recipe, recipe.random
         self.n = n - n % len(networks)
         self.device = device
-        self.plant = Plant(Drive(networks, device), round(recipe.ahead_s / SPACING_S), recipe.task == "slew")
+        ahead, still = round(recipe.ahead_s / SPACING_S), recipe.task == "slew"
+        self.plant = Plant(Drive(networks, device), ahead, still, recipe.spatial)
         self.boost = parameters.load("slew")["slew_boost_pressure"].value  # Pa, of a drive at rest
         self.generator = torch.Generator(device).manual_seed(seed)
         self._miss, self._sense = Kernel(_miss()), Kernel(_sense(recipe.history))
@@ -109,6 +111,7 @@ class Environment:
             torch.stack(varied), self.uniform(*r.load), ticks(base.boom_delay), ticks(base.stick_delay),
             self.uniform(*r.latency).floor(), drawn(r.dead_band, base.dead_band),
             self.uniform(*r.inertia_scale), self.uniform(*r.gain),
+            torch.cat([2 * math.pi * self.uniform(*r.oil_hz, 2), self.uniform(*r.oil_damping)[None]]),
         )  # fmt: skip
 
     def fresh(self) -> Situation:

@@ -14,18 +14,22 @@ nearly as long, so that it hardly matters); their speed is then the gyro's.  Wit
 FMUs.
 
 All of it can be differentiated.  Beside what the FMUs have, the joystick can be changed on its way to the
-networks (`Variation`): one set of networks then stands for machines with other dead bands and delays.
+networks (`warped`): one set of networks then stands for machines with other dead bands and delays.  Boom
+and stick can rest on the oil of their cylinders as on springs (`_ringing`), which the arm's FMU leaves out;
+and the tool can be the reference machine's spatial pendulum (`_spatial`), with the couplings that the paper's
+two plane ones leave out and `slewright reconcile` names (docs/showcases/tool.md).
 """
 
 from dataclasses import dataclass, fields
 from functools import cache, cached_property
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
 import torch
 from torch import Tensor
 
-from fmus.equations import kinematics
+from fmus.equations import kinematics, multibody
 from fmus.loader import load_model
 from fmus.slew_nn.network import HISTORY, PERIOD_S
 from learning.policy.drive import Drive
@@ -43,35 +47,40 @@ VARIED = (  # parameters of each simulated machine, by the FMUs' names
 
 OWN_DEAD_BAND = parameters.load("control")["control_dead_band"].value  # of the machine of the recordings
 OWN = ("latency", "dead_band", "gain", "load", "inertia_scale")  # of a machine, beside VARIED
+OIL = ("boom_oil", "stick_oil", "oil_damping")  # rad/s, rad/s, 1: boom and stick on their oil; 0: rigid
 
 
 @cache
-def _equations() -> dict[str, Kernel]:
+def _equations(spatial: bool = False) -> dict[str, Kernel]:
     """What is carried over to torch: a period of five ticks, and what follows from the arm's pose.
 
     command: (sent, action, arm, OWN) -> sent, the joystick that the networks see, slew inertia;
-    period: (arm, tool, references of each tick, speeds before, after, VARIED, angle) -> (arm, tool, angle);
+    period: (arm, tool, references of each tick, speeds before, after, VARIED, angle, ringing, OIL)
+        -> (arm, tool, angle, ringing);
     swing: the same without references and with the arm at rest -> (tool, angle);
     tip: arm -> radius, height; moment: (arm, load) -> slew inertia of the pose.
     """
-    arm, tool = load_model("arm"), load_model("tool")
+    arm = load_model("arm")
     x, t, r, v, q = (ca.SX.sym(n, k) for n, k in zip("xtrvq", (4, 6, 2 * TICKS, len(VARIED), 1), strict=True))
     before, after = ca.SX.sym("before", HISTORY), ca.SX.sym("after", HISTORY)
     w = (before[HISTORY - 1], after[HISTORY - 1])
-    load = ca.SX.sym("load")
-    poses, swings, still = [x], [t], t
+    load, e, oil = ca.SX.sym("load"), ca.SX.sym("e", len(ARM)), ca.SX.sym("oil", len(OIL))
+    poses, swings, still, rings = [x], [t], t, [e]
+    turn = (w[1] - w[0]) / PERIOD_S
+    tick = _spatial if spatial else _plane
     for i in range(TICKS):
         rate = w[0] + (i / TICKS) * (w[1] - w[0])
-        references = ca.vertcat(r[i], r[TICKS + i])
-        next_pose = _tick(arm, tool, poses[-1], swings[-1], references, rate, v)
-        still = _tick(arm, tool, ca.vertcat(x[:2], 0, 0), still, references, rate, v)[1]
-        poses.append(next_pose[0])
-        swings.append(next_pose[1])
+        pose, ring = _arm_tick(arm, poses[-1], rings[-1], oil, ca.vertcat(r[i], r[TICKS + i]), v)
+        swings.append(tick(swings[-1], poses[-1], pose, rate, turn, v))
+        rest = ca.vertcat(x[:2], 0, 0)
+        still = tick(still, rest, rest, rate, turn, v)
+        poses, rings = [*poses, pose], [*rings, ring]
     angle = q + PERIOD_S * (w[0] + w[1]) / 2
     moment = kinematics.inertia_z(x[0], x[1], load, kinematics.geometry())
+    inputs = [x, t, r, before, after, v, q, e, oil]
     made = (
         _command(x),
-        ca.Function("period", [x, t, r, before, after, v, q], ca.cse([poses[-1], swings[-1], angle])),
+        ca.Function("period", inputs, ca.cse([poses[-1], swings[-1], angle, rings[-1]])),
         ca.Function("swing", [x, t, before, after, v, q], ca.cse([still, angle])),
         tip_of(),
         ca.Function("moment", [x, load], [ca.cse(moment)]),
@@ -114,19 +123,59 @@ def _warp() -> ca.Function:
     return ca.Function("warp", [u, band, gain], [_warped(u, band, gain)])
 
 
-def _tick(
-    arm: Any, tool: Any, x: ca.SX, t: ca.SX, references: ca.SX, rate: ca.SX, v: ca.SX
-) -> tuple[ca.SX, ca.SX]:
-    """Arm and tool a tick later: both on what the others are now."""
-    p_arm, p_tool = _parameters(arm, v, 0.0), _parameters(tool, v, 0.0)
-    u_arm = ca.vertcat(references, ca.SX(2, 1))
-    at = arm.h(x, u_arm, [], p_arm)
+def _arm_tick(arm: Any, x: ca.SX, e: ca.SX, oil: ca.SX, references: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The arm and what of it is ringing, a tick later."""
+    rigid = arm.f(x - e, ca.vertcat(references, ca.SX(2, 1)), [], _parameters(arm, v, 0.0))
+    ring = _ringing(e, rigid[2:] - (x - e)[2:], oil)
+    return rigid + ring, ring
+
+
+def _plane(t: ca.SX, pose: ca.SX, after: ca.SX, rate: ca.SX, turn: ca.SX, v: ca.SX) -> ca.SX:
+    """The tool of the FMU a tick later, on what the others are now."""
+    arm, tool = load_model("arm"), load_model("tool")
+    at = arm.h(pose, ca.SX(4, 1), [], _parameters(arm, v, 0.0))
     out = {name.name: at[i] for i, name in enumerate(arm.outputs)}
     u_tool = ca.vertcat(0, rate, out["radius"], out["radius_rate"], out["height"], ca.SX(8, 1))
     names = [s.name for s in tool.states]
     whole = ca.vertcat(*(t[TOOL.index(n)] if n in TOOL else ca.SX(0) for n in names))
-    after = tool.f(whole, u_tool, [], p_tool)
-    return arm.f(x, u_arm, [], p_arm), ca.vertcat(*(after[names.index(n)] for n in TOOL))
+    found = tool.f(whole, u_tool, [], _parameters(tool, v, 0.0))
+    return ca.vertcat(*(found[names.index(n)] for n in TOOL))
+
+
+def _spatial(t: ca.SX, pose: ca.SX, after: ca.SX, rate: ca.SX, turn: ca.SX, v: ca.SX) -> ca.SX:
+    """A point mass on the machine's universal joint a tick later, semi-implicit; v_x and v_y unused."""
+    length, damping = v[VARIED.index("tool_length_x")], v[VARIED.index("tool_damping_x")]
+    moved = ca.vertcat(turn, (after[2:] - pose[2:]) / TICK_S)
+    pitch, roll = t[TOOL.index("omega_y")], t[TOOL.index("omega_x")]
+    angles = ca.vertcat(0, pose[:2], t[TOOL.index("theta_y")], t[TOOL.index("theta_x")])
+    swing: Any = _swing()(angles, ca.vertcat(rate, pose[2:], pitch, roll), moved, length)
+    pitch += TICK_S * (swing[0] - damping * pitch)
+    roll += TICK_S * (swing[1] - damping * roll)
+    return ca.vertcat(t[0] + TICK_S * roll, t[1] + TICK_S * pitch, roll, pitch, ca.SX(2, 1))
+
+
+@cache
+def _swing() -> ca.Function:
+    """(angles [5], rates [5], accelerations of slew, boom, stick, length) -> those of pitch and roll."""
+    q, v, a, length = (ca.SX.sym(n, k) for n, k in zip("qval", (5, 5, 3, 1), strict=True))
+    known = {name: p.value for name, p in parameters.load("geometry", "machine").items()}
+    alone = {"tool_mass": 1.0, "load_mass": 0.0, "grab_com": length, "grab_gyration": 0.0}
+    p = SimpleNamespace(**known | alone)
+    motion = multibody.motion(ca.vertsplit(q), ca.vertsplit(v), p)
+    found = multibody.tool_swing(motion, ca.vertcat(0, 0, -p.gravity), a)
+    return ca.Function("swing", [q, v, a, length], [ca.cse(found)])
+
+
+def _ringing(e: ca.SX, change: ca.SX, oil: ca.SX) -> ca.SX:
+    """Angles and rates of boom and stick beyond where their cylinders hold them, a tick later.
+
+    e'' = -r' - 2 d w e' - w^2 e: a mass on the spring of its oil, whose foot has the rate r (`change`: of r
+    in a tick).  Semi-implicit; w = 0 is an arm without oil, on which e stays 0.
+    """
+    w, d = oil[:2], oil[2]
+    force = -ca.sign(w) * change - TICK_S * (2.0 * d * w * e[2:] + w * w * e[:2])
+    rates = e[2:] + force
+    return ca.vertcat(e[:2] + TICK_S * rates, rates)
 
 
 def _parameters(model: Any, varied: ca.SX, load: float) -> ca.SX:
@@ -149,6 +198,7 @@ class State:
     q: Tensor  # [n] slew angle
     arm: Tensor  # [4, n]
     tool: Tensor  # [6, n]
+    ring: Tensor  # [4, n] of `arm`: what of it is ringing on the oil
     sent: Tensor  # [KEPT, 3, n] commands, the newest last
 
     def copy(self) -> "State":
@@ -173,6 +223,7 @@ class Machine:
     dead_band: Tensor  # of the joystick: the drive's own is moved to this
     inertia_scale: Tensor  # slew inertia of the machine over that of its pose
     gain: Tensor  # of the joystick beyond the dead band: more or less flow than the networks' machine
+    oil: Tensor  # [3, n] OIL
 
     def take(self, other: "Machine", where: Tensor) -> "Machine":
         """This machine, but `other`'s parameters where the mask [n] says so."""
@@ -202,10 +253,10 @@ class Machine:
 class Plant:
     """The simulation; holds no state of its own but the equations."""
 
-    def __init__(self, drive: Drive, ahead: int = 0, still: bool = False) -> None:
+    def __init__(self, drive: Drive, ahead: int = 0, still: bool = False, spatial: bool = False) -> None:
         self.drive, self.ahead = drive, ahead
         self.still = still  # the arm stays where it is: slew-only, and cheaper
-        made = _equations()
+        made = _equations(spatial)
         self.command, self.period, self.swing = made["command"], made["period"], made["swing"]
         self.tip, self.moment = made["tip"], made["moment"]
 
@@ -217,6 +268,7 @@ class Plant:
         return State(
             rows[1:].clone(), p.clone(), p.clone(), rows.clone(), q.clone(),
             torch.stack([boom, stick, zero, zero]), torch.stack([zero] * len(TOOL)),
+            torch.stack([zero] * len(ARM)),
             torch.zeros(KEPT, 3, len(q), device=q.device, dtype=q.dtype),
         )  # fmt: skip
 
@@ -233,14 +285,13 @@ class Plant:
         past = (state.u, state.p_l, state.p_r, state.omega)
         u, p_l, p_r, omega = self.drive.onward(past, joystick.view(n), inertia.view(n), self.ahead)
         if self.still:
-            arm = state.arm
+            arm, ring = state.arm, state.ring
             tool, q = self.swing(arm, state.tool, state.omega, omega, machine.varied, state.q)
         else:
             told = sent.gather(0, machine.places)
-            arm, tool, q = self.period(
-                state.arm, state.tool, told, state.omega, omega, machine.varied, state.q
-            )
-        return State(u, p_l, p_r, omega, q.view(n), arm, tool, sent.view(KEPT, 3, n))
+            now = (state.arm, state.tool, told, state.omega, omega, machine.varied, state.q)
+            arm, tool, q, ring = self.period(*now, state.ring, machine.oil)
+        return State(u, p_l, p_r, omega, q.view(n), arm, tool, ring, sent.view(KEPT, 3, n))
 
 
 def warped(u: Tensor, band: Tensor, gain: Tensor | float = 1.0) -> Tensor:
@@ -260,4 +311,5 @@ def nominal(n: int, device: str = "cpu", dtype: Any = torch.float32, **changed: 
         ticks(changed.get("boom_delay", boom)), ticks(changed.get("stick_delay", stick)),
         full(changed.get("latency", 0.0)), full(changed.get("dead_band", OWN_DEAD_BAND)),
         full(changed.get("inertia_scale", 1.0)), full(changed.get("gain", 1.0)),
+        torch.stack([full(changed.get(name, 0.0)) for name in OIL]),
     )  # fmt: skip

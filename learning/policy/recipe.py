@@ -20,6 +20,11 @@ class Randomisation:
     load_told: float = 0.5  # share of episodes in which the load is told; else 0 is
     response: Range = (0.45, 0.8)  # P of boom and stick (identified: 0.64, 0.56)
     arm_delay: Range = (0.2, 0.36)  # s (identified: 0.28, 0.26), longer than the encoder's 0.2
+    oil_hz: Range = (
+        0.0,
+        0.0,
+    )  # Hz, at which boom and stick ring on their cylinders' oil; 0: rigid, as the FMU
+    oil_damping: Range = (0.05, 0.2)  # 1, of that ringing
     tool_length: Range = (1.2, 2.3)  # m, of the pendulum; draws.toml: com + gyration^2 / com
     tool_damping: Range = (0.05, 0.2)  # 1/s
     dead_band: Range = (0.09, 0.18)  # of the joystick, as specs/draws.toml spreads it
@@ -41,7 +46,7 @@ class Randomisation:
         """The nominal machine with perfect sensors; starts and targets stay random."""
         return replace(
             self, load=(0.0, 0.0), load_told=0.0, response=(-1.0, -1.0), arm_delay=(-1.0, -1.0),
-            tool_length=(2.0, 2.0), tool_damping=(0.1, 0.1), dead_band=(-1.0, -1.0),
+            oil_hz=(0.0, 0.0), tool_length=(2.0, 2.0), tool_damping=(0.1, 0.1), dead_band=(-1.0, -1.0),
             inertia_scale=(1.0, 1.0), gain=(1.0, 1.0), latency=(0.0, 0.0), pace=(1.0, 1.0),
             angle_noise=0.0, rate_noise=0.0, imu_angle_noise=0.0, imu_rate_noise=0.0,
             imu_angle_bias=0.0, imu_rate_bias=0.0, angle_bias=0.0,
@@ -73,6 +78,7 @@ class Recipe:
     ahead_s: float = (
         0.2  # what is taken off the slew networks' speed, which is late (plant.py); 0: as in the FMU
     )
+    spatial: bool = False  # the tool is the reference machine's spatial pendulum, not the paper's plane ones
     envs: int = 2048
     iterations: int = 1000
     rate: float = 1e-3
@@ -139,12 +145,13 @@ _RECIPES = (
     Recipe(
         "full", "ours: through the simulation's own gradient", prior="parabola", weights=_OURS,
         first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25, fade=0.97,
+        spatial=True, random=Randomisation(oil_hz=(1.3, 2.6)),
         episode_s=15.0, consecutive=0.5, envs=192, iterations=250, rate=1.5e-3,
     ),
     Recipe(
         "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST,
         first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.05), curriculum=0.25, fade=0.985,
-        random=Randomisation(pace=(0.5, 2.0)),
+        spatial=True, random=Randomisation(pace=(0.5, 2.0)),
         episode_s=12.0, consecutive=0.5, envs=128, iterations=150, rate=1.5e-3,
     ),
 )  # fmt: skip

@@ -60,6 +60,19 @@ def test_equations_are_lagranges(sloping: SimpleNamespace) -> None:
         assert np.abs(difference).max() < 1e-6
 
 
+def test_a_tool_on_a_suspension_that_moves_so_swings_as_on_the_whole_machine(
+    sloping: SimpleNamespace,
+) -> None:
+    p = SimpleNamespace(**vars(P) | {"slope_pitch": 0.05, "slope_roll": -0.03, "load_mass": 800.0})
+    motion = multibody.motion(ca.vertsplit(Q), ca.vertsplit(V), p)
+    moved = ca.SX.sym("moved", 3)
+    found = multibody.tool_swing(motion, multibody.gravity_in_s(Q[0], p), moved)
+    swing = ca.Function("swing", [Q, V, moved], [found])
+    for q, v in states(20):
+        whole = np.array(sloping.acceleration(q, v)).ravel()
+        np.testing.assert_allclose(np.array(swing(q, v, whole[:3])).ravel(), whole[3:], rtol=1e-9, atol=1e-9)
+
+
 def test_mass_matrix_is_positive_definite_and_solved(sloping: SimpleNamespace) -> None:
     for q, v in states(20):
         mass, c = np.array(sloping.mass(q, v)), np.array(sloping.c(q, v)).ravel()

@@ -3,19 +3,23 @@
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 import torch
 
 from fmus.equations.kinematics import geometry
+from fmus.machine.model import MODEL as MACHINE
 from fmus.slew_nn.network import SlewNetwork
 from fmus.slew_nn.untrained import untrained
+from fmus.stepper import Stepper
 from learning.policy.drive import Drive
-from learning.policy.plant import OWN_DEAD_BAND, TICKS, Plant, nominal, warped
+from learning.policy.plant import OWN_DEAD_BAND, TICKS, Plant, _plane, _spatial, nominal, warped
 from orchestrator.assembly import assemble
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
 from specs import systems
+from tests.fmus.machine_runs import COARSE, PARAMETERS, start, working
 
 WEIGHTS = Path(__file__).resolve().parents[3] / "fmus" / "slew_nn" / "weights.npz"
 PERIODS = 100  # 10 s
@@ -166,3 +170,54 @@ def test_counts_states_outside_the_data() -> None:
     found = Drive([net], dtype=torch.float64).outside(*(torch.tensor(v) for v in (inertia, u, w)))
     assert (found.numpy() == net.outside(inertia, u, w)).all()
     assert 0 < found.float().mean() < 1
+
+
+def on_the_machines_motion(tick: Any, run: dict[str, np.ndarray], lengths: list[float]) -> np.ndarray:
+    """Rates (roll, pitch; rad/s) [n, 2] of a simulated tool whose suspension moves as a machine's does."""
+    pose = np.array([run[f"true_{n}"] for n in ("q_boom", "q_stick", "qd_boom", "qd_stick")])
+    rate = run["true_qd_slew"]
+    t, x, y = ca.SX.sym("t", 6), ca.SX.sym("x", 4), ca.SX.sym("y", 4)
+    w, a = ca.SX.sym("w"), ca.SX.sym("a")
+    varied = ca.vertcat(1.0, 1.0, *lengths, 0.1, 0.1)
+    step = ca.Function("step", [t, x, y, w, a], [tick(t, x, y, w, a, varied)])
+    state, found = np.zeros(6), []
+    for k in range(pose.shape[1] - 1):
+        turn = (rate[k + 1] - rate[k]) / 0.02
+        state = np.array(step(state, pose[:, k], pose[:, k + 1], rate[k], turn)).ravel()
+        found.append(state[2:4])
+    return np.array(found)
+
+
+def test_the_spatial_tool_swings_as_the_reference_machines_own() -> None:
+    """Moved as the machine moves, its tool is followed within 10 %; the paper's plane pendulums are not."""
+    run = Stepper(MACHINE, start(1.0, -1.2), COARSE).run(working, 8.0, every=0.02)
+    theirs = np.column_stack([run["true_qd_tool_x"], run["true_qd_tool_y"]])[1:]
+    first, second = PARAMETERS.grab_com, PARAMETERS.grab_com**2 + PARAMETERS.grab_gyration**2
+    lengths = [second / first, second / first + PARAMETERS.grab_offset]
+    off = [
+        float(np.abs(on_the_machines_motion(tick, run, lengths) - theirs).max() / np.abs(theirs).max())
+        for tick in (_spatial, _plane)
+    ]
+    assert off[0] < 0.1
+    assert off[1] > 0.3
+
+
+def test_boom_and_stick_ring_on_their_oil_at_the_frequency_told() -> None:
+    """After a step of the boom's reference: twice the response without oil, swinging about it, dying away."""
+    plant = Plant(Drive([SlewNetwork.load(WEIGHTS)]), spatial=True)
+    zero = torch.zeros(2)
+    state = plant.start(zero, zero + 0.7, zero - 1.2, 1.7e6)
+    machine = nominal(2, boom_oil=torch.tensor([0.0, 2 * np.pi * 2.0]), oil_damping=0.1)
+    command = torch.tensor([[0.0], [0.1], [0.0]]).expand(3, 2)
+    rates = []
+    for _ in range(60):
+        state = plant.advance(state, command, machine)
+        rates.append(state.arm[2].numpy().copy())
+    rigid, ringing = np.array(rates).T
+    assert np.all(state.ring[:, 0].numpy() == 0.0)
+    np.testing.assert_allclose(rigid[-30:], 0.1, rtol=1e-3)
+    assert 0.16 < ringing.max() < 0.2
+    beyond = ringing[8:33] - rigid[8:33]
+    turns = np.flatnonzero(np.diff(np.sign(beyond)))
+    assert np.diff(turns).mean() * 0.1 == pytest.approx(0.25, abs=0.05)
+    assert abs(ringing[-1] - rigid[-1]) < 0.01
