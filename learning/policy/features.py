@@ -13,6 +13,7 @@ from functools import cache
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from fmus.equations import kinematics
 from specs import parameters
@@ -33,6 +34,13 @@ PD_RAMP, PD_MOST = 0.03, 0.8  # rad/s over which the dead band is undone; larges
 BRAKE_SHARE, BRAKE_PREVIEW, BRAKE_SLOPE = 0.6, 0.4, 0.8  # 1, s and 1/s of the prior "parabola", at pace 1
 BRAKE_SPEED, BRAKE_GAIN = 0.6, 2.0  # rad/s and 1
 _CONTROL = parameters.load("control")
+ODD = {
+    "u_slew",
+    SLEW_ERROR,
+    "imu_tool_roll",
+    "imu_cabin_rate_z",
+    "imu_tool_rate_x",
+}  # change sign in a mirror
 OUTPUTS = {"slew": 1, "full": 3}
 ACTION_SCALE = {"u_slew": 1.0, "qd_boom_ref": ARM_LIMIT, "qd_stick_ref": ARM_LIMIT}
 
@@ -74,6 +82,18 @@ def features(task: str, history: int) -> ca.Function:
         found += [(read.now("q_boom") - 1.1) / 0.3, (read.now("q_stick") + 1.2) / 0.6]
         found += [(read.now("target_radius") - 9.0) / 2.0, (read.now("target_z") - 6.0) / 2.0]
     return ca.Function("features", [observation], [ca.cse(ca.vertcat(*found))])
+
+
+@cache
+def mirrored(task: str, history: int, end: str) -> tuple[float, ...]:
+    """Signs of the network's inputs, or of its outputs, where left and right are exchanged."""
+    size = len(CHANNELS) * history + len(ONCE)
+    turned = [-1.0 if name in ODD else 1.0 for name in CHANNELS for _ in range(history)] + [1.0] * len(ONCE)
+    if end == "outputs":
+        return tuple(-1.0 if name in ODD else 1.0 for name in ACTIONS[: OUTPUTS[task]])
+    at = 0.01 * ca.linspace(1.0, 2.0, size)  # any observation in which nothing is 0
+    here, there = (np.array(features(task, history)(x)).ravel() for x in (at, at * ca.DM(turned)))
+    return tuple(float(np.sign(a * b)) for a, b in zip(here, there, strict=True))
 
 
 @cache

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from fmus.slew_nn.network import SlewNetwork
-from learning.policy.network import perceptron
+from learning.policy.network import shaped
 from learning.policy.recipe import Recipe
 from learning.policy.situation import Situation
 from learning.policy.trainer import Step, Trainer
@@ -31,7 +31,7 @@ class GradientTrainer(Trainer):
         self, recipe: Recipe, networks: Sequence[SlewNetwork], seed: int, device: str = "cpu"
     ) -> None:
         super().__init__(recipe, networks, seed, device)
-        self.mlp = perceptron(self.interface.sizes(recipe.layers)).to(device)
+        self.mlp = shaped(recipe, self.interface).to(device)
         self.optimiser = torch.optim.Adam(self.mlp.parameters(), lr=recipe.rate, betas=(0.9, 0.99))
         self.last: Situation | None = None
 

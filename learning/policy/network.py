@@ -8,8 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from learning.policy.export import Weights
-from learning.policy.features import OUTPUTS, commands, features
+from learning.policy.features import OUTPUTS, SCALES, SLEW_CHANNELS, commands, features, mirrored
 from learning.policy.kernel import Kernel
+from learning.policy.recipe import Recipe
 from specs.policy import ACTIONS, LIMITS
 
 LEAK = 0.1  # of the gradient that passes a command at its limit
@@ -17,20 +18,87 @@ LEAK = 0.1  # of the gradient that passes a command at its limit
 
 def perceptron(sizes: Sequence[int]) -> nn.Sequential:
     """Linear layers with tanh between them and a linear output (paper); the last layer starts near 0."""
-    layers: list[nn.Module] = []
-    for a, b in pairwise(sizes):
-        layers += [nn.Linear(a, b), nn.Tanh()]
-    last = layers[-2]
+    return _stacked([nn.Linear(a, b) for a, b in pairwise(sizes)])
+
+
+def shaped(recipe: Recipe, way: "Interface") -> nn.Sequential:
+    """The recipe's network: the paper's, or with a structure that is dense layers once it is trained."""
+    sizes = way.sizes(recipe.layers)
+    if recipe.network == "mirror":
+        signs = [torch.tensor(mirrored(recipe.task, recipe.history, end)) for end in ("inputs", "outputs")]
+        layers = [_Twice(a, b) for a, b in pairwise(sizes)]
+        layers[0].seen, layers[-1].answered = signs
+        return _stacked(layers)
+    if recipe.network == "convolution":
+        rows = len(SCALES) if recipe.task == "full" else len(SLEW_CHANNELS)
+        first = _InTime(rows, recipe.history, sizes[0])
+        return _stacked([first, *(nn.Linear(a, b) for a, b in pairwise([first.wide, *sizes[1:]]))])
+    return perceptron(sizes)
+
+
+def _stacked(layers: Sequence[nn.Module]) -> nn.Sequential:
+    """Layers with tanh between them; the last one's weights start near 0."""
     with torch.no_grad():
-        last.weight.mul_(0.1)  # type: ignore[operator]
-        last.bias.zero_()  # type: ignore[operator]
-    return nn.Sequential(*layers[:-1])
+        for name, weight in layers[-1].named_parameters():
+            weight.mul_(0.1 if name.endswith("weight") else 0.0)
+    parts = [part for layer in layers for part in (layer, nn.Tanh())]
+    return nn.Sequential(*parts[:-1])
 
 
+class _Twice(nn.Module):
+    """One layer for what is seen and for its mirror image: the answer to one is the mirror of the other's.
+
+    seen [n, M] -> both [n, 2 k]; between: both to both; the last: their mean, the second mirrored back.
+    """
+
+    seen: Tensor | None = None  # signs of the first layer's inputs in a mirror
+    answered: Tensor | None = None  # signs of the last layer's outputs
+
+    def __init__(self, a: int, b: int) -> None:
+        super().__init__()
+        self.own = nn.Linear(a, b)
+
+    def forward(self, x: Tensor) -> Tensor:
+        one, other = (x, x * self.seen) if self.seen is not None else x.chunk(2, dim=-1)
+        both = self.own(one), self.own(other)
+        return torch.cat(both, -1) if self.answered is None else (both[0] + both[1] * self.answered) / 2
+
+
+class _InTime(nn.Module):
+    """Filters along the history of each channel, the same at every age, beside what has no history."""
+
+    def __init__(self, rows: int, history: int, inputs: int, filters: int = 32, taps: int = 3) -> None:
+        super().__init__()
+        self.rows, self.history = rows, history
+        self.filter = nn.Conv1d(rows, filters, min(taps, history))
+        self.beside = nn.Linear(inputs - rows * history, filters)
+        self.wide = filters * (history - min(taps, history) + 2)
+
+    def forward(self, x: Tensor) -> Tensor:
+        split = self.rows * self.history
+        old = self.filter(x[..., :split].reshape(-1, self.rows, self.history))
+        return torch.cat([old.flatten(1), self.beside(x[..., split:])], -1)
+
+
+@torch.no_grad()
 def weights_of(mlp: nn.Sequential) -> Weights:
-    """(weight [out, in], bias [out]) of each linear layer, float32."""
-    linear = [layer for layer in mlp if isinstance(layer, nn.Linear)]
-    return [(la.weight.detach().cpu().numpy().copy(), la.bias.detach().cpu().numpy().copy()) for la in linear]
+    """(weight [out, in], bias [out]) of each linear map, float32: its answers to 0 and to unit vectors."""
+    found, inputs = [], None
+    for layer in mlp:
+        if isinstance(layer, nn.Linear):
+            found.append((layer.weight.detach(), layer.bias.detach()))
+        elif isinstance(layer, _Twice | _InTime):
+            size = inputs or _inputs(layer)
+            bias = layer(torch.zeros(1, size))[0]
+            found.append(((layer(torch.eye(size)) - bias).T, bias))
+        inputs = len(found[-1][1])
+    return [(w.cpu().numpy().copy(), b.cpu().numpy().copy()) for w, b in found]
+
+
+def _inputs(first: "_Twice | _InTime") -> int:
+    if isinstance(first, _Twice):
+        return first.own.in_features
+    return first.rows * first.history + first.beside.in_features
 
 
 def set_weights(mlp: nn.Sequential, weights: Weights) -> None:

@@ -46,6 +46,7 @@ VARIED = (  # parameters of each simulated machine, by the FMUs' names
 )  # fmt: skip
 
 OWN_DEAD_BAND = parameters.load("control")["control_dead_band"].value  # of the machine of the recordings
+STOP = parameters.load("machine")["grab_swing_limit"].value  # rad, of the tool's joint
 OWN = ("latency", "dead_band", "gain", "load", "inertia_scale")  # of a machine, beside VARIED
 OIL = ("boom_oil", "stick_oil", "oil_damping")  # rad/s, rad/s, 1: boom and stick on their oil; 0: rigid
 
@@ -143,15 +144,18 @@ def _plane(t: ca.SX, pose: ca.SX, after: ca.SX, rate: ca.SX, turn: ca.SX, v: ca.
 
 
 def _spatial(t: ca.SX, pose: ca.SX, after: ca.SX, rate: ca.SX, turn: ca.SX, v: ca.SX) -> ca.SX:
-    """A point mass on the machine's universal joint a tick later, semi-implicit; v_x and v_y unused."""
+    """A point mass on the machine's universal joint a tick later, semi-implicit; v_x and v_y unused.
+
+    At its stops it rests, as the arm's FMU does at the arm's: a shock there would be no more but large.
+    """
     length, damping = v[VARIED.index("tool_length_x")], v[VARIED.index("tool_damping_x")]
     moved = ca.vertcat(turn, (after[2:] - pose[2:]) / TICK_S)
     pitch, roll = t[TOOL.index("omega_y")], t[TOOL.index("omega_x")]
     angles = ca.vertcat(0, pose[:2], t[TOOL.index("theta_y")], t[TOOL.index("theta_x")])
     swing: Any = _swing()(angles, ca.vertcat(rate, pose[2:], pitch, roll), moved, length)
-    pitch += TICK_S * (swing[0] - damping * pitch)
-    roll += TICK_S * (swing[1] - damping * roll)
-    return ca.vertcat(t[0] + TICK_S * roll, t[1] + TICK_S * pitch, roll, pitch, ca.SX(2, 1))
+    rates = ca.vertcat(roll, pitch) + TICK_S * (swing[::-1] - damping * ca.vertcat(roll, pitch))
+    stopped = ca.fmin(ca.fmax(t[:2] + TICK_S * rates, -STOP), STOP)
+    return ca.vertcat(stopped, (stopped - t[:2]) / TICK_S, ca.SX(2, 1))
 
 
 @cache

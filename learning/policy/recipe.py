@@ -10,6 +10,7 @@ from specs.policy import HISTORY, TASKS
 
 Range = tuple[float, float]
 Method = Literal["ppo", "gradient"]
+NETWORKS = ("", "mirror", "convolution")
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,7 @@ class Recipe:
     history: int = HISTORY
     prior: str = ""  # the law that the network's answer is added to (specs.policy.PRIORS)
     layers: tuple[int, ...] = (256, 128, 128)  # paper
+    network: str = ""  # of NETWORKS: plain, one that treats left and right alike, filters along the history
     weights: Mapping[str, float] = field(default_factory=dict)
     quiet: tuple[str, ...] = ("oscillation", "swing", "sway")  # terms that weigh more at a slower pace
     gentle: float = 2.0
@@ -102,6 +104,8 @@ class Recipe:
     def __post_init__(self) -> None:
         if self.task not in TASKS:
             raise InputError(f"no task '{self.task}'; valid: {', '.join(TASKS)}")
+        if self.network not in NETWORKS:
+            raise InputError(f"no network '{self.network}'; valid: {', '.join(NETWORKS[1:])}, or none")
         for name in self.weights:
             if name not in TERMS:
                 raise InputError(f"no reward term '{name}'; {nearest(name, TERMS)}")
