@@ -103,6 +103,7 @@ class Environment:
             return (self.uniform(*r.arm_delay) / TICK_S).round().long()
 
         length = self.uniform(*r.tool_length)
+        of_arm = r.oil_damping, r.dead_rate, r.arm_gain
         varied = [
             drawn(r.response, base.named("boom_response")), drawn(r.response, base.named("stick_response")),
             length, length, self.uniform(*r.tool_damping), self.uniform(*r.tool_damping),
@@ -111,7 +112,7 @@ class Environment:
             torch.stack(varied), self.uniform(*r.load), ticks(base.boom_delay), ticks(base.stick_delay),
             self.uniform(*r.latency).floor(), drawn(r.dead_band, base.dead_band),
             self.uniform(*r.inertia_scale), self.uniform(*r.gain),
-            torch.cat([2 * math.pi * self.uniform(*r.oil_hz, 2), self.uniform(*r.oil_damping)[None]]),
+            torch.cat([2 * math.pi * self.uniform(*r.oil_hz, 2), *(self.uniform(*x)[None] for x in of_arm)]),
         )  # fmt: skip
 
     def fresh(self) -> Situation:

@@ -14,10 +14,11 @@ nearly as long, so that it hardly matters); their speed is then the gyro's.  Wit
 FMUs.
 
 All of it can be differentiated.  Beside what the FMUs have, the joystick can be changed on its way to the
-networks (`warped`): one set of networks then stands for machines with other dead bands and delays.  Boom
-and stick can rest on the oil of their cylinders as on springs (`_ringing`), which the arm's FMU leaves out;
-and the tool can be the reference machine's spatial pendulum (`_spatial`), with the couplings that the paper's
-two plane ones leave out and `slewright reconcile` names (docs/showcases/tool.md).
+networks (`warped`): one set of networks then stands for machines with other dead bands and delays.  Boom and
+stick can rest on the oil of their cylinders as on springs (`_ringing`) and lose small references in their
+valves' overlap, which the arm's FMU leaves out; and the tool can be the reference machine's spatial pendulum
+(`_spatial`), with the couplings that the paper's two plane ones leave out and `slewright reconcile` names
+(docs/showcases/tool.md).
 """
 
 from dataclasses import dataclass, fields
@@ -48,7 +49,12 @@ VARIED = (  # parameters of each simulated machine, by the FMUs' names
 OWN_DEAD_BAND = parameters.load("control")["control_dead_band"].value  # of the machine of the recordings
 STOP = parameters.load("machine")["grab_swing_limit"].value  # rad, of the tool's joint
 OWN = ("latency", "dead_band", "gain", "load", "inertia_scale")  # of a machine, beside VARIED
-OIL = ("boom_oil", "stick_oil", "oil_damping")  # rad/s, rad/s, 1: boom and stick on their oil; 0: rigid
+ARM_OWN = {  # what the arm's FMU leaves out, and the value that leaves it out here, too
+    "boom_oil": 0.0, "stick_oil": 0.0,  # rad/s, of boom and stick on the oil of their cylinders
+    "oil_damping": 0.0,
+    "dead_rate": 0.0,  # rad/s: of references below it little arrives
+    "arm_gain": 1.0,  # of the references
+}  # fmt: skip
 
 
 @cache
@@ -56,7 +62,7 @@ def _equations(spatial: bool = False) -> dict[str, Kernel]:
     """What is carried over to torch: a period of five ticks, and what follows from the arm's pose.
 
     command: (sent, action, arm, OWN) -> sent, the joystick that the networks see, slew inertia;
-    period: (arm, tool, references of each tick, speeds before, after, VARIED, angle, ringing, OIL)
+    period: (arm, tool, references of each tick, speeds before, after, VARIED, angle, ringing, ARM_OWN)
         -> (arm, tool, angle, ringing);
     swing: the same without references and with the arm at rest -> (tool, angle);
     tip: arm -> radius, height; moment: (arm, load) -> slew inertia of the pose.
@@ -65,20 +71,20 @@ def _equations(spatial: bool = False) -> dict[str, Kernel]:
     x, t, r, v, q = (ca.SX.sym(n, k) for n, k in zip("xtrvq", (4, 6, 2 * TICKS, len(VARIED), 1), strict=True))
     before, after = ca.SX.sym("before", HISTORY), ca.SX.sym("after", HISTORY)
     w = (before[HISTORY - 1], after[HISTORY - 1])
-    load, e, oil = ca.SX.sym("load"), ca.SX.sym("e", len(ARM)), ca.SX.sym("oil", len(OIL))
+    load, e, own = ca.SX.sym("load"), ca.SX.sym("e", len(ARM)), ca.SX.sym("own", len(ARM_OWN))
     poses, swings, still, rings = [x], [t], t, [e]
     turn = (w[1] - w[0]) / PERIOD_S
     tick = _spatial if spatial else _plane
     for i in range(TICKS):
         rate = w[0] + (i / TICKS) * (w[1] - w[0])
-        pose, ring = _arm_tick(arm, poses[-1], rings[-1], oil, ca.vertcat(r[i], r[TICKS + i]), v)
+        pose, ring = _arm_tick(arm, poses[-1], rings[-1], own, ca.vertcat(r[i], r[TICKS + i]), v)
         swings.append(tick(swings[-1], poses[-1], pose, rate, turn, v))
         rest = ca.vertcat(x[:2], 0, 0)
         still = tick(still, rest, rest, rate, turn, v)
         poses, rings = [*poses, pose], [*rings, ring]
     angle = q + PERIOD_S * (w[0] + w[1]) / 2
     moment = kinematics.inertia_z(x[0], x[1], load, kinematics.geometry())
-    inputs = [x, t, r, before, after, v, q, e, oil]
+    inputs = [x, t, r, before, after, v, q, e, own]
     made = (
         _command(x),
         ca.Function("period", inputs, ca.cse([poses[-1], swings[-1], angle, rings[-1]])),
@@ -124,10 +130,12 @@ def _warp() -> ca.Function:
     return ca.Function("warp", [u, band, gain], [_warped(u, band, gain)])
 
 
-def _arm_tick(arm: Any, x: ca.SX, e: ca.SX, oil: ca.SX, references: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """The arm and what of it is ringing, a tick later."""
-    rigid = arm.f(x - e, ca.vertcat(references, ca.SX(2, 1)), [], _parameters(arm, v, 0.0))
-    ring = _ringing(e, rigid[2:] - (x - e)[2:], oil)
+def _arm_tick(arm: Any, x: ca.SX, e: ca.SX, own: ca.SX, references: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The arm and what of it is ringing, a tick later; small references are lost in its valves' overlap."""
+    dead, gain = own[3], own[4]
+    arriving = gain * references**3 / (references**2 + dead**2 + 1e-12)
+    rigid = arm.f(x - e, ca.vertcat(arriving, ca.SX(2, 1)), [], _parameters(arm, v, 0.0))
+    ring = _ringing(e, rigid[2:] - (x - e)[2:], own)
     return rigid + ring, ring
 
 
@@ -170,13 +178,13 @@ def _swing() -> ca.Function:
     return ca.Function("swing", [q, v, a, length], [ca.cse(found)])
 
 
-def _ringing(e: ca.SX, change: ca.SX, oil: ca.SX) -> ca.SX:
+def _ringing(e: ca.SX, change: ca.SX, own: ca.SX) -> ca.SX:
     """Angles and rates of boom and stick beyond where their cylinders hold them, a tick later.
 
     e'' = -r' - 2 d w e' - w^2 e: a mass on the spring of its oil, whose foot has the rate r (`change`: of r
     in a tick).  Semi-implicit; w = 0 is an arm without oil, on which e stays 0.
     """
-    w, d = oil[:2], oil[2]
+    w, d = own[:2], own[2]
     force = -ca.sign(w) * change - TICK_S * (2.0 * d * w * e[2:] + w * w * e[:2])
     rates = e[2:] + force
     return ca.vertcat(e[:2] + TICK_S * rates, rates)
@@ -227,7 +235,7 @@ class Machine:
     dead_band: Tensor  # of the joystick: the drive's own is moved to this
     inertia_scale: Tensor  # slew inertia of the machine over that of its pose
     gain: Tensor  # of the joystick beyond the dead band: more or less flow than the networks' machine
-    oil: Tensor  # [3, n] OIL
+    of_arm: Tensor  # [5, n] ARM_OWN
 
     def take(self, other: "Machine", where: Tensor) -> "Machine":
         """This machine, but `other`'s parameters where the mask [n] says so."""
@@ -294,7 +302,7 @@ class Plant:
         else:
             told = sent.gather(0, machine.places)
             now = (state.arm, state.tool, told, state.omega, omega, machine.varied, state.q)
-            arm, tool, q, ring = self.period(*now, state.ring, machine.oil)
+            arm, tool, q, ring = self.period(*now, state.ring, machine.of_arm)
         return State(u, p_l, p_r, omega, q.view(n), arm, tool, ring, sent.view(KEPT, 3, n))
 
 
@@ -315,5 +323,5 @@ def nominal(n: int, device: str = "cpu", dtype: Any = torch.float32, **changed: 
         ticks(changed.get("boom_delay", boom)), ticks(changed.get("stick_delay", stick)),
         full(changed.get("latency", 0.0)), full(changed.get("dead_band", OWN_DEAD_BAND)),
         full(changed.get("inertia_scale", 1.0)), full(changed.get("gain", 1.0)),
-        torch.stack([full(changed.get(name, 0.0)) for name in OIL]),
+        torch.stack([full(changed.get(name, value)) for name, value in ARM_OWN.items()]),
     )  # fmt: skip

@@ -26,6 +26,8 @@ class Randomisation:
         0.0,
     )  # Hz, at which boom and stick ring on their cylinders' oil; 0: rigid, as the FMU
     oil_damping: Range = (0.05, 0.2)  # 1, of that ringing
+    dead_rate: Range = (0.0, 0.0)  # rad/s: of smaller references of the arm little arrives; 0: as the FMU
+    arm_gain: Range = (1.0, 1.0)  # of the arm's references
     tool_length: Range = (1.2, 2.3)  # m, of the pendulum; draws.toml: com + gyration^2 / com
     tool_damping: Range = (0.05, 0.2)  # 1/s
     dead_band: Range = (0.09, 0.18)  # of the joystick, as specs/draws.toml spreads it
@@ -47,7 +49,8 @@ class Randomisation:
         """The nominal machine with perfect sensors; starts and targets stay random."""
         return replace(
             self, load=(0.0, 0.0), load_told=0.0, response=(-1.0, -1.0), arm_delay=(-1.0, -1.0),
-            oil_hz=(0.0, 0.0), tool_length=(2.0, 2.0), tool_damping=(0.1, 0.1), dead_band=(-1.0, -1.0),
+            oil_hz=(0.0, 0.0), dead_rate=(0.0, 0.0), arm_gain=(1.0, 1.0),
+            tool_length=(2.0, 2.0), tool_damping=(0.1, 0.1), dead_band=(-1.0, -1.0),
             inertia_scale=(1.0, 1.0), gain=(1.0, 1.0), latency=(0.0, 0.0), pace=(1.0, 1.0),
             angle_noise=0.0, rate_noise=0.0, imu_angle_noise=0.0, imu_rate_noise=0.0,
             imu_angle_bias=0.0, imu_rate_bias=0.0, angle_bias=0.0,
@@ -149,7 +152,8 @@ _RECIPES = (
     Recipe(
         "full", "ours: through the simulation's own gradient", prior="parabola", weights=_OURS,
         first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25, fade=0.97,
-        spatial=True, random=Randomisation(oil_hz=(1.3, 2.6)),
+        spatial=True,
+        random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
         episode_s=15.0, consecutive=0.5, envs=192, iterations=250, rate=1.5e-3,
     ),
     Recipe(

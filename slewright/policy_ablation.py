@@ -1,0 +1,136 @@
+"""What each idea of a training gave: policies on re-drawn reference machines at one speed, as a page.
+
+    python -m slewright.policy_ablation OUT... [--matched 11.2] [--machines 6] [--jobs 1] [--page FILE.md]
+
+Every OUT is a folder of `slewright train policy` that ended.  The first is the base: a row names fields of
+the recipe that differ from it.  Each is run by `slewright evaluate` at the pace with this mean speed, on the
+same machines and loads.  Folders that differ in the seed alone share a row.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from learning.policy import checkpoint
+from learning.policy.export import read
+from slewright import evaluation
+from slewright.markers import fill
+from specs.errors import InputError
+
+MARK = "policy-ideas"
+COST = ("iterations", "envs", "episode_s")  # said of every row, not as a difference
+LOADS = ("empty", "2t", "unknown")
+HEAD = (
+    "what differs", "iterations × machines × time", "seeds", "pace", "speed °/s", "overshoot °", "error m",
+    "tool empty °/s", "tool 2t", "tool unknown", "tool, mean", "missed",
+)  # fmt: skip
+Found = dict[str, Any]
+
+
+def recipe_of(out: Path) -> dict[str, Any]:
+    """The recipe that a folder was trained with, as plain values; InputError if it holds none."""
+    path = out / checkpoint.NAME
+    if not path.is_file():
+        raise InputError(f"{out} holds no {checkpoint.NAME}: name folders of slewright train policy")
+    return torch.load(path, map_location="cpu", weights_only=True)["recipe"]
+
+
+def difference(base: Mapping[str, Any], other: Mapping[str, Any], group: str = "") -> list[str]:
+    """ "field value" of every field in which a recipe is another than the base."""
+    found: list[str] = []
+    for name in {**other, **base}:
+        value = other.get(name, "")
+        if isinstance(value, Mapping):
+            found += difference(base.get(name) or {}, value, f"{name}.")
+        elif (base.get(name) or "") != (value or "") and name not in (*COST, "name", "why", "kind"):
+            found.append(f"{group}{name} {_short(value)}")
+    return found
+
+
+def _joined(found: Sequence[str]) -> list[str]:
+    """Several weights or ranges of the machines as one."""
+    for group, what in (("random.", "other ranges of"), ("weights.", "other weights of")):
+        names = [one.split(" ")[0].removeprefix(group) for one in found if one.startswith(group)]
+        if len(names) > 3:
+            found = [*(one for one in found if not one.startswith(group)), f"{what} {', '.join(names)}"]
+    return list(found)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return " … ".join(f"{v:g}" if isinstance(v, float | int) else str(v) for v in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value) or "none"
+
+
+def named(recipes: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """(what differs from the first, what it cost) of each."""
+    found = []
+    for told in recipes:
+        what = ", ".join(_joined(difference(recipes[0], told))) or "base"
+        found.append((what, f"{told['iterations']} × {told['envs']} × {told['episode_s']:g} s"))
+    return found
+
+
+def table(rows: Mapping[tuple[str, str], Sequence[Found]]) -> str:
+    """The Markdown table; each row the mean over seeds of what `evaluation.evaluate` found."""
+    lines = [f"| {' | '.join(HEAD)} |", "|---|---|" + "--:|" * (len(HEAD) - 2)]
+    return "\n".join([*lines, *(_line(*name, found) for name, found in rows.items()), ""])
+
+
+def _line(what: str, cost: str, found: Sequence[Found]) -> str:
+    def mean(get: Callable[[Found], float]) -> float:
+        return sum(get(one) for one in found) / len(found)
+
+    overall = {
+        name: mean(lambda one, name=name: sum(one["loads"][at][name] for at in LOADS) / len(LOADS))
+        for name in ("speed", "overshoot", "error", "tool", "missed")
+    }
+    tools = [mean(lambda one, at=at: one["loads"][at]["tool"]) for at in LOADS]
+    cells = [
+        str(len(found)), f"{mean(lambda one: one['pace']):.2f}",
+        *(f"{overall[name]:.2f}" for name in ("speed", "overshoot", "error")),
+        *(f"{tool:.2f}" for tool in tools), f"{overall['tool']:.2f}", f"{len(LOADS) * overall['missed']:g}",
+    ]  # fmt: skip
+    return f"| {what} | {cost} | {' | '.join(cells)} |"
+
+
+def page(outs: Sequence[Path], asked: evaluation.Asked, words: str, results: Path) -> str:
+    """The table with what it is and what made each of its trainings."""
+    files = [next(out.glob("*.onnx")) for out in outs]
+    rows: dict[tuple[str, str], list[Found]] = {}
+    for name, file in zip(named([recipe_of(out) for out in outs]), files, strict=True):
+        rows.setdefault(name, []).append(evaluation.evaluate([file], results, asked))
+    commands = "\n".join({str(read(file).contract.made["command"]): None for file in files})
+    about = (
+        f"Made by `python -m slewright.policy_ablation {words}`: each at the pace with a mean speed of "
+        f"{asked.matched:g} °/s over the loads, or the nearest it has, on {asked.machines} machines of the "
+        f"{asked.draw_set} draws, simulated; means over machines and seeds."
+    )
+    return f"{about}\n\n{table(rows)}\nTrained by\n\n```sh\n{commands}\n```\n"
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Print the page, or fill it in between the markers of --page."""
+    parser = argparse.ArgumentParser(prog="python -m slewright.policy_ablation")
+    parser.add_argument("outs", nargs="+", type=Path)
+    parser.add_argument("--matched", type=float, default=11.2)
+    parser.add_argument("--machines", type=int, default=6)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--results", type=Path, default=Path("out/evaluate"))
+    parser.add_argument("--page", type=Path)
+    told = parser.parse_args(words)
+    asked = evaluation.Asked(machines=told.machines, matched=told.matched, jobs=told.jobs)
+    text = page(told.outs, asked, " ".join(words or sys.argv[1:]), told.results)
+    if told.page:
+        fill(told.page, MARK, text)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
