@@ -7,17 +7,19 @@ A share of the episodes begins where the last one ended, with a new target and t
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from fmus.slew_nn.network import SlewNetwork
-from learning.policy.network import shaped
+from learning.policy import checkpoint
+from learning.policy.network import Interface, shaped
 from learning.policy.recipe import Recipe
-from learning.policy.situation import Situation
+from learning.policy.situation import HIDDEN, Situation, hidden
 from learning.policy.trainer import Step, Trainer
-from specs.errors import RunError
+from specs.errors import InputError, RunError
 from specs.policy import SPACING_S
 
 LOOK = 10  # steps between looks at what is outside of data and keep-out: a sample is enough
@@ -31,7 +33,8 @@ class GradientTrainer(Trainer):
         self, recipe: Recipe, networks: Sequence[SlewNetwork], seed: int, device: str = "cpu"
     ) -> None:
         super().__init__(recipe, networks, seed, device)
-        self.mlp = shaped(recipe, self.interface).to(device)
+        self.mlp = shaped(recipe, self.interface, HIDDEN * recipe.privileged).to(device)
+        self.teacher = _teacher(recipe, self.interface).to(device) if recipe.teacher else None
         self.optimiser = torch.optim.Adam(self.mlp.parameters(), lr=recipe.rate, betas=(0.9, 0.99))
         self.last: Situation | None = None
 
@@ -39,10 +42,12 @@ class GradientTrainer(Trainer):
         """One episode of all machines and one step; mean reward a second, by term, and what happened."""
         e, s = self.environment, self.begin(self.last)
         steps: list[Step] = []
-        unknown, ended = torch.zeros(()), torch.zeros(())
+        unknown, ended, missed = torch.zeros(()), torch.zeros(()), torch.zeros(())
         for k in range(e.periods):
             observation = e.observe(s)
-            steps.append(self.play(s, self.mlp(self.interface.features(observation)), observation))
+            answer, apart = self._answer(s, self.interface.features(observation))
+            missed = missed + apart
+            steps.append(self.play(s, answer, observation))
             s = steps[-1].after.faded(self.recipe.fade, self.recipe.level)
             if k % LOOK == 0:
                 with torch.no_grad():
@@ -51,10 +56,22 @@ class GradientTrainer(Trainer):
         rewards = self.rewards(steps)
         terms = {name: value.detach().mean() * e.periods for name, value in rewards.items()}
         self.check(terms)
-        self._learn(-sum(value.mean() for value in rewards.values()) * e.periods * SPACING_S)  # type: ignore[arg-type]
+        worth: Any = sum(value.mean() for value in rewards.values()) * e.periods
+        self._learn((self.recipe.imitation * missed - worth) * SPACING_S)
         self.last = s.cut()
         self.done += 1
         return self.report(terms, e.periods, unknown, ended) | self.end_errors(self.last)
+
+    def _answer(self, s: Situation, seen: Tensor) -> tuple[Tensor, Tensor]:
+        """The network's answer, and how far it is from the teacher's: mean of its square."""
+        if self.recipe.privileged:
+            return self.mlp(torch.cat([seen, hidden(s)], dim=1)), torch.zeros(())
+        answer = self.mlp(seen)
+        if self.teacher is None:
+            return answer, torch.zeros(())
+        with torch.no_grad():
+            wanted = self.teacher(torch.cat([seen, hidden(s)], dim=1))
+        return answer, (answer - wanted).square().sum(1).mean()
 
     def _learn(self, loss: Tensor) -> None:
         for group in self.optimiser.param_groups:
@@ -75,6 +92,17 @@ class GradientTrainer(Trainer):
         super().load(state)
         self.optimiser.load_state_dict(state["optimiser"])
         self.last = state["last"]
+
+
+def _teacher(recipe: Recipe, way: Interface) -> nn.Sequential:
+    """The network in a teacher's checkpoint; InputError if it is none, or of another shape."""
+    path = Path(recipe.teacher) / checkpoint.NAME
+    mlp = shaped(recipe, way, HIDDEN)
+    try:
+        mlp.load_state_dict(torch.load(path, map_location="cpu", weights_only=True)["state"]["mlp"])
+    except Exception as error:  # missing, damaged, or a network of other sizes
+        raise InputError(f"teacher {path}: {error}; train one with --set privileged=true") from error
+    return mlp.requires_grad_(False)
 
 
 def schedule(progress: float) -> float:

@@ -21,8 +21,11 @@ def perceptron(sizes: Sequence[int]) -> nn.Sequential:
     return _stacked([nn.Linear(a, b) for a, b in pairwise(sizes)])
 
 
-def shaped(recipe: Recipe, way: "Interface") -> nn.Sequential:
-    """The recipe's network: the paper's, or with a structure that is dense layers once it is trained."""
+def shaped(recipe: Recipe, way: "Interface", more: int = 0) -> nn.Sequential:
+    """The recipe's network: the paper's, or with a structure that is dense layers once it is trained.
+
+    `more` inputs after the interface's: the paper's network only.
+    """
     sizes = way.sizes(recipe.layers)
     if recipe.network == "mirror":
         signs = [torch.tensor(mirrored(recipe.task, recipe.history, end)) for end in ("inputs", "outputs")]
@@ -33,7 +36,7 @@ def shaped(recipe: Recipe, way: "Interface") -> nn.Sequential:
         rows = len(SCALES) if recipe.task == "full" else len(SLEW_CHANNELS)
         first = _InTime(rows, recipe.history, sizes[0])
         return _stacked([first, *(nn.Linear(a, b) for a, b in pairwise([first.wide, *sizes[1:]]))])
-    return perceptron(sizes)
+    return perceptron([sizes[0] + more, *sizes[1:]])
 
 
 def _stacked(layers: Sequence[nn.Module]) -> nn.Sequential:

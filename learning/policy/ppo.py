@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from fmus.slew_nn.network import SlewNetwork
 from learning.policy.recipe import Recipe
-from learning.policy.situation import Situation
+from learning.policy.situation import Situation, hidden
 from learning.policy.trainer import Trainer
 from specs.policy import SPACING_S
 
@@ -114,7 +114,7 @@ class PpoTrainer(Trainer):
         self._observation = self.environment.observe(s)
         groups = {"policy": self.interface.features(self._observation)}
         if self.recipe.asymmetric:
-            groups["hidden"] = _hidden(s)
+            groups["hidden"] = hidden(s)
         return TensorDict(groups, batch_size=[self.environment.n], device=self.device)  # type: ignore[arg-type]
 
     def get_observations(self) -> Any:
@@ -132,16 +132,6 @@ class PpoTrainer(Trainer):
         super().load(state)
         self.now, self.spare, self.steps = state["now"], state["spare"], state["steps"]
         self.algorithm.learning_rate = state["rate"]
-
-
-def _hidden(s: Situation) -> Tensor:
-    """What no sensor tells, about -1 … 1 [n, 8]: for the critic alone."""
-    m = s.machine
-    return torch.stack([
-        m.load / 2000.0, (m.named("tool_length_x") - 2.0) / 0.5, (m.dead_band - 0.12) / 0.04,
-        (m.inertia_scale - 1.0) / 0.1, s.state.p_l[-1] / 1e7, s.state.p_r[-1] / 1e7, s.state.tool[2] / 0.5,
-        s.age / 100.0,
-    ], dim=1)  # fmt: skip
 
 
 def _settings(r: Recipe) -> dict[str, Any]:

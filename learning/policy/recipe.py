@@ -102,6 +102,9 @@ class Recipe:
     # by the gradient of the simulation
     norm: float = 1.0  # largest norm of a gradient
     fade: float = 1.0  # share of an episode's gradient that passes from one step to the one before it
+    privileged: bool = False  # a teacher: the network sees `situation.hidden` too, and is not exported
+    teacher: str = ""  # folder of one, whose answers the network is held to as well
+    imitation: float = 1.0  # weight of that, of the answers' squared distance a second
     level: float = 0.0  # largest gradient of one machine in medians over machines; 0: without limit
 
     def __post_init__(self) -> None:
@@ -109,6 +112,8 @@ class Recipe:
             raise InputError(f"no task '{self.task}'; valid: {', '.join(TASKS)}")
         if self.network not in NETWORKS:
             raise InputError(f"no network '{self.network}'; valid: {', '.join(NETWORKS[1:])}, or none")
+        if (self.privileged or self.teacher) and self.network:
+            raise InputError("a teacher is a plain network, and so are its students: leave out 'network'")
         for name in self.weights:
             if name not in TERMS:
                 raise InputError(f"no reward term '{name}'; {nearest(name, TERMS)}")

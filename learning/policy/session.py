@@ -127,7 +127,7 @@ def run(options: Options, report: Report) -> dict[str, Any]:
         "task": chosen.task, "recipe": chosen.name, "iterations": trainer.done, "of": chosen.iterations,
         "command": options.command, "resumed_at": began, "last": log.last, "policy": "",
     }  # fmt: skip
-    if trainer.done >= chosen.iterations:
+    if trainer.done >= chosen.iterations and not chosen.privileged:
         figures["policy"] = str(_export(trainer, chosen, options, data, commit, log.last, out))
     return figures
 

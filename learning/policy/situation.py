@@ -8,6 +8,8 @@ from torch import Tensor
 
 from learning.policy.plant import Machine, State
 
+HIDDEN = 12  # of `hidden`
+
 
 @dataclass
 class Situation:
@@ -50,6 +52,17 @@ class Situation:
         found = iter(_Fade.apply(share, most, *values))  # type: ignore[arg-type]
         state = State(**{name: next(found) for name in self.state.__dict__})
         return replace(self, state=state, sensors=next(found), rates=next(found), action=next(found))
+
+
+def hidden(s: Situation) -> Tensor:
+    """What no sensor tells of the machine, about -1 … 1 [n, HIDDEN]: for critics and teachers alone."""
+    m = s.machine
+    return torch.stack([
+        m.load / 2000.0, (m.named("tool_length_x") - 1.7) / 0.5, (m.dead_band - 0.13) / 0.04,
+        (m.inertia_scale - 1.0) / 0.2, (m.gain - 1.05) / 0.2, (m.latency - 2.5) / 2.5,
+        (m.boom_delay + m.stick_delay - 28.0) / 8.0, s.bias[3] / 0.02, s.bias[4] / 0.02,
+        s.state.p_l[-1] / 1e7, s.state.p_r[-1] / 1e7, s.age / 100.0,
+    ], dim=1)  # fmt: skip
 
 
 class _Fade(torch.autograd.Function):

@@ -162,3 +162,26 @@ def test_products_in_bfloat16_learn_nearly_the_same(network: Path) -> None:
         after = trainer.mlp.parameters()
         moved.append(torch.cat([(b - a).detach().flatten() for a, b in zip(before, after, strict=True)]))
     assert float(torch.nn.functional.cosine_similarity(*moved, dim=0)) > 0.9
+
+
+def test_a_student_is_held_to_a_teacher_that_is_not_exported(network: Path, tmp_path: Path) -> None:
+    """The nearer to its teacher's answers the more that counts; a folder without one is refused."""
+    small = {"iterations": 8, "envs": 32, "episode_s": 1.0, "layers": (16, 16)}
+    told = {**small, "privileged": True}
+    done = session.run(options(network, tmp_path / "teacher", "full", changed=told), quiet)
+    assert not done["policy"]
+    assert not list((tmp_path / "teacher").glob("*.onnx"))
+    apart = []
+    for imitation in (0.0, 100.0):
+        student = recipe("full", **small, teacher=str(tmp_path / "teacher"), imitation=imitation, rate=0.01)
+        trainer = session.make_trainer(student, [network], 2)
+        for _ in range(student.iterations):
+            trainer.iterate()
+        s = trainer.environment.fresh()
+        seen = trainer.interface.features(trainer.environment.observe(s))
+        apart.append(float(trainer._answer(s, seen)[1].detach()))
+    assert apart[1] < 0.7 * apart[0]
+    with pytest.raises(InputError, match="privileged=true"):
+        session.make_trainer(recipe("full", teacher=str(tmp_path)), [network], 1)
+    with pytest.raises(InputError, match="plain network"):
+        recipe("full", privileged=True, network="mirror")
