@@ -1,5 +1,6 @@
 """What training costs: a step of the environment against its networks' matrix products, an iteration of PPO
-against the same with rsl-rl-lib's update as it comes.  Interleaved blocks, processor time, paired medians.
+against the same with rsl-rl-lib's update as it comes.  Interleaved blocks, processor time (on a GPU the
+clock), paired medians.
 """
 
 import time
@@ -11,7 +12,7 @@ import torch
 
 from learning.policy.plant import Plant
 from learning.policy.recipe import recipe
-from learning.policy.session import NETWORKS, make_trainer
+from learning.policy.session import NETWORKS, device_of, make_trainer
 
 STEP_LIMIT, UPDATE_LIMIT = (
     1.4,
@@ -24,8 +25,9 @@ Report = Callable[[str, float, float], None]
 
 def run(blocks: int, report: Report) -> dict[str, Any]:
     """Figures of both: medians, ratios with quartiles, and rates a processor second."""
-    stock, ours = (make_trainer(recipe("paper", **PPO, mixed=mixed), NETWORKS, 1) for mixed in (False, True))
-    trainer = make_trainer(recipe("paper", **{**PPO, "envs": MACHINES}), NETWORKS, 1)
+    device = device_of("auto", recipe("paper"))
+    stock, ours = (_trainer(device, mixed=mixed) for mixed in (False, True))
+    trainer = _trainer(device, envs=MACHINES)
     step, products = _step(trainer), _products(trainer)
     jobs = {"step": step, "products": products, "stock": stock.iterate, "ours": ours.iterate}
     for job in jobs.values():
@@ -34,13 +36,13 @@ def run(blocks: int, report: Report) -> dict[str, Any]:
     for block in range(blocks):
         report("blocks", block, blocks)
         for name in list(jobs) if block % 2 else list(jobs)[::-1]:
-            began = time.process_time()
+            began = _now(device)
             jobs[name]()
-            times[name].append(time.process_time() - began)
+            times[name].append(_now(device) - began)
     t = {name: np.array(values) for name, values in times.items()}
     samples = PPO["envs"] * PPO["steps"]
     return {
-        "blocks": blocks, "device": "cpu", "threads": torch.get_num_threads(),
+        "blocks": blocks, "device": device, "threads": torch.get_num_threads(),
         "environment": {
             **_ratio(t["step"], t["products"]), "limit": STEP_LIMIT,
             "steps_per_s": MACHINES * STEPS / float(np.median(t["step"])),
@@ -51,6 +53,18 @@ def run(blocks: int, report: Report) -> dict[str, Any]:
             "stock_samples_per_s": samples / float(np.median(t["stock"])),
         },
     }  # fmt: skip
+
+
+def _trainer(device: str, **changed: Any) -> Any:
+    return make_trainer(recipe("paper", **{**PPO, **changed}), NETWORKS, 1, device)
+
+
+def _now(device: str) -> float:
+    """Seconds: of the processor, or, once a GPU has done all it was told, of the clock."""
+    if device == "cpu":
+        return time.process_time()
+    torch.cuda.synchronize()
+    return time.perf_counter()
 
 
 def missed(figures: dict[str, Any]) -> list[str]:
@@ -73,7 +87,7 @@ def _ratio(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
 def _step(trainer: Any) -> Callable[[], None]:
     """Steps of the environment as training takes them: simulation, sensors, rewards, network's inputs."""
     e = trainer.environment
-    action = torch.zeros(e.n, trainer.interface.outputs)
+    action = torch.zeros(e.n, trainer.interface.outputs, device=e.device)
 
     @torch.no_grad()
     def job() -> None:
@@ -92,7 +106,7 @@ def _products(trainer: Any) -> Callable[[], None]:
     """The same number of evaluations of the slew networks' products alone."""
     plant: Plant = trainer.environment.plant
     drive = plant.drive
-    x = torch.rand(1, 41, trainer.environment.n)
+    x = torch.rand(1, 41, trainer.environment.n, device=trainer.device)
 
     @torch.no_grad()
     def job() -> None:

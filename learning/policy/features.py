@@ -33,6 +33,7 @@ PD_GAIN, PD_DAMPING = 0.6, 0.3  # 1/s and 1 of the prior, at pace 1
 PD_RAMP, PD_MOST = 0.03, 0.8  # rad/s over which the dead band is undone; largest joystick
 BRAKE_SHARE, BRAKE_PREVIEW, BRAKE_SLOPE = 0.6, 0.4, 0.8  # 1, s and 1/s of the prior "parabola", at pace 1
 BRAKE_SPEED, BRAKE_GAIN = 0.6, 2.0  # rad/s and 1
+GENTLE_STEP = 0.25  # rad/s: how far ahead of the speed the prior "gentle" opens the valve, at pace 1
 _CONTROL = parameters.load("control")
 ODD = {
     "u_slew",
@@ -144,8 +145,8 @@ def _pd(read: Reader) -> Any:
     return _joystick(speed, PD_MOST)
 
 
-def _parabola(read: Reader) -> Any:
-    """Joystick for the speed from which a share of the braking torque, by pace, stops at the target.
+def _braking(read: Reader) -> tuple[Any, Any]:
+    """(speed from which a share of the braking torque, by pace, stops at the target; speed now), rad/s.
 
     baselines/parabola, with every corner rounded: a network is trained through it.
     """
@@ -157,7 +158,20 @@ def _parabola(read: Reader) -> Any:
     knee = 2.0 * brake / BRAKE_SLOPE**2
     speed = -error * ca.sqrt(2.0 * brake / ca.sqrt(error * error + knee * knee))
     speed = BRAKE_SPEED * ca.tanh(speed / BRAKE_SPEED)
+    return speed, rate
+
+
+def _parabola(read: Reader) -> Any:
+    """Joystick that comes to the parabola's speed as fast as the drive can."""
+    speed, rate = _braking(read)
     return _joystick(speed + BRAKE_GAIN * (speed - rate), 1.0)
+
+
+def _gentle(read: Reader) -> Any:
+    """Joystick that comes to the parabola's speed by no more than a step beyond the present one, by pace."""
+    speed, rate = _braking(read)
+    step = GENTLE_STEP * read.now("pace")
+    return _joystick(rate + step * ca.tanh((1.0 + BRAKE_GAIN) * (speed - rate) / step), 1.0)
 
 
 def _joystick(speed: Any, most: float) -> Any:
@@ -166,7 +180,7 @@ def _joystick(speed: Any, most: float) -> Any:
     return most * ca.tanh((band * ca.tanh(speed / PD_RAMP) + slope * speed) / most)
 
 
-_SLEW = {"pd": _pd, "parabola": _parabola}
+_SLEW = {"pd": _pd, "parabola": _parabola, "gentle": _gentle}
 
 
 def _past(q: Any, sine: Any, cosine: Any) -> Any:

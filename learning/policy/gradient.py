@@ -91,7 +91,7 @@ class GradientTrainer(Trainer):
         """Go on where `state` was taken."""
         super().load(state)
         self.optimiser.load_state_dict(state["optimiser"])
-        self.last = state["last"]
+        self.last = state["last"] and state["last"].on(self.device)
 
 
 def _teacher(recipe: Recipe, way: Interface) -> nn.Sequential:

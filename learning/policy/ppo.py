@@ -130,7 +130,8 @@ class PpoTrainer(Trainer):
         """Go on where `state` was taken."""
         self.algorithm.load(state["ppo"], None, True)
         super().load(state)
-        self.now, self.spare, self.steps = state["now"], state["spare"], state["steps"]
+        self.now, self.spare = (state[name].on(self.device) for name in ("now", "spare"))
+        self.steps = state["steps"]
         self.algorithm.learning_rate = state["rate"]
 
 

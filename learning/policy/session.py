@@ -22,6 +22,7 @@ from specs.policy import TASKS
 from specs.schema import ROOT
 
 BUDGETS = ("full", "short", "tiny")
+DEVICES = ("auto", "cpu", "cuda")
 SHORT = 0.2  # of the iterations
 KEPT_EVERY_S = 60.0  # between checkpoints
 NETWORKS = (ROOT.parent / "fmus" / "slew_nn" / "weights.npz",)
@@ -40,6 +41,7 @@ class Options:
     networks: tuple[Path, ...] = ()
     out: Path = Path("out/train-policy")
     changed: Mapping[str, Any] = field(default_factory=dict)
+    device: str = "auto"  # of DEVICES
     stop_after: int | None = None  # iterations from now, for tests: as if it were ended there
 
     def chosen(self) -> Recipe:
@@ -106,7 +108,7 @@ def run(options: Options, report: Report) -> dict[str, Any]:
     paths = options.networks or NETWORKS
     data, commit = digest(paths), source_state()
     out = _folder(options.out)
-    trainer = make_trainer(chosen, paths, options.seed)
+    trainer = make_trainer(chosen, paths, options.seed, device_of(options.device, chosen))
     kept = out / checkpoint.NAME
     if kept.is_file():
         trainer.load(checkpoint.load(kept, chosen, options.seed, data))
@@ -132,7 +134,22 @@ def run(options: Options, report: Report) -> dict[str, Any]:
     return figures
 
 
-def make_trainer(chosen: Recipe, paths: Any, seed: int) -> Any:
+def device_of(told: str, chosen: Recipe) -> str:
+    """torch's name of the device; "auto" is a GPU for PPO's thousands of machines, where there is one.
+
+    By the gradient a few hundred machines go through compiled loops, which only the processor has.
+    """
+    import torch
+
+    if told not in DEVICES:
+        raise InputError(f"no device '{told}'; {nearest(told, DEVICES)} (valid: {', '.join(DEVICES)})")
+    able = torch.cuda.is_available()
+    if told == "cuda" and not able:
+        raise InputError("--device cuda: torch sees no GPU here; valid are auto and cpu")
+    return "cuda" if able and (told == "cuda" or chosen.method == "ppo") else "cpu"
+
+
+def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> Any:
     """The trainer of a recipe's method on slew networks from files."""
     import torch
 
@@ -144,14 +161,14 @@ def make_trainer(chosen: Recipe, paths: Any, seed: int) -> Any:
         try:
             from learning.policy.ppo import PpoTrainer
 
-            return PpoTrainer(chosen, networks, seed)
+            return PpoTrainer(chosen, networks, seed, device)
         except ModuleNotFoundError as error:
             raise InputError(
                 f"PPO needs the package {error.name}: pip install 'slewright[learning]'"
             ) from None
     from learning.policy.gradient import GradientTrainer
 
-    return GradientTrainer(chosen, networks, seed)
+    return GradientTrainer(chosen, networks, seed, device)
 
 
 def _iterate(

@@ -1,6 +1,6 @@
 """All that the training environment remembers between two steps, and how a gradient goes back through it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import torch
@@ -41,6 +41,11 @@ class Situation:
         plain = {k: v.detach() for k, v in self.__dict__.items() if isinstance(v, Tensor)}
         return replace(self, state=self.state.copy(), **plain)
 
+    def on(self, device: str) -> "Situation":
+        """The same on a device of torch."""
+        placed: dict[str, Any] = {k: _on(v, device) for k, v in self.__dict__.items()}
+        return Situation(**placed)
+
     def faded(self, share: float, most: float = 0.0) -> "Situation":
         """The same; of the gradient that comes back through the state, `share` goes on.
 
@@ -63,6 +68,12 @@ def hidden(s: Situation) -> Tensor:
         (m.boom_delay + m.stick_delay - 28.0) / 8.0, s.bias[3] / 0.02, s.bias[4] / 0.02,
         s.state.p_l[-1] / 1e7, s.state.p_r[-1] / 1e7, s.age / 100.0,
     ], dim=1)  # fmt: skip
+
+
+def _on(value: Tensor | State | Machine, device: str) -> Any:
+    if isinstance(value, Tensor):
+        return value.to(device)
+    return type(value)(**{f.name: getattr(value, f.name).to(device) for f in fields(value)})
 
 
 class _Fade(torch.autograd.Function):

@@ -100,6 +100,9 @@ def policy(
             "--set", metavar="NAME=VALUE", help="A field of the recipe, or weights.TERM (repeatable)."
         ),
     ] = None,
+    device: Annotated[
+        str, typer.Option(metavar="NAME", help="auto (a GPU for PPO, where there is one), cpu or cuda.")
+    ] = "auto",
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Checkpoints, curve and policy; a second call goes on there.")
     ] = Path("out/train-policy"),
@@ -113,7 +116,7 @@ def policy(
 
     options = session.Options(
         task=task, recipe=recipe, seed=seed, budget=budget, networks=tuple(networks or ()), out=out,
-        changed=session.changes(change or ()),
+        changed=session.changes(change or ()), device=device,
     )  # fmt: skip
     with progress("train policy") as report:
         figures = session.run(options, report)

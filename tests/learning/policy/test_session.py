@@ -185,3 +185,15 @@ def test_a_student_is_held_to_a_teacher_that_is_not_exported(network: Path, tmp_
         session.make_trainer(recipe("full", teacher=str(tmp_path)), [network], 1)
     with pytest.raises(InputError, match="plain network"):
         recipe("full", privileged=True, network="mirror")
+
+
+def test_a_gpu_is_for_ppo_and_only_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    for able, wanted in ((False, ("cpu", "cpu")), (True, ("cuda", "cpu"))):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda able=able: able)
+        assert tuple(session.device_of("auto", recipe(name)) for name in ("paper", "full")) == wanted
+    assert session.device_of("cuda", recipe("full")) == "cuda"
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(InputError, match="no GPU here"):
+        session.device_of("cuda", recipe("paper"))
+    with pytest.raises(InputError, match="auto, cpu, cuda"):
+        session.device_of("tpu", recipe("paper"))
