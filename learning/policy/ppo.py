@@ -40,6 +40,9 @@ class PpoTrainer(Trainer):
         with contextlib.redirect_stdout(io.StringIO()):  # it prints its networks
             self.algorithm = PPO.construct_algorithm(self._seen(self.now), self, _settings(recipe), device)  # type: ignore[arg-type]
         self.mlp: nn.Sequential = self.algorithm.actor.mlp
+        if recipe.prior:  # begin with the prior's own answers, as the other method does
+            with torch.no_grad():
+                self.mlp[-1].weight.mul_(0.05)  # type: ignore[operator]
         if recipe.mixed:
             self._hasten()
         self.algorithm.train_mode()

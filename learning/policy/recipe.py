@@ -113,7 +113,9 @@ class Recipe:
         if self.network not in NETWORKS:
             raise InputError(f"no network '{self.network}'; valid: {', '.join(NETWORKS[1:])}, or none")
         if (self.privileged or self.teacher) and self.network:
-            raise InputError("a teacher is a plain network, and so are its students: leave out 'network'")
+            raise InputError("a teacher is a plain network, and so are its students: --set network=")
+        if self.method == "ppo" and self.network:
+            raise InputError(f"PPO's network is a plain one, not '{self.network}': --set network=")
         for name in self.weights:
             if name not in TERMS:
                 raise InputError(f"no reward term '{name}'; {nearest(name, TERMS)}")
@@ -140,10 +142,11 @@ _PAPER = {
     "one_shot": 0.2,
 }  # fmt: skip
 _OURS = {
-    "balance": 0.7, "closing": 0.15, "settle": 1.0, "overshoot": 2.0, "sway": 1.2, "action": 0.05,
+    "balance": 0.3, "closing": 0.15, "settle": 1.0, "overshoot": 4.0, "sway": 2.0, "action": 0.05,
     "one_shot": 0.05, "keep_out": 2.0, "limits": 0.05,
 }  # fmt: skip
 _FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
+_EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense, the paper's 256, 128, 128
 _RECIPES = (
     Recipe(
         "paper", "the paper's seven terms, PPO", method="ppo", weights=_PAPER, ahead_s=0.0,
@@ -155,14 +158,14 @@ _RECIPES = (
         first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0,
     ),
     Recipe(
-        "full", "ours: through the simulation's own gradient", prior="parabola", weights=_OURS,
-        first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25, fade=0.97,
-        spatial=True,
+        "full", "ours: through the simulation's own gradient", prior="gentle", weights=_OURS, **_EVEN,
+        first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25,
+        fade=0.99, level=2.0, spatial=True,
         random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
-        episode_s=15.0, consecutive=0.5, envs=192, iterations=250, rate=1.5e-3,
+        episode_s=15.0, consecutive=0.5, envs=192, iterations=500, rate=1.5e-3,
     ),
     Recipe(
-        "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST,
+        "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST, **_EVEN,
         first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.05), curriculum=0.25, fade=0.985,
         spatial=True, random=Randomisation(pace=(0.5, 2.0)),
         episode_s=12.0, consecutive=0.5, envs=128, iterations=150, rate=1.5e-3,

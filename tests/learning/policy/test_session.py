@@ -166,7 +166,7 @@ def test_products_in_bfloat16_learn_nearly_the_same(network: Path) -> None:
 
 def test_a_student_is_held_to_a_teacher_that_is_not_exported(network: Path, tmp_path: Path) -> None:
     """The nearer to its teacher's answers the more that counts; a folder without one is refused."""
-    small = {"iterations": 8, "envs": 32, "episode_s": 1.0, "layers": (16, 16)}
+    small = {"iterations": 8, "envs": 32, "episode_s": 1.0, "layers": (16, 16), "network": ""}
     told = {**small, "privileged": True}
     done = session.run(options(network, tmp_path / "teacher", "full", changed=told), quiet)
     assert not done["policy"]
@@ -182,9 +182,11 @@ def test_a_student_is_held_to_a_teacher_that_is_not_exported(network: Path, tmp_
         apart.append(float(trainer._answer(s, seen)[1].detach()))
     assert apart[1] < 0.7 * apart[0]
     with pytest.raises(InputError, match="privileged=true"):
-        session.make_trainer(recipe("full", teacher=str(tmp_path)), [network], 1)
+        session.make_trainer(recipe("full", **small, teacher=str(tmp_path)), [network], 1)
     with pytest.raises(InputError, match="plain network"):
         recipe("full", privileged=True, network="mirror")
+    with pytest.raises(InputError, match="PPO's network"):
+        recipe("paper", network="convolution")
 
 
 def test_a_gpu_is_for_ppo_and_only_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
