@@ -57,7 +57,7 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "qd_boom_ref": (-ARM_LIMIT, ARM_LIMIT),
     "qd_stick_ref": (-ARM_LIMIT, ARM_LIMIT),
 }
-PRIORS = ("", "pd", "parabola")
+PRIORS = ("", "pd", "parabola", "gentle")
 META = "slewright.policy"  # key of the ONNX metadata that holds `Contract.as_json`
 
 
