@@ -5,6 +5,9 @@ from typing import Any
 
 import pytest
 
+from fmus.slew_nn.untrained import untrained
+from learning.policy import session
+from learning.policy.session import Options
 from slewright import policy_ablation as ablation
 from specs.errors import InputError
 
@@ -40,3 +43,26 @@ def test_a_folder_without_a_training_is_refused(tmp_path: Path) -> None:
     """With the folder's name."""
     with pytest.raises(InputError, match=str(tmp_path)):
         ablation.recipe_of(tmp_path)
+
+
+def test_the_page_has_a_row_a_recipe_and_what_trained_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two tiny trainings; what they reach is told, no machine is driven."""
+    network = tmp_path / "small.npz"
+    untrained(1, residual=True).save(network)
+    outs = [tmp_path / "one", tmp_path / "other"]
+    for out, changed in zip(outs, ({}, {"history": 2}), strict=True):
+        tiny = Options("full", seed=1, budget="tiny", networks=(network,), out=out, changed=changed)
+        session.run(tiny, lambda *said: None)
+    cell = {"speed": 11.0, "overshoot": 0.5, "error": 0.1, "tool": 6.0, "missed": 0}
+    found = {"pace": 1.0, "loads": dict.fromkeys(ablation.LOADS, cell)}
+    monkeypatch.setattr(ablation.evaluation, "evaluate", lambda paths, results, asked: found)
+    page = tmp_path / "page.md"
+    page.write_text("# Ideas\n\n<!-- policy-ideas:begin -->\n<!-- policy-ideas:end -->\n")
+    ablation.main([*map(str, outs), "--page", str(page), "--machines", "2"])
+    text = page.read_text()
+    assert "| base | 3 × 32 × 1 s | 1 | 1.00 | 11.00 |" in text
+    assert "| history 2 | " in text
+    assert text.count("slewright train policy --task full --seed 1") == 2
+    assert "on 2 machines of the validation draws, simulated" in text
