@@ -58,6 +58,7 @@ typedef struct {
 typedef struct {
   double fu[NX * NU], fp[NNZ_FP + 1], lu[NX * NX];
   int pivot[NX];
+  int below[NX], above[NX], row_below[NX * NX], row_above[NX * NX]; /* by column: what is not zero, and where */
 } Tangent;
 
 typedef struct {
@@ -75,6 +76,17 @@ static void evaluate(Run *k, Function *function, const double *x, double *second
   const double *arg[8] = {x, k->u, k->m, k->r->p};
   double *res[8] = {k->f, second, third, fourth};
   function(arg, res, k->iw, k->w, 0);
+}
+
+/* Lists what is not zero of the factors: with many effects at once most of them is. */
+static void list(Tangent *t, int n) {
+  for (int i = 0; i < n; i++) {
+    t->below[i] = t->above[i] = 0;
+    for (int row = 0; row < i; row++)
+      if (t->lu[i * NX + row] != 0.0) t->row_above[i * NX + t->above[i]++] = row;
+    for (int row = i + 1; row < n; row++)
+      if (t->lu[i * NX + row] != 0.0) t->row_below[i * NX + t->below[i]++] = row;
+  }
 }
 
 /* LU of I - c J over the active states; 0 if singular. */
@@ -98,19 +110,24 @@ static int factorise(Run *k, double c) {
         lu[col * NX + i] = lu[col * NX + best];
         lu[col * NX + best] = t;
       }
+    int right[NX], many = 0;
+    for (int col = i + 1; col < n; col++)
+      if (lu[col * NX + i] != 0.0) right[many++] = col;
     for (int row = i + 1; row < n; row++) {
+      if (lu[i * NX + row] == 0.0) continue;
       const double factor = lu[i * NX + row] /= lu[i * NX + i];
-      if (factor == 0.0) continue;
-      for (int col = i + 1; col < n; col++) lu[col * NX + row] -= factor * lu[col * NX + i];
+      for (int c = 0; c < many; c++) lu[right[c] * NX + row] -= factor * lu[right[c] * NX + i];
     }
   }
+  list(k->at, n);
   return 1;
 }
 
 /* b (active entries in order) becomes the solution. */
 static void solve(const Run *k, double *b) {
-  const int n = k->n, *pivot = k->at->pivot;
-  const double *lu = k->at->lu;
+  const Tangent *at = k->at;
+  const int n = k->n, *pivot = at->pivot;
+  const double *lu = at->lu;
   for (int i = 0; i < n; i++) {
     const double t = b[pivot[i]];
     b[pivot[i]] = b[i];
@@ -118,12 +135,18 @@ static void solve(const Run *k, double *b) {
   }
   for (int i = 0; i < n; i++) { /* most columns are mostly zero */
     if (b[i] == 0.0) continue;
-    for (int row = i + 1; row < n; row++) b[row] -= lu[i * NX + row] * b[i];
+    for (int e = 0; e < at->below[i]; e++) {
+      const int row = at->row_below[i * NX + e];
+      b[row] -= lu[i * NX + row] * b[i];
+    }
   }
   for (int i = n - 1; i >= 0; i--) {
     if (b[i] == 0.0) continue;
     b[i] /= lu[i * NX + i];
-    for (int row = 0; row < i; row++) b[row] -= lu[i * NX + row] * b[i];
+    for (int e = 0; e < at->above[i]; e++) {
+      const int row = at->row_above[i * NX + e];
+      b[row] -= lu[i * NX + row] * b[i];
+    }
   }
 }
 
