@@ -1,8 +1,10 @@
-"""A point of the fit, and the problem linearised there."""
+"""A point of the fit, and the problem linearised there, window by window."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lapack
 
 from reconcile.model import Attached
 
@@ -14,6 +16,19 @@ class Point:
     p: np.ndarray
     x0: np.ndarray
     present: tuple[Attached, ...] = ()
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One window linearised: what `Linear` has of all windows."""
+
+    errors: np.ndarray
+    slopes: np.ndarray
+    raw: dict[str, np.ndarray]
+    step: tuple[np.ndarray, np.ndarray]
+    states: np.ndarray
+    white: dict[str, np.ndarray]
+    price: float
 
 
 @dataclass(frozen=True)
@@ -31,9 +46,52 @@ class Linear:
     steps: list[tuple[np.ndarray, np.ndarray]]
     states: list[np.ndarray]
     white: list[dict[str, np.ndarray]]
-    price: float = 0.0
+    price: float
+    pieces: tuple[Piece, ...]
 
     @property
     def cost(self) -> float:
         """Sum of squares of the projected errors."""
         return float(self.errors @ self.errors)
+
+
+def joined(pieces: Sequence[Piece]) -> Linear:
+    """The whole problem from its windows."""
+    return Linear(
+        np.concatenate([p.errors for p in pieces]),
+        np.vstack([p.slopes for p in pieces]),
+        [p.raw for p in pieces],
+        [p.step for p in pieces],
+        [p.states for p in pieces],
+        [p.white for p in pieces],
+        sum(p.price for p in pieces),
+        tuple(pieces),
+    )
+
+
+def projected(
+    e: np.ndarray, slope: np.ndarray, loose: np.ndarray, own: int, raw: dict[str, np.ndarray], x: np.ndarray
+) -> Piece:
+    """A window freed of what its initial states could explain.
+
+    `e` [N] and `slope` [N, states + columns] whitened, `loose` one over the freedom of each state, `own` how
+    many of them are the model's, `raw` the errors by output, `x` the states along the window.
+    """
+    n = len(loose)
+    q, r = np.linalg.qr(np.vstack([slope[:, :n], np.diag(loose)]))
+    q = q[: len(e)]
+    price = 2.0 * float(np.sum(np.log(np.abs(np.diag(r)[own:]) / loose[own:])))
+    e_in, p_in = q.T @ e, q.T @ slope[:, n:]
+    step = (back(r, e_in), back(r, p_in))
+    return Piece(e - q @ e_in, slope[:, n:] - q @ p_in, raw, step, x, _apart(e, raw), price)
+
+
+def back(r: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Solution of r x = b, r upper triangular and regular: what solve_triangular does, without its checks."""
+    return lapack.dtrtrs(r, b)[0]  # type: ignore[attr-defined]
+
+
+def _apart(e: np.ndarray, like: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Errors of a window one output after the other -> by output."""
+    ends = np.cumsum([len(v) for v in like.values()])[:-1]
+    return dict(zip(like, np.split(e, ends), strict=True))

@@ -11,13 +11,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.linalg import lapack
 
 from reconcile.fit import beginning
 from reconcile.fit.compiled import Columns, Compiled, Cut
 from reconcile.fit.late import Late
 from reconcile.fit.modes import by_guards
-from reconcile.fit.point import Linear, Point
+from reconcile.fit.point import Linear, Piece, Point, joined, projected
 from reconcile.fit.reading import Readings
 from reconcile.fit.whitening import Whitener
 from reconcile.fit.windows import Edge, InputTable, Window
@@ -221,35 +220,33 @@ class Problem:
             slopes.append(part / sigma)
         return errors, slopes
 
-    def linear(self, point: Point, columns: Sequence[int]) -> Linear | None:
-        """The problem linearised at a point; None if the model runs away there."""
-        active = self.active_states(point.present)
-        n, own = len(active), len(self.model.states)
-        loose = 1.0 / self.freedom(active)
-        price = 0.0
-        errors, slopes, raw, steps, states, white = [], [], [], [], [], []
+    def linear(
+        self, point: Point, columns: Sequence[int], known: Linear | None = None, changed: Sequence[int] = ()
+    ) -> Linear | None:
+        """The problem linearised at a point; None if the model runs away there.
+
+        `known`: the same but for the initial states of the `changed` windows.
+        """
+        pieces = []
         for k in range(len(self.windows)):
-            run = self.simulate(point, k, columns)
-            if run is None:
+            piece = self._piece(point, k, columns) if known is None or k in changed else known.pieces[k]
+            if piece is None:
                 return None
-            x, y, ys = run
-            found, parts = self.compare(point, k, y, ys, columns)
-            slope = np.concatenate(parts)
-            e = np.concatenate(list(found.values()))
-            if self.whiteners is not None:
-                slope, e = self.whiteners[k](slope), self.whiteners[k](e)
-            free = np.vstack([slope[:, :n], np.diag(loose)])
-            q, r = np.linalg.qr(free)
-            q = q[: len(e)]
-            price += 2.0 * float(np.sum(np.log(np.abs(np.diag(r)[own:]) / loose[own:])))
-            e_in, p_in = q.T @ e, q.T @ slope[:, n:]
-            errors.append(e - q @ e_in)
-            slopes.append(slope[:, n:] - q @ p_in)
-            steps.append((back(r, e_in), back(r, p_in)))
-            raw.append(found)
-            white.append(_apart(e, found))
-            states.append(x)
-        return Linear(np.concatenate(errors), np.vstack(slopes), raw, steps, states, white, price)
+            pieces.append(piece)
+        return joined(pieces)
+
+    def _piece(self, point: Point, k: int, columns: Sequence[int]) -> Piece | None:
+        """Window k linearised."""
+        run = self.simulate(point, k, columns)
+        if run is None:
+            return None
+        x, y, ys = run
+        found, parts = self.compare(point, k, y, ys, columns)
+        slope, e = np.concatenate(parts), np.concatenate(list(found.values()))
+        if self.whiteners is not None:
+            slope, e = self.whiteners[k](slope), self.whiteners[k](e)
+        loose = 1.0 / self.freedom(self.active_states(point.present))
+        return projected(e, slope, loose, len(self.model.states), found, x)
 
     def moved(
         self, point: Point, linear: Linear, p: np.ndarray, change: np.ndarray, share: float = 1.0
@@ -282,14 +279,3 @@ class Problem:
     def shown(self) -> dict[int, tuple[str, int]]:
         """State -> (output that shows it, 0; or shows what it is the rate of, 1)."""
         return beginning.shown_states(self.model, self.outputs)
-
-
-def back(r: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Solution of r x = b, r upper triangular and regular: what solve_triangular does, without its checks."""
-    return lapack.dtrtrs(r, b)[0]  # type: ignore[attr-defined]
-
-
-def _apart(e: np.ndarray, like: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Errors of a window one output after the other -> by output."""
-    ends = np.cumsum([len(v) for v in like.values()])[:-1]
-    return dict(zip(like, np.split(e, ends), strict=True))

@@ -133,8 +133,7 @@ def _descend(
 def _settled(problem: Problem, start: Point, columns: Sequence[int]) -> tuple[Point, Linear | None]:
     """The point with initial states that have found their place, and the problem linearised there."""
     linear = problem.linear(start, columns)
-    point = None if linear is None else settle(problem, start, linear)
-    return (start, linear) if point is None else (point, problem.linear(point, columns))
+    return (start, None) if linear is None else settle(problem, start, linear, columns)
 
 
 def _prior_cost(point: Point, columns: Sequence[int], free: Sequence[Free]) -> float:
