@@ -23,6 +23,7 @@ from specs.errors import InputError
 
 MARK = "policy-ideas"
 COST = ("iterations", "envs", "episode_s")  # said of every row, not as a difference
+SILENT = ("name", "why", "kind", "imitation")  # the last says nothing without a teacher, which is said
 LOADS = ("empty", "2t", "unknown")
 HEAD = (
     "what differs", "iterations × machines × time", "seeds", "pace", "speed °/s", "overshoot °", "error m",
@@ -46,7 +47,7 @@ def difference(base: Mapping[str, Any], other: Mapping[str, Any], group: str = "
         value = other.get(name, "")
         if isinstance(value, Mapping):
             found += difference(base.get(name) or {}, value, f"{name}.")
-        elif (base.get(name) or "") != (value or "") and name not in (*COST, "name", "why", "kind"):
+        elif (base.get(name) or "") != (value or "") and name not in (*COST, *SILENT):
             found.append(f"{group}{name} {_short(value)}")
     return found
 
