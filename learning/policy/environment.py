@@ -19,7 +19,8 @@ from fmus.slew_nn.network import HISTORY as SPEEDS, INPUTS, SlewNetwork
 from learning.policy.drive import Drive
 from learning.policy.features import errors
 from learning.policy.kernel import Kernel
-from learning.policy.plant import Machine, Plant, nominal, tip_of
+from learning.policy.period import tip_of
+from learning.policy.plant import Machine, Plant, nominal
 from learning.policy.recipe import Randomisation, Recipe
 from learning.policy.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
 from learning.policy.situation import Situation

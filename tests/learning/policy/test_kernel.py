@@ -7,14 +7,14 @@ import torch
 from learning.policy import kernel
 from learning.policy.features import commands, errors, features
 from learning.policy.kernel import Kernel
-from learning.policy.plant import _equations
+from learning.policy.period import equations
 from specs.errors import InputError
 
 FUNCTIONS = {
     "features": lambda: Kernel(features("full", 5)),
     "commands": lambda: Kernel(commands("full", 5, "pd")),
     "errors": lambda: Kernel(errors()),
-    **{name: (lambda name=name: _equations()[name]) for name in ("period", "swing", "tip", "moment")},
+    **{name: (lambda name=name: equations()[name]) for name in ("period", "swing", "tip", "moment")},
 }
 
 

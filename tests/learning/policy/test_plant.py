@@ -14,7 +14,8 @@ from fmus.slew_nn.network import SlewNetwork
 from fmus.slew_nn.untrained import untrained
 from fmus.stepper import Stepper
 from learning.policy.drive import Drive
-from learning.policy.plant import OWN_DEAD_BAND, TICKS, Plant, _plane, _spatial, nominal, warped
+from learning.policy.period import OWN_DEAD_BAND, TICKS, plane_tool, spatial_tool
+from learning.policy.plant import Plant, nominal, warped
 from orchestrator.assembly import assemble
 from orchestrator.simulate import simulate
 from orchestrator.stimuli import Stimuli
@@ -196,7 +197,7 @@ def test_the_spatial_tool_swings_as_the_reference_machines_own() -> None:
     lengths = [second / first, second / first + PARAMETERS.grab_offset]
     off = [
         float(np.abs(on_the_machines_motion(tick, run, lengths) - theirs).max() / np.abs(theirs).max())
-        for tick in (_spatial, _plane)
+        for tick in (spatial_tool, plane_tool)
     ]
     assert off[0] < 0.1
     assert off[1] > 0.3
