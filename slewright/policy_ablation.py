@@ -19,12 +19,12 @@ from learning.policy import checkpoint
 from learning.policy.export import read
 from slewright import evaluation
 from slewright.markers import fill
+from slewright.policies import LOADS
 from specs.errors import InputError
 
 MARK = "policy-ideas"
 COST = ("iterations", "envs", "episode_s")  # said of every row, not as a difference
 SILENT = ("name", "why", "kind", "imitation")  # the last says nothing without a teacher, which is said
-LOADS = ("empty", "2t", "unknown")
 HEAD = (
     "what differs", "iterations × machines × time", "seeds", "pace", "speed °/s", "overshoot °", "error m",
     "tool empty °/s", "tool 2t", "tool unknown", "tool, mean", "missed",

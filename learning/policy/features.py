@@ -35,13 +35,8 @@ BRAKE_SHARE, BRAKE_PREVIEW, BRAKE_SLOPE = 0.6, 0.4, 0.8  # 1, s and 1/s of the p
 BRAKE_SPEED, BRAKE_GAIN = 0.6, 2.0  # rad/s and 1
 GENTLE_STEP = 0.25  # rad/s: how far ahead of the speed the prior "gentle" opens the valve, at pace 1
 _CONTROL = parameters.load("control")
-ODD = {
-    "u_slew",
-    SLEW_ERROR,
-    "imu_tool_roll",
-    "imu_cabin_rate_z",
-    "imu_tool_rate_x",
-}  # change sign in a mirror
+# change sign where left and right are exchanged
+ODD = {"u_slew", SLEW_ERROR, "imu_tool_roll", "imu_cabin_rate_z", "imu_tool_rate_x"}
 OUTPUTS = {"slew": 1, "full": 3}
 ACTION_SCALE = {"u_slew": 1.0, "qd_boom_ref": ARM_LIMIT, "qd_stick_ref": ARM_LIMIT}
 
@@ -88,11 +83,10 @@ def features(task: str, history: int) -> ca.Function:
 @cache
 def mirrored(task: str, history: int, end: str) -> tuple[float, ...]:
     """Signs of the network's inputs, or of its outputs, where left and right are exchanged."""
-    size = len(CHANNELS) * history + len(ONCE)
-    turned = [-1.0 if name in ODD else 1.0 for name in CHANNELS for _ in range(history)] + [1.0] * len(ONCE)
     if end == "outputs":
         return tuple(-1.0 if name in ODD else 1.0 for name in ACTIONS[: OUTPUTS[task]])
-    at = 0.01 * ca.linspace(1.0, 2.0, size)  # any observation in which nothing is 0
+    turned = [-1.0 if name in ODD else 1.0 for name in CHANNELS for _ in range(history)] + [1.0] * len(ONCE)
+    at = 0.01 * ca.linspace(1.0, 2.0, len(turned))  # any observation in which nothing is 0
     here, there = (np.array(features(task, history)(x)).ravel() for x in (at, at * ca.DM(turned)))
     return tuple(float(np.sign(a * b)) for a, b in zip(here, there, strict=True))
 

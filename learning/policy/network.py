@@ -54,12 +54,14 @@ class _Twice(nn.Module):
     seen [n, M] -> both [n, 2 k]; between: both to both; the last: their mean, the second mirrored back.
     """
 
-    seen: Tensor | None = None  # signs of the first layer's inputs in a mirror
-    answered: Tensor | None = None  # signs of the last layer's outputs
+    seen: Tensor | None  # signs of the first layer's inputs in a mirror
+    answered: Tensor | None  # signs of the last layer's outputs
 
     def __init__(self, a: int, b: int) -> None:
         super().__init__()
         self.own = nn.Linear(a, b)
+        for signs in ("seen", "answered"):  # they go where the network goes
+            self.register_buffer(signs, None, persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:
         one, other = (x, x * self.seen) if self.seen is not None else x.chunk(2, dim=-1)
@@ -91,9 +93,9 @@ def weights_of(mlp: nn.Sequential) -> Weights:
         if isinstance(layer, nn.Linear):
             found.append((layer.weight.detach(), layer.bias.detach()))
         elif isinstance(layer, _Twice | _InTime):
-            size = inputs or _inputs(layer)
-            bias = layer(torch.zeros(1, size))[0]
-            found.append(((layer(torch.eye(size)) - bias).T, bias))
+            units = torch.eye(inputs or _inputs(layer), device=next(layer.parameters()).device)
+            bias = layer(torch.zeros_like(units[:1]))[0]
+            found.append(((layer(units) - bias).T, bias))
         inputs = len(found[-1][1])
     return [(w.cpu().numpy().copy(), b.cpu().numpy().copy()) for w, b in found]
 

@@ -50,7 +50,7 @@ def equations(spatial: bool = False) -> dict[str, Kernel]:
     swing: the same without references and with the arm at rest -> (tool, angle);
     tip: arm -> radius, height; moment: (arm, load) -> slew inertia of the pose.
     """
-    arm = load_model("arm")
+    arm = _model("arm")
     x, t, r, v, q = (ca.SX.sym(n, k) for n, k in zip("xtrvq", (4, 6, 2 * TICKS, len(VARIED), 1), strict=True))
     before, after = ca.SX.sym("before", HISTORY), ca.SX.sym("after", HISTORY)
     w = (before[HISTORY - 1], after[HISTORY - 1])
@@ -82,7 +82,7 @@ def equations(spatial: bool = False) -> dict[str, Kernel]:
 @cache
 def tip_of() -> ca.Function:
     """arm -> radius and height of its tip, as the arm's FMU says."""
-    arm, x, v = load_model("arm"), ca.SX.sym("x", len(ARM)), ca.SX.zeros(len(VARIED))
+    arm, x, v = _model("arm"), ca.SX.sym("x", len(ARM)), ca.SX.zeros(len(VARIED))
     at = arm.h(x, ca.SX.zeros(4), [], _parameters(arm, v, 0.0))
     out = {name.name: at[i] for i, name in enumerate(arm.outputs)}
     found: Any = ca.cse(ca.vertcat(out["radius"], out["height"]))
@@ -124,7 +124,7 @@ def _arm_tick(arm: Any, x: ca.SX, e: ca.SX, own: ca.SX, references: ca.SX, v: ca
 
 def plane_tool(t: ca.SX, pose: ca.SX, after: ca.SX, rate: ca.SX, turn: ca.SX, v: ca.SX) -> ca.SX:
     """The tool of the FMU a tick later, on what the others are now."""
-    arm, tool = load_model("arm"), load_model("tool")
+    arm, tool = _model("arm"), _model("tool")
     at = arm.h(pose, ca.SX(4, 1), [], _parameters(arm, v, 0.0))
     out = {name.name: at[i] for i, name in enumerate(arm.outputs)}
     u_tool = ca.vertcat(0, rate, out["radius"], out["radius_rate"], out["height"], ca.SX(8, 1))
@@ -171,6 +171,9 @@ def _ringing(e: ca.SX, change: ca.SX, own: ca.SX) -> ca.SX:
     force = -ca.sign(w) * change - TICK_S * (2.0 * d * w * e[2:] + w * w * e[:2])
     rates = e[2:] + force
     return ca.vertcat(e[:2] + TICK_S * rates, rates)
+
+
+_model = cache(load_model)  # a tick is written ten times
 
 
 def _parameters(model: Any, varied: ca.SX, load: float) -> ca.SX:

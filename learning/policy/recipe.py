@@ -21,10 +21,7 @@ class Randomisation:
     load_told: float = 0.5  # share of episodes in which the load is told; else 0 is
     response: Range = (0.45, 0.8)  # P of boom and stick (identified: 0.64, 0.56)
     arm_delay: Range = (0.2, 0.36)  # s (identified: 0.28, 0.26), longer than the encoder's 0.2
-    oil_hz: Range = (
-        0.0,
-        0.0,
-    )  # Hz, at which boom and stick ring on their cylinders' oil; 0: rigid, as the FMU
+    oil_hz: Range = (0.0, 0.0)  # Hz, of boom and stick on their cylinders' oil; 0: rigid, as the FMU
     oil_damping: Range = (0.05, 0.2)  # 1, of that ringing
     dead_rate: Range = (0.0, 0.0)  # rad/s: of smaller references of the arm little arrives; 0: as the FMU
     arm_gain: Range = (1.0, 1.0)  # of the arm's references
@@ -102,10 +99,10 @@ class Recipe:
     # by the gradient of the simulation
     norm: float = 1.0  # largest norm of a gradient
     fade: float = 1.0  # share of an episode's gradient that passes from one step to the one before it
+    level: float = 0.0  # largest gradient of one machine in medians over machines; 0: without limit
     privileged: bool = False  # a teacher: the network sees `situation.hidden` too, and is not exported
     teacher: str = ""  # folder of one, whose answers the network is held to as well
     imitation: float = 1.0  # weight of that, of the answers' squared distance a second
-    level: float = 0.0  # largest gradient of one machine in medians over machines; 0: without limit
 
     def __post_init__(self) -> None:
         if self.task not in TASKS:

@@ -8,8 +8,6 @@ import numpy as np
 from reconcile.extended import Extended
 from reconcile.fit.library import Columns, Cut, Equations, Library
 
-__all__ = ["Columns", "Compiled", "Cut"]
-
 # what compiling takes, in operations that a processor does in that time: in all, and by operation compiled
 STARTING, BY_OPERATION = 3.0e8, 2.0e5
 

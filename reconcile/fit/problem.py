@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from reconcile.fit import beginning
-from reconcile.fit.compiled import Columns, Compiled, Cut
+from reconcile.fit.compiled import Compiled
 from reconcile.fit.late import Late
+from reconcile.fit.library import Columns, Cut
 from reconcile.fit.modes import by_guards
 from reconcile.fit.point import Linear, Piece, Point, joined, projected
 from reconcile.fit.reading import Readings

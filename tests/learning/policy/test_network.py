@@ -69,3 +69,10 @@ def test_signs_of_a_mirror_are_signs() -> None:
 def test_an_unknown_network_is_refused() -> None:
     with pytest.raises(InputError, match="mirror, convolution"):
         recipe("full", network="transformer")
+
+
+def test_a_mirror_goes_where_its_network_goes() -> None:
+    _, mlp = built("full", "mirror")
+    mlp.to("meta")
+    assert all(t.device.type == "meta" for t in (*mlp.parameters(), *mlp.buffers()))
+    assert len(list(mlp.buffers())) == 2
