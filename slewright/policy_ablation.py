@@ -13,8 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from learning.policy import checkpoint
 from learning.policy.export import read
 from slewright import evaluation
@@ -33,11 +31,17 @@ Found = dict[str, Any]
 
 
 def recipe_of(out: Path) -> dict[str, Any]:
-    """The recipe that a folder was trained with, as plain values; InputError if it holds none."""
-    path = out / checkpoint.NAME
-    if not path.is_file():
-        raise InputError(f"{out} holds no {checkpoint.NAME}: name folders of slewright train policy")
-    return torch.load(path, map_location="cpu", weights_only=True)["recipe"]
+    """The recipe that a folder was trained with and its slew networks, plain; InputError if it holds none."""
+    told = checkpoint.read(out / checkpoint.NAME)
+    return {**told["recipe"], "slew networks": told["data_sha256"][:8]}
+
+
+def policy_of(out: Path) -> Path:
+    """The policy in a folder; InputError for a training that has not ended, or made a teacher."""
+    found = sorted(out.glob("*.onnx"))
+    if not found:
+        raise InputError(f"{out} holds no policy: name trainings that ended, and were not of a teacher")
+    return found[0]
 
 
 def difference(base: Mapping[str, Any], other: Mapping[str, Any], group: str = "") -> list[str]:
@@ -103,7 +107,7 @@ def _line(what: str, cost: str, found: Sequence[Found]) -> str:
 
 def page(outs: Sequence[Path], asked: evaluation.Asked, words: str, results: Path) -> str:
     """The table with what it is and what made each of its trainings."""
-    files = [next(out.glob("*.onnx")) for out in outs]
+    files = [policy_of(out) for out in outs]
     rows: dict[tuple[str, str], list[Found]] = {}
     for name, file in zip(named([recipe_of(out) for out in outs]), files, strict=True):
         rows.setdefault(name, []).append(evaluation.evaluate([file], results, asked))

@@ -13,6 +13,7 @@ from specs.policy import layout
 
 FORMAT = 1
 NAME = "checkpoint.pt"
+KEYS = ("format", "task", "history", "layout", "recipe", "seed", "data_sha256", "state")
 KINDS = {kind.__name__: kind for kind in (Situation, State, Machine)}
 
 
@@ -26,24 +27,27 @@ def save(path: Path, recipe: Recipe, seed: int, data: str, state: Mapping[str, A
     part.replace(path)
 
 
-def load(path: Path, recipe: Recipe, seed: int, data: str) -> dict[str, Any]:
-    """The trainer's state; InputError names file and what of it is of another training."""
+def read(path: Path) -> dict[str, Any]:
+    """All that a checkpoint holds, on the processor; InputError names a file that is none."""
     import torch
 
+    if not path.is_file():
+        raise InputError(f"no checkpoint {path}; slewright train policy writes it into --out")
     try:
         found = torch.load(path, map_location="cpu", weights_only=True)
-        told = {
-            key: found[key]
-            for key in ("format", "task", "history", "layout", "recipe", "seed", "data_sha256")
-        }
-        state = found["state"]
+        return {key: found[key] for key in KEYS}
     except Exception as error:  # a damaged file: zip, pickle and torch errors of many kinds
         raise InputError(f"{path} is no readable checkpoint ({type(error).__name__}); remove it") from error
+
+
+def load(path: Path, recipe: Recipe, seed: int, data: str) -> dict[str, Any]:
+    """The trainer's state; InputError names file and what of it is of another training."""
+    told = read(path)
     for key, value in _told(recipe, seed, data).items():
         if told[key] != value:
             raise InputError(f"{path}: a checkpoint of another {_difference(key, told[key], value)}; "
                              "name another --out, or remove it")  # fmt: skip
-    return {key: _whole(value) for key, value in state.items()}
+    return {key: _whole(value) for key, value in told["state"].items()}
 
 
 def _told(recipe: Recipe, seed: int, data: str) -> dict[str, Any]:

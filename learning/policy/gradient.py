@@ -99,8 +99,8 @@ def _teacher(recipe: Recipe, way: Interface) -> nn.Sequential:
     path = Path(recipe.teacher) / checkpoint.NAME
     mlp = shaped(recipe, way, HIDDEN)
     try:
-        mlp.load_state_dict(torch.load(path, map_location="cpu", weights_only=True)["state"]["mlp"])
-    except Exception as error:  # missing, damaged, or a network of other sizes
+        mlp.load_state_dict(checkpoint.read(path)["state"]["mlp"])
+    except (InputError, RuntimeError) as error:  # missing, damaged, or a network of other sizes
         raise InputError(f"teacher {path}: {error}; train one with --set privileged=true") from error
     return mlp.requires_grad_(False)
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from learning.policy import checkpoint
+from learning.policy.curve import Log
 from learning.policy.recipe import GROUPS, RECIPES, Recipe, recipe
 from specs.errors import InputError, RunError, nearest
 from specs.policy import TASKS
@@ -26,7 +27,6 @@ DEVICES = ("auto", "cpu", "cuda")
 SHORT = 0.2  # of the iterations
 KEPT_EVERY_S = 60.0  # between checkpoints
 NETWORKS = (ROOT.parent / "fmus" / "slew_nn" / "weights.npz",)
-CURVE = "curve.jsonl"
 Report = Callable[[str, float, float], None]
 
 
@@ -113,7 +113,7 @@ def run(options: Options, report: Report) -> dict[str, Any]:
     if kept.is_file():
         trainer.load(checkpoint.load(kept, chosen, options.seed, data))
     began = trainer.done
-    with _Log(out, began) as log:
+    with Log(out, began) as log:
         try:
             _iterate(
                 trainer,
@@ -172,7 +172,7 @@ def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> 
 
 
 def _iterate(
-    trainer: Any, chosen: Recipe, options: Options, log: "_Log", report: Report, keep: Callable[[], None]
+    trainer: Any, chosen: Recipe, options: Options, log: Log, report: Report, keep: Callable[[], None]
 ) -> None:
     start, began, kept = time.monotonic(), trainer.done, time.monotonic()
     last = chosen.iterations
@@ -193,56 +193,6 @@ def _iterate(
 
 def _keep(path: Path, chosen: Recipe, seed: int, data: str, trainer: Any) -> None:
     checkpoint.save(path, chosen, seed, data, trainer.state())
-
-
-class _Log:
-    """The learning curve, as lines and for TensorBoard; what lies beyond the checkpoint is taken back."""
-
-    def __init__(self, out: Path, done: int) -> None:
-        self.path, self.last = out / CURVE, {}
-        rows = _rows(self.path)[:done]
-        self.path.write_text("".join(json.dumps(r) + "\n" for r in rows), encoding="utf-8")
-        self.last = rows[-1] if rows else {}
-        self.writer = _writer(out, done)
-
-    def __enter__(self) -> "_Log":
-        self.file = self.path.open("a", encoding="utf-8")
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.file.close()
-        if self.writer is not None:
-            self.writer.close()
-
-    def add(self, iteration: int, figures: Mapping[str, float]) -> None:
-        """A line, and a point of each curve."""
-        self.last = {"iteration": iteration, **figures}
-        self.file.write(json.dumps(self.last) + "\n")
-        self.file.flush()
-        if self.writer is not None:
-            for name, value in figures.items():
-                self.writer.add_scalar(name, value, iteration)
-
-
-def _rows(path: Path) -> list[dict[str, Any]]:
-    if not path.is_file():
-        return []
-    found = []
-    for line in path.read_text(encoding="utf-8").splitlines():
-        try:
-            found.append(json.loads(line))
-        except ValueError:
-            break  # half a line: the run was ended while it was written
-    return found
-
-
-def _writer(out: Path, done: int) -> Any:
-    """TensorBoard's writer; None where it is not installed: the curve is in the lines as well."""
-    try:
-        from torch.utils.tensorboard.writer import SummaryWriter
-    except ModuleNotFoundError:
-        return None
-    return SummaryWriter(str(out), purge_step=done + 1)
 
 
 def _folder(out: Path) -> Path:

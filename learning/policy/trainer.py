@@ -56,10 +56,11 @@ class Trainer:
 
     def rewards(self, steps: Sequence[Step]) -> dict[str, Tensor]:
         """Weighed rewards of steps, [steps * n] by name: all machines of the first step come first."""
-        asked = torch.cat([step.asked for step in steps], dim=1)
-        over = (asked - self.interface.limited(asked)) / self.interface.high
         instant = self.environment.instants([step.before for step in steps], [step.after for step in steps])
-        instant = replace(instant, beyond=over[: self.interface.outputs].square().sum(0))
+        if "limits" in self.recipe.terms:
+            asked = torch.cat([step.asked for step in steps], dim=1)
+            over = (asked - self.interface.limited(asked)) / self.interface.high
+            instant = replace(instant, beyond=over[: self.interface.outputs].square().sum(0))
         pace = torch.cat([step.before.pace for step in steps])
         return weigh(instant, self.recipe.shape(self.progress), self.weights(pace))
 

@@ -39,10 +39,12 @@ def test_seeds_share_a_row_and_many_ranges_are_one() -> None:
     assert row == ("| base | 5 × 8 × 15 s | 2 | 1.25 | 11.00 | 0.50 | 0.10 | 7.00 | 7.00 | 7.00 | 7.00 | 0 |")
 
 
-def test_a_folder_without_a_training_is_refused(tmp_path: Path) -> None:
+def test_a_folder_without_a_training_or_its_policy_is_refused(tmp_path: Path) -> None:
     """With the folder's name."""
     with pytest.raises(InputError, match=str(tmp_path)):
         ablation.recipe_of(tmp_path)
+    with pytest.raises(InputError, match=f"{tmp_path} holds no policy"):
+        ablation.policy_of(tmp_path)
 
 
 def test_the_page_has_a_row_a_recipe_and_what_trained_it(
@@ -66,3 +68,15 @@ def test_the_page_has_a_row_a_recipe_and_what_trained_it(
     assert "| history 2 | " in text
     assert text.count("slewright train policy --task full --seed 1") == 2
     assert "on 2 machines of the validation draws, simulated" in text
+
+
+def test_other_slew_networks_are_a_difference(tmp_path: Path) -> None:
+    """They are no field of the recipe, but a training of its own."""
+    told = []
+    for number in (1, 2):
+        network = tmp_path / f"{number}.npz"
+        untrained(number, residual=True).save(network)
+        out = tmp_path / str(number)
+        session.run(Options("full", budget="tiny", networks=(network,), out=out), lambda *said: None)
+        told.append(ablation.recipe_of(out))
+    assert ablation.named(told)[1][0].startswith("slew networks ")

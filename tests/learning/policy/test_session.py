@@ -10,6 +10,7 @@ import torch
 
 from fmus.slew_nn.untrained import untrained
 from learning.policy import export, session
+from learning.policy.curve import NAME
 from learning.policy.gradient import GradientTrainer
 from learning.policy.recipe import recipe
 from learning.policy.session import Options
@@ -38,7 +39,7 @@ def options(network: Path, out: Path, recipe: str, **more: Any) -> Options:
 
 def curve(out: Path) -> list[dict[str, float]]:
     """The learning curve."""
-    return [json.loads(line) for line in (out / session.CURVE).read_text().splitlines()]
+    return [json.loads(line) for line in (out / NAME).read_text().splitlines()]
 
 
 def quiet(what: str, done: float, total: float) -> None:
@@ -54,7 +55,7 @@ def test_a_killed_training_goes_on_along_the_same_curve(recipe: str, network: Pa
     first = session.run(options(network, parts, recipe, **more, stop_after=2), quiet)
     assert first["iterations"] == 2
     assert not first["policy"]
-    with (parts / session.CURVE).open("a") as file:
+    with (parts / NAME).open("a") as file:
         file.write('{"iteration": 3, "rew')  # ended while it wrote a line
     second = session.run(options(network, parts, recipe, **more), quiet)
     assert second["resumed_at"] == 2
