@@ -159,7 +159,7 @@ _RECIPES = (
         first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25,
         fade=0.99, level=2.0, spatial=True,
         random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
-        episode_s=15.0, consecutive=0.5, envs=192, iterations=500, rate=1.5e-3,
+        episode_s=15.0, consecutive=0.5, envs=192, iterations=1500, rate=1.5e-3,
     ),
     Recipe(
         "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST, **_EVEN,
