@@ -1,6 +1,7 @@
 """What each idea of a training gave: policies on re-drawn reference machines at one speed, as a page.
 
-    python -m slewright.policy_ablation OUT... [--matched 11.2] [--machines 6] [--jobs 1] [--page FILE.md]
+    python -m slewright.policy_ablation OUT... [--matched 11.2] [--machines 6] [--jobs 1]
+                                        [--page FILE.md [--mark NAME]]
 
 Every OUT is a folder of `slewright train policy` that ended.  The first is the base: a row names fields of
 the recipe that differ from it.  Each is run by `slewright evaluate` at the pace with this mean speed, on the
@@ -20,7 +21,7 @@ from slewright.markers import fill
 from slewright.policies import LOADS
 from specs.errors import InputError
 
-MARK = "policy-ideas"
+MARK = "policy-ideas"  # of the page, unless --mark names another
 COST = ("iterations", "envs", "episode_s")  # said of every row, not as a difference
 SILENT = ("name", "why", "kind", "imitation")  # the last says nothing without a teacher, which is said
 HEAD = (
@@ -129,11 +130,12 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--results", type=Path, default=Path("out/evaluate"))
     parser.add_argument("--page", type=Path)
+    parser.add_argument("--mark", default=MARK)
     told = parser.parse_args(words)
     asked = evaluation.Asked(machines=told.machines, matched=told.matched, jobs=told.jobs)
     text = page(told.outs, asked, " ".join(words or sys.argv[1:]), told.results)
     if told.page:
-        fill(told.page, MARK, text)
+        fill(told.page, told.mark, text)
     print(text)
 
 

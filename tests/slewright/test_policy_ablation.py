@@ -61,8 +61,8 @@ def test_the_page_has_a_row_a_recipe_and_what_trained_it(
     found = {"pace": 1.0, "loads": dict.fromkeys(ablation.LOADS, cell)}
     monkeypatch.setattr(ablation.evaluation, "evaluate", lambda paths, results, asked: found)
     page = tmp_path / "page.md"
-    page.write_text("# Ideas\n\n<!-- policy-ideas:begin -->\n<!-- policy-ideas:end -->\n")
-    ablation.main([*map(str, outs), "--page", str(page), "--machines", "2"])
+    page.write_text("# Ideas\n\n<!-- old:begin -->\n<!-- old:end -->\n")
+    ablation.main([*map(str, outs), "--page", str(page), "--mark", "old", "--machines", "2"])
     text = page.read_text()
     assert "| base | 3 × 32 × 1 s | 1 | 1.00 | 11.00 |" in text
     assert "| history 2 | " in text
