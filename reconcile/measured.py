@@ -83,7 +83,8 @@ def _alone(folder: Folder, runs: Sequence[Run], study: Study, fitted: Fitted) ->
     """Parameters of the answer's effects fitted to one recording alone, started from the answer."""
     blocks = tuple(Block(r, r.start_s, r.end_s) for r in runs)
     present = fitted.point.present
-    own = Study(folder, Parts(blocks, blocks, blocks), [a.effect for a in present])
+    effects = list(dict.fromkeys(a.effect for a in present))  # one may be at two ports
+    own = Study(folder, Parts(blocks, blocks, blocks), effects)
     chosen = [a for a in own.candidates if a.key in {x.key for x in present}]
     known = study.named(fitted.point.p)
     start = own.fit_problem.start(own.values | {n: v for n, v in known.items() if n in own.values})
