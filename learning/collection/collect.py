@@ -22,6 +22,7 @@ from learning.collection.controller import FILE as CONTROLLER, find, known
 from learning.collection.coverage import measure
 from learning.collection.coverage_page import write_page
 from learning.collection.machine import STEP_S, LockStep, Machine
+from learning.collection.manifest import NAME as MANIFEST
 from learning.collection.operator_model import Operator
 from learning.collection.plan import SPLITS, Plan, Recording
 from learning.collection.recorder import record
@@ -29,7 +30,7 @@ from learning.collection.slew_control import Gains, SlewControl
 from records.record import Record, read
 from specs.errors import InputError, nearest
 
-MANIFEST, PAGE = "collection.json", "coverage.html"
+PAGE = "coverage.html"
 Report = Callable[[str, float, float], None]
 
 

@@ -7,7 +7,6 @@ From steps of the references and the encoders' angles alone: what a recipe's `de
 and `oil_damping` stand for.  A damping at the end of what is tried: it does not ring, and its Hz say nothing.
 """
 
-import json
 import sys
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, product
@@ -16,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from learning.collection.collect import MANIFEST
+from learning.collection import manifest
 from records.formats import read_measurement
 from records.measurement import Measurement
 
@@ -75,8 +74,7 @@ def _left(t: Array, q: Array, hz: float, damping: float, decay: float) -> float:
 
 def traits(folder: Path) -> Iterator[tuple[str, float, float, float, float]]:
     """(joint, rad/s lost, gain, Hz, damping) of the joints that a collection's recordings step."""
-    entries = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["recordings"]
-    for one in (read_measurement(folder / entry["file"]) for entry in entries):
+    for one in (read_measurement(file) for file, _ in manifest.read(folder)[1]):
         for joint in JOINTS:
             if found := list(steps(one, joint)):
                 yield (joint, *lost_and_gain(found), *ringing(found))

@@ -6,7 +6,6 @@ Mean absolute errors of speed and angle over 10 s open loop on a collection's va
 1 and 2 periods ahead.  The angle is the running sum of the error in speed.
 """
 
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from fmus.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
+from learning.collection import manifest
 from learning.policy.session import NETWORKS
 from learning.slew.trajectory import Trajectory, of_measurement
 from records.formats import read_measurement
@@ -32,11 +32,10 @@ def with_gyro(measurement: Measurement) -> Measurement:
 
 def recordings(folder: Path, split: str = "validation") -> list[Pair]:
     """(as the networks know it, with the gyro) of each recording of a split."""
-    entries = json.loads((folder / "collection.json").read_text(encoding="utf-8"))["recordings"]
     found: list[Pair] = []
-    for entry in entries:
-        if entry["split"] == split and not entry["aborted"]:
-            one = read_measurement(folder / entry["file"])
+    for file, entry in manifest.read(folder)[1]:
+        if entry["split"] == split:
+            one = read_measurement(file)
             found += zip(of_measurement(one, ""), of_measurement(with_gyro(one), ""), strict=True)
     return found
 

@@ -1,7 +1,6 @@
 """The recordings a slew model is made from: a collection's folder or any recordings, split by recording."""
 
 import hashlib
-import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +10,13 @@ import numpy as np
 
 from fmus.slew import traces
 from fmus.slew_nn.network import HISTORY, PERIOD_S
+from learning.collection import manifest
 from learning.slew import checks
 from learning.slew.score import HORIZON
 from learning.slew.trajectory import GROUPS, NEEDED, Trajectory, of_measurement, of_trace
 from records.formats import read_measurement
 from specs.errors import InputError
 
-MANIFEST = "collection.json"
 SPLITS = ("train", "validation", "test")
 SHARES = (0.7, 0.15)  # of the recordings without a manifest: train, validation; the rest is held out
 LEAST_S = (2 * HISTORY + HORIZON) * PERIOD_S  # of a recording to be judged on (ablation.BEFORE)
@@ -77,16 +76,7 @@ def of_traces() -> Data:
 
 
 def _of_folder(folder: Path, without: Collection[str]) -> Data:
-    manifest = folder / MANIFEST
-    try:
-        content = json.loads(manifest.read_text(encoding="utf-8"))
-        entries = [(folder / entry["file"], entry) for entry in content["recordings"] if not entry["aborted"]]
-    except OSError as error:
-        raise InputError(
-            f"{manifest}: {error.strerror}; collect recordings first: slewright collect"
-        ) from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{manifest} is damaged: {error}") from None
+    content, entries = manifest.read(folder)
     return _gathered(
         entries, f"{content['collection']}, {content['origin']}, machine {content['machine']}", without
     )
