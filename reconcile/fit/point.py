@@ -86,6 +86,13 @@ def projected(
     return Piece(e - q @ e_in, slope[:, n:] - q @ p_in, raw, step, x, _apart(e, raw), price)
 
 
+def freed(slope: np.ndarray, loose: np.ndarray) -> np.ndarray:
+    """Slopes [N, columns] of a window's slopes [N, states + columns], freed as `projected` does."""
+    n = len(loose)
+    q = np.linalg.qr(np.vstack([slope[:, :n], np.diag(loose)]))[0][: len(slope)]
+    return slope[:, n:] - q @ (q.T @ slope[:, n:])
+
+
 def back(r: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Solution of r x = b, r upper triangular and regular: what solve_triangular does, without its checks."""
     return lapack.dtrtrs(r, b)[0]  # type: ignore[attr-defined]

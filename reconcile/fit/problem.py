@@ -230,14 +230,14 @@ class Problem:
         """
         pieces = []
         for k in range(len(self.windows)):
-            piece = self._piece(point, k, columns) if known is None or k in changed else known.pieces[k]
+            piece = self.piece(point, k, columns) if known is None or k in changed else known.pieces[k]
             if piece is None:
                 return None
             pieces.append(piece)
         return joined(pieces)
 
-    def _piece(self, point: Point, k: int, columns: Sequence[int]) -> Piece | None:
-        """Window k linearised."""
+    def piece(self, point: Point, k: int, columns: Sequence[int]) -> Piece | None:
+        """Window k linearised; None if the model runs away there."""
         run = self.simulate(point, k, columns)
         if run is None:
             return None
@@ -248,19 +248,6 @@ class Problem:
             slope, e = self.whiteners[k](slope), self.whiteners[k](e)
         loose = 1.0 / self.freedom(self.active_states(point.present))
         return projected(e, slope, loose, len(self.model.states), found, x)
-
-    def moved(
-        self, point: Point, linear: Linear, p: np.ndarray, change: np.ndarray, share: float = 1.0
-    ) -> Point:
-        """The point after a step: new parameters, initial states where they fit best to first order.
-
-        `share`: of the way that the initial states would go by themselves.
-        """
-        active = self.active_states(point.present)
-        x0 = point.x0.copy()
-        for k, (own, by) in enumerate(linear.steps):
-            x0[k, active] += share * own - by @ change
-        return replace(point, p=p, x0=x0)
 
     def errors(self, point: Point) -> list[dict[str, np.ndarray]] | None:
         """Whitened errors by window and output, initial states as they are."""

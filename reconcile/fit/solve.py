@@ -8,8 +8,11 @@ import numpy as np
 from reconcile.fit.point import Linear, Point
 from reconcile.fit.problem import Problem
 from reconcile.fit.states import settle
+from reconcile.fit.trial import tried
 
-PATIENCE = 4
+PATIENCE, FALLS = 4, 0.3  # steps in which a fit that is to go on must come down to that share of its cost
+WORTH = 0.1  # of what a step must gain: one that promises less is not tried
+LOST = 2.0  # times the cost: a step that leads so far up is not made good by other initial states
 LONGER, GOING = 4, 0.05  # times the iterations for a fit that still gains this share of its cost in each
 HOT = 5.0  # deviations of the noise: errors above it are first fitted as if the noise were of their size
 WARMING = (8, 1e-2)  # iterations and tolerance of that
@@ -53,19 +56,21 @@ def fit(
 ) -> Fitted | None:
     """Least squares from `start`; None if the model runs away there.
 
-    Ends when a step gains less than `tolerance` of the cost, at least 0.05, and after `iterations` of them,
-    or `longer` times as many while each gains much; gives up (None) when the cost is above `hopeless` after
-    PATIENCE steps.  Where errors are far above the noise the fit begins as if the noise were as large, so
-    that the prior holds what they do not tell yet (a homotopy from wide to sharp); not one of less patience
-    (`longer` below LONGER), which starts near what is known.
+    Ends when a step gains less than `tolerance` of the cost, at least 0.05, or the whole step promises a
+    tenth of that, and after `iterations` of them, or `longer` times as many while each gains much; gives up
+    (None) when the cost is above `hopeless` and no longer falls quickly.  Where errors are far above the
+    noise the fit begins as if the noise were as large, so that the prior holds what they do not tell yet (a
+    homotopy from wide to sharp); not one of less patience (`longer` below LONGER), which starts near what is
+    known.
     """
     free = tuple(free)
     columns = [problem.parameter(f.name) for f in free]
-    point, linear = _settled(problem, start, columns)
+    ranking = longer < LONGER
+    point, linear = _settled(problem, start, columns, ranking)
     if linear is None:
         return None
     heat = _size(linear)
-    for _ in range(STAGES if iterations and longer >= LONGER and heat > HOT else 0):
+    for _ in range(STAGES if iterations and not ranking and heat > HOT else 0):
         warm = _warmed(problem, point, free, heat)
         moved, found = (point, None) if warm is None else _settled(problem, warm, columns)
         if found is None or not found.cost < linear.cost:
@@ -106,14 +111,19 @@ def _descend(
     columns = [problem.parameter(f.name) for f in free]
     size, damping = np.array([f.size for f in free]), 0.0
     cost = linear.cost + linear.price + _prior_cost(point, columns, free)
+    costs: list[float] = []
     for done in range(longer * iterations):
-        if done == PATIENCE and cost > hopeless:
+        if done >= PATIENCE and cost > hopeless and cost > FALLS * costs[-PATIENCE]:
             return None
-        change = _step(point, linear, columns, free, size, damping)
+        costs.append(cost)
+        change, promised = _step(point, linear, columns, free, size, damping)
+        if done and promised < WORTH * max(tolerance * cost, 0.05):
+            break
         p = point.p.copy()
         p[columns] = np.clip(p[columns] + change, [f.low for f in free], [f.high for f in free])
-        trial = problem.moved(point, linear, p, p[columns] - point.p[columns], 1.0 / (1.0 + damping))
-        trial, found = _settled(problem, trial, columns)
+        trial, found = tried(problem, point, linear, p, 1.0 / (1.0 + damping), columns)
+        if found is not None and found.cost <= LOST * cost:
+            trial, found = settle(problem, trial, found, columns, longer < LONGER)
         new = np.inf if found is None else found.cost + found.price + _prior_cost(trial, columns, free)
         if found is None or not new < cost:
             damping = max(10.0 * damping, 1e-3)
@@ -130,10 +140,12 @@ def _descend(
     return Fitted(point, linear, free, cost, _covariance(linear, free))
 
 
-def _settled(problem: Problem, start: Point, columns: Sequence[int]) -> tuple[Point, Linear | None]:
+def _settled(
+    problem: Problem, start: Point, columns: Sequence[int], ranking: bool = False
+) -> tuple[Point, Linear | None]:
     """The point with initial states that have found their place, and the problem linearised there."""
     linear = problem.linear(start, columns)
-    return (start, None) if linear is None else settle(problem, start, linear, columns)
+    return (start, None) if linear is None else settle(problem, start, linear, columns, ranking)
 
 
 def _prior_cost(point: Point, columns: Sequence[int], free: Sequence[Free]) -> float:
@@ -149,8 +161,8 @@ def _step(
     free: Sequence[Free],
     size: np.ndarray,
     damping: float,
-) -> np.ndarray:
-    """One damped step within the bounds."""
+) -> tuple[np.ndarray, float]:
+    """One damped step within the bounds, and by how much a whole one would lower a linear problem."""
     slopes = linear.slopes * size
     gradient = slopes.T @ linear.errors
     hessian = slopes.T @ slopes
@@ -161,7 +173,10 @@ def _step(
             gradient[i] += weight * (f.prior[0] - point.p[c]) / f.prior[1]
     value = point.p[list(columns)] if columns else np.empty(0)
     room = [(np.array(b) - value) / size for b in ([f.low for f in free], [f.high for f in free])]
-    return _within(hessian, gradient, damping, *room) * size
+    whole = _within(hessian, gradient, 0.0, *room)
+    change = _within(hessian, gradient, damping, *room) if damping else whole
+    # a damped step promises little wherever it leads, so it says nothing of whether the fit is at its end
+    return change * size, float(2.0 * gradient @ whole - whole @ hessian @ whole)
 
 
 def _within(

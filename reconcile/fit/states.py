@@ -15,23 +15,23 @@ from reconcile.fit.point import Linear, Point, back
 from reconcile.fit.problem import Problem
 
 OPEN = 0.2  # of what a window leaves after projection: more left before it, and its state is settled
-ROUNDS = 8
+ROUNDS, FEW = 8, 2  # of a window; where sets are only ranked
 STUCK = 2.0  # times what the projection promised: so far above it, a window is tried from another start
 
 
 def settle(
-    problem: Problem, point: Point, linear: Linear, columns: Sequence[int]
+    problem: Problem, point: Point, linear: Linear, columns: Sequence[int], ranking: bool = False
 ) -> tuple[Point, Linear | None]:
     """The point with the initial states of open windows moved, and the problem linearised there.
 
-    None of it if the model runs away.
+    None of it if the model runs away.  `ranking`: a few steps will do, since sets are only ranked.
     """
     found = open_windows(linear)
     if not found:
         return point, linear
     x0 = point.x0.copy()
     for k in found:
-        x0[k] = _best(problem, point, k)
+        x0[k] = _window(problem, point, k, point.x0[k], FEW)[0] if ranking else _best(problem, point, k)
     point = replace(point, x0=x0)
     return point, problem.linear(point, columns, linear, found)
 
@@ -59,11 +59,13 @@ def _best(problem: Problem, point: Point, k: int) -> np.ndarray:
     return x0
 
 
-def _window(problem: Problem, point: Point, k: int, start: np.ndarray) -> tuple[np.ndarray, float]:
-    """Initial state [NX] of window k after at most ROUNDS damped Gauss-Newton steps, and squares there."""
+def _window(
+    problem: Problem, point: Point, k: int, start: np.ndarray, rounds: int = ROUNDS
+) -> tuple[np.ndarray, float]:
+    """Initial state [NX] of window k after at most `rounds` damped Gauss-Newton steps, and squares there."""
     x0, share = start, 1.0
     here = _errors(problem, point, k, x0)
-    for _ in range(ROUNDS if here else 0):
+    for _ in range(rounds if here else 0):
         raw, left, step = here  # type: ignore[misc]
         if raw <= (1.0 + 0.2 * OPEN) * left + 0.2 or share < 1e-3:
             break
