@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from reconcile import evidence
+from reconcile import evidence, starting
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
 from reconcile.rivals import Key, Rivals, includes
@@ -192,13 +192,14 @@ class Search:
             return key
         # a fit that has gained next to nothing after its first steps is given up
         hopeless = fitted.cost - 2.0 if coarse else np.inf
+        values = starting.best(self.study, fitted.point, present, starts(scored))
         if np.isfinite(again):  # a rival: coarsely first, and only on if it comes near
-            found = self.study.fit_set(fitted.point, present, starts(scored), True, 10.0 * again)
+            found = self.study.fit_set(fitted.point, present, values, True, 10.0 * again)
             if found is None or found.cost > 3.0 * again:
                 return None
             found = self.study.fit_set(found.point, present, {}, near=True)
         else:
-            found = self.study.fit_set(fitted.point, present, starts(scored), coarse, hopeless)
+            found = self.study.fit_set(fitted.point, present, values, coarse, hopeless)
         if found is None or (coarse and found.cost > fitted.cost):
             return None
         if key not in fits or found.cost < fits[key].cost:

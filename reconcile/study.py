@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.definition import Model, Variable
-from reconcile import sites
+from reconcile import sites, starting
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run
@@ -19,11 +19,10 @@ from reconcile.fit.problem import Problem
 from reconcile.fit.solve import LONGER, Fitted, Free, fit
 from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, Window, cut, few, span
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
+from reconcile.starting import WIDTHS
 from specs.errors import InputError
 
 SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be wrong
-WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks are rounded, fit after fit
-
 FAR = 0.1  # of what an output moves by: with larger errors a model goes elsewhere
 BEYOND = 30.0  # times the grid of starts to which a shape may go
 RANKING, CHOOSING = 20.0, 5.0  # times the tolerance of steps where sets are ranked, and where they are judged
@@ -108,27 +107,14 @@ class Study:
         `coarse` stops at kinks wide enough to be quick; `near`: the start is near enough to be sharp at once.
         None if it cannot be simulated or is `hopeless`.
         """
-        p = start.p.copy()
-        for a in self.candidates:
-            for n in (*a.columns, *((a.name("gate"),) if a.effect.gated else ())):
-                if a not in present:
-                    p[self.extended.index[n]] = 0.0
-        for a in present:
-            if a.effect.gated:
-                p[self.extended.index[a.name("gate")]] = 1.0
-        for n, v in values.items():
-            p[self.extended.index[n]] = v
-        point = self.fit_problem.with_present(replace(start, p=p), present)
         self.fit_problem.patience = RANKING if coarse else self.patience
-        kinked = [a for a in present if a.effect.width]
-        widths = WIDTHS if kinked else WIDTHS[-1:]
-        for share in widths[-1 if near else 0 : 2 if coarse else None]:
-            p = point.p.copy()
-            for a in kinked:
-                p[self.extended.index[a.name("width")]] = self.values[a.name("width")] * share / WIDTHS[-1]
-            budget = (12, 1e-3) if share == widths[-1] else (6, 1e-2)
+        point = starting.placed(self, start, present, values)
+        for share in (widths := starting.widths(self, point, coarse, near)):
+            budget = (12, 1e-3) if share == WIDTHS[-1] else (6, 1e-2)
             longer = 2 if coarse else LONGER
-            found = fit(self.fit_problem, replace(point, p=p), self.free(present), *budget, hopeless, longer)
+            at = starting.rounded(self, point, share)
+            gone = hopeless if share == widths[-1] else starting.MAY_FALL * hopeless
+            found = fit(self.fit_problem, at, self.free(present), *budget, gone, longer)
             if found is None:
                 return None
             point = found.point
