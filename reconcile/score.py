@@ -6,16 +6,16 @@ gain is then a small least-squares problem on their Gram matrix.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.study import WIDTHS, Study
+from reconcile.slopes import ROUGH
+from reconcile.study import Study
 
-ROUGH = 500.0  # times the tolerance of steps: slopes need only rank
 LEAST = 10.0  # squared errors that a variant must save in a pursuit
 
 
@@ -67,29 +67,15 @@ class Score:
         study.fit_problem.patience = 1.0
 
     def _pass(self, fitted: Fitted, others: Sequence[Attached], k: int, first: int) -> np.ndarray:
-        study, extended = self.study, self.study.extended
+        study = self.study
         chosen = [a for a in others if k < a.effect.grid(study.port_scales(a))]
-        p = fitted.point.p.copy()
-        names: list[str] = []
         for a in chosen:
             start = a.effect.start(study.port_scales(a), k)
             amplitudes = {q.name for q in a.effect.amplitudes}
             shape = {a.name(n): v for n, v in start.items() if n not in amplitudes}
-            if a.effect.width:
-                wide = study.values[a.name("width")] * WIDTHS[1] / WIDTHS[-1]
-                p[extended.index[a.name("width")]] = wide
-            for n, v in shape.items():
-                p[extended.index[n]] = v
-            columns = tuple(range(first + len(names), first + len(names) + len(a.columns)))
-            self.variants.append(Variant(a, shape, columns))
-            names += a.columns
-        point = study.fit_problem.with_present(
-            replace(fitted.point, p=p), [*fitted.point.present, *(a for a in chosen if a.effect.hidden)]
-        )
-        linear = study.fit_problem.linear(point, [extended.index[n] for n in names])
-        if linear is None:
-            return np.zeros((len(fitted.linear.errors), len(names)))
-        return linear.slopes
+            self.variants.append(Variant(a, shape, tuple(range(first, first + len(a.columns)))))
+            first += len(a.columns)
+        return study.slopes.of(fitted, chosen, k)
 
     def best(self, count: int, size: int) -> list[Scored]:
         """The best sets of `size` effects by gain, one variant each."""

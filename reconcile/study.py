@@ -19,6 +19,7 @@ from reconcile.fit.problem import Problem
 from reconcile.fit.solve import LONGER, Fitted, Free, fit
 from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, Window, cut, few, span
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
+from reconcile.slopes import Slopes
 from reconcile.starting import WIDTHS
 from specs.errors import InputError
 
@@ -73,6 +74,7 @@ class Study:
             problem.set_scale(np.array(nominal + [1.0] * hidden))
         self.lost = False  # whether the base model goes elsewhere than the recordings within a few seconds
         self.noise = whitening.Noise(())
+        self.slopes = Slopes(self)
         self.values = self._neutral()
         self.scales = self._scales(runs)
         self.values = self._neutral()
