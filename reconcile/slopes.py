@@ -35,8 +35,11 @@ class _Pass:
     active: np.ndarray  # the states
     place: dict[Attached, slice]  # of an effect among the columns
 
-    def window(self, problem: Problem, w: int) -> np.ndarray:
-        """Slopes [N, columns] of window w, whitened and freed of what its initial states could explain."""
+    def all(self, problem: Problem) -> np.ndarray:
+        """Slopes [N, columns], whitened and freed of what initial states could explain."""
+        return np.vstack([self._window(problem, w) for w in range(len(problem.windows))])
+
+    def _window(self, problem: Problem, w: int) -> np.ndarray:
         if self.slopes is None:
             rows = sum(len(problem.windows[w].times.get(n, ())) for n in problem.outputs)
             return np.zeros((rows, max(s.stop for s in self.place.values())))
@@ -70,13 +73,9 @@ class Slopes:
         if new:
             found = self._simulate(kept, new, k)
             kept.passes |= {(a, k): found for a in new}
-        made = {id(x): x for a in chosen for x in (kept.passes[a, k],)}
-        whole = {
-            i: np.vstack([x.window(kept.problem, w) for w in range(len(kept.problem.windows))])
-            for i, x in made.items()
-        }
-        parts = [(x, a) for a in chosen for x in (kept.passes[a, k],)]
-        return np.hstack([whole[id(x)][:, x.place[a]] for x, a in parts])
+        passes = [kept.passes[a, k] for a in chosen]
+        whole = {i: x.all(kept.problem) for i, x in {id(x): x for x in passes}.items()}
+        return np.hstack([whole[id(x)][:, x.place[a]] for a, x in zip(chosen, passes, strict=True)])
 
     def _about(self, fitted: Fitted) -> _Kept:
         """What is kept of this fit or one about the same; begun afresh if there is none."""
