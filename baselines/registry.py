@@ -211,7 +211,7 @@ def foreign(path: Path, name: str, label: str) -> Controller:
     """A controller from a model folder that is none of the project's: a policy, say.
 
     Raises InputError where there is no such model, or its connectors are not those of a controller, or the
-    name is taken.
+    name is taken, or the model's own name is that of another part of the systems, whose place it would take.
     """
     if name in _known():
         raise InputError(f"{path}: a controller '{name}' is there already; give yours another name")
@@ -221,6 +221,11 @@ def foreign(path: Path, name: str, label: str) -> Controller:
     if lacking:
         raise InputError(
             f"{path}: no controller of this machine: model {model.name} lacks {', '.join(lacking)}"
+        )
+    parts = {c.fmu for which in systems.names() for c in systems.load(which).components} - {SLOT}
+    if model.name in parts:
+        raise InputError(
+            f"{path}: a part of the systems is called {model.name}; give your model another name"
         )
     return Controller(name, "", "", label, linear="it is not one of the project's", place=path.resolve())
 

@@ -49,6 +49,9 @@ class Question:
             for name in text:
                 if name not in valid:
                     raise InputError(f"no {what} '{name}'; {nearest(name, valid)}")
+        names = [c.name for c in self.controllers]
+        if twice := [name for name in names if names.count(name) > 1]:  # their runs would be taken for one's
+            raise InputError(f"two controllers called '{twice[0]}'; give one another name")
         sizes = draws.sets()
         if self.draw_set not in sizes:
             raise InputError(f"no set of draws '{self.draw_set}'; {nearest(self.draw_set, sizes)}")
