@@ -24,11 +24,12 @@ def known(path: Path, task: str) -> Runs:
     """Runs of a comparison (results.jsonl) on drawn machines; InputError if it holds none of the task."""
     found: Runs = {}
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        runs = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
     except OSError as error:
         raise InputError(f"--beside {path}: {error.strerror}; slewright compare writes one") from None
-    for line in lines:
-        one = json.loads(line)
+    except ValueError:
+        raise InputError(f"--beside {path}: no results.jsonl of slewright compare") from None
+    for one in runs:
         parts = str(one.get("key", "")).split("/")
         if len(parts) == 6 and parts[1] == task and parts[4] == "reference" and one.get("figures"):
             figures = {**one["figures"]}
