@@ -2,11 +2,13 @@
 
 import hashlib
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from slewright import trained
 from slewright.policies import LOADS, question
 from specs.errors import InputError
 
@@ -15,6 +17,7 @@ MEANS = ("speed", "overshoot", "error", "tool")
 NEAR = 0.1  # °/s: a mean speed this near to the one asked for is that speed
 TRIES = 4  # paces at most on the way there
 SLOPE = 8.0  # °/s by a pace of 1, of the first step; the next ones know better
+SEED = re.compile(r"--seed \S+")
 Rows = list[dict[str, Any]]
 
 
@@ -40,18 +43,19 @@ def evaluate(paths: Sequence[Path], out: Path, asked: Asked, report: Any = None)
     if len(tasks) != 1:
         raise InputError(f"policies of several tasks: {', '.join(sorted(tasks))}; one at a time")
     rows: Rows = []
-    paces = {}
+    paces, made = {}, {}
     for path, contract in zip(paths, contracts, strict=True):
         run = _runner(path, contract.task, _folder(out, path), asked, report)
         seed = _name(contract.made.get("seed", ""), paces)
         found, paces[seed] = _at_speed(run, asked, contract.ranges.get("pace", (0.0, 2.0)))
+        made[seed] = {name: contract.made.get(name, "") for name in ("command", "commit")}
         rows += [{**row, "seed": seed} for row in found]
     return {
         "task": contracts[0].task, "policy": str(paths[0]), "draw_set": asked.draw_set,
         "machines": asked.machines, "pace": next(iter(paces.values())), "matched": asked.matched,
         "made": dict(contracts[0].made), "loads": {load: _mean(rows, load=load) for load in asked.loads},
         "draws": {d: _mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}},
-        "seeds": {s: {"pace": pace, **_mean(rows, seed=s)} for s, pace in paces.items()},
+        "seeds": {s: {"pace": pace, **made[s], **_mean(rows, seed=s)} for s, pace in paces.items()},
         "worst": worst(rows),
         "runs": rows, "failed": {f"{r['load']}/{r['draw']}": r["failed"] for r in rows if r["failed"]},
     }  # fmt: skip
@@ -68,11 +72,11 @@ def _folder(out: Path, path: Path) -> Path:
     return out / hashlib.sha256(path.read_bytes()).hexdigest()[:8]
 
 
-def _at_speed(run: Callable[[float], Rows], asked: Asked, trained: tuple[float, float]) -> tuple[Rows, float]:
+def _at_speed(run: Callable[[float], Rows], asked: Asked, paces: tuple[float, float]) -> tuple[Rows, float]:
     """(rows, pace): at the pace told, or at the one whose mean speed is the one asked for (secant)."""
     if asked.matched is None:
         return run(asked.pace), asked.pace
-    pace, slope, tried = 1.0, SLOPE, {}
+    pace, slope, tried = max(paces[0], min(paces[1], 1.0)), SLOPE, {}
     for _ in range(TRIES):
         rows = run(pace)
         tried[pace] = (_speed(rows), rows)
@@ -83,7 +87,7 @@ def _at_speed(run: Callable[[float], Rows], asked: Asked, trained: tuple[float, 
             (p, (v, _)), (q, (w, _)) = list(tried.items())[-2:]
             slope = (w - v) / (q - p) if abs(w - v) > 1e-6 else slope
         step = max(-0.4, min(0.4, off / max(slope, 1.0)))
-        pace = round(max(trained[0], min(trained[1], pace + step)), 2)
+        pace = round(max(paces[0], min(paces[1], pace + step)), 2)
         if pace in tried:
             break
     best = min(tried, key=lambda p: abs(tried[p][0] - asked.matched))
@@ -95,20 +99,36 @@ def _speed(rows: Rows) -> float:
     return sum(good) / len(good) if good else 0.0
 
 
+def _plan(path: Path, asked: Asked, pace: float) -> Any:
+    """The runs of a policy at a pace, of which the records are kept."""
+    from baselines.compare.plan import make_plan
+
+    paces = (1.0,) if pace == 1.0 else (1.0, pace)
+    whole, _ = question(path, asked.draw_set, asked.machines, paces, asked.loads)
+    plan = make_plan(whole, asked.opened)
+    return replace(plan, runs=tuple(r for r in plan.runs if r.spec["pace"] == pace), keep="all")
+
+
+def warnings(paths: Iterable[Path], asked: Asked) -> Iterator[str]:
+    """What of the machines, loads and pace lies outside the policies' trained ranges; before they run.
+
+    The pace of a speed asked for is searched within the trained ones.
+    """
+    for path in paths:
+        specs = [run.spec for run in _plan(path, asked, asked.pace).runs]
+        yield from trained.warnings(path, specs, () if asked.matched is None else ("pace",))
+
+
 def _runner(path: Path, task: str, out: Path, asked: Asked, report: Any) -> Callable[[float], Rows]:
     """pace -> a row of figures for every machine and load."""
-    from baselines.compare.plan import make_plan
     from orchestrator.campaign.run import record_path, run_campaign
     from records.record import read as read_record
 
     def run(pace: float) -> Rows:
-        paces = (1.0,) if pace == 1.0 else (1.0, pace)
-        whole, _ = question(path, asked.draw_set, asked.machines, paces, asked.loads)
-        plan = make_plan(whole, asked.opened)
-        runs = tuple(r for r in plan.runs if r.spec["pace"] == pace)
-        done = run_campaign(replace(plan, runs=runs, keep="all"), out, asked.jobs, None, progress=report)
+        plan = _plan(path, asked, pace)
+        done = run_campaign(plan, out, asked.jobs, None, progress=report)
         rows = []
-        for one in runs:
+        for one in plan.runs:
             row = _row(one.spec, done.results[one.key], task)
             if not row["failed"]:
                 row["terminations"] = terminated(read_record(record_path(out, one.key)))
@@ -174,21 +194,55 @@ def _interval(rows: Sequence[Mapping[str, Any]], name: str) -> list[float] | Non
 
 def markdown(found: Mapping[str, Any]) -> str:
     """The figures by load and, if there are several, by seed as Markdown tables, with the command."""
-    made, unit = found["made"], "°" if found["task"] == "slew" else "m"
-    pace = f"pace {found['pace']:g}"
-    if found.get("matched"):
-        which = pace if len(found["seeds"]) == 1 else "each seed's own pace"
-        pace = f"{which}, set to {found['matched']:g} °/s in the mean over loads"
+    unit = "°" if found["task"] == "slew" else "m"
     lines = [
-        f"`{Path(found['policy']).name}`, {pace}, {found['machines']} machines of the "
-        f"{found['draw_set']} draws, simulated; ±: 95 % interval over machines. Made by "
-        f"`{made.get('command', '')}`, commit {made.get('commit', '')}.",
+        f"`{Path(found['policy']).name}`, {_pace(found)}, {found['machines']} machines of the "
+        f"{found['draw_set']} draws, simulated; ±: 95 % interval over machines. Made by {_made(found)}.",
         "",
         f"| load | speed °/s | overshoot ° | largest ° | error {unit} | tool °/s | missed | ended | runs |",
         "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]
     lines += [f"| {' | '.join([load, *cells(cell)])} |" for load, cell in found["loads"].items()]
     return "\n".join([*lines, *_by_seed(found, unit), *_by_worst(found), ""])
+
+
+def unreached(found: Mapping[str, Any]) -> dict[str, float]:
+    """Seed -> mean speed of those that did not come to the one that was asked for."""
+    speeds = {seed: cell["speed"] for seed, cell in found.get("seeds", {}).items() if cell["n"]}
+    wanted = found.get("matched")
+    return {s: v for s, v in speeds.items() if abs(v - wanted) > NEAR} if wanted else {}
+
+
+def _pace(found: Mapping[str, Any]) -> str:
+    """The pace, and if a speed was asked for, whether that is the one that was reached."""
+    pace, wanted = f"pace {found['pace']:g}", found.get("matched")
+    if not wanted:
+        return pace
+    several, far = len(found["seeds"]) > 1, unreached(found)
+    which = "each seed's own pace" if several else pace
+    if not far:
+        return f"{which}, set to {wanted:g} °/s in the mean over loads"
+    speeds = ", ".join(f"{v:.1f}" + f" (seed {s})" * several for s, v in far.items())
+    return (
+        f"{which}, the nearest to {wanted:g} °/s in the mean over loads, which was not reached: {speeds} °/s"
+    )
+
+
+def _made(found: Mapping[str, Any]) -> str:
+    """Commands and commits of the policies, those that differ in the seed alone together."""
+    each = [cell for cell in found.get("seeds", {}).values() if "command" in cell] or [found["made"]]
+    alike: dict[tuple[str, str], list[str]] = {}
+    for one in each:
+        command, commit = str(one.get("command", "")), str(one.get("commit", ""))
+        alike.setdefault((SEED.sub("--seed N", command), commit), []).append(command)
+    return "; ".join(_commands(*name, commands) for name, commands in alike.items())
+
+
+def _commands(pattern: str, commit: str, commands: Sequence[str]) -> str:
+    if len(set(commands)) == 1:
+        return f"`{commands[0]}`, commit {commit}"
+    seeds = ", ".join(SEED.findall(command)[0].split()[-1] for command in commands)
+    return f"`{pattern}`, N = {seeds}, commit {commit}"
 
 
 def _by_worst(found: Mapping[str, Any]) -> list[str]:

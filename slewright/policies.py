@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +16,39 @@ def model_folder(path: Path) -> Path:
     """A model folder as it is, or the one that is made of an ONNX policy; InputError if it is neither."""
     if path.suffix != ".onnx":
         return path
+    from fmus.loader import model_folders
     from learning.policy.controller import write_folder
     from learning.policy.export import read
 
     policy = read(path)
-    name = re.sub(r"\W", "_", path.stem)
+    name = _plain(path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
-    name = name if name[:1].isalpha() else f"policy_{name}"
+    if not name[:1].isalpha() or name in model_folders():  # a model takes the place of one of its name
+        name = f"policy_{name}"
     return write_folder(policy, name, FOLDER / digest)
+
+
+def short_names(paths: Sequence[Path]) -> list[str]:
+    """What tables call policies: their files' names, those of one name by their folders as well.
+
+    Raises InputError where that does not tell them apart.
+    """
+    plain = [_plain(path) for path in paths]
+    found = [
+        n if plain.count(n) == 1 else f"{_plain(path.absolute().parent)}_{n}"
+        for n, path in zip(plain, paths, strict=True)
+    ]
+    for name, path in zip(found, paths, strict=True):
+        if found.count(name) > 1:
+            raise InputError(
+                f"{path}: another policy is called {name} too; name each once, in folders of other names"
+            )
+    return found
+
+
+def _plain(path: Path) -> str:
+    """A file's or folder's name in letters, digits and underscores."""
+    return re.sub(r"\W", "_", path.absolute().stem)
 
 
 def task_of(path: Path) -> str:
@@ -43,27 +68,13 @@ def question(
 
     policy = read(path)
     folder = model_folder(path)
-    controller = registry.foreign(folder, f"policy_{folder.name}", f"policy {path.name}")
+    name = f"policy_{folder.name.removeprefix('policy_')}"
+    controller = registry.foreign(folder, name, f"policy {path.name}")
     asked = Question(
         controllers=[controller], tasks=[policy.contract.task], loads=list(loads), draw_set=draw_set,
         machines=machines, paces=list(paces), singles=False,
     )  # fmt: skip
     return asked, policy
-
-
-def warnings(path: Path, draw_set: str, machines: int) -> Iterator[str]:
-    """What of the machines lies outside the policy's trained ranges, in words, each once."""
-    from learning.policy.export import read
-    from specs import draws, policy as contract
-
-    ranges = read(path).contract.ranges
-    seen: set[str] = set()
-    for index in range(machines if draw_set != draws.SEALED else 0):
-        for text in contract.outside(ranges, draws.draw(draw_set, index)):
-            name = text.split()[0]
-            if name not in seen:
-                seen.add(name)
-                yield f"{draw_set}-{index}: {text}"
 
 
 def check_machines(machines: int) -> None:

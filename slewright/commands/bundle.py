@@ -49,6 +49,7 @@ def bundle(
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
+    from slewright import trained
     from slewright.bundling import archive as signing
     from slewright.bundling.build import bundle as build
     from slewright.commands.deploy_keys import passphrase
@@ -68,6 +69,8 @@ def bundle(
             calibration=calibration,
             commissioning=commissioning,
         )
+    for text in trained.at_start(Path(controller)) if controller.endswith(".onnx") else ():
+        typer.echo(f"warning: {text}", err=True)
     typer.echo(f"{made.folder}: {made.controller} for {', '.join(made.platforms)}, SHA-256 {made.digest}")
     figures = {"controller": made.controller, "platforms": list(made.platforms), "sha256": made.digest}
     figures |= {"identity": made.identity}

@@ -1,7 +1,7 @@
 """`slewright compare`: the controllers held against one another and against the paper's."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -92,7 +92,6 @@ def compare(
     from baselines.compare.plan import SEALED, Question, check_targets, make_plan
     from orchestrator.campaign.run import run_campaign
     from slewright import comparison
-    from slewright.policies import model_folder
     from specs import draws
     from specs.errors import InputError
 
@@ -100,14 +99,9 @@ def compare(
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
     chosen = SEALED if sealed else draw_set
     swept = sorted({1.0, *(pace or PACES)}) if sweep and not quick else (1.0,)
+    own = _own(policy or ())
     question = Question(
-        controllers=[
-            *_with_gains(registry.select(controller or ()), gains or ()),
-            *(
-                registry.foreign(path, path.stem, f"policy {path.stem}")
-                for path in map(model_folder, policy or ())
-            ),
-        ],
+        controllers=[*_with_gains(registry.select(controller or ()), gains or ()), *own.values()],
         tasks=[t.value for t in task or Task],
         loads=[entry.value for entry in load or Load],
         draw_set=chosen,
@@ -120,6 +114,7 @@ def compare(
         comparison.check_page(page)
     opened = draws.open_test_set(sealed) if sealed else None
     plan = make_plan(question, opened)
+    _warn(own, plan.runs)
     with progress("compare") as report:
         done = run_campaign(
             plan, out, jobs or os.cpu_count() or 1, scheduler, retry_failed=True, progress=report
@@ -128,7 +123,7 @@ def compare(
     _show(found)
     write(json, found, seed=1)
     if page is not None:
-        comparison.fill(page, found, _command(question))
+        comparison.fill(page, found, _command(question, list(own), gains or ()))
     if found["failed"]:
         raise typer.Exit(3)
 
@@ -143,7 +138,26 @@ def _show(found: dict[str, Any]) -> None:
         typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
 
 
-def _command(question: Any) -> str:
+def _own(paths: Sequence[Path]) -> dict[Path, Any]:
+    """Policies and model folders as controllers, by the path that was told."""
+    from baselines import registry
+    from slewright.policies import model_folder, short_names
+
+    names = dict(zip(paths, short_names(paths), strict=True))
+    return {path: registry.foreign(model_folder(path), n, f"policy {n}") for path, n in names.items()}
+
+
+def _warn(own: Mapping[Path, Any], runs: Sequence[Any]) -> None:
+    """Of each policy what its runs ask beyond its training."""
+    from slewright import trained
+
+    for path, controller in own.items():
+        specs = [run.spec for run in runs if run.spec["controller"] == controller.name]
+        for text in trained.warnings(path, specs):
+            typer.echo(f"warning: {text}", err=True)
+
+
+def _command(question: Any, policies: Sequence[Path] = (), gains: Sequence[str] = ()) -> str:
     """The command that asks this question, as a page says it."""
     from baselines import registry
     from baselines.compare.plan import LOADS, TASKS
@@ -151,11 +165,18 @@ def _command(question: Any) -> str:
     parts = [f"slewright compare --draws {question.draw_set} --machines {question.machines}"]
     parts += ["--sweeps"] if question.sweeps else []
     parts += [f"--pace {p:g}" for p in question.paces if p != 1] or ["--no-sweep"]
-    names = [c.name for c in question.controllers]
+    names = [c.name for c in question.controllers if c.place is None]
     chosen = {"controller": (names, registry.names()), "task": (question.tasks, TASKS)}
     for option, (own, known) in {**chosen, "load": (question.loads, LOADS)}.items():
         parts += [f"--{option} {name}" for name in own] if list(own) != list(known) else []
+    parts += [f"--policy {_shown(path)}" for path in policies] + [f"--gains {text}" for text in gains]
     return " ".join(parts)
+
+
+def _shown(path: Path) -> str:
+    """A path as anyone may type it: from here on, if it lies here."""
+    whole = path.resolve()
+    return (whole.relative_to(Path.cwd()) if whole.is_relative_to(Path.cwd()) else path).as_posix()
 
 
 def _with_gains(controllers: list[Any], texts: Sequence[str]) -> list[Any]:

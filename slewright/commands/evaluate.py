@@ -19,7 +19,9 @@ def evaluate(
     draw_set: Annotated[
         str, typer.Option("--draws", metavar="SET", help="Machines: tuning or validation.")
     ] = "validation",
-    pace: Annotated[float, typer.Option("--pace", min=0.0, max=2.0, help="Pace setting.")] = 1.0,
+    pace: Annotated[
+        float | None, typer.Option("--pace", min=0.0, max=2.0, help="Pace setting (default: 1).")
+    ] = None,
     matched: Annotated[
         float | None,
         typer.Option("--matched", min=1.0, metavar="SPEED", help="At the pace with this mean speed, °/s."),
@@ -50,26 +52,24 @@ def evaluate(
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
     from slewright import evaluation, policies
-    from slewright.beside import known
     from slewright.tables import show
     from specs import draws
     from specs.errors import InputError
 
     if draw_set == draws.SEALED:
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
+    if pace is not None and matched is not None:
+        raise InputError(f"--pace {pace:g} with --matched {matched:g}: a speed asked for has its own pace")
     chosen = draws.SEALED if sealed else draw_set
     count = machines or draws.sets().get(chosen, 1)
     loads = load or policies.LOADS
-    if page is not None:
-        from slewright import markers
-
-        markers.around(page, f"policy-{policies.task_of(policy[0])}")  # refused now, not after the runs
     for one in policy:
         policies.question(one, chosen, count, (1.0,), loads)  # refused now, before anything is logged
-    for text in policies.warnings(policy[0], chosen, count):
-        typer.echo(f"warning: {text}", err=True)
+    others = _checked(policies.task_of(policy[0]), page, beside)
     opened = draws.open_test_set(sealed) if sealed else None
-    asked = evaluation.Asked(chosen, count, loads, pace, matched, jobs, opened)
+    asked = evaluation.Asked(chosen, count, loads, 1.0 if pace is None else pace, matched, jobs, opened)
+    for text in evaluation.warnings(policy, asked):
+        typer.echo(f"warning: {text}", err=True)
     with progress("evaluate") as report:
         found = evaluation.evaluate(policy, out, asked, report)
     unit = "deg" if found["task"] == "slew" else "m"
@@ -82,11 +82,25 @@ def evaluate(
         show("By seed, all loads", ("seed", "pace", *columns), rows)
     for key, reason in list(found["failed"].items())[:5]:
         typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
+    for seed, speed in evaluation.unreached(found).items():
+        typer.echo(f"warning: seed {seed}: {speed:.1f} °/s is the nearest to {matched:g}", err=True)
     write(json, found, seed=1)
-    others = known(beside, found["task"]) if beside else {}
     _draw(found, policy[0], page, figures, out, others)
     if found["failed"]:
         raise typer.Exit(3)
+
+
+def _checked(task: str, page: Path | None, beside: Path | None) -> dict:
+    """The runs of --beside; what is wrong with it or --page is refused now, not after the runs."""
+    from slewright import markers
+    from slewright.beside import known
+
+    others = known(beside, task) if beside else {}
+    if page is not None:
+        markers.around(page, f"policy-{task}")
+        if others:
+            markers.around(page, f"policy-beside-{task}")
+    return others
 
 
 def _draw(

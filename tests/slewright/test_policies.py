@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from baselines import registry
+from baselines.compare.plan import Question
 from learning.policy import export
+from learning.policy.controller import write_folder
+from orchestrator.verify import replacement
 from slewright import evaluation, policies
+from slewright.commands.compare import _command, _own
 from slewright.commands.evaluate import evaluate
-from specs import draws
 from specs.errors import InputError
 from tests.conftest import Command
 from tests.learning.policy.test_export import made
@@ -59,16 +63,36 @@ def test_a_policy_becomes_a_model_folder(
     assert policies.model_folder(tmp_path) == tmp_path
 
 
-def test_a_machine_outside_the_trained_ranges_is_warned_about(tmp_path: Path) -> None:
-    """With the machine, the value and the range; each quantity once."""
-    from dataclasses import replace
+def test_a_policy_is_no_part_of_the_systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One called like the plant's model would take its place; a folder of that name is refused."""
+    monkeypatch.setattr(policies, "FOLDER", tmp_path)
+    folder = policies.model_folder(export.write(made("slew"), tmp_path / "slew.onnx"))
+    assert replacement(folder, ["nominal", "reference"]) == {registry.SLOT: folder.resolve()}
+    assert policies.short_names([tmp_path / "slew.onnx"]) == ["slew"]
+    write_folder(made("slew"), "tool", tmp_path)
+    with pytest.raises(InputError, match="a part of the systems is called tool"):
+        registry.foreign(tmp_path / "tool", "mine", "policy mine")
 
-    plain = made("slew")
-    narrow = replace(plain, contract=replace(plain.contract, ranges={"slew_dead_band": (0.2, 0.3)}))
-    path = export.write(narrow, tmp_path / "narrow.onnx")
-    (text,) = policies.warnings(path, "validation", 3)
-    band = draws.draw("validation", 0)["slew_dead_band"]
-    assert text == f"validation-0: slew_dead_band {band:g} is outside the trained 0.2 … 0.3"
+
+def test_policies_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    """Else refused, as are two controllers of one name: one's runs would be taken for the other's."""
+    both = [tmp_path / folder / "full.onnx" for folder in ("L-1", "L-2")]
+    assert policies.short_names([*both, Path("mine.onnx")]) == ["L_1_full", "L_2_full", "mine"]
+    with pytest.raises(InputError, match="another policy is called L_1_full too"):
+        policies.short_names([both[0], tmp_path / "other" / "L-1" / "full.onnx"])
+    with pytest.raises(InputError, match="two controllers called 'pd'"):
+        Question(controllers=[registry.find("pd"), registry.find("pd")])
+
+
+def test_compare_says_its_command_with_the_policies(policy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it can be typed again: a policy is no --controller."""
+    monkeypatch.chdir(policy.parent.parent)
+    own = _own([policy])
+    asked = Question(controllers=[registry.find("pd"), *own.values()], tasks=["slew"], machines=2)
+    assert _command(asked, list(own)) == (
+        "slewright compare --draws validation --machines 2 --no-sweep --controller pd --task slew "
+        f"--policy {policy.parent.name}/mine.onnx"
+    )
 
 
 def test_terminations_are_too_low_or_too_near() -> None:
@@ -94,6 +118,10 @@ def test_terminations_are_too_low_or_too_near() -> None:
         ({"load": ["3t"]}, "no load '3t'"),
         ({"machines": 99}, "99 machines"),
         ({"draw_set": "training"}, "no set of draws"),
+        ({"pace": 0.8, "matched": 11.2}, "--pace 0.8 with --matched 11.2"),
+        ({"beside": Path("none.jsonl")}, "--beside none.jsonl: No such file"),
+        ({"beside": Path("README.md")}, "--beside README.md: no results.jsonl"),
+        ({"page": Path("README.md")}, "README.md: no '<!-- policy-slew:begin -->'"),
     ],
 )
 def test_evaluate_refuses_before_anything_moves(
@@ -107,9 +135,10 @@ def test_evaluate_refuses_before_anything_moves(
         "out": tmp_path / "none",
     }
     rest: dict[str, Any] = {
-        "pace": 1.0,
+        "pace": None,
         "matched": None,
         "page": None,
+        "beside": None,
         "load": None,
         "sealed": "",
         "jobs": 1,
@@ -186,6 +215,55 @@ def test_the_pace_of_a_speed_is_searched_within_the_trained_ones() -> None:
     assert np.mean([r["speed"] for r in rows]) == pytest.approx(14.0, abs=evaluation.NEAR)
     assert pace == pytest.approx(np.sqrt(1.35), abs=0.01)
     assert evaluation._at_speed(rows_at, evaluation.Asked(matched=30.0), (0.5, 1.4))[1] == 1.4
+
+
+def test_the_search_for_a_speed_begins_within_the_trained_paces() -> None:
+    """A policy may not have been trained at a pace of 1."""
+    tried: list[float] = []
+
+    def run(pace: float) -> evaluation.Rows:
+        tried.append(pace)
+        return rows_at(pace)
+
+    evaluation._at_speed(run, evaluation.Asked(matched=30.0), (0.3, 0.8))
+    assert max(tried) == 0.8
+
+
+def seeds_found(speeds: dict[str, float], **more: Any) -> dict[str, Any]:
+    """What evaluate finds, of seeds by name with their mean speeds."""
+    cell = {"overshoot": 0.0, "overshoot_max": 0.0, "error": 0.1, "tool": 8.0, "missed": 0, "n": 2,
+            "terminations": 0}  # fmt: skip
+    told = {s: {"command": f"train --seed {s} --budget full", "commit": "abc"} for s in speeds}
+    return {
+        "task": "slew", "policy": "slew.onnx", "machines": 2, "draw_set": "validation", "pace": 1.5,
+        "made": told["1"], "loads": {}, **more,
+        "seeds": {s: {"pace": 1.5, "speed": v, **told[s], **cell} for s, v in speeds.items()},
+    }  # fmt: skip
+
+
+def test_a_speed_that_was_not_reached_is_said() -> None:
+    """With the one that was, of the seeds that did not come to it."""
+    near = seeds_found({"1": 11.25}, matched=11.2)
+    assert "pace 1.5, set to 11.2 °/s in the mean over loads" in evaluation.markdown(near)
+    assert evaluation.unreached(near) == {}
+    far = seeds_found({"1": 10.8}, matched=20.0)
+    assert "set to 20" not in evaluation.markdown(far)
+    assert "pace 1.5, the nearest to 20 °/s" in evaluation.markdown(far)
+    assert "not reached: 10.8 °/s" in evaluation.markdown(far)
+    some = seeds_found({"1": 20.05, "2": 18.0}, matched=20.0)
+    assert evaluation.unreached(some) == {"2": 18.0}
+    assert "not reached: 18.0 (seed 2) °/s" in evaluation.markdown(some)
+    assert evaluation.unreached(seeds_found({"1": 10.8}, matched=None)) == {}
+
+
+def test_the_page_says_what_made_each_seed() -> None:
+    """Those that differ in the seed alone together, but for another commit."""
+    found = seeds_found({"1": 11.0, "2": 11.0, "3": 11.0})
+    assert "Made by `train --seed N --budget full`, N = 1, 2, 3, commit abc." in evaluation.markdown(found)
+    found["seeds"]["1"]["commit"] = "def"
+    text = evaluation.markdown(found)
+    assert "Made by `train --seed 1 --budget full`, commit def; `train --seed N --budget full`, " in text
+    assert "N = 2, 3, commit abc." in text
 
 
 def test_the_worst_machine_is_held_against_the_mean() -> None:
