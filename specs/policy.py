@@ -25,10 +25,10 @@ I_z, the slew inertia of the newest pose with the told load, is computed inside 
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from typing import Any, Literal
 
-from specs.errors import InputError
+from specs.errors import InputError, nearest
 from specs.signals import signal
 from specs.version import VERSION
 
@@ -130,6 +130,7 @@ def read_contract(metadata: Mapping[str, str], source: str) -> Contract:
             raise InputError(
                 f"{source}: another contract than specs/policy.py: format {made!r}, specs say {FORMAT}"
             )
+        _check_keys(told, source)
         found = Contract(
             **{
                 **told,
@@ -148,6 +149,17 @@ def read_contract(metadata: Mapping[str, str], source: str) -> Contract:
         more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
         raise InputError(f"{source}: another contract than specs/policy.py: {wrong[0]}{more}")
     return found
+
+
+def _check_keys(told: Mapping[str, Any], source: str) -> None:
+    """InputError names a key that the contract does not have, or one that is not there."""
+    known = {f.name: f.default is MISSING for f in fields(Contract)}
+    for name in told:
+        if name not in known:
+            raise InputError(f"{source}: the policy's contract has no key '{name}'; {nearest(name, known)}")
+    for name, needed in known.items():
+        if needed and name not in told:
+            raise InputError(f"{source}: the policy's contract lacks its key '{name}'")
 
 
 def check_shapes(inputs: Mapping[str, Sequence[Any]], outputs: Mapping[str, Sequence[Any]], found: Contract,

@@ -37,6 +37,9 @@ class Policy:
                 f"a network from {sizes[0]} to {sizes[-1]} numbers; "
                 f"a {c.task} policy with a history of {c.history} has {wanted[0]} and {wanted[1]}"
             )
+        for number, (w, _) in enumerate(self.weights):
+            if w.shape[1] != sizes[number]:
+                raise InputError(f"layer {number} takes {w.shape[1]} numbers and is given {sizes[number]}")
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Commands [3] for an observation [N], in double precision by numpy and CasADi."""
@@ -108,7 +111,10 @@ def read(path: Path) -> Policy:
     check_shapes(_ends(found.graph.input), _ends(found.graph.output), contract, str(path))
     tensors = {t.name: numpy_helper.to_array(t) for t in found.graph.initializer}
     weights = _layers(tensors, str(path))
-    policy = Policy(contract, weights)
+    try:
+        policy = Policy(contract, weights)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     if model(policy).graph != found.graph:
         raise InputError(f"{path}: its graph is not the one that this version writes for its contract")
     return policy

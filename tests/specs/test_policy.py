@@ -83,7 +83,8 @@ def test_contract_survives_the_metadata() -> None:
         ({"actions": ["u_slew", "qd_stick_ref", "qd_boom_ref"]}, "actions entry 1 is 'qd_stick_ref'"),
         ({"layout": ["q_slew"]}, "layout of 1 entries, specs say 69"),
         ({"limits": {"u_slew": [-1, 1], "qd_boom_ref": [-0.3, 0.3]}}, "qd_boom_ref"),
-        ({"surprise": 1}, "cannot be read"),
+        ({"surprise": 1}, "no key 'surprise'"),
+        ({"prio": ""}, "no key 'prio'; did you mean prior"),
     ],
 )  # fmt: skip
 def test_another_contract_is_refused_with_the_difference(changed: dict[str, object], named: str) -> None:
@@ -91,6 +92,13 @@ def test_another_contract_is_refused_with_the_difference(changed: dict[str, obje
     with pytest.raises(InputError, match=named.replace("(", r"\(")) as error:
         policy.read_contract(metadata(**changed), "mine.onnx")
     assert "mine.onnx" in str(error.value)
+
+
+def test_a_contract_without_one_of_its_keys_is_refused_with_the_key() -> None:
+    told = json.loads(metadata()[policy.META])
+    del told["ranges"]
+    with pytest.raises(InputError, match=r"mine\.onnx.* lacks its key 'ranges'"):
+        policy.read_contract({policy.META: json.dumps(told)}, "mine.onnx")
 
 
 def test_a_stranger_is_refused() -> None:

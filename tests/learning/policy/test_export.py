@@ -158,6 +158,12 @@ def changed(path: Path, out: Path, how: str) -> Path:
         values = onnx.numpy_helper.to_array(tensor).copy()
         values[...] = np.nan
         tensor.CopyFrom(onnx.numpy_helper.from_array(values, tensor.name))
+    elif how in ("sizes", "between"):
+        named = {t.name: t for t in model.graph.initializer}
+        layer = 0 if how == "sizes" else 1
+        tensor = named[export.WEIGHT.format(layer)]
+        values = onnx.numpy_helper.to_array(tensor)[:, 1:]
+        tensor.CopyFrom(onnx.numpy_helper.from_array(values, tensor.name))
     out.write_bytes(model.SerializeToString())
     return out
 
@@ -168,6 +174,8 @@ def changed(path: Path, out: Path, how: str) -> Path:
         ("metadata", "no policy of this project"),
         ("input", r"input 'observation' \[1, 70\]; specs/policy.py says 'observation' \[1, 69\]"),
         ("node", "its graph is not"),
+        ("sizes", "a network from 73 to 3 numbers; a full policy with a history of 5 has 74 and 3"),
+        ("between", "layer 1 takes 31 numbers and is given 32"),
     ],
 )
 def test_another_file_is_refused(how: str, named: str, files: dict[str, Path], tmp_path: Path) -> None:
