@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from learning.policy import valid
 from learning.policy.rewards import SLEW_ONLY, TERMS, Shape
 from specs.errors import InputError, nearest
 from specs.policy import HISTORY, TASKS
@@ -109,13 +110,35 @@ class Recipe:
             raise InputError(f"no task '{self.task}'; valid: {', '.join(TASKS)}")
         if self.network not in NETWORKS:
             raise InputError(f"no network '{self.network}'; valid: {', '.join(NETWORKS[1:])}, or none")
+        valid.check(self.__dict__, valid.RECIPE)
+        for name in self.weights:
+            if name not in TERMS:
+                raise InputError(f"no reward term '{name}'; {nearest(name, TERMS)}")
+        valid.check(self.weights, dict.fromkeys(self.weights, valid.FINITE), "weights.")
+        valid.check(self.first.__dict__, valid.WIDTHS, "first.")
+        valid.check(self.last.__dict__, valid.WIDTHS, "last.")
+        valid.check(self.random.__dict__, valid.RANDOM, "random.")
+        self._check_method()
+
+    def _check_method(self) -> None:
+        """What only the other method heeds would be ignored without a word."""
         if (self.privileged or self.teacher) and self.network:
             raise InputError("a teacher is a plain network, and so are its students: --set network=")
         if self.method == "ppo" and self.network:
             raise InputError(f"PPO's network is a plain one, not '{self.network}': --set network=")
-        for name in self.weights:
-            if name not in TERMS:
-                raise InputError(f"no reward term '{name}'; {nearest(name, TERMS)}")
+        if self.privileged and self.teacher:
+            raise InputError(
+                f"a teacher (privileged) has no teacher itself: --set teacher=, not {self.teacher}"
+            )
+        other = ("asymmetric", "mixed") if self.method == "gradient" else ("privileged", "teacher")
+        for name in other:
+            if getattr(self, name):
+                able = "ppo" if self.method == "gradient" else "gradient"
+                raise InputError(f"{name} is for --set method={able}; by {self.method} nothing heeds it")
+        if self.method == "ppo" and self.batches > self.envs * self.steps:
+            raise InputError(
+                f"batches = {self.batches}: valid is up to envs x steps, {self.envs * self.steps}"
+            )
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -169,7 +192,7 @@ _RECIPES = (
     ),
 )  # fmt: skip
 RECIPES = {r.name: r for r in _RECIPES}
-TINY: Mapping[str, Any] = {
+TINY: dict[str, Any] = {
     "envs": 32,
     "iterations": 3,
     "episode_s": 1.0,
@@ -193,10 +216,10 @@ def _with(old: Any, group: str, told: Mapping[str, Any]) -> Any:
 
 
 def recipe(name: str, tiny: bool = False, **changed: Any) -> Recipe:
-    """The recipe of that name with fields changed; cut down to seconds if `tiny`."""
+    """The recipe of that name with fields changed; what of it is not, cut down to seconds if `tiny`."""
     if name not in RECIPES:
         raise InputError(f"no recipe '{name}'; {nearest(name, RECIPES)} (valid: {', '.join(RECIPES)})")
     base = RECIPES[name]
     inner = {group: changed.pop(group) for group in GROUPS if isinstance(changed.get(group), dict)}
-    found = replace(base, **changed, **{g: _with(getattr(base, g), g, told) for g, told in inner.items()})
-    return replace(found, **TINY) if tiny else found
+    told = changed | {g: _with(getattr(base, g), g, values) for g, values in inner.items()}
+    return replace(base, **((TINY | told) if tiny else told))
