@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from fmus.slew_nn.network import SlewNetwork
-from learning.policy import checkpoint
+from learning.policy import checkpoint, finite
 from learning.policy.network import Interface, shaped
 from learning.policy.recipe import Recipe
 from learning.policy.situation import HIDDEN, Situation, hidden
@@ -55,9 +55,9 @@ class GradientTrainer(Trainer):
                     ended = ended + LOOK * e.ended(s).float().mean()
         rewards = self.rewards(steps)
         terms = {name: value.detach().mean() * e.periods for name, value in rewards.items()}
-        self.check(terms)
+        self.check(terms | {"imitation": missed.detach()}, steps)
         worth: Any = sum(value.mean() for value in rewards.values()) * e.periods
-        self._learn((self.recipe.imitation * missed - worth) * SPACING_S)
+        self._learn((self.recipe.imitation * missed - worth) * SPACING_S, steps)
         self.last = s.cut()
         self.done += 1
         return self.report(terms, e.periods, unknown, ended) | self.end_errors(self.last)
@@ -73,15 +73,27 @@ class GradientTrainer(Trainer):
             wanted = self.teacher(torch.cat([seen, hidden(s)], dim=1))
         return answer, (answer - wanted).square().sum(1).mean()
 
-    def _learn(self, loss: Tensor) -> None:
+    def _learn(self, loss: Tensor, steps: Sequence[Step]) -> None:
         for group in self.optimiser.param_groups:
             group["lr"] = self.recipe.rate * schedule(self.progress)
         self.optimiser.zero_grad()
         loss.backward()
         size = torch.nn.utils.clip_grad_norm_(self.mlp.parameters(), self.recipe.norm)
         if not math.isfinite(size):
-            raise RunError(f"iteration {self.done + 1}: the gradient is not a number any more")
+            named = self._steep(steps)
+            why = (
+                f"of reward term {', '.join(named)}" if named else "all terms and their own slopes are finite"
+            )
+            raise RunError(f"iteration {self.done + 1}: the gradient is not a number any more ({why})")
         self.optimiser.step()
+        self.check_update({}, {"network": self.mlp})
+
+    def _steep(self, steps: Sequence[Step]) -> list[str]:
+        """Terms whose own slope by the simulation's state or the answers is not a number."""
+        bare = [Step(s.before.cut(), s.after.cut(), s.asked.detach()) for s in steps]
+        leaves = [leaf for s in bare for leaf in (*s.after.state.__dict__.values(), s.after.action, s.asked)]
+        leaves = [leaf.requires_grad_() for leaf in leaves]
+        return [n for n, value in self.rewards(bare).items() if finite.infinite(_slopes(value, leaves))]
 
     def state(self) -> dict[str, Any]:
         """All that going on needs."""
@@ -92,6 +104,13 @@ class GradientTrainer(Trainer):
         super().load(state)
         self.optimiser.load_state_dict(state["optimiser"])
         self.last = state["last"] and state["last"].on(self.device)
+
+
+def _slopes(value: Tensor, leaves: Sequence[Tensor]) -> list[Tensor]:
+    if not value.requires_grad:
+        return []
+    found = torch.autograd.grad(value.mean(), leaves, retain_graph=True, allow_unused=True)
+    return [slope for slope in found if slope is not None]
 
 
 def _teacher(recipe: Recipe, way: Interface) -> nn.Sequential:

@@ -59,7 +59,7 @@ class PpoTrainer(Trainer):
                     action = self.algorithm.act(seen).float()
                 step = self.play(self.now, action, self._observation, leak=0.0)
                 after, rewards = step.after, self.rewards([step])
-                self.check(rewards)
+                self.check(rewards, [step])
                 for name, value in rewards.items():
                     terms[name] = terms.get(name, torch.zeros(())) + value.mean()
                 over = self.environment.ended(after)
@@ -75,12 +75,12 @@ class PpoTrainer(Trainer):
                     seen, reward * SPACING_S, over | late, {"time_outs": late.float()}
                 )
             self.algorithm.compute_returns(seen)
-        losses = self.algorithm.update()
+        told = self.algorithm.update()
+        losses = {f"loss/{k}": float(v) for k, v in told.items() if v is not None}
+        self.check_update(losses, {"actor": self.algorithm.actor, "critic": self.algorithm.critic})
         self.done += 1
         means = {k: sum(d[k] for d in ends) / len(ends) for k in ends[0]} if ends else {}
-        return self.report(terms, self.recipe.steps, unknown, ended) | means | {
-            f"loss/{k}": float(v) for k, v in losses.items() if v is not None
-        }  # fmt: skip
+        return self.report(terms, self.recipe.steps, unknown, ended) | means | losses
 
     def _hasten(self) -> None:
         """The same update in less time: one operation for all of Adam, a quicker tanh."""

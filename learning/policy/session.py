@@ -9,8 +9,7 @@ OUT/TASK.onnx       the policy
 import hashlib
 import json
 import subprocess
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -18,16 +17,16 @@ from typing import Any
 from learning.policy import checkpoint
 from learning.policy.curve import Log
 from learning.policy.recipe import GROUPS, RECIPES, Recipe, recipe
+from learning.policy.training import Report, Training
+from learning.policy.valid import ABSENT
 from specs.errors import InputError, RunError, nearest
 from specs.policy import TASKS
 from specs.schema import ROOT
 
-BUDGETS = ("full", "short", "tiny")
+BUDGETS = ("full", "short", "tiny")  # what is told of a recipe stays as it is told
 DEVICES = ("auto", "cpu", "cuda")
 SHORT = 0.2  # of the iterations
-KEPT_EVERY_S = 60.0  # between checkpoints
 NETWORKS = (ROOT.parent / "fmus" / "slew_nn" / "weights.npz",)
-Report = Callable[[str, float, float], None]
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Options:
         if found.task != self.task:
             able = [r.name for r in RECIPES.values() if r.task == self.task]
             raise InputError(f"recipe {name} is for task {found.task}; for {self.task}: {', '.join(able)}")
-        if self.budget == "short":
+        if self.budget == "short" and "iterations" not in self.changed:
             found = recipe(name, **{**self.changed, "iterations": max(1, round(SHORT * found.iterations))})
         return found
 
@@ -64,6 +63,7 @@ class Options:
         """What makes it again."""
         words = [f"--task {self.task}", f"--seed {self.seed}", f"--budget {self.budget}"]
         words += [f"--recipe {self.recipe}"] if self.recipe else []
+        words += [f"--device {self.device}"] if self.device != "auto" else []
         words += [f"--networks {path}" for path in self.networks]
         words += [f"--set {text}" for text in _settings(self.changed)]
         return "slewright train policy " + " ".join(words)
@@ -84,7 +84,7 @@ def _settings(changed: Mapping[str, Any], group: str = "") -> list[str]:
 def changes(texts: Sequence[str]) -> dict[str, Any]:
     """ "name=value" of the recipe's fields, numbers, words, true or false; InputError for what is none."""
     found: dict[str, Any] = {}
-    able = {f.name: f for f in fields(Recipe)}
+    able = {f.name: f for f in fields(Recipe) if f.name not in ("name", "why")}
     for text in texts:
         name, equals, value = text.partition("=")
         group, dot, term = name.partition(".")
@@ -96,7 +96,9 @@ def changes(texts: Sequence[str]) -> dict[str, Any]:
             number = value
         number = tuple(number) if isinstance(number, list) else number
         if dot:
-            found[group] = {**found.get(group, {}), term: number}
+            if not isinstance(others := found.get(group, {}), dict):
+                raise InputError(f"--set {text}: beside --set {group}={others}; valid is {group}.NAME=VALUE")
+            found[group] = {**others, term: number}
         else:
             found[name] = number
     return found
@@ -106,31 +108,27 @@ def run(options: Options, report: Report) -> dict[str, Any]:
     """Train, or go on; returns the figures.  RunError if training fails: the last good checkpoint stays."""
     chosen = options.chosen()
     paths = options.networks or NETWORKS
+    if chosen.envs < len(paths):
+        raise InputError(f"envs = {chosen.envs}: valid is from {len(paths)}, one machine a slew network")
     data, commit = digest(paths), source_state()
     out = _folder(options.out)
     trainer = make_trainer(chosen, paths, options.seed, device_of(options.device, chosen))
-    kept = out / checkpoint.NAME
-    if kept.is_file():
-        trainer.load(checkpoint.load(kept, chosen, options.seed, data))
+    training = Training(trainer, options.seed, out / checkpoint.NAME, data)
+    training.resume()
     began = trainer.done
     with Log(out, began) as log:
         try:
-            _iterate(
-                trainer,
-                chosen,
-                options,
-                log,
-                report,
-                lambda: _keep(kept, chosen, options.seed, data, trainer),
-            )
+            training.iterate(log, report, options.stop_after)
         except RunError as error:
-            raise RunError(f"{error}; the last good checkpoint is {kept}") from error
+            raise RunError(f"{error}; {training.last_good}") from error
+    spent = training.processor_s
     figures: dict[str, Any] = {
         "task": chosen.task, "recipe": chosen.name, "iterations": trainer.done, "of": chosen.iterations,
         "command": options.command, "resumed_at": began, "last": log.last, "policy": "",
+        "checkpoint": str(training.kept), "processor_s": spent and round(spent, 2),
     }  # fmt: skip
     if trainer.done >= chosen.iterations and not chosen.privileged:
-        figures["policy"] = str(_export(trainer, chosen, options, data, commit, log.last, out))
+        figures["policy"] = str(_export(training, options, commit, figures, out))
     return figures
 
 
@@ -157,6 +155,12 @@ def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> 
 
     torch.set_num_threads(1)
     networks = load_networks(paths)
+    trainer = _made(chosen, networks, seed, device)
+    trainer.sources = [str(path) for path in paths]
+    return trainer
+
+
+def _made(chosen: Recipe, networks: Any, seed: int, device: str) -> Any:
     if chosen.method == "ppo":
         try:
             from learning.policy.ppo import PpoTrainer
@@ -169,30 +173,6 @@ def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> 
     from learning.policy.gradient import GradientTrainer
 
     return GradientTrainer(chosen, networks, seed, device)
-
-
-def _iterate(
-    trainer: Any, chosen: Recipe, options: Options, log: Log, report: Report, keep: Callable[[], None]
-) -> None:
-    start, began, kept = time.monotonic(), trainer.done, time.monotonic()
-    last = chosen.iterations
-    if options.stop_after is not None:
-        last = min(last, trainer.done + options.stop_after)
-    while trainer.done < last:
-        figures = trainer.iterate()
-        log.add(trainer.done, figures)
-        each = (time.monotonic() - start) / (trainer.done - began)
-        left = each * (chosen.iterations - trainer.done) / 60.0
-        reward = figures["reward"]
-        report(f"{chosen.name}, seed {options.seed}: reward {reward:.3f}/s, {left:.0f} min left",
-               trainer.done, chosen.iterations)  # fmt: skip
-        if time.monotonic() - kept > KEPT_EVERY_S or trainer.done == last:
-            keep()
-            kept = time.monotonic()
-
-
-def _keep(path: Path, chosen: Recipe, seed: int, data: str, trainer: Any) -> None:
-    checkpoint.save(path, chosen, seed, data, trainer.state())
 
 
 def _folder(out: Path) -> Path:
@@ -214,26 +194,26 @@ def digest(paths: Any) -> str:
     return found.hexdigest()
 
 
-def _export(
-    trainer: Any, chosen: Recipe, options: Options, data: str, commit: str, last: Mapping[str, Any], out: Path
-) -> Path:
+def _export(training: Training, options: Options, commit: str, figures: Mapping[str, Any], out: Path) -> Path:
     from learning.policy.export import Policy, write
     from learning.policy.network import weights_of
     from specs.policy import contract
 
+    chosen = training.chosen
     made = {
         "command": options.command, "seed": options.seed, "commit": commit, "recipe": chosen.name,
-        "iterations": chosen.iterations, "training": {k: float(v) for k, v in last.items()},
+        "iterations": chosen.iterations, "training": {k: float(v) for k, v in figures["last"].items()},
+        "processor_s": figures["processor_s"],
     }  # fmt: skip
     told = contract(
         chosen.task,
         chosen.history,
         prior=chosen.prior,
-        data_sha256=data,
-        ranges=ranges(trainer, chosen),
+        data_sha256=training.data,
+        ranges=ranges(training.trainer, chosen),
         made=made,
     )
-    return write(Policy(told, weights_of(trainer.mlp)), out / f"{chosen.task}.onnx")
+    return write(Policy(told, weights_of(training.trainer.mlp)), out / f"{chosen.task}.onnx")
 
 
 def ranges(trainer: Any, chosen: Recipe) -> dict[str, tuple[float, float]]:
@@ -249,11 +229,8 @@ def ranges(trainer: Any, chosen: Recipe) -> dict[str, tuple[float, float]]:
     region = [n.region["inertia"] for n in trainer.environment.plant.drive.networks if "inertia" in n.region]
     if region:
         found["inertia"] = (min(low for low, _ in region), max(high for _, high in region))
-    return {
-        name: (float(low), float(high))
-        for name, (low, high) in found.items()
-        if low >= 0 or name == "slew_error"
-    }
+    told = {name: (float(low), float(high)) for name, (low, high) in found.items()}
+    return {name: span for name, span in told.items() if span != ABSENT}
 
 
 def source_state() -> str:

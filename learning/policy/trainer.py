@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from fmus.slew_nn.network import SlewNetwork
+from learning.policy import finite
 from learning.policy.environment import Environment
 from learning.policy.network import LEAK, Interface
 from learning.policy.recipe import Recipe
@@ -39,6 +40,7 @@ class Trainer:
         self.environment = Environment(recipe, networks, recipe.envs, seed, device)
         self.interface = Interface(recipe.task, recipe.history, recipe.prior, device)
         self.done = 0
+        self.sources = [f"{i + 1}" for i in range(len(networks))]  # names of the slew networks, for messages
 
     @property
     def progress(self) -> float:
@@ -79,13 +81,18 @@ class Trainer:
         go_on = (e.uniform(0.0, 1.0) < self.recipe.consecutive) & ~e.ended(last)
         return fresh.take(e.retargeted(last), go_on)
 
-    def check(self, terms: Mapping[str, Tensor]) -> None:
-        """RunError naming the reward term that is not a number."""
-        wrong = [n for n, value in terms.items() if not bool(torch.isfinite(value).all())]
+    def check(self, terms: Mapping[str, Tensor], steps: Sequence[Step] = ()) -> None:
+        """RunError naming the reward term that is not a number, or what in `steps` was none before it."""
+        wrong = finite.infinite(terms)
         if wrong:
-            raise RunError(
-                f"iteration {self.done + 1}: reward term {', '.join(wrong)} is not a number any more"
-            )
+            first = finite.cause(steps, self.sources) or f"reward term {', '.join(wrong)}"
+            raise RunError(f"iteration {self.done + 1}: {first} is not a number any more")
+
+    def check_update(self, losses: Mapping[str, Any], networks: Mapping[str, nn.Module]) -> None:
+        """RunError naming losses or weights that are not numbers after an update, before it counts."""
+        wrong = finite.infinite(losses) or finite.weights(networks)
+        if wrong:
+            raise RunError(f"iteration {self.done + 1}: {finite.shown(wrong)} is not a number any more")
 
     def report(
         self, terms: Mapping[str, Tensor], count: int, unknown: Tensor, ended: Tensor

@@ -11,9 +11,11 @@ import torch
 from fmus.slew_nn.untrained import untrained
 from learning.policy import export, session
 from learning.policy.curve import NAME
+from learning.policy.environment import POSE
 from learning.policy.gradient import GradientTrainer
 from learning.policy.recipe import recipe
 from learning.policy.session import Options
+from learning.policy.valid import ABSENT
 from specs.errors import InputError, RunError
 
 SMALL: dict[str, Any] = {
@@ -66,6 +68,8 @@ def test_a_killed_training_goes_on_along_the_same_curve(recipe: str, network: Pa
         assert (a[1] == b[1]).all()
     assert one.contract.made["seed"] == 1
     assert "slewright train policy" in one.contract.made["command"]
+    assert one.contract.made["processor_s"] == done["processor_s"]
+    assert second["processor_s"] > first["processor_s"] > 0
     assert one.contract.data_sha256 == session.digest([network])
     assert any(whole.glob("events*"))
 
@@ -101,6 +105,15 @@ def test_a_reward_that_is_no_number_stops_and_keeps_the_last_good(
     assert session.run(options(network, tmp_path, "full"), quiet)["resumed_at"] == 2
 
 
+def test_trained_ranges_hold_all_that_is_drawn(network: Path) -> None:
+    """Also below zero; what is not drawn (the nominal dead band) is left out."""
+    chosen = recipe("full", envs=4, layers=(8,), random={"dead_band": ABSENT})
+    found = session.ranges(session.make_trainer(chosen, [network], 1), chosen)
+    assert found["q_stick"] == POSE["stick"]
+    assert found["slew_error"] == (-2.5, 2.5)
+    assert "slew_dead_band" not in found
+
+
 def test_checkpoints_of_another_training_are_refused(network: Path, tmp_path: Path) -> None:
     """Another layout, recipe, seed or slew network; a file that is none."""
     session.run(options(network, tmp_path, "full", stop_after=1), quiet)
@@ -134,10 +147,14 @@ def test_wrong_words_are_refused(network: Path, tmp_path: Path) -> None:
     assert told["random"] == {"pace": (0.5, 1.5)}
     assert session.Options(changed=told).command.endswith(" ".join(f"--set {w}" for w in words))
     assert session.Options(changed=told).chosen().random.pace == (0.5, 1.5)
+    assert " --device cpu --set" in session.Options(changed=told, device="cpu").command
+    assert "--device" not in session.Options(changed=told).command
     with pytest.raises(InputError, match="no 'paces' in random"):
         session.Options(changed=session.changes(["random.paces=[1,2]"])).chosen()
     with pytest.raises(InputError, match=r"none\.npz"):
         session.run(Options("full", networks=(tmp_path / "none.npz",), out=tmp_path / "x"), quiet)
+    with pytest.raises(InputError, match="envs = 1: valid is from 2"):
+        session.run(Options("full", networks=(network,) * 2, out=tmp_path / "x", changed={"envs": 1}), quiet)
     assert not (tmp_path / "x").exists()
     good = untrained(1)
     cut = (good.velocity[0].weights[0][:, :31], *good.velocity[0].weights[1:])
