@@ -87,7 +87,9 @@ def policy(
         typer.Option(metavar="NAME", help="full, slew (ours); paper, paper_slew (PPO). Default: the task's."),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of weights, machines and noise.")] = 1,
-    budget: Annotated[str, typer.Option(help="full, short (a fifth), or tiny to see that it runs.")] = "full",
+    budget: Annotated[
+        str, typer.Option(help="full, short (a fifth), or tiny to see that it runs; --set stays.")
+    ] = "full",
     networks: Annotated[
         list[Path] | None,
         typer.Option(
@@ -122,7 +124,9 @@ def policy(
         figures = session.run(options, report)
     last = {k: v for k, v in figures["last"].items() if isinstance(v, float)}
     show(f"{figures['recipe']}, {figures['iterations']} iterations", ("figure", "value"), last.items())
-    typer.echo(f"written: {figures['policy']}")
+    if not figures["policy"]:
+        typer.echo("no policy is written: a teacher (privileged) is for its students")
+    typer.echo(f"written: {figures['policy'] or figures['checkpoint']}")
     write(json, figures, seed)
 
 
