@@ -86,7 +86,7 @@ def policy(
         str,
         typer.Option(metavar="NAME", help="full, slew (ours); paper, paper_slew (PPO). Default: the task's."),
     ] = "",
-    seed: Annotated[int, typer.Option(min=0, help="Of weights, machines and noise.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Of weights, machines and noise.")] = 1,
     budget: Annotated[
         str, typer.Option(help="full, short (a fifth), or tiny to see that it runs; --set stays.")
     ] = "full",
