@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from slewright import trained
-from slewright.policies import LOADS, question
-from specs.errors import InputError
+from slewright.policies import LOADS, question, task_of
 
 FIGURES = ("speed", "overshoot", "overshoot_max", "error", "tool", "missed")
 MEANS = ("speed", "overshoot", "error", "tool")
@@ -38,20 +37,17 @@ def evaluate(paths: Sequence[Path], out: Path, asked: Asked, report: Any = None)
     """Figures by load, machine and seed; several policies of one task are seeds of one recipe."""
     from learning.policy.export import read
 
-    contracts = [read(path).contract for path in paths]
-    tasks = {c.task for c in contracts}
-    if len(tasks) != 1:
-        raise InputError(f"policies of several tasks: {', '.join(sorted(tasks))}; one at a time")
+    contracts, task = [read(path).contract for path in paths], task_of(paths)
     rows: Rows = []
     paces, made = {}, {}
     for path, contract in zip(paths, contracts, strict=True):
-        run = _runner(path, contract.task, _folder(out, path), asked, report)
+        run = _runner(path, task, _folder(out, path), asked, report)
         seed = _name(contract.made.get("seed", ""), paces)
         found, paces[seed] = _at_speed(run, asked, contract.ranges.get("pace", (0.0, 2.0)))
         made[seed] = {name: contract.made.get(name, "") for name in ("command", "commit")}
         rows += [{**row, "seed": seed} for row in found]
     return {
-        "task": contracts[0].task, "policy": str(paths[0]), "draw_set": asked.draw_set,
+        "task": task, "policy": str(paths[0]), "draw_set": asked.draw_set,
         "machines": asked.machines, "pace": next(iter(paces.values())), "matched": asked.matched,
         "made": dict(contracts[0].made), "loads": {load: _mean(rows, load=load) for load in asked.loads},
         "draws": {d: _mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}},

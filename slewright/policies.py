@@ -51,11 +51,14 @@ def _plain(path: Path) -> str:
     return re.sub(r"\W", "_", path.absolute().stem)
 
 
-def task_of(path: Path) -> str:
-    """The task of an ONNX policy; InputError if it is none of this contract."""
+def task_of(paths: Sequence[Path]) -> str:
+    """The task of ONNX policies; InputError if one is none of this contract, or they are of several tasks."""
     from learning.policy.export import read
 
-    return read(path).contract.task
+    tasks = sorted({read(path).contract.task for path in paths})
+    if len(tasks) != 1:
+        raise InputError(f"policies of several tasks: {', '.join(tasks)}; one at a time")
+    return tasks[0]
 
 
 def question(

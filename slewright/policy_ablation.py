@@ -112,7 +112,8 @@ def page(outs: Sequence[Path], asked: evaluation.Asked, words: str, results: Pat
     rows: dict[tuple[str, str], list[Found]] = {}
     for name, file in zip(named([recipe_of(out) for out in outs]), files, strict=True):
         rows.setdefault(name, []).append(evaluation.evaluate([file], results, asked))
-    commands = "\n".join({str(read(file).contract.made["command"]): None for file in files})
+    made = [read(file).contract.made for file in files]
+    commands = "\n".join({f"{one['command']}  # at {one['commit']}": None for one in made})
     about = (
         f"Made by `python -m slewright.policy_ablation {words}`: each at the pace with a mean speed of "
         f"{asked.matched:g} °/s over the loads, or the nearest it has, on {asked.machines} machines of the "

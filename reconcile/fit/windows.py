@@ -122,7 +122,8 @@ def delayed(signal: Signal, start: float, h: float, n: int, delay: float) -> tup
         [[0.0, signal.values[0] * 1e6], signal.values[0] * 1e6 + np.cumsum(signal.values * steps)]
     )
     mean = np.diff(np.interp(edges, knots, area - area[1])) / h
-    at = np.clip(np.searchsorted(signal.time, edges + 1e-9, side="right") - 1, 0, None)
+    # a change on an edge moves into the step after it: in the one before, play has nothing to follow yet
+    at = np.clip(np.searchsorted(signal.time, edges - 1e-9, side="right") - 1, 0, None)
     return mean, -np.diff(signal.values[at]) / h
 
 

@@ -40,6 +40,9 @@ def evaluate(
         Path | None,
         typer.Option("--page", metavar="FILE.md", exists=True, help="Write the table between its markers."),
     ] = None,
+    mark: Annotated[
+        str, typer.Option("--mark", metavar="NAME", help="The page's markers (default: policy-TASK).")
+    ] = "",
     beside: Annotated[
         Path | None,
         typer.Option("--beside", metavar="FILE", help="results.jsonl of compare: differences at one speed."),
@@ -52,7 +55,6 @@ def evaluate(
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
     from slewright import evaluation, policies
-    from slewright.tables import show
     from specs import draws
     from specs.errors import InputError
 
@@ -65,60 +67,75 @@ def evaluate(
     loads = load or policies.LOADS
     for one in policy:
         policies.question(one, chosen, count, (1.0,), loads)  # refused now, before anything is logged
-    others = _checked(policies.task_of(policy[0]), page, beside)
+    task = policies.task_of(policy)
+    mark = mark or f"policy-{task}"
+    others = _checked(task, page, mark, beside)
     opened = draws.open_test_set(sealed) if sealed else None
     asked = evaluation.Asked(chosen, count, loads, 1.0 if pace is None else pace, matched, jobs, opened)
     for text in evaluation.warnings(policy, asked):
         typer.echo(f"warning: {text}", err=True)
     with progress("evaluate") as report:
         found = evaluation.evaluate(policy, out, asked, report)
-    unit = "deg" if found["task"] == "slew" else "m"
-    columns = ("speed °/s", "overshoot °", "largest °", f"error {unit}", "tool °/s", "missed", "ended", "n")
-    where = f"{count} machines of the {chosen} draws, simulated"
-    rows = [(name, *evaluation.cells(cell)) for name, cell in found["loads"].items()]
-    show(f"{policy[0].name}, {found['task']}: {where}, pace {found['pace']:g}", ("load", *columns), rows)
-    if len(found["seeds"]) > 1:
-        rows = [(name, f"{c['pace']:g}", *evaluation.cells(c)) for name, c in found["seeds"].items()]
-        show("By seed, all loads", ("seed", "pace", *columns), rows)
+    _show(found, policy[0].name, f"{count} machines of the {chosen} draws, simulated")
     for key, reason in list(found["failed"].items())[:5]:
         typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
     for seed, speed in evaluation.unreached(found).items():
         typer.echo(f"warning: seed {seed}: {speed:.1f} °/s is the nearest to {matched:g}", err=True)
     write(json, found, seed=1)
-    _draw(found, policy[0], page, figures, out, others)
+    if page is not None:
+        _fill(found, policy[0], page, mark, others)
+    if figures is not None and task == "full":
+        _draw(policy[0], out, found["pace"], figures)
     if found["failed"]:
         raise typer.Exit(3)
 
 
-def _checked(task: str, page: Path | None, beside: Path | None) -> dict:
+def _show(found: dict, name: str, where: str) -> None:
+    """The figures by load, and by seed where there are several."""
+    from slewright import evaluation
+    from slewright.tables import show
+
+    unit = "deg" if found["task"] == "slew" else "m"
+    columns = ("speed °/s", "overshoot °", "largest °", f"error {unit}", "tool °/s", "missed", "ended", "n")
+    rows = [(load, *evaluation.cells(cell)) for load, cell in found["loads"].items()]
+    show(f"{name}, {found['task']}: {where}, pace {found['pace']:g}", ("load", *columns), rows)
+    if len(found["seeds"]) > 1:
+        rows = [(seed, f"{c['pace']:g}", *evaluation.cells(c)) for seed, c in found["seeds"].items()]
+        show("By seed, all loads", ("seed", "pace", *columns), rows)
+
+
+def _checked(task: str, page: Path | None, mark: str, beside: Path | None) -> dict:
     """The runs of --beside; what is wrong with it or --page is refused now, not after the runs."""
     from slewright import markers
     from slewright.beside import known
+    from specs.errors import InputError
 
+    if beside and page is None:
+        raise InputError("--beside fills in a page's table: it needs --page")
     others = known(beside, task) if beside else {}
     if page is not None:
-        markers.around(page, f"policy-{task}")
+        markers.around(page, mark)
         if others:
             markers.around(page, f"policy-beside-{task}")
     return others
 
 
-def _draw(
-    found: dict, policy: Path, page: Path | None, figures: Path | None, out: Path, others: dict
-) -> None:
-    """Table and pictures, where they are asked for."""
-    if page is not None:
-        from slewright import evaluation
-        from slewright.beside import table
-        from slewright.markers import fill
+def _fill(found: dict, policy: Path, page: Path, mark: str, others: dict) -> None:
+    """The page's tables."""
+    from slewright import evaluation
+    from slewright.beside import table
+    from slewright.markers import fill
 
-        fill(page, f"policy-{found['task']}", evaluation.markdown(found))
-        if others:
-            unit = "°" if found["task"] == "slew" else "m"
-            text = table(found["runs"], list(found["loads"]), others, unit, policy.stem)
-            fill(page, f"policy-beside-{found['task']}", text)
-    if figures is not None and found["task"] == "full":
-        from slewright import policy_figures
+    fill(page, mark, evaluation.markdown(found))
+    if others:
+        unit = "°" if found["task"] == "slew" else "m"
+        text = table(found["runs"], list(found["loads"]), others, unit, policy.stem)
+        fill(page, f"policy-beside-{found['task']}", text)
 
-        for path in policy_figures.draw(policy, out / "figures", found["pace"], figures):
-            typer.echo(f"written: {path}")
+
+def _draw(policy: Path, out: Path, pace: float, figures: Path) -> None:
+    """The two pictures of a policy of the full task."""
+    from slewright import policy_figures
+
+    for path in policy_figures.draw(policy, out / "figures", pace, figures):
+        typer.echo(f"written: {path}")

@@ -19,6 +19,8 @@ from specs.errors import InputError
 from tests.conftest import Command
 from tests.learning.policy.test_export import made
 
+SHIPPED = Path("learning/policies")
+
 
 @pytest.fixture(scope="module")
 def policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -119,9 +121,12 @@ def test_terminations_are_too_low_or_too_near() -> None:
         ({"machines": 99}, "99 machines"),
         ({"draw_set": "training"}, "no set of draws"),
         ({"pace": 0.8, "matched": 11.2}, "--pace 0.8 with --matched 11.2"),
-        ({"beside": Path("none.jsonl")}, "--beside none.jsonl: No such file"),
-        ({"beside": Path("README.md")}, "--beside README.md: no results.jsonl"),
+        ({"page": Path("README.md"), "beside": Path("none.jsonl")}, "--beside none.jsonl: No such file"),
+        ({"page": Path("README.md"), "beside": Path("README.md")}, "--beside README.md: no results.jsonl"),
+        ({"beside": Path("pyproject.toml")}, "it needs --page"),
         ({"page": Path("README.md")}, "README.md: no '<!-- policy-slew:begin -->'"),
+        ({"page": Path("README.md"), "mark": "mine"}, "README.md: no '<!-- mine:begin -->'"),
+        ({"policy": [SHIPPED / "full.onnx", SHIPPED / "slew.onnx"]}, "policies of several tasks: full, slew"),
     ],
 )
 def test_evaluate_refuses_before_anything_moves(
@@ -138,6 +143,7 @@ def test_evaluate_refuses_before_anything_moves(
         "pace": None,
         "matched": None,
         "page": None,
+        "mark": "",
         "beside": None,
         "load": None,
         "sealed": "",
