@@ -27,6 +27,7 @@ COUNTS = ((1, 0.5), (2, 0.3), (3, 0.2))
 TARGETS = (60.0, 6000.0)  # lambda that visible effects are sized for
 DISTRACTING = (0.05, 1.0)
 ATTEMPTS = 60
+SHORTEST_S = 1e-3  # of lags in fits, which the integrator's step allows: of a shorter delay E(T) would lack them
 INPUT_DRAWS = 24  # of the noise on recorded inputs, for its covariance
 
 
@@ -135,6 +136,8 @@ class _Draft:
             if not wanted:
                 raise _Redraw
         kept = [p for p in self.placed if p.target >= VISIBLE]
+        if any(p.parameters(self.scale).get("delay", np.inf) < SHORTEST_S for p in kept):
+            raise _Redraw
         truth = problem.fit([p.effect for p in kept], self._start(problem, kept))
         if truth.value > WITHOUT_HIDDEN:
             raise _Redraw

@@ -34,6 +34,12 @@ def test_every_effect_is_clearly_visible_or_clearly_not(drawn):
     assert all(value >= VISIBLE or value <= INVISIBLE for value in drawn.seen)
 
 
+def test_a_delay_that_no_lag_of_a_fit_could_stand_for_is_redrawn():
+    found = case.draw(2078664095734538334)  # a delay of 0.87 ms in its first draw that is clear otherwise
+    delays = [p.parameters(found.scale).get("delay", 1.0) for p in found.placed if p.effect in found.visible]
+    assert min(delays) >= case.SHORTEST_S
+
+
 def test_the_same_seed_gives_the_same_case(drawn):
     again = case.draw(SEED, "low", visible=1)
     assert np.array_equal(again.runs[0].outputs, drawn.runs[0].outputs)
