@@ -23,6 +23,7 @@ from tests.fmus.importer import Imported
 from tests.learning.policy.test_features import observations
 
 PARITY = 1e-6
+SHIPPED = sorted((ROOT / "learning" / "policies").glob("*.onnx"))
 LAYERS = (32, 16)
 PRIOR = {"full": "gentle", "slew": "parabola"}  # as those that ship
 TICKS = 5
@@ -91,10 +92,22 @@ def test_torch_and_onnxruntime_agree(task: str, files: dict[str, Path]) -> None:
 
 @pytest.mark.parametrize(("task", "length"), [("slew", specs.HISTORY), ("full", specs.HISTORY), ("slew", 1)])
 def test_the_fmu_answers_like_onnxruntime(task: str, length: int, tmp_path: Path) -> None:
-    """Two seconds at 50 Hz, targets changing: history, rate, holding and commands; parity 1e-6."""
+    """Random weights."""
     policy = made(task, length)
     fmu = controller.build(policy, f"policy_{task}_{length}", tmp_path)
-    session = ort.InferenceSession(str(export.write(policy, tmp_path / "policy.onnx")))
+    check_fmu(fmu, export.write(policy, tmp_path / "policy.onnx"), length)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.name)
+def test_the_fmu_of_a_policy_that_ships_answers_like_its_file(path: Path, tmp_path: Path) -> None:
+    """What is verified and compared is what the controller runs."""
+    policy = export.read(path)
+    check_fmu(controller.build(policy, f"policy_{path.stem}", tmp_path), path, policy.contract.history)
+
+
+def check_fmu(fmu: Path, file: Path, length: int) -> None:
+    """Two seconds at 50 Hz, targets changing: history, rate, holding and commands; parity 1e-6."""
+    session = ort.InferenceSession(str(file))
     rng = np.random.default_rng(4)
     held: dict[str, float] = dict.fromkeys(specs.ACTIONS, 0.0)
     history, worst, seen = specs.History(length), 0.0, []
@@ -208,9 +221,7 @@ def test_reading_and_building_need_no_torch() -> None:
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
 
 
-@pytest.mark.parametrize(
-    "path", sorted((ROOT / "learning" / "policies").glob("*.onnx")), ids=lambda p: p.name
-)
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.name)
 def test_shipped_policies_keep_the_contract_and_say_what_made_them(path: Path) -> None:
     """Read like any other; task by their name; command, seed and commit in the file."""
     found = export.read(path).contract
