@@ -27,7 +27,7 @@ COUNTS = ((1, 0.5), (2, 0.3), (3, 0.2))
 TARGETS = (60.0, 6000.0)  # lambda that visible effects are sized for
 DISTRACTING = (0.05, 1.0)
 ATTEMPTS = 60
-SHORTEST_S = 1e-3  # of lags in fits, which the integrator's step allows: of a shorter delay E(T) would lack them
+SHORTEST_S = 1e-3  # of lags in fits, as the integrator allows: of a shorter delay E(T) would lack them
 INPUT_DRAWS = 24  # of the noise on recorded inputs, for its covariance
 
 
