@@ -129,15 +129,15 @@ class _Draft:
     def case(self, seed: int, attempt: int) -> Case:
         """Sizes, recordings and the check that every effect is clearly visible or clearly not."""
         self._size()
+        kept = [p for p in self.placed if p.target >= VISIBLE]
+        if any(p.parameters(self.scale).get("delay", np.inf) < SHORTEST_S for p in kept):
+            raise _Redraw
         problem, runs = self._problem()
         seen = tuple(self._lambda(problem, i).value for i in range(len(self.placed)))
         for placed, value in zip(self.placed, seen, strict=True):
             wanted = value >= VISIBLE if placed.target >= VISIBLE else value <= INVISIBLE
             if not wanted:
                 raise _Redraw
-        kept = [p for p in self.placed if p.target >= VISIBLE]
-        if any(p.parameters(self.scale).get("delay", np.inf) < SHORTEST_S for p in kept):
-            raise _Redraw
         truth = problem.fit([p.effect for p in kept], self._start(problem, kept))
         if truth.value > WITHOUT_HIDDEN:
             raise _Redraw

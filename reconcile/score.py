@@ -13,9 +13,9 @@ import numpy as np
 
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.slopes import ROUGH
 from reconcile.study import Study
 
+ROUGH = 500.0  # times the tolerance of steps: slopes need only rank
 LEAST = 10.0  # squared errors that a variant must save in a pursuit
 
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from reconcile.study import Study
 
 SAME = 0.02  # of a free parameter's size: fits that differ by less have the same slopes, to rank by
-ROUGH = 500.0  # times the tolerance of steps: slopes need only rank
 
 
 @dataclass(frozen=True)

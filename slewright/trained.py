@@ -27,7 +27,6 @@ from specs.scenario import Scenario
 from specs.signals import signal
 
 OF_MACHINE = ("load_mass", "slew_dead_band", "pendulum_length", "inertia")
-FILE = "policy.onnx"  # in the model folder of a policy
 Ranges = Mapping[str, tuple[float, float]]
 Spec = Mapping[str, Any]  # of a run of baselines.compare.plan
 Pose = tuple[float, float]  # q_boom, q_stick [rad]
@@ -141,6 +140,7 @@ def _scenario(source: str, name: str) -> Scenario:
 
 
 def _ranges(path: Path) -> Ranges:
+    from learning.policy.controller import FILE
     from learning.policy.export import read
 
     file = path if path.suffix == ".onnx" else path / FILE

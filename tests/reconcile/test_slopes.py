@@ -10,7 +10,8 @@ from reconcile.fit.point import Linear, joined
 from reconcile.fit.solve import Fitted
 from reconcile.fit.trial import tried
 from reconcile.model import Folder
-from reconcile.slopes import ROUGH, Slopes
+from reconcile.score import ROUGH
+from reconcile.slopes import Slopes
 from reconcile.study import Study
 from tests.reconcile.truth import Truth, record
 
