@@ -34,13 +34,13 @@ class Sample:
 
 def sample(fitted: Fitted) -> Sample:
     """Sample size of the errors that a fit leaves."""
-    raw = fitted.linear.white
-    names = list(raw[0])
-    count = {n: sum(len(w[n]) for w in raw) for n in names}
-    total = {n: sum(float(w[n] @ w[n]) for w in raw) for n in names}
+    left = fitted.linear.left
+    names = list(left[0])
+    count = {n: sum(len(w[n]) for w in left) for n in names}
+    total = {n: sum(float(w[n] @ w[n]) for w in left) for n in names}
     weight = sum(total.values()) or 1.0
     # outputs count by what they contribute to the errors
-    inverse = sum(total[n] / weight / worth([w[n] for w in raw]) for n in names)
+    inverse = sum(total[n] / weight / worth([w[n] for w in left]) for n in names)
     return Sample(sum(count.values()), float(1.0 / max(inverse, 1.0)))
 
 

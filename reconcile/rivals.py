@@ -17,9 +17,8 @@ if TYPE_CHECKING:
 
 RIVALS = 5  # fitted for each effect of the answer
 PAIRS, PAIRS_LOOKED_AT = 2, 100  # of effects, for one of several parameters
-CLOSE = (
-    6.0  # of twice the log-likelihood: nearer sets are not told apart (more is strong: Kass and Raftery 1995)
-)
+CLOSE = 2.0 * float(np.log(10.0))  # of twice the log-likelihood: odds of less than ten do not tell apart
+DEARER = 4.0  # of BIC, by which a set of more parameters must be better than one exchanged for it
 MOST_RIVALS = 4
 
 Key = frozenset
@@ -103,20 +102,16 @@ class Rivals:
         return replace(fitted, point=point, free=free, cost=np.inf)
 
     def _simplest(self, pool: Sequence[Key]) -> Key:
-        """The best by BIC, unless one with fewer parameters is hardly worse: by less than BIC_GAIN."""
+        """The best by BIC, unless a simpler one is hardly worse: of fewer parameters, or of fewer effects."""
         fits = self.search.tried.fits
         s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
         criterion = {k: evidence.bic(fits[k], s) for k in pool}
+        size = {k: (len(fits[k].free), len(k)) for k in pool}
         best = min(pool, key=lambda k: criterion[k])
         if criterion[pool[0]] - criterion[best] < 1.0:
             best = pool[0]
-        for k in sorted(pool, key=lambda k: (len(fits[k].free), criterion[k])):
-            if (
-                len(fits[k].free) < len(fits[best].free)
-                and criterion[k] - criterion[best] < evidence.BIC_GAIN
-            ):
-                return k
-        return best
+        hardly = [k for k in pool if size[k] < size[best] and criterion[k] - criterion[best] < DEARER]
+        return min(hardly, key=lambda k: (size[k], criterion[k]), default=best)
 
     def _near(self, best: Key, pool: Sequence[Key]) -> tuple[tuple[Attached, ...], ...]:
         fits = self.search.tried.fits
@@ -127,6 +122,7 @@ class Rivals:
             if k != best
             and evidence.likelihood_gain(fits[k].cost, fits[best].cost, s) < CLOSE
             and len(fits[k].free) <= len(fits[best].free)
+            and not set(_names(best)) < set(_names(k))
         ]
         named, alternatives = {_names(best)}, []
         for k in sorted(near, key=lambda k: fits[k].cost):

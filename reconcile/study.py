@@ -178,6 +178,7 @@ class Study:
         if self.lost and (whole is None or not self.follows(whole)):
             self.problems["confirm"] = self._problem(cut(self.parts.confirm, SHORT_S))
             return
+        self.lost = False
         self._whiten(self.problems["fit"], fitted)
         self.fit_problem = self.problems["fit"]
 

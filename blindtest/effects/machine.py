@@ -87,7 +87,22 @@ def _factor(name: str, target: str) -> Effect:
     )
 
 
+def _of_all_outputs(name: str, kind: str, low: float) -> Effect:
+    """Angles and rates late together, as from a bus: what delays them all cannot be told from late inputs."""
+    targets = [f"{a}.out_{kind}_{of}" for a in ("roll", "pitch") for of in "qv"]
+    return Effect(
+        name,
+        "output",
+        "all",
+        (P(kind, "s", low, 0.8),),
+        lambda m, shape, s: {kind: 0.4 * m},
+        lambda v, s: dict.fromkeys(targets, v[kind]),
+    )
+
+
 _TOOL_OWN = (
+    _of_all_outputs("sensor_delay", "delay", 0.0),
+    _of_all_outputs("sensor_lag", "lag", 1e-3),
     _factor("coriolis_coupling", "coriolis"),
     _factor("centrifugal_coupling", "centrifugal"),
     _factor("euler_coupling", "euler"),

@@ -19,6 +19,8 @@ from specs.errors import RunError
 BASE = ("inertia", "gain", "viscous", "spring", "actuator_lag")
 LONGEST = 0.005  # s, of a step
 LONGEST_STIFF = 0.001  # s, where a contact or a shaft is stiff
+LAGS = ("actuator_lag", "in_lag", "out_lag_q", "out_lag_v")
+PER_LAG = 0.5  # of the shortest lag: RK4 is unstable beyond 2.8, and far from exact before
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,6 @@ class Servo:
         control = np.array(drive.gains, dtype=float) if drive.closed else None
         reference = None if drive.reference is None else np.ascontiguousarray(drive.reference)
         y, held, history = np.empty((n, 2)), np.empty(n), np.empty((2, n, 2))
-        stiff = values.get("shaft_stiffness", 0.0) > 0 or np.isfinite(values.get("stop_position", np.inf))
         function = library().bt_servo
         events = function(
             doubles(base),
@@ -66,7 +67,7 @@ class Servo:
             doubles(control),
             ctypes.c_int(n),
             ctypes.c_double(STEP),
-            ctypes.c_double(LONGEST_STIFF if stiff else LONGEST),
+            ctypes.c_double(_longest(values)),
             doubles(u),
             doubles(reference),
             doubles(disturbance),
@@ -79,6 +80,13 @@ class Servo:
         if events < 0 or not np.isfinite(y).all():
             raise RunError(f"{self.name}: the run does not stay finite")
         return Trace(u[:, None], y, events)
+
+
+def _longest(values: Mapping[str, float]) -> float:
+    """The longest step (s) that is right for what is stiff, and for the shortest lag."""
+    stiff = values.get("shaft_stiffness", 0.0) > 0 or np.isfinite(values.get("stop_position", np.inf))
+    lags = [lag for name in LAGS if (lag := values.get(name, 0.0)) > 0.0]
+    return min([LONGEST_STIFF if stiff else LONGEST, *(PER_LAG * lag for lag in lags)])
 
 
 def draw(rng: np.random.Generator) -> Servo:

@@ -13,7 +13,7 @@ from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Sca
 
 SHAFT = "Meriam and Kraige, Engineering Mechanics: Dynamics: two inertias on a shaft with damping"
 GEAR = "Nordin and Gutman, Automatica 38 (2002) 1633: dead-zone model of backlash"
-FREQUENCIES = (6.0, 15.0, 40.0)  # rad/s, of the two ends against each other, where fits start
+FREQUENCIES = (6.0, 15.0, 40.0, 100.0)  # rad/s, of the two ends against each other, where fits start
 SHARES = (0.3, 0.7)
 CONTACT = 0.5  # damping ratio of a closed gear: it hardly bounces
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lapack
@@ -53,6 +54,11 @@ class Linear:
     def cost(self) -> float:
         """Sum of squares of the projected errors."""
         return float(self.errors @ self.errors)
+
+    @cached_property
+    def left(self) -> list[dict[str, np.ndarray]]:
+        """The projected errors by window and output."""
+        return [_apart(p.errors, p.raw) for p in self.pieces]
 
 
 def joined(pieces: Sequence[Piece]) -> Linear:

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
 
 from reconcile.fit.point import Linear, Point
 from reconcile.fit.problem import Problem
@@ -14,6 +16,7 @@ PATIENCE, FALLS = 4, 0.3  # steps in which a fit that is to go on must come down
 WORTH = 0.1  # of what a step must gain: one that promises less is not tried
 LOST = 2.0  # times the cost: a step that leads so far up is not made good by other initial states
 LONGER, GOING = 4, 0.05  # times the iterations for a fit that still gains this share of its cost in each
+ROOM = 1e-9  # least room of a step between its bounds, as a share of its size
 HOT = 5.0  # deviations of the noise: errors above it are first fitted as if the noise were of their size
 WARMING = (8, 1e-2)  # iterations and tolerance of that
 STAGES, COOLING, WARM = 5, 0.3, 1.3  # until the noise is taken as it is
@@ -182,22 +185,18 @@ def _step(
 def _within(
     hessian: np.ndarray, gradient: np.ndarray, damping: float, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """The damped step inside its bounds: what would cross one ends there, the others make the best of it."""
-    change, moving = np.zeros(len(gradient)), np.arange(len(gradient))
-    while len(moving):
-        held = np.setdiff1d(np.arange(len(gradient)), moving)
-        h = hessian[np.ix_(moving, moving)]
-        pull = gradient[moving] - hessian[np.ix_(moving, held)] @ change[held]
-        # parameters differ in size by any factor (a force of 1e5 beside a share): each in units of its own
-        own = np.sqrt(np.maximum(np.diag(h), 1e-300))
-        h = h / np.outer(own, own) + np.diag(np.full(len(moving), damping + 1e-12))
-        change[moving] = np.linalg.lstsq(h, pull / own, rcond=None)[0] / own
-        crossing = moving[(change[moving] < low[moving]) | (change[moving] > high[moving])]
-        if not len(crossing):
-            break
-        change[crossing] = np.clip(change[crossing], low[crossing], high[crossing])
-        moving = np.setdiff1d(moving, crossing)
-    return change
+    """The damped step that lowers the linear problem most within its bounds."""
+    if not len(gradient):
+        return np.zeros(0)
+    # parameters differ in size by any factor (a force of 1e5 beside a share): each in units of its own
+    own = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    root = cholesky(hessian / np.outer(own, own) + np.diag(np.full(len(own), damping + 1e-12 * len(own))))
+    pull = solve_triangular(root, gradient / own, trans=1)
+    change = solve_triangular(root, pull) / own
+    if np.all((low <= change) & (change <= high)):
+        return change
+    room = np.maximum(high * own, low * own + ROOM)
+    return np.clip(lsq_linear(root, pull, (low * own, room), method="bvls").x / own, low, high)
 
 
 def _covariance(linear: Linear, free: Sequence[Free]) -> np.ndarray:

@@ -6,7 +6,7 @@ window that has not found its own must not hold up the others.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from reconcile.fit.problem import Problem
 
 OPEN = 0.2  # of what a window leaves after projection: more left before it, and its state is settled
 ROUNDS, FEW = 8, 2  # of a window; where sets are only ranked
+TIGHTER, HELD = 10.0, 1e4  # by which states are held closer after a step that led astray, and at most
 STUCK = 2.0  # times what the projection promised: so far above it, a window is tried from another start
 
 
@@ -62,25 +63,48 @@ def _best(problem: Problem, point: Point, k: int) -> np.ndarray:
 def _window(
     problem: Problem, point: Point, k: int, start: np.ndarray, rounds: int = ROUNDS
 ) -> tuple[np.ndarray, float]:
-    """Initial state [NX] of window k after at most `rounds` damped Gauss-Newton steps, and squares there."""
-    x0, share = start, 1.0
+    """Initial state [NX] of window k after at most `rounds` damped Gauss-Newton steps, and squares there.
+
+    A step that led astray is made again with all states held closer to where they are: those that hardly show
+    stay first, and one that shows well (an angle) finds its place without them.
+    """
+    x0, held = start, 0.0
     here = _errors(problem, point, k, x0)
     for _ in range(rounds if here else 0):
-        raw, left, step = here  # type: ignore[misc]
-        if raw <= (1.0 + 0.2 * OPEN) * left + 0.2 or share < 1e-3:
+        raw, left, look = here  # type: ignore[misc]
+        if raw <= (1.0 + 0.2 * OPEN) * left + 0.2 or held > HELD:
             break
         trial = x0.copy()
-        trial[problem.active_states(point.present)] += share * step
+        trial[problem.active_states(point.present)] += look.step(held)
         there = _errors(problem, point, k, trial)
         if there is None or there[0] >= raw:
-            share *= 0.3
+            held = max(TIGHTER * held, TIGHTER)
             continue
-        x0, here, share = trial, there, min(1.0, 3.0 * share)
+        x0, here, held = trial, there, held / TIGHTER if held > TIGHTER else 0.0
     return x0, np.inf if here is None else here[0]
 
 
-def _errors(problem: Problem, point: Point, k: int, x0: np.ndarray) -> tuple[float, float, np.ndarray] | None:
-    """Squares before and after projection, and the step of the active initial states that it takes."""
+@dataclass(frozen=True)
+class _Look:
+    """Errors [N] of a window and slopes [N, states] at an initial state; `loose`: one over its freedom."""
+
+    errors: np.ndarray
+    slope: np.ndarray
+    loose: np.ndarray
+
+    def factors(self, held: float) -> tuple[np.ndarray, np.ndarray]:
+        """Q [N, states] and R of the slopes with the states held `held` times as close, too."""
+        q, r = np.linalg.qr(np.vstack([self.slope, np.diag(self.loose * (1.0 + held))]))
+        return q[: len(self.errors)], r
+
+    def step(self, held: float) -> np.ndarray:
+        """Step [states] of the initial state."""
+        q, r = self.factors(held)
+        return back(r, q.T @ self.errors)
+
+
+def _errors(problem: Problem, point: Point, k: int, x0: np.ndarray) -> tuple[float, float, _Look] | None:
+    """Squares before and after projection, and what a step of the active initial states is made of."""
     active = problem.active_states(point.present)
     states = point.x0.copy()
     states[k] = x0
@@ -92,8 +116,7 @@ def _errors(problem: Problem, point: Point, k: int, x0: np.ndarray) -> tuple[flo
     e, slope = np.concatenate(list(found.values())), np.concatenate(parts)
     if problem.whiteners is not None:
         e, slope = problem.whiteners[k](e), problem.whiteners[k](slope)
-    loose = np.diag(1.0 / problem.freedom(active))
-    q, r = np.linalg.qr(np.vstack([slope, loose]))
-    inside = q[: len(e)].T @ e
-    left = e - q[: len(e)] @ inside
-    return float(e @ e), float(left @ left), back(r, inside)
+    look = _Look(e, slope, 1.0 / problem.freedom(active))
+    q = look.factors(0.0)[0]
+    left = e - q @ (q.T @ e)
+    return float(e @ e), float(left @ left), look

@@ -228,9 +228,23 @@ def _best(likelihood: _Likelihood, sources: Sequence[Source], i: int) -> Source:
     ]
     best = max(tried, key=gain)
     for step in (1.8, 1.35, 1.15) if best.size > 0.0 else ():
-        near = [replace(best, size=min(best.size * f, best.most)) for f in (1.0 / step, step)]
-        best = max([best, *near], key=gain)
+        best = max([best, *_beside(best, step)], key=gain)
     return best
+
+
+def _beside(source: Source, step: float) -> list[Source]:
+    """The same source larger and smaller, slower and quicker by a factor: of one size it is another time."""
+    factors = (1.0 / step, 1.0, step)
+    pairs = [(f, g) for f in factors for g in ((1.0,) if source.white else factors) if (f, g) != (1.0, 1.0)]
+    slowest, quickest = TIMES_S[-1], TIMES_S[0]
+    return [
+        replace(
+            source,
+            size=min(source.size * f, source.most),
+            time_s=min(max(source.time_s * g, quickest), slowest),
+        )
+        for f, g in pairs
+    ]
 
 
 def _sources(problem) -> list[Source]:

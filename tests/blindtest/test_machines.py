@@ -1,8 +1,11 @@
 """Arm, tool, slew and the whole machine: without effects they are the plain models, with them as stated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from blindtest.effects.effect import Scale
 from blindtest.systems import machine
 from blindtest.systems.kit import KITS
 from blindtest.systems.system import STEP, Drive
@@ -157,3 +160,24 @@ def test_every_effect_of_a_machine_runs_and_changes_what_is_measured(name):
             silent.append(effect.key)
     # Where the arm does not move, it takes no flow.
     assert set(silent) <= {"shared_pump_flow"}
+
+
+@pytest.mark.parametrize(
+    ("late_input", "late_outputs"), [("input_delay", "sensor_delay"), ("input_lag", "sensor_lag")]
+)
+def test_what_comes_late_into_a_tool_may_as_well_come_late_out_of_it(late_input, late_outputs):
+    system, values, drive, _ = open_loop("tool")
+    effects = {e.key: e for e in KITS["tool"].effects(system)}
+    scale = Scale(1.0, 1.0, 1.0, 1.0, 1.0)
+    runs = []
+    for key in (f"tool/{late_input}/motion", f"tool/{late_outputs}/all"):
+        (only,) = effects[key].parameters
+        entered = effects[key].enter({only.name: 2.5 * STEP}, scale)
+        # from rest, before which nothing moved
+        still = replace(
+            drive, commands=np.vstack([np.repeat(drive.commands[:1], 50, axis=0), drive.commands])
+        )
+        still.commands[:50, [1, 3]] = 0.0
+        runs.append(system.simulate(values | entered, still, np.zeros(4)).outputs)
+    assert np.ptp(runs[0][:, 0]) > 0.05
+    assert runs[1] == pytest.approx(runs[0], abs=2e-3 * np.ptp(runs[0]))

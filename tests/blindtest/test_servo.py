@@ -108,3 +108,10 @@ def test_encoder_backlash_holds_the_reading_at_a_reversal():
 def test_a_parameter_that_is_none_is_named():
     with pytest.raises(InputError, match="coulomb_plus"):
         block({"coulomb_plu": 1.0})
+
+
+@pytest.mark.parametrize("lag", [1e-3, 2e-3, 4e-3])
+def test_a_lag_shorter_than_the_longest_step_is_as_exact_as_a_long_one(lag):
+    t = time(100)
+    ramp = 2.0 * (t - lag * (1.0 - np.exp(-t / lag)))  # of a speed that grows evenly
+    assert run(np.ones(100), out_lag_v=lag)[:, 1] == pytest.approx(ramp, abs=1e-6)

@@ -4,7 +4,9 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, cast
 
-from reconcile.rivals import PAIRS, Rivals
+import numpy as np
+
+from reconcile.rivals import CLOSE, DEARER, PAIRS, Key, Rivals
 
 
 @dataclass(frozen=True)
@@ -52,3 +54,55 @@ def test_two_effects_are_not_exchanged_for_two_others_at_once():
 def test_few_pairs_are_tried():
     many = [(Named(f"a{i}", ("p",)), LOADS[0]) for i in range(10)]
     assert len(pairs((WIND,), *many)) == PAIRS
+
+
+@dataclass(frozen=True)
+class Present:
+    """An effect of a set by its name."""
+
+    name: str
+
+    @property
+    def effect(self) -> "Present":
+        """Its own."""
+        return self
+
+    @property
+    def key(self) -> str:
+        """Its name."""
+        return self.name
+
+
+def settled(*sets: tuple[str, int, float]) -> tuple[str, list[str]]:
+    """Best and near of sets: names, parameters, twice the log-likelihood below the present first."""
+    fits, count = {}, 1000
+    for names, parameters, lost in sets:
+        key = Key(Present(n) for n in names.split())
+        errors = np.full(count, np.exp(0.5 * lost / count)) * np.where(np.arange(count) % 2, 1.0, -1.0)
+        linear = SimpleNamespace(left=[{"y": errors}], raw=[{"y": errors}])
+        point = SimpleNamespace(present=tuple(key))
+        cost = float(errors @ errors)
+        fits[key] = SimpleNamespace(cost=cost, free=range(parameters), linear=linear, point=point)
+    rivals = Rivals(cast(Any, SimpleNamespace(tried=SimpleNamespace(fits=fits))))
+    best = rivals._simplest(list(fits))
+    return said(best), [said(k) for k in rivals._near(best, list(fits))]
+
+
+def said(key: Any) -> str:
+    return " ".join(sorted(a.name for a in key))
+
+
+def test_of_sets_that_explain_as_much_the_one_of_fewer_effects_is_named_and_alone():
+    found = settled(("curve lag viscous", 4, 0.0), ("curve lag", 4, 0.5), ("curve delay viscous", 4, 1.0))
+    assert found == ("curve lag", ["curve delay viscous"])
+
+
+def test_a_dearer_set_must_be_better_by_more_than_its_parameters_cost():
+    price = float(np.log(1000))
+    assert settled(("coulomb", 1, 0.0), ("dahl", 2, -price - 0.5 * DEARER))[0] == "coulomb"
+    assert settled(("coulomb", 1, 0.0), ("dahl", 2, -price - 1.5 * DEARER))[0] == "dahl"
+
+
+def test_sets_at_odds_of_less_than_ten_are_named_too():
+    assert settled(("lag", 1, 0.0), ("delay", 1, 0.9 * CLOSE)) == ("lag", ["delay"])
+    assert settled(("lag", 1, 0.0), ("delay", 1, 1.1 * CLOSE)) == ("lag", [])

@@ -1,0 +1,112 @@
+"""Steps of a fit, initial states of windows, and the noise that a fit leaves."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from reconcile import evidence
+from reconcile.data import runs_of, split
+from reconcile.fit import whitening
+from reconcile.fit.solve import Fitted, _within
+from reconcile.fit.states import _Look
+from reconcile.model import Folder
+from reconcile.study import Study
+from tests.reconcile.truth import Truth, record
+
+
+@pytest.fixture(scope="module")
+def study(rig: Folder) -> Study:
+    """A study of a rig that is as its model says."""
+    return Study(rig, split(runs_of(record(Truth(), seconds=12.0), rig, "run"), (), ()))
+
+
+@pytest.fixture(scope="module")
+def base(study: Study) -> Fitted:
+    found = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_step_within_bounds_is_the_best_one_though_parameters_make_up_for_each_other(seed):
+    rng = np.random.default_rng(seed)
+    slopes = rng.standard_normal((30, 3)) @ rng.standard_normal((3, 4)) + 0.02 * rng.standard_normal((30, 4))
+    hessian, gradient = slopes.T @ slopes, slopes.T @ rng.standard_normal(30)
+    low, high = -rng.uniform(0.0, 0.5, 4), rng.uniform(0.0, 0.5, 4)
+
+    def left(x: np.ndarray) -> float:
+        return float(x @ hessian @ x - 2.0 * gradient @ x)
+
+    step = _within(hessian, gradient, 0.0, low, high)
+    best = minimize(left, np.zeros(4), bounds=list(zip(low, high, strict=True)), tol=1e-12)
+    assert np.all((low <= step) & (step <= high))
+    assert left(step) <= best.fun + 1e-4 * abs(best.fun)
+
+
+def test_a_state_that_shows_moves_on_where_one_that_hardly_shows_is_held():
+    slope = np.column_stack([np.ones(50), 1e-3 * np.linspace(-1.0, 1.0, 50)])
+    look = _Look(2.0 + 0.1 * np.linspace(-1.0, 1.0, 50), slope, np.array([1e-3, 1e-3]))
+    free, held = look.step(0.0), look.step(1e3)
+    assert free == pytest.approx([2.0, 100.0], rel=0.1)
+    assert held[0] == pytest.approx(2.0, rel=0.05)
+    assert abs(held[1]) < 1.0
+
+
+def test_evidence_counts_errors_that_initial_states_do_not_explain(study: Study, base: Fitted):
+    columns = [study.fit_problem.parameter(f.name) for f in base.free]
+    x0 = base.point.x0.copy()
+    x0[:, 0] += 5.0 * study.floors[next(iter(study.floors))].level
+    moved = study.fit_problem.linear(replace(base.point, x0=x0), columns)
+    assert moved is not None
+    assert evidence.sample(replace(base, linear=moved)).share == pytest.approx(
+        evidence.sample(base).share, rel=0.05
+    )
+
+
+def test_a_model_that_follows_whole_runs_with_its_strong_effects_has_a_noise_model(rig: Folder):
+    study = Study(rig, split(runs_of(record(Truth(), seconds=12.0), rig, "run"), (), ()))
+    base = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert base is not None
+    study.lost = True  # as without them
+    study.lengthen(base)
+    assert not study.lost
+    assert study.fit_problem is study.problems["fit"]
+
+
+@pytest.mark.parametrize("time_s", [0.1, 0.6])
+def test_the_noise_model_finds_size_and_time_of_a_random_force_together(time_s):
+    noise = whitening.estimate(cast(Any, disturbed(time_s)), None, ())
+    (source,) = noise.sources
+    assert source.time_s == pytest.approx(time_s, rel=0.5)
+    assert source.size == pytest.approx(5.0, rel=0.25)
+
+
+def disturbed(time_s: float, runs: int = 8, samples: int = 800, step_s: float = 0.02) -> SimpleNamespace:
+    """A problem whose errors are white noise and a lagged random force, which nothing else explains."""
+    rng = np.random.default_rng(3)
+    lag = np.array([np.exp(-step_s * np.arange(samples) / 0.3)]) * step_s / 0.3
+    response = np.array([np.convolve(row, lag[0])[:samples] for row in np.eye(samples)]).T
+    windows, errors = [], []
+    for _ in range(runs):
+        force, keep = np.empty(samples), np.exp(-step_s / time_s)
+        state = rng.standard_normal()
+        for k in range(samples):
+            state = keep * state + np.sqrt(1.0 - keep**2) * rng.standard_normal()
+            force[k] = 5.0 * state
+        errors.append(response @ force + rng.standard_normal(samples))
+        times = {"y": step_s * np.arange(samples)}
+        windows.append(SimpleNamespace(steps=samples, step_s=step_s, times=times, run=None))
+
+    def responses(point, k, inputs, edges, columns):
+        bins = np.add.reduceat(response, edges[:-1], axis=1)
+        return errors[k], np.ones((samples, 1)), bins
+
+    axes = [SimpleNamespace(name="axis")]
+    folder = SimpleNamespace(ports=SimpleNamespace(axes=axes))
+    extended = SimpleNamespace(folder=folder, clock=0)
+    model = SimpleNamespace(inputs=[])
+    return SimpleNamespace(windows=windows, extended=extended, model=model, responses=responses)
