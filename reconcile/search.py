@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from reconcile import evidence, starting
+from reconcile.acceptance import Acceptance
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
 from reconcile.rivals import Key, Rivals, includes
@@ -59,19 +60,27 @@ class Search:
     def __init__(self, study: Study, report: Report | None = None):
         self.study, self.report = study, report or (lambda *a: None)
         self.tried = Tried()
-        self.gains: dict[str, tuple[float, float]] = {}
 
     def run(self) -> Answer:
         """Grow, judge the noise by what is left, grow on; then confirm, and look for rivals."""
         self.begin()
-        present = self._confirmed(self._present(self._found()))
+        acceptance = Acceptance(self)
+        present = acceptance.confirmed(self._present(self._found()))
         self._with_confirm(present)
-        present, alternatives = Rivals(self).settle(present)
+        present, alternatives = self._settled(acceptance, present)
         self.study.patience = 1.0
         self.tried.fits[Key(present)] = self._refitted(self.tried.fits[Key(present)])
-        gains = {a.key: self.gains.get(a.key) or self._gains(present, a) for a in present}
+        gains = {a.key: acceptance.gains(present, a) for a in present}
         base = self.tried.fits[Key()]
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
+
+    def _settled(
+        self, acceptance: Acceptance, present: tuple[Attached, ...]
+    ) -> tuple[tuple[Attached, ...], tuple[tuple, ...]]:
+        """The answer and its alternatives; a rival that took its place has to earn it as well."""
+        present, alternatives = Rivals(self).settle(acceptance.earning(present))
+        earning = acceptance.earning(present)
+        return (present, alternatives) if earning == present else Rivals(self).settle(earning)
 
     def begin(self) -> None:
         """The base model fitted to the windows in use, and nothing else."""
@@ -194,8 +203,8 @@ class Search:
         hopeless = fitted.cost - 2.0 if coarse else np.inf
         values = starting.best(self.study, fitted.point, present, starts(scored))
         if np.isfinite(again):  # a rival: coarsely first, and only on if it comes near
-            found = self.study.fit_set(fitted.point, present, values, True, 10.0 * again)
-            if found is None or found.cost > 3.0 * again:
+            found = self.study.fit_set(fitted.point, present, values, True, again)
+            if found is None or found.cost > again:
                 return None
             found = self.study.fit_set(found.point, present, {}, near=True)
         else:
@@ -225,7 +234,7 @@ class Search:
         """The best of the first sets once fitted with sharp kinks and from every start of their shapes."""
         for at, key in enumerate(ranked[:SHARPENED]):
             self.report("sharpening", at, SHARPENED)
-            self._sharp(tuple(self.tried.coarse[key].point.present), self.tried.coarse[key])
+            self.sharp(tuple(self.tried.coarse[key].point.present), self.tried.coarse[key])
         best = self._ranked(self.tried.fits)[0]
         self._polish(best)
         return best
@@ -247,43 +256,7 @@ class Search:
                     if found is not None and found.cost < best.cost:
                         self.tried.fits[key] = found
 
-    # ---------------------------------------------------------------- acceptance
-
-    def _confirmed(self, present: tuple[Attached, ...]) -> tuple[Attached, ...]:
-        """Take out effects one by one that do not earn their place."""
-        while present:
-            self.report(f"confirming {len(present)}")
-            judged = [(a, *self._judge(present, a)) for a in present]
-            failing = [(a, margin, why) for a, margin, why in judged if why]
-            if not failing:
-                return present
-            a, _, why = min(failing, key=lambda j: j[1])
-            self.tried.refused.append({"effect": a.effect.name, "port": a.port, "because": why})
-            present = tuple(x for x in present if x != a)
-        return present
-
-    def _judge(self, present: Sequence[Attached], a: Attached) -> tuple[float, str]:
-        """How far an effect pays in the set, and why not if it does not."""
-        study, fitted = self.study, self.tried.fits[Key(present)]
-        without = self._sharp(tuple(x for x in present if x != a), fitted)
-        s = evidence.sample(fitted)
-        gained = evidence.bic(without, s) - evidence.bic(fitted, s)
-        self.gains.pop(a.key, None)
-        if gained <= evidence.BIC_GAIN:
-            return gained, f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
-        sure = gained > evidence.OVERWHELMING
-        distance = evidence.from_nothing(study, fitted, a)
-        # of two parameters that make up for each other either may be uncertain: then the likelihood counts
-        if distance <= evidence.ERRORS and not (sure and len(a.free) > 1):
-            return gained, f"{distance:.1f} standard errors from nothing"
-        outside = self._on_confirm(without, fitted)
-        if outside is None or not (outside.accepted or (sure and outside.silent)):
-            share = 0.0 if outside is None else outside.closed
-            return gained, f"closes {100 * share:.0f} % of the gap on confirm"
-        self.gains[a.key] = (evidence.likelihood_gain(without.cost, fitted.cost, s), outside.closed)
-        return gained, ""
-
-    def _sharp(self, present: tuple[Attached, ...], near: Fitted) -> Fitted:
+    def sharp(self, present: tuple[Attached, ...], near: Fitted) -> Fitted:
         """The sharp fit of a set, from parameters of a fit near it."""
         key = Key(present)
         if key not in self.tried.fits:
@@ -310,20 +283,3 @@ class Search:
         values = self.study.named((best or fitted).point.p)
         again = self.study.fit_set(self.study.fit_problem.start(values), present, {})
         return again if again is not None and again.cost < fitted.cost else fitted
-
-    def _on_confirm(self, without: Fitted, with_it: Fitted) -> evidence.Confirmed | None:
-        before, after = (self.study.elsewhere(f, "confirm") for f in (without, with_it))
-        if after is None:
-            return None
-        if before is None:
-            return evidence.Confirmed(1.0, np.inf)
-        return evidence.confirm(before, after, evidence.count_of(after))
-
-    def _gains(self, present: Sequence[Attached], a: Attached) -> tuple[float, float]:
-        fitted = self.tried.fits[Key(present)]
-        without = self._sharp(tuple(x for x in present if x != a), fitted)
-        s = evidence.sample(fitted)
-        outside = self._on_confirm(without, fitted)
-        return evidence.likelihood_gain(
-            without.cost, fitted.cost, s
-        ), 0.0 if outside is None else outside.closed

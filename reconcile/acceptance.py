@@ -1,0 +1,112 @@
+"""Which effects of a set earn their place: on the data they were fitted to, and on what was held back."""
+
+from typing import TYPE_CHECKING
+
+from reconcile import evidence
+from reconcile.fit.solve import Fitted
+from reconcile.model import Attached
+from reconcile.rivals import Key
+
+if TYPE_CHECKING:
+    from reconcile.search import Search
+
+Present = tuple[Attached, ...]
+
+
+class Acceptance:
+    """The acceptance of a search's sets; what is turned down goes into the search's list."""
+
+    def __init__(self, search: "Search"):
+        self.search, self.study = search, search.study
+        self.known: dict[str, tuple[float, float]] = {}  # gains by key of an effect
+
+    def confirmed(self, present: Present) -> Present:
+        """Take out effects one by one that do not earn their place, on confirm too."""
+        while present:
+            self.search.report(f"confirming {len(present)}")
+            judged = [(a, *self._judge(present, a)) for a in present]
+            failing = [(a, margin, why) for a, margin, why in judged if why]
+            if not failing:
+                return present
+            a, _, why = min(failing, key=lambda j: j[1])
+            present = self._less(present, a, why)
+        return present
+
+    def earning(self, present: Present) -> Present:
+        """Less the effects that no longer pay once confirm is fitted to as well, the least first."""
+        while present:
+            gained = {a: self._pays(present, self._without(present, a)) for a in present}
+            least = min(present, key=lambda a: gained[a])
+            if gained[least] > evidence.BIC_GAIN:
+                break
+            present = self._less(present, least, _little(gained[least]))
+        return present
+
+    def gains(self, present: Present, a: Attached) -> tuple[float, float]:
+        """Of an effect: gained in twice the log-likelihood, and the share of the gap closed on confirm."""
+        if a.key not in self.known:
+            fitted, without = self._fit(present), self._without(present, a)
+            self.known[a.key] = _gains(fitted, without, self._on_confirm(without, fitted))
+        return self.known[a.key]
+
+    def _judge(self, present: Present, a: Attached) -> tuple[float, str]:
+        """How far an effect pays in the set, and why not if it does not."""
+        fitted, without = self._fit(present), self._without(present, a)
+        gained = self._pays(present, without)
+        self.known.pop(a.key, None)
+        if gained <= evidence.BIC_GAIN:
+            return gained, _little(gained)
+        sure = gained > evidence.OVERWHELMING
+        distance = evidence.from_nothing(self.study, fitted, a)
+        # of two parameters that make up for each other either may be uncertain: then the likelihood counts
+        if distance <= evidence.ERRORS and not (sure and len(a.free) > 1):
+            return gained, f"{distance:.1f} standard errors from nothing"
+        outside = self._on_confirm(without, fitted)
+        if outside is None or not (outside.accepted or (sure and outside.silent)):
+            share = 0.0 if outside is None else outside.closed
+            return gained, f"closes {100 * share:.0f} % of the gap on confirm"
+        self.known[a.key] = _gains(fitted, without, outside)
+        return gained, ""
+
+    def _fit(self, present: Present) -> Fitted:
+        return self.search.tried.fits[Key(present)]
+
+    def _pays(self, present: Present, without: Fitted) -> float:
+        """What the set gains, of BIC, over one with an effect less."""
+        fitted = self._fit(present)
+        s = evidence.sample(fitted)
+        return evidence.bic(without, s) - evidence.bic(fitted, s)
+
+    def _without(self, present: Present, a: Attached) -> Fitted:
+        """The best fit of the set less one effect: as known, or from where the set's own fit ended."""
+        fitted, rest = self._fit(present), tuple(x for x in present if x != a)
+        known = self.search.tried.fits.get(Key(rest))
+        if known is None:
+            return self.search.sharp(rest, fitted)
+        again = self.study.fit_set(fitted.point, rest, {}, near=True)
+        if again is not None and again.cost < known.cost:
+            self.search.tried.fits[Key(rest)] = known = again
+        return known
+
+    def _less(self, present: Present, a: Attached, why: str) -> Present:
+        """The set less an effect, which is turned down."""
+        refused = {"effect": a.effect.name, "port": a.port, "because": why}
+        self.search.tried.refused.append(refused)
+        return tuple(x for x in present if x != a)
+
+    def _on_confirm(self, without: Fitted, with_it: Fitted) -> evidence.Confirmed | None:
+        before, after = (self.study.elsewhere(f, "confirm") for f in (without, with_it))
+        if after is None:
+            return None
+        if before is None:
+            return evidence.Confirmed(1.0, float("inf"))
+        return evidence.confirm(before, after, evidence.count_of(after))
+
+
+def _gains(fitted: Fitted, without: Fitted, outside: evidence.Confirmed | None) -> tuple[float, float]:
+    gained = evidence.likelihood_gain(without.cost, fitted.cost, evidence.sample(fitted))
+    return gained, 0.0 if outside is None else outside.closed
+
+
+def _little(gained: float) -> str:
+    return f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
