@@ -16,7 +16,7 @@ from reconcile.fit.problem import Problem
 
 OPEN = 0.2  # of what a window leaves after projection: more left before it, and its state is settled
 ROUNDS, FEW = 8, 2  # of a window; where sets are only ranked
-TIGHTER, HELD = 10.0, 1e4  # by which states are held closer after a step that led astray, and at most
+TIGHTER = 10.0  # times as close are states held after a step that led astray
 STUCK = 2.0  # times what the projection promised: so far above it, a window is tried from another start
 
 
@@ -65,22 +65,23 @@ def _window(
 ) -> tuple[np.ndarray, float]:
     """Initial state [NX] of window k after at most `rounds` damped Gauss-Newton steps, and squares there.
 
-    A step that led astray is made again with all states held closer to where they are: those that hardly show
-    stay first, and one that shows well (an angle) finds its place without them.
+    States are held near where they are, so that those that hardly show stay there; a step that led astray is
+    made again shorter and with states held closer, so that one that shows well finds its place without them.
     """
-    x0, held = start, 0.0
+    x0, share, held = start, 1.0, TIGHTER
     here = _errors(problem, point, k, x0)
     for _ in range(rounds if here else 0):
         raw, left, look = here  # type: ignore[misc]
-        if raw <= (1.0 + 0.2 * OPEN) * left + 0.2 or held > HELD:
+        if raw <= (1.0 + 0.2 * OPEN) * left + 0.2 or share < 1e-3:
             break
         trial = x0.copy()
-        trial[problem.active_states(point.present)] += look.step(held)
+        trial[problem.active_states(point.present)] += share * look.step(held)
         there = _errors(problem, point, k, trial)
         if there is None or there[0] >= raw:
-            held = max(TIGHTER * held, TIGHTER)
+            share, held = 0.3 * share, TIGHTER * held
             continue
-        x0, here, held = trial, there, held / TIGHTER if held > TIGHTER else 0.0
+        x0, here = trial, there
+        share, held = min(1.0, 3.0 * share), max(TIGHTER, held / TIGHTER)
     return x0, np.inf if here is None else here[0]
 
 
