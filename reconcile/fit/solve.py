@@ -16,7 +16,6 @@ PATIENCE, FALLS = 4, 0.3  # steps in which a fit that is to go on must come down
 WORTH = 0.1  # of what a step must gain: one that promises less is not tried
 LOST = 2.0  # times the cost: a step that leads so far up is not made good by other initial states
 LONGER, GOING = 4, 0.05  # times the iterations for a fit that still gains this share of its cost in each
-ROOM = 1e-9  # least room of a step between its bounds, as a share of its size
 HOT = 5.0  # deviations of the noise: errors above it are first fitted as if the noise were of their size
 WARMING = (8, 1e-2)  # iterations and tolerance of that
 STAGES, COOLING, WARM = 5, 0.3, 1.3  # until the noise is taken as it is
@@ -195,8 +194,9 @@ def _within(
     change = solve_triangular(root, pull) / own
     if np.all((low <= change) & (change <= high)):
         return change
-    room = np.maximum(high * own, low * own + ROOM)
-    return np.clip(lsq_linear(root, pull, (low * own, room), method="bvls").x / own, low, high)
+    least = low * own
+    most = np.maximum(high * own, np.nextafter(least, np.inf))  # the solver wants some room
+    return np.clip(lsq_linear(root, pull, (least, most), method="bvls").x / own, low, high)
 
 
 def _covariance(linear: Linear, free: Sequence[Free]) -> np.ndarray:

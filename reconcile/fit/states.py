@@ -16,7 +16,7 @@ from reconcile.fit.problem import Problem
 
 OPEN = 0.2  # of what a window leaves after projection: more left before it, and its state is settled
 ROUNDS, FEW = 8, 2  # of a window; where sets are only ranked
-TIGHTER = 10.0  # times as close are states held after a step that led astray
+TIGHTER = 10.0  # times as close as their freedom states are held, and again after a step that led astray
 STUCK = 2.0  # times what the projection promised: so far above it, a window is tried from another start
 
 

@@ -47,6 +47,13 @@ def test_a_step_within_bounds_is_the_best_one_though_parameters_make_up_for_each
     assert left(step) <= best.fun + 1e-4 * abs(best.fun)
 
 
+def test_a_parameter_that_does_not_show_or_may_not_move_stays():
+    hessian = np.diag([1e20, 0.0, 1e-20])
+    low, high = np.array([-np.inf, -1.0, 0.0]), np.array([np.inf, 1.0, 0.0])
+    step = _within(hessian, np.array([1e12, 0.0, 1e-15]), 0.0, low, high)
+    assert step == pytest.approx([1e-8, 0.0, 0.0], rel=1e-6, abs=1e-12)
+
+
 def test_a_state_that_shows_moves_on_where_one_that_hardly_shows_is_held():
     slope = np.column_stack([np.ones(50), 1e-3 * np.linspace(-1.0, 1.0, 50)])
     look = _Look(2.0 + 0.1 * np.linspace(-1.0, 1.0, 50), slope, np.array([1e-3, 1e-3]))
