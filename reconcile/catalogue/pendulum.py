@@ -41,7 +41,7 @@ LAGRANGE = (
     "Lagrange's equations in a turning frame: Goldstein, Classical Mechanics, 3rd ed. 2002, ch. 1 and 4"
 )
 FACTOR = Parameter(
-    "factor", "1", none, "1 in nature; far from it, it is something else", amplitude=True, high=3.0
+    "factor", "1", none, "1 in nature; far from it, it is something else", amplitude=True, low=0.2, high=3.0
 )
 Term = Callable[[Namespace], tuple[Any, Any]]  # (pitch, roll) in m/s2 before projection
 

@@ -283,3 +283,9 @@ def test_slopes_by_every_parameter_are_finite_where_effects_are_absent(rig):
         state = [at] * x.numel()
         for block in slope(state, [at] * u.numel(), [], [values[n] for n in extended.parameter_names]):
             assert np.isfinite(np.asarray(block)).all()
+
+
+def test_what_has_a_factor_of_one_in_nature_is_not_taken_for_something_tiny():
+    factors = [q for e in ALL for q in e.parameters if q.name == "factor"]
+    assert factors
+    assert all(0.0 < q.low < 1.0 < q.high for q in factors)
