@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from blindtest import sensors
+from blindtest.effects.axis import SHORTEST_S
 from blindtest.effects.effect import Effect, Scale, Values, combine
 from blindtest.likelihood import Fit, Problem, Run
 from blindtest.sensors import Surroundings
@@ -27,7 +28,6 @@ COUNTS = ((1, 0.5), (2, 0.3), (3, 0.2))
 TARGETS = (60.0, 6000.0)  # lambda that visible effects are sized for
 DISTRACTING = (0.05, 1.0)
 ATTEMPTS = 60
-SHORTEST_S = 1e-3  # of lags in fits, as the integrator allows: of a shorter delay E(T) would lack them
 INPUT_DRAWS = 24  # of the noise on recorded inputs, for its covariance
 
 
@@ -130,6 +130,7 @@ class _Draft:
         """Sizes, recordings and the check that every effect is clearly visible or clearly not."""
         self._size()
         kept = [p for p in self.placed if p.target >= VISIBLE]
+        # no lag of a fit could stand for it, and E(T) would lack that lag
         if any(p.parameters(self.scale).get("delay", np.inf) < SHORTEST_S for p in kept):
             raise _Redraw
         problem, runs = self._problem()

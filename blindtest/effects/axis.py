@@ -9,6 +9,7 @@ import numpy as np
 from blindtest.effects.effect import Effect, Parameter as P, Scale, Values
 
 N = "N.m"
+SHORTEST_S = 1e-3  # of lags in fits, whose steps get as short
 
 
 def _direct(**names: str):
@@ -48,7 +49,7 @@ def number(value: float):
 INPUT = (
     one("input_dead_zone", "input", "u", P("half_width", "1", 0.0, 0.9), "in_dead_zone", command(0.5)),
     one("input_delay", "input", "u", P("delay", "s", 0.0, 0.8), "in_delay", number(0.4)),
-    one("input_lag", "input", "u", P("lag", "s", 1e-3, 2.0), "in_lag", number(0.5)),
+    one("input_lag", "input", "u", P("lag", "s", SHORTEST_S, 2.0), "in_lag", number(0.5)),
     Effect(
         "input_saturation",
         "input",
@@ -244,8 +245,9 @@ COUPLING = (
 )
 
 
-def _sensor_lag(name: str, port: str, targets: tuple[str, ...], kind: str, most: float) -> Effect:
-    low = 1e-3 if kind == "lag" else 0.0
+def sensor_lag(name: str, port: str, targets: tuple[str, ...], kind: str, most: float) -> Effect:
+    """Outputs that are late by a delay or a lag (`kind`), at most `most` s; `targets`: the machine's own."""
+    low = SHORTEST_S if kind == "lag" else 0.0
     return Effect(
         name,
         "output",
@@ -259,11 +261,11 @@ def _sensor_lag(name: str, port: str, targets: tuple[str, ...], kind: str, most:
 OUTPUT = (
     one("sensor_bias", "output", "qd", P("bias", "rad/s"), "out_bias_v", lambda s: s.speed, either_sign=True),
     one("sensor_scale", "output", "q", P("scale", "1", -0.5, 0.5), "out_scale", number(0.3)),
-    _sensor_lag("sensor_delay", "qd", ("out_delay_v",), "delay", 0.4),
-    _sensor_lag("sensor_delay", "q", ("out_delay_q",), "delay", 0.4),
-    _sensor_lag("sensor_delay", "all", ("out_delay_q", "out_delay_v"), "delay", 0.4),
-    _sensor_lag("sensor_lag", "qd", ("out_lag_v",), "lag", 0.4),
-    _sensor_lag("sensor_lag", "q", ("out_lag_q",), "lag", 0.4),
+    sensor_lag("sensor_delay", "qd", ("out_delay_v",), "delay", 0.4),
+    sensor_lag("sensor_delay", "q", ("out_delay_q",), "delay", 0.4),
+    sensor_lag("sensor_delay", "all", ("out_delay_q", "out_delay_v"), "delay", 0.4),
+    sensor_lag("sensor_lag", "qd", ("out_lag_v",), "lag", 0.4),
+    sensor_lag("sensor_lag", "q", ("out_lag_q",), "lag", 0.4),
     one("sensor_backlash", "output", "q", P("gap", "rad", 0.0), "out_backlash", travel(0.2)),
     one("sensor_drift", "output", "q", P("drift", "rad/s"), "out_drift", travel(0.01), either_sign=True),
 )

@@ -87,22 +87,13 @@ def _factor(name: str, target: str) -> Effect:
     )
 
 
-def _of_all_outputs(name: str, kind: str, low: float) -> Effect:
-    """Angles and rates late together, as from a bus: what delays them all cannot be told from late inputs."""
-    targets = [f"{a}.out_{kind}_{of}" for a in ("roll", "pitch") for of in "qv"]
-    return Effect(
-        name,
-        "output",
-        "all",
-        (P(kind, "s", low, 0.8),),
-        lambda m, shape, s: {kind: 0.4 * m},
-        lambda v, s: dict.fromkeys(targets, v[kind]),
-    )
-
-
+# Angles and rates late together, as from a bus: what delays them all cannot be told from late inputs.
+_DELAYED, _LAGGED = (
+    tuple(f"{a}.out_{kind}_{of}" for a in ("roll", "pitch") for of in "qv") for kind in ("delay", "lag")
+)
 _TOOL_OWN = (
-    _of_all_outputs("sensor_delay", "delay", 0.0),
-    _of_all_outputs("sensor_lag", "lag", 1e-3),
+    axis.sensor_lag("sensor_delay", "all", _DELAYED, "delay", 0.4),
+    axis.sensor_lag("sensor_lag", "all", _LAGGED, "lag", 0.4),
     _factor("coriolis_coupling", "coriolis"),
     _factor("centrifugal_coupling", "centrifugal"),
     _factor("euler_coupling", "euler"),
@@ -138,7 +129,9 @@ _TOOL_OWN = (
         either_sign=True,
     ),
     axis.one("input_delay", "input", "motion", P("delay", "s", 0.0, 0.8), "motion_delay", axis.number(0.4)),
-    axis.one("input_lag", "input", "motion", P("lag", "s", 1e-3, 2.0), "motion_lag", axis.number(0.4)),
+    axis.one(
+        "input_lag", "input", "motion", P("lag", "s", axis.SHORTEST_S, 2.0), "motion_lag", axis.number(0.4)
+    ),
     axis.one(
         "input_offset",
         "input",

@@ -21,14 +21,14 @@ class Point:
 
 @dataclass(frozen=True)
 class Piece:
-    """One window linearised: what `Linear` has of all windows."""
+    """One window linearised: what `Linear` has of all windows; `white`: whitened errors before projection."""
 
     errors: np.ndarray
     slopes: np.ndarray
     raw: dict[str, np.ndarray]
     step: tuple[np.ndarray, np.ndarray]
     states: np.ndarray
-    white: dict[str, np.ndarray]
+    white: np.ndarray
     price: float
 
 
@@ -36,7 +36,7 @@ class Piece:
 class Linear:
     """Errors [M] and slopes [M, K] after projection, whitened; `raw`: errors by window and output.
 
-    `white`: errors by window and output in whitened form, `raw` in units of the sensors' noise.
+    `raw` is in units of the sensors' noise.
     `price`: twice what hidden states of effects, free in every window, cost in marginal log-likelihood.
     `steps`: what turns a change of the parameters [K] into that of the initial states, per window.
     """
@@ -46,7 +46,6 @@ class Linear:
     raw: list[dict[str, np.ndarray]]
     steps: list[tuple[np.ndarray, np.ndarray]]
     states: list[np.ndarray]
-    white: list[dict[str, np.ndarray]]
     price: float
     pieces: tuple[Piece, ...]
 
@@ -69,7 +68,6 @@ def joined(pieces: Sequence[Piece]) -> Linear:
         [p.raw for p in pieces],
         [p.step for p in pieces],
         [p.states for p in pieces],
-        [p.white for p in pieces],
         sum(p.price for p in pieces),
         tuple(pieces),
     )
@@ -89,7 +87,7 @@ def projected(
     price = 2.0 * float(np.sum(np.log(np.abs(np.diag(r)[own:]) / loose[own:])))
     e_in, p_in = q.T @ e, q.T @ slope[:, n:]
     step = (back(r, e_in), back(r, p_in))
-    return Piece(e - q @ e_in, slope[:, n:] - q @ p_in, raw, step, x, _apart(e, raw), price)
+    return Piece(e - q @ e_in, slope[:, n:] - q @ p_in, raw, step, x, e, price)
 
 
 def freed(slope: np.ndarray, loose: np.ndarray) -> np.ndarray:

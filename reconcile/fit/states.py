@@ -39,14 +39,11 @@ def settle(
 
 def open_windows(linear: Linear) -> list[int]:
     """Windows whose errors are well above what the projection leaves of them."""
-    found, first = [], 0
-    for k, white in enumerate(linear.white):
-        count = sum(len(e) for e in white.values())
-        left = float(np.sum(linear.errors[first : first + count] ** 2))
-        raw = float(sum(e @ e for e in white.values()))
+    found = []
+    for k, piece in enumerate(linear.pieces):
+        left, raw = float(piece.errors @ piece.errors), float(piece.white @ piece.white)
         if raw > (1.0 + OPEN) * left + 1.0:
             found.append(k)
-        first += count
     return found
 
 
