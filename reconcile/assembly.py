@@ -108,7 +108,8 @@ class Assembly:
     def _sum(self, axis: Axis, inputs: ca.SX) -> ca.SX:
         """Sum of the forces at an axis."""
         total = self.u[self.e.clock + 1 + self.e.folder.ports.axes.index(axis)]
-        for a in self._at("force", axis.name):
+        hanging = [a for a in self._at("coupling", axis.name) if not a.effect.shaft]
+        for a in [*self._at("force", axis.name), *hanging]:
             total += self._gate(a, self._force(a, axis, inputs).value, 0.0)
         return total
 
@@ -119,10 +120,10 @@ class Assembly:
             outside = forces[axis.name] if axis.input is None else 0.0
             added, beside = self._added(axis, inputs)
             rigid = rates[row] = (rates[row] * inertia + outside + beside) / (inertia + added)
-            for a in self._at("coupling", axis.name):
+            for a in self._shafts(axis):
                 shown = self._through(a, axis, inertia, added, outside + beside, inputs, pushed)
                 rates[row] += self._parameter(a.name("gate")) * (shown - rigid)
-        if any(a.effect.place == "coupling" and not a.effect.port for a in self.e.attached):
+        if any(a.effect.shaft for a in self.e.attached):
             driving = self._base(self._side("motor"), inputs)  # pressures feel the speed of their own end
             for i in motion.still(self.model, self.e.folder.ports):
                 rates[i] = driving[i]
@@ -150,7 +151,7 @@ class Assembly:
         """The base model's states at the drive's or the load's end of shafts."""
         x = ca.SX(self.x[: self.nx])
         for axis in self.e.folder.ports.axes:
-            for a in self._at("coupling", axis.name):
+            for a in self._shafts(axis):
                 if a.effect.shows == side:
                     continue
                 gate = self._parameter(a.name("gate"))
@@ -256,6 +257,9 @@ class Assembly:
         return [
             a for a in self.e.attached if a.effect.place == place and a.port == port and not a.effect.delays
         ]
+
+    def _shafts(self, axis: Axis) -> list[Attached]:
+        return [a for a in self._at("coupling", axis.name) if a.effect.shaft]
 
     def _applied(self, a: Attached, before: Any, **context: Any) -> Any:
         return self._gate(a, self._built(a, **context).value, before)

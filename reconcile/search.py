@@ -188,9 +188,17 @@ class Search:
         return gain > 0.5 * (evidence.BIC_GAIN + count * np.log(s.effective))
 
     def attempt(
-        self, fitted: Fitted, scored: Scored, coarse: bool = False, again: float = np.inf
+        self,
+        fitted: Fitted,
+        scored: Scored,
+        coarse: bool = False,
+        again: float = np.inf,
+        patient: bool = False,
     ) -> Key | None:
-        """Fit a scored set from a fit of less; a set fitted already only if it left more than `again`."""
+        """Fit a scored set from a fit of less; a set fitted already only if it left more than `again`.
+
+        A coarse fit that has gained next to nothing after its first steps is given up, unless `patient`.
+        """
         added = tuple(v.attached for v in scored.variants)
         kept = tuple(a for a in fitted.point.present if not any(includes(n, a) for n in added))
         present, fits = (*kept, *added), self.tried.coarse if coarse else self.tried.fits
@@ -199,8 +207,7 @@ class Search:
             return None
         if key in fits and fits[key].cost <= again:
             return key
-        # a fit that has gained next to nothing after its first steps is given up
-        hopeless = fitted.cost - 2.0 if coarse else np.inf
+        hopeless = fitted.cost - 2.0 if coarse and not patient else np.inf
         values = starting.best(self.study, fitted.point, present, starts(scored))
         if np.isfinite(again):  # a rival: coarsely first, and only on if it comes near
             found = self.study.fit_set(fitted.point, present, values, True, again)

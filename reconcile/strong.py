@@ -5,6 +5,7 @@ well, and a search that judges by that noise finds only what it leaves over.  A 
 gravity is a case.  Windows are so short at first that even such a model does not get far.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +13,12 @@ import numpy as np
 from reconcile.score import Score
 
 if TYPE_CHECKING:
+    from reconcile.model import Attached
     from reconcile.search import Key, Search
 
 MOST = 3
 REFITS = 6  # for each effect
-LEFT = 0.4  # of the cost, at most, by a strong effect
+LEFT = 0.42  # of the cost, at most, by a strong effect
 ALIKE = 3.0  # times the least cost: as good, while much else is missing
 
 
@@ -56,13 +58,21 @@ class Strong:
     def _grown(self, key: "Key") -> "Key | None":
         """The set with one effect more that leaves least; None if that is more than LEFT.
 
-        Of those that leave about as little, the one with fewest parameters.
+        Effects with hidden states, which are slow to fit, are looked at where no other is strong.  Shafts and
+        gears are not: beside a pendulum without friction they come out nearly as strong as the friction.
         """
+        self.search.report("what is strong", len(key), MOST)
+        others = [a for a in self.search.others(key) if not a.effect.shaft]
+        groups = ([a for a in others if bool(a.effect.hidden) == h] for h in (False, True))
+        return next((k for g in groups if (k := self._least(key, g)) is not None), None)
+
+    def _least(self, key: "Key", others: "Sequence[Attached]") -> "Key | None":
+        """The same among some; of those that leave about as little, the one with fewest parameters."""
         search, fitted = self.search, self.search.tried.fits[key]
-        search.report("what is strong", len(key), MOST)
-        plain = [a for a in search.others(key) if not a.effect.hidden]
-        scored = Score(self.study, fitted, plain).best(REFITS, 1)
-        keys = [k for s in scored if (k := search.attempt(fitted, s, coarse=True)) is not None]
+        scored = Score(self.study, fitted, others).best(REFITS, 1)
+        # far from the recordings a fit may have to climb before it falls
+        found = (search.attempt(fitted, s, coarse=True, patient=True) for s in scored)
+        keys = [k for k in found if k is not None]
         coarse = search.tried.coarse
         least = min((coarse[k].cost for k in keys), default=np.inf)
         if least > LEFT * fitted.cost:

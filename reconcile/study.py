@@ -28,6 +28,7 @@ FAR = 0.1  # of what an output moves by: with larger errors a model goes elsewhe
 BEYOND = 30.0  # times the grid of starts to which a shape may go
 RANKING, CHOOSING = 20.0, 5.0  # times the tolerance of steps where sets are ranked, and where they are judged
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
+WITHIN = 0.03  # of a gear's gap: over which its kinks are rounded, however small it is beside the travel
 
 
 @dataclass(frozen=True)
@@ -341,6 +342,8 @@ def _width(a: Attached, s: Scales) -> float:
     sizes = {"u": s.u, "v": s.v, "q": s.q, "y": s.y}
     if a.effect.width == "time":
         return FOLLOWS * s.period_s
+    if a.effect.width == "gap":
+        return WITHIN
     return WIDTHS[-1] * sizes[a.effect.width or "u"]
 
 

@@ -17,6 +17,8 @@
 #define EXPORT __attribute__((visibility("default")))
 
 static const double ROUNDING = 0.02, LAMINAR = 10e5, KNEE = 10e5, REFERENCE = 100e5;
+/* Inertia by squared radius of the arm's tip, as the plain model (fmus/slew) states it: kg m2, kg. */
+static const double REACH_INERTIA = 41.6e3, REACH_MASS = 3506.0;
 
 typedef struct { /* specs/parameters/slew.toml, in its order */
   double delay, dead_band, spool_lag, spool_rate, inlet_flow, inlet_curve, outlet_flow, cut_off_low,
@@ -97,7 +99,7 @@ static double cross(const Slew *s, double o, double r) {
 }
 
 static double inertia(const Slew *s) {
-  const double radius2 = fmax(s->inertia - 1.1e5, 0.0) / 3.2e3; /* arm, tool: about this mass at the tip */
+  const double radius2 = fmax(s->inertia - REACH_INERTIA, 0.0) / REACH_MASS;
   return s->inertia + s->b.inertia_extra + s->e.payload * radius2;
 }
 
@@ -117,7 +119,7 @@ static double torque(const Slew *s, double t, const double *x) {
   const double load = 1.0 + b->friction_load * (1.0 - b->inertia_reference / s->inertia);
   const double warm = s->e.warming == 0.0 ? 1.0 : 1.0 - s->e.warming * (1.0 - exp(-t / 15.0));
   const double base = load * (b->viscous * warm * x[W] + b->dry * tanh(x[W] / b->dry_knee));
-  const double rate = s->inertia_rate * (1.0 + s->e.payload / 3.2e3);
+  const double rate = s->inertia_rate * (1.0 + s->e.payload / REACH_MASS);
   return b->displacement * (x[P_A] - x[P_B]) - base - brake(s, t, x[W]) - rate * x[W] + s->disturbance +
          bt_forces(&s->a, x[Q], x[W], x[DAHL]);
 }

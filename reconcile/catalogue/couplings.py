@@ -15,7 +15,7 @@ SHAFT = "Meriam and Kraige, Engineering Mechanics: Dynamics: two inertias on a s
 GEAR = "Nordin and Gutman, Automatica 38 (2002) 1633: dead-zone model of backlash"
 FREQUENCIES = (6.0, 15.0, 40.0, 100.0)  # rad/s, of the two ends against each other, where fits start
 SHARES = (0.3, 0.7)
-CONTACT = 0.5  # damping ratio of a closed gear: it hardly bounces
+CONTACT = 0.5  # damping ratio of a closed gear where fits start: it hardly bounces
 
 
 def _stiffness(*frequencies: float) -> Starts:
@@ -35,9 +35,10 @@ def _compliance(c: Namespace, p: Namespace, w: Namespace) -> Result:
 def _gear(c: Namespace, p: Namespace, w: Namespace) -> Result:
     half = 0.5 * p.gap
     low, high = c.twist + half, c.twist - half
-    closed = 1.0 + 0.5 * (high / ca.sqrt(high**2 + c.width**2) - low / ca.sqrt(low**2 + c.width**2))
-    damping = 2.0 * CONTACT * ca.sqrt(p.k * c.inertia * p.share * (1.0 - p.share))
-    squeezed = smooth.dead_zone(c.twist, -half, half, c.width)
+    width = c.width * p.gap
+    closed = 1.0 + 0.5 * (high / ca.sqrt(high**2 + width**2) - low / ca.sqrt(low**2 + width**2))
+    damping = 2.0 * p.damping * ca.sqrt(p.k * c.inertia * p.share * (1.0 - p.share))
+    squeezed = smooth.dead_zone(c.twist, -half, half, width)
     return Result(p.k * squeezed + damping * closed * c.twist_rate)
 
 
@@ -62,7 +63,7 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         becomes={"": "k → ∞"},
         **common,  # type: ignore[arg-type]
     )
-    gaps = (7e-4, 7e-3, 0.07)
+    gaps = (7e-5, 7e-4, 7e-3, 0.07)
     gear = Effect(
         "gear_backlash",
         "coupling",
@@ -70,12 +71,13 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         (
             Parameter("gap", "{q}", lambda s: [a * s.q for _ in SHARES for a in gaps], "Full gap"),
             _share(lambda s: [a for a in SHARES for _ in gaps]),
-            Parameter("k", "{f}/({q})", _stiffness(80.0, 80.0, 80.0), "Stiffness of the closed gear"),
+            Parameter("k", "{f}/({q})", _stiffness(*(80.0 for _ in gaps)), "Stiffness of the closed gear"),
+            Parameter("damping", "1", lambda s: (CONTACT,), "Ratio, of the closed gear", low=0.02, high=2.0),
         ),
         _gear,
         GEAR,
         needs=("continuous", "driven", "q"),
-        width="q",
+        width="gap",
         becomes={"": "gap → 0 and k → ∞"},
         **common,  # type: ignore[arg-type]
     )

@@ -82,7 +82,7 @@ Build = Callable[[Namespace, Namespace, Namespace], Result]
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """One entry.  `equation` is in words of mathematics; `width` says which scale smooths it.
+    """One entry.  `equation` is in words of mathematics; `width` says which scale smooths it (gap: its own).
 
     `becomes` names the simpler effects it turns into in a limit; `form` tells entries of one name apart.
     `delays`: the effect is a transport delay, which no equation holds; its one parameter is the delay, or
@@ -102,7 +102,7 @@ class Effect:
     source: str
     hidden: tuple[str, ...] = ()
     gated: bool = False
-    width: Literal["u", "v", "q", "y", "time"] | None = None
+    width: Literal["u", "v", "q", "y", "time", "gap"] | None = None
     becomes: Mapping[str, str] = field(default_factory=dict)
     form: str = ""
     needs: tuple[str, ...] = ()  # what the port must have: "q" (a position), "rad" (an angle) ...
@@ -116,6 +116,11 @@ class Effect:
     def key(self) -> str:
         """The entry's own key."""
         return f"{self.name}.{self.form}" if self.form else self.name
+
+    @property
+    def shaft(self) -> bool:
+        """Whether it parts an axis in two ends (couplings.py)."""
+        return self.place == "coupling" and "twist" in self.hidden
 
     @property
     def amplitudes(self) -> tuple[Parameter, ...]:
