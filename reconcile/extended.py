@@ -67,6 +67,15 @@ class Extended:
         value = float(found(x, u, m, [start[n] for n in self.parameter_names]))
         return value if value > 0.0 and value < 1e30 else 1.0
 
+    def beside(self) -> list[tuple[str, str, Axis]]:
+        """Hidden states that are the motion of another end of an axis: name, the axis's role, the axis."""
+        axes = {axis.name: axis for axis in self.folder.ports.axes}
+        return [
+            (a.name(hidden), role, axes[a.port])
+            for a in self.attached
+            for hidden, role in a.effect.beside.items()
+        ]
+
     def unit(self, attached: Attached, parameter: str) -> str:
         """Unit of an effect's parameter at its port."""
         template = next(p.unit for p in attached.effect.parameters if p.name == parameter)

@@ -31,7 +31,7 @@ class _Pass:
     """
 
     slopes: list[np.ndarray] | None  # None: the model runs away
-    active: np.ndarray  # the states
+    loose: np.ndarray  # one over the freedom of each state
     place: dict[Attached, slice]  # of an effect among the columns
 
     def all(self, problem: Problem) -> np.ndarray:
@@ -43,7 +43,7 @@ class _Pass:
             rows = sum(len(problem.windows[w].times.get(n, ())) for n in problem.outputs)
             return np.zeros((rows, max(s.stop for s in self.place.values())))
         slope = self.slopes[w] if problem.whiteners is None else problem.whiteners[w](self.slopes[w])
-        return freed(slope, 1.0 / problem.freedom(self.active))
+        return freed(slope, self.loose)
 
 
 @dataclass
@@ -96,7 +96,8 @@ class Slopes:
                 slopes = None
                 break
             slopes.append(np.concatenate(problem.compare(point, w, run[1], run[2], names)[1]))
-        return _Pass(slopes, problem.active_states(point.present), place)
+        loose = 1.0 / problem.freedom(problem.active_states(point.present), point.p)
+        return _Pass(slopes, loose, place)
 
     def _at(self, point: Point, new: Sequence[Attached], k: int) -> Point:
         """The fit's point with effects beside it, switched off, at their k-th start."""

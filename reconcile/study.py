@@ -28,7 +28,8 @@ FAR = 0.1  # of what an output moves by: with larger errors a model goes elsewhe
 BEYOND = 30.0  # times the grid of starts to which a shape may go
 RANKING, CHOOSING = 20.0, 5.0  # times the tolerance of steps where sets are ranked, and where they are judged
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
-WITHIN = 0.03  # of a gear's gap: over which its kinks are rounded, however small it is beside the travel
+AHEAD = {"position": 0.1, "velocity": 0.3}  # s, 1: of an axis's speed, by which another end of it is ahead
+WITHIN = 0.01  # of a gear's gap: over which its kinks are rounded, however small it is beside the travel
 
 
 @dataclass(frozen=True)
@@ -297,6 +298,9 @@ class Study:
             outputs = [r.outputs[port].values for b in self.parts.fit if port in (r := b.run).outputs]
             found = [np.max(np.abs(x)) for x in (*inputs, *outputs)]
             scale[i] = max([float(x) for x in found] or [1.0]) or 1.0
+        for hidden, role, axis in self.extended.beside():
+            speed = scale[self.model.index("states", axis.velocity)]
+            scale[self.extended.state_names.index(hidden)] = AHEAD[role] * speed
         for problem in self.problems.values():
             problem.set_scale(scale)
 

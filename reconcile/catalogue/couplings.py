@@ -48,6 +48,7 @@ def _share(starts: Starts) -> Parameter:
 
 def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
     common = {"hidden": ("twist", "twist_rate"), "gated": True, "form": form, "shows": shows}
+    common["beside"] = {"twist": "position", "twist_rate": "velocity"}
     compliance = Effect(
         "structural_compliance",
         "coupling",
@@ -78,6 +79,7 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         GEAR,
         needs=("continuous", "driven", "q"),
         width="gap",
+        within={"twist": ("gap", 1.0)},
         becomes={"": "gap → 0 and k → ∞"},
         **common,  # type: ignore[arg-type]
     )

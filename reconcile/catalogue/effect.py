@@ -88,6 +88,8 @@ class Effect:
     `delays`: the effect is a transport delay, which no equation holds; its one parameter is the delay, or
     with `clock` the delay gained per second of the recording.  `shows`: of a coupling, the side of the shaft
     that the model's axis is (and its outputs show); the other side is hidden.
+    `beside`: hidden states that have to be as exact as the axis's own position or velocity.
+    `within`: hidden states that lie within a share of a parameter of where they rest (standard deviation).
     `port`: the kind of port, where it is not what the place says (an input, an output, an axis); `needs` are
     then roles of it.  `clocked`: it uses the time `c.t`.
 
@@ -101,6 +103,8 @@ class Effect:
     build: Build | None
     source: str
     hidden: tuple[str, ...] = ()
+    beside: Mapping[str, Literal["position", "velocity"]] = field(default_factory=dict)
+    within: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     gated: bool = False
     width: Literal["u", "v", "q", "y", "time", "gap"] | None = None
     becomes: Mapping[str, str] = field(default_factory=dict)

@@ -12,6 +12,7 @@ from reconcile.catalogue import smooth
 from reconcile.catalogue.effect import Namespace, Result
 
 Scalar = Any
+ANYWHERE = 0.29  # of a gap: standard deviation of what lies anywhere in it
 
 
 def lag(c: Namespace, target: Scalar, name: str, state: Scalar, time: Scalar) -> Result:
@@ -27,7 +28,8 @@ def play(c: Namespace, target: Scalar, name: str, state: Scalar, gap: Scalar) ->
     # a rounded kink would creep back within the gap
     pushed = ca.fmax(target - state - 0.5 * gap, 0.0) - ca.fmax(state - target - 0.5 * gap, 0.0)
     if c.step is None:
-        return Result(state, {name: pushed / c.width}, {name: target})
+        # what is pushed ahead of the memory is shown as well: else a gap is wider, by twice v c.width
+        return Result(state + pushed, {name: pushed / c.width}, {name: target})
     return Result(state + pushed, starts={name: target}, next={name: state + pushed})
 
 
@@ -35,7 +37,7 @@ def rate_limit(c: Namespace, target: Scalar, name: str, state: Scalar, rate: Sca
     """dw/dt = rate sgn(target - w), reached within c.width seconds; over a step, at most rate times step."""
     if c.step is None:
         speed = ca.fmin(ca.fmax((target - state) / c.width, -rate), rate)
-        return Result(state, {name: speed}, {name: target})
+        return Result(state + c.width * speed, {name: speed}, {name: target})
     most = rate * c.step
     after = state + ca.fmin(ca.fmax(target - state, -most), most)
     return Result(after, starts={name: target}, next={name: after})

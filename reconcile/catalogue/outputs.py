@@ -81,6 +81,7 @@ EFFECTS = (
         _backlash,
         NONSMOOTH,
         hidden=("shown",),
+        within={"shown": ("gap", memory.ANYWHERE)},
         gated=True,
         width="time",
         becomes={"": "gap → 0"},

@@ -52,6 +52,7 @@ EFFECTS = (
         _swinging,
         NEWTON,
         hidden=("ahead", "turning"),
+        beside={"ahead": "position", "turning": "velocity"},
         needs=("reach2", "continuous"),
         form="swinging",
     ),

@@ -26,6 +26,7 @@ from reconcile.model import Attached
 ACCURACY = 2e-5  # of a state's size, of one step
 SHARE_OF_NOISE = 0.02
 LOOSE = 3.0  # sizes of a state by which an initial state is free
+LEAST = 1e-6  # of that: no initial state is held closer, however narrow a play
 
 
 class Problem:
@@ -66,9 +67,25 @@ class Problem:
         own = [names.index(a.name(h)) for a in present for h in a.effect.hidden]
         return np.array([*range(len(self.model.states)), *own], dtype=np.int32)
 
-    def freedom(self, active: np.ndarray) -> np.ndarray:
-        """Spread of the initial values of states: effects' own are within the size of what they follow."""
-        return np.where(active < len(self.model.states), LOOSE, 1.0) * self.scale[active]
+    def freedom(self, active: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Spread of the initial values of states: effects' own are within the size of what they follow.
+
+        Those in play lie within it: parameters `p` [NP] say how wide it is.
+        """
+        spread = np.where(np.arange(len(self.scale)) < len(self.model.states), LOOSE, 1.0) * self.scale
+        for state, parameter, share in self._play:
+            spread[state] = np.clip(share * p[parameter], LEAST * spread[state], spread[state])
+        return spread[active]
+
+    @cached_property
+    def _play(self) -> list[tuple[int, int, float]]:
+        """Hidden states in play, the parameter that says how wide it is, and their share of it."""
+        states = self.extended.state_names
+        return [
+            (states.index(a.name(hidden)), self.parameter(a.name(name)), share)
+            for a in self.extended.attached
+            for hidden, (name, share) in a.effect.within.items()
+        ]
 
     def with_present(self, point: Point, present: Sequence[Attached]) -> Point:
         """The point with other effects present; hidden states new to it start where they rest."""
@@ -91,6 +108,11 @@ class Problem:
         for state, (output, order) in self.shown.items():
             if order == 0:
                 self.tolerance[state] = min(self.tolerance[state], SHARE_OF_NOISE * self.sigma[output])
+        states = self.extended.state_names
+        for hidden, role, axis in self.extended.beside():
+            if (own := getattr(axis, role)) is not None:
+                at = states.index(hidden)
+                self.tolerance[at] = min(self.tolerance[at], self.tolerance[states.index(own)])
 
     # ---------------------------------------------------------------- simulation
 
@@ -246,7 +268,7 @@ class Problem:
         slope, e = np.concatenate(parts), np.concatenate(list(found.values()))
         if self.whiteners is not None:
             slope, e = self.whiteners[k](slope), self.whiteners[k](e)
-        loose = 1.0 / self.freedom(self.active_states(point.present))
+        loose = 1.0 / self.freedom(self.active_states(point.present), point.p)
         return projected(e, slope, loose, len(self.model.states), found, x)
 
     def errors(self, point: Point) -> list[dict[str, np.ndarray]] | None:

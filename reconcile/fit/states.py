@@ -114,7 +114,7 @@ def _errors(problem: Problem, point: Point, k: int, x0: np.ndarray) -> tuple[flo
     e, slope = np.concatenate(list(found.values())), np.concatenate(parts)
     if problem.whiteners is not None:
         e, slope = problem.whiteners[k](e), problem.whiteners[k](slope)
-    look = _Look(e, slope, 1.0 / problem.freedom(active))
+    look = _Look(e, slope, 1.0 / problem.freedom(active, point.p))
     q = look.factors(0.0)[0]
     left = e - q @ (q.T @ e)
     return float(e @ e), float(left @ left), look
