@@ -226,10 +226,11 @@ class Study:
 
     def _bounds(self, a: Attached, q: Parameter) -> tuple[float, float]:
         """Bounds of a parameter: a shape stays within BEYOND times its grid, past which it cannot be told."""
-        starts = tuple(q.starts(self.port_scales(a)))
+        scales = self.port_scales(a)
+        starts, high = tuple(q.starts(scales)), min(q.high, q.most(scales))
         if q.amplitude or min(starts) <= 0.0:
-            return q.low, q.high
-        return max(q.low, min(starts) / BEYOND), min(q.high, BEYOND * max(starts))
+            return q.low, high
+        return max(q.low, min(starts) / BEYOND), min(high, BEYOND * max(starts))
 
     def _size(self, a: Attached, parameter: str) -> float:
         s = self.port_scales(a)

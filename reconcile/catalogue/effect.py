@@ -46,7 +46,7 @@ class Parameter:
     """A parameter: `unit` with {u}, {f}, {v}, {q}, {y}, {inertia} for the units at the port.
 
     `starts` gives the grid of starts; the k-th start of all parameters of an effect belong together.
-    `low`, `high` bound it; a negative `low` of -inf lets its sign be either.
+    `low`, `high` bound it; a negative `low` of -inf lets its sign be either.  `most`: a bound by the scales.
     """
 
     name: str
@@ -56,6 +56,7 @@ class Parameter:
     amplitude: bool = False
     low: float = 0.0
     high: float = float("inf")
+    most: Callable[[Scales], float] = lambda s: float("inf")
 
 
 @dataclass(frozen=True)

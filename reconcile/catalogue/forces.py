@@ -14,6 +14,7 @@ DAHL = "Dahl, Aerospace Corp. TOR-0158(3107-18)-1 (1968); Canudas de Wit et al.,
 MECHANICS = "Newtonian mechanics"
 ANY = -float("inf")
 TURNS = (*(float(n) for n in range(1, 13)), 14.0, 16.0, 18.0, 20.0, 24.0)
+PRESLIDING = 0.5  # of the travel: what gives way further than that is no sliding that begins
 TRAVELS = tuple(0.5 * n for n in range(2, 25))
 
 
@@ -220,7 +221,13 @@ EFFECTS = (
         "F = −Fc z, dz/dt = (v − |v| z)/distance",
         (
             _amplitude("Fc", "{f}"),
-            Parameter("distance", "{q}", lambda s: [a * s.q for a in (0.003, 0.01, 0.03, 0.1)], low=1e-9),
+            Parameter(
+                "distance",
+                "{q}",
+                lambda s: [a * s.q for a in (0.003, 0.01, 0.03, 0.1)],
+                low=1e-9,
+                most=lambda s: PRESLIDING * s.q,
+            ),
         ),
         _dahl,
         source=DAHL,
