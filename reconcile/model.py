@@ -113,7 +113,7 @@ def _fits(effect: Effect, axis: Axis, folder: Folder) -> bool:
     if axis.upright and effect.name in NOT_UPRIGHT:
         return False
     known = {"q": bool(axis.position), "rad": unit == "rad", "continuous": model.kind == "continuous"}
-    known |= {"upright": axis.upright, "reach2": axis.reach2 is not None}
+    known |= {"upright": axis.upright} | {n: getattr(axis, n) is not None for n in ("reach2", "reach2_rate")}
     if "driven" in effect.needs:
         known["driven"] = motion.driven(model, folder.ports, axis)
     return all(known.get(need, True) for need in effect.needs)

@@ -49,7 +49,7 @@ EFFECTS = (
         (MASS,),
         _at_reach,
         "Newtonian mechanics",
-        needs=("reach2",),
+        needs=("reach2", "reach2_rate"),
         form="at_reach",
     ),
     Effect(
@@ -59,7 +59,7 @@ EFFECTS = (
         (MASS, Parameter("inertia", "{inertia}", none, amplitude=True, low=ANY)),
         _varying,
         "Lagrangian mechanics",
-        needs=("reach2",),
+        needs=("reach2", "reach2_rate"),
         form="at_reach",
     ),
     Effect(
@@ -70,7 +70,7 @@ EFFECTS = (
         (MASS, Parameter("inertia", "{inertia}", none, amplitude=True)),
         _extended,
         "Newtonian mechanics: Huygens-Steiner",
-        needs=("reach2",),
+        needs=("reach2", "reach2_rate"),
         form="extended",
         becomes={"payload_mass": "inertia → 0"},
     ),

@@ -84,6 +84,30 @@ def test_it_is_named(hung, runs):
     assert effect["parameters"]["mass"]["value"] == pytest.approx(LOAD, rel=0.05)
 
 
+@pytest.fixture(scope="module")
+def reaching(hung) -> Folder:
+    """The same carriage, which knows how far out its load hangs, and nothing of its swing."""
+    axis = {"velocity": "v", "position": "x", "unit": "N", "inertia": "mass", "drive": "force"}
+    return replace(
+        hung, ports=find_ports(hung.model, {"carriage": axis | {"reach2": lambda x, u, m, p: 1.0}})
+    )
+
+
+def test_a_swing_that_nobody_recorded_is_told_by_what_it_does_to_the_axis(reaching, runs):
+    study = Study(reaching, split([without_swing(r) for r in runs], (), ()))
+    (swing,) = (a for a in study.candidates if a.effect.name == "tool_reaction")
+    base = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert base is not None
+    best = Score(study, base, [a for a in study.candidates if a.effect.place == "coupling"]).best(1, 1)[0]
+    assert best.variants[0].attached is swing
+    fitted = study.fit_set(base.point, (swing,), starts(best))
+    assert fitted is not None
+    assert fitted.cost < 0.01 * base.cost
+    values = fitted.values(study.fit_problem)
+    assert values[swing.name("mass")] == pytest.approx(LOAD, rel=0.05)
+    assert values[swing.name("frequency")] == pytest.approx(np.sqrt(GRAVITY / LENGTH), rel=0.03)
+
+
 def test_a_model_that_does_not_say_what_hangs_from_it_is_told_so(rig, runs):
     rows = {r["effect"]: r["because"] for r in untold.untold(rig, [without_swing(r) for r in runs])}
     assert "kind hung" in rows["tool_reaction"]
