@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reconcile import evidence
+from reconcile import evidence, starting
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
 from reconcile.score import Score, Scored
@@ -20,6 +20,7 @@ PAIRS, PAIRS_LOOKED_AT = 2, 100  # of effects, for one of several parameters
 CLOSE = 2.0 * float(np.log(10.0))  # of twice the log-likelihood: odds of less than ten do not tell apart
 DEARER = 4.0  # of BIC, by which a set of more parameters must be better than one exchanged for it
 MOST_RIVALS = 4
+WIDER = 4.0  # of twice the log-likelihood, and 2 a parameter: beyond it a form is told from its own limit
 
 Key = frozenset
 
@@ -52,7 +53,7 @@ class Rivals:
             rest = tuple(x for x in present if x not in gone)
             others = [x for x in self.search.others(rest) if x.key not in {a.key for a in gone}]
             if len(gone) == 1:
-                found |= self._simplified(fitted, gone[0])
+                found |= self._simplified(fitted, gone[0]) | self._widened(fitted, gone[0])
             else:
                 others = [x for x in others if len(x.free) > 1]
                 if not others:
@@ -77,19 +78,36 @@ class Rivals:
 
     def _simplified(self, fitted: Fitted, a: Attached) -> set[Key]:
         """The answer with an effect in its simpler forms, which start from what it came to."""
-        values, found = self.search.study.named(fitted.point.p), set()
-        sizes = [abs(values[a.name(q.name)]) for q in a.effect.amplitudes] or [0.0]
-        for b in [x for x in self.search.study.candidates if includes(a, x)]:
-            rest = tuple(x for x in fitted.point.present if x != a)
-            same = {q.name: values.get(a.name(q.name), float(np.mean(sizes))) for q in b.effect.parameters}
-            start = {b.name(n): v for n, v in same.items()}
-            fit = self.search.study.fit_set(fitted.point, (*rest, b), start, near=True)
-            if fit is not None:
-                key = Key((*rest, b))
-                if key not in self.search.tried.fits or fit.cost < self.search.tried.fits[key].cost:
-                    self.search.tried.fits[key] = fit
+        simpler = [x for x in self.search.study.candidates if includes(a, x)]
+        return {k for b in simpler if (k := self._turned(fitted, a, b, [{}])) is not None}
+
+    def _widened(self, fitted: Fitted, a: Attached) -> set[Key]:
+        """The answer with an effect in forms that it is a limit of: they cannot leave more than it does."""
+        study, found = self.search.study, set()
+        for b in [x for x in study.candidates if includes(x, a)]:
+            scales = study.port_scales(b)
+            starts = [b.effect.start(scales, k) for k in range(b.effect.grid(scales))]
+            shapes = [{q.name: at[q.name] for q in b.effect.parameters if not q.amplitude} for at in starts]
+            if (key := self._turned(fitted, a, b, shapes)) is not None:
                 found.add(key)
         return found
+
+    def _turned(
+        self, fitted: Fitted, a: Attached, b: Attached, shapes: Sequence[dict[str, float]]
+    ) -> Key | None:
+        """The answer with b in place of a, from what a came to and that of the shapes that leaves least."""
+        study, fits = self.search.study, self.search.tried.fits
+        values, rest = study.named(fitted.point.p), tuple(x for x in fitted.point.present if x != a)
+        size = float(np.mean([abs(values[a.name(q.name)]) for q in a.effect.amplitudes] or [0.0]))
+        same = {q.name: values.get(a.name(q.name), size) for q in b.effect.parameters}
+        tried = [{b.name(n): v for n, v in (same | shape).items()} for shape in shapes]
+        start = min(tried, key=lambda v: starting.left(study, fitted.point, (*rest, b), v))
+        fit, key = study.fit_set(fitted.point, (*rest, b), start, near=True), Key((*rest, b))
+        if fit is None:
+            return None
+        if key not in fits or fit.cost < fits[key].cost:
+            fits[key] = fit
+        return key
 
     def _stripped(self, fitted: Fitted, gone: Sequence[Attached]) -> Fitted:
         """The answer's fit with some effects switched off and nothing fitted again."""
@@ -111,7 +129,24 @@ class Rivals:
         if criterion[pool[0]] - criterion[best] < 1.0:
             best = pool[0]
         hardly = [k for k in pool if size[k] < size[best] and criterion[k] - criterion[best] < DEARER]
-        return min(hardly, key=lambda k: (size[k], criterion[k]), default=best)
+        best = min(hardly, key=lambda k: (size[k], criterion[k]), default=best)
+        return max(
+            (k for k in pool if self._tells(k, best, s) > 0.0),
+            key=lambda k: self._tells(k, best, s),
+            default=best,
+        )
+
+    def _tells(self, wide: Key, simple: Key, s: evidence.Sample) -> float:
+        """By how much a set with an effect in a wider form is told from the one it turns into.
+
+        A limit of fewer parameters is no likelier for being simple, and by chance it is hardly left that far.
+        """
+        (a, *more), (b, *other) = (list(x) or [None] for x in (wide - simple, simple - wide))
+        if a is None or b is None or more or other or not includes(a, b):
+            return -np.inf
+        fits = self.search.tried.fits
+        gained = evidence.likelihood_gain(fits[simple].cost, fits[wide].cost, s)
+        return gained - WIDER - 2.0 * (len(fits[wide].free) - len(fits[simple].free))
 
     def _near(self, best: Key, pool: Sequence[Key]) -> tuple[tuple[Attached, ...], ...]:
         fits = self.search.tried.fits

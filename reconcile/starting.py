@@ -63,6 +63,11 @@ def cost(study: "Study", point: Point) -> float:
     return np.inf if linear is None else linear.cost
 
 
+def left(study: "Study", start: Point, present: Sequence[Attached], values: Mapping[str, float]) -> float:
+    """What effects leave with `values` in place, before anything is fitted."""
+    return cost(study, rounded(study, placed(study, start, present, values), WIDTHS[-1]))
+
+
 def best(
     study: "Study", start: Point, present: Sequence[Attached], values: Mapping[str, float]
 ) -> dict[str, float]:

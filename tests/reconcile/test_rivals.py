@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from reconcile.rivals import CLOSE, DEARER, PAIRS, Key, Rivals
+from reconcile.rivals import CLOSE, DEARER, PAIRS, WIDER, Key, Rivals
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,10 @@ def test_few_pairs_are_tried():
 
 @dataclass(frozen=True)
 class Present:
-    """An effect of a set by its name."""
+    """An effect of a set by its name; stribeck turns into coulomb."""
 
     name: str
+    port: str = ""
 
     @property
     def effect(self) -> "Present":
@@ -71,6 +72,11 @@ class Present:
     def key(self) -> str:
         """Its name."""
         return self.name
+
+    @property
+    def becomes(self) -> dict[str, str]:
+        """Its limits."""
+        return {"coulomb": "Fs = Fc"} if self.name == "stribeck" else {}
 
 
 def settled(*sets: tuple[str, int, float]) -> tuple[str, list[str]]:
@@ -101,6 +107,14 @@ def test_a_dearer_set_must_be_better_by_more_than_its_parameters_cost():
     price = float(np.log(1000))
     assert settled(("coulomb", 1, 0.0), ("dahl", 2, -price - 0.5 * DEARER))[0] == "coulomb"
     assert settled(("coulomb", 1, 0.0), ("dahl", 2, -price - 1.5 * DEARER))[0] == "dahl"
+
+
+def test_a_form_is_told_from_its_own_limit_by_less_than_from_another_effect():
+    needed = WIDER + 2.0 * 2
+    assert settled(("coulomb", 1, 0.0), ("stribeck", 3, -needed - 1.0))[0] == "stribeck"
+    assert settled(("coulomb", 1, 0.0), ("stribeck", 3, -needed + 1.0))[0] == "coulomb"
+    assert settled(("coulomb", 1, 0.0), ("ripple", 3, -needed - 1.0))[0] == "coulomb"
+    assert settled(("coulomb lag", 2, 0.0), ("stribeck delay", 4, -needed - 1.0))[0] == "coulomb lag"
 
 
 def test_sets_at_odds_of_less_than_ten_are_named_too():
