@@ -12,7 +12,7 @@ from blindtest.systems import arm, drives, machine as whole, servo, slew, tool
 from blindtest.systems.drives import Driven
 
 JOINTS = ("boom", "stick")
-# The plain servo has viscous friction of its own: more of it is another value of that, never a missing effect.
+# The plain servo has viscous friction of its own: more of it is another value of that, no missing effect.
 SERVO = tuple(e for e in axis_effects.EFFECTS if e.name != "viscous_friction")
 
 
