@@ -72,7 +72,7 @@ def test_a_gear_is_rounded_by_its_own_gap_and_its_ends_are_as_exact_as_the_axis(
     gear = next(a for a in study.candidates if a.effect.name == "gear_backlash")
     assert study.values[gear.name("width")] == WITHIN  # however far the axis travels
     states, problem = study.extended.state_names, study.fit_problem
-    axis = next(x for x in study.folder.ports.axes if x.name == gear.port)
-    assert (
-        problem.tolerance[states.index(gear.name("twist"))] <= problem.tolerance[states.index(axis.position)]
-    )
+    position = next(x.position for x in study.folder.ports.axes if x.name == gear.port)
+    assert position is not None
+    twist = states.index(gear.name("twist"))
+    assert problem.tolerance[twist] <= problem.tolerance[states.index(position)]
