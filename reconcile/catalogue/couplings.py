@@ -64,7 +64,7 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         becomes={"": "k → ∞"},
         **common,  # type: ignore[arg-type]
     )
-    gaps = (7e-5, 7e-4, 7e-3, 0.07)
+    gaps = (7e-4, 7e-3, 0.07)
     gear = Effect(
         "gear_backlash",
         "coupling",

@@ -111,8 +111,7 @@ class Problem:
         states = self.extended.state_names
         for hidden, role, axis in self.extended.beside():
             if (own := getattr(axis, role)) is not None:
-                at = states.index(hidden)
-                self.tolerance[at] = min(self.tolerance[at], self.tolerance[states.index(own)])
+                self.tolerance[states.index(hidden)] = self.tolerance[states.index(own)]
 
     # ---------------------------------------------------------------- simulation
 
