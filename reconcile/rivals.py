@@ -78,19 +78,24 @@ class Rivals:
 
     def _simplified(self, fitted: Fitted, a: Attached) -> set[Key]:
         """The answer with an effect in its simpler forms, which start from what it came to."""
-        simpler = [x for x in self.search.study.candidates if includes(a, x)]
+        simpler = [x for x in self._beside(fitted, a) if includes(a, x)]
         return {k for b in simpler if (k := self._turned(fitted, a, b, [{}])) is not None}
 
     def _widened(self, fitted: Fitted, a: Attached) -> set[Key]:
         """The answer with an effect in forms that it is a limit of: they cannot leave more than it does."""
         study, found = self.search.study, set()
-        for b in [x for x in study.candidates if includes(x, a)]:
+        for b in [x for x in self._beside(fitted, a) if includes(x, a)]:
             scales = study.port_scales(b)
             starts = [b.effect.start(scales, k) for k in range(b.effect.grid(scales))]
             shapes = [{q.name: at[q.name] for q in b.effect.parameters if not q.amplitude} for at in starts]
             if (key := self._turned(fitted, a, b, shapes)) is not None:
                 found.add(key)
         return found
+
+    def _beside(self, fitted: Fitted, a: Attached) -> list[Attached]:
+        """Candidates of no name that the rest of the set has at their port: nothing is in a set twice."""
+        taken = {(x.effect.name, x.port) for x in fitted.point.present if x != a}
+        return [x for x in self.search.study.candidates if (x.effect.name, x.port) not in taken]
 
     def _turned(
         self, fitted: Fitted, a: Attached, b: Attached, shapes: Sequence[dict[str, float]]

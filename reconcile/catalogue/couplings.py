@@ -79,7 +79,6 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         GEAR,
         needs=("continuous", "driven", "q"),
         width="gap",
-        within={"twist": ("gap", 1.0)},
         becomes={"": "gap → 0 and k → ∞"},
         **common,  # type: ignore[arg-type]
     )

@@ -120,3 +120,13 @@ def test_a_form_is_told_from_its_own_limit_by_less_than_from_another_effect():
 def test_sets_at_odds_of_less_than_ten_are_named_too():
     assert settled(("lag", 1, 0.0), ("delay", 1, 0.9 * CLOSE)) == ("lag", ["delay"])
     assert settled(("lag", 1, 0.0), ("delay", 1, 1.1 * CLOSE)) == ("lag", [])
+
+
+def test_no_effect_comes_twice_into_a_set_by_turning_into_another():
+    lag, delay, sides, zone = (Present(n) for n in ("lag", "delay", "zone", "zone"))
+    study = SimpleNamespace(candidates=[lag, delay, zone])
+    rivals = Rivals(cast(Any, SimpleNamespace(study=study)))
+    both = cast(Any, SimpleNamespace(point=SimpleNamespace(present=(lag, delay))))
+    assert rivals._beside(both, cast(Any, delay)) == [delay, zone]
+    alone = cast(Any, SimpleNamespace(point=SimpleNamespace(present=(sides,))))
+    assert zone in rivals._beside(alone, cast(Any, sides))  # another form of itself
