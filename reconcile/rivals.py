@@ -78,13 +78,13 @@ class Rivals:
 
     def _simplified(self, fitted: Fitted, a: Attached) -> set[Key]:
         """The answer with an effect in its simpler forms, which start from what it came to."""
-        simpler = [x for x in self._beside(fitted, a) if includes(a, x)]
+        simpler = [x for x in self.search.absent(_less(fitted, a)) if includes(a, x)]
         return {k for b in simpler if (k := self._turned(fitted, a, b, [{}])) is not None}
 
     def _widened(self, fitted: Fitted, a: Attached) -> set[Key]:
         """The answer with an effect in forms that it is a limit of: they cannot leave more than it does."""
         study, found = self.search.study, set()
-        for b in [x for x in self._beside(fitted, a) if includes(x, a)]:
+        for b in [x for x in self.search.absent(_less(fitted, a)) if includes(x, a)]:
             scales = study.port_scales(b)
             starts = [b.effect.start(scales, k) for k in range(b.effect.grid(scales))]
             shapes = [{q.name: at[q.name] for q in b.effect.parameters if not q.amplitude} for at in starts]
@@ -92,17 +92,12 @@ class Rivals:
                 found.add(key)
         return found
 
-    def _beside(self, fitted: Fitted, a: Attached) -> list[Attached]:
-        """Candidates of no name that the rest of the set has at their port: nothing is in a set twice."""
-        taken = {(x.effect.name, x.port) for x in fitted.point.present if x != a}
-        return [x for x in self.search.study.candidates if (x.effect.name, x.port) not in taken]
-
     def _turned(
         self, fitted: Fitted, a: Attached, b: Attached, shapes: Sequence[dict[str, float]]
     ) -> Key | None:
         """The answer with b in place of a, from what a came to and that of the shapes that leaves least."""
         study, fits = self.search.study, self.search.tried.fits
-        values, rest = study.named(fitted.point.p), tuple(x for x in fitted.point.present if x != a)
+        values, rest = study.named(fitted.point.p), _less(fitted, a)
         size = float(np.mean([abs(values[a.name(q.name)]) for q in a.effect.amplitudes] or [0.0]))
         same = {q.name: values.get(a.name(q.name), size) for q in b.effect.parameters}
         tried = [{b.name(n): v for n, v in (same | shape).items()} for shape in shapes]
@@ -135,11 +130,9 @@ class Rivals:
             best = pool[0]
         hardly = [k for k in pool if size[k] < size[best] and criterion[k] - criterion[best] < DEARER]
         best = min(hardly, key=lambda k: (size[k], criterion[k]), default=best)
-        return max(
-            (k for k in pool if self._tells(k, best, s) > 0.0),
-            key=lambda k: self._tells(k, best, s),
-            default=best,
-        )
+        told = {k: self._tells(k, best, s) for k in pool}
+        wider = max(pool, key=lambda k: told[k])
+        return wider if told[wider] > 0.0 else best
 
     def _tells(self, wide: Key, simple: Key, s: evidence.Sample) -> float:
         """By how much a set with an effect in a wider form is told from the one it turns into.
@@ -175,6 +168,11 @@ class Rivals:
 def includes(general: Attached, simple: Attached) -> bool:
     """Whether one effect turns into the other in a limit, at the same port."""
     return general.port == simple.port and simple.effect.name in general.effect.becomes
+
+
+def _less(fitted: Fitted, a: Attached) -> tuple[Attached, ...]:
+    """What a fit has present beside an effect."""
+    return tuple(x for x in fitted.point.present if x != a)
 
 
 def _keys(key: Key) -> list[str]:

@@ -225,12 +225,12 @@ class Search:
     def others(self, key: Iterable[Attached]) -> list[Attached]:
         """Candidates not present: no other form of what is present, and no limit of it."""
         key = list(key)
+        return [a for a in self.absent(key) if not any(includes(k, a) for k in key)]
+
+    def absent(self, key: Iterable[Attached]) -> list[Attached]:
+        """Candidates of no name that is present at their port: nothing is in a set twice."""
         taken = {(a.effect.name, a.port) for a in key}
-        return [
-            a
-            for a in self.study.candidates
-            if (a.effect.name, a.port) not in taken and not any(includes(k, a) for k in key)
-        ]
+        return [a for a in self.study.candidates if (a.effect.name, a.port) not in taken]
 
     def _ranked(self, fits: dict[Key, Fitted]) -> list[Key]:
         """Keys by BIC and what every effect must gain, best first."""

@@ -6,7 +6,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from reconcile.rivals import CLOSE, DEARER, PAIRS, WIDER, Key, Rivals
+from reconcile.rivals import CLOSE, DEARER, PAIRS, WIDER, Key, Rivals, _less
+from reconcile.search import Search
 
 
 @dataclass(frozen=True)
@@ -124,9 +125,8 @@ def test_sets_at_odds_of_less_than_ten_are_named_too():
 
 def test_no_effect_comes_twice_into_a_set_by_turning_into_another():
     lag, delay, sides, zone = (Present(n) for n in ("lag", "delay", "zone", "zone"))
-    study = SimpleNamespace(candidates=[lag, delay, zone])
-    rivals = Rivals(cast(Any, SimpleNamespace(study=study)))
+    search = Search(cast(Any, SimpleNamespace(candidates=[lag, delay, zone])))
     both = cast(Any, SimpleNamespace(point=SimpleNamespace(present=(lag, delay))))
-    assert rivals._beside(both, cast(Any, delay)) == [delay, zone]
+    assert search.absent(_less(both, cast(Any, delay))) == [delay, zone]
     alone = cast(Any, SimpleNamespace(point=SimpleNamespace(present=(sides,))))
-    assert zone in rivals._beside(alone, cast(Any, sides))  # another form of itself
+    assert zone in search.absent(_less(alone, cast(Any, sides)))  # another form of itself
