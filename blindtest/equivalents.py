@@ -35,7 +35,7 @@ FAMILIES = (
     {"slope_torque", "gravity_load"},
     {"gear_backlash", "sensor_backlash", "input_backlash", "input_hysteresis"},
     {"stribeck_friction", "presliding_hysteresis", "coulomb_friction", "load_dependent_friction"},
-    {"viscous_friction", "asymmetric_viscous_friction", "quadratic_drag"},
+    {"viscous_friction", "asymmetric_viscous_friction", "quadratic_drag", "wind_load"},
     {"coriolis_coupling", "euler_coupling", "centrifugal_coupling"},
     {"input_dead_zone", "valve_flow_curve", "asymmetric_gain"},
     {"stiffness", "cubic_stiffness", "gravity_load"},

@@ -102,6 +102,7 @@ class Assembly:
                 other = raw[self.model.index("outputs", a.other)] if a.other else None
                 value = self._applied(a, value, y=value, other=other, t=self.u[self.e.clock])
             outputs[i] = value
+        sites.shown_together(self, outputs)
         sites.turned(self, outputs)
         return outputs
 

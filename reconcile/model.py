@@ -81,7 +81,7 @@ def candidates(folder: Folder, recorded: Sequence[str], catalogue: Sequence[Effe
     outputs = [n for n in ports.outputs if n in recorded]
     for effect in catalogue:
         at = sites.ports_of(effect, ports, recorded)
-        found += [Attached(sites.fitted(effect, ports, port), port) for port in at]
+        found += [Attached(sites.fitted(effect, ports, port, recorded), port) for port in at]
         if effect.port:
             continue
         if effect.place == "input":

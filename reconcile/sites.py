@@ -15,10 +15,11 @@ import numpy as np
 
 from fmus.definition import Model
 from reconcile.catalogue.effect import Effect, Result, Scales
-from reconcile.ports import SCALED, SITES, Ports, Role, Site, names_of
+from reconcile.ports import ALL_OUTPUTS, SCALED, SITES, Ports, Role, Site, names_of
 
 CHAMBERS = ("a", "b")
 GROUPED = ("input_delay",)  # effects of one input that also hit a group together
+TOGETHER = ("inputs", "outputs")  # ports of effects that have a memory for each signal of a group
 Assembly = Any  # reconcile.assembly's
 
 
@@ -33,21 +34,33 @@ def ports_of(effect: Effect, ports: Ports, recorded: Sequence[str]) -> list[str]
             for n, pairs in ports.turned.items()
             if all(m in recorded for m in {x for pair in pairs for x in pair})
         ]
+    if effect.port == "outputs":
+        return [*_sensors(ports, recorded), *([ALL_OUTPUTS] if len(_shown(ports, recorded)) > 1 else [])]
     if effect.place == "output" and effect.delays:
-        shown = {n for n in ports.outputs if n in recorded}
-        groups = {n: shown & set(members) for n, members in ports.output_groups.items()}
-        return [n for n, members in groups.items() if len(members) > 1 and members != shown]
+        return _sensors(ports, recorded)
     if effect.port in SITES:
         sites = [s for s in ports.sites if s.kind == effect.port]
         return [s.name for s in sites if all(need in s.roles for need in effect.needs)]
     return []
 
 
-def fitted(effect: Effect, ports: Ports, port: str) -> Effect:
-    """The effect at a port: at a group its hidden states are one for each signal."""
-    if effect.port != "inputs" or not effect.hidden:
+def _shown(ports: Ports, recorded: Sequence[str]) -> set[str]:
+    return {n for n in ports.outputs if n in recorded}
+
+
+def _sensors(ports: Ports, recorded: Sequence[str]) -> list[str]:
+    """Groups of outputs of which several are recorded, and not all that are."""
+    shown = _shown(ports, recorded)
+    groups = {n: shown & set(members) for n, members in ports.output_groups.items()}
+    return [n for n, members in groups.items() if len(members) > 1 and members != shown]
+
+
+def fitted(effect: Effect, ports: Ports, port: str, recorded: Sequence[str] | None = None) -> Effect:
+    """The effect at a port: at a group its hidden states are one for each signal (of outputs: `recorded`)."""
+    if effect.port not in TOGETHER or not effect.hidden:
         return effect
-    return _for_members(effect, ports.members(port))
+    some = recorded is not None and effect.port == "outputs"
+    return _for_members(effect, tuple(m for m in ports.members(port) if not some or m in (recorded or ())))
 
 
 @cache
@@ -111,6 +124,16 @@ def together(assembly: Assembly, inputs: ca.SX) -> None:
             result = assembly._built(a, values={m: inputs[i] for m, i in rows.items()})
             for m, i in rows.items():
                 inputs[i] = assembly._gate(a, result.at[m], inputs[i])
+
+
+def shown_together(assembly: Assembly, outputs: ca.SX) -> None:
+    """Effects on groups of outputs, in place."""
+    for a in (a for a in assembly.e.attached if a.effect.port == "outputs"):
+        members = [m for m in assembly.e.folder.ports.outputs if f"lagged_{m}" in a.effect.hidden]
+        rows = {m: assembly.model.index("outputs", m) for m in members}
+        result = assembly._built(a, values={m: outputs[i] for m, i in rows.items()})
+        for m, i in rows.items():
+            outputs[i] = assembly._gate(a, result.at[m], outputs[i])
 
 
 def turned(assembly: Assembly, outputs: ca.SX) -> None:

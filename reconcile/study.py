@@ -294,9 +294,11 @@ class Study:
                 scale[i] = v.nominal or 1.0
         hidden = self.extended.state_names[len(self.model.states) :]
         for i, n in enumerate(hidden, len(self.model.states)):
-            port = n.split("@")[1].split(".")[0].split("+")[0]
-            inputs = [r.inputs[port].values for b in self.parts.fit if port in (r := b.run).inputs]
-            outputs = [r.outputs[port].values for b in self.parts.fit if port in (r := b.run).outputs]
+            port, _, state = n.split("@")[1].partition(".")
+            signals = (port.split("+")[0], state.removeprefix("lagged_"))  # of a group it is the member's
+            runs = [b.run for b in self.parts.fit]
+            inputs = [r.inputs[s].values for r in runs for s in signals if s in r.inputs]
+            outputs = [r.outputs[s].values for r in runs for s in signals if s in r.outputs]
             found = [np.max(np.abs(x)) for x in (*inputs, *outputs)]
             scale[i] = max([float(x) for x in found] or [1.0]) or 1.0
         for hidden, role, axis in self.extended.beside():

@@ -164,6 +164,16 @@ FRICTION = (
         _direct(c="drag"),
     ),
     Effect(
+        "wind_load",
+        "force",
+        "",
+        (P("k", "N.m.s2/rad2", 0.0), P("wind", "rad/s")),
+        lambda m, shape, s: {"k": 0.4 * m * s.force / s.speed**2, "wind": shape["wind"] * s.speed},
+        _direct(k="wind_drag", wind="wind_speed"),
+        shape=lambda rng: {"wind": float(rng.choice([-1, 1]) * rng.uniform(0.5, 2.0))},
+        shapes=({"wind": 1.0}, {"wind": -1.0}),
+    ),
+    Effect(
         "presliding_hysteresis",
         "force",
         "",
@@ -266,6 +276,7 @@ OUTPUT = (
     sensor_lag("sensor_delay", "all", ("out_delay_q", "out_delay_v"), "delay", 0.4),
     sensor_lag("sensor_lag", "qd", ("out_lag_v",), "lag", 0.4),
     sensor_lag("sensor_lag", "q", ("out_lag_q",), "lag", 0.4),
+    sensor_lag("sensor_lag", "all", ("out_lag_q", "out_lag_v"), "lag", 0.4),
     one("sensor_backlash", "output", "q", P("gap", "rad", 0.0), "out_backlash", travel(0.2)),
     one("sensor_drift", "output", "q", P("drift", "rad/s"), "out_drift", travel(0.01), either_sign=True),
 )

@@ -170,6 +170,7 @@ _SLEW = (
     "stribeck_friction",
     "asymmetric_viscous_friction",
     "quadratic_drag",
+    "wind_load",
     "presliding_hysteresis",
     "constant_load",
     "torque_ripple",

@@ -67,6 +67,7 @@ double bt_forces(const Axis *a, double q, double v, double dahl) {
   if (a->ripple_sin != 0.0 || a->ripple_cos != 0.0)
     f += a->ripple_sin * sin(a->ripple_order * q) + a->ripple_cos * cos(a->ripple_order * q);
   f -= (v > 0.0 ? a->viscous_plus : a->viscous_minus) * v + a->drag * v * fabs(v);
+  if (a->wind_drag != 0.0) f += a->wind_drag * (a->wind_speed - v) * fabs(a->wind_speed - v);
   f -= a->dahl_force * dahl;
   const double depth = fabs(q) - a->stop_position;
   if (depth > 0.0) {

@@ -28,6 +28,8 @@
   X(viscous_minus, 0)                                                                                   \
   X(load_friction, 0)     /* dry friction per unit of transmitted force */                              \
   X(drag, 0)              /* v |v| */                                                                   \
+  X(wind_drag, 0)         /* (w - v) |w - v| */                                                         \
+  X(wind_speed, 0)                                                                                      \
   X(dahl_force, 0)                                                                                      \
   X(dahl_stiffness, 1)                                                                                  \
   X(load, 0)                                                                                            \

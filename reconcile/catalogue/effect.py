@@ -114,7 +114,7 @@ class Effect:
     delays: bool = False
     clock: bool = False
     shows: Literal["load", "motor"] = "load"
-    port: Literal["", "hydraulic", "pendulum", "hung", "inputs", "offset", "turned"] = ""
+    port: Literal["", "hydraulic", "pendulum", "hung", "inputs", "outputs", "offset", "turned"] = ""
     clocked: bool = False
 
     @property

@@ -1,4 +1,4 @@
-"""Effects that hit several signals together: measured inputs that come in late, a sensor that is turned."""
+"""Effects that hit several signals together: inputs or outputs that come in late, a sensor that is turned."""
 
 import casadi as ca
 
@@ -12,7 +12,7 @@ ANY = -float("inf")
 def _lag(c: Namespace, p: Namespace, w: Namespace) -> Result:
     """Every signal of the group through a lag of its own memory and the one time constant."""
     parts = {
-        m: memory.lag(c, u, f"lagged_{m}", getattr(w, f"lagged_{m}"), p.time) for m, u in c.values.items()
+        m: memory.lag(c, s, f"lagged_{m}", getattr(w, f"lagged_{m}"), p.time) for m, s in c.values.items()
     }
     merged: dict = {k: {n: v for r in parts.values() for n, v in getattr(r, k).items()} for k in _FIELDS}
     return Result(None, at={m: r.value for m, r in parts.items()}, **merged)
@@ -40,6 +40,19 @@ EFFECTS = (
         form="together",
         port="inputs",
         becomes={"input_delay": "time small against the motion"},
+    ),
+    Effect(
+        "sensor_lag",
+        "output",
+        "time dy'/dt = y − y' for all outputs of the group",
+        (Parameter("time", "s", seconds(0.005, 0.03, 0.1, 0.3), low=5e-4),),
+        _lag,
+        LINEAR,
+        hidden=("lagged",),
+        gated=True,
+        form="together",
+        port="outputs",
+        becomes={"sensor_delay": "time small against the motion"},
     ),
     Effect(
         "cross_axis_misalignment",

@@ -34,6 +34,11 @@ def _as(**theirs: str) -> Row:
     return {name: (lambda v, s, own=own: v[own]) for name, own in theirs.items()}
 
 
+def _any(*names: str) -> Row:
+    """Of an effect with several forms: what the one that was put in has."""
+    return {name: (lambda v, s, name=name: v.get(name, 0.0)) for name in names}
+
+
 def _side(v: Given, s: Setting) -> float:
     """A stop at ±position, reported as one of its sides."""
     reported = s.effect["parameters"]["position"]["value"]
@@ -95,7 +100,7 @@ TABLE: dict[str, Row] = {
     "coriolis_coupling": _same("factor"),
     "centrifugal_coupling": _same("factor"),
     "euler_coupling": _same("factor"),
-    "wind_load": _same("a_x", "a_y"),
+    "wind_load": _any("a_x", "a_y", "k", "wind"),
     "supply_pressure_sag": _same("sag"),
     "shared_pump_flow": _same("share") | {"full": lambda v, s: FULL_DEMAND},
     "temperature_dependent_viscosity": _same("fall") | {"time": lambda v, s: WARMING_S},

@@ -32,7 +32,7 @@ QUICK = ("coulomb_friction", "input_dead_zone")
 SEEDS = {"structural_compliance": 7010}  # elsewhere the largest that is drawn is too small to be told exactly
 LEFT_OUT = {
     # what the model makes up for by parameters of its own, so that it is not there to be told
-    "arm": {"sensor_delay/all", "input_lag", "pose_dependent_inertia"},
+    "arm": {"sensor_delay/all", "sensor_lag/all", "input_lag", "pose_dependent_inertia"},
 }
 # the other joint's reference comes with its own delay in the catalogue, with this joint's in the generator;
 # near a joint's end stop a scaled angle starts beyond it

@@ -39,13 +39,15 @@ def everything(name: str) -> set[str]:
             "supply_pressure_sag@oil", "shared_pump_flow@oil", "relief_limit.a@oil", "compressibility@oil",
             "temperature_dependent_viscosity@oil", "counterbalance_drop@oil", "brake_engagement@oil",
             "slope_torque@slew", "payload_mass.at_reach@slew", "sensor_delay@encoder",
+            "sensor_lag.together@encoder",
         },
         "arm": {"gravity_load.any_angle@stick", "sensor_delay@boom_encoder", "load_dependent_friction@boom"},
         "tool": {
             "coriolis_coupling@pendulum", "centrifugal_coupling@pendulum", "euler_coupling@pendulum",
             "wind_load@pendulum", "pendulum_length_change@pendulum", "input_delay@motion",
             "input_lag.together@motion", "input_offset@qd_slew", "sensor_delay@roll_sensor",
-            "cross_axis_misalignment.turned@tool_sensor",
+            "cross_axis_misalignment.turned@tool_sensor", "sensor_lag.together@roll_sensor",
+            "sensor_lag.together@all outputs",
         },
     }.items(),
 )  # fmt: skip
@@ -142,6 +144,7 @@ PENDULUM = {
     ("coriolis_coupling", "pendulum"): {"factor": 1.0},
     ("pendulum_length_change", "pendulum"): {"rate": 0.03},
     ("input_lag.together", "motion"): {"time": 0.1},
+    ("sensor_lag.together", "roll_sensor"): {"time": 0.05},
     ("cross_axis_misalignment.turned", "tool_sensor"): {"angle": 0.1},
 }
 

@@ -7,6 +7,7 @@ import pytest
 
 from fmus.build import build_fmu
 from fmus.discrete import DiscreteStepper
+from fmus.slew.model import MODEL as SLEW
 from fmus.tool.model import MODEL as TOOL
 from learning.collection.plan import load_plan
 from reconcile.extend import extend
@@ -57,24 +58,34 @@ def catalogue():
     return ALL
 
 
-def test_the_plain_slew_feels_nothing_of_the_arm_and_keeps_its_connectors():
+def test_the_plain_slew_moves_with_one_inertia_and_keeps_its_connectors():
     folder = read_folder("docs/showcases/slew_one_pose")
     model = folder.model
     wired = {n for side in load("nominal").connectors("slew") for n in side}
     assert wired <= {v.name for v in (*model.inputs, *model.outputs)}
-    rates = [np.asarray(model.f(*at_speed(model, inertia))).ravel() for inertia in (250e3, 400e3, 900e3)]
-    assert rates[0] == pytest.approx(rates[1])
-    assert rates[0] == pytest.approx(rates[2])
     assert "pose_dependent_inertia" not in folder.ports.has["slew"]
+    p = {v.name: v.start for v in model.parameters}
+    one = p["slew_inertia_reference"] + p["slew_inertia_extra"]
+    for inertia in (250e3, 400e3, 900e3):
+        pushed = acceleration(model, inertia, 0.0, 1e5) - acceleration(model, inertia, 0.0, 0.0)
+        assert pushed == pytest.approx(1e5 / one)
+        turned = acceleration(model, inertia, 0.1 * inertia, 0.0)
+        assert turned == pytest.approx(acceleration(model, inertia, 0.0, 0.0))
+        torque = acceleration(SLEW, inertia, 0.0, 0.0) * (inertia + p["slew_inertia_extra"])
+        assert acceleration(model, inertia, 0.0, 0.0) * one == pytest.approx(torque)  # friction is the slew's
 
 
-def at_speed(model, inertia: float):
+def acceleration(model, inertia: float, inertia_rate: float, torque: float) -> float:
     x = np.array([0.0, 0.4, 9e6, 3e6, 0.6, 2e6])
-    u = [
-        {"u_slew": 0.7, "inertia": inertia, "inertia_rate": 0.1 * inertia}.get(v.name, 0.0)
-        for v in model.inputs
-    ]
-    return x, u, [1.0], model.start_parameters()
+    known = {
+        "u_slew": 0.7,
+        "inertia": inertia,
+        "inertia_rate": inertia_rate,
+        "disturbance_torque_slew": torque,
+    }
+    u = [known[v.name] for v in model.inputs]
+    rates = np.asarray(model.f(x, u, [1.0], model.start_parameters())).ravel()
+    return float(rates[[v.name for v in model.states].index("qd")])
 
 
 def test_couplings_move_the_tool_as_the_pendulum_of_the_machine_moves():

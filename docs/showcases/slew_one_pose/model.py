@@ -1,12 +1,11 @@
 """The slew drive with the inertia of one pose: what `slew` is, less that its inertia follows the arm.
 
-It keeps the connectors of `slew`, so that it takes its place in a system, and leaves `inertia` and
-`inertia_rate` unread: the inertia is `slew_inertia_reference`, at which the slew's friction is stated.
+It keeps the connectors of `slew`, so that it takes its place in a system.  What moves is always
+`slew_inertia_reference`; the friction follows the load on the bearing as it does there, told by `inertia`.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 from fmus.slew import model as slew
@@ -14,12 +13,10 @@ from fmus.slew import model as slew
 Namespace = Any
 
 
-def _at_one_pose(u: Namespace, p: Namespace) -> Namespace:
-    return SimpleNamespace(**(vars(u) | {"inertia": p.slew_inertia_reference, "inertia_rate": 0.0}))
-
-
 def _rates(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> Mapping[str, Any]:
-    return slew.MODEL.rhs(x, _at_one_pose(u, p), m, p)
+    rates = slew.MODEL.rhs(x, u, m, p)
+    torque = rates["qd"] * (u.inertia + p.slew_inertia_extra) + u.inertia_rate * x.qd
+    return {**rates, "qd": torque / (p.slew_inertia_reference + p.slew_inertia_extra)}
 
 
 # The ports are those of `slew`; `inertia` and its rate tell the reach of the arm there.
