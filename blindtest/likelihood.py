@@ -15,14 +15,15 @@ import numpy as np
 from blindtest.effects.effect import Effect, Scale, Values, combine
 from blindtest.systems.axis import absent
 from blindtest.systems.system import Drive, System
-from blindtest.whitening import Whitening
+from blindtest.whitening import BEGINNING, Whitening
 from specs.errors import RunError
 
 MAGNITUDES = (0.03, 0.1, 0.3)
 ITERATIONS = 14
 ABSURD = 1e9  # deviations: a trial step that leads there is too long
 ENOUGH = 1.5  # a fit below this needs no further step: every threshold is above it
-FAR, CRAWL = 20.0, 0.1  # times what is wanted, and gained by a step (share): no number of steps leads there
+FAR, CRAWL = 20.0, 0.1  # times what is wanted, and gained by a step (share): it leads there too slowly
+CRAWLS = 2  # such steps, one after the other: no number of steps leads there
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,11 @@ class Run:
     outputs: np.ndarray
     whiten: Whitening
     start_scale: np.ndarray
+
+    @property
+    def counted(self) -> int:
+        """Values of the outputs that count in a fit."""
+        return self.outputs[BEGINNING:].size
 
 
 @dataclass(frozen=True)
@@ -184,7 +190,7 @@ class _Search:
     def jacobian(self, vector: np.ndarray, left: np.ndarray) -> np.ndarray:
         """Finite differences [residuals, parameters]; an initial value moves its own run only."""
         runs, starts = self.start_scale.shape
-        bounds = np.cumsum([0] + [run.outputs.size for run in self.problem.runs])
+        bounds = np.cumsum([0] + [run.counted for run in self.problem.runs])
         columns = np.zeros((len(left), len(vector)))
         shared = len(vector) - runs * starts
         for i in range(len(vector)):
@@ -206,7 +212,7 @@ class _Search:
             left = self.residual(x)
         except RunError:
             return self.at(x)
-        cost = 0.5 * float(left @ left)
+        cost, crawled = 0.5 * float(left @ left), 0
         for _ in range(iterations):
             if cost < ENOUGH:
                 break
@@ -215,7 +221,8 @@ class _Search:
             except RunError:  # at the edge of what stays finite: no way on from here
                 break
             gained, damping, x, left, cost = self._step(columns, x, left, cost, damping)
-            if gained < max(1e-3 * cost, 0.02) or (cost > FAR * wanted > 0.0 and gained < CRAWL * cost):
+            crawled = crawled + 1 if cost > FAR * wanted > 0.0 and gained < CRAWL * cost else 0
+            if gained < max(1e-3 * cost, 0.02) or crawled == CRAWLS:
                 break
         found = self.at(x)
         return Fit(cost, found.base, found.effects, found.starts)

@@ -5,6 +5,9 @@ A run's residual has the covariance C = S^2 + R R', S the sensors' deviations an
 outputs to the disturbance, one column a cosine of its expansion (scaled to its deviation).  C^(-1/2) is
 applied through the singular values of S^-1 R.  Noise on recorded inputs, which a replay on the recording
 feels, adds columns of its own: the responses to some draws of it.
+
+The first half second of a run does not count.  The generator's machine begins there, in motion, with lines
+and memories that know of nothing before; no machine does, and what that tells is no effect's doing.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+BEGINNING = 25  # samples of a run that do not count
 LINES = 48  # cosines of the disturbance in a run of 20 s: up to 1.2 Hz
 
 
@@ -20,12 +24,12 @@ class Whitening:
     """Of one run: deviation of the outputs [outputs] and the directions that the disturbance fills."""
 
     deviation: np.ndarray
-    directions: np.ndarray  # [n outputs, columns], orthonormal
+    directions: np.ndarray  # [(n - BEGINNING) outputs, columns], orthonormal
     shrink: np.ndarray  # [columns]: 1 - 1 / sqrt(1 + s^2)
 
     def __call__(self, residual: np.ndarray) -> np.ndarray:
-        """Residual [n, outputs] in whitened form [n outputs]."""
-        flat = (residual / self.deviation).ravel()
+        """Residual [n, outputs] in whitened form [(n - BEGINNING) outputs]."""
+        flat = (residual[BEGINNING:] / self.deviation).ravel()
         return flat - self.directions @ (self.shrink * (self.directions.T @ flat))
 
 
@@ -49,10 +53,10 @@ def whitening(
     """
     shapes = cosines(len(shaken[0]))
     columns = [
-        (np.sqrt(power) * response(shape) / deviation).ravel()
+        (np.sqrt(power) * response(shape) / deviation)[BEGINNING:].ravel()
         for response in responses
         for shape, power in zip(shapes, spectrum, strict=True)
     ]
-    columns += [(change / deviation).ravel() for change in shaken]
+    columns += [(change / deviation)[BEGINNING:].ravel() for change in shaken]
     directions, values, _ = np.linalg.svd(np.stack(columns, axis=1), full_matrices=False)
     return Whitening(deviation, directions, 1.0 - 1.0 / np.sqrt(1.0 + values**2))

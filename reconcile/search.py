@@ -65,7 +65,7 @@ class Search:
         """Grow, judge the noise by what is left, grow on; then confirm, and look for rivals."""
         self.begin()
         acceptance = Acceptance(self)
-        present = acceptance.confirmed(self._present(self._found()))
+        present = self._confirmed(acceptance, self._present(self._found()))
         self._with_confirm(present)
         present, alternatives = self._settled(acceptance, present)
         self.study.patience = 1.0
@@ -74,11 +74,24 @@ class Search:
         base = self.tried.fits[Key()]
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
 
+    def _confirmed(self, acceptance: Acceptance, present: tuple[Attached, ...]) -> tuple[Attached, ...]:
+        """What confirm bears out; where that is nothing, it may bear out a rival of what was found."""
+        confirmed = acceptance.confirmed(present)
+        if confirmed or not present:
+            return confirmed
+        best, near = Rivals(self).settle(present)
+        others = [acceptance.confirmed(r) for r in (best, *near) if Key(r) != Key(present)]
+        borne_out = {Key(p): p for p in (confirmed, *others)}
+        return borne_out[self._ranked({k: self.tried.fits[k] for k in borne_out})[0]]
+
     def _settled(
         self, acceptance: Acceptance, present: tuple[Attached, ...]
     ) -> tuple[tuple[Attached, ...], tuple[tuple, ...]]:
         """The answer and its alternatives; a rival that took its place has to earn it as well."""
-        present, alternatives = Rivals(self).settle(acceptance.earning(present))
+        earning = acceptance.earning(present)
+        if present and not earning:  # what pays no more may stand where a rival of it would pay
+            earning = acceptance.earning(Rivals(self).settle(present)[0])
+        present, alternatives = Rivals(self).settle(earning)
         earning = acceptance.earning(present)
         return (present, alternatives) if earning == present else Rivals(self).settle(earning)
 

@@ -93,10 +93,6 @@ def _stiffness(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return Result(-p.k * c.q)
 
 
-def _stiffness_at(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    return Result(-p.k * c.q + p.preload)
-
-
 def _cubic(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return Result(-p.k3 * c.q**3)
 
@@ -162,7 +158,12 @@ def _entry(name: str, equation: str, parameters: tuple[Parameter, ...], build, *
 COULOMB = {"coulomb_friction": "the rest vanishes"}
 
 RELAXATION = Parameter(
-    "relaxation", "s", lambda s: (0.5 * s.period_s,), "Damping of the stop over its stiffness", low=0.0
+    "relaxation",
+    "s",
+    lambda s: (0.5 * s.period_s,),
+    "Damping of the stop over its stiffness",
+    low=0.0,
+    aside=True,
 )
 
 EFFECTS = (
@@ -252,15 +253,6 @@ EFFECTS = (
         form="any_angle",
     ),
     _entry("stiffness", "F = −k q", (_amplitude("k", "{f}/({q})"),), _stiffness, needs=("q",)),
-    _entry(
-        "stiffness",
-        "F = −k q + preload",
-        (_amplitude("k", "{f}/({q})"), _amplitude("preload", "{f}", signed=True)),
-        _stiffness_at,
-        needs=("q",),
-        form="preloaded",
-        becomes={"constant_load": "k → 0"},
-    ),
     _entry("cubic_stiffness", "F = −k3 q³", (_amplitude("k3", "{f}/({q})^3"),), _cubic, needs=("q",)),
     _entry(
         "torque_ripple",

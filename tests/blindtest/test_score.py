@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 
 from blindtest import case
-from blindtest.equivalents import equivalents
+from blindtest.equivalents import EQUIVALENT, equivalents
+from blindtest.membership import least
 from blindtest.score import Truth, read_truth, score
 from blindtest.systems.kit import KITS
 from specs.errors import InputError
@@ -86,3 +87,12 @@ def _with_friction_and_load():
         if len(drawn.visible) == 2:
             return replace(drawn, kit=only)
     raise AssertionError("no such case in twenty")
+
+
+def test_what_delays_all_outputs_of_a_tool_is_as_well_a_delay_of_its_motion():
+    """A run begins in motion, with sensors that know of nothing before: that must not tell the two apart."""
+    kit = KITS["tool"]
+    (late,) = [e for e in kit.effects(None) if e.key == "tool/sensor_delay/all"]
+    drawn = case.draw(3, "low", visible=1, kit=replace(kit, effects=lambda _: (late,)))
+    assert [e.key for e in drawn.visible] == [late.key]
+    assert least(replace(drawn, kit=kit), ["input_delay"]) < EQUIVALENT

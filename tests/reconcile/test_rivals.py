@@ -79,12 +79,17 @@ class Present:
         """Its limits."""
         return {"coulomb": "Fs = Fc"} if self.name == "stribeck" else {}
 
+    @property
+    def asides(self) -> int:
+        """Parameters that do not count: of a gear its stiffness and damping."""
+        return 2 if self.name == "gear" else 0
+
 
 def settled(*sets: tuple[str, int, float]) -> tuple[str, list[str]]:
     """Best and near of sets: names, parameters, twice the log-likelihood below the present first."""
     fits, count = {}, 1000
     for names, parameters, lost in sets:
-        key = Key(Present(n) for n in names.split())
+        key = Key(Present(*n.split("@")) for n in names.split())
         errors = np.full(count, np.exp(0.5 * lost / count)) * np.where(np.arange(count) % 2, 1.0, -1.0)
         linear = SimpleNamespace(left=[{"y": errors}], raw=[{"y": errors}])
         point = SimpleNamespace(present=tuple(key))
@@ -123,6 +128,15 @@ def test_sets_at_odds_of_less_than_ten_are_named_too():
     assert settled(("lag", 1, 0.0), ("delay", 1, 1.1 * CLOSE)) == ("lag", [])
 
 
+def test_a_gear_is_no_dearer_beside_a_shaft_for_what_it_is_like_when_closed():
+    assert settled(("shaft", 2, 0.0), ("gear", 4, 0.5)) == ("shaft", ["gear"])
+    assert settled(("shaft", 2, 0.0), ("ripple", 4, 0.5)) == ("shaft", [])
+
+
+def test_two_lags_are_no_alternative_to_a_lag_and_a_delay():
+    assert settled(("lag delay", 2, 0.0), ("lag@q lag@v", 2, 0.5))[1] == []
+
+
 def test_no_effect_comes_twice_into_a_set_by_turning_into_another():
     lag, delay, sides, zone = (Present(n) for n in ("lag", "delay", "zone", "zone"))
     search = Search(cast(Any, SimpleNamespace(candidates=[lag, delay, zone])))
@@ -130,3 +144,36 @@ def test_no_effect_comes_twice_into_a_set_by_turning_into_another():
     assert search.absent(_less(both, cast(Any, delay))) == [delay, zone]
     alone = cast(Any, SimpleNamespace(point=SimpleNamespace(present=(sides,))))
     assert zone in search.absent(_less(alone, cast(Any, sides)))  # another form of itself
+
+
+WIND_ALONE, DRAG = Present("wind"), Present("drag")
+
+
+def without_wind(present: tuple[Present, ...]) -> tuple[Present, ...]:
+    return tuple(a for a in present if a != WIND_ALONE)
+
+
+def rivals(monkeypatch, found: tuple[tuple[Present, ...], tuple[tuple[Present, ...], ...]]) -> None:
+    """Rivals that find this of the wind, and of all else nothing."""
+
+    def settle(present):
+        return found if present == (WIND_ALONE,) else (present, ())
+
+    monkeypatch.setattr("reconcile.search.Rivals", lambda _: SimpleNamespace(settle=settle))
+
+
+def test_what_pays_no_more_gives_way_to_a_rival_that_does(monkeypatch):
+    rivals(monkeypatch, ((DRAG,), ()))
+    acceptance = SimpleNamespace(earning=without_wind)
+    search = Search(cast(Any, None))
+    assert search._settled(cast(Any, acceptance), cast(Any, (WIND_ALONE,))) == ((DRAG,), ())
+
+
+def test_what_confirm_does_not_bear_out_gives_way_to_a_rival_that_it_does(monkeypatch):
+    rivals(monkeypatch, ((WIND_ALONE,), ((DRAG,),)))
+    acceptance = SimpleNamespace(confirmed=without_wind)
+    search = Search(cast(Any, None))
+    search.tried.fits = cast(Any, {Key(): None, Key((WIND_ALONE,)): None, Key((DRAG,)): None})
+    monkeypatch.setattr(search, "_ranked", lambda fits: sorted(fits, key=len, reverse=True))
+    assert search._confirmed(cast(Any, acceptance), cast(Any, (WIND_ALONE,))) == (DRAG,)
+    assert search._confirmed(cast(Any, acceptance), cast(Any, (DRAG,))) == (DRAG,)
