@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 
 from blindtest.effects import axis
 from blindtest.effects.effect import Effect, Parameter as P, on
@@ -252,3 +253,12 @@ def whole_outside() -> tuple[Effect, ...]:
         *_within(joints, "arm"),
         *_within(tool_outside(), "tool"),
     )
+
+
+@cache
+def parameters_by_name() -> dict[str, int]:
+    """Parameters of an effect, in the form that has fewest."""
+    found: dict[str, int] = {}
+    for e in (*axis.EFFECTS, *slew(), *arm("boom"), *tool()):
+        found[e.name] = min(len(e.parameters), found.get(e.name, len(e.parameters)))
+    return found

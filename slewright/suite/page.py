@@ -23,6 +23,8 @@ def page(figures: Figures, seed: int) -> str:
     stopped = "" if done == figures["asked"] else f", stopped after {done} cases"
     parts = [f"{asked}, version {VERSION}{stopped}; recordings are simulated.\n", _demands(figures)]
     parts.append(_grouped("system", figures["by_system"] | {"all": figures}))
+    if 0 < figures["simplest"] < done:
+        parts.append(_simplest(figures))
     if visible == "drawn":
         parts += [_grouped("visible effect", figures["by_effect"]), _confusion(figures["confusion"])]
         parts.append(_sizes(figures["equivalence_sizes"]))
@@ -38,6 +40,15 @@ def _demands(figures: Figures) -> str:
         for key, how, limit in MUSTS[figures["noise"], figures["visible"]]
     ]
     return _table(("figure", "asked for", "reached"), rows)
+
+
+def _simplest(figures: Figures) -> str:
+    simplest, met = figures["simplest"], 100.0 * figures["share_met_of_simplest"]
+    return (
+        f"In {figures['cases'] - simplest} of the cases a set of fewer parameters explains the recordings as "
+        "well as the truth: an answer that gives it, as it should, counts as abstained. "
+        f"Of the other {simplest} cases {met:.0f} % are met.\n"
+    )
 
 
 def _grouped(what: str, groups: Mapping[str, Figures]) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from blindtest.effects.machine import parameters_by_name
 from slewright.suite.experiments import of_experiments
 from slewright.suite.work import PLAIN
 
@@ -38,6 +39,7 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
     alone = [r for r in results if len(r["visible"]) == 1 and r["unambiguous"]]
     parameters = [p for r in results if r["result"] == "exact" for p in r["parameters"]]
     shrinks = [s for r in results if r["verdict"] == "named" for s in r["gap_shrink"].values()]
+    simplest = [r for r in results if not _has_simpler(r)]
     ambiguous = _share(r["verdict"] == "ambiguous" for r in results)
     equivalent = _share(not r["unambiguous"] for r in results)
     return {
@@ -47,6 +49,8 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
         "failed": sum(bool(r["workflow_failed"]) for r in results),
         "false_positive": sum(r["false_positive"] for r in results),
         "share_met": _share(r["result"] in MET for r in results),
+        "simplest": len(simplest),
+        "share_met_of_simplest": _share(r["result"] in MET for r in simplest),
         "share_wrong": _share(r["result"] == "wrong" for r in results),
         "share_false_positive": _share(r["false_positive"] for r in results),
         "exact_single_unambiguous": _share(r["result"] == "exact" for r in alone),
@@ -100,6 +104,16 @@ def confusion(results: Iterable[Result]) -> dict[str, dict[str, int]]:
             if (a, b) != (NOTHING, NOTHING) or not true:
                 found.setdefault(a, Counter())[b] += 1
     return {name: _sorted(found[name]) for name in sorted(found)}
+
+
+def _has_simpler(r: Result) -> bool:
+    """Whether E(T) holds a set of fewer parameters than T.
+
+    Asked for is the simplest set; where T is not, no answer that gives it counts as exact or ambiguous_ok.
+    """
+    count = parameters_by_name()
+    sizes = [sum(count.get(name, 1) for name in names) for names in (r["visible"], *r["equivalents"])]
+    return min(sizes) < sizes[0]
 
 
 def _baseline(results: Sequence[Result], name: str) -> dict[str, Any]:

@@ -37,6 +37,18 @@ def test_the_page_says_what_was_asked_and_reached_and_what_was_taken_for_what():
     assert "| all | 2 | 1 | 1 | 12 |" in text
 
 
+def test_truths_that_are_not_the_simplest_are_counted_apart():
+    stribeck = ["stribeck_friction"]
+    simpler = {"equivalents": [stribeck, ["coulomb_friction"]], "unambiguous": False}
+    found = figures(result(), result(result="abstained", visible=stribeck, **simpler))
+    assert found["share_met"] == 0.5
+    assert found["simplest"] == 1
+    assert found["share_met_of_simplest"] == 1.0
+    assert "In 1 of the cases" in page.page(found, 7)
+    as_many = {"visible": ["input_lag"], "equivalents": [["input_lag"], ["sensor_delay"]]}
+    assert figures(result(**as_many))["simplest"] == 1
+
+
 def test_a_suite_that_was_stopped_says_after_how_many():
     assert "stopped after 1 cases" in page.page(figures(result()), 7)
     assert "stopped after 0 cases" in page.page(figures(), 7)
