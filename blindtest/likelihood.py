@@ -22,8 +22,8 @@ MAGNITUDES = (0.03, 0.1, 0.3)
 ITERATIONS = 14
 ABSURD = 1e9  # deviations: a trial step that leads there is too long
 ENOUGH = 1.5  # a fit below this needs no further step: every threshold is above it
-FAR, CRAWL = 20.0, 0.1  # times what is wanted, and gained by a step (share): it leads there too slowly
-CRAWLS = 2  # such steps, one after the other: no number of steps leads there
+FAR, CRAWL = 20.0, 0.1  # times what is wanted, and gained by a step (share): no number of steps leads there
+NEARER = 200.0  # times what is wanted: from below that one such step may be followed by better ones
 
 
 @dataclass(frozen=True)
@@ -222,7 +222,7 @@ class _Search:
                 break
             gained, damping, x, left, cost = self._step(columns, x, left, cost, damping)
             crawled = crawled + 1 if cost > FAR * wanted > 0.0 and gained < CRAWL * cost else 0
-            if gained < max(1e-3 * cost, 0.02) or crawled == CRAWLS:
+            if gained < max(1e-3 * cost, 0.02) or crawled > (cost < NEARER * wanted):
                 break
         found = self.at(x)
         return Fit(cost, found.base, found.effects, found.starts)
