@@ -1,5 +1,7 @@
 """Effects that hit several signals together: inputs or outputs that come in late, a sensor that is turned."""
 
+from typing import Literal
+
 import casadi as ca
 
 from reconcile.catalogue import memory
@@ -27,33 +29,28 @@ def _turned(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return Result(None, at={"0": cosine * first - sine * second, "1": sine * first + cosine * second})
 
 
+def _late(
+    name: str, place: Literal["input", "output"], equation: str, times: tuple[float, ...], low: float
+) -> Effect:
+    """A lag of all signals of a group, which is called as that of one is."""
+    return Effect(
+        name,
+        place,
+        f"{equation} for all {place}s of the group",
+        (Parameter("time", "s", seconds(*times), low=low),),
+        _lag,
+        LINEAR,
+        hidden=("lagged",),
+        gated=True,
+        form="together",
+        port="inputs" if place == "input" else "outputs",
+        becomes={f"{name.split('_')[0]}_delay": "time small against the motion"},
+    )
+
+
 EFFECTS = (
-    Effect(
-        "input_lag",
-        "input",
-        "time du'/dt = u − u' for all inputs of the group",
-        (Parameter("time", "s", seconds(0.03, 0.1, 0.3, 1.0), low=2e-3),),
-        _lag,
-        LINEAR,
-        hidden=("lagged",),
-        gated=True,
-        form="together",
-        port="inputs",
-        becomes={"input_delay": "time small against the motion"},
-    ),
-    Effect(
-        "sensor_lag",
-        "output",
-        "time dy'/dt = y − y' for all outputs of the group",
-        (Parameter("time", "s", seconds(0.005, 0.03, 0.1, 0.3), low=5e-4),),
-        _lag,
-        LINEAR,
-        hidden=("lagged",),
-        gated=True,
-        form="together",
-        port="outputs",
-        becomes={"sensor_delay": "time small against the motion"},
-    ),
+    _late("input_lag", "input", "time du'/dt = u − u'", (0.03, 0.1, 0.3, 1.0), low=2e-3),
+    _late("sensor_lag", "output", "time dy'/dt = y − y'", (0.005, 0.03, 0.1, 0.3), low=5e-4),
     Effect(
         "cross_axis_misalignment",
         "output",
