@@ -159,7 +159,7 @@ EFFECTS = (
         "u' = (1 − share) u + share/2 (play of full_width + play of half of it)",
         (
             Parameter("full_width", "{u}", share(0.03, 0.1, 0.3, 0.8)),
-            Parameter("share", "1", lambda s: (0.5,), low=0.05, high=1.0, aside=True),
+            Parameter("share", "1", lambda s: (0.5,), low=0.05, high=1.0),
         ),
         _hysteresis,
         "Brokate and Sprekels, Hysteresis and Phase Transitions, Springer 1996, ch. 2: Prandtl-Ishlinskii",
@@ -210,7 +210,7 @@ EFFECTS = (
         "u' = u (1 − curve (1 − |u|/travel))",
         (
             Parameter("curve", "1", none, amplitude=True, low=-0.9, high=0.95),
-            Parameter("travel", "{u}", share(2.0, 5.0), aside=True),
+            Parameter("travel", "{u}", share(2.0, 5.0)),
         ),
         _flow_curve_travel,
         MERRITT,
