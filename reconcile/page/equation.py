@@ -38,6 +38,8 @@ def spelt(name: str) -> str:
 
 
 def _token(word: str, known: set[str]) -> str:
+    if word not in known and re.fullmatch(r"d[a-z]", word):  # a differential
+        return f"d<i>{word[1]}</i>"
     if word in known or (len(word) <= 2 and word not in UPRIGHT) or re.fullmatch(rf"{LETTER}_[a-z]+", word):
         return symbol(word)
     return escape(word)

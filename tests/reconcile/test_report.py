@@ -170,6 +170,7 @@ def test_equations_are_set_with_symbols():
     assert "<i>l</i><sub>y</sub> <i>θ</i><sub>x</sub>&#x27; tan <i>θ</i><sub>x</sub>" in turned
     assert spelt("factor") == "<i>factor</i>"  # not said twice
     assert spelt("Fc") == "<i>F</i><sub>c</sub> <small>Fc</small>"
+    assert "d<i>v</i>/d<i>t</i>" in equation("(J + m) dv/dt = F")
 
 
 # -------------------------------------------------------------------------------- floors
