@@ -28,6 +28,7 @@ COUNTS = ((1, 0.5), (2, 0.3), (3, 0.2))
 TARGETS = (60.0, 6000.0)  # lambda that visible effects are sized for
 DISTRACTING = (0.05, 1.0)
 ATTEMPTS = 60
+NEAREST_KNOWN = 4  # effects of the catalogue that are fitted in place of one outside
 INPUT_DRAWS = 24  # of the noise on recorded inputs, for its covariance
 
 
@@ -140,12 +141,24 @@ class _Draft:
             if not wanted:
                 raise _Redraw
         truth = problem.fit([p.effect for p in kept], self._start(problem, kept))
-        if truth.value > WITHOUT_HIDDEN:
+        if truth.value > WITHOUT_HIDDEN or self._is_known(problem, kept):
             raise _Redraw
         return Case(
             seed, self.noise, self.kit, self.system, self.scale, self.surroundings,
             tuple(self.placed), seen, tuple(runs), problem, truth, attempt,
         )  # fmt: skip
+
+    def _is_known(self, problem: Problem, kept: Sequence[Placed]) -> bool:
+        """Whether an effect of the catalogue leaves of one outside no more than an invisible effect would be."""
+        rest = [p for p in kept if p.effect.catalogue]
+        if len(rest) == len(kept):
+            return False
+        others = tuple(p.effect for p in rest)
+        at = problem.fit(others, self._start(problem, rest))
+        known = [e for e in self.kit.effects(self.system) if e.name not in {o.name for o in others}]
+        left = {e.key: min((s for s, _ in problem.screen(others, at, e)), default=np.inf) for e in known}
+        nearest_known = sorted(known, key=lambda e: left[e.key])[:NEAREST_KNOWN]
+        return any(problem.best(others, at, e, VISIBLE).value < VISIBLE for e in nearest_known)
 
     def _choose(self, visible: int | None, outside: bool) -> list[Placed]:
         """Visible effects and distractors, no name twice."""

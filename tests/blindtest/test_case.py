@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,11 @@ import pytest
 from blindtest import case, folder
 from blindtest.case import INVISIBLE, VISIBLE
 from blindtest.score import read_truth, score
+from blindtest.systems.kit import KITS
 from blindtest.systems.servo import Servo
 from blindtest.systems.system import STEP, Drive
 from records.record import read
-from specs.errors import InputError
+from specs.errors import InputError, RunError
 
 SEED = 7
 
@@ -102,6 +104,15 @@ def test_a_case_of_a_project_model_names_it_and_is_wrong_by_10_to_30_percent(sys
     for base in found.system.base:
         off = abs(base.value / (base.told or np.nan) - 1.0)
         assert off < 1e-9 if base.known else 0.05 < off < 0.35  # a delay is a whole number of steps
+
+
+def test_what_an_effect_of_the_catalogue_explains_as_well_is_not_outside_of_it(monkeypatch):
+    kit = KITS["servo"]
+    (coulomb,) = [e for e in kit.effects(None) if e.name == "coulomb_friction"]
+    twin = replace(kit, outside=lambda _: (replace(coulomb, name="twin", catalogue=False),))
+    monkeypatch.setattr(case, "ATTEMPTS", 2)
+    with pytest.raises(RunError, match="no clear case"):
+        case.draw(1, "low", visible=1, outside=True, kit=twin)
 
 
 def test_an_effect_outside_the_catalogue_is_sealed_as_such():
