@@ -149,7 +149,7 @@ class _Draft:
         )  # fmt: skip
 
     def _is_known(self, problem: Problem, kept: Sequence[Placed]) -> bool:
-        """Whether an effect of the catalogue leaves of one outside no more than an invisible effect would be."""
+        """Whether an effect of the catalogue explains one outside: what is left could not be seen."""
         rest = [p for p in kept if p.effect.catalogue]
         if len(rest) == len(kept):
             return False
