@@ -154,7 +154,7 @@ class Rivals:
             for k in pool
             if k != best
             and evidence.likelihood_gain(fits[k].cost, fits[best].cost, s) < CLOSE
-            and _size(fits[k]) <= _size(fits[best])
+            and len(fits[k].free) <= len(fits[best].free)
             and (len(set(_names(k))) == len(k) or len(set(_names(best))) < len(best))
             and not set(_names(best)) < set(_names(k))
         ]
@@ -169,11 +169,6 @@ class Rivals:
 def includes(general: Attached, simple: Attached) -> bool:
     """Whether one effect turns into the other in a limit, at the same port."""
     return general.port == simple.port and simple.effect.name in general.effect.becomes
-
-
-def _size(fitted: Fitted) -> int:
-    """Parameters of a set, less those that only say how."""
-    return len(fitted.free) - sum(a.effect.asides for a in fitted.point.present)
 
 
 def _less(fitted: Fitted, a: Attached) -> tuple[Attached, ...]:

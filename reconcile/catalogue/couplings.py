@@ -43,8 +43,7 @@ def _gear(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _share(starts: Starts) -> Parameter:
-    text = "Of the inertia, turns with the drive"
-    return Parameter("share", "1", starts, text, low=0.02, high=0.98, aside=True)
+    return Parameter("share", "1", starts, "Of the inertia, turns with the drive", low=0.02, high=0.98)
 
 
 def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
@@ -73,22 +72,8 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         (
             Parameter("gap", "{q}", lambda s: [a * s.q for _ in SHARES for a in gaps], "Full gap"),
             _share(lambda s: [a for a in SHARES for _ in gaps]),
-            Parameter(
-                "k",
-                "{f}/({q})",
-                _stiffness(*(80.0 for _ in gaps)),
-                "Stiffness of the closed gear",
-                aside=True,
-            ),
-            Parameter(
-                "damping",
-                "1",
-                lambda s: (CONTACT,),
-                "Ratio, of the closed gear",
-                low=0.02,
-                high=2.0,
-                aside=True,
-            ),
+            Parameter("k", "{f}/({q})", _stiffness(*(80.0 for _ in gaps)), "Stiffness of the closed gear"),
+            Parameter("damping", "1", lambda s: (CONTACT,), "Ratio, of the closed gear", low=0.02, high=2.0),
         ),
         _gear,
         GEAR,

@@ -47,8 +47,6 @@ class Parameter:
 
     `starts` gives the grid of starts; the k-th start of all parameters of an effect belong together.
     `low`, `high` bound it; a negative `low` of -inf lets its sign be either.  `most`: a bound by the scales.
-    `aside`: it says how and not how much, as the stiffness of a gear that is closed; fits are free in it, but
-    a set of effects is no larger for it.
     """
 
     name: str
@@ -59,7 +57,6 @@ class Parameter:
     low: float = 0.0
     high: float = float("inf")
     most: Callable[[Scales], float] = lambda s: float("inf")
-    aside: bool = False
 
 
 @dataclass(frozen=True)
@@ -134,11 +131,6 @@ class Effect:
     def amplitudes(self) -> tuple[Parameter, ...]:
         """Parameters that are zero where the effect is absent."""
         return tuple(p for p in self.parameters if p.amplitude)
-
-    @property
-    def asides(self) -> int:
-        """How many parameters do not count."""
-        return sum(p.aside for p in self.parameters)
 
     def grid(self, scales: Scales) -> int:
         """How many starts it has."""

@@ -148,7 +148,7 @@ EFFECTS = (
         "Q_supply' = Q_supply (1 − share min(|demand|/full, 1))",
         (
             Parameter("share", "1", none, amplitude=True, high=0.98),
-            Parameter("full", "{demand}", _demand, aside=True),
+            Parameter("full", "{demand}", _demand),
         ),
         _shared,
         ("flow", "demand"),

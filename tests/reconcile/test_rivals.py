@@ -79,11 +79,6 @@ class Present:
         """Its limits."""
         return {"coulomb": "Fs = Fc"} if self.name == "stribeck" else {}
 
-    @property
-    def asides(self) -> int:
-        """Parameters that do not count: of a gear its stiffness and damping."""
-        return 2 if self.name == "gear" else 0
-
 
 def settled(*sets: tuple[str, int, float]) -> tuple[str, list[str]]:
     """Best and near of sets: names, parameters, twice the log-likelihood below the present first."""
@@ -126,11 +121,6 @@ def test_a_form_is_told_from_its_own_limit_by_less_than_from_another_effect():
 def test_sets_at_odds_of_less_than_ten_are_named_too():
     assert settled(("lag", 1, 0.0), ("delay", 1, 0.9 * CLOSE)) == ("lag", ["delay"])
     assert settled(("lag", 1, 0.0), ("delay", 1, 1.1 * CLOSE)) == ("lag", [])
-
-
-def test_a_gear_is_no_dearer_beside_a_shaft_for_what_it_is_like_when_closed():
-    assert settled(("shaft", 2, 0.0), ("gear", 4, 0.5)) == ("shaft", ["gear"])
-    assert settled(("shaft", 2, 0.0), ("ripple", 4, 0.5)) == ("shaft", [])
 
 
 def test_two_lags_are_no_alternative_to_a_lag_and_a_delay():
