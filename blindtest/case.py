@@ -156,9 +156,8 @@ class _Draft:
         others = tuple(p.effect for p in rest)
         at = problem.fit(others, self._start(problem, rest))
         known = [e for e in self.kit.effects(self.system) if e.name not in {o.name for o in others}]
-        left = {e.key: min((s for s, _ in problem.screen(others, at, e)), default=np.inf) for e in known}
-        nearest_known = sorted(known, key=lambda e: left[e.key])[:NEAREST_KNOWN]
-        return any(problem.best(others, at, e, VISIBLE).value < VISIBLE for e in nearest_known)
+        known.sort(key=lambda e: problem.promise(others, at, e))
+        return any(problem.best(others, at, e, VISIBLE).value < VISIBLE for e in known[:NEAREST_KNOWN])
 
     def _choose(self, visible: int | None, outside: bool) -> list[Placed]:
         """Visible effects and distractors, no name twice."""

@@ -100,7 +100,7 @@ class Equivalents:
         """Effects of the pool with at most `most` parameters by linearised lambda."""
         names = self._names(kept)
         fitting = [e for e in self.pool if len(e.parameters) <= most and e.name not in names]
-        found = [(min((s for s, _ in self.problem.screen(kept, at, e)), default=1e99), e) for e in fitting]
+        found = [(self.problem.promise(kept, at, e), e) for e in fitting]
         return sorted(found, key=lambda pair: pair[0])
 
     def _single(self, i: int, kept: Sequence[Effect], at: Fit) -> bool:

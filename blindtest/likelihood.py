@@ -118,6 +118,10 @@ class Problem:
             found.append((_explained(tangent, left, change), values))
         return found
 
+    def promise(self, kept: Sequence[Effect], at: Fit, added: Effect) -> float:
+        """The least linearised lambda that adding an effect leaves, infinite if it does not run."""
+        return min((left for left, _ in self.screen(kept, at, added)), default=np.inf)
+
     def tangent(self, effects: Sequence[Effect], at: Fit) -> tuple[np.ndarray, np.ndarray]:
         """Orthonormal directions of a fit's parameters, and its residual."""
         key = (tuple(e.key for e in effects), id(at))
@@ -222,7 +226,8 @@ class _Search:
                 break
             gained, damping, x, left, cost = self._step(columns, x, left, cost, damping)
             crawled = crawled + 1 if cost > FAR * wanted > 0.0 and gained < CRAWL * cost else 0
-            if gained < max(1e-3 * cost, 0.02) or crawled > (cost < NEARER * wanted):
+            patience = 1 if cost < NEARER * wanted else 0
+            if gained < max(1e-3 * cost, 0.02) or crawled > patience:
                 break
         found = self.at(x)
         return Fit(cost, found.base, found.effects, found.starts)

@@ -46,8 +46,7 @@ def _fitted(case: Case, effects: Sequence[Effect]) -> float:
     start = Fit(np.inf, case.truth_fit.base, tuple(known[e.key] for e in kept), case.truth_fit.starts)
     at, left = case.problem.fit(kept, start), [e for e in effects if e.key not in known]
     while left:
-        ranked = [(min((s for s, _ in case.problem.screen(kept, at, e)), default=np.inf), e) for e in left]
-        added = min(ranked, key=lambda pair: pair[0])[1]
+        added = min(left, key=lambda e: case.problem.promise(kept, at, e))
         left.remove(added)
         at = case.problem.best(kept, at, added, 0.0 if left else EQUIVALENT)
         if not at.effects:  # it does not run from any start

@@ -85,7 +85,7 @@ class Assembly:
                 other = raw[self.model.index("inputs", a.other)] if a.other else None
                 value = self._applied(a, value, u=value, other=other, size=self._size(name))
             inputs[i] = value
-        sites.together(self, inputs)
+        sites.together(self, "inputs", inputs)
         return inputs
 
     def _size(self, name: str) -> float:
@@ -102,7 +102,7 @@ class Assembly:
                 other = raw[self.model.index("outputs", a.other)] if a.other else None
                 value = self._applied(a, value, y=value, other=other, t=self.u[self.e.clock])
             outputs[i] = value
-        sites.shown_together(self, outputs)
+        sites.together(self, "outputs", outputs)
         sites.turned(self, outputs)
         return outputs
 

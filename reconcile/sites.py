@@ -59,8 +59,10 @@ def fitted(effect: Effect, ports: Ports, port: str, recorded: Sequence[str] | No
     """The effect at a port: at a group its hidden states are one for each signal (of outputs: `recorded`)."""
     if effect.port not in TOGETHER or not effect.hidden:
         return effect
-    some = recorded is not None and effect.port == "outputs"
-    return _for_members(effect, tuple(m for m in ports.members(port) if not some or m in (recorded or ())))
+    members = ports.members(port)
+    if effect.port == "outputs" and recorded is not None:
+        members = tuple(m for m in members if m in recorded)
+    return _for_members(effect, members)
 
 
 @cache
@@ -116,24 +118,14 @@ def value(assembly: Assembly, role: Role, inputs: ca.SX) -> Any:
     return role
 
 
-def together(assembly: Assembly, inputs: ca.SX) -> None:
-    """Effects on groups of inputs, in place."""
-    for group, members in assembly.e.folder.ports.input_groups.items():
-        for a in _attached(assembly, "inputs", [group]):
-            rows = {m: assembly.model.index("inputs", m) for m in members}
-            result = assembly._built(a, values={m: inputs[i] for m, i in rows.items()})
-            for m, i in rows.items():
-                inputs[i] = assembly._gate(a, result.at[m], inputs[i])
-
-
-def shown_together(assembly: Assembly, outputs: ca.SX) -> None:
-    """Effects on groups of outputs, in place."""
-    for a in (a for a in assembly.e.attached if a.effect.port == "outputs"):
-        members = [m for m in assembly.e.folder.ports.outputs if f"lagged_{m}" in a.effect.hidden]
-        rows = {m: assembly.model.index("outputs", m) for m in members}
-        result = assembly._built(a, values={m: outputs[i] for m, i in rows.items()})
+def together(assembly: Assembly, kind: str, signals: ca.SX) -> None:
+    """Effects on groups of signals, in place; `kind`: "inputs" or "outputs"."""
+    for a in (a for a in assembly.e.attached if a.effect.port == kind):
+        members = assembly.e.folder.ports.members(a.port)
+        rows = {m: assembly.model.index(kind, m) for m in members if f"lagged_{m}" in a.effect.hidden}
+        result = assembly._built(a, values={m: signals[i] for m, i in rows.items()})
         for m, i in rows.items():
-            outputs[i] = assembly._gate(a, result.at[m], outputs[i])
+            signals[i] = assembly._gate(a, result.at[m], signals[i])
 
 
 def turned(assembly: Assembly, outputs: ca.SX) -> None:
