@@ -13,6 +13,7 @@ import numpy as np
 from blindtest import sensors
 from blindtest.effects.axis import SHORTEST_S
 from blindtest.effects.effect import Effect, Scale, Values, combine
+from blindtest.known import least
 from blindtest.likelihood import Fit, Problem, Run
 from blindtest.sensors import Surroundings
 from blindtest.systems.axis import absent
@@ -28,7 +29,8 @@ COUNTS = ((1, 0.5), (2, 0.3), (3, 0.2))
 TARGETS = (60.0, 6000.0)  # lambda that visible effects are sized for
 DISTRACTING = (0.05, 1.0)
 ATTEMPTS = 60
-NEAREST_KNOWN = 4  # effects of the catalogue that are fitted in place of one outside
+TOO_SHORT_S = 1e-4  # of lags, of distractors too: steps of runs get as short, and draws as slow
+ROUNDS_BEYOND = 3  # of the size of an effect outside the catalogue
 INPUT_DRAWS = 24  # of the noise on recorded inputs, for its covariance
 
 
@@ -130,6 +132,7 @@ class _Draft:
     def case(self, seed: int, attempt: int) -> Case:
         """Sizes, recordings and the check that every effect is clearly visible or clearly not."""
         self._size()
+        self._size_beyond()
         kept = [p for p in self.placed if p.target >= VISIBLE]
         # no lag of a fit could stand for it, and E(T) would lack that lag
         if any(p.parameters(self.scale).get("delay", np.inf) < SHORTEST_S for p in kept):
@@ -141,23 +144,35 @@ class _Draft:
             if not wanted:
                 raise _Redraw
         truth = problem.fit([p.effect for p in kept], self._start(problem, kept))
-        if truth.value > WITHOUT_HIDDEN or self._is_known(problem, kept):
+        if truth.value > WITHOUT_HIDDEN or any(self._beyond(problem, p) < VISIBLE for p in self._strangers()):
             raise _Redraw
         return Case(
             seed, self.noise, self.kit, self.system, self.scale, self.surroundings,
             tuple(self.placed), seen, tuple(runs), problem, truth, attempt,
         )  # fmt: skip
 
-    def _is_known(self, problem: Problem, kept: Sequence[Placed]) -> bool:
-        """Whether an effect of the catalogue explains one outside: what is left could not be seen."""
-        rest = [p for p in kept if p.effect.catalogue]
-        if len(rest) == len(kept):
-            return False
-        others = tuple(p.effect for p in rest)
-        at = problem.fit(others, self._start(problem, rest))
-        known = [e for e in self.kit.effects(self.system) if e.name not in {o.name for o in others}]
-        known.sort(key=lambda e: problem.promise(others, at, e))
-        return any(problem.best(others, at, e, VISIBLE).value < VISIBLE for e in known[:NEAREST_KNOWN])
+    def _strangers(self) -> list[Placed]:
+        """What is placed and not in the catalogue."""
+        return [p for p in self.placed if not p.effect.catalogue]
+
+    def _size_beyond(self) -> None:
+        """Scale an effect outside the catalogue by what effects of the catalogue leave of it."""
+        for stranger in self._strangers():
+            for _ in range(ROUNDS_BEYOND):
+                left = self._beyond(self._problem()[0], stranger)
+                if left > 0.5 * stranger.target:
+                    break
+                grown = self._grown(
+                    stranger, float(np.clip(np.sqrt(stranger.target / max(left, 1e-3)), 1.0, 6.0))
+                )
+                self.placed = [grown if p is stranger else p for p in self.placed]
+                stranger = grown
+
+    def _beyond(self, problem: Problem, stranger: Placed) -> float:
+        """Lambda that is left where effects of the catalogue stand for one outside."""
+        rest = [p for p in self.placed if p is not stranger and p.target >= VISIBLE]
+        at = problem.fit([p.effect for p in rest], self._start(problem, rest))
+        return least(problem, [p.effect for p in rest], at, self.kit.effects(self.system), VISIBLE)
 
     def _choose(self, visible: int | None, outside: bool) -> list[Placed]:
         """Visible effects and distractors, no name twice."""
@@ -192,6 +207,8 @@ class _Draft:
             ratios = [p.target / max(self._linear(problem, i), 1e-9) for i, p in enumerate(self.placed)]
             steps = np.clip(np.sqrt(ratios), 0.1, 6.0)
             self.placed = [self._grown(p, s) for p, s in zip(self.placed, steps, strict=True)]
+            if any(p.parameters(self.scale).get("lag", np.inf) < TOO_SHORT_S for p in self.placed):
+                raise _Redraw
             if np.all(np.abs(np.log(ratios)) < 0.5) and k:
                 return
 

@@ -2,24 +2,34 @@
 
 Where the catalogue's effects leave something, or explain it less well than a few free terms would, the answer
 must say so (`unexplained`).  A term is a force at an axis, or a change of a command, in proportion to a plain
-function of speed, place, command or time along the fitted trajectory.  Terms are chosen one by one in the
-linearised, whitened problem (forward selection by BIC, with the price of choosing among many).
+function of speed, place, command or time along the fitted trajectory.  Terms are chosen in the linearised,
+whitened problem (sets grown side by side, by BIC with the price of choosing among many).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from reconcile import evidence
 from reconcile.fit.solve import Fitted
+from reconcile.fit.windows import Window
 from reconcile.study import Study
 
 MOST = 4  # terms
+BEAM = 12  # sets of one size that are grown
 BIN_S = 0.1  # a term's force is constant over so long
 
 Shape = Callable[[np.ndarray], np.ndarray]
+
+
+def _wave(halves: int, q: np.ndarray) -> np.ndarray:
+    """Cosine of so many half waves over the way from -1 to 1."""
+    return np.cos(0.5 * np.pi * halves * (q + 1.0))
+
+
 OF_SPEED: dict[str, Shape] = {
     "sgn v": lambda v: np.tanh(v / 0.02),
     "v": lambda v: v,
@@ -34,6 +44,7 @@ OF_PLACE: dict[str, Shape] = {
     "q³": lambda q: q**3,
     "q⁴": lambda q: q**4,
 }
+WAVES = {f"cos {n}q": partial(_wave, n) for n in range(2, 7)}  # along the way, in half waves
 OF_COMMAND: dict[str, Shape] = {
     "u": lambda u: u,
     "|u|": np.abs,
@@ -65,23 +76,44 @@ def examine(study: Study, fitted: Fitted) -> FreeForm:
     labels, errors, columns = _problem(study, fitted)
     count = evidence.count_of(fitted)
     price = np.log(count) + 2.0 * np.log(max(len(labels), 1))
-    chosen: list[int] = []
-    left, gained = errors, 0.0
-    basis = np.zeros((len(errors), 0))
-    for _ in range(min(MOST, len(labels))):
-        free = columns - basis @ (basis.T @ columns)
-        size = np.sum(free**2, axis=0)
-        seen = size > 1e-6 * np.maximum(np.sum(columns**2, axis=0), 1e-300)
-        gains = np.where(seen, (free.T @ left) ** 2 / np.where(seen, size, 1.0), 0.0)
-        best = int(np.argmax(gains))
-        if gains[best] < price:
-            break
-        unit = free[:, best] / np.sqrt(size[best])
-        basis, left = np.column_stack([basis, unit]), left - unit * (unit @ left)
-        chosen.append(best)
-        gained += float(gains[best])
+    gained, chosen = _best(columns.T @ columns, columns.T @ errors, price)
     above = max(float(errors @ errors) - count, gained, 1e-9)
-    return FreeForm(tuple(labels[i] for i in chosen), gained, gained - price * len(chosen), gained / above)
+    terms = tuple(labels[i] for i in chosen)
+    return FreeForm(terms, gained, gained - price * len(chosen), gained / above)
+
+
+def _best(gram: np.ndarray, pull: np.ndarray, price: float) -> tuple[float, tuple[int, ...]]:
+    """What the best set of columns takes off the squared error, less its price, and the set.
+
+    `gram` [M, M]: of the columns; `pull` [M]: their products with the errors.
+    """
+    best: tuple[float, tuple[int, ...]] = (0.0, ())
+    beam = [best]
+    for _ in range(min(MOST, len(pull))):
+        grown = {tuple(sorted((*s, j))): g for _, s in beam for j, g in _grown(gram, pull, s)}
+        beam = sorted(((g, s) for s, g in grown.items()), reverse=True)[:BEAM]
+        best = max([best, *beam[:1]], key=lambda x: x[0] - price * len(x[1]))
+    return best
+
+
+def _grown(gram: np.ndarray, pull: np.ndarray, chosen: tuple[int, ...]) -> list[tuple[int, float]]:
+    """The best further columns, with what the set then takes off."""
+    inside = np.linalg.solve(
+        gram[np.ix_(chosen, chosen)], np.column_stack([gram[chosen, :], pull[list(chosen)]])
+    )
+    own = np.diag(gram) - np.sum(gram[:, chosen].T * inside[:, :-1], axis=0)
+    rest = pull - gram[:, chosen] @ inside[:, -1]
+    seen = own > 1e-6 * np.maximum(np.diag(gram), 1e-300)
+    gains = np.where(seen, rest**2 / np.where(seen, own, 1.0), 0.0)
+    taken = float(pull[list(chosen)] @ inside[:, -1])
+    return [(int(j), taken + float(gains[j])) for j in np.argsort(-gains)[:BEAM] if gains[j] > 0.0]
+
+
+def slopes(study: Study, fitted: Fitted) -> np.ndarray:
+    """Slopes [N, terms] by all terms at a fit, not whitened: what might be missing, and is no noise."""
+    problem, columns = study.fit_problem, [study.extended.index[f.name] for f in fitted.free]
+    known = 1 + len(problem.active_states(fitted.point.present)) + len(columns)
+    return np.vstack([_window(study, fitted, k, columns)[1][:, known:] for k in range(len(problem.windows))])
 
 
 def _problem(study: Study, fitted: Fitted) -> tuple[list[str], np.ndarray, np.ndarray]:
@@ -118,20 +150,19 @@ def _window(study: Study, fitted: Fitted, k: int, columns: Sequence[int]) -> tup
     if run is None or found is None:
         raise ArithmeticError("a fit that cannot be simulated")
     errors, free, pushed = found
-    middle = (edges[:-1] + edges[1:]) // 2
-    seconds = (window.start_s - window.run.start_s + window.step_s * middle) / max(
-        window.run.end_s - window.run.start_s, 1e-9
-    )
+    lasts = max(window.run.end_s - window.run.start_s, 1e-9)
+    seconds = (window.start_s - window.run.start_s + window.step_s * np.arange(window.steps)) / lasts
     labels, slopes = [], []
-    for i, (port, shapes) in enumerate(_terms(study, run[0][middle], window, middle, seconds)):
+    for i, (port, shapes) in enumerate(_terms(study, run[0][: window.steps], window, seconds)):
         for label, values in shapes.items():
             labels.append(f"{port}: {label}")
-            slopes.append(pushed[:, i * bins : (i + 1) * bins] @ values)
+            mean = np.add.reduceat(values, edges[:-1]) / np.diff(edges)
+            slopes.append(pushed[:, i * bins : (i + 1) * bins] @ mean)
     return labels, np.column_stack([errors, free, *slopes])
 
 
-def _terms(study: Study, states, window, middle, seconds):
-    """(port, {label: values per bin}) for every axis, then every control."""
+def _terms(study: Study, states: np.ndarray, window: Window, seconds: np.ndarray):
+    """(port, {label: values at each step}) for every axis, then every control."""
     for axis in study.folder.ports.axes:
         s = study.scales[axis.name]
         v = states[:, study.model.index("states", axis.velocity)] / s.v
@@ -143,10 +174,12 @@ def _terms(study: Study, states, window, middle, seconds):
             sign = OF_SPEED["sgn v"](v)
             shapes |= {f"{n} sgn v": f(q) * sign for n, f in OF_PLACE.items() if n != "1"}
             shapes |= {f"{n} v": f(q) * v for n, f in OF_PLACE.items() if n != "1"}
+            shapes |= {n: f(q) for n, f in WAVES.items()}
+            shapes |= {f"{n} sgn v": f(q) * sign for n, f in WAVES.items()}
         yield axis.name, shapes
     inputs = [v.name for v in study.model.inputs]
     for name in study.folder.ports.controls:
         table = study.fit_problem.tables[id(window.run)]
-        u = table.rows(window, {})[0][middle, inputs.index(name)] / study.scales[name].u
+        u = table.rows(window, {})[0][: window.steps, inputs.index(name)] / study.scales[name].u
         shapes = {n: f(u) for n, f in OF_COMMAND.items()} | {"u t": u * seconds, "1": np.ones_like(u)}
         yield name, shapes

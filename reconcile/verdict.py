@@ -72,16 +72,35 @@ def unseen(study: Study, fitted: Fitted) -> list[str]:
 
 @dataclass(frozen=True)
 class Free:
-    """Free-form terms beside the answer, and in place of it."""
+    """Free-form terms beside the answer and in place of it, and what its effects earn by the same noise."""
 
     beside: FreeForm
     instead: FreeForm
+    earned: float
 
 
 def free_form(study: Study, answer: Answer) -> Free:
-    """What terms of no particular form would explain."""
-    beside = freeform.examine(study, answer.fitted)
-    return Free(beside, freeform.examine(study, answer.base) if answer.present else beside)
+    """What terms of no particular form would explain.
+
+    The search takes for noise what no effect of the catalogue explains.  Here the noise is what such terms
+    do not explain either: what repeats itself with speed, place or command is none.
+    """
+    problem, noise = study.fit_problem, study.noise
+    whiteners, base, fitted = problem.whiteners, answer.base, answer.fitted
+    try:
+        if not study.lost:
+            study.estimate_noise(fitted, freeform.slopes(study, fitted))
+            base, fitted = (_again(study, f) for f in (base, fitted))
+        beside = freeform.examine(study, fitted)
+        instead = freeform.examine(study, base) if answer.present else beside
+        return Free(beside, instead, _earned(base, fitted))
+    finally:
+        study.noise, problem.whiteners = noise, whiteners
+
+
+def _again(study: Study, fitted: Fitted) -> Fitted:
+    """A fit by the noise in use."""
+    return study.fit_set(fitted.point, fitted.point.present, {}, near=True) or fitted
 
 
 def _said(present: Iterable[Attached]) -> str:
@@ -98,7 +117,7 @@ def judge(
     free = free or free_form(study, answer)
     shaped = free.beside.bic_gain > FREE_GAIN
     left = "unexplained" if shaped or rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
-    if answer.present and free.instead.bic_gain > _earned(answer, s) + FREE_GAIN:
+    if answer.present and free.instead.bic_gain > free.earned + (0.0 if shaped else FREE_GAIN):
         what = ", ".join(free.instead.terms)
         near = _said(answer.present)
         text = f"Free terms explain it better ({what}) than any effect of the catalogue; nearest is {near}."
@@ -119,10 +138,10 @@ def judge(
     return _without_effects(study, answer, before, s, left)
 
 
-def _earned(answer: Answer, s: evidence.Sample) -> float:
-    """What the named effects gain over the model without them, less their price."""
-    price = (len(answer.fitted.free) - len(answer.base.free)) * np.log(s.count)
-    return answer.base.cost - answer.fitted.cost - price
+def _earned(base: Fitted, fitted: Fitted) -> float:
+    """What named effects gain over the model without them, less their price."""
+    price = (len(fitted.free) - len(base.free)) * np.log(evidence.count_of(fitted))
+    return base.cost - fitted.cost - price
 
 
 def _without_effects(

@@ -10,6 +10,7 @@ import pytest
 
 from blindtest import case, folder
 from blindtest.case import INVISIBLE, VISIBLE
+from blindtest.effects.effect import combine
 from blindtest.score import read_truth, score
 from blindtest.systems.kit import KITS
 from blindtest.systems.servo import Servo
@@ -113,6 +114,20 @@ def test_what_an_effect_of_the_catalogue_explains_as_well_is_not_outside_of_it(m
     monkeypatch.setattr(case, "ATTEMPTS", 2)
     with pytest.raises(RunError, match="no clear case"):
         case.draw(1, "low", visible=1, outside=True, kit=twin)
+
+
+def test_what_two_of_the_catalogue_explain_together_is_not_outside_of_it_either(monkeypatch):
+    kit = KITS["servo"]
+    known = {e.name: e for e in kit.effects(None)}
+    friction, load = known["coulomb_friction"], known["constant_load"]
+
+    def enter(v, scale):
+        return combine([friction.enter(v, scale), load.enter({"F0": 0.7 * v["Fc"]}, scale)], {})
+
+    both = replace(friction, name="both", enter=enter, catalogue=False)
+    monkeypatch.setattr(case, "ATTEMPTS", 2)
+    with pytest.raises(RunError, match="no clear case"):
+        case.draw(1, "low", visible=1, outside=True, kit=replace(kit, outside=lambda _: (both,)))
 
 
 def test_an_effect_outside_the_catalogue_is_sealed_as_such():
