@@ -1,5 +1,6 @@
 """What is put into the rig is named with its parameters; nothing is named where nothing is missing."""
 
+import numpy as np
 import pytest
 
 from tests.reconcile.effects import SINGLE, dead_zone, delay
@@ -47,6 +48,15 @@ def test_nothing_is_named_when_nothing_is_missing(examined, seed):
     assert figures["verdict"] == "agrees"
     assert figures["effects"] == []
     assert figures["reestimated"] == {}
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+def test_what_no_effect_is_like_is_not_named(examined):
+    waves = Truth(force=lambda x, v, t: -0.05 * np.cos(6.0 * x) * np.sign(v))  # friction by place
+    figures = examined(waves, seconds=25.0, seed=6)
+    assert figures["verdict"] == "unexplained"
+    assert figures["effects"] == []
 
 
 def test_a_wrong_parameter_is_reestimated_and_no_effect(examined):
