@@ -44,7 +44,7 @@ OF_PLACE: dict[str, Shape] = {
     "q³": lambda q: q**3,
     "q⁴": lambda q: q**4,
 }
-WAVES = {f"cos {n}q": partial(_wave, n) for n in range(2, 7)}  # along the way, in half waves
+WAVES = {f"wave{n}(q)": partial(_wave, n) for n in range(2, 7)}
 OF_COMMAND: dict[str, Shape] = {
     "u": lambda u: u,
     "|u|": np.abs,
