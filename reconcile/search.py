@@ -69,7 +69,7 @@ class Search:
         self._with_confirm(present)
         present, alternatives = self._settled(acceptance, present)
         self.study.patience = 1.0
-        self.tried.fits[Key(present)] = self._refitted(self.tried.fits[Key(present)])
+        self.tried.fits[Key(present)] = self.study.refitted(self.tried.fits[Key(present)])
         gains = {a.key: acceptance.gains(present, a) for a in present}
         base = self.tried.fits[Key()]
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
@@ -150,11 +150,8 @@ class Search:
     def _again(self, keys: Sequence[Key]) -> None:
         """Fit some sets again, and forget the others: the noise, or the data, are others now."""
         before = self.tried.fits
-        fits = {k: self._refitted(before[k]) for k in keys}
+        fits = {k: self.study.refitted(before[k]) for k in keys}
         self.tried = Tried(fits, dict(fits), self.tried.refused)
-
-    def _refitted(self, fitted: Fitted) -> Fitted:
-        return self.study.fit_set(fitted.point, fitted.point.present, {}, near=True) or fitted
 
     def _present(self, key: Key) -> tuple[Attached, ...]:
         return tuple(self.tried.fits[key].point.present)
@@ -164,7 +161,7 @@ class Search:
         fits, study = self.tried.fits, self.study
         kept = {k: fits[k] for k in (Key(), Key(present))}
         study.use_all(fits[Key(present)])
-        moved = {k: self._refitted(study.carried(f) or f) for k, f in kept.items()}
+        moved = {k: self.study.refitted(study.carried(f) or f) for k, f in kept.items()}
         self.tried = Tried(moved, {}, self.tried.refused)
 
     # ---------------------------------------------------------------- growing

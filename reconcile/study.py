@@ -124,6 +124,10 @@ class Study:
             point = found.point
         return found
 
+    def refitted(self, fitted: Fitted) -> Fitted:
+        """A fit again, from where it ended: the noise, or the data, are others now."""
+        return self.fit_set(fitted.point, fitted.point.present, {}, near=True) or fitted
+
     def elsewhere(self, fitted: Fitted, which: str) -> Fitted | None:
         """The same parameters on another part, with initial states of their own."""
         return self._carried(self.problems[which], replace(fitted, free=()))

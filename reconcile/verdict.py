@@ -90,17 +90,12 @@ def free_form(study: Study, answer: Answer) -> Free:
     try:
         if not study.lost:
             study.estimate_noise(fitted, freeform.slopes(study, fitted))
-            base, fitted = (_again(study, f) for f in (base, fitted))
+            base, fitted = map(study.refitted, (base, fitted))
         beside = freeform.examine(study, fitted)
         instead = freeform.examine(study, base) if answer.present else beside
         return Free(beside, instead, _earned(base, fitted))
     finally:
         study.noise, problem.whiteners = noise, whiteners
-
-
-def _again(study: Study, fitted: Fitted) -> Fitted:
-    """A fit by the noise in use."""
-    return study.fit_set(fitted.point, fitted.point.present, {}, near=True) or fitted
 
 
 def _said(present: Iterable[Attached]) -> str:
