@@ -31,6 +31,7 @@ DISTRACTING = (0.05, 1.0)
 ATTEMPTS = 60
 TOO_SHORT_S = 1e-4  # of lags, of distractors too: steps of runs get as short, and draws as slow
 ROUNDS_BEYOND = 3  # of the size of an effect outside the catalogue
+LOST = 1e6  # lambda beyond which fits without an effect come to nothing that could be relied on
 INPUT_DRAWS = 24  # of the noise on recorded inputs, for its covariance
 
 
@@ -140,7 +141,7 @@ class _Draft:
         problem, runs = self._problem()
         seen = tuple(self._lambda(problem, i).value for i in range(len(self.placed)))
         for placed, value in zip(self.placed, seen, strict=True):
-            wanted = value >= VISIBLE if placed.target >= VISIBLE else value <= INVISIBLE
+            wanted = VISIBLE <= value < LOST if placed.target >= VISIBLE else value <= INVISIBLE
             if not wanted:
                 raise _Redraw
         truth = problem.fit([p.effect for p in kept], self._start(problem, kept))

@@ -24,6 +24,14 @@ ABSURD = 1e9  # deviations: a trial step that leads there is too long
 ENOUGH = 1.5  # a fit below this needs no further step: every threshold is above it
 FAR, CRAWL = 20.0, 0.1  # times what is wanted, and gained by a step (share): no number of steps leads there
 NEARER = 200.0  # times what is wanted: from below that one such step may be followed by better ones
+STARTS, BETTER = (
+    3,
+    0.5,
+)  # of an effect, fitted where they promise less than this share of what the last came to
+TRIALS, INSIDE = (
+    9,
+    0.9,
+)  # of a step; share of the way to a bound that it may go where the run does not stay finite
 
 
 @dataclass(frozen=True)
@@ -97,11 +105,16 @@ class Problem:
 
     def best(self, kept: Sequence[Effect], at: Fit, added: Effect, wanted: float = 0.0) -> Fit:
         """Fit of `kept` and one more effect, starting at the fit `at` of `kept` alone."""
-        ranked = sorted(self.screen(kept, at, added), key=lambda found: found[0])
-        if not ranked:
-            return Fit(np.inf, at.base, (), at.starts)
-        start = Fit(np.inf, at.base, (*at.effects, ranked[0][1]), at.starts)
-        return self.fit((*kept, added), start, wanted)
+        found = Fit(np.inf, at.base, (), at.starts)
+        ranked = sorted(self.screen(kept, at, added), key=lambda start: start[0])
+        for promised, values in ranked[:STARTS]:
+            if found.effects and (found.value < wanted or promised > BETTER * found.value):
+                break
+            start = Fit(np.inf, at.base, (*at.effects, values), at.starts)
+            found = min(
+                found, self.fit((*kept, added), start, wanted), key=lambda f: (not f.effects, f.value)
+            )
+        return found
 
     def screen(
         self, kept: Sequence[Effect], at: Fit, added: Effect, magnitudes: Sequence[float] = MAGNITUDES
@@ -238,15 +251,17 @@ class _Search:
         held = ((x <= self.low) & (gradient > 0)) | ((x >= self.high) & (gradient < 0))
         free = ~held
         diagonal = np.maximum(np.diag(matrix), 1e-12)
-        for _ in range(6):
+        low, high = self.low, self.high
+        for _ in range(TRIALS):
             step = np.zeros_like(x)
             inner = matrix[np.ix_(free, free)] + damping * np.diag(diagonal[free])
             step[free] = -np.linalg.lstsq(inner, gradient[free], rcond=1e-13)[0]
-            trial = np.clip(x + step, self.low, self.high)
+            trial = np.clip(x + step, low, high)
             try:
                 new = self.residual(trial)
-            except RunError:
+            except RunError:  # a friction of no stiffness, say, is none: towards a bound, but not onto it
                 damping *= 10.0
+                low, high = x + INSIDE * (self.low - x), x + INSIDE * (self.high - x)
                 continue
             if np.abs(new).max() > ABSURD:
                 damping *= 10.0

@@ -11,6 +11,8 @@ import pytest
 from blindtest import case, folder
 from blindtest.case import INVISIBLE, VISIBLE
 from blindtest.effects.effect import combine
+from blindtest.equivalents import EQUIVALENT
+from blindtest.membership import least
 from blindtest.score import read_truth, score
 from blindtest.systems.kit import KITS
 from blindtest.systems.servo import Servo
@@ -128,6 +130,14 @@ def test_what_two_of_the_catalogue_explain_together_is_not_outside_of_it_either(
     monkeypatch.setattr(case, "ATTEMPTS", 2)
     with pytest.raises(RunError, match="no clear case"):
         case.draw(1, "low", visible=1, outside=True, kit=replace(kit, outside=lambda _: (both,)))
+
+
+def test_a_delay_of_all_sensors_is_found_to_stand_for_one_of_the_input_beside_a_friction_that_hardly_shows():
+    # a step of the fit leads to a friction of no stiffness, of which the run does not stay finite
+    late = case.draw(731887899709031873, "low", "servo")
+    names = {e.name for e in late.visible}
+    assert names == {"input_delay", "presliding_hysteresis", "quadratic_drag"}
+    assert least(late, names - {"input_delay"} | {"sensor_delay"}) < EQUIVALENT
 
 
 def test_an_effect_outside_the_catalogue_is_sealed_as_such():
