@@ -147,23 +147,47 @@ class Rivals:
         return gained - WIDER - 2.0 * (len(fits[wide].free) - len(fits[simple].free))
 
     def _near(self, best: Key, pool: Sequence[Key]) -> tuple[tuple[Attached, ...], ...]:
+        """Sets of other names that cannot be told from the best, the likeliest first."""
+        near = self._as_good(best, pool)
+        near = self._as_good(best, [*pool, *self._crossed(best, near[: MOST_RIVALS - 1])])
+        return tuple(tuple(self.search.tried.fits[k].point.present) for k in near[: MOST_RIVALS - 1])
+
+    def _as_good(self, best: Key, pool: Sequence[Key]) -> list[Key]:
+        """Those of some sets that explain about as much by no more parameters, one of each names."""
         fits = self.search.tried.fits
         s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
-        near = [
-            k
-            for k in pool
-            if k != best
+        near = {
+            _names(k): k
+            for k in sorted(pool, key=lambda k: -fits[k].cost)
+            if _names(k) != _names(best)
             and evidence.likelihood_gain(fits[k].cost, fits[best].cost, s) < CLOSE
             and len(fits[k].free) <= len(fits[best].free)
             and (len(set(_names(k))) == len(k) or len(set(_names(best))) < len(best))
             and not set(_names(best)) < set(_names(k))
-        ]
-        named, alternatives = {_names(best)}, []
-        for k in sorted(near, key=lambda k: fits[k].cost):
-            if _names(k) not in named and len(alternatives) < MOST_RIVALS - 1:
-                named.add(_names(k))
-                alternatives.append(tuple(fits[k].point.present))
-        return tuple(alternatives)
+        }
+        return sorted(near.values(), key=lambda k: fits[k].cost)
+
+    def _crossed(self, best: Key, near: Sequence[Key]) -> list[Key]:
+        """Exchanges of different effects of the best set that each explain as much, made together."""
+        found = (
+            self._together((best & one & other) | (one - best) | (other - best), one, other)
+            for one, other in combinations(near, 2)
+            if not (best - one) & (best - other)
+        )
+        return [k for k in found if k is not None]
+
+    def _together(self, key: Key, one: Key, other: Key) -> Key | None:
+        """The fit of a set, from that of `one` and from what the rest of it came to in `other`."""
+        study, fits = self.search.study, self.search.tried.fits
+        if key not in fits:
+            values = study.named(fits[other].point.p)
+            own = {n: values[n] for a in key - one for n in a.free}
+            present = tuple(a for k in (one, other) for a in fits[k].point.present if a in key)
+            fit = study.fit_set(fits[one].point, tuple(dict.fromkeys(present)), own, near=True)
+            if fit is None:
+                return None
+            fits[key] = fit
+        return key
 
 
 def includes(general: Attached, simple: Attached) -> bool:

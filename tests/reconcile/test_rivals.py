@@ -80,8 +80,8 @@ class Present:
         return {"coulomb": "Fs = Fc"} if self.name == "stribeck" else {}
 
 
-def settled(*sets: tuple[str, int, float]) -> tuple[str, list[str]]:
-    """Best and near of sets: names, parameters, twice the log-likelihood below the present first."""
+def settled(*sets: tuple[str, int, float], tried: int | None = None) -> tuple[str, list[str]]:
+    """Best and near of the first `tried` sets: names, parameters, twice the log-likelihood lost."""
     fits, count = {}, 1000
     for names, parameters, lost in sets:
         key = Key(Present(*n.split("@")) for n in names.split())
@@ -90,9 +90,9 @@ def settled(*sets: tuple[str, int, float]) -> tuple[str, list[str]]:
         point = SimpleNamespace(present=tuple(key))
         cost = float(errors @ errors)
         fits[key] = SimpleNamespace(cost=cost, free=range(parameters), linear=linear, point=point)
-    rivals = Rivals(cast(Any, SimpleNamespace(tried=SimpleNamespace(fits=fits))))
-    best = rivals._simplest(list(fits))
-    return said(best), [said(k) for k in rivals._near(best, list(fits))]
+    rivals = Rivals(cast(Any, SimpleNamespace(study=None, tried=SimpleNamespace(fits=fits))))
+    best = rivals._simplest(pool := list(fits)[:tried])
+    return said(best), [" ".join(sorted(a.name for a in k)) for k in rivals._near(best, pool)]
 
 
 def said(key: Any) -> str:
@@ -121,6 +121,21 @@ def test_a_form_is_told_from_its_own_limit_by_less_than_from_another_effect():
 def test_sets_at_odds_of_less_than_ten_are_named_too():
     assert settled(("lag", 1, 0.0), ("delay", 1, 0.9 * CLOSE)) == ("lag", ["delay"])
     assert settled(("lag", 1, 0.0), ("delay", 1, 1.1 * CLOSE)) == ("lag", [])
+
+
+def test_two_exchanges_that_each_leave_as_little_are_tried_together():
+    singly = ("load lag", 2, 0.0), ("offset lag", 2, 0.5), ("load delay", 2, 1.0)
+    assert settled(*singly, ("offset delay", 2, 1.5), tried=3)[1] == [
+        "lag offset",
+        "delay load",
+        "delay offset",
+    ]
+    assert settled(*singly, ("offset delay", 2, 1.1 * CLOSE), tried=3)[1] == ["lag offset", "delay load"]
+
+
+def test_exchanges_of_the_same_effect_are_not_tried_together():
+    singly = ("load lag", 2, 0.0), ("load delay", 2, 0.5), ("load wait", 2, 1.0)
+    assert settled(*singly, ("delay wait", 2, 0.1), tried=3)[1] == ["delay load", "load wait"]
 
 
 def test_two_lags_are_no_alternative_to_a_lag_and_a_delay():
