@@ -173,7 +173,7 @@ class _Draft:
         """Lambda that is left where effects of the catalogue stand for one outside."""
         rest = [p for p in self.placed if p is not stranger and p.target >= VISIBLE]
         at = problem.fit([p.effect for p in rest], self._start(problem, rest))
-        return least(problem, [p.effect for p in rest], at, self.kit.effects(self.system), VISIBLE)
+        return least(problem, [p.effect for p in rest], at, self.kit.declared(self.system), VISIBLE)
 
     def _choose(self, visible: int | None, outside: bool) -> list[Placed]:
         """Visible effects and distractors, no name twice."""

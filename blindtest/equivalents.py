@@ -59,7 +59,9 @@ class Equivalents:
         self.problem: Problem = case.problem
         self.visible = case.visible
         self.truth = case.truth_fit
-        self.pool = [e for e in case.kit.effects(case.system) if e.name not in {v.name for v in self.visible}]
+        self.pool = [
+            e for e in case.kit.declared(case.system) if e.name not in {v.name for v in self.visible}
+        ]
         self.members: dict[frozenset[str], float] = {self._names(self.visible): self.truth.value}
         self.swaps: list[tuple[int, Effect, Values]] = []
 

@@ -35,7 +35,7 @@ def least(case: Case, names: Iterable[str]) -> float:
 def _places(case: Case, name: str) -> list[Effect]:
     """Effects of a name, those of T first, then those on T's axes."""
     own, axes = {e.key for e in case.visible}, {e.subsystem for e in case.visible}
-    found = [e for e in case.kit.effects(case.system) if e.name == name]
+    found = [e for e in case.kit.declared(case.system) if e.name == name]
     return sorted(found, key=lambda e: (e.key not in own, e.subsystem not in axes))
 
 

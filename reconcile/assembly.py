@@ -1,5 +1,6 @@
 """The equations of a model with effects, put together place by place: inputs, forces, inertias, outputs."""
 
+import math
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 # from the command to the drive: what wires do, the linkage, the valve, its travel, its motion; then the rest
 ORDER = ("input_crosstalk", "input_offset", "asymmetric_gain", "input_backlash", "input_hysteresis")
+HANGING = (
+    0.5 * math.pi
+)  # rad, from the horizontal to where weight has no moment: gravity's q counts from there
 LAST = ("input_dead_zone", "valve_flow_curve", "input_saturation", "input_rate_limit", "input_lag")
 
 
@@ -250,7 +254,7 @@ class Assembly:
         if a.key not in self.built:
             found = self._motion(axis, inputs)
             if a.effect.name == "gravity_load" and "elevation" in found:
-                found["q"] = found["elevation"]
+                found["q"] = found["elevation"] + HANGING
             self.built[a.key] = self._built(a, **found)
         return self.built[a.key]
 

@@ -15,7 +15,7 @@ it is not given.
 
 axis        what a force in `unit` accelerates: `inertia` (a number or parameter) or `input` (the model's
             input that takes the force).  `drive`: what moves it, an input;
-            `elevation`: its angle above the horizontal, where that is not its position; `upright`: it turns
+            `elevation`: its angle above the horizontal, of which its weight is; `upright`: it turns
             about the vertical, all around: a slope loads it, no weight, spring or stop; `reach2`,
             `reach2_rate`: squared distance (m2) of a payload from it, and its rate.
 hydraulic   two chambers and their supply; the roles are in reconcile/catalogue/hydraulics.py.

@@ -287,4 +287,9 @@ OUTSIDE = (
     one("gain_drift", "input", "u", P("drift", "1"), "x_gain_drift", number(0.5), catalogue=False),
     one("half_wave", "input", "u", P("share", "1"), "x_half_wave", number(0.6), catalogue=False),
 )
+# In no case, but whoever answers may declare them: what E(T) is searched in.
+BESIDES = (
+    one("sensor_bias", "output", "q", P("bias", "rad"), "out_bias_q", travel(0.3), either_sign=True),
+    one("sensor_scale", "output", "qd", P("scale", "1", -0.5, 0.5), "out_scale_v", number(0.3)),
+)
 EFFECTS = (*INPUT, *FRICTION, *FORCE, *INERTIA, *COUPLING, *OUTPUT)

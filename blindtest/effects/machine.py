@@ -47,6 +47,11 @@ def arm(joint: str) -> tuple[Effect, ...]:
     return (*_picked(_ARM, joint), *(on(e, joint) for e in (_CROSSTALK, _LINK, _CLOCK)))
 
 
+def arm_besides(joint: str) -> tuple[Effect, ...]:
+    """Effects that E(T) may have and no case has."""
+    return tuple(on(e, joint) for e in axis.BESIDES)
+
+
 def arm_outside(joint: str) -> tuple[Effect, ...]:
     """Effects that are not in the catalogue."""
     return _picked([e.name for e in axis.OUTSIDE], joint)
@@ -153,6 +158,11 @@ def tool() -> tuple[Effect, ...]:
     return (*both, *(replace(e, subsystem="tool") for e in _TOOL_OWN))
 
 
+def tool_besides() -> tuple[Effect, ...]:
+    """Effects that E(T) may have and no case has."""
+    return tuple(on(e, a) for a in ("roll", "pitch") for e in axis.BESIDES if e.name != "sensor_bias")
+
+
 def tool_outside() -> tuple[Effect, ...]:
     """Effects that are not in the catalogue."""
     return _picked(["place_friction"], "pitch") + _picked(["place_friction"], "roll")
@@ -243,6 +253,12 @@ def whole() -> tuple[Effect, ...]:
     tools = [e for e in tool() if e.place != "input"]
     joints = (*arm("boom"), *arm("stick"))
     return (*_within(slew(), "slew"), *_within(joints, "arm"), *_within(tools, "tool"))
+
+
+def whole_besides() -> tuple[Effect, ...]:
+    """Effects that E(T) may have and no case has."""
+    joints = (*arm_besides("boom"), *arm_besides("stick"))
+    return (*_within(axis.BESIDES, "slew"), *_within(joints, "arm"), *_within(tool_besides(), "tool"))
 
 
 def whole_outside() -> tuple[Effect, ...]:

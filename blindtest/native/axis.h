@@ -50,6 +50,7 @@
   X(shaft_share, 0.3)     /* of the inertia that the drive's mass has */                                \
   X(shaft_gap, 0)         /* full gap */                                                                \
   X(out_scale, 0)         /* of q */                                                                    \
+  X(out_scale_v, 0)                                                                                     \
   X(out_bias_q, 0)                                                                                      \
   X(out_bias_v, 0)                                                                                      \
   X(out_drift, 0)         /* of q, a second */                                                          \

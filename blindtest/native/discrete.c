@@ -48,5 +48,5 @@ void bt_sensors(const Axis *a, AxisMemory *m, int k, double q, double v, double 
   const double start_q = k < BT_LINE ? m->seen_q[0] : 0.0, start_v = k < BT_LINE ? m->seen_v[0] : 0.0;
   *seen_q = bt_back(m->seen_q, k, a->out_delay_q + behind, dt, start_q) * (1.0 + a->out_scale) + a->out_bias_q +
             a->out_drift * k * dt;
-  *seen_v = bt_back(m->seen_v, k, a->out_delay_v + behind, dt, start_v) + a->out_bias_v;
+  *seen_v = bt_back(m->seen_v, k, a->out_delay_v + behind, dt, start_v) * (1.0 + a->out_scale_v) + a->out_bias_v;
 }

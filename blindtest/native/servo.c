@@ -158,7 +158,7 @@ static double reading(const Servo *s, const double *x, int channel) {
 }
 
 static double recorded(const Servo *s, double value, double t, int channel) {
-  if (channel == 1) return value + s->a.out_bias_v;
+  if (channel == 1) return value * (1.0 + s->a.out_scale_v) + s->a.out_bias_v;
   return value * (1.0 + s->a.out_scale) + s->a.out_bias_q + s->a.out_drift * t;
 }
 

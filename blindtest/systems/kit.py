@@ -25,7 +25,12 @@ class Kit:
     drives: Callable[[Any, np.random.Generator], list[Driven]]
     scale: Callable[[Any, list[Driven]], Scale]
     effects: Callable[[Any], tuple[Effect, ...]]
+    besides: Callable[[Any], tuple[Effect, ...]]
     outside: Callable[[Any], tuple[Effect, ...]]
+
+    def declared(self, system: Any) -> tuple[Effect, ...]:
+        """All effects of the catalogue that an answer may hold: those that cases have and those besides."""
+        return (*self.effects(system), *self.besides(system))
 
 
 KITS = {
@@ -37,6 +42,7 @@ KITS = {
             drives.servo,
             drives.servo_scale,
             lambda _: SERVO,
+            lambda _: axis_effects.BESIDES,
             lambda _: axis_effects.OUTSIDE,
         ),
         Kit(
@@ -45,6 +51,7 @@ KITS = {
             drives.arm,
             drives.arm_scale,
             lambda system: machine.arm(JOINTS[system.active]),
+            lambda system: machine.arm_besides(JOINTS[system.active]),
             lambda system: machine.arm_outside(JOINTS[system.active]),
         ),
         Kit(
@@ -53,6 +60,7 @@ KITS = {
             drives.tool,
             drives.tool_scale,
             lambda _: machine.tool(),
+            lambda _: machine.tool_besides(),
             lambda _: machine.tool_outside(),
         ),
         Kit(
@@ -61,6 +69,7 @@ KITS = {
             drives.slew,
             drives.slew_scale,
             lambda _: machine.slew(),
+            lambda _: axis_effects.BESIDES,
             lambda _: machine.slew_outside(),
         ),
         Kit(
@@ -69,6 +78,7 @@ KITS = {
             drives.machine,
             drives.machine_scale,
             lambda _: machine.whole(),
+            lambda _: machine.whole_besides(),
             lambda _: machine.whole_outside(),
         ),
     )

@@ -80,6 +80,7 @@ PORTS = {
         "unit": "N.m",
         "input": "disturbance_torque_boom",
         "drive": "qd_boom_ref",
+        "elevation": lambda x, u, m, p: x.boom,
     },
     "stick": {
         "velocity": "stick_rate",

@@ -45,11 +45,6 @@ def _side(v: Given, s: Setting) -> float:
     return v["position"] if reported >= 0.0 else -v["position"]
 
 
-def _elevated(s: Setting) -> bool:
-    """Whether gravity acts by the cosine of the angle: links of the arm, measured from the horizontal."""
-    return s.subsystem in ("boom", "stick")
-
-
 SHAFT_SHARE = 0.3  # of the inertia that the generator puts before a shaft or gap
 STOP_DAMPING = 0.3  # of the generator's stops, by the root of stiffness times inertia
 FULL_DEMAND = 30e3  # kg.m2/s: what the arm takes at this rate of the inertia is the whole share
@@ -77,11 +72,7 @@ TABLE: dict[str, Row] = {
     "quadratic_drag": _as(k="c"),
     "presliding_hysteresis": _same("Fc") | {"distance": lambda v, s: v["Fc"] / v["sigma"]},
     "constant_load": _as(load="F0"),
-    "gravity_load": _as(torque="G")
-    | {
-        "torque_sin": lambda v, s: 0.0 if _elevated(s) else v["G"],
-        "torque_cos": lambda v, s: v["G"] if _elevated(s) else 0.0,
-    },
+    "gravity_load": _as(torque="G", torque_sin="G") | {"torque_cos": lambda v, s: 0.0},
     "stiffness": _same("k"),
     "cubic_stiffness": _same("k3"),
     "torque_ripple": _same("sine", "cosine") | _as(waves="order"),

@@ -11,7 +11,7 @@ import pytest
 from blindtest import case, folder
 from blindtest.case import INVISIBLE, VISIBLE
 from blindtest.effects.effect import combine
-from blindtest.equivalents import EQUIVALENT
+from blindtest.equivalents import EQUIVALENT, equivalents
 from blindtest.membership import least
 from blindtest.score import read_truth, score
 from blindtest.systems.kit import KITS
@@ -21,6 +21,8 @@ from records.record import read
 from specs.errors import InputError, RunError
 
 SEED = 7
+LATE_WITH_FRICTION = 731887899709031873  # input_delay, presliding_hysteresis, quadratic_drag
+OFFSET_ON_A_SPRING = 4285276021684917069
 
 
 @pytest.fixture(scope="module")
@@ -134,10 +136,16 @@ def test_what_two_of_the_catalogue_explain_together_is_not_outside_of_it_either(
 
 def test_a_delay_of_all_sensors_is_found_to_stand_for_one_of_the_input_beside_a_friction_that_hardly_shows():
     # a step of the fit leads to a friction of no stiffness, of which the run does not stay finite
-    late = case.draw(731887899709031873, "low", "servo")
+    late = case.draw(LATE_WITH_FRICTION, "low", "servo")
     names = {e.name for e in late.visible}
     assert names == {"input_delay", "presliding_hysteresis", "quadratic_drag"}
     assert least(late, names - {"input_delay"} | {"sensor_delay"}) < EQUIVALENT
+
+
+def test_a_biased_angle_stands_for_an_offset_where_a_spring_has_its_zero():
+    offset = case.draw(OFFSET_ON_A_SPRING, "low", "servo")
+    assert (offset.system.name, {e.name for e in offset.visible}) == ("servo_spring", {"input_offset"})
+    assert {"sensor_bias"} in [set(names) for names in equivalents(offset)]
 
 
 def test_an_effect_outside_the_catalogue_is_sealed_as_such():

@@ -151,7 +151,7 @@ def test_every_effect_of_a_machine_runs_and_changes_what_is_measured(name):
     plain = system.simulate(values, drive, start).outputs
     rng = np.random.default_rng(1)
     silent = []
-    for effect in (*kit.effects(system), *kit.outside(system)):
+    for effect in (*kit.declared(system), *kit.outside(system)):
         size = 1.0 if effect.as_it_is else LIMITS.get(effect.name, 0.1) * effect.largest
         parameters = effect.size(size, effect.shape(rng), scale)
         assert set(parameters) == {p.name for p in effect.parameters}

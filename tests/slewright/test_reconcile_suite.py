@@ -216,8 +216,8 @@ def reported(name, port="", **values):
         ),
         (
             placed("gravity_load", {"G": 5.0}, subsystem="boom"),
-            reported("gravity_load", torque_sin=(0.1, "N.m", 1), torque_cos=(5.0, "N.m", 1)),
-            {"torque_cos": 5.0},
+            reported("gravity_load", torque_sin=(5.0, "N.m", 1), torque_cos=(0.1, "N.m", 1)),
+            {"torque_sin": 5.0},
         ),
         (
             placed("end_stop", {"position": 0.8, "k": 100.0}),
