@@ -83,7 +83,7 @@ class Case:
 
 
 class _Redraw(Exception):
-    """A draw with an effect between visible and invisible, or one that does not run."""
+    """A draw with an effect between visible and invisible, or one that does not run or leaves its range."""
 
 
 def draw(
@@ -139,6 +139,10 @@ class _Draft:
         if any(p.parameters(self.scale).get("delay", np.inf) < SHORTEST_S for p in kept):
             raise _Redraw
         problem, runs = self._problem()
+        if any(
+            s.beyond(run.outputs[:, i]) for run in problem.runs for i, s in enumerate(self.system.outputs)
+        ):
+            raise _Redraw
         seen = tuple(self._lambda(problem, i).value for i in range(len(self.placed)))
         for placed, value in zip(self.placed, seen, strict=True):
             wanted = VISIBLE <= value < LOST if placed.target >= VISIBLE else value <= INVISIBLE

@@ -59,11 +59,11 @@ OF_COMMAND: dict[str, Shape] = {
 
 @dataclass(frozen=True)
 class FreeForm:
-    """Chosen `terms` ("port: function"), what they gain (twice log-likelihood, and less its price)."""
+    """Chosen `terms` ("port: function"), what they gain in twice the log-likelihood, and their price."""
 
     terms: tuple[str, ...]
     gain: float
-    bic_gain: float
+    price: float  # a parameter each, and the choice among all terms
     closed: float  # share of the squared error above the noise that they take away
 
     def figures(self) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def examine(study: Study, fitted: Fitted) -> FreeForm:
     gained, chosen = _best(columns.T @ columns, columns.T @ errors, price)
     above = max(float(errors @ errors) - count, gained, 1e-9)
     terms = tuple(labels[i] for i in chosen)
-    return FreeForm(terms, gained, gained - price * len(chosen), gained / above)
+    return FreeForm(terms, gained, price * len(chosen), gained / above)
 
 
 def _best(gram: np.ndarray, pull: np.ndarray, price: float) -> tuple[float, tuple[int, ...]]:
@@ -109,11 +109,14 @@ def _grown(gram: np.ndarray, pull: np.ndarray, chosen: tuple[int, ...]) -> list[
     return [(int(j), taken + float(gains[j])) for j in np.argsort(-gains)[:BEAM] if gains[j] > 0.0]
 
 
-def slopes(study: Study, fitted: Fitted) -> np.ndarray:
-    """Slopes [N, terms] by all terms at a fit, not whitened: what might be missing, and is no noise."""
+def slopes(study: Study, fitted: Fitted, only: Sequence[str] | None = None) -> np.ndarray:
+    """Slopes [N, terms], not whitened, by all terms or some: what may be missing, and is no noise."""
     problem, columns = study.fit_problem, [study.extended.index[f.name] for f in fitted.free]
     known = 1 + len(problem.active_states(fitted.point.present)) + len(columns)
-    return np.vstack([_window(study, fitted, k, columns)[1][:, known:] for k in range(len(problem.windows))])
+    found = [_window(study, fitted, k, columns) for k in range(len(problem.windows))]
+    labels = found[0][0]
+    chosen = [known + i for i, label in enumerate(labels) if only is None or label in only]
+    return np.vstack([window[:, chosen] for _, window in found])
 
 
 def _problem(study: Study, fitted: Fitted) -> tuple[list[str], np.ndarray, np.ndarray]:

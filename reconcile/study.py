@@ -145,12 +145,23 @@ class Study:
         """
         if self.lost:
             return False
+        before, self.noise = self.noise, self._noise_of(fitted, more)
+        self.fit_problem.whiteners = self.noise.whiteners()
+        return self.noise.differs(before)
+
+    def deviance(self, fitted: Fitted, more: np.ndarray | None = None) -> float:
+        """Minus twice the log-likelihood of a fit by a noise model of its own, where there is one.
+
+        `more`: slopes [N, F], not whitened, of terms that are fitted beside it.
+        """
+        return self._noise_of(fitted, more).deviance()
+
+    def _noise_of(self, fitted: Fitted, more: np.ndarray | None) -> whitening.Noise:
+        """The noise model of greatest likelihood for what a fit leaves; `more` as for estimate_noise."""
         columns = [self.extended.index[f.name] for f in fitted.free]
         ends = np.cumsum([sum(map(len, w.values())) for w in fitted.linear.raw])[:-1]
         parts = [] if more is None else np.split(more, ends)
-        before, self.noise = self.noise, whitening.estimate(self.fit_problem, fitted.point, columns, parts)
-        self.fit_problem.whiteners = self.noise.whiteners()
-        return self.noise.differs(before)
+        return whitening.estimate(self.fit_problem, fitted.point, columns, parts)
 
     def whiten_confirm(self, fitted: Fitted) -> None:
         """Judge by the same noise on confirm."""
@@ -231,10 +242,10 @@ class Study:
     def _bounds(self, a: Attached, q: Parameter) -> tuple[float, float]:
         """Bounds of a parameter: a shape stays within BEYOND times its grid, past which it cannot be told."""
         scales = self.port_scales(a)
-        starts, high = tuple(q.starts(scales)), min(q.high, q.most(scales))
+        starts, (low, high) = tuple(q.starts(scales)), q.bounds(scales)
         if q.amplitude or min(starts) <= 0.0:
-            return q.low, high
-        return max(q.low, min(starts) / BEYOND), min(high, BEYOND * max(starts))
+            return low, high
+        return max(low, min(starts) / BEYOND), min(high, BEYOND * max(starts))
 
     def _size(self, a: Attached, parameter: str) -> float:
         s = self.port_scales(a)

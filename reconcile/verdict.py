@@ -72,18 +72,23 @@ def unseen(study: Study, fitted: Fitted) -> list[str]:
 
 @dataclass(frozen=True)
 class Free:
-    """Free-form terms beside the answer and in place of it, and what its effects earn by the same noise."""
+    """Free-form terms beside the answer and in place of it, and what they gain over it, less their price.
+
+    What is gained is twice the log-likelihood, each with the noise model of its own that is likeliest: terms
+    that only make a random force smaller gain little.
+    """
 
     beside: FreeForm
     instead: FreeForm
-    earned: float
+    more: float  # by the terms beside
+    better: float  # by those in place
 
 
 def free_form(study: Study, answer: Answer) -> Free:
     """What terms of no particular form would explain.
 
-    The search takes for noise what no effect of the catalogue explains.  Here the noise is what such terms
-    do not explain either: what repeats itself with speed, place or command is none.
+    The search takes for noise what no effect of the catalogue explains.  Here terms are chosen by a noise
+    that such terms do not explain either: what repeats itself with speed, place or command is none.
     """
     problem, noise = study.fit_problem, study.noise
     whiteners, base, fitted = problem.whiteners, answer.base, answer.fitted
@@ -93,7 +98,9 @@ def free_form(study: Study, answer: Answer) -> Free:
             base, fitted = map(study.refitted, (base, fitted))
         beside = freeform.examine(study, fitted)
         instead = freeform.examine(study, base) if answer.present else beside
-        return Free(beside, instead, _earned(base, fitted))
+        left = _deviance(study, base, fitted)
+        more = left - _deviance(study, base, fitted, beside)
+        return Free(beside, instead, more, left - _deviance(study, base, base, instead))
     finally:
         study.noise, problem.whiteners = noise, whiteners
 
@@ -110,9 +117,9 @@ def judge(
     s = evidence.sample(fitted)
     rms = float(np.sqrt(fitted.linear.cost / s.count))
     free = free or free_form(study, answer)
-    shaped = free.beside.bic_gain > FREE_GAIN
+    shaped = free.more > FREE_GAIN
     left = "unexplained" if shaped or rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
-    if answer.present and free.instead.bic_gain > free.earned + (0.0 if shaped else FREE_GAIN):
+    if answer.present and free.better > (0.0 if shaped else FREE_GAIN):
         what = ", ".join(free.instead.terms)
         near = _said(answer.present)
         text = f"Free terms explain it better ({what}) than any effect of the catalogue; nearest is {near}."
@@ -133,10 +140,14 @@ def judge(
     return _without_effects(study, answer, before, s, left)
 
 
-def _earned(base: Fitted, fitted: Fitted) -> float:
-    """What named effects gain over the model without them, less their price."""
+def _deviance(study: Study, base: Fitted, fitted: Fitted, free: FreeForm | None = None) -> float:
+    """Minus twice the log-likelihood of a fit and of free terms beside it, with the price of both."""
     price = (len(fitted.free) - len(base.free)) * np.log(evidence.count_of(fitted))
-    return base.cost - fitted.cost - price
+    terms, gained, asked = (free.terms, free.gain, free.price) if free else ((), 0.0, 0.0)
+    if study.lost:  # errors count as white
+        return fitted.cost + price - gained + asked
+    more = freeform.slopes(study, fitted, terms) if terms else None
+    return study.deviance(fitted, more) + price + asked
 
 
 def _without_effects(

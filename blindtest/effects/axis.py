@@ -292,4 +292,16 @@ BESIDES = (
     one("sensor_bias", "output", "q", P("bias", "rad"), "out_bias_q", travel(0.3), either_sign=True),
     one("sensor_scale", "output", "qd", P("scale", "1", -0.5, 0.5), "out_scale_v", number(0.3)),
 )
+# Of a body whose centre of mass lies off the axis's zero; for axes about a level line.
+ANY_ANGLE = Effect(
+    "gravity_load",
+    "force",
+    "any angle",  # for a key of its own
+    (P("sine", N), P("cosine", N)),
+    lambda m, shape, s: {k: 0.8 * m * s.force * shape[k] for k in ("sine", "cosine")},
+    lambda v, s: {"slope_sin": -v["sine"], "slope_cos": -v["cosine"]},
+    shape=lambda rng: {"sine": float(rng.choice([-1, 1])), "cosine": float(rng.uniform(-1, 1))},
+    shapes=({"sine": 1.0, "cosine": 0.3}, {"sine": 0.3, "cosine": 1.0}, {"sine": 1.0, "cosine": -1.0}),
+    either_sign=True,
+)
 EFFECTS = (*INPUT, *FRICTION, *FORCE, *INERTIA, *COUPLING, *OUTPUT)

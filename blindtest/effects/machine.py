@@ -6,6 +6,7 @@ from functools import cache
 
 from blindtest.effects import axis
 from blindtest.effects.effect import Effect, Parameter as P, on
+from blindtest.systems.arm import LIMIT
 
 _BY_NAME: dict[str, list[Effect]] = {}
 for _effect in (*axis.EFFECTS, *axis.OUTSIDE):
@@ -21,7 +22,9 @@ def _all_but(*names: str) -> tuple[str, ...]:
 
 
 # The arm's delay and limits are the plain model's own; its joints are rigid behind their loop.
-_ARM = _all_but("input_delay", "end_stop", "gravity_load", "structural_compliance", "gear_backlash")
+_ARM = _all_but(
+    "input_delay", "valve_flow_curve", "end_stop", "gravity_load", "structural_compliance", "gear_backlash"
+)
 _CROSSTALK = axis.one(
     "input_crosstalk",
     "input",
@@ -32,6 +35,14 @@ _CROSSTALK = axis.one(
     either_sign=True,
 )
 _CLOCK = axis.one("clock_drift", "output", "all", P("drift", "1", 0.0, 0.05), "out_clock", axis.number(0.01))
+_CURVE = Effect(
+    "valve_flow_curve",
+    "input",
+    "u",
+    (P("curve", "1", -0.5, 0.9),),
+    lambda m, shape, s: {"curve": 0.6 * m},
+    lambda v, s: {"in_curve": v["curve"], "in_travel": LIMIT},
+)
 _LINK = Effect(
     "gravity_load",
     "force",
@@ -44,12 +55,12 @@ _LINK = Effect(
 
 def arm(joint: str) -> tuple[Effect, ...]:
     """Effects of boom or stick."""
-    return (*_picked(_ARM, joint), *(on(e, joint) for e in (_CROSSTALK, _LINK, _CLOCK)))
+    return (*_picked(_ARM, joint), *(on(e, joint) for e in (_CROSSTALK, _CURVE, _LINK, _CLOCK)))
 
 
 def arm_besides(joint: str) -> tuple[Effect, ...]:
     """Effects that E(T) may have and no case has."""
-    return tuple(on(e, joint) for e in axis.BESIDES)
+    return tuple(on(e, joint) for e in (*axis.BESIDES, axis.ANY_ANGLE))
 
 
 def arm_outside(joint: str) -> tuple[Effect, ...]:

@@ -40,7 +40,7 @@ double bt_chain(const Axis *a, Chain *m, double command, double other) {
         0.25 * bt_play(&m->narrow, u, 0.5 * a->in_hysteresis);
   u = u > 0.0 ? fmax(u - a->in_dead_zone, 0.0) : fmin(u + a->in_dead_zone, 0.0);
   u = shoulder(u, a->x_shoulder);
-  u *= 1.0 - a->in_curve + a->in_curve * fabs(u);
+  u *= 1.0 - a->in_curve + a->in_curve * fabs(u) / a->in_travel;
   u += a->x_half_wave * (u > 0.0 ? u * u : 0.0);
   return fmin(fmax(u, -a->in_saturation), a->in_saturation);
 }

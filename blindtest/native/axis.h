@@ -15,7 +15,8 @@
   X(in_backlash, 0)       /* full gap */                                                                \
   X(in_hysteresis, 0)     /* full width of the widest of two plays */                                   \
   X(in_dead_zone, 0)      /* half width */                                                              \
-  X(in_curve, 0)          /* u (1 - c + c |u|) */                                                       \
+  X(in_curve, 0)          /* u (1 - c + c |u| / travel) */                                              \
+  X(in_travel, 1)                                                                                       \
   X(in_saturation, INFINITY)                                                                            \
   X(in_delay, 0)                                                                                        \
   X(in_rate, INFINITY)                                                                                  \

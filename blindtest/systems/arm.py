@@ -31,8 +31,8 @@ class Arm:
         Signal("qd_stick_ref", "rad/s", noise=2e-5),
     )
     outputs: tuple[Signal, ...] = (
-        Signal("q_boom", "rad", noise=2e-4, quantum=1e-4),
-        Signal("q_stick", "rad", noise=2e-4, quantum=1e-4),
+        Signal("q_boom", "rad", noise=2e-4, quantum=1e-4, within=("boom_min", "boom_max")),
+        Signal("q_stick", "rad", noise=2e-4, quantum=1e-4, within=("stick_min", "stick_max")),
         Signal("qd_boom", "rad/s", noise=5e-4, quantum=5e-5),
         Signal("qd_stick", "rad/s", noise=5e-4, quantum=5e-5),
     )

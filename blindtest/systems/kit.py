@@ -42,7 +42,7 @@ KITS = {
             drives.servo,
             drives.servo_scale,
             lambda _: SERVO,
-            lambda _: axis_effects.BESIDES,
+            lambda _: (*axis_effects.BESIDES, axis_effects.ANY_ANGLE),
             lambda _: axis_effects.OUTSIDE,
         ),
         Kit(

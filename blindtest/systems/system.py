@@ -14,13 +14,22 @@ STEP = 0.02  # s between samples
 
 @dataclass(frozen=True)
 class Signal:
-    """A recorded column: unit, standard deviation of its sensor, its quantum and its typical size."""
+    """A recorded column: unit, standard deviation of its sensor, its quantum and its typical size.
+
+    `within`: names of the plain model's parameters beyond which its motion ends, as the generator's does not.
+    """
 
     name: str
     unit: str
     noise: float = 0.0
     quantum: float = 0.0
     size: float = 1.0
+    within: tuple[str, str] | None = None
+
+    def beyond(self, values: np.ndarray) -> bool:
+        """Whether any of the values [n] lies where the plain model's motion has ended."""
+        low, high = (_specs()[name].value for name in self.within) if self.within else (-np.inf, np.inf)
+        return bool(np.any((values < low) | (values > high)))
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,8 @@ class Parameter:
     """A parameter: `unit` with {u}, {f}, {v}, {q}, {y}, {inertia} for the units at the port.
 
     `starts` gives the grid of starts; the k-th start of all parameters of an effect belong together.
-    `low`, `high` bound it; a negative `low` of -inf lets its sign be either.  `most`: a bound by the scales.
+    `low`, `high` bound it; a negative `low` of -inf lets its sign be either.  `least`, `most`: bounds by the
+    scales.
     """
 
     name: str
@@ -56,7 +57,12 @@ class Parameter:
     amplitude: bool = False
     low: float = 0.0
     high: float = float("inf")
+    least: Callable[[Scales], float] = lambda s: -float("inf")
     most: Callable[[Scales], float] = lambda s: float("inf")
+
+    def bounds(self, scales: Scales) -> tuple[float, float]:
+        """The least and the most that it may be at a port of these scales."""
+        return max(self.low, self.least(scales)), min(self.high, self.most(scales))
 
 
 @dataclass(frozen=True)

@@ -144,10 +144,15 @@ def _stops(s: Scales) -> list[float]:
     return [s.inertia * f**2 for _, f in STOPS]
 
 
+def _fewest(s: Scales) -> float:
+    """Waves (rad per unit of place) of which the travel met shows a quarter, a turn one: fewer are a load."""
+    return max(0.5 * math.pi / (s.q_high - s.q_low), float(s.angular))
+
+
 def _waves(s: Scales) -> list[float]:
     """Whole numbers of waves a turn; on other axes 1 to 12 waves over the travel met."""
     if s.angular:
-        return list(TURNS)
+        return [n for n in TURNS if n >= _fewest(s)] or [float(math.ceil(_fewest(s)))]
     return [2.0 * math.pi * n / (s.q_high - s.q_low) for n in TRAVELS]
 
 
@@ -255,7 +260,7 @@ EFFECTS = (
         (
             _amplitude("sine", "{f}", signed=True),
             _amplitude("cosine", "{f}", signed=True),
-            Parameter("waves", "1/({q})", _waves, low=0.5),
+            Parameter("waves", "1/({q})", _waves, low=0.5, least=_fewest),
         ),
         _ripple,
         needs=("q",),

@@ -107,7 +107,7 @@ class Sizes:
     def _free(self, a: Attached, q: Parameter) -> Free:
         s = self.scales[a.port]
         starts = tuple(q.starts(s))
-        low, high = q.low, q.high
+        low, high = q.bounds(s)
         if not q.amplitude and min(starts) > 0.0:
             low, high = max(low, 0.1 * min(starts)), min(high, 10.0 * max(starts))
         size = max(abs(v) for v in starts) or _size(q.unit, s)

@@ -85,6 +85,10 @@ class Noise:
             not s.size <= ALIKE * known[s.name] or not known[s.name] <= ALIKE * s.size for s in self.sources
         )
 
+    def deviance(self) -> float:
+        """Minus twice the log-likelihood of what it was estimated from, but for a constant."""
+        return _Likelihood(self.responses).deviance(self.sources, restricted=False)
+
     def whiteners(self) -> list[Whitener]:
         """Of every window."""
         return [r.whitener(self.sources) for r in self.responses]
@@ -144,14 +148,14 @@ class _Likelihood:
             a, e = np.hstack(r.by_source), r.errors
             a, e = a - _within(r.free, a), e - _within(r.free, e)
             self.windows.append((a.T @ a, a.T @ e, a.T @ x, x.T @ e, x.T @ x, float(e @ e)))
-        self.alone = self._deviance([replace(s, size=0.0) for s in responses[0].sources] if responses else [])
+        self.alone = self.deviance([replace(s, size=0.0) for s in responses[0].sources] if responses else [])
 
     def gain(self, sources: Sequence[Source]) -> float:
         """Twice the log-likelihood over that of sensor noise alone."""
-        return self.alone - self._deviance(sources)
+        return self.alone - self.deviance(sources)
 
-    def _deviance(self, sources: Sequence[Source]) -> float:
-        """Minus twice the restricted log-likelihood."""
+    def deviance(self, sources: Sequence[Source], restricted: bool = True) -> float:
+        """Minus twice the log-likelihood; not `restricted` it compares fits of different effects."""
         total, inner, pulled = 0.0, 0.0, 0.0
         for r, (gram, pull, cross, xe, xx, ee) in zip(self.responses, self.windows, strict=True):
             root = np.concatenate(r.roots(sources))
@@ -168,7 +172,7 @@ class _Likelihood:
             inner, pulled = inner - c.T @ solved[:, 1:], pulled - c.T @ solved[:, 0]
         if not np.size(pulled):
             return total
-        total += float(np.linalg.slogdet(inner)[1])
+        total += float(np.linalg.slogdet(inner)[1]) if restricted else 0.0
         return total - float(pulled @ np.linalg.solve(inner, pulled))
 
     def reach(self, source: int, sources: Sequence[Source]) -> float:

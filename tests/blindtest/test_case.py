@@ -22,6 +22,7 @@ from specs.errors import InputError, RunError
 
 SEED = 7
 LATE_WITH_FRICTION = 731887899709031873  # input_delay, presliding_hysteresis, quadratic_drag
+FALLING_BOOM = 4316500651179642451
 OFFSET_ON_A_SPRING = 4285276021684917069
 
 
@@ -146,6 +147,16 @@ def test_a_biased_angle_stands_for_an_offset_where_a_spring_has_its_zero():
     offset = case.draw(OFFSET_ON_A_SPRING, "low", "servo")
     assert (offset.system.name, {e.name for e in offset.visible}) == ("servo_spring", {"input_offset"})
     assert {"sensor_bias"} in [set(names) for names in equivalents(offset)]
+
+
+def test_a_joint_that_a_load_takes_beyond_its_end_is_drawn_again():
+    fallen = case.draw(FALLING_BOOM, "low", "arm")
+    ends = {s.name: s.within for s in fallen.system.outputs if s.within}
+    assert set(ends) == {"q_boom", "q_stick"}
+    assert not any(
+        s.beyond(r.outputs[:, i]) for r in fallen.problem.runs for i, s in enumerate(fallen.system.outputs)
+    )
+    assert fallen.redrawn > 0
 
 
 def test_an_effect_outside_the_catalogue_is_sealed_as_such():
