@@ -62,6 +62,8 @@ class Rivals:
             score = Score(self.search.study, without, others)
             for scored in (*score.best(RIVALS, 1), *self._pairs(score, gone)):
                 key = self.search.attempt(without, scored, again=3.0 * fitted.cost)
+                if key is None and _comes_late(scored, without):
+                    key = self.search.attempt(without, scored, again=3.0 * fitted.cost, beside=True)
                 if key is not None and len(key) < len(present) + len(scored.variants):
                     found.add(key)
         return found
@@ -193,6 +195,13 @@ class Rivals:
 def includes(general: Attached, simple: Attached) -> bool:
     """Whether one effect turns into the other in a limit, at the same port."""
     return general.port == simple.port and simple.effect.name in general.effect.becomes
+
+
+def _comes_late(scored: Scored, fitted: Fitted) -> bool:
+    """Whether a lag is added where a delay is present: one is the other's limit, but there may be both."""
+    return any(
+        includes(v.attached, a) and a.effect.delays for v in scored.variants for a in fitted.point.present
+    )
 
 
 def _less(fitted: Fitted, a: Attached) -> tuple[Attached, ...]:

@@ -204,13 +204,16 @@ class Search:
         coarse: bool = False,
         again: float = np.inf,
         patient: bool = False,
+        beside: bool = False,
     ) -> Key | None:
         """Fit a scored set from a fit of less; a set fitted already only if it left more than `again`.
 
         A coarse fit that has gained next to nothing after its first steps is given up, unless `patient`.
+        What is added takes the place of its own limits, unless it comes `beside` them.
         """
         added = tuple(v.attached for v in scored.variants)
-        kept = tuple(a for a in fitted.point.present if not any(includes(n, a) for n in added))
+        limits = () if beside else [a for a in fitted.point.present if any(includes(n, a) for n in added)]
+        kept = tuple(a for a in fitted.point.present if a not in limits)
         present, fits = (*kept, *added), self.tried.coarse if coarse else self.tried.fits
         key = Key(present)
         if len(key) > LARGEST:
