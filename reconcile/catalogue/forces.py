@@ -260,7 +260,7 @@ EFFECTS = (
         (
             _amplitude("sine", "{f}", signed=True),
             _amplitude("cosine", "{f}", signed=True),
-            Parameter("waves", "1/({q})", _waves, low=0.5, least=_fewest),
+            Parameter("waves", "1/({q})", _waves, least=_fewest),
         ),
         _ripple,
         needs=("q",),

@@ -92,6 +92,18 @@ def test_the_noise_model_finds_size_and_time_of_a_random_force_together(time_s):
     assert source.size == pytest.approx(5.0, rel=0.25)
 
 
+def test_terms_that_take_the_place_of_a_random_force_gain_little_by_a_noise_of_their_own():
+    problem = cast(Any, disturbed(0.65))
+    noise = whitening.estimate(problem, None, ())
+    slow = [
+        r.by_source[0][:, 1:5] for r in noise.responses
+    ]  # what four slow cosines of the force make, by run
+    terms = [np.hstack([c if j == k else 0.0 * c for j, c in enumerate(slow)]) for k in range(len(slow))]
+    beside = whitening.estimate(problem, None, (), terms)
+    gained = noise.deviance() - beside.deviance()
+    assert 0.0 < gained < 1.5 * terms[0].shape[1]  # by chance it is one for each
+
+
 def disturbed(time_s: float, runs: int = 8, samples: int = 800, step_s: float = 0.02) -> SimpleNamespace:
     """A problem whose errors are white noise and a lagged random force, which nothing else explains."""
     rng = np.random.default_rng(3)

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
-from reconcile.rivals import CLOSE, DEARER, PAIRS, WIDER, Key, Rivals, _less
+from reconcile.rivals import CLOSE, DEARER, PAIRS, WIDER, Key, Rivals, _comes_late, _less
 from reconcile.search import Search
 
 
@@ -77,7 +78,12 @@ class Present:
     @property
     def becomes(self) -> dict[str, str]:
         """Its limits."""
-        return {"coulomb": "Fs = Fc"} if self.name == "stribeck" else {}
+        return {"stribeck": {"coulomb": "Fs = Fc"}, "lag": {"delay": "short"}}.get(self.name, {})
+
+    @property
+    def delays(self) -> bool:
+        """Whether it is a transport delay."""
+        return self.name == "delay"
 
 
 def settled(*sets: tuple[str, int, float], tried: int | None = None) -> tuple[str, list[str]]:
@@ -92,7 +98,7 @@ def settled(*sets: tuple[str, int, float], tried: int | None = None) -> tuple[st
         fits[key] = SimpleNamespace(cost=cost, free=range(parameters), linear=linear, point=point)
     rivals = Rivals(cast(Any, SimpleNamespace(study=None, tried=SimpleNamespace(fits=fits))))
     best = rivals._simplest(pool := list(fits)[:tried])
-    return said(best), [" ".join(sorted(a.name for a in k)) for k in rivals._near(best, pool)]
+    return said(best), [said(k) for k in rivals._near(cast(Any, best), cast(Any, pool))]
 
 
 def said(key: Any) -> str:
@@ -140,6 +146,28 @@ def test_exchanges_of_the_same_effect_are_not_tried_together():
 
 def test_two_lags_are_no_alternative_to_a_lag_and_a_delay():
     assert settled(("lag delay", 2, 0.0), ("lag@q lag@v", 2, 0.5))[1] == []
+
+
+@pytest.mark.parametrize(
+    ("present", "added", "late"),
+    [("delay", "lag", True), ("coulomb", "stribeck", False), ("coulomb", "lag", False)],
+)
+def test_a_lag_may_come_beside_its_limit_a_delay_and_a_friction_not(present, added, late):
+    scored = SimpleNamespace(variants=[SimpleNamespace(attached=Present(added))])
+    fitted = SimpleNamespace(point=SimpleNamespace(present=(Present(present),)))
+    assert _comes_late(cast(Any, scored), cast(Any, fitted)) == late
+
+
+@pytest.mark.parametrize(("beside", "names"), [(False, {"lag"}), (True, {"lag", "delay"})])
+def test_what_is_added_takes_the_place_of_its_limits_or_comes_beside_them(monkeypatch, beside, names):
+    fit = SimpleNamespace(cost=1.0, point=SimpleNamespace(present=()))
+    search = Search(cast(Any, SimpleNamespace(fit_set=lambda *a, **k: fit)))
+    monkeypatch.setattr("reconcile.search.starting.best", lambda *a: {})
+    monkeypatch.setattr("reconcile.search.starts", lambda scored: {})
+    scored = SimpleNamespace(variants=[SimpleNamespace(attached=Present("lag"))])
+    before = SimpleNamespace(cost=2.0, point=SimpleNamespace(present=(Present("delay"),)))
+    key = search.attempt(cast(Any, before), cast(Any, scored), beside=beside)
+    assert {a.name for a in cast(Any, key)} == names
 
 
 def test_no_effect_comes_twice_into_a_set_by_turning_into_another():

@@ -270,3 +270,25 @@ def _scales():
     from reconcile.catalogue import Scales
 
     return Scales()
+
+
+@pytest.mark.parametrize(
+    ("port", "state"), [("boom", {"boom": 1.2}), ("stick", {"boom": 1.2, "stick": -0.8})]
+)
+def test_the_weight_of_a_link_is_that_of_its_elevation(port: str, state: dict[str, float]) -> None:
+    folder = read_folder("arm")
+    names = [v.name for v in (*folder.model.inputs, *folder.model.outputs)]
+    (load,) = [a for a in candidates(folder, names) if a.key == f"gravity_load@{port}"]
+    extended = Extended(folder, [load])
+    x, u, m, _ = (np.zeros(a.shape[0]) for a in extended.symbols)
+    for name, angle in state.items():
+        x[[v.name for v in folder.model.states].index(name)] = angle
+
+    def rate(torque: float) -> float:
+        p = list((extended.base_start() | {load.name("torque"): torque}).values())
+        rates = extended.functions[0](x, u, m, p).full().ravel()
+        return rates[[v.name for v in folder.model.states].index(f"{port}_rate")]
+
+    (joint,) = [a for a in folder.ports.axes if a.name == port]
+    by_torque = -0.02 * np.cos(sum(state.values())) / extended.inertia(joint)
+    assert rate(1e4) - rate(0.0) == pytest.approx(1e4 * by_torque, rel=1e-6)
