@@ -24,14 +24,10 @@ ABSURD = 1e9  # deviations: a trial step that leads there is too long
 ENOUGH = 1.5  # a fit below this needs no further step: every threshold is above it
 FAR, CRAWL = 20.0, 0.1  # times what is wanted, and gained by a step (share): no number of steps leads there
 NEARER = 200.0  # times what is wanted: from below that one such step may be followed by better ones
-STARTS, BETTER = (
-    3,
-    0.5,
-)  # of an effect, fitted where they promise less than this share of what the last came to
-TRIALS, INSIDE = (
-    9,
-    0.9,
-)  # of a step; share of the way to a bound that it may go where the run does not stay finite
+# Starts of an effect that are fitted: further ones that promise less than a share of what the last came to.
+STARTS, BETTER = 3, 0.5
+TRIALS = 9  # of a step
+INSIDE = 0.9  # of the way to a bound that a step may go where the run does not stay finite
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,9 @@ from specs.errors import InputError
 if TYPE_CHECKING:
     from reconcile.extended import Extended
 
+HANGING = 0.5 * math.pi  # rad, from hanging, where weight has no moment and gravity's q is 0, to level
 # from the command to the drive: what wires do, the linkage, the valve, its travel, its motion; then the rest
 ORDER = ("input_crosstalk", "input_offset", "asymmetric_gain", "input_backlash", "input_hysteresis")
-HANGING = (
-    0.5 * math.pi
-)  # rad, from the horizontal to where weight has no moment: gravity's q counts from there
 LAST = ("input_dead_zone", "valve_flow_curve", "input_saturation", "input_rate_limit", "input_lag")
 
 
