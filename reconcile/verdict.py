@@ -99,8 +99,9 @@ def free_form(study: Study, answer: Answer) -> Free:
         beside = freeform.examine(study, fitted)
         instead = freeform.examine(study, base) if answer.present else beside
         left = _deviance(study, base, fitted)
-        more = left - _deviance(study, base, fitted, beside)
-        return Free(beside, instead, more, left - _deviance(study, base, base, instead))
+        more = left - _deviance(study, base, fitted, beside) if beside.terms else 0.0
+        better = left - _deviance(study, base, base, instead) if answer.present else more
+        return Free(beside, instead, more, better)
     finally:
         study.noise, problem.whiteners = noise, whiteners
 

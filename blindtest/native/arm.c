@@ -48,7 +48,8 @@ EXPORT int bt_arm(const double *parts, const double *effects, double limit, int 
       const double gain = dt / joint[j].inertia;
       const double drift = 1.0 + a->x_gain_drift * (1.0 - exp(-k * dt / 10.0));
       const double pull = joint[j].response * (drift * fmin(fmax(wanted, -limit), limit) - v[j]);
-      const double force = bt_forces(&turned, q[j], v[j], memory[j].dahl) + a->slope_sin * sin(level[j]) + a->slope_cos * cos(level[j]) +
+      const double weight = a->slope_sin * sin(level[j]) + a->slope_cos * cos(level[j]);
+      const double force = bt_forces(&turned, q[j], v[j], memory[j].dahl) + weight +
                            (j == active ? torque[k] : 0.0) +
                            0.5 * joint[j].inertia * a->pose_inertia * sin(q[j]) * v[j] * v[j];
       const double mass = 1.0 + a->pose_inertia * cos(q[j]);

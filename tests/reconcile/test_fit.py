@@ -95,9 +95,8 @@ def test_the_noise_model_finds_size_and_time_of_a_random_force_together(time_s):
 def test_terms_that_take_the_place_of_a_random_force_gain_little_by_a_noise_of_their_own():
     problem = cast(Any, disturbed(0.65))
     noise = whitening.estimate(problem, None, ())
-    slow = [
-        r.by_source[0][:, 1:5] for r in noise.responses
-    ]  # what four slow cosines of the force make, by run
+    # what four slow cosines of the force make, by run
+    slow = [r.by_source[0][:, 1:5] for r in noise.responses]
     terms = [np.hstack([c if j == k else 0.0 * c for j, c in enumerate(slow)]) for k in range(len(slow))]
     beside = whitening.estimate(problem, None, (), terms)
     gained = noise.deviance() - beside.deviance()

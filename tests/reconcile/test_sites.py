@@ -282,12 +282,11 @@ def test_the_weight_of_a_link_is_that_of_its_elevation(port: str, state: dict[st
     extended = Extended(folder, [load])
     x, u, m, _ = (np.zeros(a.shape[0]) for a in extended.symbols)
     for name, angle in state.items():
-        x[[v.name for v in folder.model.states].index(name)] = angle
+        x[folder.model.index("states", name)] = angle
 
     def rate(torque: float) -> float:
         p = list((extended.base_start() | {load.name("torque"): torque}).values())
-        rates = extended.functions[0](x, u, m, p).full().ravel()
-        return rates[[v.name for v in folder.model.states].index(f"{port}_rate")]
+        return float(extended.functions[0](x, u, m, p)[folder.model.index("states", f"{port}_rate")])
 
     (joint,) = [a for a in folder.ports.axes if a.name == port]
     by_torque = -0.02 * np.cos(sum(state.values())) / extended.inertia(joint)
