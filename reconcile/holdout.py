@@ -43,8 +43,7 @@ def predict(
     """Every held-out window, or those given, from the parameters of a fit; None where the model runs away."""
     if fitted is None:
         return None
-    step = study.model.step if study.model.kind == "discrete" else None
-    windows = windows or cut(study.parts.holdout, WINDOW_S, step)
+    windows = windows or cut(study.parts.holdout, WINDOW_S, study.step_s)
     sigma = {n: f.level for n, f in study.floors.items()}
     whole, first = (Problem(study.compiled, w, sigma) for w in (windows, [_prefix(w) for w in windows]))
     for problem in (whole, first):

@@ -67,7 +67,7 @@ def _thinned(run: Run) -> Run:
 def _compared(study: Study, base: Fitted, after: Fitted, runs: Sequence[Run]) -> dict[str, Any]:
     """Root mean square error of each output AHEAD_S ahead, and the share by which it went down."""
     blocks = [Block(r, r.start_s, r.end_s) for r in runs]
-    windows = cut(blocks, AHEAD_S / (1.0 - holdout.PREFIX))
+    windows = cut(blocks, AHEAD_S / (1.0 - holdout.PREFIX), study.step_s)
     before, now = (holdout.predict(study, f, windows) for f in (base, after))
     return {
         name: {

@@ -93,8 +93,7 @@ def residuals(study: Study, fitted: Fitted, errors: Sequence[str] = ()) -> list[
 
 
 def _on_short_windows(study: Study, fitted: Fitted) -> tuple[Problem | None, Point | None]:
-    step = study.model.step if study.model.kind == "discrete" else None
-    windows = cut([*study.parts.fit, *study.parts.confirm], WINDOW_S, step)
+    windows = cut([*study.parts.fit, *study.parts.confirm], WINDOW_S, study.step_s)
     chosen = np.unique(np.linspace(0, len(windows) - 1, min(len(windows), MOST_WINDOWS)).round().astype(int))
     problem = Problem(
         study.compiled, [windows[i] for i in chosen], {n: f.level for n, f in study.floors.items()}

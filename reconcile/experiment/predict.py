@@ -145,9 +145,8 @@ class Bench:
         return True
 
     def _step(self) -> float:
-        model = self.study.model
-        if model.kind == "discrete":
-            return model.step
+        if self.study.step_s is not None:
+            return self.study.step_s
         return float(np.clip(0.5 * self.period_s, *STEP_S)) / self.finer
 
     def _problem(self, windows: list[Window]) -> Problem:

@@ -127,7 +127,7 @@ def delayed(signal: Signal, start: float, h: float, n: int, delay: float) -> tup
     return mean, -np.diff(signal.values[at]) / h
 
 
-def cut(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | None = None) -> list[Window]:
+def cut(blocks: Sequence[Block], window_s: float, step_s: float | None) -> list[Window]:
     """Windows that each cover a block, or a part of it; each starts a margin before its samples."""
     windows = []
     for block in blocks:
@@ -140,7 +140,7 @@ def cut(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | Non
     return windows
 
 
-def span(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | None = None) -> list[Window]:
+def span(blocks: Sequence[Block], window_s: float, step_s: float | None) -> list[Window]:
     """Windows over whole runs, or long parts of them, of which only the samples in the blocks are to be met.
 
     Slow effects show over times that no block has; what lies between the blocks is simulated, not met.
@@ -161,7 +161,7 @@ def span(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | No
     return windows
 
 
-def few(blocks: Sequence[Block], window_s: float = WINDOW_S, step_s: float | None = None) -> list[Window]:
+def few(blocks: Sequence[Block], window_s: float, step_s: float | None) -> list[Window]:
     """As `cut`, but at most FEW of them, spread evenly: what is strong shows in a part as well."""
     windows = cut(blocks, window_s, step_s)
     chosen = np.unique(np.linspace(0, len(windows) - 1, min(FEW, len(windows))).round().astype(int))

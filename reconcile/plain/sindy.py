@@ -17,7 +17,7 @@ import numpy as np
 from reconcile.data import Parts, Signal
 from reconcile.fit.problem import Problem
 from reconcile.fit.solve import Fitted
-from reconcile.fit.windows import Window, cut
+from reconcile.fit.windows import WINDOW_S, Window, cut
 from reconcile.model import Folder
 from reconcile.ports import Axis
 from reconcile.study import Study
@@ -43,8 +43,8 @@ class Motion:
 def name(folder: Folder, parts: Parts) -> list[str]:
     """Names of the effects that stand in the equations found, strongest first."""
     study = Study(folder, parts, catalogue=())
-    step = study.model.step if study.model.kind == "discrete" else None
-    pieces = Problem(study.compiled, cut(parts.confirm, step_s=step), study.fit_problem.sigma)
+    windows = cut(parts.confirm, WINDOW_S, study.step_s)
+    pieces = Problem(study.compiled, windows, study.fit_problem.sigma)
     pieces.set_scale(study.fit_problem.scale)
     study.problems |= {"fit": study.fit_problem, "confirm": pieces}  # without holes, to differentiate
     base = study.fit_set(study.fit_problem.start(study.values), (), {})

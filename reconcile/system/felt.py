@@ -26,10 +26,11 @@ PAIRS = {"q_slew": "qd_slew", "q_boom": "qd_boom", "q_stick": "qd_stick"}  # ang
 
 def of_part(study: Study, fitted: Fitted, run: Run, wanted: Sequence[str]) -> dict[str, np.ndarray] | None:
     """Angles and rates among `wanted` at the angles' sample times, each [n]; None if it runs away."""
-    step = study.model.step if study.model.kind == "discrete" else None
     length = run.end_s - run.start_s + run.period_s
     problem = Problem(
-        study.compiled, cut([Block(run, run.start_s, run.end_s)], length, step), study.fit_problem.sigma
+        study.compiled,
+        cut([Block(run, run.start_s, run.end_s)], length, study.step_s),
+        study.fit_problem.sigma,
     )
     problem.set_scale(study.fit_problem.scale)
     point = problem.start(study.named(fitted.point.p))

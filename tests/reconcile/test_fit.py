@@ -9,11 +9,11 @@ import pytest
 from scipy.optimize import minimize
 
 from reconcile import evidence
-from reconcile.data import runs_of, split
+from reconcile.data import Run, Signal, runs_of, split
 from reconcile.fit import whitening
 from reconcile.fit.solve import Fitted, _within
 from reconcile.fit.states import _Look
-from reconcile.model import Folder
+from reconcile.model import Folder, read_folder
 from reconcile.study import Study
 from tests.reconcile.truth import Truth, record
 
@@ -82,6 +82,19 @@ def test_a_model_that_follows_whole_runs_with_its_strong_effects_has_a_noise_mod
     study.lengthen(base)
     assert not study.lost
     assert study.fit_problem is study.problems["fit"]
+
+
+def test_windows_of_a_model_that_stays_lost_have_its_own_step():
+    rng, time = np.random.default_rng(1), 0.02 * np.arange(600)
+    rates = {n: Signal(time, 0.1 * rng.standard_normal(600)) for n in ("qd_boom_ref", "qd_stick_ref")}
+    angles = {n: Signal(time, 1.0 + np.sin(3.0 * time)) for n in ("q_boom", "q_stick")}  # nothing of the arm's
+    study = Study(read_folder("arm"), split([Run("run", 0.0, time[-1], rates, angles)], (), ()), catalogue=())
+    base = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert base is not None
+    study.lost = True
+    study.lengthen(base)
+    assert study.lost
+    assert {w.step_s for p in study.problems.values() for w in p.windows} == {study.model.step}
 
 
 @pytest.mark.parametrize("time_s", [0.25, 0.65])

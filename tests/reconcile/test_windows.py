@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reconcile.data import Block, Run, Signal, runs_of
-from reconcile.fit.windows import InputTable, cut, delayed
+from reconcile.fit.windows import WINDOW_S, InputTable, cut, delayed
 from records.measurement import Channel, Measurement
 from tests.reconcile.truth import Truth, record
 
@@ -14,7 +14,7 @@ from tests.reconcile.truth import Truth, record
 def clock(run: Run) -> np.ndarray:
     """Time of each step that effects which change with it are given, over all windows of a run."""
     table = InputTable(run, ["force"], np.zeros(1))
-    windows = cut([Block(run, run.start_s, run.end_s)])
+    windows = cut([Block(run, run.start_s, run.end_s)], WINDOW_S, None)
     return np.concatenate([table.rows(w, {})[0][:, -1] for w in windows])
 
 
@@ -23,7 +23,9 @@ def test_a_drift_counts_from_where_the_recording_begins(rig):
     late = {n: replace(c, time=c.time + 4321.0) for n, c in measured.channels.items()}
     (here,), (later,) = (runs_of(m, rig, "run") for m in (measured, replace(measured, channels=late)))
     assert clock(later) == pytest.approx(clock(here), abs=1e-9)
-    assert clock(here)[0] == pytest.approx(0.5 * cut([Block(here, 0.0, here.end_s)])[0].step_s)
+    assert clock(here)[0] == pytest.approx(
+        0.5 * cut([Block(here, 0.0, here.end_s)], WINDOW_S, None)[0].step_s
+    )
 
 
 def test_a_drift_goes_on_through_a_gap(rig):
