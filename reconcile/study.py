@@ -24,8 +24,7 @@ from reconcile.starting import WIDTHS
 from specs.errors import InputError
 
 SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be wrong
-FAR = 0.1  # of what an output moves by: with larger errors a model goes elsewhere within seconds
-ASTRAY = 0.4  # the same for whole runs, over which a random force carries even the right model off
+FAR = 0.1  # of what an output moves by: with larger errors a model goes elsewhere
 BEYOND = 30.0  # times the grid of starts to which a shape may go
 RANKING, CHOOSING = 20.0, 5.0  # times the tolerance of steps where sets are ranked, and where they are judged
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
@@ -178,12 +177,12 @@ class Study:
         if there is not None:
             problem.whiteners = whitening.transferred(self.noise, problem, there.point).whiteners()
 
-    def follows(self, fitted: Fitted, far: float = FAR) -> bool:
-        """Whether a fit goes where the recordings go: within a share `far` of what each output moves by."""
+    def follows(self, fitted: Fitted) -> bool:
+        """Whether a fit goes where the recordings go: within FAR of what each output moves by."""
         for name, floor in self.floors.items():
             left = np.concatenate([w[name] for w in fitted.linear.raw if name in w])
             moved = np.concatenate([b.run.outputs[name].values for b in self.parts.fit])
-            if floor.level * np.sqrt(np.mean(left**2)) > max(far * np.std(moved), 2.0 * floor.level):
+            if floor.level * np.sqrt(np.mean(left**2)) > max(FAR * np.std(moved), 2.0 * floor.level):
                 return False
         return True
 
@@ -194,7 +193,7 @@ class Study:
         small errors grow there (a pendulum that turns over), and the fit's minima are many.
         """
         whole = self._carried(self.problems["fit"], fitted) if self.lost else None
-        if self.lost and (whole is None or not self.follows(whole, ASTRAY)):
+        if self.lost and (whole is None or not self.follows(whole)):
             self.problems["confirm"] = self._problem(cut(self.parts.confirm, SHORT_S, self.step_s))
             return
         self.lost = False

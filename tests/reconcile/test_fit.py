@@ -87,7 +87,9 @@ def test_a_model_that_follows_whole_runs_with_its_strong_effects_has_a_noise_mod
 def test_windows_of_a_model_that_stays_lost_have_its_own_step():
     rng, time = np.random.default_rng(1), 0.02 * np.arange(600)
     rates = {n: Signal(time, 0.1 * rng.standard_normal(600)) for n in ("qd_boom_ref", "qd_stick_ref")}
-    angles = {n: Signal(time, 1.0 + np.sin(3.0 * time)) for n in ("q_boom", "q_stick")}  # nothing of the arm's
+    angles = {
+        n: Signal(time, 1.0 + np.sin(3.0 * time)) for n in ("q_boom", "q_stick")
+    }  # nothing of the arm's
     study = Study(read_folder("arm"), split([Run("run", 0.0, time[-1], rates, angles)], (), ()), catalogue=())
     base = study.fit_set(study.fit_problem.start(study.values), (), {})
     assert base is not None
