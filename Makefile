@@ -1,7 +1,8 @@
 # make verify   builds the FMUs, runs the verification scenarios, writes out/verify/report.html
-# make test     the tests, two processes
+# make test     the tests, two processes, without the long ones
 # make check    format, lint, types, import layers, generated files up to date
-# make soak     the long tests (not part of the others)
+# make long     tests of many seconds each, after the others in continuous integration
+# make soak     the longest tests (not part of the others)
 # make fuzz     damaged systems, frames, requests, configurations, until 10 min bring nothing new
 # make generated  regenerates the files under specs/generated from the specs
 # make wheelhouse PLATFORM=x86_64|aarch64  all wheels of an installation without a network (docs/installation.md)
@@ -12,7 +13,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help verify test check soak fuzz generated wheelhouse lock clean
+.PHONY: help verify test check long soak fuzz generated wheelhouse lock clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -31,6 +32,9 @@ verify: $(VENV)/.verify-ready
 
 test: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile --session-timeout 720 $(ARGS)
+
+long: $(VENV)/.test-ready
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "long and not soak" --timeout 1200 $(ARGS)
 
 soak: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -m soak --timeout 0 $(ARGS)

@@ -112,6 +112,7 @@ def test_a_case_of_a_project_model_names_it_and_is_wrong_by_10_to_30_percent(sys
         assert off < 1e-9 if base.known else 0.05 < off < 0.35  # a delay is a whole number of steps
 
 
+@pytest.mark.long
 def test_what_an_effect_of_the_catalogue_explains_as_well_is_not_outside_of_it(monkeypatch):
     kit = KITS["servo"]
     (coulomb,) = [e for e in kit.effects(None) if e.name == "coulomb_friction"]
@@ -121,6 +122,7 @@ def test_what_an_effect_of_the_catalogue_explains_as_well_is_not_outside_of_it(m
         case.draw(1, "low", visible=1, outside=True, kit=twin)
 
 
+@pytest.mark.long
 def test_what_two_of_the_catalogue_explain_together_is_not_outside_of_it_either(monkeypatch):
     kit = KITS["servo"]
     known = {e.name: e for e in kit.effects(None)}
@@ -159,6 +161,7 @@ def test_a_joint_that_a_load_takes_beyond_its_end_is_drawn_again():
     assert fallen.redrawn > 0
 
 
+@pytest.mark.long
 def test_an_effect_outside_the_catalogue_is_sealed_as_such():
     found = case.draw(2, "low", visible=1, outside=True)
     assert [e.catalogue for e in found.visible] == [False]

@@ -69,7 +69,9 @@ def test_aarch64_gives_the_same_bits(name: str, tmp_path: Path) -> None:
     assert there == here
 
 
-@pytest.mark.parametrize("name", DRIVEN)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long) if n == "machine" else n for n in DRIVEN]
+)
 def test_sanitizers_find_nothing(name: str, tmp_path: Path) -> None:
     """Address and undefined-behaviour sanitizers over shim and generated code, on a driven run."""
     model, host = load_model(name), compiler.host().name

@@ -192,7 +192,7 @@ def test_regimes_of_a_step(known):
     assert names[-1] == "rest"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fit_finds_the_shipped_parameters_again(known):
     """From the start file, and from a start moved by half a spread in every parameter."""
     file = {n: p.value for n, p in parameter_specs.load("slew").items()}

@@ -127,7 +127,7 @@ def test_the_sealed_set_is_never_drawn(written: Written) -> None:
     assert written.drawn == {"tuning", "validation"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_again_gives_the_same_bytes(written: Written, tmp_path: Path) -> None:
     again = tmp_path / "page.md"
     (tmp_path / "page").mkdir()

@@ -43,7 +43,7 @@ def runtime(name: str) -> str:
     return subprocess.run(line, capture_output=True, text=True, check=True).stdout.strip()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not available(), reason="the compiler has no sanitizers")
 def test_sanitizers_find_nothing(tmp_path: Path) -> None:
     folder, log = Path(__file__).parent, f":log_path={tmp_path / 'report'}"  # pytest swallows what is printed

@@ -6,7 +6,8 @@ import pytest
 from tests.reconcile.effects import SINGLE, dead_zone, delay
 from tests.reconcile.truth import Truth, coulomb
 
-QUICK = ("stiffness", "input_dead_zone", "sensor_scale")
+QUICK = "sensor_scale"
+OFTEN = ("stiffness", "input_dead_zone")  # in continuous integration
 
 
 def named(figures: dict) -> list[str]:
@@ -30,14 +31,14 @@ def check_single(examined, name: str) -> None:
         assert gap["after"] < 0.1 * gap["nominal"] + gap["floor"]
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", [QUICK, *(pytest.param(n, marks=pytest.mark.long) for n in OFTEN)])
 def test_an_effect_alone_is_named_with_its_parameters(examined, name):
     check_single(examined, name)
 
 
 @pytest.mark.slow
 @pytest.mark.soak
-@pytest.mark.parametrize("name", sorted(set(SINGLE) - set(QUICK)))
+@pytest.mark.parametrize("name", sorted(set(SINGLE) - {QUICK, *OFTEN}))
 def test_every_other_effect_alone_is_named_with_its_parameters(examined, name):
     check_single(examined, name)
 

@@ -39,7 +39,7 @@ def followed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_brushes_are_named_with_their_friction(followed: Path):
     figures = json.loads((followed / "found.json").read_text())
     assert figures["verdict"] == "named"
@@ -51,7 +51,7 @@ def test_the_brushes_are_named_with_their_friction(followed: Path):
         assert gap["after"] < 0.1 * gap["reestimated"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_extended_model_lacks_nothing_on_a_recording_it_has_not_seen(followed: Path):
     figures = json.loads((followed / "again.json").read_text())
     assert figures["verdict"] in ("agrees", "reestimated")

@@ -82,7 +82,7 @@ def repeated(folder: Path, ticks: int) -> Result:
     return result
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_hour_repeats_bit_for_bit(tmp_path: Path):
     assert repeated(tmp_path, HOUR).ticks == HOUR
 

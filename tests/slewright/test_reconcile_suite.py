@@ -440,9 +440,10 @@ def test_a_plain_way_answers_a_case(loaded, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)  # seconds of core time, but on a machine that others use too
-def test_a_fresh_case_is_answered_and_scored_whatever_comes_out(tmp_path):
+@pytest.mark.parametrize("visible", ["none", pytest.param("drawn", marks=pytest.mark.long)])
+def test_a_fresh_case_is_answered_and_scored_whatever_comes_out(visible, tmp_path):
     seed, out, figures = secrets.randbelow(2**31), tmp_path / "suite", tmp_path / "figures.json"
-    quick = ("--system", "servo", "--workers", 1, "--no-baselines")
+    quick = ("--system", "servo", "--visible", visible, "--workers", 1, "--no-baselines")
     code = command("--cases", 1, "--seed", seed, *quick, "--out", out, "--json", figures)
     assert code in (0, 1), seed
     found = json.loads(figures.read_text())
