@@ -1,4 +1,4 @@
-"""The control core's recordings repeat bit for bit: an hour in the tests, a day in the soak."""
+"""The control core's recordings repeat bit for bit: an hour in the long tests, a day in the soak."""
 
 import shutil
 from pathlib import Path
