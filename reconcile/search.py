@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from reconcile import evidence, starting
+from reconcile import evidence, minima, starting
 from reconcile.acceptance import Acceptance
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
 from reconcile.rivals import Key, Rivals, includes
 from reconcile.score import Score, Scored, starts
 from reconcile.strong import Strong
-from reconcile.study import Study
+from reconcile.study import ANSWER, Study
 
 BEAM = 2
 REFITS = 6  # of each set in the beam
@@ -69,7 +69,8 @@ class Search:
         self._with_confirm(present)
         present, alternatives = self._settled(acceptance, present)
         self.study.patience = 1.0
-        self.tried.fits[Key(present)] = self.study.refitted(self.tried.fits[Key(present)])
+        answer = minima.afresh(self.study, self.tried.fits[Key(present)])
+        self.tried.fits[Key(present)] = self.study.refitted(answer, ANSWER)
         gains = {a.key: acceptance.gains(present, a) for a in present}
         base = self.tried.fits[Key()]
         return Answer(present, self.tried.fits[Key(present)], base, alternatives, gains, self.tried)
@@ -161,7 +162,8 @@ class Search:
         fits, study = self.tried.fits, self.study
         kept = {k: fits[k] for k in (Key(), Key(present))}
         study.use_all(fits[Key(present)])
-        moved = {k: self.study.refitted(study.carried(f) or f) for k, f in kept.items()}
+        moved = {k: study.refitted(study.carried(f) or f) for k, f in kept.items()}
+        moved[Key(present)] = minima.afresh(study, moved[Key(present)])
         self.tried = Tried(moved, {}, self.tried.refused)
 
     # ---------------------------------------------------------------- growing
@@ -256,25 +258,8 @@ class Search:
             self.report("sharpening", at, SHARPENED)
             self.sharp(tuple(self.tried.coarse[key].point.present), self.tried.coarse[key])
         best = self._ranked(self.tried.fits)[0]
-        self._polish(best)
+        self.tried.fits[best] = minima.afresh(self.study, minima.polished(self.study, self.tried.fits[best]))
         return best
-
-    def _polish(self, key: Key) -> None:
-        """Look for a better minimum from the other starts of each shape, if the fit is above the floor."""
-        fitted = self.tried.fits[key]
-        if fitted.linear.cost < 1.3 * evidence.count_of(fitted):
-            return
-        for a in sorted(key, key=lambda a: a.key):
-            scales = self.study.port_scales(a)
-            for k in range(a.effect.grid(scales) if a.effect.grid(scales) > 1 else 0):
-                start = a.effect.start(scales, k)
-                shape = {a.name(q.name): start[q.name] for q in a.effect.parameters if not q.amplitude}
-                best = self.tried.fits[key]
-                found = self.study.fit_set(best.point, best.point.present, shape, True, 20.0 * best.cost)
-                if found is not None and found.cost < 3.0 * best.cost:
-                    found = self.study.fit_set(found.point, best.point.present, {})
-                    if found is not None and found.cost < best.cost:
-                        self.tried.fits[key] = found
 
     def sharp(self, present: tuple[Attached, ...], near: Fitted) -> Fitted:
         """The sharp fit of a set, from parameters of a fit near it."""

@@ -26,6 +26,8 @@ from specs.errors import InputError
 SPREAD = 0.5  # of a base parameter, as a share of its start: how far it may be wrong
 FAR = 0.1  # of what an output moves by: with larger errors a model goes elsewhere
 BEYOND = 30.0  # times the grid of starts to which a shape may go
+FIT, ANSWER = 1e-3, 1e-5  # shares of its cost that a step of a fit must gain: of thousands of errors a
+# thousandth is many, and an answer's parameters are to lie well within their intervals
 RANKING, CHOOSING = 20.0, 5.0  # times the tolerance of steps where sets are ranked, and where they are judged
 FOLLOWS = 0.01  # of a sample period: time in which play is taken up
 AHEAD = {"position": 0.1, "velocity": 0.3}  # s, 1: of an axis's speed, by which another end of it is ahead
@@ -106,16 +108,17 @@ class Study:
         coarse: bool = False,
         hopeless: float = np.inf,
         near: bool = False,
+        tolerance: float = FIT,
     ) -> Fitted | None:
         """Fit a set of effects: from `start` with `values` of the new effects' parameters in place.
 
-        `coarse` stops at kinks wide enough to be quick; `near`: the start is near enough to be sharp at once.
-        None if it cannot be simulated or is `hopeless`.
+        `coarse` stops at kinks wide enough to be quick; `near`: the start is near enough to be sharp at once;
+        `tolerance`: as of `fit`.  None if it cannot be simulated or is `hopeless`.
         """
         self.fit_problem.patience = RANKING if coarse else self.patience
         point = starting.placed(self, start, present, values)
         for share in (widths := starting.widths(self, point, coarse, near)):
-            budget = (12, 1e-3) if share == WIDTHS[-1] else (6, 1e-2)
+            budget = (12, tolerance) if share == WIDTHS[-1] else (6, 1e-2)
             longer = 2 if coarse else LONGER
             at = starting.rounded(self, point, share)
             gone = hopeless if share == widths[-1] else starting.MAY_FALL * hopeless
@@ -125,9 +128,9 @@ class Study:
             point = found.point
         return found
 
-    def refitted(self, fitted: Fitted) -> Fitted:
+    def refitted(self, fitted: Fitted, tolerance: float = FIT) -> Fitted:
         """A fit again, from where it ended: the noise, or the data, are others now."""
-        return self.fit_set(fitted.point, fitted.point.present, {}, near=True) or fitted
+        return self.fit_set(fitted.point, fitted.point.present, {}, near=True, tolerance=tolerance) or fitted
 
     def elsewhere(self, fitted: Fitted, which: str) -> Fitted | None:
         """The same parameters on another part, with initial states of their own."""

@@ -1,9 +1,19 @@
 """Effects between the recorded input and the model's input."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from reconcile.catalogue import memory, smooth
-from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Scales, Starts, none
+from reconcile.catalogue.effect import (
+    Build,
+    Effect,
+    Namespace,
+    Parameter,
+    Result,
+    Scalar,
+    Scales,
+    Starts,
+    none,
+)
 
 MATERIAL = "Olsson et al., Eur. J. Control 4 (1998) 176; Tao and Kokotovic, Adaptive Control of Systems with "
 NONSMOOTH = MATERIAL + "Actuator and Sensor Nonlinearities, Wiley 1996"
@@ -47,10 +57,18 @@ def _backlash(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _hysteresis(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return _two_plays(c, p, w, p.share)
+
+
+def _even_hysteresis(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return _two_plays(c, p, w, 0.5)
+
+
+def _two_plays(c: Namespace, p: Namespace, w: Namespace, part: Scalar) -> Result:
     """Prandtl-Ishlinskii of two plays: branches that bend, as those of a magnet or a spool do."""
     wide = memory.play(c, c.u, "wide", w.wide, p.full_width)
     narrow = memory.play(c, c.u, "narrow", w.narrow, 0.5 * p.full_width)
-    value = (1.0 - p.share) * c.u + 0.5 * p.share * (wide.value + narrow.value)
+    value = (1.0 - part) * c.u + 0.5 * part * (wide.value + narrow.value)
     rates, starts = {**wide.rates, **narrow.rates}, {**wide.starts, **narrow.starts}
     return Result(value, rates, starts, next={**wide.next, **narrow.next})
 
@@ -73,6 +91,29 @@ def _flow_curve(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 def _flow_curve_travel(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return Result(c.u - p.curve * c.u * (1.0 - smooth.magnitude(c.u, c.width) / p.travel))
+
+
+def _hysteretic(
+    equation: str,
+    more: tuple[Parameter, ...],
+    build: Build,
+    becomes: Mapping[str, str] | None = None,
+    form: str = "",
+) -> Effect:
+    return Effect(
+        "input_hysteresis",
+        "input",
+        equation,
+        (Parameter("full_width", "{u}", share(0.03, 0.1, 0.3, 0.8)), *more),
+        build,
+        "Brokate and Sprekels, Hysteresis and Phase Transitions, Springer 1996, ch. 2: Prandtl-Ishlinskii",
+        hidden=("wide", "narrow"),
+        within={"wide": ("full_width", memory.ANYWHERE), "narrow": ("full_width", 0.5 * memory.ANYWHERE)},
+        gated=True,
+        width="time",
+        becomes={"": "full_width → 0", **(becomes or {})},
+        form=form,
+    )
 
 
 def _gated(
@@ -153,22 +194,13 @@ EFFECTS = (
         width="time",
         becomes={"": "gap → 0"},
     ),
-    Effect(
-        "input_hysteresis",
-        "input",
+    _hysteretic(
         "u' = (1 − share) u + share/2 (play of full_width + play of half of it)",
-        (
-            Parameter("full_width", "{u}", share(0.03, 0.1, 0.3, 0.8)),
-            Parameter("share", "1", lambda s: (0.5,), low=0.05, high=1.0),
-        ),
+        (Parameter("share", "1", lambda s: (0.5,), low=0.05, high=1.0),),
         _hysteresis,
-        "Brokate and Sprekels, Hysteresis and Phase Transitions, Springer 1996, ch. 2: Prandtl-Ishlinskii",
-        hidden=("wide", "narrow"),
-        within={"wide": ("full_width", memory.ANYWHERE), "narrow": ("full_width", 0.5 * memory.ANYWHERE)},
-        gated=True,
-        width="time",
-        becomes={"": "full_width → 0"},
+        becomes={"input_hysteresis": "share = ½"},
     ),
+    _hysteretic("u' = u/2 + ¼ (play of full_width + play of half of it)", (), _even_hysteresis, form="even"),
     Effect(
         "asymmetric_gain",
         "input",

@@ -16,7 +16,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 LEAD_S = 1.0  # of rest before it begins
 SHORTEST_S = 0.4  # period, where nothing else is said
@@ -90,6 +89,8 @@ def neutral(low: float, high: float) -> float:
 
 def smooth(values: np.ndarray, lag: float) -> np.ndarray:
     """Through two first-order lags (in samples)."""
+    from scipy.signal import lfilter  # takes half a second, and few runs need it
+
     keep, found = np.exp(-1.0 / lag), values
     for _ in range(2):
         found = np.asarray(lfilter([1.0 - keep], [1.0, -keep], found))

@@ -1,15 +1,15 @@
 """An extended model as machine code: compiled once, called for every window, candidate and step of a fit."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from reconcile.extended import Extended
-from reconcile.fit.library import Columns, Cut, Equations, Library
+from reconcile.fit.library import FUNCTIONS, Columns, Cut, Equations, Library
 
 # what compiling takes, in operations that a processor does in that time: in all, and by operation compiled
-STARTING, BY_OPERATION = 3.0e8, 2.0e5
+STARTING, BY_OPERATION = 5.0e8, 4.0e5
 
 
 class Compiled:
@@ -67,14 +67,15 @@ class Compiled:
         `scale`, `tolerance` [NX]: sizes of the states, and errors above which a step is halved.
         None if the states run away.
         """
-        part = self._for(p, active, columns.parameter if columns else (), len(u))
+        used = self._for(p, active, columns.parameter if columns else ())
+        part, how = used.part, (columns, cut, used.calls)
         if part is self._whole:
-            return part.library.follow(x0, u, shift, m, p, step_s, active, scale, tolerance, columns, cut)
+            return part.library.follow(x0, u, shift, m, p, step_s, active, scale, tolerance, *how)
         if columns:
             columns = replace(columns, parameter=part.parameter[np.asarray(columns.parameter, int)])
-        s = part.states
+        s, how = part.states, (columns, cut, used.calls)
         found = part.library.follow(
-            x0[s], u, shift, m, p[part.kept], step_s, part.state[active], scale[s], tolerance[s], columns, cut
+            x0[s], u, shift, m, p[part.kept], step_s, part.state[active], scale[s], tolerance[s], *how
         )
         if found is None:
             return None
@@ -82,8 +83,8 @@ class Compiled:
         x[:, s] = found[0]
         return x, found[1], found[2]
 
-    def _for(self, p: np.ndarray, active: np.ndarray, wanted: Sequence[int], steps: int) -> "_Part":
-        """Equations that hold what is present or asked for; `steps`: how many are to be followed."""
+    def _for(self, p: np.ndarray, active: np.ndarray, wanted: Sequence[int]) -> "_Set":
+        """The set of what is present or asked for, with equations that hold it."""
         needed = np.zeros(len(self._effects) + 1, dtype=bool)  # the last: of no effect
         needed[self._switched[p[self._switches] != 0.0]] = True
         needed[self._of_state[active]] = True
@@ -92,20 +93,18 @@ class Compiled:
         if key not in self._sets:
             self._sets[key] = _Set(self._whole if needed[:-1][self._hidden].any() else self._lean)
         found = self._sets[key]
-        found.done += steps * found.part.library.equations.work
-        if found.done > found.pays:
+        if not found.own and found.calls @ found.part.library.equations.operations > STARTING:
             self._own(found, needed)
-        return found.part
+        return found
 
     def _own(self, found: "_Set", needed: np.ndarray) -> None:
-        """Give a set equations of its own once what they save pays for compiling them."""
+        """Give a set equations of its own once what they would have saved pays for compiling them."""
         if found.equations is None:
             few = [a for a, n in zip(self._effects, needed, strict=False) if n]
-            own = found.equations = Equations(Extended(self.extended.folder, few))
-            saved = 1.0 - own.work / found.part.library.equations.work
-            found.pays = (STARTING + BY_OPERATION * own.size) / saved if saved > 0.0 else np.inf
-        if found.done > found.pays:
-            found.part, found.pays = self._part(Library(found.equations, quick=True)), np.inf
+            found.equations = Equations(Extended(self.extended.folder, few))
+        own, present = found.equations, found.part.library.equations
+        if found.calls @ (present.operations - own.operations) > STARTING + BY_OPERATION * own.size:
+            found.part, found.own = self._part(Library(own, quick=True)), True
 
     def _part(self, library: Library) -> "_Part":
         """How a library's parameters and states lie among all."""
@@ -133,9 +132,9 @@ class _Part:
 
 @dataclass
 class _Set:
-    """A set of effects: equations in use, operations `done` in them, and those after which its own pay."""
+    """A set of effects: the equations in use, whether they are its `own`, and calls of each function."""
 
     part: _Part
-    done: float = 0.0
-    pays: float = STARTING
+    own: bool = False
     equations: Equations | None = None
+    calls: np.ndarray = field(default_factory=lambda: np.zeros(FUNCTIONS, np.int64))

@@ -26,6 +26,7 @@ Function rx_f, rx_fj, rx_d, rx_h, rx_hd;
 #define DEPTH 6
 #define ITERATIONS 12
 #define QUICK 10   /* iterations with the Jacobian of the step's start */
+#define LANES 4    /* columns that a processor works on at once */
 #define SHRINKS 0.1 /* of the squared residual: slower than that, and the Jacobian is computed again */
 
 #if defined(_WIN32)
@@ -33,6 +34,8 @@ Function rx_f, rx_fj, rx_d, rx_h, rx_hd;
 #else
 #define EXPORT __attribute__((visibility("default")))
 #endif
+
+typedef double Lanes __attribute__((vector_size(LANES * sizeof(double))));
 
 typedef struct {
   int steps;           /* of the window */
@@ -52,6 +55,7 @@ typedef struct {
   int cut_input;           /* the input that changes within steps, -1: none */
   int cut_moves;           /* whether columns that shift it move the change */
   const double *cut_share, *cut_after; /* by step: the share before the change (0: none), the input after it */
+  long long *calls; /* of rx_f, rx_fj, rx_d, rx_h, rx_hd, counted up */
 } Window;
 
 /* The equations linearised at a point, and the factors of I - c J there. */
@@ -65,7 +69,9 @@ typedef struct {
   const Window *r;
   const double *u, *shift, *m;
   int n, ns, step;
-  double *w, *s, *next; /* work; sensitivities, NX a column */
+  int stride;      /* of a row of sensitivities: ns, and some that stay zero */
+  double *w;       /* work */
+  double *s, *next, *rows; /* sensitivities: a row of columns for each state; room for as many */
   long long *iw;
   Tangent *at, stages[2]; /* `at` is the one in use */
   double x[NX], f[NX], j[NX * NX];
@@ -75,6 +81,7 @@ typedef struct {
 static void evaluate(Run *k, Function *function, const double *x, double *second, double *third, double *fourth) {
   const double *arg[8] = {x, k->u, k->m, k->r->p};
   double *res[8] = {k->f, second, third, fourth};
+  k->r->calls[function == rx_f ? 0 : function == rx_fj ? 1 : 2]++;
   function(arg, res, k->iw, k->w, 0);
 }
 
@@ -150,6 +157,48 @@ static void solve(const Run *k, double *b) {
   }
 }
 
+static void exchange(double *a, double *b, int stride) {
+  for (int c = 0; c < stride; c++) {
+    const double t = a[c];
+    a[c] = b[c];
+    b[c] = t;
+  }
+}
+
+/* b -= factor x, rows of sensitivities. */
+static void subtract(double *b, const double *x, double factor, int stride) {
+  for (int c = 0; c < stride; c += LANES) {
+    Lanes to, from;
+    memcpy(&to, b + c, sizeof to);
+    memcpy(&from, x + c, sizeof from);
+    to -= factor * from;
+    memcpy(b + c, &to, sizeof to);
+  }
+}
+
+/* As solve, for all columns at once: b has n rows of them, `stride` apart. */
+static void solve_rows(const Run *k, double *b) {
+  const Tangent *at = k->at;
+  const int n = k->n, stride = k->stride;
+  const double *lu = at->lu;
+  double *row[NX];
+  for (int i = 0; i < n; i++) row[i] = b + (size_t)i * (size_t)stride;
+  for (int i = 0; i < n; i++)
+    if (at->pivot[i] != i) exchange(row[i], row[at->pivot[i]], stride);
+  for (int i = 0; i < n; i++)
+    for (int e = 0; e < at->below[i]; e++) {
+      const int below = at->row_below[i * NX + e];
+      subtract(row[below], row[i], lu[i * NX + below], stride);
+    }
+  for (int i = n - 1; i >= 0; i--) {
+    for (int c = 0; c < stride; c++) row[i][c] /= lu[i * NX + i];
+    for (int e = 0; e < at->above[i]; e++) {
+      const int above = at->row_above[i * NX + e];
+      subtract(row[above], row[i], lu[i * NX + above], stride);
+    }
+  }
+}
+
 /* Squared, in sizes of the states; the Jacobian is computed where `j` has room for it. */
 static double residual(Run *k, const double *base, const double *x, double c, double *r, double *j) {
   double size = 0.0;
@@ -213,28 +262,30 @@ static int stage(Run *k, const double *base, double *x, double c) {
   return factorise(k, c);
 }
 
-/* Adds c times the derivatives of f by a column's parameter or shifted input to b [active]. */
+/* Adds c times the derivatives of f by a column's parameter or shifted input to its place in b, rows of columns of
+ * the active states. */
 static void force(const Run *k, int column, double c, double *b) {
   if (k->step < k->r->first[column] || k->step >= k->r->last[column]) return;
   const int parameter = k->r->parameter[column], input = k->r->input[column];
+  b += k->n + column;
   if (parameter >= 0)
     for (int e = FP_COLUMN[parameter]; e < FP_COLUMN[parameter + 1]; e++)
-      if (k->place[FP_ROW[e]] >= 0) b[k->place[FP_ROW[e]]] += c * k->at->fp[e];
+      if (k->place[FP_ROW[e]] >= 0) b[k->place[FP_ROW[e]] * k->stride] += c * k->at->fp[e];
   if (input >= 0)
-    for (int i = 0; i < k->n; i++) b[i] += c * k->at->fu[input * NX + k->r->state[i]] * k->shift[input];
+    for (int i = 0; i < k->n; i++)
+      b[i * k->stride] += c * k->at->fu[input * NX + k->r->state[i]] * k->shift[input];
 }
 
-/* Sensitivities after a stage: solves M s = given + c * forcing.  `into` NX a column. */
-static void carry(Run *k, const double *given, double *into, double c) {
-  double t[NX];
-  for (int column = 0; column < k->ns; column++) {
-    const double *g = given + (size_t)column * NX;
-    double *out = into + (size_t)column * NX;
-    for (int i = 0; i < k->n; i++) t[i] = g[k->r->state[i]];
-    if (column >= k->n) force(k, column - k->n, c, t);
-    solve(k, t);
-    for (int i = 0; i < k->n; i++) out[k->r->state[i]] = t[i];
-  }
+/* The row of sensitivities of the i-th active state. */
+static double *row_of(const Run *k, double *s, int i) { return s + (size_t)k->r->state[i] * (size_t)k->stride; }
+
+/* Sensitivities after a stage: solves M s = given + c * forcing. */
+static void carry(Run *k, double *given, double *into, double c) {
+  const size_t size = (size_t)k->stride * sizeof(double);
+  for (int i = 0; i < k->n; i++) memcpy(k->rows + i * k->stride, row_of(k, given, i), size);
+  for (int column = 0; column < k->ns - k->n; column++) force(k, column, c, k->rows);
+  solve_rows(k, k->rows);
+  for (int i = 0; i < k->n; i++) memcpy(row_of(k, into, i), k->rows + i * k->stride, size);
 }
 
 static int bends(Run *k, const double *f0, const double *f1, const double *f2, double h) {
@@ -274,11 +325,11 @@ static int advance(Run *k, double h, int depth) {
     }
     k->at = &k->stages[0];
     carry(k, k->s, k->next, GAMMA * h); /* dX1 */
-    for (int c = 0; c < k->ns; c++)
-      for (int i = 0; i < k->n; i++) { /* S + h (1 - g) dF1, dF1 = (dX1 - S) / (h g) */
-        const size_t at = (size_t)c * NX + (size_t)k->r->state[i];
-        k->next[at] = k->s[at] + (1.0 - GAMMA) / GAMMA * (k->next[at] - k->s[at]);
-      }
+    for (int i = 0; i < k->n; i++) { /* S + h (1 - g) dF1, dF1 = (dX1 - S) / (h g) */
+      const double *s = row_of(k, k->s, i);
+      double *next = row_of(k, k->next, i);
+      for (int c = 0; c < k->ns; c++) next[c] = s[c] + (1.0 - GAMMA) / GAMMA * (next[c] - s[c]);
+    }
     k->at = &k->stages[1];
     carry(k, k->next, k->s, GAMMA * h);
   }
@@ -301,29 +352,27 @@ static int change(Run *k, double h) {
   evaluate(k, rx_f, k->x, NULL, NULL, NULL);
   for (int c = k->n; k->r->cut_moves && c < k->ns; c++)
     for (int i = 0; k->r->input[c - k->n] == input && i < k->n; i++)
-      k->s[(size_t)c * NX + (size_t)k->r->state[i]] += before[k->r->state[i]] - k->f[k->r->state[i]];
+      row_of(k, k->s, i)[c] += before[k->r->state[i]] - k->f[k->r->state[i]];
   return advance(k, (1.0 - share) * h, 0);
 }
 
 static int jump(Run *k) {
-  double b[NX];
   const int *a = k->r->state;
+  const size_t size = (size_t)k->stride * sizeof(double);
   k->at = &k->stages[0];
   if (k->ns)
     evaluate(k, rx_d, k->x, k->j, k->at->fu, k->at->fp);
   else
     evaluate(k, rx_f, k->x, NULL, NULL, NULL);
-  for (int column = 0; column < k->ns; column++) {
-    double *s = k->s + (size_t)column * NX;
-    memset(b, 0, sizeof b);
-    if (column >= k->n) force(k, column - k->n, 1.0, b);
+  memset(k->rows, 0, (size_t)k->n * size);
+  for (int column = 0; column < k->ns - k->n; column++) force(k, column, 1.0, k->rows);
+  for (int i = 0; k->ns && i < k->n; i++)
     for (int c = 0; c < k->n; c++) {
-      if (s[a[c]] == 0.0) continue;
-      for (int i = 0; i < k->n; i++) b[i] += k->j[a[c] * NX + a[i]] * s[a[c]];
+      const double factor = k->j[a[c] * NX + a[i]];
+      if (factor != 0.0) subtract(k->rows + i * k->stride, row_of(k, k->s, c), -factor, k->stride);
     }
-    for (int i = 0; i < k->n; i++) s[a[i]] = b[i];
-  }
-  for (int i = 0; i < k->n; i++) k->x[k->r->state[i]] = k->f[k->r->state[i]];
+  for (int i = 0; i < k->n; i++) memcpy(row_of(k, k->s, i), k->rows + i * k->stride, size);
+  for (int i = 0; i < k->n; i++) k->x[a[i]] = k->f[a[i]];
   return 1;
 }
 
@@ -331,22 +380,22 @@ static void show(Run *k, double *y, double *ys) {
   double hx[NY * NX], hp[NNZ_HP + 1];
   const double *arg[8] = {k->x, k->u, k->m, k->r->p};
   double *res[8] = {y, hx, hp};
+  k->r->calls[ys ? 4 : 3]++;
   if (!ys) {
     rx_h(arg, res, k->iw, k->w, 0);
     return;
   }
   rx_hd(arg, res, k->iw, k->w, 0);
-  for (int c = 0; c < k->ns; c++, ys += NY) {
-    const double *s = k->s + (size_t)c * NX;
-    const int parameter = c >= k->n ? k->r->parameter[c - k->n] : -1;
-    memset(ys, 0, NY * sizeof *ys);
+  memset(ys, 0, (size_t)k->ns * NY * sizeof *ys);
+  for (int c = k->n; c < k->ns; c++) {
+    const int parameter = k->r->parameter[c - k->n];
     if (parameter >= 0)
-      for (int e = HP_COLUMN[parameter]; e < HP_COLUMN[parameter + 1]; e++) ys[HP_ROW[e]] = hp[e];
-    for (int i = 0; i < k->n; i++) {
-      const int a = k->r->state[i];
-      if (s[a] != 0.0)
-        for (int o = 0; o < NY; o++) ys[o] += hx[a * NY + o] * s[a];
-    }
+      for (int e = HP_COLUMN[parameter]; e < HP_COLUMN[parameter + 1]; e++) ys[c * NY + HP_ROW[e]] = hp[e];
+  }
+  for (int i = 0; i < k->n; i++) {
+    const double *s = row_of(k, k->s, i), *slope = hx + k->r->state[i] * NY;
+    for (int o = 0; o < NY; o++)
+      for (int c = 0; slope[o] != 0.0 && c < k->ns; c++) ys[c * NY + o] += slope[o] * s[c];
   }
 }
 
@@ -354,17 +403,18 @@ static void show(Run *k, double *y, double *ys) {
  * time.  Returns the number of steps done: fewer than wanted if the states are no longer finite; -1: no room. */
 EXPORT int follow(const Window *r, const double *x0, double *x, double *y, double *ys) {
   Run *k = calloc(1, sizeof *k);
-  const int ns = ys ? r->active + r->columns : 0;
-  double *room = calloc((size_t)SZ_W + 2 * (size_t)(ns + 1) * NX, sizeof *room);
+  const int ns = ys ? r->active + r->columns : 0, stride = (ns + LANES - 1) / LANES * LANES;
+  const size_t rows = (size_t)stride * NX;
+  double *room = calloc((size_t)SZ_W + 3 * rows, sizeof *room);
   long long *iw = calloc(SZ_IW, sizeof *iw);
   int done = -1;
   if (k && room && iw) {
-    k->r = r, k->n = r->active, k->ns = ns;
-    k->w = room, k->s = room + SZ_W, k->next = k->s + (size_t)(ns + 1) * NX, k->iw = iw;
+    k->r = r, k->n = r->active, k->ns = ns, k->stride = stride;
+    k->w = room, k->s = room + SZ_W, k->next = k->s + rows, k->rows = k->next + rows, k->iw = iw;
     memcpy(k->x, x0, sizeof k->x);
     for (int i = 0; i < NX; i++) k->place[i] = -1;
     for (int i = 0; i < k->n; i++) k->place[r->state[i]] = i;
-    for (int i = 0; ns && i < k->n; i++) k->s[i * NX + r->state[i]] = 1.0;
+    for (int i = 0; ns && i < k->n; i++) row_of(k, k->s, i)[i] = 1.0;
     for (done = 0;; done++) {
       const int row = done < r->steps ? done : r->steps - 1;
       k->step = row;

@@ -18,6 +18,7 @@ from reconcile.extended import Extended
 from specs.errors import RunError
 
 HERE = Path(__file__).parent
+FUNCTIONS = 5  # of the equations: rx_f, rx_fj, rx_d, rx_h, rx_hd
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower, to the last bit the same
 
 
@@ -42,6 +43,7 @@ class _Window(ctypes.Structure):
         ("cut_moves", ctypes.c_int),
         ("cut_share", ctypes.c_void_p),
         ("cut_after", ctypes.c_void_p),
+        ("calls", ctypes.c_void_p),
     )
 
 
@@ -89,13 +91,12 @@ class Equations:
     @cached_property
     def size(self) -> int:
         """Operations of all functions: what compiling takes goes with it."""
-        return sum(f.n_instructions() for f in self.functions.values())
+        return int(self.operations.sum())
 
     @cached_property
-    def work(self) -> int:
-        """Operations of a typical step: a Jacobian, the residuals of two stages, two linearisations."""
-        n = {name: f.n_instructions() for name, f in self.functions.items()}
-        return n["rx_fj"] + 4 * n["rx_f"] + 2 * n["rx_d"] + n["rx_hd"]
+    def operations(self) -> np.ndarray:
+        """Operations of each function [5]."""
+        return np.array([f.n_instructions() for f in self.functions.values()])
 
     def code(self) -> tuple[str, str]:
         """Generated C code and header."""
@@ -148,10 +149,11 @@ class Library:
         active: np.ndarray,
         scale: np.ndarray,
         tolerance: np.ndarray,
-        columns: Columns | None = None,
-        cut: Cut | None = None,
+        columns: Columns | None,
+        cut: Cut | None,
+        calls: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """As Compiled.follow."""
+        """As Compiled.follow; `calls` [FUNCTIONS] of each function are counted up."""
         n, sens = len(u), columns is not None
         columns = columns or Columns([], [], [], [])
         ns = len(active) + len(columns.parameter)
@@ -180,6 +182,7 @@ class Library:
             -1 if cut is None else cut.input,
             0 if cut is None else int(cut.moves),
             *(a.ctypes.data for a in cuts),
+            calls.ctypes.data,
         )
         pointers = [ctypes.c_void_p(a.ctypes.data) for a in (real[5], x, y)]
         last = ctypes.c_void_p(ys.ctypes.data if sens else None)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import lapack
 
 from reconcile.fit.noise import high_pass_level
 from reconcile.fit.windows import Window
@@ -113,6 +113,12 @@ class _Responses:
         """Sample period of the window's recording."""
         return _period(self.window)
 
+    @cached_property
+    def alike(self) -> tuple:
+        """What windows have in common whose cosines have the same variances."""
+        window = self.window
+        return window.steps, window.step_s, self.period_s, *(b.shape[1] for b in self.by_source)
+
     def roots(self, sources: Sequence[Source]) -> list[np.ndarray]:
         """Standard deviations of the cosines of each source."""
         length = self.window.steps * self.window.step_s
@@ -147,7 +153,8 @@ class _Likelihood:
         for r, x in zip(responses, basis, strict=True):
             a, e = np.hstack(r.by_source), r.errors
             a, e = a - _within(r.free, a), e - _within(r.free, e)
-            self.windows.append((a.T @ a, a.T @ e, a.T @ x, x.T @ e, x.T @ x, float(e @ e)))
+            pulls = a.T @ np.column_stack([e, x])
+            self.windows.append((a.T @ a, pulls, x.T @ e, x.T @ x, float(e @ e)))
         self.alone = self.deviance([replace(s, size=0.0) for s in responses[0].sources] if responses else [])
 
     def gain(self, sources: Sequence[Source]) -> float:
@@ -157,23 +164,32 @@ class _Likelihood:
     def deviance(self, sources: Sequence[Source], restricted: bool = True) -> float:
         """Minus twice the log-likelihood; not `restricted` it compares fits of different effects."""
         total, inner, pulled = 0.0, 0.0, 0.0
-        for r, (gram, pull, cross, xe, xx, ee) in zip(self.responses, self.windows, strict=True):
-            root = np.concatenate(r.roots(sources))
-            on = np.flatnonzero(root > 0.0)
+        for root, (gram, pulls, xe, xx, ee) in zip(self._roots(sources), self.windows, strict=True):
             total, inner, pulled = total + ee, inner + xx, pulled + xe
+            on = np.flatnonzero(root)
             if not len(on):
                 continue
-            factor = cho_factor(
-                np.eye(len(on)) + gram[np.ix_(on, on)] * np.outer(root[on], root[on]), lower=True
-            )
-            b, c = pull[on] * root[on], cross[on] * root[on, None]
-            solved = cho_solve(factor, np.column_stack([b, c]))
-            total += 2.0 * float(np.sum(np.log(np.diag(factor[0])))) - float(b @ solved[:, 0])
-            inner, pulled = inner - c.T @ solved[:, 1:], pulled - c.T @ solved[:, 0]
+            root = root[on]
+            within = gram[np.ix_(on, on)] * np.outer(root, root)
+            within.flat[:: len(on) + 1] += 1.0
+            pull = pulls[on] * root[:, None]
+            factor, solved, _ = lapack.dposv(within, pull, lower=1)  # type: ignore[attr-defined]
+            total += 2.0 * float(np.sum(np.log(np.diag(factor))))
+            less = pull.T @ solved[:, :1]
+            total -= float(less[0, 0])
+            inner, pulled = inner - pull[:, 1:].T @ solved[:, 1:], pulled - less[1:, 0]
         if not np.size(pulled):
             return total
         total += float(np.linalg.slogdet(inner)[1]) if restricted else 0.0
         return total - float(pulled @ np.linalg.solve(inner, pulled))
+
+    def _roots(self, sources: Sequence[Source]) -> list[np.ndarray]:
+        """By window the standard deviations of all cosines: windows as long have the same."""
+        known: dict[tuple, np.ndarray] = {}
+        for r in self.responses:
+            if r.alike not in known:
+                known[r.alike] = np.concatenate(r.roots(sources))
+        return [known[r.alike] for r in self.responses]
 
     def reach(self, source: int, sources: Sequence[Source]) -> float:
         """The size of a source that moves the outputs by as much as is left of them."""

@@ -170,8 +170,11 @@ def test_a_rate_limit_in_steps_goes_so_far_and_no_further(stepped):
     assert at.step({state: 0.0}, {"force": -0.03})[state] == pytest.approx(-0.03)
 
 
-def test_hysteresis_is_half_the_command_and_two_plays(stepped):
-    at = only(stepped, "input_hysteresis", "force", full_width=0.4, share=0.5)
+@pytest.mark.parametrize(
+    ("form", "more"), [("input_hysteresis", {"share": 0.5}), ("input_hysteresis.even", {})]
+)
+def test_hysteresis_is_half_the_command_and_two_plays(form, more, stepped):
+    at = only(stepped, form, "force", full_width=0.4, **more)
     after = at.step({}, {"force": 1.0})
     wide, narrow = 1.0 - 0.2, 1.0 - 0.1
     assert after["v"] == pytest.approx(STEP * (0.5 + 0.25 * (wide + narrow)) / 2.0)

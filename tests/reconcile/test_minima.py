@@ -1,0 +1,50 @@
+"""Better minima of a fit."""
+
+from dataclasses import replace
+
+import pytest
+
+from reconcile import minima
+from reconcile.data import runs_of, split
+from reconcile.fit.solve import Fitted
+from reconcile.model import Folder
+from reconcile.study import Study
+from tests.reconcile.truth import Truth, record
+
+
+@pytest.fixture(scope="module")
+def study(rig: Folder) -> Study:
+    """A study of a rig that is as its model says."""
+    return Study(rig, split(runs_of(record(Truth(), seconds=12.0), rig, "run"), (), ()))
+
+
+@pytest.fixture(scope="module")
+def found(study: Study) -> Fitted:
+    fitted = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert fitted is not None
+    return fitted
+
+
+def away(study: Study, fitted: Fitted, spreads: float, cost: float) -> Fitted:
+    """A fit that stuck with its first base parameter so far from where it began."""
+    p, first = fitted.point.p.copy(), fitted.free[0]
+    assert first.prior is not None
+    p[study.fit_problem.parameter(first.name)] = first.prior[0] + spreads * first.prior[1]
+    return replace(fitted, point=replace(fitted.point, p=p), cost=cost)
+
+
+def test_a_fit_that_went_far_is_left_for_a_better_one_from_where_it_began(study, found):
+    stuck = away(study, found, 1.5, 3.0 * found.cost)
+    better = minima.afresh(study, stuck)
+    assert better.cost == pytest.approx(found.cost, rel=1e-2)
+    assert better.values(study.fit_problem) == pytest.approx(found.values(study.fit_problem), rel=0.02)
+
+
+def test_a_fit_that_went_far_stays_where_nothing_is_better(study, found):
+    right = away(study, found, 1.5, 0.1 * found.cost)
+    assert minima.afresh(study, right) is right
+
+
+def test_a_fit_that_stayed_near_is_not_done_again(study, found):
+    near = away(study, found, 0.4, 3.0 * found.cost)
+    assert minima.afresh(study, near) is near
