@@ -25,14 +25,14 @@ def polished(study: Study, fitted: Fitted) -> Fitted:
     return fitted
 
 
-def afresh(study: Study, fitted: Fitted) -> Fitted:
-    """The fit, or a better one from where the base parameters began, if some have gone far.
+def afresh(study: Study, fitted: Fitted, far: float = FAR) -> Fitted:
+    """The fit, or a better one from where the base parameters began, if some have gone `far` (in spreads).
 
     A delay and a lag, say, may stand for each other in a minimum of their own, from which no step leads out.
     """
     values = fitted.values(study.fit_problem)
     base = {f.name: f.prior for f in fitted.free if f.prior}
-    if all(abs(values[n] - mean) <= FAR * spread for n, (mean, spread) in base.items()):
+    if all(abs(values[n] - mean) <= far * spread for n, (mean, spread) in base.items()):
         return fitted
     own = {n: v for n, v in values.items() if n not in base}
     start = study.fit_problem.start(study.values)

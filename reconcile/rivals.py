@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from reconcile.search import Search
 
 RIVALS = 5  # fitted for each effect of the answer
+FURTHER = 2  # of fewer parameters, for each effect of a set as good
 PAIRS, PAIRS_LOOKED_AT = 2, 100  # of effects, for one of several parameters
 CLOSE = 2.0 * float(np.log(10.0))  # of twice the log-likelihood: odds of less than ten do not tell apart
 DEARER = 4.0  # of BIC, by which a set of more parameters must be better than one exchanged for it
@@ -39,9 +40,22 @@ class Rivals:
             pool = [Key(present), *sorted(self._rivals(present), key=_keys)]
             best = self._simplest(pool)
             if best == Key(present):
+                pool += self._further(best, pool)
+                best = self._simplest(pool)
+            if best == Key(present):
                 return present, self._near(best, pool)
             present = tuple(self.search.tried.fits[best].point.present)
         return present, self._near(Key(present), [Key(present), *sorted(self._rivals(present), key=_keys)])
+
+    def _further(self, best: Key, pool: Sequence[Key]) -> list[Key]:
+        """Rivals of sets as good: an effect of several parameters may stand for one of fewer there."""
+        found: set[Key] = set()
+        for key in self._as_good(best, pool)[: MOST_RIVALS - 1]:
+            fitted = self.search.tried.fits[key]
+            for a in fitted.point.present:
+                others = [x for x in self.search.others(_less(fitted, a)) if len(x.free) < len(a.free)]
+                found |= self._instead(fitted, (a,), others, FURTHER)
+        return sorted(found - {*pool}, key=_keys)
 
     def _rivals(self, present: Sequence[Attached]) -> set[Key]:
         """Sets with one effect exchanged for another or for two of no more parameters, or two for one."""
@@ -56,16 +70,23 @@ class Rivals:
                 found |= self._simplified(fitted, gone[0]) | self._widened(fitted, gone[0])
             else:
                 others = [x for x in others if len(x.free) > 1]
-                if not others:
-                    continue
-            without = self._stripped(fitted, gone)
-            score = Score(self.search.study, without, others)
-            for scored in (*score.best(RIVALS, 1), *self._pairs(score, gone)):
-                key = self.search.attempt(without, scored, again=3.0 * fitted.cost)
-                if key is None and _comes_late(scored, without):
-                    key = self.search.attempt(without, scored, again=3.0 * fitted.cost, beside=True)
-                if key is not None and len(key) < len(present) + len(scored.variants):
-                    found.add(key)
+            found |= self._instead(fitted, gone, others, RIVALS)
+        return found
+
+    def _instead(
+        self, fitted: Fitted, gone: Sequence[Attached], others: Sequence[Attached], most: int
+    ) -> set[Key]:
+        """Sets with the likeliest of others, at most so many, in place of what is gone."""
+        if not others:
+            return set()
+        found, without = set(), self._stripped(fitted, gone)
+        score = Score(self.search.study, without, others)
+        for scored in (*score.best(most, 1), *self._pairs(score, gone)):
+            key = self.search.attempt(without, scored, again=3.0 * fitted.cost)
+            if key is None and _comes_late(scored, without):
+                key = self.search.attempt(without, scored, again=3.0 * fitted.cost, beside=True)
+            if key is not None and len(key) < len(fitted.point.present) + len(scored.variants):
+                found.add(key)
         return found
 
     def _pairs(self, score: Score, gone: Sequence[Attached]) -> list[Scored]:

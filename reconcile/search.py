@@ -69,7 +69,7 @@ class Search:
         self._with_confirm(present)
         present, alternatives = self._settled(acceptance, present)
         self.study.patience = 1.0
-        answer = minima.afresh(self.study, self.tried.fits[Key(present)])
+        answer = minima.afresh(self.study, self.tried.fits[Key(present)], far=0.0)
         self.tried.fits[Key(present)] = self.study.refitted(answer, ANSWER)
         gains = {a.key: acceptance.gains(present, a) for a in present}
         base = self.tried.fits[Key()]

@@ -48,3 +48,8 @@ def test_a_fit_that_went_far_stays_where_nothing_is_better(study, found):
 def test_a_fit_that_stayed_near_is_not_done_again(study, found):
     near = away(study, found, 0.4, 3.0 * found.cost)
     assert minima.afresh(study, near) is near
+
+
+def test_an_answer_is_fitted_from_both_ends_however_near_it_stayed(study, found):
+    near = away(study, found, 0.4, 3.0 * found.cost)
+    assert minima.afresh(study, near, far=0.0).cost == pytest.approx(found.cost, rel=1e-2)

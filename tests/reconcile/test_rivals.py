@@ -58,6 +58,26 @@ def test_few_pairs_are_tried():
     assert len(pairs((WIND,), *many)) == PAIRS
 
 
+def test_in_sets_as_good_what_has_several_parameters_is_exchanged_for_what_has_fewer(monkeypatch):
+    lag, delay, drag = Named("lag", ("time",)), Named("delay", ("time",)), Named("drag", ("k", "c"))
+    answer, near = Key([LOADS[0], lag]), Key([WIND, lag])
+    fits = {k: SimpleNamespace(point=SimpleNamespace(present=tuple(k))) for k in (answer, near)}
+    tried = SimpleNamespace(fits=fits)
+    search = SimpleNamespace(tried=tried, others=lambda _: [delay, drag, *LOADS])
+    rivals = Rivals(cast(Any, search))
+    monkeypatch.setattr(rivals, "_as_good", lambda best, pool: [near])
+
+    def instead(fitted, gone, others, most):
+        return {Key([*_less(fitted, gone[0]), x]) for x in others}
+
+    monkeypatch.setattr(rivals, "_instead", instead)
+    found = rivals._further(cast(Any, answer), cast(Any, [answer, near]))
+    assert {frozenset(a.key for a in k) for k in found} == {
+        frozenset({"delay", "lag"}),
+        frozenset({"load@pitch", "lag"}),  # the one at roll is the answer
+    }
+
+
 @dataclass(frozen=True)
 class Present:
     """An effect of a set by its name; stribeck turns into coulomb."""
