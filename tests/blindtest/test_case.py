@@ -137,6 +137,7 @@ def test_what_two_of_the_catalogue_explain_together_is_not_outside_of_it_either(
         case.draw(1, "low", visible=1, outside=True, kit=replace(kit, outside=lambda _: (both,)))
 
 
+@pytest.mark.long
 def test_a_delay_of_all_sensors_is_found_to_stand_for_one_of_the_input_beside_a_friction_that_hardly_shows():
     # a step of the fit leads to a friction of no stiffness, of which the run does not stay finite
     late = case.draw(LATE_WITH_FRICTION, "low", "servo")

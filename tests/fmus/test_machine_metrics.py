@@ -18,6 +18,7 @@ MODEL = replace(NOMINAL, step=NOMINAL.step / 2)
 """
 
 
+@pytest.mark.long
 def test_halving_the_internal_step_does_not_move_the_metrics(tmp_path: Path) -> None:
     folder = tmp_path / "machine"
     folder.mkdir()

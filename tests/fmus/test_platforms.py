@@ -27,6 +27,8 @@ DRIVEN = {
     "pi": ["q_slew", "q_boom"],
     "arm_velocity": ["qd_boom_ref", "qd_stick_ref"],
 }
+LARGE = ("machine", "slew_nn")  # take many seconds to compile
+WITH_LONG = [pytest.param(n, marks=pytest.mark.long) if n in LARGE else n for n in DRIVEN]
 
 
 def runner(folder: Path, target: str) -> Path:
@@ -53,7 +55,7 @@ def unpack(fmu: Path, member: str, folder: Path) -> Path:
 @pytest.mark.qemu
 @pytest.mark.skipif(shutil.which("qemu-aarch64") is None, reason="qemu-user is not installed")
 @pytest.mark.skipif(not CROSS_LIBRARIES.is_dir(), reason="libc6-arm64-cross is not installed")
-@pytest.mark.parametrize("name", DRIVEN)
+@pytest.mark.parametrize("name", WITH_LONG)
 def test_aarch64_gives_the_same_bits(name: str, tmp_path: Path) -> None:
     host = compiler.host().name
     fmu = build_fmu(name, 2, [host, "aarch64-linux"], out=tmp_path)
@@ -69,9 +71,7 @@ def test_aarch64_gives_the_same_bits(name: str, tmp_path: Path) -> None:
     assert there == here
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.long) if n == "machine" else n for n in DRIVEN]
-)
+@pytest.mark.parametrize("name", WITH_LONG)
 def test_sanitizers_find_nothing(name: str, tmp_path: Path) -> None:
     """Address and undefined-behaviour sanitizers over shim and generated code, on a driven run."""
     model, host = load_model(name), compiler.host().name

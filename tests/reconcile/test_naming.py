@@ -43,6 +43,7 @@ def test_every_other_effect_alone_is_named_with_its_parameters(examined, name):
     check_single(examined, name)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1])
 def test_nothing_is_named_when_nothing_is_missing(examined, seed):
     figures = examined(Truth(), seconds=20.0, seed=seed)

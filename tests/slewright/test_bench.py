@@ -99,7 +99,7 @@ def test_a_slow_orchestrator_misses_its_musts():
     assert missed == ["ratio to the floor (FMI 2)", "ratio to fmucontainer (FMI 2)"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_writes_every_figure_or_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "bench.json"
     page = tmp_path / "bench.md"

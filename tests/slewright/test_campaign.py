@@ -75,7 +75,7 @@ def test_the_page_loads_nothing_and_shows_every_run(
     assert "test/broken/1" in dom
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bench_campaign(tmp_path: Path, slewright: Slewright) -> None:
     figures = tmp_path / "f.json"
     done = slewright("bench", "campaign", "--blocks", "1", "--runs", "32", "--json", figures)

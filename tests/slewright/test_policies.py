@@ -28,6 +28,7 @@ def policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return export.write(made("slew"), tmp_path_factory.mktemp("policies") / "mine.onnx")
 
 
+@pytest.mark.long
 def test_train_policy_writes_a_policy_and_figures(slewright: Command, tmp_path: Path) -> None:
     """`--budget tiny`, end to end, on the networks that ship."""
     figures = tmp_path / "figures.json"

@@ -28,7 +28,7 @@ def trained(slewright: Command, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_weights_figures_and_page_are_written(trained: Path) -> None:
     figures = json.loads((trained / "a.json").read_text())
     for name in ("proposed", "unrolled", "ensemble", "first_order", "grey_box"):
@@ -41,7 +41,7 @@ def test_weights_figures_and_page_are_written(trained: Path) -> None:
     assert "simulated reference machine" in page
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_weights_say_how_they_were_made(trained: Path) -> None:
     network = SlewNetwork.load(trained / "out" / "ensemble.npz")
     assert len(network.velocity) == 2
@@ -53,7 +53,7 @@ def test_the_weights_say_how_they_were_made(trained: Path) -> None:
     assert network.outside(np.array([3e6]), np.array([0.0]), np.array([0.0]))[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_model_is_reproduced_and_one_that_is_not_is_told(trained: Path, slewright: Command) -> None:
     weights = trained / "out" / "ensemble.npz"
     done = slewright("train", "slew", "--reproduce", weights, "--out", trained / "again", cwd=trained)

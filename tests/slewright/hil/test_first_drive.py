@@ -132,6 +132,7 @@ def driven(shell: Shell, machine: Path, number: int, done: str) -> str:
     raise AssertionError(said + machine.read_text())
 
 
+@pytest.mark.long
 def test_a_first_drive_as_the_page_says(shell: Shell) -> None:
     shell.run(0)
     machine = shell.start(1, "no controller")
