@@ -112,7 +112,7 @@ def _grown(gram: np.ndarray, pull: np.ndarray, chosen: tuple[int, ...]) -> list[
 def slopes(study: Study, fitted: Fitted, only: Sequence[str] | None = None) -> np.ndarray:
     """Slopes [N, terms], not whitened, by all terms or some: what may be missing, and is no noise."""
     problem, columns = study.fit_problem, [study.extended.index[f.name] for f in fitted.free]
-    known = 1 + len(problem.active_states(fitted.point.present)) + len(columns)
+    known = 1 + len(problem.common(fitted.point).active) + len(columns)
     found = [_window(study, fitted, k, columns) for k in range(len(problem.windows))]
     labels = found[0][0]
     chosen = [known + i for i, label in enumerate(labels) if only is None or label in only]
@@ -124,7 +124,7 @@ def _problem(study: Study, fitted: Fitted) -> tuple[list[str], np.ndarray, np.nd
     problem, point = study.fit_problem, fitted.point
     columns = [study.extended.index[f.name] for f in fitted.free]
     parts, labels = [], []
-    states = len(problem.active_states(point.present))
+    states = len(problem.common(point).active)
     for k in range(len(problem.windows)):
         labels, found = _window(study, fitted, k, columns)
         if problem.whiteners is not None:

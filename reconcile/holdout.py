@@ -57,7 +57,7 @@ def predict(
         run = whole.simulate(found.point, k)
         if run is None:
             return None
-        raw, _ = whole.compare(found.point, k, run[1], None, ())
+        raw = whole.compare(found.point, k, run)[0]
         predicted = {n: window.samples[n] - sigma[n] * e for n, e in raw.items()}
         scored = {n: window.times[n] >= _end_of_prefix(window) for n in raw}
         traces.append(Trace(window, predicted, scored, run[0]))

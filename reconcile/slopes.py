@@ -95,9 +95,8 @@ class Slopes:
             if run is None:
                 slopes = None
                 break
-            slopes.append(np.concatenate(problem.compare(point, w, run[1], run[2], names)[1]))
-        loose = 1.0 / problem.freedom(problem.active_states(point.present), point.p)
-        return _Pass(slopes, loose, place)
+            slopes.append(problem.compare(point, w, run, names)[2])
+        return _Pass(slopes, problem.common(point).loose, place)
 
     def _at(self, point: Point, new: Sequence[Attached], k: int) -> Point:
         """The fit's point with effects beside it, switched off, at their k-th start."""

@@ -19,7 +19,7 @@ from reconcile.closed.port import Passing, Port, Side, identifier
 from reconcile.data import Parts, Run
 from reconcile.fit.noise import high_pass_level, quantum, worth
 from reconcile.fit.solve import Free
-from reconcile.fit.windows import STEP_S, delayed
+from reconcile.fit.windows import STEP_S, Held
 from reconcile.model import ALL_OUTPUTS, Attached
 from reconcile.study import unique
 from specs.errors import InputError, RunError
@@ -138,7 +138,7 @@ class ClosedProblem:
         u = {}
         for n, signal in run.inputs.items():
             late = sum(values[a.name("delay")] for a in effects if a.effect.delays and a.port == n)
-            u[n] = delayed(signal, run.start_s, self.step_s, ticks, late)[0]
+            u[n] = Held(signal).delayed(run.start_s, self.step_s, ticks, late)[0]
         u |= self._through("input", effects, values, {n: u[n] for n in self.box.ports.controls if n in u})
         for f in self.box.ports.feedbacks:
             at = run.start_s + self.step_s * np.arange(ticks)

@@ -115,7 +115,7 @@ class Bench:
         found = problem.simulate(point, 0)
         if found is None:
             return None
-        errors, _ = problem.compare(point, 0, found[1], None, ())
+        errors = problem.compare(point, 0, found)[0]
         outputs = {n: Signal(time, -e * problem.sigma[n]) for n, e in errors.items()}
         return Played(chosen, replace(run, outputs=outputs), found[0], h)
 

@@ -33,8 +33,9 @@ def fresh(problem: "Problem", point: Point, k: int) -> np.ndarray:
     """Initial state [NX] of window k from outputs and the window before, whatever it was."""
     window, p, x0 = problem.windows[k], point.p, point.x0[k].copy()
     for state, (output, order) in problem.shown.items():
-        late = problem.late.of_output(output, p, window.start_s - window.run.start_s)
-        x0[state] = _local(window.run.outputs[output], window.start_s + float(late), order)
+        fixed, drift = problem.late.of_output(output, p)
+        late = fixed + (window.start_s - window.run.start_s) * drift
+        x0[state] = _local(window.run.outputs[output], window.start_s + late, order)
     unseen = np.setdiff1d(np.arange(len(problem.model.states)), list(problem.shown))
     if len(unseen) and (reached := _reached(problem, point, k)) is not None:
         x0[unseen] = reached[unseen]

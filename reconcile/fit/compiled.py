@@ -1,12 +1,12 @@
 """An extended model as machine code: compiled once, called for every window, candidate and step of a fit."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from reconcile.extended import Extended
-from reconcile.fit.library import FUNCTIONS, Columns, Cut, Equations, Library
+from reconcile.fit.equations import Equations
+from reconcile.fit.library import FUNCTIONS, NO_COLUMNS, Columns, Cut, Followed, Library, Prepared
 
 # what compiling takes, in operations that a processor does in that time: in all, and by operation compiled
 STARTING, BY_OPERATION = 5.0e8, 4.0e5
@@ -33,6 +33,9 @@ class Compiled:
         self.start_function = extended.functions[2]
         self._hidden = np.array([not x for x in lean], dtype=bool)
         self._sets: dict[bytes, _Set] = {}
+        self._known: dict[tuple[bytes, bytes, bytes], tuple[_Set, np.ndarray]] = {}
+        self._last: tuple[tuple, _Part, Prepared] | None = None
+        self.sample = self._whole.library.sample
         self._index()
 
     def _index(self) -> None:
@@ -61,41 +64,58 @@ class Compiled:
         tolerance: np.ndarray,
         columns: Columns | None = None,
         cut: Cut | None = None,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    ) -> Followed | None:
         """States [n + 1, NX], outputs [n + 1, NY], their slopes [n + 1, active + columns, NY] over n steps.
 
         `scale`, `tolerance` [NX]: sizes of the states, and errors above which a step is halved.
         None if the states run away.
         """
-        used = self._for(p, active, columns.parameter if columns else ())
-        part, how = used.part, (columns, cut, used.calls)
+        part, prepared = self._prepared(p, active, scale, tolerance, columns)
         if part is self._whole:
-            return part.library.follow(x0, u, shift, m, p, step_s, active, scale, tolerance, *how)
-        if columns:
-            columns = replace(columns, parameter=part.parameter[np.asarray(columns.parameter, int)])
-        s, how = part.states, (columns, cut, used.calls)
-        found = part.library.follow(
-            x0[s], u, shift, m, p[part.kept], step_s, part.state[active], scale[s], tolerance[s], *how
-        )
+            return part.library.follow(prepared, x0, u, shift, m, step_s, cut)
+        found = part.library.follow(prepared, x0[part.states], u, shift, m, step_s, cut)
         if found is None:
             return None
-        x = np.tile(x0, (len(found[0]), 1))
-        x[:, s] = found[0]
+        x = np.empty((len(found[0]), self.nx))
+        x[:] = x0
+        x[:, part.states] = found[0]
         return x, found[1], found[2]
 
-    def _for(self, p: np.ndarray, active: np.ndarray, wanted: Sequence[int]) -> "_Set":
+    def _prepared(self, *given) -> "tuple[_Part, Prepared]":
+        """The equations to follow with and what they need: as for the window before if that is the same."""
+        if self._last is not None and all(a is b for a, b in zip(self._last[0], given, strict=True)):
+            return self._last[1:]
+        p, active, scale, tolerance, columns = given
+        used = self._for(p, active, columns.parameter if columns else NO_COLUMNS)
+        part, s = used.part, used.part.states
+        if part is not self._whole:
+            p, active, scale, tolerance = p[part.kept], part.state[active], scale[s], tolerance[s]
+            columns = columns and replace(columns, parameter=part.parameter[columns.parameter])
+        prepared = part.library.prepared(p, active, scale, tolerance, columns, used.calls)
+        self._last = given, part, prepared
+        return part, prepared
+
+    def _for(self, p: np.ndarray, active: np.ndarray, wanted: np.ndarray) -> "_Set":
         """The set of what is present or asked for, with equations that hold it."""
-        needed = np.zeros(len(self._effects) + 1, dtype=bool)  # the last: of no effect
-        needed[self._switched[p[self._switches] != 0.0]] = True
-        needed[self._of_state[active]] = True
-        needed[self._of_parameter[np.asarray(wanted, int)]] = True
-        key = needed[:-1].tobytes()
-        if key not in self._sets:
-            self._sets[key] = _Set(self._whole if needed[:-1][self._hidden].any() else self._lean)
-        found = self._sets[key]
+        on = p[self._switches] != 0.0
+        known = on.tobytes(), active.tobytes(), wanted.tobytes()
+        if known not in self._known:
+            self._known[known] = self._set(on, active, wanted)
+        found, needed = self._known[known]
         if not found.own and found.calls @ found.part.library.equations.operations > STARTING:
             self._own(found, needed)
         return found
+
+    def _set(self, on: np.ndarray, active: np.ndarray, wanted: np.ndarray) -> "tuple[_Set, np.ndarray]":
+        """The set of what is switched on, has active states or is differentiated by, and its effects."""
+        needed = np.zeros(len(self._effects) + 1, dtype=bool)  # the last: of no effect
+        needed[self._switched[on]] = True
+        needed[self._of_state[active]] = True
+        needed[self._of_parameter[wanted]] = True
+        key = needed[:-1].tobytes()
+        if key not in self._sets:
+            self._sets[key] = _Set(self._whole if needed[:-1][self._hidden].any() else self._lean)
+        return self._sets[key], needed
 
     def _own(self, found: "_Set", needed: np.ndarray) -> None:
         """Give a set equations of its own once what they would have saved pays for compiling them."""

@@ -320,7 +320,10 @@ static int advance(Run *k, double h, int depth) {
   if (sens) {
     for (int i = 0; i < 2; i++) {
       k->at = &k->stages[i];
-      evaluate(k, rx_d, i ? x2 : x1, k->j, k->at->fu, k->at->fp);
+      if (k->ns > k->n)
+        evaluate(k, rx_d, i ? x2 : x1, k->j, k->at->fu, k->at->fp);
+      else /* by initial states alone */
+        evaluate(k, rx_fj, i ? x2 : x1, k->j, NULL, NULL);
       if (!factorise(k, GAMMA * h)) return 0;
     }
     k->at = &k->stages[0];
@@ -376,14 +379,21 @@ static int jump(Run *k) {
   return 1;
 }
 
-static void show(Run *k, double *y, double *ys) {
+/* Whether all of them are numbers that a fit can use. */
+static int usable(const double *values, size_t count, double most) {
+  for (size_t i = 0; i < count; i++)
+    if (!(fabs(values[i]) < most)) return 0;
+  return 1;
+}
+
+static int show(Run *k, double *y, double *ys) {
   double hx[NY * NX], hp[NNZ_HP + 1];
   const double *arg[8] = {k->x, k->u, k->m, k->r->p};
   double *res[8] = {y, hx, hp};
   k->r->calls[ys ? 4 : 3]++;
   if (!ys) {
     rx_h(arg, res, k->iw, k->w, 0);
-    return;
+    return usable(y, NY, INFINITY);
   }
   rx_hd(arg, res, k->iw, k->w, 0);
   memset(ys, 0, (size_t)k->ns * NY * sizeof *ys);
@@ -397,10 +407,11 @@ static void show(Run *k, double *y, double *ys) {
     for (int o = 0; o < NY; o++)
       for (int c = 0; slope[o] != 0.0 && c < k->ns; c++) ys[c * NY + o] += slope[o] * s[c];
   }
+  return usable(y, NY, INFINITY) && usable(ys, (size_t)k->ns * NY, 1e100);
 }
 
 /* States x (NX) and outputs y (NY) at steps + 1 times, and unless null d outputs, (active + columns) x NY a
- * time.  Returns the number of steps done: fewer than wanted if the states are no longer finite; -1: no room. */
+ * time.  Returns the number of rows written: fewer than steps + 1 if they are no longer finite; -1: no room. */
 EXPORT int follow(const Window *r, const double *x0, double *x, double *y, double *ys) {
   Run *k = calloc(1, sizeof *k);
   const int ns = ys ? r->active + r->columns : 0, stride = (ns + LANES - 1) / LANES * LANES;
@@ -415,15 +426,15 @@ EXPORT int follow(const Window *r, const double *x0, double *x, double *y, doubl
     for (int i = 0; i < NX; i++) k->place[i] = -1;
     for (int i = 0; i < k->n; i++) k->place[r->state[i]] = i;
     for (int i = 0; ns && i < k->n; i++) row_of(k, k->s, i)[i] = 1.0;
-    for (done = 0;; done++) {
+    for (done = 0;;) {
       const int row = done < r->steps ? done : r->steps - 1;
       k->step = row;
       k->u = r->u + (size_t)row * NU, k->m = r->m + (size_t)row * NM;
       k->shift = r->shift + (size_t)row * NU;
       memcpy(x + (size_t)done * NX, k->x, sizeof k->x);
-      show(k, y + (size_t)done * NY, ys ? ys + (size_t)done * NY * (size_t)ns : NULL);
-      if (done == r->steps) break;
-      const int cut = r->cut_input >= 0 && done < r->steps && r->cut_share[done] > 0.0;
+      if (!show(k, y + (size_t)done * NY, ys ? ys + (size_t)done * NY * (size_t)ns : NULL)) break;
+      if (done++ == r->steps) break;
+      const int cut = r->cut_input >= 0 && r->cut_share[row] > 0.0;
       if (DISCRETE ? !jump(k) : cut ? !change(k, r->h) : !advance(k, r->h, 0)) break;
       int finite = 1;
       for (int i = 0; i < k->n; i++) finite = finite && fabs(k->x[r->state[i]]) < 1e12;
@@ -434,4 +445,22 @@ EXPORT int follow(const Window *r, const double *x0, double *x, double *y, doubl
   free(room);
   free(iw);
   return done;
+}
+
+/* Outputs and their slopes between rows: of each of n samples its `output`, and `near` rows with what they weigh
+ * for its value and for its slope by the row.  Into `at` [n], `moved` [n] and `slopes` [n, ns]. */
+EXPORT void sample(int n, int near, const int *output, const int *row, const double *value, const double *rate,
+                   int ns, const double *y, const double *ys, double *at, double *moved, double *slopes) {
+  for (int i = 0; i < n; i++) {
+    at[i] = moved[i] = 0.0;
+    double *to = slopes + (size_t)i * (size_t)ns;
+    for (int c = 0; c < ns; c++) to[c] = 0.0;
+    for (int j = i * near; j < (i + 1) * near; j++) {
+      const double y_there = y[(size_t)row[j] * NY + (size_t)output[i]];
+      at[i] += value[j] * y_there;
+      moved[i] += rate[j] * y_there;
+      const double *from = ys + (size_t)row[j] * (size_t)ns * NY + output[i];
+      for (int c = 0; c < ns; c++) to[c] += value[j] * from[c * NY];
+    }
+  }
 }

@@ -1,11 +1,11 @@
 """Which parameters delay what: the model's own delays and those of attached effects, summed."""
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
 from reconcile.extended import Extended
+from reconcile.fit.reading import Delay
 
 
 class Late:
@@ -18,14 +18,10 @@ class Late:
         """Input -> its delay (s) with the parameters p [NP]."""
         return {i: float(sum(p[k] for k in ks)) for i, ks in self.inputs.items()}
 
-    def of_output(self, name: str, p: np.ndarray, since: np.ndarray | float) -> np.ndarray | float:
-        """Delay (s) of an output `since` seconds after its recording began."""
-        fixed = float(sum(p[q] for q in self.outputs[name]))
-        return fixed + since * float(sum(p[q] for q in self.clocks[name]))
-
-    def slopes(self, name: str, since: np.ndarray) -> Sequence[tuple[int, np.ndarray | float]]:
-        """(parameter, slope of the delay of an output by it), `since` seconds after its recording began."""
-        return [(q, 1.0) for q in self.outputs[name]] + [(q, since) for q in self.clocks[name]]
+    def of_output(self, name: str, p: np.ndarray) -> Delay:
+        """Delay of an output (s), and what it gains per second of the recording."""
+        fixed, drift = (sum(p[q] for q in qs) for qs in (self.outputs[name], self.clocks[name]))
+        return float(fixed), float(drift)
 
     @cached_property
     def inputs(self) -> dict[int, list[int]]:

@@ -5,20 +5,20 @@ import hashlib
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 
 from fmus import compiler
-from fmus.codegen import CASADI_OPTIONS
 from fmus.paths import BUILD, SHIM
-from reconcile.extended import Extended
+from reconcile.fit.equations import Equations
+from reconcile.fit.reading import Reading
 from specs.errors import RunError
 
 HERE = Path(__file__).parent
 FUNCTIONS = 5  # of the equations: rx_f, rx_fj, rx_d, rx_h, rx_hd
+NO_COLUMNS = np.empty(0, np.int32)
+Followed = tuple[np.ndarray, np.ndarray, np.ndarray]  # states, outputs and their slopes, row by row
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower, to the last bit the same
 
 
@@ -51,10 +51,20 @@ class _Window(ctypes.Structure):
 class Columns:
     """Sensitivities wanted: of each the parameter and input (-1: none), and the steps in which it acts."""
 
-    parameter: Sequence[int]
-    input: Sequence[int]
-    first: Sequence[int]
-    last: Sequence[int]
+    parameter: np.ndarray
+    input: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+
+    @property
+    def all(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """All of it."""
+        return self.parameter, self.input, self.first, self.last
+
+    @classmethod
+    def of(cls, *listed: Sequence[int]) -> "Columns":
+        """Columns from lists."""
+        return cls(*(np.array(a, np.int32) for a in listed))
 
 
 @dataclass(frozen=True)
@@ -70,62 +80,14 @@ class Cut:
     moves: bool
 
 
-class Equations:
-    """The equations of an extended model as C code."""
+@dataclass(frozen=True)
+class Prepared:
+    """Parameters, active states and columns as the library takes them, and what they lie in."""
 
-    def __init__(self, extended: Extended):
-        self.extended = extended
-        symbols = list(extended.symbols)
-        x, u, _, p = symbols
-        f_function, h_function, _ = extended.functions
-        f, h = f_function(*symbols), h_function(*symbols)
-        fx, fu, hx = (ca.densify(ca.jacobian(e, z)) for e, z in ((f, x), (f, u), (h, x)))
-        self.functions = {
-            "rx_f": ca.Function("rx_f", symbols, [f]),
-            "rx_fj": ca.Function("rx_fj", symbols, [f, fx]),
-            "rx_d": ca.Function("rx_d", symbols, [f, fx, fu, ca.jacobian(f, p)]),
-            "rx_h": ca.Function("rx_h", symbols, [h]),
-            "rx_hd": ca.Function("rx_hd", symbols, [h, hx, ca.jacobian(h, p)]),
-        }
-
-    @cached_property
-    def size(self) -> int:
-        """Operations of all functions: what compiling takes goes with it."""
-        return int(self.operations.sum())
-
-    @cached_property
-    def operations(self) -> np.ndarray:
-        """Operations of each function [5]."""
-        return np.array([f.n_instructions() for f in self.functions.values()])
-
-    def code(self) -> tuple[str, str]:
-        """Generated C code and header."""
-        generator = ca.CodeGenerator("equations.c", CASADI_OPTIONS)
-        for function in self.functions.values():
-            generator.add(function)
-        return generator.dump().replace("#include <math.h>", '#include "slw_math.h"'), self._header()
-
-    def _header(self) -> str:
-        x, u, m, p = self.extended.symbols
-        fp, hp = self.functions["rx_d"].sparsity_out(3), self.functions["rx_hd"].sparsity_out(2)
-        sizes = {
-            "NX": x.numel(),
-            "NU": u.numel(),
-            "NM": m.numel(),
-            "NP": p.numel(),
-            "NY": self.functions["rx_h"].numel_out(0),
-            "NNZ_FP": fp.nnz(),
-            "NNZ_HP": hp.nnz(),
-            "DISCRETE": int(self.extended.model.kind == "discrete"),
-            "SZ_W": max(1, *(f.sz_w() for f in self.functions.values())),
-            "SZ_IW": max(1, *(f.sz_iw() for f in self.functions.values())),
-        }
-        header = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
-        for name, pattern in (("FP", fp), ("HP", hp)):
-            for what, values in (("COLUMN", pattern.colind()), ("ROW", pattern.row())):
-                listed = ", ".join(map(str, values)) or "0"
-                header += f"static const int {name}_{what}[] = {{{listed}}};\n"
-        return header
+    window: _Window
+    sensitivities: int
+    differentiates: bool
+    kept: tuple[np.ndarray, ...]
 
 
 class Library:
@@ -136,61 +98,69 @@ class Library:
         x, _, _, _ = self.extended.symbols
         self.nx, self.ny = x.numel(), self.extended.functions[1].numel_out(0)
         self._library = _once(equations) if quick else ctypes.CDLL(str(_kept(equations)))
-        self._library.follow.restype = ctypes.c_int
+        whole, pointer = ctypes.c_int, ctypes.c_void_p
+        self._library.follow.restype, self._library.follow.argtypes = whole, [pointer] * 5
+        self._library.sample.argtypes = (whole, whole, *[pointer] * 4, whole, *[pointer] * 5)
+        self._library.sample.restype = None
 
-    def follow(
+    def prepared(
         self,
-        x0: np.ndarray,
-        u: np.ndarray,
-        shift: np.ndarray,
-        m: np.ndarray,
         p: np.ndarray,
-        step_s: float,
         active: np.ndarray,
         scale: np.ndarray,
         tolerance: np.ndarray,
         columns: Columns | None,
-        cut: Cut | None,
         calls: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """As Compiled.follow; `calls` [FUNCTIONS] of each function are counted up."""
-        n, sens = len(u), columns is not None
-        columns = columns or Columns([], [], [], [])
-        ns = len(active) + len(columns.parameter)
+    ) -> Prepared:
+        """What following needs beside a window; `calls` [FUNCTIONS] of each function are counted up."""
+        wanted = columns or Columns(*(NO_COLUMNS,) * 4)
+        whole = [np.ascontiguousarray(a, np.int32) for a in (active, *wanted.all)]
+        real = [np.ascontiguousarray(a, float) for a in (p, scale, tolerance)]
+        state, *places = (a.ctypes.data for a in whole)
+        window = _Window(active=len(active), state=state, columns=len(wanted.parameter))
+        window.parameter, window.input, window.first, window.last = places
+        window.p, window.scale, window.tolerance = (a.ctypes.data for a in real)
+        window.calls = calls.ctypes.data
+        sensitivities = len(active) + len(wanted.parameter) if columns else 0
+        return Prepared(window, sensitivities, columns is not None, (*whole, *real, calls))
+
+    def follow(
+        self,
+        prepared: "Prepared",
+        x0: np.ndarray,
+        u: np.ndarray,
+        shift: np.ndarray,
+        m: np.ndarray,
+        step_s: float,
+        cut: Cut | None,
+    ) -> Followed | None:
+        """As Compiled.follow."""
+        n, window = len(u), prepared.window
         x, y = np.empty((n + 1, self.nx)), np.empty((n + 1, self.ny))
-        ys = np.empty((n + 1, ns, self.ny)) if sens else np.empty(0)
-        listed = (active, columns.parameter, columns.input, columns.first, columns.last)
-        kept = [np.ascontiguousarray(a, np.int32) for a in listed]
-        real = [np.ascontiguousarray(a, float) for a in (u, shift, m, p, scale, x0, tolerance)]
-        cuts = [np.ascontiguousarray(a, float) for a in ((cut.share, cut.after) if cut else (u[:0, 0],) * 2)]
-        window = _Window(
-            n,
-            step_s,
-            len(active),
-            kept[0].ctypes.data,
-            len(columns.parameter),
-            kept[1].ctypes.data,
-            kept[2].ctypes.data,
-            kept[3].ctypes.data,
-            kept[4].ctypes.data,
-            real[0].ctypes.data,
-            real[1].ctypes.data,
-            real[2].ctypes.data,
-            real[3].ctypes.data,
-            real[4].ctypes.data,
-            real[6].ctypes.data,
-            -1 if cut is None else cut.input,
-            0 if cut is None else int(cut.moves),
-            *(a.ctypes.data for a in cuts),
-            calls.ctypes.data,
-        )
-        pointers = [ctypes.c_void_p(a.ctypes.data) for a in (real[5], x, y)]
-        last = ctypes.c_void_p(ys.ctypes.data if sens else None)
-        done = self._library.follow(ctypes.byref(window), *pointers, last)
+        ys = np.empty((n + 1, prepared.sensitivities, self.ny))
+        u, shift, m, x0 = (np.ascontiguousarray(a, float) for a in (u, shift, m, x0))
+        window.steps, window.h = n, step_s
+        window.u, window.shift, window.m = u.ctypes.data, shift.ctypes.data, m.ctypes.data
+        window.cut_input = -1
+        if cut is not None:
+            share, after = (np.ascontiguousarray(a, float) for a in (cut.share, cut.after))
+            window.cut_input, window.cut_moves = cut.input, int(cut.moves)
+            window.cut_share, window.cut_after = share.ctypes.data, after.ctypes.data
+        into = (x.ctypes.data, y.ctypes.data, ys.ctypes.data if prepared.differentiates else None)
+        done = self._library.follow(ctypes.byref(window), x0.ctypes.data, *into)
         if done < 0:
             raise RunError("no memory left for the sensitivities of a window")
-        finite = done == n and np.isfinite(y).all() and (np.abs(ys) < 1e100).all()
-        return (x, y, ys) if finite else None
+        return (x, y, ys) if done == n + 1 else None
+
+    def sample(
+        self, reading: Reading, y: np.ndarray, ys: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Outputs [N] as a reading has them, their slopes by the row [N] and by columns of ys [N, ...]."""
+        n, columns = len(reading.output), ys.shape[1]
+        found = np.empty(n), np.empty(n), np.empty((n, columns))
+        places = (a.ctypes.data for a in (y, ys, *found))
+        self._library.sample(n, reading.row.shape[1], *reading.places, columns, *places)
+        return found
 
 
 def _kept(equations: Equations) -> Path:

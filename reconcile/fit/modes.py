@@ -49,7 +49,7 @@ def _timed(problem: "Problem", window: Window, table: InputTable, result: np.nda
     held = np.zeros(len(m))
     ticks = [[_ticks(model, p, d, h) for d in (mode.on_delay, mode.off_delay)] for mode in model.modes]
     guards = model.guards.map(len(u))(
-        np.repeat(x0[:, None], len(u), 1), u[:, :-1].T, np.repeat(m[:, None], len(u), 1), p
+        np.repeat(x0[:, None], len(u), 1), u[:, : len(model.inputs)].T, np.repeat(m[:, None], len(u), 1), p
     )
     on, off = (np.asarray(g) for g in guards)
     for k in range(len(u)):

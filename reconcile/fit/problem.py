@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from reconcile.fit import beginning
+from reconcile.fit.common import Common, Wanted
 from reconcile.fit.compiled import Compiled
 from reconcile.fit.late import Late
-from reconcile.fit.library import Columns, Cut
+from reconcile.fit.library import Columns, Cut, Followed
 from reconcile.fit.modes import by_guards
 from reconcile.fit.point import Linear, Piece, Point, joined, projected
 from reconcile.fit.reading import Readings
@@ -45,12 +46,17 @@ class Problem:
         self.late = Late(self.extended, self.outputs)
         defaults = np.array([v.start for v in model.inputs])
         names = [v.name for v in model.inputs]
-        self.tables = {id(w.run): InputTable(w.run, names, defaults) for w in windows}
+        forces = len(self.extended.folder.ports.axes)
+        self.tables = {id(w.run): InputTable(w.run, names, defaults, forces) for w in windows}
         self.scale = np.ones(compiled.nx)
         self.tolerance = np.full(compiled.nx, 1e-3)
         self.patience = 1.0  # times the tolerance: more where sets are only ranked
         self.heat = 1.0  # times the noise: more far from an answer, where steps at full sharpness overshoot
-        self.readings = Readings(model.kind)
+        self.readings = Readings(model.kind, {n: model.index("outputs", n) for n in self.outputs})
+        self._common: Common | None = None
+        self._patient: tuple[float, np.ndarray] | None = None
+        self._wanted: dict[tuple[int, ...], Wanted] = {}
+        self._place = {n: i for i, n in enumerate(self.extended.state_names)}
         self._driven: dict[tuple[int, float, int], tuple[tuple[float, ...], Any]] = {}
         self.whiteners: list[Whitener] | None = None
         self._modes: dict[tuple[int, float, int], np.ndarray] = {}
@@ -63,8 +69,7 @@ class Problem:
 
     def active_states(self, present: Sequence[Attached]) -> np.ndarray:
         """Indices of the model's states and the hidden ones of `present` effects."""
-        names = self.extended.state_names
-        own = [names.index(a.name(h)) for a in present for h in a.effect.hidden]
+        own = [self._place[a.name(h)] for a in present for h in a.effect.hidden]
         return np.array([*range(len(self.model.states)), *own], dtype=np.int32)
 
     def freedom(self, active: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -73,19 +78,39 @@ class Problem:
         Those in play lie within it: parameters `p` [NP] say how wide it is.
         """
         spread = np.where(np.arange(len(self.scale)) < len(self.model.states), LOOSE, 1.0) * self.scale
-        for state, parameter, share in self._play:
-            spread[state] = np.clip(share * p[parameter], LEAST * spread[state], spread[state])
+        if len(self._play):
+            state, parameter = self._play["state"], self._play["parameter"]
+            wide = np.maximum(self._play["share"] * p[parameter], LEAST * spread[state])
+            spread[state] = np.minimum(wide, spread[state])
         return spread[active]
 
+    def common(self, point: Point) -> Common:
+        """What all windows share at a point; kept for the next of them."""
+        kept = self._common
+        if kept is None or kept.p is not point.p or kept.present is not point.present:
+            p, active = point.p, self.active_states(point.present)
+            p.setflags(write=False)  # what is kept is of these very numbers
+            late = {n: self.late.of_output(n, p) for n in self.outputs}
+            loose = 1.0 / self.freedom(active, p)
+            kept = self._common = Common(p, point.present, active, loose, self.late.of_inputs(p), late)
+        return kept
+
+    def wanted(self, parameters: Sequence[int]) -> Wanted:
+        """Parameters to differentiate by, as windows need them."""
+        key = tuple(parameters)
+        if key not in self._wanted:
+            self._wanted[key] = Wanted.of(key, self.late)
+        return self._wanted[key]
+
     @cached_property
-    def _play(self) -> list[tuple[int, int, float]]:
+    def _play(self) -> np.ndarray:
         """Hidden states in play, the parameter that says how wide it is, and their share of it."""
-        states = self.extended.state_names
-        return [
-            (states.index(a.name(hidden)), self.parameter(a.name(name)), share)
+        found = [
+            (self._place[a.name(hidden)], self.parameter(a.name(name)), share)
             for a in self.extended.attached
             for hidden, (name, share) in a.effect.within.items()
         ]
+        return np.array(found, [("state", int), ("parameter", int), ("share", float)])
 
     def with_present(self, point: Point, present: Sequence[Attached]) -> Point:
         """The point with other effects present; hidden states new to it start where they rest."""
@@ -95,7 +120,7 @@ class Problem:
             x0 = x0.copy()
             rows = self.active_states(fresh)[len(self.model.states) :]
             for k, window in enumerate(self.windows):
-                u = self._inputs(window, point.p)[0]
+                u = self._inputs(window, self.late.of_inputs(point.p))[0]
                 rest = np.asarray(
                     self.compiled.start_function(x0[k], u[0], self._mode(window)[0], point.p)
                 ).ravel()
@@ -104,20 +129,20 @@ class Problem:
 
     def set_scale(self, scale: np.ndarray) -> None:
         """Sizes of the states; steps are halved until right to a share of the noise, where it shows."""
-        self.scale, self.tolerance = scale, ACCURACY * scale
+        self.scale, self.tolerance, self._common, self._patient = scale, ACCURACY * scale, None, None
         for state, (output, order) in self.shown.items():
             if order == 0:
                 self.tolerance[state] = min(self.tolerance[state], SHARE_OF_NOISE * self.sigma[output])
-        states = self.extended.state_names
         for hidden, role, axis in self.extended.beside():
             if (own := getattr(axis, role)) is not None:
-                self.tolerance[states.index(hidden)] = self.tolerance[states.index(own)]
+                self.tolerance[self._place[hidden]] = self.tolerance[self._place[own]]
 
     # ---------------------------------------------------------------- simulation
 
-    def _inputs(self, window: Window, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, Edge | None]:
+    def _inputs(
+        self, window: Window, delays: Mapping[int, float]
+    ) -> tuple[np.ndarray, np.ndarray, Edge | None]:
         """Inputs [steps, inputs, clock, axes], their slopes by delays, and where steps are cut."""
-        delays = self.late.of_inputs(p)
         key, late = (id(window.run), window.start_s, window.steps), tuple(delays.values())
         if key not in self._driven or self._driven[key][0] != late:  # most points leave delays as they are
             self._driven[key] = (late, self._driven_by(window, delays))
@@ -132,8 +157,7 @@ class Problem:
         if edge is not None:
             cut = edge.share > 0.0
             u[cut, edge.input], slope[cut, edge.input] = edge.before[cut], 0.0
-        axes = len(self.extended.folder.ports.axes)
-        return np.hstack([u, np.zeros((len(u), axes))]), np.hstack([slope, np.ones((len(u), axes))]), edge
+        return u, slope, edge
 
     def _mode(self, window: Window) -> np.ndarray:
         """Modes [steps, NM] of a window: as recorded where an output shows them, else by the guards."""
@@ -149,15 +173,15 @@ class Problem:
     ):
         """Follow window k; `columns` are parameters to differentiate by, `pushed` inputs instead of them."""
         window = self.windows[k]
-        chosen = pushed if columns is None else self._columns(window, columns)
+        chosen = pushed if columns is None else self.wanted(columns).columns(window.steps)
         run = self.follow(window, point.x0[k], point, chosen, pushed is not None)
         if run is None or columns is None:
             return run
         x, y, ys = run
-        first = len(self.active_states(point.present))
-        for extra, (c, _) in enumerate(self._shifted(columns)[len(columns) :], first + len(columns)):
+        first, shifted = len(self.common(point).active), self.wanted(columns).shifted
+        for extra, (c, _) in enumerate(shifted[len(columns) :], first + len(columns)):
             ys[:, first + c] += ys[:, extra]
-        return x, y, ys[:, : first + len(columns)]
+        return x, y, np.ascontiguousarray(ys[:, : first + len(columns)])
 
     def follow(
         self,
@@ -166,9 +190,10 @@ class Problem:
         point: Point,
         columns: Columns | None = None,
         pushed: bool = False,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    ) -> Followed | None:
         """Follow a window from x0 with the parameters of a point."""
-        u, slope, edge = self._inputs(window, point.p)
+        common = self.common(point)
+        u, slope, edge = self._inputs(window, common.inputs)
         return self.compiled.follow(
             x0,
             u,
@@ -176,25 +201,18 @@ class Problem:
             self._mode(window),
             point.p,
             window.step_s,
-            self.active_states(point.present),
+            common.active,
             self.scale,
-            self.tolerance * self.patience,
+            self._tolerance(),
             columns,
             None if edge is None else Cut(edge.input, edge.share, edge.after, not pushed),
         )
 
-    def _columns(self, window: Window, columns: Sequence[int]) -> Columns:
-        """Columns of parameters; a delay of several inputs has more, one each, which come last."""
-        shifted = self._shifted(columns)
-        more = len(shifted) - len(columns)
-        parameters, inputs = [*columns, *[-1] * more], [i for _, i in shifted]
-        return Columns(parameters, inputs, [0] * len(shifted), [window.steps] * len(shifted))
-
-    def _shifted(self, columns: Sequence[int]) -> list[tuple[int, int]]:
-        """(column, input that its delay shifts, -1: none): each column once, then the further inputs."""
-        late = {c: [i for i, qs in self.late.inputs.items() if q in qs] for c, q in enumerate(columns)}
-        further = [(c, i) for c, inputs in late.items() for i in inputs[1:]]
-        return [(c, inputs[0] if inputs else -1) for c, inputs in late.items()] + further
+    def _tolerance(self) -> np.ndarray:
+        """Errors [NX] of the states above which a step is halved."""
+        if self._patient is None or self._patient[0] != self.patience:
+            self._patient = self.patience, self.tolerance * self.patience
+        return self._patient[1]
 
     def responses(
         self, point: Point, k: int, inputs: Sequence[int], edges: np.ndarray, columns: Sequence[int]
@@ -205,7 +223,7 @@ class Problem:
         """
         run = self.simulate(point, k, columns)
         bins = len(edges) - 1
-        pushed = Columns(
+        pushed = Columns.of(
             [-1] * (bins * len(inputs)),
             [i for i in inputs for _ in range(bins)],
             list(edges[:-1]) * len(inputs),
@@ -214,33 +232,27 @@ class Problem:
         moved = self.simulate(point, k, None, pushed)
         if run is None or moved is None:
             return None
-        _, y, ys = run
-        found, parts = self.compare(point, k, y, ys, columns)
-        answer = np.concatenate(self.compare(point, k, moved[1], moved[2], ())[1])
-        n = len(self.active_states(point.present))
-        return np.concatenate(list(found.values())), np.concatenate(parts), answer[:, n:]
+        _, errors, slopes = self.compare(point, k, run, columns)
+        answer = self.compare(point, k, moved)[2]
+        return errors, slopes, answer[:, len(self.common(point).active) :]
 
-    def compare(self, point: Point, k: int, y: np.ndarray, ys: np.ndarray | None, columns: Sequence[int]):
-        """Whitened errors of window k by output, and their slopes output by output."""
-        window, errors, slopes = self.windows[k], {}, []
-        place = {} if ys is None else {q: ys.shape[1] - len(columns) + c for c, q in enumerate(columns)}
-        for name in self.outputs:
-            times = window.times.get(name, np.empty(0))
-            since = times - window.run.start_s
-            late = self.late.of_output(name, point.p, since)
-            read = self.readings.of(k, name, window, times - late, len(y))
-            column = self.model.index("outputs", name)
-            sigma = self.heat * self.sigma[name]
-            errors[name] = (window.samples[name] - read.value @ y[:, column]) / sigma
-            if ys is None:
-                continue
-            part = read.value @ ys[:, :, column]
-            moved = read.rate @ y[:, column] / window.step_s
-            for q, weight in self.late.slopes(name, since):
-                if q in place:
-                    part[:, place[q]] -= weight * moved
-            slopes.append(part / sigma)
-        return errors, slopes
+    def compare(
+        self, point: Point, k: int, run: Followed, columns: Sequence[int] = ()
+    ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+        """Errors of window k as followed, in units of the noise: by output, all [N], and slopes [N, ...]."""
+        window, (_, y, ys) = self.windows[k], run
+        reading = self.readings.of(k, window, self.common(point).outputs, len(y))
+        at, moved, slopes = self.compiled.sample(reading, y, ys)
+        sigma, first = np.empty(len(at)), slopes.shape[1] - len(columns)
+        for name, part in reading.parts.items():
+            sigma[part] = self.heat * self.sigma[name]
+        for name, late in self.wanted(columns).late.items():
+            part = reading.parts[name]
+            by_time = moved[part] / window.step_s
+            for c, drifts in late:
+                slopes[part, first + c] -= reading.since[part] * by_time if drifts else by_time
+        errors = (reading.samples - at) / sigma
+        return {n: errors[part] for n, part in reading.parts.items()}, errors, slopes / sigma[:, None]
 
     def linear(
         self, point: Point, columns: Sequence[int], known: Linear | None = None, changed: Sequence[int] = ()
@@ -262,13 +274,10 @@ class Problem:
         run = self.simulate(point, k, columns)
         if run is None:
             return None
-        x, y, ys = run
-        found, parts = self.compare(point, k, y, ys, columns)
-        slope, e = np.concatenate(parts), np.concatenate(list(found.values()))
+        found, e, slope = self.compare(point, k, run, columns)
         if self.whiteners is not None:
             slope, e = self.whiteners[k](slope), self.whiteners[k](e)
-        loose = 1.0 / self.freedom(self.active_states(point.present), point.p)
-        return projected(e, slope, loose, len(self.model.states), found, x)
+        return projected(e, slope, self.common(point).loose, len(self.model.states), found, run[0])
 
     def errors(self, point: Point) -> list[dict[str, np.ndarray]] | None:
         """Whitened errors by window and output, initial states as they are."""
@@ -277,7 +286,7 @@ class Problem:
             run = self.simulate(point, k)
             if run is None:
                 return None
-            found.append(self.compare(point, k, run[1], None, ())[0])
+            found.append(self.compare(point, k, run)[0])
         return found
 
     def start(self, values: Mapping[str, float]) -> Point:

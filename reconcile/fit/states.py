@@ -72,7 +72,7 @@ def _window(
         if raw <= (1.0 + 0.2 * OPEN) * left + 0.2 or share < 1e-3:
             break
         trial = x0.copy()
-        trial[problem.active_states(point.present)] += share * look.step(held)
+        trial[problem.common(point).active] += share * look.step(held)
         there = _errors(problem, point, k, trial)
         if there is None or there[0] >= raw:
             share, held = 0.3 * share, TIGHTER * held
@@ -103,18 +103,16 @@ class _Look:
 
 def _errors(problem: Problem, point: Point, k: int, x0: np.ndarray) -> tuple[float, float, _Look] | None:
     """Squares before and after projection, and what a step of the active initial states is made of."""
-    active = problem.active_states(point.present)
     states = point.x0.copy()
     states[k] = x0
     at = replace(point, x0=states)
     run = problem.simulate(at, k, ())
     if run is None:
         return None
-    found, parts = problem.compare(at, k, run[1], run[2], ())
-    e, slope = np.concatenate(list(found.values())), np.concatenate(parts)
+    e, slope = problem.compare(at, k, run)[1:]
     if problem.whiteners is not None:
         e, slope = problem.whiteners[k](e), problem.whiteners[k](slope)
-    look = _Look(e, slope, 1.0 / problem.freedom(active, point.p))
+    look = _Look(e, slope, problem.common(point).loose)
     q = look.factors(0.0)[0]
     left = e - q @ (q.T @ e)
     return float(e @ e), float(left @ left), look

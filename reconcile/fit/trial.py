@@ -24,7 +24,7 @@ def tried(
 
     `linear` is the problem at `point`; `share`: of the way that the initial states would go by themselves.
     """
-    change, active = p[list(columns)] - point.p[list(columns)], problem.active_states(point.present)
+    change, active = p[list(columns)] - point.p[list(columns)], problem.common(point).active
     x0, pieces = point.x0.copy(), list[Piece | None](linear.pieces)
     still = range(len(pieces))
     for own, by in ((share, 1.0), (0.0, 1.0), (0.0, 0.0)):

@@ -58,16 +58,21 @@ class InputTable:
     run: Run
     names: Sequence[str]  # all inputs of the model, in order
     defaults: np.ndarray
+    forces: int = 0  # at the axes: nobody knows of any
     _cache: dict[tuple[int, float, float, int, float], tuple[np.ndarray, np.ndarray]] = field(
         default_factory=dict
     )
     _edges: dict[tuple[int, float, float, int, float], Edge] = field(default_factory=dict)
+    _held: dict[int, "Held"] = field(default_factory=dict)
 
     def rows(self, window: Window, delays: Mapping[int, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Inputs [steps, NU + 1] of a window, last the time since the recording began; slopes by delay."""
-        n, h = window.steps, window.step_s
-        u = np.empty((n, len(self.names) + 1))
-        slope = np.zeros_like(u)
+        """Inputs of a window, the time since the recording began and forces [steps, NU + 1 + forces]; slopes.
+
+        Slopes are by delay; of forces by themselves.
+        """
+        n, h, clock = window.steps, window.step_s, len(self.names)
+        u, slope = np.zeros((2, n, clock + 1 + self.forces))
+        slope[:, clock + 1 :] = 1.0
         for i, name in enumerate(self.names):
             signal = self.run.inputs.get(name)
             if signal is None:
@@ -77,9 +82,11 @@ class InputTable:
             if key not in self._cache:
                 if len(self._cache) > 4000:
                     self._cache.clear()
-                self._cache[key] = delayed(signal, window.start_s, h, n, delays.get(i, 0.0))
+                if i not in self._held:
+                    self._held[i] = Held(signal)
+                self._cache[key] = self._held[i].delayed(window.start_s, h, n, delays.get(i, 0.0))
             u[:, i], slope[:, i] = self._cache[key]
-        u[:, -1] = window.start_s - self.run.began_s + h * (np.arange(n) + 0.5)
+        u[:, clock] = window.start_s - self.run.began_s + h * (np.arange(n) + 0.5)
         return u, slope
 
     def edge(self, window: Window, delays: Mapping[int, float]) -> Edge | None:
@@ -113,18 +120,25 @@ def _edge(i: int, signal: Signal, start: float, h: float, n: int, delay: float) 
     return Edge(i, share, before, after)
 
 
-def delayed(signal: Signal, start: float, h: float, n: int, delay: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of a held signal over each of n steps, `delay` late, and its slope by the delay."""
-    edges = start + h * np.arange(n + 1) - delay
-    steps = np.diff(signal.time, append=signal.time[-1] + 1e6)
-    knots = np.concatenate([[signal.time[0] - 1e6], signal.time, [signal.time[-1] + 1e6]])
-    area = np.concatenate(
-        [[0.0, signal.values[0] * 1e6], signal.values[0] * 1e6 + np.cumsum(signal.values * steps)]
-    )
-    mean = np.diff(np.interp(edges, knots, area - area[1])) / h
-    # a change on an edge moves into the step after it: in the one before, play has nothing to follow yet
-    at = np.clip(np.searchsorted(signal.time, edges - 1e-9, side="right") - 1, 0, None)
-    return mean, -np.diff(signal.values[at]) / h
+class Held:
+    """A signal that holds each value until the next: `area` under it up to each of its `knots`."""
+
+    def __init__(self, signal: Signal):
+        self.signal = signal
+        steps = np.diff(signal.time, append=signal.time[-1] + 1e6)
+        self._knots = np.concatenate([[signal.time[0] - 1e6], signal.time, [signal.time[-1] + 1e6]])
+        area = np.concatenate(
+            [[0.0, signal.values[0] * 1e6], signal.values[0] * 1e6 + np.cumsum(signal.values * steps)]
+        )
+        self._area = area - area[1]
+
+    def delayed(self, start: float, h: float, n: int, delay: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean over each of n steps `h` from `start` on, `delay` late (s), and its slope by the delay."""
+        edges = start + h * np.arange(n + 1) - delay
+        mean = np.diff(np.interp(edges, self._knots, self._area)) / h
+        # a change on an edge moves into the step after it: in the one before, play has nothing to follow yet
+        at = np.clip(np.searchsorted(self.signal.time, edges - 1e-9, side="right") - 1, 0, None)
+        return mean, -np.diff(self.signal.values[at]) / h
 
 
 def cut(blocks: Sequence[Block], window_s: float, step_s: float | None) -> list[Window]:

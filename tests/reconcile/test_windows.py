@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reconcile.data import Block, Run, Signal, runs_of
-from reconcile.fit.windows import WINDOW_S, InputTable, cut, delayed
+from reconcile.fit.windows import WINDOW_S, Held, InputTable, cut
 from records.measurement import Channel, Measurement
 from tests.reconcile.truth import Truth, record
 
@@ -43,7 +43,7 @@ def test_a_drift_goes_on_through_a_gap(rig):
 
 def test_a_change_on_an_edge_is_moved_into_the_step_after_it():
     held = Signal(np.arange(6) * 0.02, np.array([0.0, 0.0, 1.0, 1.0, -2.0, -2.0]))
-    mean, slope = delayed(held, 0.0, 0.01, 10, 0.0)
-    later = delayed(held, 0.0, 0.01, 10, 1e-5)[0]
+    mean, slope = Held(held).delayed(0.0, 0.01, 10, 0.0)
+    later = Held(held).delayed(0.0, 0.01, 10, 1e-5)[0]
     assert slope == pytest.approx((later - mean) / 1e-5, abs=1e-6)
     assert slope[4] == pytest.approx(-100.0)
