@@ -20,7 +20,7 @@ from blindtest.systems.axis import absent
 from blindtest.systems.drives import Driven
 from blindtest.systems.kit import KITS, Kit
 from blindtest.systems.system import STEP, Drive, System, Trace
-from blindtest.whitening import LINES, Whitening, whitening
+from blindtest.whitening import BEGINNING, LINES, Whitening, whitening
 from specs.errors import InputError, RunError, nearest
 
 VISIBLE, INVISIBLE = 20.0, 3.0
@@ -148,6 +148,8 @@ class _Draft:
             wanted = VISIBLE <= value < LOST if placed.target >= VISIBLE else value <= INVISIBLE
             if not wanted:
                 raise _Redraw
+        if any(self._acted(p) < VISIBLE for p in kept):
+            raise _Redraw
         truth = problem.fit([p.effect for p in kept], self._start(problem, kept))
         if truth.value > WITHOUT_HIDDEN or any(self._beyond(problem, p) < VISIBLE for p in self._strangers()):
             raise _Redraw
@@ -232,10 +234,29 @@ class _Draft:
         """The run as it happens: disturbed, and noisy where a controller feels it."""
         drive, start = self.drives[number]
         rng = np.random.default_rng(int(self.keys[number]))
-        samples = len(drive.commands)
-        noise = self.surroundings.outputs * rng.standard_normal((samples, len(self.system.outputs)))
-        disturbance = self.surroundings.disturb(samples, rng, self.system.disturbances)
+        noise, disturbance = self._surprises(len(drive.commands), rng)
         return self.system.simulate(self._values(self.placed), drive, start, disturbance, noise), rng
+
+    def _surprises(self, samples: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Noise of the outputs [samples, outputs] and disturbance of a run."""
+        noise = self.surroundings.outputs * rng.standard_normal((samples, len(self.system.outputs)))
+        return noise, self.surroundings.disturb(samples, rng, self.system.disturbances)
+
+    def _acted(self, placed: Placed) -> float:
+        """Half the squared difference, in deviations of the sensors, that an effect made to the runs.
+
+        Disturbed, a machine may never come to a stop that it would have met.
+        """
+        without, found = [p for p in self.placed if p is not placed], 0.0
+        for number, (drive, start) in enumerate(self.drives):
+            replay = Drive(self._run(number)[0].commands, kind=drive.kind)
+            pushed = self._surprises(len(drive.commands), np.random.default_rng(int(self.keys[number])))[1]
+            made = [
+                self.system.simulate(self._values(x), replay, start, pushed) for x in (self.placed, without)
+            ]
+            moved = (made[0].outputs - made[1].outputs)[BEGINNING:] / self.surroundings.outputs
+            found += 0.5 * float(np.sum(moved**2))
+        return found
 
     def _problem(self, known: list[Whitening] | None = None) -> tuple[Problem, list[Recorded]]:
         """Noise-free replays of the applied commands, and the recordings; with `known` whitenings."""

@@ -11,10 +11,12 @@ import numpy as np
 
 from blindtest.case import Case
 from blindtest.effects.effect import Effect
-from blindtest.equivalents import EQUIVALENT, count
+from blindtest.equivalents import EQUIVALENT, HOPELESS, count
 from blindtest.likelihood import Fit
 
 MOST_PLACES = 16  # combinations of places that are fitted
+AGAIN = 3  # times that a fit is made again from where it ended
+LEFT = 0.95  # of its lambda, or less, if another time is worth it
 
 
 def least(case: Case, names: Iterable[str]) -> float:
@@ -40,11 +42,23 @@ def _places(case: Case, name: str) -> list[Effect]:
 
 
 def _fitted(case: Case, effects: Sequence[Effect]) -> float:
-    """Lambda of a set: what it shares with T from T's own fit, the others added one after the other."""
+    """Lambda of a set: what it shares with T from T's own fit, the others added one after the other.
+
+    What is shared is fitted alone first, or left as it was: alone it may come to a bound, and stay there.
+    """
     known = dict(zip((e.key for e in case.visible), case.truth_fit.effects, strict=True))
     kept = tuple(e for e in effects if e.key in known)
-    start = Fit(np.inf, case.truth_fit.base, tuple(known[e.key] for e in kept), case.truth_fit.starts)
-    at, left = case.problem.fit(kept, start), [e for e in effects if e.key not in known]
+    own = Fit(np.inf, case.truth_fit.base, tuple(known[e.key] for e in kept), case.truth_fit.starts)
+    found = float("inf")
+    for at in (own, case.problem.fit(kept, own)):
+        found = min(found, _added(case, kept, at, [e for e in effects if e.key not in known]))
+        if found < EQUIVALENT:
+            break
+    return found
+
+
+def _added(case: Case, kept: tuple[Effect, ...], at: Fit, left: list[Effect]) -> float:
+    """Lambda once effects were added to a fit of `kept`, the most promising first."""
     while left:
         added = min(left, key=lambda e: case.problem.promise(kept, at, e))
         left.remove(added)
@@ -52,4 +66,10 @@ def _fitted(case: Case, effects: Sequence[Effect]) -> float:
         if not at.effects:  # it does not run from any start
             return float("inf")
         kept = (*kept, added)
+    for _ in range(AGAIN):  # a kink, or that it was given up, may have held a fit up
+        if not EQUIVALENT <= at.value < HOPELESS:
+            break
+        before, at = at.value, min(at, case.problem.fit(kept, at), key=lambda f: f.value)
+        if at.value > LEFT * before:
+            break
     return at.value

@@ -49,6 +49,8 @@ def widths(study: "Study", point: Point, coarse: bool, near: bool) -> list[float
     if not any(a.effect.width for a in point.present):
         return [WIDTHS[-1]]
     found = list(WIDTHS[-1 if near else 0 : 2 if coarse else None])
+    if len(found) > 1 and any(a.effect.width == "gap" for a in point.present):
+        found = found[1:]  # the first is wider than the gap itself: a gear rounded so has none
     while len(found) > 1 and any(a.effect.width == "time" for a in point.present):
         wide, next_ = (cost(study, rounded(study, point, w)) for w in found[:2])
         if wide <= ELSEWHERE * next_:

@@ -24,6 +24,8 @@ SEED = 7
 LATE_WITH_FRICTION = 731887899709031873  # input_delay, presliding_hysteresis, quadratic_drag
 FALLING_BOOM = 4316500651179642451
 OFFSET_ON_A_SPRING = 4285276021684917069
+UNTOUCHED_STOP = 1506358631525970698  # whose first draw has a stop that the disturbed machine never meets
+LOADED_ONE_WAY = 3711238533128438967  # gravity_load, asymmetric_viscous_friction
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +152,18 @@ def test_a_biased_angle_stands_for_an_offset_where_a_spring_has_its_zero():
     offset = case.draw(OFFSET_ON_A_SPRING, "low", "servo")
     assert (offset.system.name, {e.name for e in offset.visible}) == ("servo_spring", {"input_offset"})
     assert {"sensor_bias"} in [set(names) for names in equivalents(offset)]
+
+
+def test_a_stop_that_the_disturbed_machine_never_meets_is_drawn_again():
+    met = case.draw(UNTOUCHED_STOP, "low", "servo")
+    assert met.redrawn > 0
+    assert "end_stop" not in {e.name for e in met.visible}
+
+
+def test_a_constant_load_stands_for_gravity_beside_a_friction_that_a_fit_without_either_turns_about():
+    loaded = case.draw(LOADED_ONE_WAY, "low", "arm")
+    assert {e.name for e in loaded.visible} == {"gravity_load", "asymmetric_viscous_friction"}
+    assert least(loaded, ["asymmetric_viscous_friction", "constant_load"]) < EQUIVALENT
 
 
 def test_a_joint_that_a_load_takes_beyond_its_end_is_drawn_again():

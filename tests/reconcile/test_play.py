@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from reconcile import starting
 from reconcile.catalogue import memory
 from reconcile.data import runs_of, split
 from reconcile.model import Folder
@@ -76,3 +77,11 @@ def test_a_gear_is_rounded_by_its_own_gap_and_its_ends_are_as_exact_as_the_axis(
     assert position is not None
     twist = states.index(gear.name("twist"))
     assert problem.tolerance[twist] <= problem.tolerance[states.index(position)]
+
+
+def test_a_gear_is_never_rounded_over_more_than_its_gap(study: Study):
+    gear = next(a for a in study.candidates if a.effect.name == "gear_backlash")
+    point = study.fit_problem.with_present(study.fit_problem.start(study.values), (gear,))
+    for coarse in (True, False):
+        for share in starting.widths(study, point, coarse, near=False):
+            assert starting.rounded(study, point, share).p[study.extended.index[gear.name("width")]] < 1.0
