@@ -44,21 +44,21 @@ def _places(case: Case, name: str) -> list[Effect]:
 def _fitted(case: Case, effects: Sequence[Effect]) -> float:
     """Lambda of a set: what it shares with T from T's own fit, the others added one after the other.
 
-    What is shared is fitted alone first, or left as it was: alone it may come to a bound, and stay there.
+    What is shared is left as it was first: fitted alone it may come to a bound, and stay there.
     """
     known = dict(zip((e.key for e in case.visible), case.truth_fit.effects, strict=True))
     kept = tuple(e for e in effects if e.key in known)
     own = Fit(np.inf, case.truth_fit.base, tuple(known[e.key] for e in kept), case.truth_fit.starts)
-    found = float("inf")
-    for at in (own, case.problem.fit(kept, own)):
-        found = min(found, _added(case, kept, at, [e for e in effects if e.key not in known]))
-        if found < EQUIVALENT:
-            break
-    return found
+    others = [e for e in effects if e.key not in known]
+    found = _added(case, kept, own, others)
+    return (
+        found if found < EQUIVALENT else min(found, _added(case, kept, case.problem.fit(kept, own), others))
+    )
 
 
-def _added(case: Case, kept: tuple[Effect, ...], at: Fit, left: list[Effect]) -> float:
+def _added(case: Case, kept: tuple[Effect, ...], at: Fit, left: Iterable[Effect]) -> float:
     """Lambda once effects were added to a fit of `kept`, the most promising first."""
+    left = list(left)
     while left:
         added = min(left, key=lambda e: case.problem.promise(kept, at, e))
         left.remove(added)
