@@ -24,21 +24,34 @@ def least(case: Case, names: Iterable[str]) -> float:
 
     It ends at the first set below EQUIVALENT.
     """
-    pools = [_places(case, name) for name in sorted(set(names))]
-    most, found = count(case.visible), float("inf")
-    sets = (s for s in itertools.product(*pools) if count(s) <= most)
-    for effects in itertools.islice(sets, MOST_PLACES):
+    found = float("inf")
+    for effects in itertools.islice(_likely(case, set(names)), MOST_PLACES):
         found = min(found, _fitted(case, effects))
         if found < EQUIVALENT:
             break
     return found
 
 
-def _places(case: Case, name: str) -> list[Effect]:
-    """Effects of a name, those of T first, then those on T's axes."""
-    own, axes = {e.key for e in case.visible}, {e.subsystem for e in case.visible}
-    found = [e for e in case.kit.declared(case.system) if e.name == name]
-    return sorted(found, key=lambda e: (e.key not in own, e.subsystem not in axes))
+def _likely(case: Case, names: set[str]) -> list[tuple[Effect, ...]]:
+    """Sets of these names, one of which may be at two places, with no more parameters than T.
+
+    The likeliest come first: T's own effects, and else those on the axes of what is missing.
+    """
+    effects, most = [e for e in case.kit.declared(case.system) if e.name in names], count(case.visible)
+    pools = [[e for e in effects if e.name == name] for name in sorted(names)]
+    once = [s for s in itertools.product(*pools) if count(s) <= most]
+    again = [(*s, e) for s in once for e in effects if e not in s and count((*s, e)) <= most]
+    sets = {frozenset(e.key for e in s): s for s in (*once, *again)}
+    return sorted(sets.values(), key=lambda s: _far(case, s))
+
+
+def _far(case: Case, effects: Sequence[Effect]) -> tuple[int, list[str]]:
+    """How far a set is from T, and what orders those that are equally far."""
+    own, here = {e.key for e in case.visible}, {e.key for e in effects}
+    axes = {e.subsystem for e in case.visible}
+    missing = {e.subsystem for e in case.visible if e.key not in here}
+    far = sum((e.key not in own) * (3 - (e.subsystem in axes) - (e.subsystem in missing)) for e in effects)
+    return far, sorted(here)
 
 
 def _fitted(case: Case, effects: Sequence[Effect]) -> float:

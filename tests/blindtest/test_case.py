@@ -26,6 +26,9 @@ FALLING_BOOM = 4316500651179642451
 OFFSET_ON_A_SPRING = 4285276021684917069
 UNTOUCHED_STOP = 1506358631525970698  # whose first draw has a stop that the disturbed machine never meets
 LOADED_ONE_WAY = 3711238533128438967  # gravity_load, asymmetric_viscous_friction
+RUBBING_JOINT = (
+    4159452832103963605  # asymmetric_coulomb_friction of the tool's pitch, sensor_bias of the stick
+)
 
 
 @pytest.fixture(scope="module")
@@ -164,6 +167,16 @@ def test_a_constant_load_stands_for_gravity_beside_a_friction_that_a_fit_without
     loaded = case.draw(LOADED_ONE_WAY, "low", "arm")
     assert {e.name for e in loaded.visible} == {"gravity_load", "asymmetric_viscous_friction"}
     assert least(loaded, ["asymmetric_viscous_friction", "constant_load"]) < EQUIVALENT
+
+
+@pytest.mark.long
+def test_on_a_machine_of_many_places_the_declared_ones_are_looked_for_where_the_truth_is():
+    rubbing = case.draw(RUBBING_JOINT, "low", "machine")
+    assert {e.key for e in rubbing.visible} == {"pitch/asymmetric_coulomb_friction", "stick/sensor_bias/qd"}
+    assert least(rubbing, ["coulomb_friction", "constant_load", "sensor_bias"]) < EQUIVALENT
+    assert (
+        least(rubbing, ["coulomb_friction", "sensor_bias"]) < EQUIVALENT
+    )  # another bias, of the tool's angle
 
 
 def test_a_joint_that_a_load_takes_beyond_its_end_is_drawn_again():
