@@ -194,10 +194,8 @@ class Search:
 
     def _worthwhile(self, scored: Scored, score: Score, fitted: Fitted) -> bool:
         """Whether the linear gain is at least half of what would be accepted."""
-        s = evidence.all_count(fitted)
         count = sum(len(v.attached.free) for v in scored.variants)
-        gain = evidence.likelihood_gain(score.cost, max(score.cost - scored.gain, 1e-9 * score.cost), s)
-        return gain > 0.5 * (evidence.BIC_GAIN + count * np.log(s.effective))
+        return _promising(fitted, score.cost, score.cost - scored.gain, count)
 
     def attempt(
         self,
@@ -254,12 +252,19 @@ class Search:
 
     def _sharpened(self, ranked: Sequence[Key]) -> Key:
         """The best of the first sets once fitted with sharp kinks and from every start of their shapes."""
-        for at, key in enumerate(ranked[:SHARPENED]):
-            self.report("sharpening", at, SHARPENED)
+        chosen = [key for key in ranked if self._gains(key)][:SHARPENED]
+        for at, key in enumerate(chosen):
+            self.report("sharpening", at, len(chosen))
             self.sharp(tuple(self.tried.coarse[key].point.present), self.tried.coarse[key])
         best = self._ranked(self.tried.fits)[0]
         self.tried.fits[best] = minima.afresh(self.study, minima.polished(self.study, self.tried.fits[best]))
         return best
+
+    def _gains(self, key: Key) -> bool:
+        """Whether a coarse fit gains over those of its parts at least half of what would be accepted."""
+        coarse, fitted = self.tried.coarse, self.tried.coarse[key]
+        part = min((f for k, f in coarse.items() if k < key), key=lambda f: f.cost, default=None)
+        return part is None or _promising(part, part.cost, fitted.cost, len(fitted.free) - len(part.free))
 
     def sharp(self, present: tuple[Attached, ...], near: Fitted) -> Fitted:
         """The sharp fit of a set, from parameters of a fit near it."""
@@ -288,3 +293,10 @@ class Search:
         values = self.study.named((best or fitted).point.p)
         again = self.study.fit_set(self.study.fit_problem.start(values), present, {})
         return again if again is not None and again.cost < fitted.cost else fitted
+
+
+def _promising(fitted: Fitted, before: float, after: float, parameters: int) -> bool:
+    """Whether a fall of the cost is at least half of what would be accepted of so many parameters more."""
+    s = evidence.all_count(fitted)
+    gain = evidence.likelihood_gain(before, max(after, 1e-9 * before), s)
+    return gain > 0.5 * (evidence.BIC_GAIN + parameters * np.log(s.effective))

@@ -129,8 +129,15 @@ class Study:
         return found
 
     def refitted(self, fitted: Fitted, tolerance: float = FIT) -> Fitted:
-        """A fit again, from where it ended: the noise, or the data, are others now."""
-        return self.fit_set(fitted.point, fitted.point.present, {}, near=True, tolerance=tolerance) or fitted
+        """A fit again, from where it ended: the noise, or the data, are others now.
+
+        With kinks it is fitted from wide ones as well: judged more sharply than before, a stop that a window
+        meets a little early holds everything else up.
+        """
+        point, present = fitted.point, fitted.point.present
+        ways = (True, False) if any(a.effect.width for a in present) else (True,)
+        found = [self.fit_set(point, present, {}, near=near, tolerance=tolerance) for near in ways]
+        return min((f for f in found if f is not None), key=lambda f: f.cost, default=fitted)
 
     def elsewhere(self, fitted: Fitted, which: str) -> Fitted | None:
         """The same parameters on another part, with initial states of their own."""
