@@ -35,6 +35,12 @@ def reconcile_suite(
     ] = True,
     again: Annotated[bool, typer.Option("--again", help="Answer cases that are there once more.")] = False,
     summary: Annotated[bool, typer.Option("--summary", help="Do nothing; figures of what is there.")] = False,
+    results: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Keep results here, a line a case; those that are there count as done."
+        ),
+    ] = None,
     markdown: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Fill the results of such suites in this page.")
     ] = None,
@@ -45,30 +51,38 @@ def reconcile_suite(
 
     from slewright import markers
     from slewright.suite import page
-    from slewright.suite.plan import settle
+    from slewright.suite.ledger import Ledger, seed_of
+    from slewright.suite.plan import Settings, settle
     from slewright.suite.run import check_packages, run_suite, there
     from slewright.suite.summary import missed, summarise
 
     if cases < 1 or workers < 1:
         raise InputError(f"--cases {cases}, --workers {workers}: both are at least 1")
-    if summary and out is None:
-        raise InputError("--summary needs --out DIR, the folder of the suite")
+    if summary and out is None and not (results and results.exists()):
+        raise InputError("--summary needs --out DIR, the folder of the suite, or --results FILE, its results")
     check_packages(dask, baselines and not summary)
     if markdown:
         markers.around(markdown, page.name(noise, visible))  # said now, not after hours
+    wanted = {"noise": noise, "system": system, "visible": visible}
+    seed = seed_of(results, seed, **wanted)
     fresh = secrets.randbelow(2**31) if seed is None else seed
     folder = out or Path("out/reconcile-suite") / f"{noise}-{system or 'all'}-{visible}-{fresh}"
-    settings = settle(folder, seed, fresh, noise=noise, system=system, visible=visible)
+    # figures of kept results need no folder
+    settings = settle(folder, seed, fresh, **wanted) if out or not summary else Settings(fresh, **wanted)
+    ledger = Ledger(results, settings)
     typer.echo(f"seed {settings.seed}, cases in {folder}")
     try:
         with progress("reconcile-suite") as report:
             if not summary:
-                run_suite(settings, cases, folder, workers, dask, baselines, again, report, experiments)
+                run_suite(
+                    settings, cases, folder, workers, dask, baselines, again, report, experiments, ledger
+                )
     finally:  # what is there counts, whatever ended it
-        results = there(folder, cases)
-        figures = {"noise": noise, "visible": visible, "asked": cases, **summarise(results)}
+        ledger.keep(there(folder, cases))
+        found = there(folder, cases, ledger)
+        figures = {"noise": noise, "visible": visible, "asked": cases, **summarise(found)}
         figures["missed"] = missed(figures, noise, visible)
-        _print(figures, results)
+        _print(figures, found)
         write(json, figures, settings.seed)
         if markdown:
             markers.fill(markdown, page.name(noise, visible), page.page(figures, settings.seed))

@@ -21,7 +21,9 @@ def page(figures: Figures, seed: int) -> str:
     asked = f"`slewright reconcile-suite --cases {figures['asked']} --noise {noise}{kind} --seed {seed}`"
     done = figures["cases"]
     stopped = "" if done == figures["asked"] else f", stopped after {done} cases"
-    parts = [f"{asked}, version {VERSION}{stopped}; recordings are simulated.\n", _demands(figures)]
+    by = ", ".join(code for code in figures["codes"] if code)
+    answered = f", sources of reconcile {by}" if by else ""
+    parts = [f"{asked}, version {VERSION}{answered}{stopped}; recordings are simulated.\n", _demands(figures)]
     parts.append(_grouped("system", figures["by_system"] | {"all": figures}))
     if 0 < figures["simplest"] < done:
         parts.append(_simplest(figures))

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from orchestrator.campaign import pool
+from slewright.suite.ledger import Ledger
 from slewright.suite.plan import Settings
 from slewright.suite.work import PLAIN, Task, work
 from specs.errors import InputError, RunError
@@ -25,8 +26,9 @@ def run_suite(
     again: bool = False,
     report: Report | None = None,
     experiments: bool = True,
+    ledger: Ledger | None = None,
 ) -> Results:
-    """Do the cases of 0 .. count - 1 that are not done yet; all results that are there, in order.
+    """Do the cases of 0 .. count - 1 that neither the folder nor the ledger has; all results, in order.
 
     `again`: answer the cases that are there once more; `experiments`: drive what ambiguous ones propose.
     A KeyboardInterrupt passes; what was done is kept.
@@ -40,23 +42,25 @@ def run_suite(
     say = report or (lambda what, done=None, total=None: None)
     check_packages(scheduler, baselines)
     tasks = [_task(settings, n, out, baselines, again, experiments) for n in range(count)]
-    todo = [t for t in tasks if again or not _done(t)]
+    ledger = ledger or Ledger(None, settings)
+    todo = [t for t in tasks if again or not _done(t, ledger)]
     done, undrawn = 0, []
     say("cases", 0, len(todo))
     for results in _finished(todo, workers, scheduler):
         done += len(results)
+        ledger.keep(results)
         undrawn += [f"case {r['key']}: {r['failed']}" for r in results if r["failed"]]
         say("cases", done, len(todo))
     if undrawn:
         raise RunError(f"{len(undrawn)} cases have no result, all others are kept; {undrawn[0]}")
-    return there(out, count)
+    return there(out, count, ledger)
 
 
-def there(out: Path, count: int | None = None) -> Results:
-    """The results in a suite's folder, of the first `count` cases."""
-    paths = sorted((out / "cases").glob("*/result.json"))
-    found = [json.loads(p.read_text()) for p in paths]
-    return [r for r in found if count is None or int(r["key"]) < count]
+def there(out: Path, count: int | None = None, ledger: Ledger | None = None) -> Results:
+    """The results in a suite's folder or ledger, of the first `count` cases."""
+    found = dict(ledger.results) if ledger else {}
+    found |= {p.parent.name: json.loads(p.read_text()) for p in (out / "cases").glob("*/result.json")}
+    return [found[key] for key in sorted(found) if count is None or int(key) < count]
 
 
 def _finished(todo: Sequence[Task], workers: int, scheduler: str | None) -> Iterator[Results]:
@@ -96,12 +100,12 @@ def _task(
     }
 
 
-def _done(task: Task) -> bool:
+def _done(task: Task, ledger: Ledger) -> bool:
     """Whether there is a result with all that is wanted; where something failed it is done again."""
     path = Path(task["folder"]) / "result.json"
-    if not path.is_file():
+    found = json.loads(path.read_text()) if path.is_file() else ledger.results.get(task["key"])
+    if found is None:
         return False
-    found = json.loads(path.read_text())
     plain = found["baselines"]
     if task["baselines"] and (len(plain) < len(PLAIN) or any(b["workflow_failed"] for b in plain.values())):
         return False

@@ -44,6 +44,7 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
     equivalent = _share(not r["unambiguous"] for r in results)
     return {
         "cases": len(results),
+        "codes": _sorted(Counter(r.get("code", "") for r in results)),
         **_counts(results),
         "redrawn": sum(r["redrawn"] for r in results),
         "failed": sum(bool(r["workflow_failed"]) for r in results),

@@ -18,7 +18,7 @@ from typing import Any
 from blindtest import case as cases, folder as folders
 from blindtest.score import read_truth
 from slewright.suite import child, measures
-from slewright.suite.answers import FAILED, model, scored, write
+from slewright.suite.answers import FAILED, code, model, scored, write
 from slewright.suite.experiment import AFTER, settle
 from slewright.suite.membership import completed
 from slewright.suite.proposal import keep
@@ -100,7 +100,7 @@ def _answer(folder: Path, name: str, command: Sequence[str]) -> None:
             content = json.loads(report.read_text())
         if name == "report":
             keep(report.parent, folder)
-        write(path, content | {"core_seconds": ended.seconds})
+        write(path, content | {"core_seconds": ended.seconds, "code": code()})
 
 
 def _result(task: Task, folder: Path, sha256: str) -> dict[str, Any]:

@@ -151,6 +151,42 @@ def test_an_interrupted_suite_keeps_what_it_has_and_goes_on(answers, tmp_path, c
     assert "By system" in capsys.readouterr().out
 
 
+def test_results_that_were_kept_count_as_done_where_their_folders_are_not(answers, tmp_path, capsys):
+    kept, figures = tmp_path / "low.jsonl", tmp_path / "figures.json"
+    first = ("--seed", 14, "--out", tmp_path / "first", "--results", kept)
+    assert command("--cases", 2, *first, *QUIET) == 0
+    settings, *rows = (json.loads(line) for line in kept.read_text().splitlines())
+    assert (settings["suite"]["seed"], [r["key"] for r in rows]) == (14, ["0000", "0001"])
+    assert len({r["code"] for r in rows} - {""}) == 1  # which reconcile it was
+    more = ("--results", kept, "--json", figures)
+    assert command("--cases", 3, "--out", tmp_path / "second", *more, *QUIET) == 0  # of the same seed
+    assert len(answers.calls) == 3
+    assert [p.name for p in (tmp_path / "second" / "cases").iterdir()] == ["0002"]
+    assert json.loads(figures.read_text())["cases"] == 3
+    capsys.readouterr()
+    assert command("--cases", 3, "--summary", *more, *QUIET) == 0
+    assert "By system" in capsys.readouterr().out
+    assert len(kept.read_text().splitlines()) == 4
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "said"),
+    [
+        ('{"suite":{"seed":15,"visible":"none","system":"servo"}}', ("--seed", 16), "another suite (seed 15"),
+        ('{"suite":{"seed":15,"visible":"outside"}}', (), "visible outside"),
+        ("my notes", (), "holds no results of a suite"),
+        ('{"suite":{"sed":15}}', (), "holds no results of a suite"),
+    ],
+)
+def test_a_file_of_other_results_is_refused_and_left_as_it_is(content, options, said, tmp_path, capsys):
+    kept = tmp_path / "kept.jsonl"
+    kept.write_text(content)
+    assert command("--cases", 1, "--out", tmp_path / "new", "--results", kept, *options, *QUIET) == 2
+    assert said in capsys.readouterr().err
+    assert kept.read_text() == content
+    assert not (tmp_path / "new").exists()
+
+
 def test_a_workflow_that_fails_abstains_and_is_tried_again(answers, monkeypatch, tmp_path):
     monkeypatch.setattr(child, "run", lambda *a, **k: child.Ended(3, 0.5, "slewright: it broke"))
     settings = settle(tmp_path / "suite", 13, 0, noise="low", system="servo", visible="none")
