@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from reconcile import minima
@@ -53,3 +54,23 @@ def test_a_fit_that_stayed_near_is_not_done_again(study, found):
 def test_an_answer_is_fitted_from_both_ends_however_near_it_stayed(study, found):
     near = away(study, found, 0.4, 3.0 * found.cost)
     assert minima.afresh(study, near, far=0.0).cost == pytest.approx(found.cost, rel=1e-2)
+
+
+def test_a_stop_that_a_fit_again_gets_stuck_at_is_found_from_wide_kinks(rig: Folder):
+    def stops(x: float, v: float, t: float) -> float:
+        beyond = max(abs(x) - 0.6, 0.0)
+        return -3.0 * x - (np.sign(x) * 400.0 * beyond + 3.0 * v if beyond else 0.0)
+
+    recorded = runs_of(record(Truth(force=stops), seconds=24.0), rig, "run")
+    study = Study(rig, split(recorded, (), ()))
+    present = tuple(a for a in study.candidates if a.key in ("end_stop@v", "stiffness@v"))
+    starts = {a.name(n): x for a in present for n, x in a.effect.start(study.port_scales(a), 0).items()}
+    right = study.fit_set(study.fit_problem.start(study.values), present, starts)
+    assert right is not None
+    p = right.point.p.copy()
+    p[study.fit_problem.parameter("end_stop@v.position")] *= 0.99
+    p[study.fit_problem.parameter("end_stop@v.k")] *= 0.3
+    off = replace(right, point=replace(right.point, p=p))
+    stuck = study.fit_set(off.point, present, {}, near=True)
+    assert stuck is None or stuck.cost > 10.0 * right.cost
+    assert study.refitted(off).cost == pytest.approx(right.cost, rel=1e-3)

@@ -1,0 +1,58 @@
+"""The search over sets: which of those that grew are fitted sharply."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from reconcile.rivals import Key
+from reconcile.search import SHARPENED, Search, Tried
+
+SAMPLES = 1000
+
+
+def fitted(cost: float, parameters: int, present: tuple[str, ...]) -> SimpleNamespace:
+    """A coarse fit of so many parameters that leaves so much."""
+    raw = [{"y": np.zeros(SAMPLES)}]
+    point = SimpleNamespace(present=present)
+    return SimpleNamespace(cost=cost, free=range(parameters), linear=SimpleNamespace(raw=raw), point=point)
+
+
+@pytest.fixture
+def sharpened(monkeypatch):
+    """Which sets are sharpened, of coarse fits (cost, parameters) by names."""
+
+    def of(**sets: tuple[float, int]) -> list[str]:
+        keys = {Key(name.split("_")): fitted(*found, tuple(name.split("_"))) for name, found in sets.items()}
+        study = cast(Any, SimpleNamespace(fit_set=lambda *a, **k: None))
+        search, done = Search(study), []
+        search.tried = Tried({}, cast(Any, keys))
+
+        def sharp(present, near):
+            done.append("_".join(present))
+            search.tried.fits[Key(present)] = near
+            return near
+
+        monkeypatch.setattr(search, "sharp", sharp)
+        monkeypatch.setattr("reconcile.search.minima.polished", lambda study, fit: fit)
+        monkeypatch.setattr("reconcile.search.minima.afresh", lambda study, fit: fit)
+        search._sharpened(search._ranked(search.tried.coarse))
+        return done
+
+    return of
+
+
+def test_a_set_that_gains_nothing_over_a_part_of_it_is_not_sharpened(sharpened):
+    sets = {"drag": (1000.0, 4), "drag_shaft": (1010.0, 7), "drag_lag": (999.0, 5), "lag": (1500.0, 4)}
+    assert sharpened(**sets) == ["drag", "lag"]
+
+
+def test_a_set_that_gains_half_of_what_would_be_accepted_is(sharpened):
+    assert sharpened(drag=(1000.0, 4), drag_lag=(985.0, 5)) == ["drag", "drag_lag"]
+
+
+def test_sets_that_are_left_out_make_room_for_others(sharpened):
+    worse = {f"other{i}": (1100.0 + i, 4) for i in range(SHARPENED)}
+    found = sharpened(drag=(1000.0, 4), drag_lag=(999.0, 5), **worse)
+    assert found == ["drag", *list(worse)[: SHARPENED - 1]]
