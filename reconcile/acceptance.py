@@ -35,12 +35,22 @@ class Acceptance:
     def earning(self, present: Present) -> Present:
         """Less the effects that no longer pay once confirm is fitted to as well, the least first."""
         while present:
-            gained = {a: self._pays(present, self._without(present, a)) for a in present}
-            least = min(present, key=lambda a: gained[a])
-            if gained[least] > evidence.BIC_GAIN:
+            judged = [(a, *self._pays_still(present, a)) for a in present]
+            failing = [(a, gained, why) for a, gained, why in judged if why]
+            if not failing:
                 break
-            present = self._less(present, least, _little(gained[least]))
+            a, _, why = min(failing, key=lambda j: j[1])
+            present = self._less(present, a, why)
         return present
+
+    def _pays_still(self, present: Present, a: Attached) -> tuple[float, str]:
+        """What an effect gains, and why that is not enough: little, or uncertain and not overwhelming."""
+        gained = self._pays(present, self._without(present, a))
+        if gained <= evidence.BIC_GAIN:
+            return gained, _little(gained)
+        distance = evidence.from_nothing(self.study, self._fit(present), a)
+        near = distance <= evidence.ERRORS and gained <= evidence.OVERWHELMING
+        return gained, _uncertain(distance) if near else ""
 
     def gains(self, present: Present, a: Attached) -> tuple[float, float]:
         """Of an effect: gained in twice the log-likelihood, and the share of the gap closed on confirm."""
@@ -60,7 +70,7 @@ class Acceptance:
         distance = evidence.from_nothing(self.study, fitted, a)
         # of two parameters that make up for each other either may be uncertain: then the likelihood counts
         if distance <= evidence.ERRORS and not (sure and len(a.free) > 1):
-            return gained, f"{distance:.1f} standard errors from nothing"
+            return gained, _uncertain(distance)
         outside = self._on_confirm(without, fitted)
         if outside is None or not (outside.accepted or (sure and outside.silent)):
             share = 0.0 if outside is None else outside.closed
@@ -110,3 +120,7 @@ def _gains(fitted: Fitted, without: Fitted, outside: evidence.Confirmed | None) 
 
 def _little(gained: float) -> str:
     return f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
+
+
+def _uncertain(distance: float) -> str:
+    return f"{distance:.1f} standard errors from nothing"

@@ -11,6 +11,7 @@ from typing import Any
 from specs.errors import InputError, RunError
 
 REPORT, PAGE = "report.json", "report.html"
+BEFORE = "before"  # folder: the answer whose experiment was driven
 
 
 def check(out: Path, used: Iterable[Path]) -> None:
@@ -47,7 +48,7 @@ def _foreign(out: Path) -> str:
     """The first entry of a folder that no earlier reconcile wrote; "" if there is none."""
     try:
         report: Any = json.loads((out / REPORT).read_text(encoding="utf-8"))
-        own = {REPORT, *report["files"]} if "verdict" in report and "gap" in report else set()
+        own = {REPORT, BEFORE, *report["files"]} if "verdict" in report and "gap" in report else set()
     except (OSError, ValueError, KeyError, TypeError):
         own = set()
     return next((name for name in sorted(p.name for p in out.iterdir()) if name not in own), "")

@@ -5,6 +5,8 @@ records lies beside the report, in DIR-experiment.
 """
 
 import json
+import shutil
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -36,9 +38,11 @@ def drive(
     """Reconcile; where an experiment is proposed, drive it and reconcile again with its recording.
 
     The figures are the last answer's; "experiment" holds the first verdict, the proposal, and predicted
-    against achieved margins (None where nothing was driven).  Raises InputError for a model that the machine
+    against achieved margins (None where nothing was driven).  The first report and the plan are then kept in
+    DIR/before.  Raises InputError for a model that the machine
     has no inputs for, or a folder of recordings that is not ours; RunError when the machine fails.
     """
+    from reconcile import target
     from reconcile.checks import open_folder
     from reconcile.experiment import plan
     from reconcile.system.parts import part_named, parts_of
@@ -56,7 +60,13 @@ def drive(
     if not proposal or not proposal["plan"] or not proposal.get("collect", True):
         return first
     new = record(out / proposal["plan"], out, machine, report)
-    return reconcile([new, *runs], model, out, *given, then=compare(first, new))
+    with tempfile.TemporaryDirectory() as kept:
+        for name in (target.REPORT, plan.PLAN, plan.TABLE):
+            if (out / name).is_file():
+                shutil.copy2(out / name, kept)
+        figures = reconcile([new, *runs], model, out, *given, then=compare(first, new))
+        shutil.copytree(kept, out / target.BEFORE, dirs_exist_ok=True)
+    return figures
 
 
 def compare(first: dict[str, Any], new: Path) -> Callable[..., dict[str, Any]]:

@@ -12,7 +12,8 @@ from specs.errors import InputError
 from specs.signals import signals
 
 WIDER = 0.25  # of the recorded span of a signal, to either side, where nothing is stated
-ROOM = 0.05  # of a stated range that a predicted motion keeps off its ends
+ROOM = 0.05  # of a stated range that a predicted motion keeps off its ends, but no more than
+HALF = 0.5  # of the way there: an oil at rest has a pressure near the lower end
 FIRST_S = 0.2  # of a recording, whose mean is where the machine starts
 RATE = 0.5  # share of an input that is not the slope of another, if it is said to be its rate
 Range = tuple[float, float]
@@ -30,7 +31,7 @@ class Limit:
         """By what factor values leave it, seen from the first of them (<= 1: they do not)."""
         first = float(values[0])
         room = ROOM * (self.high - self.low) if self.source == "stated" else 0.0
-        up, down = self.high - room - first, first - self.low - room
+        up, down = (side - min(room, HALF * side) for side in (self.high - first, first - self.low))
         if up <= 0.0 or down <= 0.0:
             return np.inf
         return float(max((np.max(values) - first) / up, (first - np.min(values)) / down))

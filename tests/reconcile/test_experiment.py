@@ -18,7 +18,7 @@ from reconcile.experiment.achieved import candidates, compared, margins
 from reconcile.experiment.choose import LONGEST_S, rough, spread
 from reconcile.experiment.excitation import SHAPES, Excitation, commands, of_dict
 from reconcile.experiment.judges import Pairs
-from reconcile.experiment.limits import limits_of
+from reconcile.experiment.limits import Limit, limits_of
 from reconcile.experiment.predict import Bench
 from reconcile.experiment.propose import Proposal, propose
 from reconcile.fit.solve import Fitted
@@ -302,3 +302,11 @@ def test_an_input_without_a_range_is_named(lags):
     study.model = replace(lags.rig.model, inputs=tuple(inputs))
     with pytest.raises(InputError, match=r"no input has a range \(force\)"):
         limits_of(study)
+
+
+def test_a_signal_that_starts_near_an_end_of_its_range_has_room_to_move_there_too():
+    pressure = Limit(-1e6, 6e7, "stated")  # Pa, of an oil that rests at 20 bar
+    assert pressure.excess(np.array([2e6, 1e6, 2.5e7])) < 1.0
+    assert pressure.excess(np.array([2e6, 0.0])) > 1.0  # within, but not with room
+    assert pressure.excess(np.array([2e6, 5.9e7])) > 1.0
+    assert np.isinf(pressure.excess(np.array([-2e6, 0.0])))  # begins outside

@@ -63,6 +63,7 @@ def test_the_experiment_is_driven_and_answered_again_with_its_recording_first(tm
     new = tmp_path / "out-experiment" / "000_experiment.parquet"
     assert asked == [[Path("old.parquet")], [new, Path("old.parquet")]]
     assert figures["experiment"]["before"] == "ambiguous"
+    assert sorted(p.name for p in (out / "before").iterdir()) == [plan.TABLE, plan.PLAN]
     measured = read_measurement(new)
     told = measured["u_slew"].values
     assert set(np.unique(np.round(told, 3))) == {-0.4, 0.0, 0.4}  # 0 until something is seen

@@ -475,6 +475,44 @@ def test_a_plain_way_answers_a_case(loaded, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize(
+    ("system", "seed", "hidden"),
+    [
+        ("arm", 502, ["sensor_bias"]),
+        ("tool", 503, ["cubic_stiffness"]),
+        pytest.param("servo", 501, ["input_rate_limit", "torque_ripple"], marks=pytest.mark.long),
+    ],
+)
+def test_a_fixed_case_is_named_exactly(system, seed, hidden, tmp_path):
+    out = tmp_path / "suite"
+    command("--cases", 1, "--seed", seed, "--system", system, "--workers", 1, "--no-baselines", "--out", out)
+    (done,) = there(out)
+    assert done["visible"] == hidden
+    assert (done["result"], done["named"]) == ("exact", [hidden])
+    assert all(done["port_right"])
+
+
+def test_cases_on_a_dask_cluster_give_results_in_order(answers, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    settings = settle(tmp_path / "suite", 17, 0, noise="low", system="servo", visible="none")
+    # in this process, where the workflow is stood in for
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address=None,
+    ) as cluster:
+        results = run_suite(
+            settings, 2, tmp_path / "suite", scheduler=cluster.scheduler_address, baselines=False
+        )
+    assert [r["key"] for r in results] == ["0000", "0001"]
+    assert len(answers.calls) == 2
+
+
+@pytest.mark.slow
 @pytest.mark.timeout(1200)  # seconds of core time, but on a machine that others use too
 @pytest.mark.parametrize("visible", ["none", pytest.param("drawn", marks=pytest.mark.long)])
 def test_a_fresh_case_is_answered_and_scored_whatever_comes_out(visible, tmp_path):
