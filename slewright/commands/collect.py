@@ -12,7 +12,8 @@ from slewright.progress import progress
 
 def collect(
     plan: Annotated[
-        Path, typer.Argument(metavar="PLAN", help="A plan (.toml), or the name of one: paper, tiny.")
+        Path,
+        typer.Argument(metavar="PLAN", help="A plan (.toml), or one of specs/collections: paper, tiny ..."),
     ],
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of recordings (default: out/collect/NAME-M).")

@@ -5,36 +5,42 @@ import json
 import pytest
 
 from slewright import __main__ as entry
+from specs import parameters
+
+pytestmark = [pytest.mark.slow, pytest.mark.soak, pytest.mark.timeout(7200)]
 
 
-@pytest.fixture(scope="module")
-def recordings(tmp_path_factory):
-    """What docs/reconcile.md begins with."""
-    folder = tmp_path_factory.mktemp("machine") / "recordings"
-    assert entry.run(["collect", "slow_boom", "--out", str(folder)]) == 0
-    return folder
-
-
-def driven(run, out, capsys) -> tuple[dict, str]:
-    """Figures and console of a recording of the arm, reconciled and driven."""
-    figures = out.with_suffix(".json")
-    command = ["reconcile", str(run), "--model", "arm", "--out", str(out), "--drive", "machine"]
+def driven(name: str, model: str, folder, capsys) -> tuple[dict, str]:
+    """Figures and console of the recording of a collection, reconciled and driven."""
+    recordings, out, figures = folder / "recordings", folder / "out", folder / "out.json"
+    assert entry.run(["collect", name, "--out", str(recordings)]) == 0
+    (run,) = recordings.glob("*.parquet")
+    command = ["reconcile", str(run), "--model", model, "--out", str(out), "--drive", "machine"]
     assert entry.run([*command, "--json", str(figures)]) == 0
     assert "The experiment that was driven" in (out / "report.html").read_text()
-    return json.loads(figures.read_text()), capsys.readouterr().out
+    assert (out / "before" / "report.json").is_file()
+    found = json.loads(figures.read_text())
+    done, said = found["experiment"], capsys.readouterr().out
+    assert f"before: {done['before']}: " in said
+    assert f"after: {done['after']}: " in said
+    return found, said
 
 
-@pytest.mark.slow
-@pytest.mark.soak
-@pytest.mark.timeout(7200)
-@pytest.mark.parametrize("name", ["000_slow", "001_still"])
-def test_what_recordings_did_not_show_is_driven_and_seen(recordings, tmp_path, capsys, name):
-    found, said = driven(recordings / f"{name}.parquet", tmp_path / name, capsys)
+def test_a_late_encoder_that_may_delay_or_smooth_is_told_by_what_is_driven(tmp_path, capsys):
+    found, _ = driven("slow_slew", "slew", tmp_path, capsys)
+    assert found["experiment"]["before"] == "ambiguous"
+    assert found["verdict"] == "named"
+    (late,) = [e for e in found["effects"] if e["name"] in ("sensor_delay", "sensor_lag")]
+    true = parameters.load("machine")["encoder_velocity_delay"].value
+    low, high = late["parameters"]["delay"]["ci95"]
+    assert low <= true <= high
+
+
+def test_what_a_machine_that_stood_still_did_not_show_is_driven_and_seen(tmp_path, capsys):
+    found, _ = driven("still", "arm", tmp_path, capsys)
     done = found["experiment"]
-    assert done["before"] in ("ambiguous", "insufficient_excitation")
+    assert done["before"] == "insufficient_excitation"
     assert found["verdict"] == done["after"] != "insufficient_excitation"
     promised = [p for p in (*done["pairs"], *done["parameters"]) if p["promised"]]
     assert promised
     assert all(p["achieved_margin"] is None or p["achieved_margin"] > 10.0 for p in promised)
-    assert f"before: {done['before']}: " in said
-    assert f"after: {done['after']}: " in said
