@@ -7,6 +7,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+from fmus.codegen import whole
 from fmus.definition import Model, Variable
 from reconcile.model import Folder, read_folder
 from specs.errors import InputError, nearest
@@ -38,6 +39,10 @@ def check_model(model: Model, where: Path) -> None:
             raise InputError(_short(f"{where}: {name} raises {type(error).__name__}: {error}")) from error
     if not model.outputs:
         raise InputError(f"{where}: the model has no output, so no recording can be compared with it")
+    try:
+        whole(model.sample_time, model.step, "sample_time")
+    except InputError as error:
+        raise InputError(f"{where}: {error}; state a sample_time that is") from None
     _in_range(model.parameters, where)
     p = model.start_parameters()
     u, m = ca.DM([v.start for v in model.inputs]), ca.DM([v.start for v in model.modes])

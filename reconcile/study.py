@@ -49,12 +49,15 @@ class Study:
         self.folder, self.parts, self.model = folder, parts, folder.model
         runs = unique([b.run for b in (*parts.fit, *parts.confirm, *parts.holdout)])
         recorded = set.intersection(*({*r.inputs, *r.outputs} for r in runs))
-        recorded -= {n for n in folder.ports.outputs if n in recorded and _switches(runs, n)}
+        units = {v.name: v.unit for v in self.model.outputs}
+        recorded -= {n for n in units if n in recorded and units[n] in ("", "1") and _switches(runs, n)}
+        self.still = {n for n in folder.ports.outputs if n in recorded and _still(runs, n)}
+        recorded -= self.still
         options = {} if catalogue is None else {"catalogue": catalogue}
         self.candidates = candidates(folder, sorted(recorded), **options)
         self.extended = Extended(folder, self.candidates)
         self.compiled = Compiled(self.extended)
-        shown = [n for n in folder.ports.outputs if n in recorded and not _switches(runs, n)]
+        shown = [n for n in folder.ports.outputs if n in recorded]
         if not shown:
             raise InputError(f"the recordings hold no output of {self.model.name} that varies")
         self.floors = {n: _floor(self.model, n, runs) for n in shown}
@@ -392,6 +395,11 @@ def unique(runs: Sequence[Run]) -> list[Run]:
 def _switches(runs: Sequence[Run], name: str) -> bool:
     """Whether an output is a switch, which a simulation error says nothing about."""
     return all(np.isin(r.outputs[name].values, (0.0, 1.0)).all() for r in runs if name in r.outputs)
+
+
+def _still(runs: Sequence[Run], name: str) -> bool:
+    """Whether an output keeps one value in all recordings: a sensor that is dead tells nothing."""
+    return len(np.unique(np.concatenate([r.outputs[name].values for r in runs]))) == 1
 
 
 def _floor(model: Model, name: str, runs: Sequence[Run]) -> Floor:

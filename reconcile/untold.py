@@ -24,6 +24,7 @@ NEEDS = {
     "q": "no axis of the model has a position",
     "rad": "no axis of the model turns by an angle",
     "other": "there is no second signal of the same unit",
+    "upright": "no axis of the model is said to turn about the vertical",
     "drive": "no input is known to drive an axis",
     "pull": "no port of the model says what hangs from it and swings (kind hung)",
 }
@@ -65,7 +66,15 @@ def _unfit(effect: Effect, folder: Folder) -> str:
     """Why an effect of the catalogue fits no port of this model."""
     if effect.place in ("force", "inertia") and not folder.ports.axes:
         return "no axis of the model is known that a force moves; declare PORTS in model.py"
-    return next((NEEDS[n] for n in effect.needs if n in NEEDS), "")
+    lacking = [n for n in effect.needs if n in NEEDS and not _has(folder, n)]
+    return next((NEEDS[n] for n in lacking), "")
+
+
+def _has(folder: Folder, need: str) -> bool:
+    """Whether some axis has what is needed."""
+    places = {a.position for a in folder.ports.axes if a.position}
+    units = {v.unit for v in folder.model.states if v.name in places}
+    return bool(places) if need == "q" else need == "rad" and "rad" in units
 
 
 def _hidden_axes(folder: Folder, recorded: set[str]) -> list[str]:

@@ -2,10 +2,24 @@
 
 from collections.abc import Sequence
 
+from reconcile import quantization
 from reconcile.catalogue import ALL
+from reconcile.catalogue.effect import Parameter
 
 HEADINGS = ("effect", "place", "equation", "parameters", "source")
 UNITS = {"f": "F", "v": "v", "q": "q", "u": "u", "y": "y", "other": "y₂", "inertia": "J"}
+
+
+# Told by the lattice that recorded values lie on, not by a fit.
+QUANTIZATION = {
+    "effect": quantization.NAME,
+    "place": "output",
+    "equation": "y' = step round(y/step)",
+    "parameters": "step [y]",
+    "source": "Widrow and Kollar, Quantization Noise, Cambridge 2008, ch. 1",
+    "bounds": "step > 0",
+    "limits": "",
+}
 
 
 class _Symbols(dict):
@@ -22,9 +36,11 @@ def rows() -> list[dict[str, str]]:
             "equation": e.equation,
             "parameters": ", ".join(f"{p.name} [{_unit(p.unit)}]" for p in e.parameters),
             "source": e.source,
+            "bounds": ", ".join(f"{p.name} {_sign(p)}" for p in e.parameters),
+            "limits": "; ".join(f"{name} where {where}" for name, where in e.becomes.items()),
         }
         for e in ALL
-    ]
+    ] + [QUANTIZATION]
 
 
 def table(entries: Sequence[dict[str, str]]) -> str:
@@ -43,7 +59,11 @@ def table(entries: Sequence[dict[str, str]]) -> str:
 
 def names() -> int:
     """How many different effects there are."""
-    return len({e.name for e in ALL})
+    return len({e.name for e in ALL}) + 1
+
+
+def _sign(parameter: Parameter) -> str:
+    return "of either sign" if parameter.low == -float("inf") else f"≥ {parameter.low:g}"
 
 
 def _unit(template: str) -> str:

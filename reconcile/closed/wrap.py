@@ -114,7 +114,7 @@ def _readme(problem: ClosedProblem, fitted: ClosedFit, ports: dict[str, Port]) -
             lines.append(
                 f"- **{a.effect.name}** at `{a.port}` (`{component}/`): {a.effect.equation}; {numbers}"
             )
-    lines += ["", f"`slewright simulate {name}.ssp` runs it.", ""]
+    lines += ["", f"`slewright simulate {name}.ssp --stop 10` runs it for 10 s.", ""]
     return "\n".join(lines)
 
 

@@ -151,7 +151,7 @@ class _Likelihood:
         self.responses, self.windows = responses, []
         basis = _basis([r.shared - _within(r.free, r.shared) for r in responses])
         for r, x in zip(responses, basis, strict=True):
-            a, e = np.hstack(r.by_source), r.errors
+            a, e = np.hstack([np.zeros((len(r.errors), 0)), *r.by_source]), r.errors
             a, e = a - _within(r.free, a), e - _within(r.free, e)
             pulls = a.T @ np.column_stack([e, x])
             self.windows.append((a.T @ a, pulls, x.T @ e, x.T @ x, float(e @ e)))
@@ -188,7 +188,7 @@ class _Likelihood:
         known: dict[tuple, np.ndarray] = {}
         for r in self.responses:
             if r.alike not in known:
-                known[r.alike] = np.concatenate(r.roots(sources))
+                known[r.alike] = np.concatenate([np.zeros(0), *r.roots(sources)])
         return [known[r.alike] for r in self.responses]
 
     def reach(self, source: int, sources: Sequence[Source]) -> float:

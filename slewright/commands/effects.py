@@ -26,7 +26,7 @@ def effects(
     from slewright import catalogue, markers
 
     rows = catalogue.rows()
-    columns = ("effect", "place", "equation", "parameters")
+    columns = catalogue.HEADINGS
     show("Effects", columns, [[escape(row[c]) for c in columns] for row in rows])
     if markdown:
         markers.fill(markdown, MARKERS, catalogue.table(rows))

@@ -98,14 +98,14 @@ def _print(figures: dict[str, Any]) -> None:
 
 
 def _of_recordings(figures: dict[str, Any]) -> list[str]:
-    """What reading the recordings mended or left out, and how many effects hide for lack of channels."""
+    """What reading the recordings mended or left out, and which effects hide for lack of channels."""
     found = [f"{run}: {note}" for run, n in figures["nuisances"].items() for note in n.get("mended", ())]
-    lacking: dict[str, int] = {}
+    lacking: dict[str, list[str]] = {}
     for line in figures.get("untold") or ():
         for why in line["because"].split("; "):
             if why.endswith(UNRECORDED):
-                lacking[why] = lacking.get(why, 0) + 1
-    return found + [f"{why}: {count} effects cannot be told" for why, count in lacking.items()]
+                lacking.setdefault(why, []).append(line["effect"])
+    return found + [f"{why}, so these cannot be told: {', '.join(names)}" for why, names in lacking.items()]
 
 
 def _number(value: float | None) -> str:

@@ -1,6 +1,7 @@
 """What a user can get wrong is said in at most two lines that name it, and nothing is written."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +9,11 @@ import numpy as np
 import pytest
 
 from reconcile.data import runs_of, split
+from reconcile.search import Answer, Tried
+from reconcile.study import Study
 from reconcile.target import check as check_target, staged
 from reconcile.untold import untold
-from reconcile.workflow import reconcile
+from reconcile.workflow import reconcile, told
 from records.measurement import Channel, Measurement
 from slewright.__main__ import run as command
 from specs.errors import InputError
@@ -176,6 +179,13 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
     # model
     "no such model": (_set(model="slow"), ["no model 'slow'", "did you mean slew"]),
     "model is a file": (_set(model=lambda g: g.runs[0]), ["a.csv'", "not a folder with a model.py"]),
+    "a step that the sample time does not hold": (
+        lambda g: g.model_with("step=0.005", "step=0.015"),
+        [
+            "model.py: sample_time of 0.02 s is not a multiple of the step 0.015 s",
+            "state a sample_time that is",
+        ],
+    ),
     "model without MODEL": (lambda g: g.model_with("MODEL = Model", "OTHER = Model"), ["defines no MODEL"]),
     "import raises": (
         lambda g: g.model_with("from fmus", "1 / 0\nfrom fmus"),
@@ -340,3 +350,16 @@ def test_what_cannot_be_seen_is_said_with_what_to_drive(tmp_path):
     assert figures["verdict"] == "insufficient_excitation"
     assert {r["parameter"]: r["drive"] for r in figures["unseen"]}["mass"] == ["force"]
     assert "drive force" in figures["sentence"]
+
+
+@pytest.mark.parametrize("value", [1.0, 0.7])  # 1: not taken for a switch
+def test_an_output_that_never_changes_is_left_out_and_said_to_be(rig, value):
+    stuck = TABLE.channels | {"position": replace(TABLE["position"], values=np.full(len(TIME), value))}
+    study = Study(rig, split(runs_of(Measurement(stuck), rig, "a"), (), ()))
+    assert study.still == {"position"}
+    assert list(study.floors) == ["velocity"]
+    base = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert base is not None
+    answer = Answer((), base, base, (), {}, Tried())
+    noted = told(study, answer, {"verdict": "agrees", "nuisances": {}})["nuisances"]["a"]["mended"]
+    assert any("position does not change: it is left out" in n for n in noted)

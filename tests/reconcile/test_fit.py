@@ -99,6 +99,17 @@ def test_windows_of_a_model_that_stays_lost_have_its_own_step():
     assert {w.step_s for p in study.problems.values() for w in p.windows} == {study.model.step}
 
 
+def test_without_axes_and_noisy_inputs_errors_are_the_sensors_noise_alone():
+    problem = cast(Any, disturbed(0.65))
+    responses = whitening.estimate(problem, None, ()).responses
+    alone = whitening.Noise((), tuple(replace(r, sources=(), by_source=()) for r in responses))
+    none = replace(
+        alone, responses=responses, sources=tuple(replace(s, size=0.0) for s in responses[0].sources)
+    )
+    assert alone.deviance() == pytest.approx(none.deviance())
+    assert not alone.present
+
+
 @pytest.mark.parametrize("time_s", [0.25, 0.65])
 def test_the_noise_model_finds_size_and_time_of_a_random_force_together(time_s):
     noise = whitening.estimate(cast(Any, disturbed(time_s)), None, ())

@@ -22,5 +22,5 @@ def test_what_was_left_out_of_a_recording_and_what_it_hides_is_said():
     }
     assert _of_recordings(figures) == [
         "first: speed: left out, it has no sample",
-        f"{missing}: 2 effects cannot be told",
+        f"{missing}, so these cannot be told: sensor_bias, sensor_lag",
     ]
