@@ -354,7 +354,7 @@ def test_what_cannot_be_seen_is_said_with_what_to_drive(tmp_path):
 
 @pytest.mark.parametrize("value", [1.0, 0.7])  # 1: not taken for a switch
 def test_an_output_that_never_changes_is_left_out_and_said_to_be(rig, value):
-    stuck = TABLE.channels | {"position": replace(TABLE["position"], values=np.full(len(TIME), value))}
+    stuck = dict(TABLE.channels) | {"position": replace(TABLE["position"], values=np.full(len(TIME), value))}
     study = Study(rig, split(runs_of(Measurement(stuck), rig, "a"), (), ()))
     assert study.still == {"position"}
     assert list(study.floors) == ["velocity"]
