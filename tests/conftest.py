@@ -1,5 +1,6 @@
 """What all tests share: where the project is, how the command is run, what is skipped where it is missing."""
 
+import ctypes
 import importlib.util
 import os
 import shutil
@@ -34,6 +35,15 @@ def browser_path() -> str | None:
     return next((path for name in BROWSERS if (path := shutil.which(name))), None)
 
 
+def _loads(library: str) -> bool:
+    """Whether a shared library is there."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip, and say why, what needs something that this machine does not have."""
     if item.get_closest_marker("browser") and browser_path() is None:
@@ -44,6 +54,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         missing = [name for name in MASTERS if importlib.util.find_spec(name) is None]
         if missing:
             pytest.skip(f"not installed: {', '.join(missing)}")
+        if "ecos" in item.name and not _loads("libtbb.so.12"):
+            pytest.skip("no libtbb.so.12, which ecospy needs: install libtbb12")
 
 
 @pytest.fixture(scope="session")
