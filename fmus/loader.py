@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fmus.definition import Model
 from fmus.paths import ROOT
+from fmus.tried import line
 from specs.errors import InputError, nearest
 
 ROOMS = ("fmus", "baselines")  # the rooms that hold model folders
@@ -15,6 +16,14 @@ def model_folders() -> dict[str, Path]:
     """Every model folder of the project by name."""
     found = (path.parent for room in ROOMS for path in sorted((ROOT / room).glob("*/model.py")))
     return {folder.name: folder for folder in found}
+
+
+def members_of(folder: Path) -> dict[str, Path]:
+    """Model folders by name in a folder that is none itself, or in its `model`; {} if there are none."""
+    if (folder / "model.py").is_file():
+        return {}
+    found = sorted(folder.glob("*/model.py")) or sorted(folder.glob("model/*/model.py"))
+    return {path.parent.name: path.parent for path in found}
 
 
 def load_model(folder: Path | str) -> Model:
@@ -42,7 +51,8 @@ def load_model(folder: Path | str) -> Model:
         raise
     except Exception as error:  # the file is the user's: whatever is wrong with it is wrong input
         raise InputError(
-            f"{path / 'model.py'} cannot be imported: {type(error).__name__}: {error}"
+            f"{path / 'model.py'}{line(error, path / 'model.py')} cannot be imported: "
+            f"{type(error).__name__}: {error}"
         ) from error
     model = getattr(module, "MODEL", None)
     if not isinstance(model, Model):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from fmus.equations import kinematics
-from fmus.loader import load_model, model_folders
+from fmus.loader import load_model, members_of, model_folders
 from orchestrator.check import load_system
 from orchestrator.interventions import check_changes, check_faults
 from orchestrator.pack import SYSTEMS, pack_system
@@ -151,19 +151,23 @@ def check_interventions(chosen: Sequence[Scenario], ssp: Path) -> None:
 def replacement(model: Path, systems: Sequence[str]) -> dict[str, Path]:
     """Which model of the systems the folder `model` takes the place of: {name in the systems: folder}.
 
-    The one of the same name, else the controller if the model has the controller's connectors.
+    The one of the same name, else the controller if the model has the controller's connectors.  A folder of
+    several models replaces as many.
     """
-    found = load_model(model)
+    if members := members_of(model):
+        found = [replacement(member, systems) for member in members.values()]
+        return {name: path for one in found for name, path in one.items()}
+    own = load_model(model)
     specs = [systems_spec.load(name) for name in systems]
     known = {c.fmu for spec in specs for c in spec.components}
-    if found.name in known:
-        return {found.name: model.resolve()}
-    names = {v.name for v in (*found.inputs, *found.outputs)}
+    if own.name in known:
+        return {own.name: model.resolve()}
+    names = {v.name for v in (*own.inputs, *own.outputs)}
     needed = {n for spec in specs for side in spec.connectors(CONTROLLER) for n in side}
     if needed <= names:
         return {CONTROLLER: model.resolve()}
     raise InputError(
-        f"model {found.name} replaces nothing in {', '.join(systems)}: no component of that name "
+        f"model {own.name} replaces nothing in {', '.join(systems)}: no component of that name "
         f"({', '.join(sorted(known))}), and for a controller it lacks {', '.join(sorted(needed - names))}"
     )
 

@@ -12,9 +12,8 @@ from reconcile.study import Study
 Entry = tuple[str, str, str | None, dict[str, float]]
 
 
-def write_model(study: Study, answer: Answer, out: Path, steps: Mapping[str, float] | None = None) -> Path:
-    """Write DIR/model and return it; one that is there is replaced.  `steps`: of outputs whose steps show."""
-    target = out / "model"
+def write_model(study: Study, answer: Answer, target: Path, steps: Mapping[str, float] | None = None) -> Path:
+    """Write a model folder in place of any that is there; `steps`: of outputs whose steps show."""
     if target.exists():
         shutil.rmtree(target)
     target.mkdir(parents=True)

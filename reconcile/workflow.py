@@ -29,6 +29,7 @@ from specs.errors import InputError, RunError
 from specs.version import VERSION
 
 Report = Callable[..., None]
+MODEL = "model"  # the folder in DIR of the extended model, or of those of a system's parts
 SEED = 0  # nothing is drawn: the same recordings give the same report
 
 
@@ -74,8 +75,8 @@ def reconcile(
     with target.staged(out) as part:
         if not report_only and _extended(figures):
             steps = quantization.steps(figures)
-            built = _build(reports.write_model(study, answer, part, steps), part)
-            figures["model"] = {"folder": "model", "fmu": built}
+            built = _build(reports.write_model(study, answer, part / MODEL, steps), part)
+            figures["model"] = {"folder": MODEL, "fmu": built}
         if proposal and proposal.commands:
             plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
         if not report_only:
@@ -172,13 +173,13 @@ def _system(
     report_only: bool,
     then: Callable[[Study, Answer, dict[str, Any]], dict[str, Any]] | None,
 ) -> dict[str, Any]:
-    """The same for a system of models: every part is examined, and its extended model lies in DIR/PART."""
+    """The same for a system of models: every part is examined, and its extended model lies in DIR/model/PART."""
     from reconcile.system.doubt import next_experiment
     from reconcile.system.examine import examine as examine_system
 
     began = time.monotonic()
     said("reading")
-    known = [n for part in parts for n in _variables(checks.open_folder(part.name))]
+    known = [n for part in parts for n in _variables(checks.open_folder(part.model))]
     renamed = checks.read_names(names, list(dict.fromkeys(known)))
     labels = checks.labels(p for paths in given for p in paths)
     sets = [[(labels[p], read_measurement(p, names=renamed)) for p in paths] for paths in given]
@@ -193,12 +194,11 @@ def _system(
     with target.staged(out) as part:
         extended = [e for e in done if _extended(e.figures)]
         for found in [] if report_only else extended:
-            folder = part / found.part.name
-            folder.mkdir()
+            folder = part / MODEL / found.part.name
             steps = quantization.steps(found.figures)
             built = _build(reports.write_model(found.study, found.answer, folder, steps), part)
-            figures.setdefault("model", {})[found.part.name] = {
-                "folder": f"{found.part.name}/model",
+            figures.setdefault("model", {"folder": MODEL, "parts": {}})["parts"][found.part.name] = {
+                "folder": f"{MODEL}/{found.part.name}",
                 "fmu": built,
             }
         if doubt and doubt[1].commands:

@@ -41,7 +41,7 @@ def _models(model: str, paths: Sequence[Path]) -> Iterator[tuple[Folder, list[Ru
         return
     recordings = [Recording(p.stem, with_signals(read_measurement(p))) for p in paths]
     for part in parts:
-        folder = read_folder(part.name)
+        folder = read_folder(part.model)
         yield folder, [run for r in recordings for run in own_runs(part, folder, r)]
 
 

@@ -65,7 +65,7 @@ def examine(
     left_out: dict[str, str] = {}
     for part in parts:
         said = _within(report, part)
-        folder = read_folder(part.name)
+        folder = read_folder(part.model)
         try:
             runs = followed(part, folder, partial(_runs, folder, recordings))
         except InputError as error:
@@ -165,7 +165,7 @@ def merged(done: Sequence[Examined]) -> dict[str, Any]:
     where.sort(key=lambda w: -w["share"])
     return {
         "verdict": _verdict(all_of),
-        "sentence": " ".join(f"{e.part.name.capitalize()}: {_lower(e.figures['sentence'])}" for e in done),
+        "sentence": _sentence(done),
         "effects": effects,
         "residual_status": "unexplained" if "unexplained" in status else "at_floor",
         "alternatives": _alternatives(all_of),
@@ -239,5 +239,10 @@ def _joined(figures: Sequence[Mapping[str, Any]], key: str) -> dict[str, Any]:
     return {name: value for f in figures for name, value in (f.get(key) or {}).items()}
 
 
-def _lower(sentence: str) -> str:
-    return sentence[:1].lower() + sentence[1:]
+def _sentence(done: Sequence[Examined]) -> str:
+    """One for each part, those with the strongest effects first."""
+    ranked = sorted(
+        done, key=lambda e: -max((f["gain_fit"] or 0.0 for f in e.figures["effects"]), default=-1.0)
+    )
+    said = ((e.part.name.capitalize(), e.figures["sentence"]) for e in ranked)
+    return " ".join(f"{part}: {text[:1].lower()}{text[1:]}" for part, text in said)

@@ -6,12 +6,14 @@ and an effect carries the name of its part.  Here is written, once, how the sens
 signals that the models speak of.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from fmus.equations import kinematics
+from fmus.loader import members_of
 from fmus.tool import model as tool
 from records.measurement import Channel, Measurement
 from records.tool import joint_rates
@@ -30,6 +32,7 @@ class Part:
     """A part: its model, the signals of other parts that it feels, and what is made of them.
 
     `derive`: columns by name, each [n], and the load in kg [n] -> the part's inputs by name, each [n].
+    `folder`: of its model, where that is not the project's own.
     `later`: by how much later (s) the model has an output than its other ones.
     `otherwise`: what `derive` is where the recordings have these outputs as late as the model (`ways.py`).
     """
@@ -39,6 +42,12 @@ class Part:
     derive: Callable[[Mapping[str, np.ndarray]], dict[str, tuple[str, np.ndarray]]] | None = None
     later: Mapping[str, float] = field(default_factory=dict)
     otherwise: Callable[[Mapping[str, np.ndarray]], dict[str, tuple[str, np.ndarray]]] | None = None
+    folder: str = ""
+
+    @property
+    def model(self) -> str:
+        """Folder of its model, or the name of the project's."""
+        return self.folder or self.name
 
 
 def _turned(c: Mapping[str, np.ndarray]) -> dict[str, tuple[str, np.ndarray]]:
@@ -87,9 +96,23 @@ SYSTEMS: dict[str, tuple[Part, ...]] = {
 
 
 def parts_of(model: str) -> tuple[Part, ...] | None:
-    """Parts of a system by its name or the path of its file in specs/systems; None if it is no system."""
+    """Parts of a system by its name or the path of its file in specs/systems; None if it is no system.
+
+    A folder of models that are parts of one, as an earlier answer left it, is that system with these in it.
+    """
+    if members := members_of(Path(model)):
+        return next((_with(parts, members) for parts in SYSTEMS.values() if _hold(parts, members)), None)
     name = model.removesuffix(".toml").rsplit("/", 1)[-1]
     return SYSTEMS.get(name) if model in (name, f"specs/systems/{name}.toml") else None
+
+
+def _hold(parts: Sequence[Part], members: Mapping[str, Path]) -> bool:
+    return {*members} <= {p.name for p in parts}
+
+
+def _with(parts: Sequence[Part], members: Mapping[str, Path]) -> tuple[Part, ...]:
+    """The parts, those with a folder among the members modelled by it."""
+    return tuple(replace(p, folder=str(members[p.name])) if p.name in members else p for p in parts)
 
 
 def part_named(name: str) -> Part | None:

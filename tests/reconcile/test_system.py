@@ -1,6 +1,8 @@
 """A system part after part: sensors to signals, the motion that neighbours feel, one answer of several."""
 
 import copy
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from fmus.arm.model import MODEL as ARM
 from fmus.discrete import DiscreteStepper
 from fmus.machine.model import MODEL as MACHINE
 from fmus.stepper import Stepper
+from orchestrator.verify import replacement
 from reconcile.contract import check
 from reconcile.data import Run, Signal, runs_of
 from reconcile.model import read_folder
@@ -18,6 +21,7 @@ from reconcile.system.parts import SYSTEMS, parts_of, with_signals
 from reconcile.workflow import _plain, _read
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
+from tests.conftest import ROOT
 from tests.reconcile.reports import REPORT
 
 PERIOD = 0.02
@@ -34,6 +38,19 @@ def test_a_system_is_known_by_name_and_by_its_file() -> None:
     assert parts_of("specs/systems/nominal.toml") == SYSTEMS["nominal"]
     assert parts_of("slew") is None
     assert parts_of("elsewhere/nominal.toml") is None
+
+
+def test_the_models_of_an_earlier_answer_take_their_parts_places(tmp_path: Path) -> None:
+    for name in ("arm", "tool"):
+        shutil.copytree(ROOT / "fmus" / name, tmp_path / "model" / name)
+    assert [p.model for p in parts_of(str(tmp_path / "model")) or ()] == [
+        str(tmp_path / "model" / "arm"),
+        "slew",
+        str(tmp_path / "model" / "tool"),
+    ]
+    assert replacement(tmp_path, ["nominal"]) == {n: tmp_path / "model" / n for n in ("arm", "tool")}
+    shutil.copytree(ROOT / "fmus" / "machine", tmp_path / "model" / "machine")
+    assert parts_of(str(tmp_path / "model")) is None
 
 
 def test_the_tools_angles_and_rates_are_those_of_the_reference_machine() -> None:
