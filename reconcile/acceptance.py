@@ -46,11 +46,16 @@ class Acceptance:
     def _pays_still(self, present: Present, a: Attached) -> tuple[float, str]:
         """What an effect gains, and why that is not enough: little, or uncertain and not overwhelming."""
         gained = self._pays(present, self._without(present, a))
+        return gained, self._doubt(present, a, gained, gained > evidence.OVERWHELMING)
+
+    def _doubt(self, present: Present, a: Attached, gained: float, excused: bool) -> str:
+        """Why an effect does not earn its place where it was fitted; `excused`: it may be uncertain."""
         if gained <= evidence.BIC_GAIN:
-            return gained, _little(gained)
+            return f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
         distance = evidence.from_nothing(self.study, self._fit(present), a)
-        near = distance <= evidence.ERRORS and gained <= evidence.OVERWHELMING
-        return gained, _uncertain(distance) if near else ""
+        if distance <= evidence.ERRORS and not excused:
+            return f"{distance:.1f} standard errors from nothing"
+        return ""
 
     def gains(self, present: Present, a: Attached) -> tuple[float, float]:
         """Of an effect: gained in twice the log-likelihood, and the share of the gap closed on confirm."""
@@ -64,13 +69,10 @@ class Acceptance:
         fitted, without = self._fit(present), self._without(present, a)
         gained = self._pays(present, without)
         self.known.pop(a.key, None)
-        if gained <= evidence.BIC_GAIN:
-            return gained, _little(gained)
         sure = gained > evidence.OVERWHELMING
-        distance = evidence.from_nothing(self.study, fitted, a)
         # of two parameters that make up for each other either may be uncertain: then the likelihood counts
-        if distance <= evidence.ERRORS and not (sure and len(a.free) > 1):
-            return gained, _uncertain(distance)
+        if why := self._doubt(present, a, gained, sure and len(a.free) > 1):
+            return gained, why
         outside = self._on_confirm(without, fitted)
         if outside is None or not (outside.accepted or (sure and outside.silent)):
             share = 0.0 if outside is None else outside.closed
@@ -116,11 +118,3 @@ class Acceptance:
 def _gains(fitted: Fitted, without: Fitted, outside: evidence.Confirmed | None) -> tuple[float, float]:
     gained = evidence.likelihood_gain(without.cost, fitted.cost, evidence.sample(fitted))
     return gained, 0.0 if outside is None else outside.closed
-
-
-def _little(gained: float) -> str:
-    return f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
-
-
-def _uncertain(distance: float) -> str:
-    return f"{distance:.1f} standard errors from nothing"

@@ -60,7 +60,8 @@ def drive(
     if not proposal or not proposal["plan"] or not proposal.get("collect", True):
         return first
     new = record(out / proposal["plan"], out, machine, report)
-    with tempfile.TemporaryDirectory() as kept:
+    with tempfile.TemporaryDirectory() as room:
+        (kept := Path(room) / target.BEFORE).mkdir()  # the room itself is for nobody else to read
         for name in (target.REPORT, plan.PLAN, plan.TABLE):
             if (out / name).is_file():
                 shutil.copy2(out / name, kept)

@@ -46,10 +46,11 @@ def _asymmetric_coulomb(c: Namespace, p: Namespace, w: Namespace) -> Result:
 
 
 def _stribeck(c: Namespace, p: Namespace, w: Namespace) -> Result:
-    """The level of the way it goes, where it turns the static one."""
+    """The level of the way it goes, where it turns the static one, which is not below it."""
+    more = ca.fmax(p.Fs - p.Fc, 0.0)
 
     def level(v: Any) -> Any:
-        return p.Fc + (p.Fs - p.Fc) * ca.exp(-((ca.fmax(v, 0.0) / p.vs) ** 2))
+        return p.Fc + more * ca.exp(-((ca.fmax(v, 0.0) / p.vs) ** 2))
 
     return _dry(c, level(c.v), level(-c.v))
 
@@ -186,7 +187,7 @@ EFFECTS = (
     ),
     _entry(
         "stribeck_friction",
-        "F = −(Fc + (Fs − Fc) exp(−(v/vs)²)) sgn(v)",
+        "F = −(Fc + (Fs − Fc) exp(−(v/vs)²)) sgn(v), Fs ≥ Fc",
         (
             _amplitude("Fc", "{f}"),
             _amplitude("Fs", "{f}"),

@@ -197,6 +197,12 @@ def test_stribeck_friction_in_steps_breaks_away_from_the_static_level(stepped):
     assert at.step({"v": 1.0}, {"force": 1.9})["v"] == pytest.approx(1.0 + STEP * (1.9 - 1.0) / 2.0)
 
 
+def test_static_friction_is_not_below_the_kinetic_one(stepped):
+    """Fitted where friction grows with speed, Stribeck's form would have the sign that it has not."""
+    at = only(stepped, "stribeck_friction", "carriage", Fc=1.0, Fs=0.2, vs=0.1)
+    assert at.step({"v": 0.0}, {"force": 0.9})["v"] == pytest.approx(0.0, abs=1e-8)
+
+
 def test_added_inertia_in_steps_moves_the_position_with_it(stepped):
     at = only(stepped, "payload_mass", "carriage", inertia=2.0)
     after = at.step({"x": 0.0, "v": 0.0}, {"force": 1.0})
