@@ -195,11 +195,27 @@ class Model:
         return ca.Function(name, list(self.symbols), [ca.densify(result)], ["x", "u", "m", "p"], ["r"])
 
     def _stack(self, values: Mapping[str, Any], group: Iterable[Variable], what: str) -> Symbolic:
-        names = [v.name for v in group]
-        wrong = set(names) ^ set(values)
+        names, where = [v.name for v in group], f"model {self.name}: {what}"
+        if not isinstance(values, Mapping):
+            kind = type(values).__name__
+            raise InputError(f"{where} returns a {kind}, not {{name: expression}} of {', '.join(names)}")
+        wrong = [f"{n} is missing" for n in names if n not in values]
+        wrong += [f"{n} is none of them" for n in values if n not in names]
         if wrong:
-            raise InputError(f"model {self.name}: {what} returns the wrong names: {', '.join(sorted(wrong))}")
-        return self._column([self._kind(values[n]) for n in names])
+            raise InputError(
+                f"{where} returns the wrong names: {', '.join(wrong)}; valid: {', '.join(names)}"
+            )
+        return self._column([self._scalar(values[n], f"{where}: {n}") for n in names])
+
+    def _scalar(self, value: Any, where: str) -> Symbolic:
+        """An expression of one value; InputError for anything else, at which CasADi may crash later."""
+        try:
+            found = self._kind(value)
+        except NotImplementedError:
+            raise InputError(f"{where} is a {type(value).__name__}, not a number or expression") from None
+        if found.numel() != 1:
+            raise InputError(f"{where} has {found.numel()} values, not one")
+        return found
 
 
 def from_signals(*names: str) -> tuple[Variable, ...]:

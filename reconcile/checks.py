@@ -9,11 +9,10 @@ import numpy as np
 
 from fmus.codegen import whole
 from fmus.definition import Model, Variable
+from fmus.tried import shortened
 from reconcile.model import Folder, read_folder
 from specs.errors import InputError, nearest
 from specs.schema import read_toml
-
-LONGEST = 300  # characters of what a foreign exception says
 
 
 def open_folder(model: str) -> Folder:
@@ -21,7 +20,7 @@ def open_folder(model: str) -> Folder:
     try:
         folder = read_folder(model)
     except InputError as error:
-        raise InputError(_short(str(error))) from error
+        raise InputError(shortened(str(error))) from error
     except SystemExit as error:
         raise InputError(f"{model}/model.py ends the program (sys.exit)") from error
     check_model(folder.model, folder.path / "model.py")
@@ -29,14 +28,7 @@ def open_folder(model: str) -> Folder:
 
 
 def check_model(model: Model, where: Path) -> None:
-    """Raise InputError for equations that raise, name nothing, or give no number at the start."""
-    for name, symbol in (("rhs", "f"), ("out", "h"), ("initial", "x0"), ("a mode's guard", "guards")):
-        try:
-            getattr(model, symbol)
-        except InputError:
-            raise
-        except Exception as error:  # the file is the user's: whatever its equations do is wrong input
-            raise InputError(_short(f"{where}: {name} raises {type(error).__name__}: {error}")) from error
+    """Raise InputError for a model without outputs, or whose equations give no number at the start."""
     if not model.outputs:
         raise InputError(f"{where}: the model has no output, so no recording can be compared with it")
     try:
@@ -65,12 +57,6 @@ def _finite(values: ca.DM, group: Sequence, sentence: str) -> None:
     wrong = np.flatnonzero(~np.isfinite(np.asarray(values).ravel()))
     if len(wrong):
         raise InputError(sentence.format(group[int(wrong[0])].name))
-
-
-def _short(message: str) -> str:
-    """The first lines of a message, on one."""
-    kept = " ".join(message.split())
-    return kept if len(kept) <= LONGEST else kept[: LONGEST - 2] + " …"
 
 
 def check_runs(runs: Sequence[Path], confirm: Sequence[Path], holdout: Sequence[Path]) -> None:

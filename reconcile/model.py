@@ -1,12 +1,14 @@
 """Where effects may attach: a model's folder with its ports, and the catalogue's candidates at them."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fmus.definition import Model
 from fmus.loader import load_model, model_folders
+from fmus.tried import line, tried, try_equations
 from reconcile import motion, sites
 from reconcile.catalogue import ALL, Effect
 from reconcile.ports import ALL_OUTPUTS, Axis, Ports, find_ports
@@ -63,18 +65,37 @@ def read_folder(folder: Path | str) -> Folder:
     if model.symbolic == "MX":
         raise InputError(f"model {model.name} is made of matrices (MX); reconcile needs scalar equations")
     path = Path(folder) if (Path(folder) / "model.py").is_file() else model_folders()[str(folder)]
-    module = sys.modules.get("slewright_model_" + path.name)
+    file, module = path / "model.py", sys.modules.get("slewright_model_" + path.name)
+    try_equations(model, file)
     try:
         ports = find_ports(model, getattr(module, "PORTS", None))
-    except InputError:
-        raise
-    except Exception as error:  # the file is the user's: whatever its equations do is wrong input
-        raise InputError(f"{path / 'model.py'}: {type(error).__name__}: {error}") from error
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+    except Exception as error:  # the file is the user's: whatever it declares is wrong input
+        raise InputError(f"{file}{line(error, file)}: PORTS: {type(error).__name__}: {error}") from error
+    for name, own in _functions(ports):
+        tried(lambda own=own: own(*model.namespaces), own, f"PORTS['{name}']", model, file)
     return Folder(model, ports, path)
 
 
-def candidates(folder: Folder, recorded: Sequence[str], catalogue: Sequence[Effect] = ALL) -> list[Attached]:
-    """Every effect at every port it fits, for outputs and inputs among the `recorded` signals."""
+def _functions(ports: Ports) -> list[tuple[str, Any]]:
+    """The user's functions among what ports are declared to be, with the port's name."""
+    roles = [(a.name, list(vars(a).values())) for a in ports.axes]
+    roles += [(s.name, list(s.roles.values())) for s in ports.sites]
+    flat = [(n, x) for n, own in roles for r in own for x in (r if isinstance(r, tuple | list) else (r,))]
+    return [(n, x) for n, x in flat if callable(x)]
+
+
+def candidates(
+    folder: Folder,
+    recorded: Sequence[str],
+    catalogue: Sequence[Effect] = ALL,
+    constant: Collection[str] = (),
+) -> list[Attached]:
+    """Every effect at every port it fits, for outputs and inputs among the `recorded` signals.
+
+    None that would only make another constant of `constant` inputs: all of them look the same.
+    """
     ports, found = folder.ports, []
     controls = [n for n in ports.controls if n in recorded and n not in ports.offsets]
     shifted = [n for n in ports.offsets if n in recorded]
@@ -94,7 +115,16 @@ def candidates(folder: Folder, recorded: Sequence[str], catalogue: Sequence[Effe
                 found.append(Attached(effect, ALL_OUTPUTS))
         elif effect.place in ("force", "inertia", "coupling"):
             found += [Attached(effect, a.name) for a in ports.axes if _fits(effect, a, folder)]
-    return [a for a in found if a.effect.name not in ports.has.get(a.port, ())]
+    found = [a for a in found if a.effect.name not in ports.has.get(a.port, ())]
+    return [a for a in found if not _idle(a, ports, recorded, constant)]
+
+
+def _idle(a: Attached, ports: Ports, recorded: Sequence[str], constant: Collection[str]) -> bool:
+    """Whether an effect changes no input that moves, nor adds one that does."""
+    if a.effect.place != "input" or a.port in ports.offsets:  # an offset of what is measured has a size
+        return False
+    signals = [n for n in (*ports.members(a.port), a.other) if n in recorded]
+    return bool(signals) and all(n in constant for n in signals)
 
 
 def _crossed(effect: Effect, names: Sequence[str], folder: Folder) -> list[Attached]:

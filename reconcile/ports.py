@@ -147,7 +147,7 @@ class Ports:
 
 def find_ports(model: Model, declared: Mapping[str, Any] | None = None) -> Ports:
     """Ports of a model, `declared` (see module docstring) or found."""
-    entries = {name: dict(entry) for name, entry in (declared or {}).items()}
+    entries = _entries(declared or {})
     kinds = {name: _kind(model, name, entry) for name, entry in entries.items()}
 
     def of(kind: str) -> dict[str, dict[str, Any]]:
@@ -173,6 +173,19 @@ def find_ports(model: Model, declared: Mapping[str, Any] | None = None) -> Ports
     )
     _check(model, ports)
     return ports
+
+
+def _entries(declared: Any) -> dict[str, dict[str, Any]]:
+    """A copy of what is declared; InputError unless it is a table of tables."""
+    for said, found in (("PORTS", declared), *((f"PORTS['{n}']", e) for n, e in _items(declared))):
+        if not isinstance(found, Mapping):
+            form = "{name: {key: value}}" if found is declared else "{key: value}"
+            raise InputError(f"{said} is a {type(found).__name__}, not {form}")
+    return {name: dict(entry) for name, entry in declared.items()}
+
+
+def _items(declared: Any) -> Iterable[tuple[str, Any]]:
+    return declared.items() if isinstance(declared, Mapping) else ()
 
 
 def _kind(model: Model, name: str, entry: Mapping[str, Any]) -> str:
