@@ -60,8 +60,9 @@ class Stepper:
 
     def advance(self, ticks: int = 1) -> None:
         """Take internal steps; raises RunError when the state is no longer finite."""
-        for _ in range(ticks):
-            self._tick()
+        with np.errstate(over="ignore", invalid="ignore"):  # what runs away is told below
+            for _ in range(ticks):
+                self._tick()
         if not np.all(np.isfinite(self.x)):
             name = self.model.states[int(np.argmin(np.isfinite(self.x)))].name
             raise RunError(f"model {self.model.name}: state {name} is not finite at t = {self.time:.3f} s")

@@ -10,7 +10,7 @@ import numpy as np
 from reconcile import evidence, starting
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.score import Score, Scored
+from reconcile.score import RunsAway, Score, Scored
 
 if TYPE_CHECKING:
     from reconcile.search import Search
@@ -76,11 +76,17 @@ class Rivals:
     def _instead(
         self, fitted: Fitted, gone: Sequence[Attached], others: Sequence[Attached], most: int
     ) -> set[Key]:
-        """Sets with the likeliest of others, at most so many, in place of what is gone."""
+        """Sets with the likeliest of others, at most so many, in place of what is gone.
+
+        No sets where the model runs away without it: there nothing else can be scored.
+        """
         if not others:
             return set()
         found, without = set(), self._stripped(fitted, gone)
-        score = Score(self.search.study, without, others)
+        try:
+            score = Score(self.search.study, without, others)
+        except RunsAway:
+            return set()
         for scored in (*score.best(most, 1), *self._pairs(score, gone)):
             key = self.search.attempt(without, scored, again=3.0 * fitted.cost)
             if key is None and _comes_late(scored, without):

@@ -37,15 +37,20 @@ class Scored:
     values: dict[str, float]
 
 
+class RunsAway(ArithmeticError):
+    """A fit that cannot be simulated: nothing is told there by slopes."""
+
+
 class Score:
-    """The linear problem at a fit, for all candidates that are not in it."""
+    """The linear problem at a fit, for all candidates that are not in it; RunsAway if it has none."""
 
     def __init__(self, study: Study, fitted: Fitted, others: Sequence[Attached]):
         self.study = study
         study.fit_problem.patience = ROUGH
         base = study.fit_problem.linear(fitted.point, [study.extended.index[f.name] for f in fitted.free])
         if base is None:
-            raise ArithmeticError("a fit that cannot be simulated")
+            study.fit_problem.patience = 1.0
+            raise RunsAway("a fit that cannot be simulated")
         self.variants: list[Variant] = []
         blocks = []
         plain, hidden = ([a for a in others if bool(a.effect.hidden) == h] for h in (False, True))

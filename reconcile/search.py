@@ -21,6 +21,7 @@ from reconcile.rivals import Key, Rivals, includes
 from reconcile.score import Score, Scored, starts
 from reconcile.strong import Strong
 from reconcile.study import ANSWER, Study
+from specs.errors import InputError
 
 BEAM = 2
 REFITS = 6  # of each set in the beam
@@ -100,7 +101,7 @@ class Search:
         """The base model fitted to the windows in use, and nothing else."""
         base = self.study.fit_set(self.study.fit_problem.start(self.study.values), (), {})
         if base is None:
-            raise ArithmeticError("the base model cannot be fitted")
+            raise InputError(f"model {self.study.model.name} runs away on the recordings: is it stable?")
         self.tried = Tried({Key(): base}, {Key(): base}, self.tried.refused)
 
     def _found(self) -> Key:

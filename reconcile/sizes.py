@@ -3,6 +3,9 @@
 What is looked at: the range that the model states for the variable; speed against position where both are
 recorded; and what the model itself answers to the recorded inputs.  A factor of 57.3 or 1000 is no missing
 effect and no wrong parameter; a column that states its unit is taken at its word.
+
+Two signals are compared by their changes, and only where these go together: of a machine that hardly moves
+they are noise, or what disturbs it, whose size beside anything else says nothing of units.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,6 +17,7 @@ import numpy as np
 from fmus.definition import Model
 from fmus.discrete import DiscreteStepper
 from fmus.stepper import Stepper
+from reconcile.fit.noise import high_pass_level
 from records.measurement import Channel, Measurement
 from specs.errors import InputError, RunError
 from specs.units import UNITS, compatible
@@ -23,6 +27,8 @@ EXACT, ROUGH = 1.25, 2.0  # times which a ratio may be from a factor: of speeds,
 EVERY_S = 0.2  # changes over this are compared
 RANGE = 1.5  # times the stated range that a value may be
 LONGEST_S = 20.0  # of simulation for a comparison
+TOGETHER, CHANCE = 0.5, 4.0  # least correlation of changes, and how many times what chance makes of so many
+MOVES = 4.0  # noise levels by which an input moves
 
 
 def check(measured: Measurement, channels: Mapping[str, Channel], folder, where: str) -> None:
@@ -88,8 +94,7 @@ def _against_speed(channels: Mapping[str, Channel], model: Model) -> Iterator[tu
         if q in channels and v in channels:
             travelled = channels[v].values.astype(float)
             travelled = np.concatenate([[0.0], np.cumsum(travelled[:-1] * np.diff(channels[v].time))])
-            whole = Channel(v, "", channels[v].time, travelled)
-            factor = _factor(_spread(_changes(channels[q])) / max(_spread(_changes(whole)), 1e-300), EXACT)
+            factor = _factor(_ratio(channels[q], Channel(v, "", channels[v].time, travelled)), EXACT)
             if factor:
                 yield q, f"its slope is {factor:.4g} times {v}", factor
                 yield v, f"it is {1 / factor:.4g} times the slope of {q}", 1.0 / factor
@@ -108,13 +113,10 @@ def _rates(model: Model) -> list[tuple[str, str]]:
 
 def _against_model(channels: Mapping[str, Channel], model: Model) -> Iterator[tuple[str, str, float]]:
     """Outputs, or the input before them, whose changes are off from what the model answers."""
-    answer = _answer(channels, model)
-    ratios = {}
-    for n in (v.name for v in model.outputs if v.name in channels):
-        if n in answer:
-            ratios[n] = _spread(_changes(channels[n])) / max(_spread(np.diff(answer[n])), 1e-300)
-    factors = {n: _factor(r, ROUGH) for n, r in ratios.items()}
-    moving = [v.name for v in model.inputs if v.name in channels and np.ptp(channels[v.name].values) > 0]
+    moving = [v.name for v in model.inputs if v.name in channels and _moves(channels[v.name])]
+    answer = _answer(channels, model) if moving else {}
+    ratios = {n: _ratio(channels[n], answer[n]) for n in answer if n in channels}
+    factors = {n: _factor(r, ROUGH) for n, r in ratios.items() if np.isfinite(r)}
     common = set(factors.values())
     if len(common) == 1 and len(moving) == 1 and (factor := common.pop()):
         said = f"the outputs are {factor:.4g} times what the model answers to it"
@@ -124,19 +126,26 @@ def _against_model(channels: Mapping[str, Channel], model: Model) -> Iterator[tu
             yield n, f"its changes are {factor:.4g} times what the model answers to the inputs", factor
 
 
-def _changes(channel: Channel) -> np.ndarray:
-    """Changes over every EVERY_S of the first LONGEST_S."""
-    at = np.arange(channel.time[0], min(channel.time[-1], channel.time[0] + LONGEST_S), EVERY_S)
-    return np.diff(np.interp(at, channel.time, channel.values.astype(float)))
+def _moves(channel: Channel) -> bool:
+    values = channel.values.astype(float)
+    return float(np.std(values)) > MOVES * high_pass_level(values)
 
 
-def _spread(values: np.ndarray) -> float:
-    """Root mean square about the median."""
-    values = np.asarray(values, float)
-    return float(np.sqrt(np.mean((values - np.median(values)) ** 2)))
+def _ratio(one: Channel, other: Channel) -> float:
+    """How many times the changes of another signal those of one are; NaN where they do not go together."""
+    start, end = max(one.time[0], other.time[0]), min(one.time[-1], other.time[-1])
+    at = np.arange(start, min(end, start + LONGEST_S), EVERY_S)
+    changes = [np.diff(np.interp(at, c.time, c.values.astype(float))) for c in (one, other)]
+    if len(at) < 2:
+        return np.nan
+    a, b = (c - np.median(c) for c in changes)
+    sizes = float(np.sqrt(np.mean(a**2))), float(np.sqrt(np.mean(b**2)))
+    least = max(TOGETHER, CHANCE / np.sqrt(len(a)))
+    together = abs(float(np.mean(a * b))) > least * sizes[0] * sizes[1]
+    return sizes[0] / sizes[1] if together else np.nan
 
 
-def _answer(channels: Mapping[str, Channel], model: Model) -> dict[str, np.ndarray]:
+def _answer(channels: Mapping[str, Channel], model: Model) -> dict[str, Channel]:
     """Outputs every EVERY_S of the model from its own start under the recorded inputs; {} if it runs away."""
     if model.symbolic != "SX" or (model.kind == "discrete" and (model.modes or model.sensors)):
         return {}
@@ -144,12 +153,13 @@ def _answer(channels: Mapping[str, Channel], model: Model) -> dict[str, np.ndarr
     driven = [channels[v.name] for v in model.inputs if v.name in channels]
     start = max(c.time[0] for c in channels.values())
     end = min(start + LONGEST_S, min(c.time[-1] for c in channels.values()))
-    rows = []
     per = max(1, round(EVERY_S / model.step))
     period = min((c.period_s for c in driven), default=0.02)
     ticks = max(1, round(period / model.step))
+    edges = range(0, int((end - start) / model.step), per)
+    rows = []
     try:
-        for first, last in pairwise(range(0, int((end - start) / model.step), per)):
+        for first, last in pairwise(edges):
             rows.append(list(stepper.outputs().values()))
             for k in range(first, last, ticks):
                 now = start + k * model.step
@@ -159,4 +169,7 @@ def _answer(channels: Mapping[str, Channel], model: Model) -> dict[str, np.ndarr
         return {}
     columns = np.array(rows).T
     good = len(rows) > 3 and np.isfinite(columns).all() and np.abs(columns).max() < 1e30
-    return {v.name: columns[i] for i, v in enumerate(model.outputs)} if good else {}
+    time = start + model.step * np.array(edges[: len(rows)], float)
+    return (
+        {v.name: Channel(v.name, "", time, columns[i]) for i, v in enumerate(model.outputs)} if good else {}
+    )

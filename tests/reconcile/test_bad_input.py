@@ -1,5 +1,6 @@
 """What a user can get wrong is said in at most two lines that name it, and nothing is written."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -110,6 +111,16 @@ def _holed(every: int = 15) -> dict[str, Any]:
     return {"position": values}
 
 
+def _rows(count: int) -> Callable[[Given], None]:
+    """A recording of so many rows, whose units are not stated."""
+
+    def change(g: Given) -> None:
+        first = {n: v[:count] for n, v in COLUMNS.items()}
+        g.runs = [csv(g.folder / "a.csv", first, {}, TIME[:count])]
+
+    return change
+
+
 def _late_input(g: Given) -> None:
     n = np.full(len(TIME), np.nan)
     columns = {
@@ -133,6 +144,11 @@ def _set(**values: object) -> Callable[[Given], None]:
     return change
 
 
+RATES = '{"x": x.v, "v": (u.force - p.drag * x.v) / p.mass}'
+PULLS = """)
+
+PORTS = {"load": {"kind": "hung", "axis": "v", "pull": lambda x, u, m, p: x.sway}}
+"""
 EXPLODES = ("(u.force - p.drag * x.v) / p.mass", "900.0 * x.v + u.force")
 CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
     # recordings
@@ -149,6 +165,7 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
         ),
         ["samples are left for", "record longer"],
     ),
+    **{f"{n} rows without units": (_rows(n), [f"has {n} samples, and 22 are needed"]) for n in (2, 3, 4, 5)},
     "all NaN": (lambda g: g.columns_are(force=np.full(len(TIME), np.nan)), ["none of the model's inputs"]),
     "no outputs": (lambda g: g.columns_are(position=None, velocity=None), ["none of the model's outputs"]),
     "no inputs": (lambda g: g.columns_are(force=None), ["none of the model's inputs (force)", "--map"]),
@@ -189,7 +206,7 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
     "model without MODEL": (lambda g: g.model_with("MODEL = Model", "OTHER = Model"), ["defines no MODEL"]),
     "import raises": (
         lambda g: g.model_with("from fmus", "1 / 0\nfrom fmus"),
-        ["mine/model.py cannot be imported: ZeroDivisionError"],
+        ["mine/model.py, line 6 cannot be imported: ZeroDivisionError"],
     ),
     "import exits": (lambda g: g.model_with("MODEL =", "raise SystemExit\nMODEL ="), ["sys.exit"]),
     "f raises": (
@@ -202,11 +219,59 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
     ),
     "h raises": (
         lambda g: g.model_with('return {"position": x.x', 'return {"position": x.missing'),
-        ["mine/model.py: out raises AttributeError", "missing"],
+        ["mine/model.py, line 14: out: no 'missing' in states (x, v)"],
     ),
     "h forgets an output": (
         lambda g: g.model_with('"position": x.x, "velocity"', '"velocity"'),
-        ["out returns the wrong names: position"],
+        [
+            "mine/model.py, line 13",
+            "out returns the wrong names: position is missing",
+            "valid: position, vel",
+        ],
+    ),
+    "a parameter that is not there": (
+        lambda g: g.model_with("p.drag * x.v", "p.drga * x.v"),
+        ["mine/model.py, line 10: rhs: no 'drga' in parameters (mass, drag)"],
+    ),
+    "a parameter among the inputs": (
+        lambda g: g.model_with("p.drag * x.v", "u.drag * x.v"),
+        ["mine/model.py, line 10: rhs: no 'drag' in inputs (force); write p.drag"],
+    ),
+    "a bare name": (
+        lambda g: g.model_with("p.drag * x.v", "drag * x.v"),
+        ["mine/model.py, line 10: rhs: name 'drag' is not defined; write p.drag"],
+    ),
+    "a rate too few": (
+        lambda g: g.model_with(RATES, '{"x": x.v}'),
+        ["mine/model.py, line 9", "rhs returns the wrong names: v is missing; valid: x, v"],
+    ),
+    "a rate too many": (
+        lambda g: g.model_with(RATES, '{"x": x.v, "v": x.v, "w": x.v}'),
+        ["mine/model.py, line 9", "w is none of them; valid: x, v"],
+    ),
+    "rates without names": (
+        lambda g: g.model_with(RATES, "[x.v, x.v]"),
+        ["mine/model.py, line 9", "rhs returns a list, not {name: expression} of x, v"],
+    ),
+    "a rate that is nothing": (
+        lambda g: g.model_with(RATES, '{"x": x.v, "v": None}'),
+        ["mine/model.py, line 9", "rhs: v is a NoneType, not a number or expression"],
+    ),
+    "a rate of two values": (
+        lambda g: g.model_with(RATES, '{"x": x.v, "v": __import__("casadi").vertcat(x.v, x.x)}'),
+        ["mine/model.py, line 9", "rhs: v has 2 values, not one"],
+    ),
+    "rates of other arguments": (
+        lambda g: g.model_with("_rates(x, u, m, p)", "_rates(x, u, p)"),
+        ["mine/model.py, line 9: rhs: TypeError", "takes 3 positional arguments"],
+    ),
+    "a port's function raises": (
+        lambda g: g.model_with("out=_outputs,\n)", "out=_outputs,\n" + PULLS),
+        ["mine/model.py, line 33: PORTS['load']: no 'sway' in states (x, v)"],
+    ),
+    "ports without names": (
+        lambda g: g.model_with("MODEL =", 'PORTS = ["v"]\nMODEL ='),
+        ["mine/model.py: PORTS is a list, not {name: {key: value}}"],
     ),
     "not a number": (
         lambda g: g.model_with("(u.force - p.drag * x.v)", "(u.force / x.v)"),
@@ -217,6 +282,10 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
         ["mine/model.py: parameter mass starts at 20, not in 0.1 .. 10"],
     ),
     "an unstable model": (lambda g: g.model_with(*EXPLODES), ["rig", "runs away", "stable"]),
+    "an unstable model, units not stated": (
+        lambda g: (g.model_with(*EXPLODES), g.columns_are({})),
+        ["rig", "runs away", "stable"],
+    ),
     # DIR
     "DIR is a file": (_set(out=lambda g: g.runs[0]), ["a.csv is a file; name a folder"]),
     "DIR in a file": (_set(out=lambda g: g.runs[0] / "x" / "y"), ["a.csv is a file, not a folder"]),
@@ -234,7 +303,9 @@ def test_wrong_input_is_said_and_nothing_is_written(case, tmp_path, capfd):
     change, said = CASES[case]
     change(given)
     before = sorted(p for p in tmp_path.rglob("*") if "__pycache__" not in p.parts)
-    assert command(given.arguments()) == 2
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # they would stand above the message
+        assert command(given.arguments()) == 2
     message = capfd.readouterr().err
     lines = [line for line in message.splitlines() if not line.startswith("reconcile: ")]
     assert 1 <= len(lines) <= 2, message
@@ -247,6 +318,7 @@ def test_wrong_input_is_said_and_nothing_is_written(case, tmp_path, capfd):
     ("scaled", "hint"),
     [
         ({"position": 1e3}, "position [mm]"),
+        ({"position": 57.3}, "its slope is 57.3 times velocity"),
         ({"position": 1e3, "velocity": 1e3}, "the outputs are 1000 times"),
         ({"force": 1e-3}, "force [kN]"),
     ],
@@ -263,6 +335,27 @@ def test_a_column_without_unit_of_the_right_size_is_taken_and_so_is_a_stated_one
     [run] = runs_of(given, rig, "rec")
     assert np.allclose(run.outputs["position"].values, COLUMNS["position"])
     assert runs_of(measurement({"position": 1e3}), rig, "rec")  # it says m: taken at its word
+
+
+def _still(levels: tuple[float, float], force: np.ndarray | float) -> Measurement:
+    """A table without units of a carriage that stands: of these noise levels, whatever the command."""
+    rng = np.random.default_rng(0)
+    noise = zip(("position", "velocity"), levels, strict=True)
+    values = {n: level * rng.standard_normal(len(TIME)) for n, level in noise}
+    values["force"] = force + np.zeros(len(TIME))
+    return Measurement({n: Channel(n, "", TIME, v) for n, v in values.items()}, source="rec.csv")
+
+
+@pytest.mark.parametrize(
+    ("noise", "force"),
+    [
+        ((2.6e-3, 1e-3), 0.0),  # noise of the position is 57 times what the speed's noise adds up to
+        ((1.4e-4, 2.1e-4), COLUMNS["force"]),  # stuck: the model answers 1000 times its noise
+        ((8e-3, 1.4e-2), 1e-3 * np.random.default_rng(1).standard_normal(len(TIME))),  # shaken, not driven
+    ],
+)
+def test_a_steady_recording_says_nothing_of_units(rig, noise, force):
+    assert runs_of(_still(noise, force), rig, "rec")
 
 
 def test_channels_keep_their_own_rates(rig):
