@@ -1,11 +1,13 @@
 """What a fit is worth: information criterion, closing of the gap on other data, distance from nothing."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from reconcile.fit.noise import worth
-from reconcile.fit.solve import Fitted
+from reconcile.fit.solve import Fitted, Free
 from reconcile.model import Attached
 from reconcile.study import Study
 
@@ -54,7 +56,17 @@ def likelihood_gain(before: float, after: float, s: Sample) -> float:
     return s.effective * float(np.log(max(before, 1e-300) / max(after, 1e-300)))
 
 
-def bic(fitted: Fitted, s: Sample) -> float:
+class Priced(Protocol):
+    """A fit of whatever kind: its cost, and the parameters that it pays for."""
+
+    @property
+    def cost(self) -> float: ...
+
+    @property
+    def free(self) -> Sequence[Free]: ...
+
+
+def bic(fitted: Priced, s: Sample) -> float:
     """Bayesian information criterion (Schwarz 1978) up to a constant: less is better."""
     return s.effective * float(np.log(max(fitted.cost, 1e-300))) + len(fitted.free) * np.log(s.effective)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from reconcile import regimes
 from reconcile.fit.solve import Fitted
-from reconcile.regimes import Regime, Regressor
+from reconcile.regimes import Known, Regime, Regressor
 from reconcile.residual import Residual, residuals
 from reconcile.study import Study
 
@@ -82,14 +82,18 @@ def _best(accounts: dict[Regressor, float], constant: float) -> Regressor | None
 
 def locate(study: Study, fitted: Fitted) -> list[Located]:
     """Every quantity that stands above its noise, the largest first."""
+    return gathered(study, residuals(study, fitted))
+
+
+def gathered(study: Known, left: Sequence[Residual]) -> list[Located]:
+    """The same of residuals that are known."""
     known = regimes.regressors(study)
-    left = residuals(study, fitted)
     least = max(LARGE, MINOR * max(map(_size, left), default=0.0))
     found = [_located(study, r, known) for r in left if _size(r) > least]
     return sorted(found, key=lambda x: -_size(x.residual))
 
 
-def rows(study: Study, located: Sequence[Located]) -> list[dict]:
+def rows(study: Known, located: Sequence[Located]) -> list[dict]:
     """The report's `where`: signal, subsystem, regime and its share, the quantity that was looked at."""
     found = []
     for x in located:
@@ -106,7 +110,7 @@ def rows(study: Study, located: Sequence[Located]) -> list[dict]:
     return found
 
 
-def subsystem(study: Study, port: str) -> str:
+def subsystem(study: Known, port: str) -> str:
     """Which part of the machine a port belongs to: what comes before the dot, in a model made of several."""
     head, dot, _ = port.partition(".")
     return head if dot else study.model.name
@@ -118,7 +122,7 @@ def _size(r: Residual) -> float:
     return float(np.sqrt(np.mean(r.values**2) / noise)) if noise > 0.0 else 0.0
 
 
-def _located(study: Study, residual: Residual, known: Sequence[Regressor]) -> Located:
+def _located(study: Known, residual: Residual, known: Sequence[Regressor]) -> Located:
     against = {r: _values(study, residual, r) for r in known}
     bare = _freed(residual, None)
     total = max(float(bare.values @ bare.values) - bare.expected, 1e-300)
@@ -171,7 +175,7 @@ def _freed(residual: Residual, x: np.ndarray | None) -> _Freed:
     return _Freed(values, float(left @ left), noise * max(1, len(left) - design.shape[1]))
 
 
-def _values(study: Study, residual: Residual, r: Regressor) -> np.ndarray:
+def _values(study: Known, residual: Residual, r: Regressor) -> np.ndarray:
     ends = np.cumsum([0, *(len(t) for _, t in residual.moments)])
     return np.concatenate(
         [

@@ -6,14 +6,24 @@ load, a reading.  A regime is a stretch of one, as `|v| < 0.03 rad/s, at rest an
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
+from reconcile.data import Parts
 from reconcile.fit.windows import Window
-from reconcile.study import Study
 from reconcile.words import written
 
 CHANGE_S = 0.2  # over which a command's change is looked at
+
+
+class Known(Protocol):
+    """What regressors are made of: a study, or the channels of a closed FMU in its form."""
+
+    model: Any
+    folder: Any
+    parts: Parts
+    floors: Any
 
 
 @dataclass(frozen=True)
@@ -42,7 +52,7 @@ class Regime:
         return (x >= self.low) & (x < self.high)
 
 
-def regressors(study: Study) -> list[Regressor]:
+def regressors(study: Known) -> list[Regressor]:
     """All that the model and the recordings know."""
     units, found = _units(study), []
     for axis in study.folder.ports.axes:
@@ -64,7 +74,7 @@ def regressors(study: Study) -> list[Regressor]:
     return found
 
 
-def values(study: Study, r: Regressor, window: Window, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+def values(study: Known, r: Regressor, window: Window, times: np.ndarray, states: np.ndarray) -> np.ndarray:
     """A regressor [n] at times [n] of a window, where the model's states are `states` [n, NX]."""
     if r.kind in ("speed", "pose"):
         return states[:, study.model.index("states", r.port)]
@@ -132,7 +142,7 @@ def _held(signal, times: np.ndarray) -> np.ndarray:
     return signal.values[np.clip(np.searchsorted(signal.time, times + 1e-9) - 1, 0, None)]
 
 
-def _units(study: Study) -> dict[str, str]:
+def _units(study: Known) -> dict[str, str]:
     model = study.model
     return {v.name: v.unit for v in (*model.states, *model.inputs, *model.outputs)}
 

@@ -1,10 +1,12 @@
 """The report in the contract's form (contract.py checks it), with what the page shows beside that."""
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from reconcile import evidence, holdout, localise
+from reconcile.data import Parts
 from reconcile.findings import STAGES, Findings, above, gather
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
@@ -51,7 +53,7 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
         "next_experiment": None,
         "considered": _considered(answer),
         "told_apart": [_apart(found, k) for k in answer.alternatives],
-        "data": _data(study),
+        "data": stretches(study.parts),
     }
 
 
@@ -159,25 +161,40 @@ def _units(study: Study) -> dict[str, str]:
 
 
 def _considered(answer: Answer) -> list[dict[str, Any]]:
-    """Sets that were fitted and what they left, best first, and effects taken out; with the reason."""
-    s = evidence.sample(answer.fitted)
-    best, count = evidence.bic(answer.fitted, s), evidence.count_of(answer.fitted)
-    declared = {frozenset(answer.present), *map(frozenset, answer.alternatives)}
+    s, count = evidence.sample(answer.fitted), max(evidence.count_of(answer.fitted), 1)
+    tried = {
+        frozenset(k): (evidence.bic(f, s), float(np.sqrt(f.linear.cost / count)))
+        for k, f in answer.tried.fits.items()
+    }
+    best = evidence.bic(answer.fitted, s)
+    return considered(answer.present, best, answer.alternatives, tried, answer.tried.refused)
+
+
+def considered(
+    present: Iterable[Attached],
+    best: float,
+    alternatives: Iterable[Iterable[Attached]],
+    tried: Mapping[frozenset[Attached], tuple[float, float]],
+    refused: Iterable[Mapping[str, str]],
+) -> list[dict[str, Any]]:
+    """Sets that were fitted and what they left, best first, and effects taken out; with the reason.
+
+    `tried`: by set its information criterion and root mean square error in units of the floor; `best`: the
+    criterion of the answer, `present`.
+    """
+    own = frozenset(present)
+    declared = {own, *map(frozenset, alternatives)}
     rows = []
-    for k, f in answer.tried.fits.items():
-        more = evidence.bic(f, s) - best
-        rms = float(np.sqrt(f.linear.cost / max(count, 1)))
-        row = {"effects": sorted(a.key for a in k), "bic_above_answer": more, "rms_over_floor": rms}
-        rows.append(row | {"because": _reason(frozenset(k), more, declared, answer)})
+    for k, (bic, left) in tried.items():
+        row = {"effects": sorted(a.key for a in k), "bic_above_answer": bic - best, "rms_over_floor": left}
+        rows.append(row | {"because": _reason(k, bic - best, own, declared)})
     rows.sort(key=lambda r: r["bic_above_answer"])
-    refused = [
-        {"effects": [f"{r['effect']}@{r['port']}"], "because": r["because"]} for r in answer.tried.refused
-    ]
-    return rows[:MOST_CONSIDERED] + refused
+    turned_down = [{"effects": [f"{r['effect']}@{r['port']}"], "because": r["because"]} for r in refused]
+    return rows[:MOST_CONSIDERED] + turned_down
 
 
-def _reason(key: frozenset, more: float, declared: set[frozenset], answer: Answer) -> str:
-    if key == frozenset(answer.present):
+def _reason(key: frozenset, more: float, own: frozenset, declared: set[frozenset]) -> str:
+    if key == own:
         return "the answer"
     if key in declared:
         return "cannot be told from the answer"
@@ -202,12 +219,12 @@ def _apart(found: Findings, other: tuple[Attached, ...]) -> dict[str, Any]:
     return {"effects": names, "differs": differs, "gap": left}
 
 
-def _data(study: Study) -> dict[str, list[dict[str, Any]]]:
+def stretches(parts: Parts) -> dict[str, list[dict[str, Any]]]:
     """Which stretches of which runs each part holds."""
     return {
         which: [
             {"run": b.run.name, "start_s": round(b.start_s, 3), "end_s": round(b.end_s, 3)}
-            for b in getattr(study.parts, which)
+            for b in getattr(parts, which)
         ]
         for which in ("fit", "confirm", "holdout")
     }

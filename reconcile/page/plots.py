@@ -44,6 +44,8 @@ def gaps(gap: Mapping[str, Mapping[str, Any]]) -> Figure:
     """Gap of each signal in units of its floor: as it came, re-estimated, after."""
     names, data = list(gap)[::-1], []
     for stage, label in LABELS.items():
+        if all(g[stage] is None for g in gap.values()):
+            continue
         sizes = [_over_floor(gap[n], stage) for n in names]
         marker = {"color": COLOURS[stage], "size": 13, "symbol": "diamond" if stage == "after" else "circle"}
         texts = [

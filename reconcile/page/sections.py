@@ -9,8 +9,7 @@ from reconcile.words import listed, number, number_with_error, percent, with_uni
 from records.report import shell
 
 Figures = Mapping[str, Any]
-STAGES = ("nominal", "reestimated", "after")
-HEADS = ("as it came", "re-estimated", "after")
+STAGES = {"nominal": "as it came", "reestimated": "re-estimated", "after": "after"}
 SHOWN_PAIRS = 12
 STEPS = {
     "named": "an effect: coarser than it should be",
@@ -18,6 +17,16 @@ STEPS = {
     "below_noise": "finer than its noise",
     "fine": "a small part of what it moves by",
 }
+
+
+def _stages(figures: Figures) -> dict[str, str]:
+    """Stages with their heads; without a parameter that was fitted nothing is re-estimated."""
+    return {k: head for k, head in STAGES.items() if k != "reestimated" or _fitted(figures)}
+
+
+def _fitted(figures: Figures) -> bool:
+    """Whether parameters were fitted: those of a model folder are, of a closed FMU those that show."""
+    return figures.get("fitted") != []
 
 
 def named(figures: Figures) -> str:
@@ -92,12 +101,12 @@ def closed(gap: Figures) -> float | None:
 
 def gap(figures: Figures) -> str:
     """Gap by signal against the floor, with RMSE, FIT and rating."""
-    some = next(iter(figures["gap"].values()))
+    some, stages = next(iter(figures["gap"].values())), _stages(figures)
     rows = []
     for n, g in figures["gap"].items():
-        cells = [number(g["floor"], 3), *(_left(g[k]) for k in STAGES)]
+        cells = [number(g["floor"], 3), *(_left(g[k]) for k in stages)]
         rows.append([n, written(g["unit"]) or "–", *cells, percent(closed(g)), *_scores(figures, n)])
-    head = ["Signal", "Unit", "Floor", *HEADS, "Closed", "RMSE", "FIT", "ISO/TS 18571"]
+    head = ["Signal", "Unit", "Floor", *stages.values(), "Closed", "RMSE", "FIT", "ISO/TS 18571"]
     by_source: dict[str, list[str]] = {}
     for n, g in figures["gap"].items():
         by_source.setdefault(g["floor_source"], []).append(n)
@@ -128,21 +137,23 @@ def _scores(figures: Figures, name: str) -> list[str]:
 
 def by_regime(figures: Figures) -> str:
     """The gaps again, regime by regime."""
+    stages = _stages(figures)
     rows = [
-        [row["regime"], n, percent(g["time"]), *(_left(g[k], g["unit"]) for k in STAGES)]
+        [row["regime"], n, percent(g["time"]), *(_left(g[k], g["unit"]) for k in stages)]
         for row in figures.get("gap_by_regime", [])
         for n, g in row["gap"].items()
     ]
     if not rows:
         return ""
-    head = ["Regime", "Signal", "Part of the time", *HEADS]
+    head = ["Regime", "Signal", "Part of the time", *stages.values()]
     return f"<h3>By regime</h3>{shell.table(head, rows)}"
 
 
 def where(figures: Figures) -> str:
-    """Where the re-estimated model and the recordings disagree."""
+    """Where the model without effects and the recordings disagree."""
+    whose = "re-estimated model" if _fitted(figures) else "model"
     if not figures["where"]:
-        return "<p>Nothing of the re-estimated model's disagreement stands above the noise.</p>"
+        return f"<p>Nothing of the {whose}'s disagreement stands above the noise.</p>"
     rows = [
         [
             w["signal"], w["subsystem"], w["regime"], percent(w["share"]), percent(w.get("time")),
@@ -152,7 +163,7 @@ def where(figures: Figures) -> str:
     ]  # fmt: skip
     head = ["Signal", "Subsystem", "Regime", "Share of the gap", "Part of the time", "Seen in", "Goes with"]
     return (
-        "<p>Of the model with its parameters re-estimated, but nothing added. A regime is named where the "
+        f"<p>Of the {whose}, nothing added to it. A regime is named where the "
         f"disagreement gathers beyond what chance would make of it.</p>{shell.table(head, rows)}"
     )
 
@@ -168,10 +179,18 @@ def parameters(figures: Figures) -> str:
         ]
         for n, p in moved.items()
     ]  # fmt: skip
-    text = "<p>None of the model's own parameters had to change.</p>"
+    text = f"<p>{_unmoved(figures)}</p>"
     if rows:
         text = shell.table(["Parameter", "Old", "New", "95 % interval", "Change"], rows)
     return f"<h2>Re-estimated parameters</h2>{text}{_nuisances(figures['nuisances'])}"
+
+
+def _unmoved(figures: Figures) -> str:
+    """Why no parameter has a new value."""
+    if not _fitted(figures):
+        return "None was fitted: no parameter of the model shows in the recorded outputs."
+    fitted = f" Fitted: {listed(figures['fitted'])}." if figures.get("fitted") else ""
+    return escape(f"None of the model's own parameters had to change.{fitted}")
 
 
 def _nuisances(nuisances: Figures) -> str:
