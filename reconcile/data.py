@@ -189,6 +189,16 @@ def _cut(
     return found
 
 
+def still(runs: Sequence[Run], names: Iterable[str]) -> set[str]:
+    """Those of the names whose signal keeps one value in all recordings that have it."""
+    found = set()
+    for n in names:
+        values = [s.values for r in runs if (s := r.inputs.get(n) or r.outputs.get(n)) is not None]
+        if values and len(np.unique(np.concatenate(values))) == 1:
+            found.add(n)
+    return found
+
+
 def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run]) -> Parts:
     """Deal runs to the three sets.
 

@@ -94,7 +94,7 @@ def candidates(
 ) -> list[Attached]:
     """Every effect at every port it fits, for outputs and inputs among the `recorded` signals.
 
-    None that would only make another constant of `constant` inputs: all of them look the same.
+    None that cannot be told since these inputs are `constant` (see `_idle`).
     """
     ports, found = folder.ports, []
     controls = [n for n in ports.controls if n in recorded and n not in ports.offsets]
@@ -116,15 +116,28 @@ def candidates(
         elif effect.place in ("force", "inertia", "coupling"):
             found += [Attached(effect, a.name) for a in ports.axes if _fits(effect, a, folder)]
     found = [a for a in found if a.effect.name not in ports.has.get(a.port, ())]
+    moves = any(v.name in recorded and v.name not in constant for v in folder.model.inputs)
+    if constant and not moves:
+        found = [a for a in found if not _undriven(a, ports, outputs)]
     return [a for a in found if not _idle(a, ports, recorded, constant)]
 
 
 def _idle(a: Attached, ports: Ports, recorded: Sequence[str], constant: Collection[str]) -> bool:
-    """Whether an effect changes no input that moves, nor adds one that does."""
+    """Whether an effect only makes another constant of a constant input, as any other does that."""
     if a.effect.place != "input" or a.port in ports.offsets:  # an offset of what is measured has a size
         return False
     signals = [n for n in (*ports.members(a.port), a.other) if n in recorded]
     return bool(signals) and all(n in constant for n in signals)
+
+
+def _undriven(a: Attached, ports: Ports, outputs: Sequence[str]) -> bool:
+    """Whether an effect shows only against an input that moves.
+
+    Outputs that are all late are in step with each other, and the hidden end of a shaft that nothing drives
+    swings as it would with any disturbance.
+    """
+    late = a.effect.place == "output" and (a.effect.delays or a.effect.clock)
+    return a.effect.shaft or bool(late and {*outputs} <= {*ports.members(a.port)})
 
 
 def _crossed(effect: Effect, names: Sequence[str], folder: Folder) -> list[Attached]:

@@ -9,7 +9,7 @@ from fmus.definition import Model, Variable
 from reconcile import sites, starting
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
-from reconcile.data import Parts, Run
+from reconcile.data import Parts, Run, still
 from reconcile.extended import Extended
 from reconcile.fit import whitening
 from reconcile.fit.compiled import Compiled
@@ -51,10 +51,12 @@ class Study:
         recorded = set.intersection(*({*r.inputs, *r.outputs} for r in runs))
         units = {v.name: v.unit for v in self.model.outputs}
         recorded -= {n for n in units if n in recorded and units[n] in ("", "1") and _switches(runs, n)}
-        self.still = {n for n in folder.ports.outputs if n in recorded and _still(runs, n)}
+        # a sensor that is dead tells nothing
+        self.still = still(runs, [n for n in folder.ports.outputs if n in recorded])
         recorded -= self.still
         options = {} if catalogue is None else {"catalogue": catalogue}
-        self.candidates = candidates(folder, sorted(recorded), **options)
+        constant = still(runs, [v.name for v in self.model.inputs])
+        self.candidates = candidates(folder, sorted(recorded), **options, constant=constant)
         self.extended = Extended(folder, self.candidates)
         self.compiled = Compiled(self.extended)
         shown = [n for n in folder.ports.outputs if n in recorded]
@@ -395,11 +397,6 @@ def unique(runs: Sequence[Run]) -> list[Run]:
 def _switches(runs: Sequence[Run], name: str) -> bool:
     """Whether an output is a switch, which a simulation error says nothing about."""
     return all(np.isin(r.outputs[name].values, (0.0, 1.0)).all() for r in runs if name in r.outputs)
-
-
-def _still(runs: Sequence[Run], name: str) -> bool:
-    """Whether an output keeps one value in all recordings: a sensor that is dead tells nothing."""
-    return len(np.unique(np.concatenate([r.outputs[name].values for r in runs]))) == 1
 
 
 def _floor(model: Model, name: str, runs: Sequence[Run]) -> Floor:

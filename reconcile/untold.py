@@ -7,7 +7,7 @@ import numpy as np
 
 from fmus.definition import Model
 from reconcile.catalogue import ALL, Effect
-from reconcile.data import Run
+from reconcile.data import Run, still
 from reconcile.fit.solve import Fitted
 from reconcile.model import Folder, candidates
 
@@ -34,12 +34,18 @@ def untold(folder: Folder, runs: Sequence[Run]) -> list[dict[str, str]]:
     """Effects that these recordings cannot tell, and because of what: [{"effect", "because"}]."""
     everywhere = set.intersection(*({*r.inputs, *r.outputs} for r in runs))
     all_names = [*folder.ports.controls, *folder.ports.outputs]
-    possible, told = candidates(folder, all_names), candidates(folder, sorted(everywhere))
+    constant = still(runs, [v.name for v in folder.model.inputs])
+    possible = candidates(folder, all_names)
+    told = candidates(folder, sorted(everywhere), constant=constant)
     rows: dict[str, list[str]] = {}
     for a in possible:
         if a not in told:
             lacking = [n for n in (a.port, a.other) if n in all_names and n not in everywhere]
             rows.setdefault(a.effect.name, []).extend(_lack(n, folder, runs) for n in lacking)
+            same = [n for n in folder.ports.members(a.port) if n in constant]
+            if a.effect.place != "input" and not lacking:  # it takes some input that moves
+                same = sorted(constant)
+            rows[a.effect.name] += [f"input {n} does not change" for n in same]
     present = {a.effect.name for a in possible}
     for effect in ALL:
         if effect.name not in present and (why := _unfit(effect, folder)):

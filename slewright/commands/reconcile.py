@@ -12,7 +12,7 @@ from slewright.tables import show
 from specs.errors import InputError
 
 MOST = 3  # regimes printed
-UNRECORDED = "is not recorded"  # how a reason ends that a further channel would remove
+LACKS = ("is not recorded", "does not change")  # how a reason ends that another recording would remove
 
 
 def reconcile(
@@ -103,7 +103,7 @@ def _of_recordings(figures: dict[str, Any]) -> list[str]:
     lacking: dict[str, list[str]] = {}
     for line in figures.get("untold") or ():
         for why in line["because"].split("; "):
-            if why.endswith(UNRECORDED):
+            if why.endswith(LACKS):
                 lacking.setdefault(why, []).append(line["effect"])
     return found + [f"{why}, so these cannot be told: {', '.join(names)}" for why, names in lacking.items()]
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from reconcile.data import runs_of, split
+from reconcile.model import read_folder
 from reconcile.search import Answer, Tried
 from reconcile.study import Study
 from reconcile.target import check as check_target, staged
 from reconcile.untold import untold
-from reconcile.workflow import reconcile, told
+from reconcile.workflow import examine, reconcile, told
 from records.measurement import Channel, Measurement
 from slewright.__main__ import run as command
 from specs.errors import InputError
@@ -398,6 +399,40 @@ def test_missing_channels_are_named_with_the_effects_they_hide(rig):
     assert "sensor_scale" not in whole
     assert "no second signal" in whole["cross_axis_misalignment"]
     assert "turns by an angle" in whole["gravity_load"]
+
+
+def _constant(**values: float) -> Measurement:
+    """The table with channels that keep one value."""
+    steady = {n: replace(TABLE[n], values=np.full(len(TIME), v)) for n, v in values.items()}
+    return Measurement(dict(TABLE.channels) | steady, source="rec.csv")
+
+
+@pytest.mark.parametrize("value", [0.0, 3.0])
+def test_what_only_an_input_that_moves_would_tell_is_left_out_and_said(rig, value):
+    runs = runs_of(_constant(force=value), rig, "a")
+    study = Study(rig, split(runs, (), ()))
+    keys = {a.key for a in study.candidates}
+    assert not [a.key for a in study.candidates if a.effect.place == "input" or a.effect.shaft]
+    assert not keys & {"sensor_delay@all outputs", "clock_drift@all outputs"}
+    assert keys >= {"coulomb_friction@v", "stiffness@v", "sensor_delay@position", "sensor_scale@velocity"}
+    said = {r["effect"]: r["because"] for r in untold(rig, runs)}
+    told_by = ("input_dead_zone", "input_delay", "clock_drift", "structural_compliance")
+    assert {said[n] for n in told_by} == {"input force does not change"}
+    assert "coulomb_friction" not in said
+
+
+def test_an_input_that_changes_from_run_to_run_is_not_constant(rig):
+    runs = [r for v in (1.0, 2.0) for r in runs_of(_constant(force=v), rig, f"at {v}")]
+    assert "input_dead_zone@force" in {a.key for a in Study(rig, split(runs, (), ())).candidates}
+
+
+@pytest.mark.slow
+def test_a_model_that_runs_away_without_an_effect_is_told_which(tmp_path):
+    folder = read_folder(model(tmp_path / "mine", EXPLODES[0], "9.0 * x.v + u.force"))
+    figures = examine(folder, runs_of(TABLE, folder, "a"))[0]
+    assert figures["verdict"] == "named"
+    assert {e["name"] for e in figures["effects"]} == {"payload_mass", "viscous_friction"}
+    assert figures["effects"][1]["parameters"]["b"]["value"] == pytest.approx(10.5, abs=0.1)
 
 
 def test_an_earlier_report_is_replaced_unless_something_was_put_beside_it(tmp_path):
