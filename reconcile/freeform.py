@@ -16,6 +16,7 @@ import numpy as np
 from reconcile import evidence
 from reconcile.fit.solve import Fitted
 from reconcile.fit.windows import Window
+from reconcile.score import RunsAway
 from reconcile.study import Study
 
 MOST = 4  # terms
@@ -71,8 +72,11 @@ class FreeForm:
         return {"terms": list(self.terms), "gain": self.gain, "gap_closed": self.closed}
 
 
+NONE = FreeForm((), 0.0, 0.0, 0.0)
+
+
 def examine(study: Study, fitted: Fitted) -> FreeForm:
-    """The best free-form terms beside what is in a fit."""
+    """The best free-form terms beside what is in a fit; RunsAway if it cannot be simulated."""
     labels, errors, columns = _problem(study, fitted)
     count = evidence.count_of(fitted)
     price = np.log(count) + 2.0 * np.log(max(len(labels), 1))
@@ -151,7 +155,7 @@ def _window(study: Study, fitted: Fitted, k: int, columns: Sequence[int]) -> tup
     run = problem.simulate(point, k)
     found = problem.responses(point, k, at, edges, columns)
     if run is None or found is None:
-        raise ArithmeticError("a fit that cannot be simulated")
+        raise RunsAway("a fit that cannot be simulated")
     errors, free, pushed = found
     lasts = max(window.run.end_s - window.run.start_s, 1e-9)
     seconds = (window.start_s - window.run.start_s + window.step_s * np.arange(window.steps)) / lasts

@@ -9,6 +9,7 @@ from reconcile import evidence, freeform, words
 from reconcile.fit.solve import Fitted, fit
 from reconcile.freeform import FreeForm
 from reconcile.model import Attached
+from reconcile.score import RunsAway
 from reconcile.search import Answer
 from reconcile.study import Study
 
@@ -97,13 +98,23 @@ def free_form(study: Study, answer: Answer) -> Free:
             study.estimate_noise(fitted, freeform.slopes(study, fitted))
             base, fitted = map(study.refitted, (base, fitted))
         beside = freeform.examine(study, fitted)
-        instead = freeform.examine(study, base) if answer.present else beside
+        instead = _instead(study, base) if answer.present else beside
         left = _deviance(study, base, fitted)
         more = left - _deviance(study, base, fitted, beside) if beside.terms else 0.0
+        if instead is None:
+            return Free(beside, freeform.NONE, more, -np.inf)
         better = left - _deviance(study, base, base, instead) if answer.present else more
         return Free(beside, instead, more, better)
     finally:
         study.noise, problem.whiteners = noise, whiteners
+
+
+def _instead(study: Study, base: Fitted) -> FreeForm | None:
+    """Free terms in place of all effects; None where the base model runs away without any."""
+    try:
+        return freeform.examine(study, base)
+    except RunsAway:
+        return None
 
 
 def _said(present: Iterable[Attached]) -> str:
@@ -129,8 +140,8 @@ def judge(
     if missing and not answer.present:
         return Verdict("insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left)
     if answer.present and answer.alternatives:
-        others = "; ".join(_said(k) for k in answer.alternatives)
-        return Verdict("ambiguous", f"{names}, or as well: {others}.", left)
+        sets = ([(a.effect.name, a.port) for a in k] for k in (answer.present, *answer.alternatives))
+        return Verdict("ambiguous", words.either(sets), left)
     if answer.present:
         rest = "" if left == "at_floor" else "; something unexplained remains"
         return Verdict("named", f"The model lacks {names}{rest}.", left)
