@@ -1,6 +1,6 @@
 """Which effects of the catalogue fit which port of a closed FMU, with sizes for their starts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -14,17 +14,21 @@ from reconcile.study import SPREAD
 
 WIDTH = 1e-3  # of the largest input: over which a kink is rounded
 FLANK = 2e-3  # of the largest speed: over which dry friction turns
-CLOSED_TO = "the FMU is closed: only a disturbance input and an output with its speed let a force be told"
+BIAS = "sensor_bias"
 
 
-def candidates(box: Box, recorded: set[str]) -> list[Attached]:
-    """Every effect at every port of the box that the recorded signals let be told."""
+def candidates(box: Box, recorded: set[str], free: Collection[str] = ()) -> list[Attached]:
+    """Every effect at every port of the box that the recorded signals let be told.
+
+    `free`: outputs whose initial value is free, in which a bias is not told from it.
+    """
     found = []
     for effect in (e for e in ALL if not (e.port or e.clock)):
         if effect.place == "input":
             found += _crossed(effect, [n for n in box.ports.controls if n in recorded], box)
         elif effect.place == "output":
-            outputs = [n for n in box.ports.outputs if n in recorded]
+            hidden = free if effect.name == BIAS else ()
+            outputs = [n for n in box.ports.outputs if n in recorded and n not in hidden]
             found += _crossed(effect, outputs, box)
             if effect.delays and len(outputs) > 1:
                 found.append(Attached(effect, ALL_OUTPUTS))
@@ -33,20 +37,6 @@ def candidates(box: Box, recorded: set[str]) -> list[Attached]:
                 Attached(effect, f.input) for f in box.ports.feedbacks if _fits(effect, f, box, recorded)
             ]
     return found
-
-
-def untold(box: Box, recorded: set[str]) -> list[dict[str, str]]:
-    """What a closed box does not let be told: [{"effect", "because"}]."""
-    present = {a.effect.name for a in candidates(box, recorded)}
-    rows = {}
-    for e in ALL:
-        if e.name not in present and e.place not in ("input", "output"):
-            rows[e.name] = CLOSED_TO
-    names = [*box.ports.controls, *box.ports.outputs]
-    for n in (n for n in names if n not in recorded):
-        place = "input" if n in box.ports.controls else "output"
-        rows |= {e.name: f"{place} {n} is not recorded" for e in ALL if e.place == place}
-    return [{"effect": n, "because": why} for n, why in sorted(rows.items())]
 
 
 def _crossed(effect: Effect, names: Sequence[str], box: Box) -> list[Attached]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.search import ClosedAnswer
+from reconcile.closed.starts import within
 from reconcile.data import Block
 from reconcile.page.shown import Course, Shown, Stretch
 from reconcile.scores import scores
@@ -17,10 +18,10 @@ Errors = Mapping[str, Mapping[str, Mapping[tuple[str, str], np.ndarray]]]  # by 
 
 
 def stages(problem: ClosedProblem, answer: ClosedAnswer) -> Errors:
-    """Errors in units of the noise, by stage: as it came, re-estimated, after."""
-    start = {f.name: f.prior[0] for f in problem.base if f.prior}
-    before = problem.errors((), start)
-    return {"nominal": before, "reestimated": answer.base.errors, "after": answer.fitted.errors}
+    """Errors in units of the noise, by stage: as it came, re-estimated (if a parameter was fitted), after."""
+    before = {"nominal": problem.errors((), problem.prior())}
+    reestimated = {"reestimated": answer.base.errors} if problem.base else {}
+    return {**before, **reestimated, "after": answer.fitted.errors}
 
 
 def courses(problem: ClosedProblem, errors: Errors) -> Iterator[tuple[Block, list[Course]]]:
@@ -31,7 +32,7 @@ def courses(problem: ClosedProblem, errors: Errors) -> Iterator[tuple[Block, lis
         found = []
         for n in problem.outputs:
             signal, key = block.run.outputs[n], (block.run.name, n)
-            inside = (signal.time >= block.start_s) & (signal.time < block.end_s)
+            inside = within(signal.time, [problem.starts.span(block)])
             measured, first = signal.values[inside], taken.get(key, 0)
             last = taken[key] = first + len(measured)
             level = problem.sigma[n]
@@ -60,7 +61,8 @@ def shown(problem: ClosedProblem, answer: ClosedAnswer) -> Shown:
 
 
 def _gained(c: Course) -> float:
-    before, after = (c.measured - c.predicted[s] for s in ("reestimated", "after"))
+    best = c.predicted.get("reestimated", c.predicted["nominal"])
+    before, after = c.measured - best, c.measured - c.predicted["after"]
     return float(before @ before - after @ after) / c.floor**2
 
 

@@ -1,5 +1,6 @@
-"""Simulation error of a closed FMU with effects at its ports, over whole recordings from its own start.
+"""Simulation error of a closed FMU with effects at its ports, over whole recordings.
 
+It runs from its own start; what other initial states would make of it is taken out of the errors (starts.py).
 The errors are taken at the samples of the blocks of each part.  A force on a disturbance input is fed back
 from the outputs, in a system of the FMU and the force; only where candidates are ranked is their force
 reckoned from the recorded motion.
@@ -7,7 +8,7 @@ reckoned from the recorded motion.
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,9 +16,11 @@ from scipy.optimize import least_squares
 from orchestrator.system import System
 from reconcile.closed.box import Box, answer
 from reconcile.closed.candidates import Sizes
+from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.port import Passing, Port, Side, identifier
+from reconcile.closed.starts import Starts, within
 from reconcile.data import Parts, Run
-from reconcile.fit.noise import high_pass_level, quantum, worth
+from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.solve import Free
 from reconcile.fit.windows import STEP_S, Held
 from reconcile.model import ALL_OUTPUTS, Attached
@@ -29,30 +32,6 @@ EVALUATIONS = 12
 REMEMBERED = 400  # answers of the FMU
 FORCE_STEP = 0.2  # of a step: a force that is fed back is one step late
 FELT = 0.3  # of the noise: a parameter whose prior spread moves the outputs by less is left alone
-
-
-@dataclass(frozen=True)
-class ClosedFit:
-    """A fit of a set of effects; `errors`: part -> run and output -> errors in units of the noise."""
-
-    effects: tuple[Attached, ...]
-    values: Mapping[str, float]
-    free: tuple[Free, ...]
-    cost: float
-    errors: Mapping[str, Mapping[tuple[str, str], np.ndarray]]
-    covariance: np.ndarray  # for errors of unit variance
-
-    def squares(self, part: str) -> float:
-        """Sum of squares of the errors on a part."""
-        return float(sum(e @ e for e in self.errors[part].values()))
-
-    def count(self, part: str) -> int:
-        """Samples of a part."""
-        return sum(len(e) for e in self.errors[part].values())
-
-    def share(self) -> float:
-        """Share of the samples to fit that counts as independent."""
-        return worth(list(self.errors["fit"].values()))
 
 
 class ClosedProblem:
@@ -70,7 +49,28 @@ class ClosedProblem:
         self._answers: dict[bytes, dict[str, np.ndarray]] = {}
         self._ports: dict[tuple, Passing] = {}
         self._systems: dict[tuple, tuple[System, dict[str, str]]] = {}
+        self.base = self.sizes.base()
+        self.restart(self.prior())
         self.base = self._felt()
+
+    def prior(self) -> dict[str, float]:
+        """The FMU's parameters as it came."""
+        return {f.name: f.prior[0] for f in self.base if f.prior}
+
+    @property
+    def free(self) -> list[str]:
+        """Outputs whose initial value is free, as of a position that only its speed drives."""
+        return [n for n in self.outputs if self.starts.hides(n)]
+
+    @property
+    def still_inputs(self) -> list[str]:
+        """Inputs that are constant in every recording."""
+        known = [n for n in self.box.ports.controls if n in self.recorded]
+        return [n for n in known if max(float(np.ptp(r.inputs[n].values)) for r in self.runs) == 0.0]
+
+    def restart(self, values: Mapping[str, float]) -> None:
+        """Reckon what initial states do with these values of the FMU's parameters."""
+        self.starts = Starts(self, values)
 
     def _noise(self, name: str) -> float:
         """Noise level of an output, by its high-pass content and its steps."""
@@ -97,13 +97,19 @@ class ClosedProblem:
         system, own = self._fed_back([a for a in effects if a.effect.place == "force" and a not in reckoned])
         told = {identifier(k): v for k, v in values.items()}
         parameters = {n: told[p] for n, p in own.items()}
-        named = {f.name: values[f.name] for f in self.base if f.name in values}
-        parameters |= {f"{self.box.model.name}.{n}": v for n, v in named.items()}
-        each = round(self.step_s / system.step_s)
-        ticks = int(np.ceil((run.end_s - run.start_s) / self.step_s)) + 1
-        u = {n: np.repeat(v, each) for n, v in self._inputs(run, effects, values, ticks, reckoned).items()}
+        parameters |= self.told(values)
+        each, ticks = round(self.step_s / system.step_s), self.ticks(run)
+        u = {n: np.repeat(v, each) for n, v in self.inputs(run, effects, values, ticks, reckoned).items()}
         y = {n: v[::each] for n, v in self._answer(system, u, parameters, each * ticks).items()}
-        return self._shown(run, effects, values, y)
+        return self.shown(run, effects, values, y)
+
+    def told(self, values: Mapping[str, float]) -> dict[str, float]:
+        """What the FMU is told of values: its own parameters, by "component.name"."""
+        return {f"{self.box.model.name}.{f.name}": values[f.name] for f in self.base if f.name in values}
+
+    def ticks(self, run: Run) -> int:
+        """Steps over a run."""
+        return int(np.ceil((run.end_s - run.start_s) / self.step_s)) + 1
 
     def _fed_back(self, forces: Sequence[Attached]) -> tuple[System, dict[str, str]]:
         """The FMU with forces fed back to it, and "component.name" -> parameter of theirs."""
@@ -127,14 +133,15 @@ class ClosedProblem:
             )
         return self._systems[key]
 
-    def _inputs(
+    def inputs(
         self,
         run: Run,
         effects: Sequence[Attached],
         values: Mapping[str, float],
         ticks: int,
-        reckoned: Sequence[Attached],
-    ):
+        reckoned: Sequence[Attached] = (),
+    ) -> dict[str, np.ndarray]:
+        """What the FMU is given at each step [ticks], by input: behind the effects in front of it."""
         u = {}
         for n, signal in run.inputs.items():
             late = sum(values[a.name("delay")] for a in effects if a.effect.delays and a.port == n)
@@ -189,9 +196,10 @@ class ClosedProblem:
             self._answers[key] = answer(system, u, parameters, ticks)
         return self._answers[key]
 
-    def _shown(
+    def shown(
         self, run: Run, effects: Sequence[Attached], values: Mapping[str, float], y: Mapping[str, np.ndarray]
-    ):
+    ) -> dict[str, np.ndarray]:
+        """What sensors show of outputs by step: at the recording's sample times, behind the effects."""
         late = dict.fromkeys(self.outputs, 0.0)
         for a in (a for a in effects if a.effect.delays and a.effect.place == "output"):
             for n in self.outputs if a.port == ALL_OUTPUTS else [a.port]:
@@ -212,13 +220,16 @@ class ClosedProblem:
         found: dict[str, dict[tuple[str, str], np.ndarray]] = {"fit": {}, "confirm": {}, "holdout": {}}
         for run in self.runs:
             shown = self.simulate(run, effects, values, reckoned)
+            left = {n: (run.outputs[n].values - shown[n]) / self.sigma[n] for n in self.outputs}
+            left = self.starts.freed(run, left)
             for part, blocks in found.items():
-                spans = [(b.start_s, b.end_s) for b in getattr(self.parts, part) if b.run is run]
-                for n in self.outputs if spans else ():
-                    signal = run.outputs[n]
-                    inside = np.logical_or.reduce([(signal.time >= a) & (signal.time < b) for a, b in spans])
-                    blocks[run.name, n] = (signal.values - shown[n])[inside] / self.sigma[n]
+                blocks |= {(run.name, n): left[n][i] for n, i in self.inside(run, part).items()}
         return found
+
+    def inside(self, run: Run, part: str) -> dict[str, np.ndarray]:
+        """Which samples [n] of a run's outputs are of a part; nothing if it has no block in the run."""
+        spans = [self.starts.span(b) for b in getattr(self.parts, part) if b.run is run]
+        return {n: within(run.outputs[n].time, spans) for n in self.outputs} if spans else {}
 
     def residual(
         self, effects: Sequence[Attached], values: Mapping[str, float], reckoned: Sequence[Attached] = ()
@@ -256,7 +267,7 @@ class ClosedProblem:
     def fit(self, effects: Sequence[Attached], start: Mapping[str, float]) -> ClosedFit | None:
         """Least squares over the parameters of FMU and effects; None if the FMU fails at `start`."""
         free = [*self.base, *(f for a in effects for f in self.sizes.free(a))]
-        values = {**{f.name: f.prior[0] for f in self.base if f.prior}, **start}
+        values = {**self.prior(), **start}
         if self.residual(effects, values) is None:
             return None
         if not free:
@@ -302,8 +313,7 @@ class ClosedProblem:
 
     def _felt(self) -> list[Free]:
         """The FMU's parameters that the outputs feel."""
-        self.base = self.sizes.base()
-        values = {f.name: f.prior[0] for f in self.base if f.prior}
+        values = self.prior()
         found = self.slopes((), values, self.base)
         if found is None:
             raise InputError(

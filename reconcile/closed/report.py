@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from reconcile import quantization, words
-from reconcile.closed import candidates, holdout, wrap
+from reconcile import evidence, quantization, untold as open_untold, words
+from reconcile.closed import candidates, holdout, untold, where, wrap
 from reconcile.closed.box import Box
-from reconcile.closed.problem import ClosedFit, ClosedProblem
-from reconcile.closed.search import ClosedAnswer, ClosedSearch, names, sample, standard_errors
+from reconcile.closed.fitted import ClosedFit, names, sample, standard_errors
+from reconcile.closed.problem import ClosedProblem
+from reconcile.closed.search import ClosedAnswer, ClosedSearch
 from reconcile.data import Run, split
+from reconcile.findings import STAGES
 from reconcile.model import Attached
+from reconcile.report import considered, stretches
 from reconcile.scores import overall
 from reconcile.verdict import AT_FLOOR, MOVED, SEEN, WHITE
 
@@ -39,9 +42,12 @@ def build(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:
     fitted = answer.fitted
     own = list(names(fitted))
     moved = _moved(problem, fitted)
-    missing = _unmoved(problem)
-    scored = holdout.scored(problem, holdout.stages(problem, answer))
-    verdict, sentence, residual = _judge(answer, moved, missing)
+    unseen = untold.unseen(problem, answer.base)
+    stages = holdout.stages(problem, answer)
+    scored = holdout.scored(problem, stages)
+    verdict, sentence, residual = _judge(answer, moved, _unmoved(problem))
+    if verdict == "insufficient_excitation" and unseen:
+        sentence = f"{sentence} {open_untold.sentence(unseen)}"
     return {
         "verdict": verdict,
         "sentence": sentence,
@@ -50,13 +56,16 @@ def build(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:
         "alternatives": [own, *(list(names(f)) for f in answer.alternatives)] if own else [],
         "reestimated": moved,
         "nuisances": {r.name: {"mended": list(r.notes)} for r in problem.runs if r.notes},
-        "untold": candidates.untold(problem.box, problem.recorded),
-        "where": [],
-        "gap": _gaps(problem, answer),
+        "untold": untold.untold(problem),
+        "unseen": unseen,
+        "fitted": sorted(f.name for f in problem.base),
+        "where": where.rows(problem, answer.base),
+        "gap": _gaps(problem, stages),
         "scores": scored,
         "iso18571": overall(scored),
         "next_experiment": None,
-        "considered": answer.refused,
+        "considered": _considered(answer),
+        "data": stretches(problem.parts),
     }
 
 
@@ -88,10 +97,7 @@ def _judge(answer: ClosedAnswer, moved: dict, missing: list[str]) -> tuple[str, 
 
 def _unmoved(problem: ClosedProblem) -> list[str]:
     """Inputs that are constant, and outputs that hardly move."""
-    found = []
-    for n in (n for n in problem.box.ports.controls if n in problem.recorded):
-        if max(float(np.ptp(r.inputs[n].values)) for r in problem.runs) == 0.0:
-            found.append(f"input {n} is constant; drive it")
+    found = [f"input {n} is constant; drive it" for n in problem.still_inputs]
     for n, level in problem.sigma.items():
         if max(float(np.std(r.outputs[n].values)) for r in problem.runs) < SEEN * level:
             found.append(f"output {n} moves by less than {SEEN:g} times its noise")
@@ -136,22 +142,28 @@ def _effect(problem: ClosedProblem, answer: ClosedAnswer, a: Attached) -> dict[s
     }
 
 
-def _gaps(problem: ClosedProblem, answer: ClosedAnswer) -> dict[str, Any]:
-    """Error above the floor on the held-out part, over whole recordings from the FMU's own start."""
-    start = {f.name: f.prior[0] for f in problem.base if f.prior}
-    stages = {
-        "nominal": problem.errors((), start),
-        "reestimated": answer.base.errors,
-        "after": answer.fitted.errors,
+def _considered(answer: ClosedAnswer) -> list[dict[str, Any]]:
+    fitted, s = answer.fitted, sample(answer.fitted)
+    tried = {
+        k: (evidence.bic(f, s), float(np.sqrt(f.squares("fit") / s.count))) for k, f in answer.tried.items()
     }
+    alternatives = [f.effects for f in answer.alternatives]
+    return considered(fitted.effects, evidence.bic(fitted, s), alternatives, tried, answer.refused)
+
+
+def _gaps(problem: ClosedProblem, stages: holdout.Errors) -> dict[str, Any]:
+    """Error above the floor on the held-out part, over whole recordings.
+
+    No parameter of the FMU was fitted: then there is no re-estimated model, and its gap is None.
+    """
     units = {v.name: v.unit for v in problem.box.model.outputs}
     horizon = float(np.mean([r.end_s - r.start_s for r in problem.runs]))
     found = {}
     for n, level in problem.sigma.items():
-        above = {}
+        above: dict[str, float | None] = dict.fromkeys(STAGES)
         for stage, errors in stages.items():
             e = np.concatenate([v for (_, output), v in errors["holdout"].items() if output == n])
-            above[stage] = level * float(np.sqrt(max(0.0, float(np.mean(e**2)) - 1.0)))
+            above[stage] = level * evidence.gap(float(e @ e), len(e))
         found[n] = {
             "unit": units[n],
             "horizon_s": round(horizon, 4),

@@ -1,19 +1,21 @@
 """Effects of a closed FMU, one after another: ranked by one linearisation, fitted, accepted by the rules."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from reconcile import evidence
 from reconcile.closed.candidates import candidates
-from reconcile.closed.problem import ClosedFit, ClosedProblem
-from reconcile.evidence import Confirmed, Sample
+from reconcile.closed.fitted import ClosedFit, confirmed, from_nothing, names, sample
+from reconcile.closed.problem import ClosedProblem
+from reconcile.evidence import Sample
 from reconcile.model import Attached
 from reconcile.rivals import CLOSE, MOST_RIVALS
 
 LARGEST = 3  # effects in a set
 REFITS = 6  # fitted of each ranking
+MOST_RESTARTS, SETTLED = 8, 0.02  # of initial states; share of the cost that another would save
 SMALL = 1e-2  # of an amplitude's size, for its linear gain
 
 Key = frozenset
@@ -37,14 +39,12 @@ class ClosedSearch:
 
     def __init__(self, problem: ClosedProblem, report: Report | None = None):
         self.problem, self.said = problem, report or (lambda *_: None)
-        self.candidates = candidates(problem.box, problem.recorded)
+        self.candidates = candidates(problem.box, problem.recorded, problem.free)
         self.tried: dict[Key, ClosedFit] = {}
 
     def run(self) -> ClosedAnswer:
         """Grow while an effect earns its place, exchange each once, and list what cannot be told from it."""
-        base = self.problem.fit((), {})
-        if base is None:
-            raise ArithmeticError("the base model cannot be fitted")
+        base = self._base()
         self.tried[Key()] = base
         answer = ClosedAnswer(base, base, tried=self.tried)
         while len(answer.fitted.effects) < LARGEST and self._grow(answer):
@@ -56,6 +56,23 @@ class ClosedSearch:
                 answer.gains[a.key] = self._worth(answer.fitted, a)
         return answer
 
+    def _base(self) -> ClosedFit:
+        """The FMU with its parameters fitted; by turns what initial states do with these is reckoned anew."""
+        base = self._without({})
+        for _ in range(MOST_RESTARTS if base.free else 0):
+            before = base.cost
+            self.problem.restart(base.values)
+            base = self._without(base.values)
+            if before - base.cost < SETTLED * base.cost:
+                break
+        return base
+
+    def _without(self, start: Mapping[str, float]) -> ClosedFit:
+        fitted = self.problem.fit((), start)
+        if fitted is None:
+            raise ArithmeticError("the base model cannot be fitted")
+        return fitted
+
     # ---------------------------------------------------------------- growing
 
     def _grow(self, answer: ClosedAnswer) -> bool:
@@ -64,7 +81,7 @@ class ClosedSearch:
         if not found:
             return False
         s = sample(min(found, key=lambda f: f.cost))
-        best = min(found, key=lambda f: evidence.bic(f, s))  # type: ignore[arg-type]
+        best = min(found, key=lambda f: evidence.bic(f, s))
         best = self._simpler(best, found, s)
         new = next(a for a in best.effects if a not in answer.fitted.effects)
         why = self._why_not(best, answer.fitted, new)
@@ -132,8 +149,10 @@ class ClosedSearch:
             columns.append(column - q @ (q.T @ column))
         by = np.column_stack(columns)
         if not amplitudes:
-            share = -float(by[:, 0] @ free) / max(float(by[:, 0] @ by[:, 0]), 1e-300)
-            return (2.0 * share - share**2) * float(by[:, 0] @ by[:, 0]) * share if share > 0 else 0.0, start
+            size = max(float(by[:, 0] @ by[:, 0]), 1e-300)
+            best = -float(by[:, 0] @ free) / size
+            share = float(np.clip(best, 0.0, 1.0))  # no more than wholly in
+            return (2.0 * best - share) * share * size, start
         values = np.linalg.lstsq(by, -free, rcond=1e-9)[0]
         low = np.array([p.low for p in amplitudes])
         high = np.array([p.high for p in amplitudes])
@@ -147,7 +166,7 @@ class ClosedSearch:
     def _why_not(self, fitted: ClosedFit, without: ClosedFit, a: Attached) -> str:
         """Why an effect is not accepted; "" if it is."""
         s = sample(fitted)
-        gained = evidence.bic(without, s) - evidence.bic(fitted, s)  # type: ignore[arg-type]
+        gained = evidence.bic(without, s) - evidence.bic(fitted, s)
         if gained <= evidence.BIC_GAIN:
             return f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
         distance = from_nothing(fitted, a)
@@ -160,8 +179,8 @@ class ClosedSearch:
 
     def _simpler(self, best: ClosedFit, found: Sequence[ClosedFit], s: Sample) -> ClosedFit:
         """One with fewer parameters that is hardly worse."""
-        limit = evidence.bic(best, s) + evidence.BIC_GAIN  # type: ignore[arg-type]
-        fitting = [f for f in found if len(f.free) < len(best.free) and evidence.bic(f, s) < limit]  # type: ignore[arg-type]
+        limit = evidence.bic(best, s) + evidence.BIC_GAIN
+        fitting = [f for f in found if len(f.free) < len(best.free) and evidence.bic(f, s) < limit]
         return min(fitting, key=lambda f: (len(f.free), f.cost), default=best)
 
     def _exchange(self, answer: ClosedAnswer) -> None:
@@ -174,8 +193,8 @@ class ClosedSearch:
                     self._beside(without)
         alike = [f for k, f in self.tried.items() if len(k) == len(answer.fitted.effects)]
         s = sample(min(alike, key=lambda f: f.cost))
-        best = min(alike, key=lambda f: evidence.bic(f, s))  # type: ignore[arg-type]
-        if evidence.bic(best, s) < evidence.bic(answer.fitted, s) - 1.0:  # type: ignore[arg-type]
+        best = min(alike, key=lambda f: evidence.bic(f, s))
+        if evidence.bic(best, s) < evidence.bic(answer.fitted, s) - 1.0:
             answer.fitted = self._simpler(best, alike, s)
 
     def _near(self, best: ClosedFit) -> list[ClosedFit]:
@@ -202,43 +221,3 @@ class ClosedSearch:
             return float("inf"), 1.0
         gain = evidence.likelihood_gain(without.cost, fitted.cost, sample(fitted))
         return gain, confirmed(without, fitted).closed
-
-
-def names(f: ClosedFit) -> tuple[str, ...]:
-    """Effects of a fit by name."""
-    return tuple(sorted(a.effect.name for a in f.effects))
-
-
-def sample(f: ClosedFit) -> Sample:
-    """Sample size of the errors that a fit leaves."""
-    return Sample(f.count("fit"), f.share())
-
-
-def standard_errors(f: ClosedFit) -> np.ndarray:
-    """Of the free parameters, for correlated errors of the size left over."""
-    s = sample(f)
-    excess = max(1.0, f.squares("fit") / max(1, s.count - len(f.free))) / s.share
-    return np.sqrt(np.maximum(np.diag(f.covariance), 0.0) * excess)
-
-
-def from_nothing(f: ClosedFit, a: Attached) -> float:
-    """Standard errors by which an effect's amplitudes (or first parameter) lie away from nothing."""
-    order = [x.name for x in f.free]
-    chosen = [q for q in a.effect.parameters if q.amplitude] or list(a.effect.parameters[:1])
-    index = [order.index(a.name(q.name)) for q in chosen]
-    s = sample(f)
-    excess = max(1.0, f.squares("fit") / max(1, s.count - len(f.free))) / s.share
-    values = np.array([f.values[a.name(q.name)] for q in chosen])
-    return float(
-        np.sqrt(values @ np.linalg.pinv(f.covariance[np.ix_(index, index)] * excess) @ values / len(values))
-    )
-
-
-def confirmed(without: ClosedFit, with_it: ClosedFit) -> Confirmed:
-    """How much of the gap closes on the part to confirm."""
-    count, before, after = with_it.count("confirm"), without.squares("confirm"), with_it.squares("confirm")
-    saved = before - after
-    above = max(before - count, saved, 1e-9)
-    closed = 1.0 - float(np.sqrt(max(0.0, above - saved) / above))
-    s = Sample(count, with_it.share())
-    return Confirmed(closed if saved > 0 else 0.0, evidence.likelihood_gain(before, after, s))

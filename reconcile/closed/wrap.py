@@ -18,8 +18,9 @@ from fmus.paths import BUILD
 from orchestrator.check import load_system
 from orchestrator.pack import pack
 from orchestrator.system import System
+from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.port import LATE, Port, Side
-from reconcile.closed.problem import FORCE_STEP, ClosedFit, ClosedProblem
+from reconcile.closed.problem import FORCE_STEP, ClosedProblem
 from specs.ssd import ANNOTATION, SIMULATION, SSC, SSD
 from specs.units import UNITS
 
