@@ -59,6 +59,15 @@ def listed(names: list[str], last: str = "and") -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
 
 
+def either(sets: Iterable[Iterable[tuple[str, str]]]) -> str:
+    """Sets of effects (name, port) that explain as much, and what all of them hold: a, or as well: b."""
+    rows = [list(one) for one in sets]
+    first, *others = map(together, rows)
+    common = set.intersection(*({name for name, _ in one} for one in rows))
+    sure = f" {listed(sorted(common))} in any case." if common else ""
+    return f"{first}, or as well: {'; '.join(others)}.{sure}"
+
+
 def together(effects: Iterable[tuple[str, str]]) -> str:
     """Effects given as (name, port): a, b and c; one that is there more than once with its ports."""
     rows = sorted(effects)

@@ -87,10 +87,9 @@ def answer() -> dict:
 @pytest.mark.slow
 @pytest.mark.soak
 def test_reconcile_names_gravity_and_dry_friction(answer: dict):
-    assert answer["verdict"] == "named"
-    names = {e["name"] for e in answer["effects"]}
-    assert "gravity_load" in names
-    assert names & DRY  # its finer shape hangs by little
+    sure = {e["name"] for e in answer["effects"] if e["verdict"] == "named"}
+    assert "gravity_load" in sure
+    assert sure & DRY  # its finer shape hangs by little
     down = {run: row["position"]["down"] for run, row in answer["runs"].items() if row["held_out"]}
     assert down["control_method_ddp_data_measured.csv"] > measured.DOWN
 

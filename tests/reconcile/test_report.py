@@ -227,6 +227,14 @@ def test_effects_are_listed_and_one_that_is_there_twice_with_its_ports():
     assert words.together([("a", "y"), ("b", "z"), ("a", "x")]) == "a (x), a (y) and b"
 
 
+def test_a_doubt_says_what_is_certain():
+    load, bias = ("load", "axis"), ("bias", "angle")
+    assert words.either([[load], [bias]]) == "load, or as well: bias."
+    assert words.either([[load, ("lag", "u")], [("lag", "u"), bias]]) == (
+        "lag and load, or as well: bias and lag. lag in any case."
+    )
+
+
 @pytest.mark.parametrize(("after", "shrunk"), [(0.02, True), (0.13, False)])
 def test_where_the_held_out_gap_grows_it_does_not_count_as_shrunk(after, shrunk):
     gaps = {
