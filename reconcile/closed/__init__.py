@@ -3,7 +3,8 @@
 box       the FMU: its inputs, outputs and parameters, and simulation of it
 port      effects in front of its inputs, behind its outputs or on a disturbance input, as a model
 candidates  which effects of the catalogue fit which port
-problem   simulation error of box and ports over whole recordings, and its least-squares fit
+simulation  what box and ports answer to a recording
+problem   simulation error over whole recordings, and its least-squares fit
 starts    what initial states do that its inputs reach: no error
 fitted    a fit and what it is worth
 search    one effect after the other, accepted by the rules of reconcile/evidence.py; rivals

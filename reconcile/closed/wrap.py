@@ -20,7 +20,8 @@ from orchestrator.pack import pack
 from orchestrator.system import System
 from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.port import LATE, Port, Side
-from reconcile.closed.problem import FORCE_STEP, ClosedProblem
+from reconcile.closed.problem import ClosedProblem
+from reconcile.closed.simulation import FORCE_STEP, Simulation
 from specs.ssd import ANNOTATION, SIMULATION, SSC, SSD
 from specs.units import UNITS
 
@@ -47,7 +48,7 @@ def write(problem: ClosedProblem, fitted: ClosedFit, folder: Path) -> Path:
     return ssp
 
 
-def system(problem: ClosedProblem, ports: dict[str, Port], step: float) -> System:
+def system(problem: Simulation, ports: dict[str, Port], step: float) -> System:
     """The FMU with these ports as a checked system, for fits; what is built is kept by its content."""
     resources = {f"{problem.box.model.name}.fmu": problem.box.path}
     for name, port in ports.items():
@@ -122,7 +123,7 @@ def _readme(problem: ClosedProblem, fitted: ClosedFit, ports: dict[str, Port]) -
 class _Ssd:
     """The text of the system structure description."""
 
-    def __init__(self, problem: ClosedProblem, ports: dict[str, Port], step: float, moved: dict[str, float]):
+    def __init__(self, problem: Simulation, ports: dict[str, Port], step: float, moved: dict[str, float]):
         self.box, self.ports, self.step, self.moved = problem.box, ports, step, moved
         self.name = self.box.model.name
 
