@@ -21,7 +21,7 @@ from reconcile.fit.modes import by_guards
 from reconcile.fit.point import Linear, Piece, Point, joined, projected
 from reconcile.fit.reading import Readings
 from reconcile.fit.whitening import Whitener
-from reconcile.fit.windows import Edge, InputTable, Window
+from reconcile.fit.windows import Edge, InputTable, Window, longer
 from reconcile.model import Attached
 
 ACCURACY = 2e-5  # of a state's size, of one step
@@ -172,7 +172,7 @@ class Problem:
         self, point: Point, k: int, columns: Sequence[int] | None = None, pushed: Columns | None = None
     ):
         """Follow window k; `columns` are parameters to differentiate by, `pushed` inputs instead of them."""
-        window = self.windows[k]
+        window = longer(self.windows[k], self.common(point).outputs)
         chosen = pushed if columns is None else self.wanted(columns).columns(window.steps)
         run = self.follow(window, point.x0[k], point, chosen, pushed is not None)
         if run is None or columns is None:
@@ -246,6 +246,7 @@ class Problem:
         sigma, first = np.empty(len(at)), slopes.shape[1] - len(columns)
         for name, part in reading.parts.items():
             sigma[part] = self.heat * self.sigma[name]
+        sigma[reading.past] = np.inf  # they tell nothing
         for name, late in self.wanted(columns).late.items():
             part = reading.parts[name]
             by_time = moved[part] / window.step_s

@@ -16,7 +16,8 @@ class Reading:
     """All samples [N] of a window, one output after the other, and their times `since` the run began (s).
 
     `output`: of each the output; `row` [N, near]: the rows near it, with their weights `value` and those of
-    the slope by time in steps, `rate`; `parts`: where each output's samples are.
+    the slope by time in steps, `rate`; `parts`: where each output's samples are; `past` [N]: those that a
+    fast clock has from after the recording's end, where nobody knows the inputs.
     """
 
     late: Mapping[str, Delay]
@@ -27,6 +28,7 @@ class Reading:
     value: np.ndarray
     rate: np.ndarray
     parts: Mapping[str, slice]
+    past: np.ndarray
 
     @cached_property
     def places(self) -> tuple[int, ...]:
@@ -68,4 +70,5 @@ class Readings:
             np.ascontiguousarray(value),
             np.ascontiguousarray(rate),
             {n: slice(a, b) for n, a, b in zip(times, ends[:-1], ends[1:], strict=True)},
+            at > window.run.end_s + 1e-9,
         )

@@ -8,7 +8,7 @@ simulated ones, which is where sensor delays act.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +23,7 @@ HOLDOUT_S = 4.0
 STEP_S = (0.002, 0.01)  # least and largest step
 MARGIN_S = 0.3  # before the samples, for sensor delays
 ON_GRID = 1e-4  # of a step: changes as near to its ends are at them
+AHEAD = 16  # steps by which a window grows: inputs of as many are kept for all clocks that are about alike
 GUARD_S = 0.2  # left out where a block follows one of another part
 
 
@@ -196,6 +197,19 @@ def _window(run: Run, start: float, parts: Sequence[tuple[float, float]], h: flo
             inside |= (signal.time >= first - 1e-9) & (signal.time < last - 1e-9)
         times[name], samples[name] = signal.time[inside], signal.values[inside]
     return Window(run, float(start), int(np.ceil((parts[-1][1] - start) / h - 1e-6)), h, times, samples)
+
+
+def longer(window: Window, late: Mapping[str, tuple[float, float]]) -> Window:
+    """The window, longer where a clock that runs fast has its last samples from after its end.
+
+    `late`: by output its delay (s) and what that gains per second of the recording.
+    """
+    if all(drift >= 0.0 for _, drift in late.values()):
+        return window
+    last = {n: t[-1] - window.run.start_s for n, t in window.times.items() if len(t)}
+    ahead = -min(fixed + drift * last.get(n, 0.0) for n, (fixed, drift) in late.items())
+    more = int(ahead / window.step_s)
+    return replace(window, steps=window.steps + AHEAD * -(-more // AHEAD)) if more > 0 else window
 
 
 def straight(positions: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

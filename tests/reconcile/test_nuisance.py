@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from reconcile import nuisance
+from reconcile.catalogue import ALL
 from reconcile.data import Run, runs_of, split
 from reconcile.nuisance import Clock, corrected, differing, settled
 from reconcile.search import Answer, Tried
@@ -92,3 +93,18 @@ def test_a_model_that_gets_nowhere_tells_no_clocks(monkeypatch):
     study = SimpleNamespace(elsewhere=lambda *_: None, extended=SimpleNamespace(index={}))
     study.problems = {"short": None, "holdout": None}
     assert nuisance._rows(study, SimpleNamespace(free=())) is None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("drift", [0.01, -0.01])  # late by 0.12 s at the end, and early
+def test_a_clock_that_drifts_is_told_either_way(rig, drift):
+    catalogue = [e for e in ALL if e.clock]
+    study = Study(rig, split(runs(rig, (0.0, drift)), (), ()), catalogue)
+    [clock] = study.candidates
+    base = study.fit_set(study.fit_problem.start(study.values), (), {})
+    assert base is not None
+    found = study.fit_set(base.point, (clock,), {})
+    assert found is not None
+    assert found.values(study.fit_problem)[clock.name("drift")] == pytest.approx(
+        drift / (1.0 + drift), abs=5e-5
+    )
+    assert found.cost < 1.3 * sum(len(e) for raw in found.linear.raw for e in raw.values()) < 0.01 * base.cost
