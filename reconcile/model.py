@@ -15,6 +15,7 @@ from reconcile.ports import ALL_OUTPUTS, Axis, Ports, find_ports
 from specs.errors import InputError
 
 NOT_UPRIGHT = ("gravity_load", "stiffness", "cubic_stiffness", "end_stop")  # it turns freely, all around
+LATE = ("sensor_delay", "sensor_lag", "clock_drift")  # of all outputs they do not show without an input
 
 
 @dataclass(frozen=True)
@@ -136,8 +137,8 @@ def _undriven(a: Attached, ports: Ports, outputs: Sequence[str]) -> bool:
     Outputs that are all late are in step with each other, and the hidden end of a shaft that nothing drives
     swings as it would with any disturbance.
     """
-    late = a.effect.place == "output" and (a.effect.delays or a.effect.clock)
-    return a.effect.shaft or bool(late and {*outputs} <= {*ports.members(a.port)})
+    late = a.effect.name in LATE and {*outputs} <= {*ports.members(a.port)}
+    return a.effect.shaft or late
 
 
 def _crossed(effect: Effect, names: Sequence[str], folder: Folder) -> list[Attached]:

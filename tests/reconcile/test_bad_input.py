@@ -413,7 +413,8 @@ def test_what_only_an_input_that_moves_would_tell_is_left_out_and_said(rig, valu
     study = Study(rig, split(runs, (), ()))
     keys = {a.key for a in study.candidates}
     assert not [a.key for a in study.candidates if a.effect.place == "input" or a.effect.shaft]
-    assert not keys & {"sensor_delay@all outputs", "clock_drift@all outputs"}
+    late = ("sensor_delay", "sensor_lag.together", "clock_drift")
+    assert not keys & {f"{n}@all outputs" for n in late}
     assert keys >= {"coulomb_friction@v", "stiffness@v", "sensor_delay@position", "sensor_scale@velocity"}
     said = {r["effect"]: r["because"] for r in untold(rig, runs)}
     told_by = ("input_dead_zone", "input_delay", "clock_drift", "structural_compliance")
