@@ -14,6 +14,7 @@ import numpy as np
 
 from reconcile.closed.box import answer
 from reconcile.data import Block, Run
+from reconcile.fit.windows import MARGIN_S
 from reconcile.holdout import PREFIX
 from specs.errors import RunError
 
@@ -34,10 +35,10 @@ class Starts:
         self.bases = {run.name: self._basis(run, values) for run in problem.runs}
 
     def span(self, block: Block) -> tuple[float, float]:
-        """From when until when a block is compared, s."""
-        if self._fitted(block.run):
-            return block.start_s, block.end_s
-        return max(block.start_s, _prefix_end(block.run)), block.end_s
+        """From when until when a block is compared, s: what delays hold when a run begins nobody knows."""
+        run = block.run
+        begin = run.start_s + MARGIN_S if self._fitted(run) else _prefix_end(run)
+        return max(block.start_s, begin), block.end_s
 
     def freed(self, run: Run, errors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """A run's errors by output [n], in units of the noise, without what initial states account for."""
@@ -92,11 +93,11 @@ class Starts:
 
     # ---------------------------------------------------------------- samples that tell them
 
-    def _fitted(self, run: Run) -> list[tuple[float, float]]:
-        return [(b.start_s, b.end_s) for b in self.problem.parts.fit if b.run is run]
+    def _fitted(self, run: Run) -> list[Block]:
+        return [b for b in self.problem.parts.fit if b.run is run]
 
     def _inside(self, run: Run) -> dict[str, np.ndarray]:
-        spans = self._fitted(run) or [(run.start_s, _prefix_end(run))]
+        spans = [self.span(b) for b in self._fitted(run)] or [(run.start_s + MARGIN_S, _prefix_end(run))]
         return {n: within(run.outputs[n].time, spans) for n in self.problem.outputs}
 
 

@@ -20,7 +20,7 @@ from reconcile.closed.box import VELOCITIES
 from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.problem import ClosedProblem
 from reconcile.data import Run, Signal
-from reconcile.fit.windows import Window, cut
+from reconcile.fit.windows import MARGIN_S, Window, cut
 from reconcile.localise import Located
 from reconcile.ports import Axis
 from reconcile.regimes import CHANGE_S
@@ -163,7 +163,11 @@ def _moments(problem: ClosedProblem, name: str) -> tuple[tuple[Window, np.ndarra
     """Windows of the part to fit with the times of an output's samples; evenly chosen of many."""
     windows = cut(problem.parts.fit, WINDOW_S, None)
     chosen = np.unique(np.linspace(0, len(windows) - 1, min(len(windows), MOST_WINDOWS)).round().astype(int))
-    return tuple((windows[i], windows[i].times[name]) for i in chosen)
+    found = []
+    for w in (windows[i] for i in chosen):
+        first = w.run.start_s + MARGIN_S + LAGS * LAG_S  # errors before must be known as well
+        found.append((w, w.times[name][w.times[name] >= first]))
+    return tuple((w, t) for w, t in found if len(t))
 
 
 def _arising(problem: ClosedProblem, channels: Channels, name: str, left: _Left) -> Residual:
