@@ -1,5 +1,6 @@
 """Which effects of a set earn their place: on the data they were fitted to, and on what was held back."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from reconcile import evidence
@@ -22,40 +23,22 @@ class Acceptance:
 
     def confirmed(self, present: Present) -> Present:
         """Take out effects one by one that do not earn their place, on confirm too."""
-        while present:
-            self.search.report(f"confirming {len(present)}")
-            judged = [(a, *self._judge(present, a)) for a in present]
-            failing = [(a, margin, why) for a, margin, why in judged if why]
-            if not failing:
-                return present
-            a, _, why = min(failing, key=lambda j: j[1])
-            present = self._less(present, a, why)
-        return present
+        return self._earned(present, lambda a, sure: sure and len(a.free) > 1)
 
     def earning(self, present: Present) -> Present:
-        """Less the effects that no longer pay once confirm is fitted to as well, the least first."""
+        """The same once confirm is fitted to as well, of rivals too: what gains most may be uncertain."""
+        return self._earned(present, lambda a, sure: sure)
+
+    def _earned(self, present: Present, excused: Callable[[Attached, bool], bool]) -> Present:
+        """Less the effects that do not earn their place, the least first."""
         while present:
-            judged = [(a, *self._pays_still(present, a)) for a in present]
-            failing = [(a, gained, why) for a, gained, why in judged if why]
+            judged = [(a, *self._judge(present, a, excused)) for a in present]
+            failing = [(a, margin, why) for a, margin, why in judged if why]
             if not failing:
                 break
             a, _, why = min(failing, key=lambda j: j[1])
             present = self._less(present, a, why)
         return present
-
-    def _pays_still(self, present: Present, a: Attached) -> tuple[float, str]:
-        """What an effect gains, and why that is not enough: little, or uncertain and not overwhelming."""
-        gained = self._pays(present, self._without(present, a))
-        return gained, self._doubt(present, a, gained, gained > evidence.OVERWHELMING)
-
-    def _doubt(self, present: Present, a: Attached, gained: float, excused: bool) -> str:
-        """Why an effect does not earn its place where it was fitted; `excused`: it may be uncertain."""
-        if gained <= evidence.BIC_GAIN:
-            return f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
-        distance = evidence.from_nothing(self.study, self._fit(present), a)
-        if distance <= evidence.ERRORS and not excused:
-            return f"{distance:.1f} standard errors from nothing"
-        return ""
 
     def gains(self, present: Present, a: Attached) -> tuple[float, float]:
         """Of an effect: gained in twice the log-likelihood, and the share of the gap closed on confirm."""
@@ -64,21 +47,38 @@ class Acceptance:
             self.known[a.key] = _gains(fitted, without, self._on_confirm(without, fitted))
         return self.known[a.key]
 
-    def _judge(self, present: Present, a: Attached) -> tuple[float, str]:
-        """How far an effect pays in the set, and why not if it does not."""
+    def _judge(
+        self, present: Present, a: Attached, excused: Callable[[Attached, bool], bool]
+    ) -> tuple[float, str]:
+        """How far an effect pays in the set, and why not if it does not.
+
+        `excused`: whether it may be uncertain, given whether it gains more than by chance: of two parameters
+        that make up for each other either may be, and then the likelihood counts.
+        """
         fitted, without = self._fit(present), self._without(present, a)
         gained = self._pays(present, without)
         self.known.pop(a.key, None)
+        if gained <= evidence.BIC_GAIN:
+            return gained, f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
         sure = gained > evidence.OVERWHELMING
-        # of two parameters that make up for each other either may be uncertain: then the likelihood counts
-        if why := self._doubt(present, a, gained, sure and len(a.free) > 1):
-            return gained, why
+        distance = evidence.from_nothing(self.study, fitted, a)
+        if distance <= evidence.ERRORS and not excused(a, sure):
+            return gained, f"{distance:.1f} standard errors from nothing"
         outside = self._on_confirm(without, fitted)
-        if outside is None or not (outside.accepted or (sure and outside.silent)):
+        if outside is None or not self._borne_out(fitted, outside, sure):
             share = 0.0 if outside is None else outside.closed
             return gained, f"closes {100 * share:.0f} % of the gap on confirm"
         self.known[a.key] = _gains(fitted, without, outside)
         return gained, ""
+
+    def _borne_out(self, fitted: Fitted, outside: evidence.Confirmed, sure: bool) -> bool:
+        """Whether confirm bears an effect out, or shows too little to judge and all else speaks for it.
+
+        Where more is left than noise, what a set gains is no proof: something else may be at work.
+        """
+        if not evidence.at_floor(fitted):
+            return outside.closes
+        return outside.accepted or (sure and outside.silent)
 
     def _fit(self, present: Present) -> Fitted:
         return self.search.tried.fits[Key(present)]

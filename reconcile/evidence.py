@@ -104,6 +104,11 @@ class Confirmed:
         """Whether that is enough; where confirm shows too little to judge, that it does not speak against."""
         if self.expected < TELLING and self.gain < CONFIRM_GAIN:
             return self.gain > -0.25 * self.expected
+        return self.closes
+
+    @property
+    def closes(self) -> bool:
+        """Whether it closes as much as is asked, and more than by chance."""
         return self.closed >= CLOSED and self.gain > CONFIRM_GAIN
 
 
@@ -113,7 +118,7 @@ def confirm(without: Fitted, with_it: Fitted, count: int) -> Confirmed:
     s = Sample(count, sample(with_it).share)
     saved = before - after
     # what is left is the floor if it is near: sizes of random forces are known to some per cent only
-    floor = after if after < AT_FLOOR**2 * count else count
+    floor = after if _near_floor(after, count) else count
     above = max(before - floor, saved, 1e-9)
     closed = 1.0 - float(np.sqrt(max(0.0, above - saved) / above))
     moved = without.linear.errors - with_it.linear.errors
@@ -131,6 +136,15 @@ def from_nothing(study: Study, fitted: Fitted, a: Attached) -> float:
     values = np.array([fitted.point.p[study.extended.index[a.name(q.name)]] for q in chosen])
     covariance = fitted.covariance[np.ix_(index, index)] * excess
     return float(np.sqrt(values @ np.linalg.pinv(covariance) @ values / len(values)))
+
+
+def at_floor(fitted: Fitted) -> bool:
+    """Whether a fit leaves no more than the noise may leave."""
+    return _near_floor(fitted.linear.cost, count_of(fitted))
+
+
+def _near_floor(cost: float, count: int) -> bool:
+    return cost < AT_FLOOR**2 * count
 
 
 def count_of(fitted: Fitted) -> int:

@@ -21,6 +21,7 @@ from reconcile.study import Study
 GAIN = 10.0  # of twice the log-likelihood, beyond what the parameters cost
 MOST_S = 0.5  # told from slopes: what is later is not told by them, and comes from a model that is wrong
 WRONG = 1.5  # deviations of the noise (root mean square): a model that leaves more is wrong otherwise
+ASTRAY = 5.0  # deviations: a model that leaves more with clocks than that tells nothing of them by its slopes
 LEAST = 0.2  # of a sample period: smaller offsets do no harm
 ROUNDS = 3
 SETTLED = 0.02  # of a sample period: what another round may change
@@ -180,7 +181,8 @@ def _explains(rows: _Rows, count: int) -> bool:
     """
     together, left = (_solved(rows, late)[0] for late in (rows.late[:, :1], _by_run(rows, count)))
     noise = len(rows.errors)
-    return left < WRONG**2 * noise or together - left > 0.5 * (together - noise)
+    half = left < ASTRAY**2 * noise and together - left > 0.5 * (together - noise)
+    return left < WRONG**2 * noise or half
 
 
 def _by_run(rows: _Rows, count: int) -> np.ndarray:

@@ -47,6 +47,11 @@ class Rivals:
             present = tuple(self.search.tried.fits[best].point.present)
         return present, self._near(Key(present), [Key(present), *sorted(self._rivals(present), key=_keys)])
 
+    def beside(self, present: tuple[Attached, ...], without: Key) -> tuple[tuple[Attached, ...], ...]:
+        """Sets that cannot be told from an answer that stands, but for one that did not earn its place."""
+        rivals = self._rivals(present) - {without} if present else ()
+        return self._near(Key(present), [Key(present), *sorted(rivals, key=_keys)])
+
     def _further(self, best: Key, pool: Sequence[Key]) -> list[Key]:
         """Rivals of sets as good: an effect of several parameters may stand for one of fewer there."""
         found: set[Key] = set()
@@ -149,8 +154,14 @@ class Rivals:
         return replace(fitted, point=point, free=free, cost=np.inf)
 
     def _simplest(self, pool: Sequence[Key]) -> Key:
-        """The best by BIC, unless a simpler one is hardly worse: of fewer parameters, or of fewer effects."""
+        """The best by BIC, unless a simpler one is hardly worse: of fewer parameters, or of fewer effects.
+
+        Of sets that leave more than noise none has more parameters than the first, which confirm bore out:
+        something else is at work there, and any parameter takes up some of it.
+        """
         fits = self.search.tried.fits
+        if not any(evidence.at_floor(fits[k]) for k in pool):
+            pool = [k for k in pool if len(fits[k].free) <= len(fits[pool[0]].free)]
         s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
         criterion = {k: evidence.bic(fits[k], s) for k in pool}
         size = {k: (len(fits[k].free), len(k)) for k in pool}

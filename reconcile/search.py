@@ -94,8 +94,13 @@ class Search:
         if present and not earning:  # what pays no more may stand where a rival of it would pay
             earning = acceptance.earning(Rivals(self).settle(present)[0])
         present, alternatives = Rivals(self).settle(earning)
-        earning = acceptance.earning(present)
-        return (present, alternatives) if earning == present else Rivals(self).settle(earning)
+        kept = acceptance.earning(present)
+        if kept == present:
+            return present, alternatives
+        fits = {Key(p): self.tried.fits[Key(p)] for p in (earning, kept)}
+        if self._ranked(fits)[0] == Key(kept) != Key(earning):
+            return Rivals(self).settle(kept)
+        return earning, Rivals(self).beside(earning, without=Key(present))
 
     def begin(self) -> None:
         """The base model fitted to the windows in use, and nothing else."""

@@ -173,7 +173,7 @@ def _system(
     report_only: bool,
     then: Callable[[Study, Answer, dict[str, Any]], dict[str, Any]] | None,
 ) -> dict[str, Any]:
-    """The same for a system of models: every part is examined, and its extended model lies in DIR/model/PART."""
+    """The same for a system: every part is examined, and its extended model lies in DIR/model/PART."""
     from reconcile.system.doubt import next_experiment
     from reconcile.system.examine import examine as examine_system
 

@@ -81,8 +81,11 @@ def _judge(answer: ClosedAnswer, moved: dict, missing: list[str]) -> tuple[str, 
     left = "unexplained" if rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
     said = words.listed(list(names(fitted)))
     if said and answer.alternatives:
-        others = "; ".join(words.listed(list(names(f))) for f in answer.alternatives)
-        return "ambiguous", f"{said}, or as well: {others}.", left
+        return (
+            "ambiguous",
+            words.either([(n, "") for n in names(f)] for f in (fitted, *answer.alternatives)),
+            left,
+        )
     if said:
         rest = "" if left == "at_floor" else "; something unexplained remains"
         return "named", f"The FMU lacks {said} at its ports{rest}.", left

@@ -106,15 +106,20 @@ class Present:
         return self.name == "delay"
 
 
-def settled(*sets: tuple[str, int, float], tried: int | None = None) -> tuple[str, list[str]]:
-    """Best and near of the first `tried` sets: names, parameters, twice the log-likelihood lost."""
+def settled(
+    *sets: tuple[str, int, float], tried: int | None = None, left: float = 1.0
+) -> tuple[str, list[str]]:
+    """Best and near of the first `tried` sets: names, parameters, twice the log-likelihood lost.
+
+    `left`: what they leave, in deviations of the noise.
+    """
     fits, count = {}, 1000
     for names, parameters, lost in sets:
         key = Key(Present(*n.split("@")) for n in names.split())
-        errors = np.full(count, np.exp(0.5 * lost / count)) * np.where(np.arange(count) % 2, 1.0, -1.0)
-        linear = SimpleNamespace(left=[{"y": errors}], raw=[{"y": errors}])
-        point = SimpleNamespace(present=tuple(key))
+        errors = np.full(count, left * np.exp(0.5 * lost / count)) * np.where(np.arange(count) % 2, 1.0, -1.0)
         cost = float(errors @ errors)
+        linear = SimpleNamespace(left=[{"y": errors}], raw=[{"y": errors}], cost=cost)
+        point = SimpleNamespace(present=tuple(key))
         fits[key] = SimpleNamespace(cost=cost, free=range(parameters), linear=linear, point=point)
     rivals = Rivals(cast(Any, SimpleNamespace(study=None, tried=SimpleNamespace(fits=fits))))
     best = rivals._simplest(pool := list(fits)[:tried])
@@ -128,6 +133,13 @@ def said(key: Any) -> str:
 def test_of_sets_that_explain_as_much_the_one_of_fewer_effects_is_named_and_alone():
     found = settled(("curve lag viscous", 4, 0.0), ("curve lag", 4, 0.5), ("curve delay viscous", 4, 1.0))
     assert found == ("curve lag", ["curve delay viscous"])
+
+
+@pytest.mark.parametrize(("left", "best"), [(1.0, "dahl clock"), (3.0, "coulomb")])
+def test_where_more_is_left_than_noise_no_rival_has_more_parameters(left, best):
+    assert settled(("coulomb", 1, 0.0), ("dahl clock", 3, -60.0), left=left)[0] == " ".join(
+        sorted(best.split())
+    )
 
 
 def test_a_dearer_set_must_be_better_by_more_than_its_parameters_cost():

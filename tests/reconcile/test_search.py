@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from reconcile.rivals import Key
+from reconcile.rivals import Key, Rivals
 from reconcile.search import SHARPENED, Search, Tried
 
 SAMPLES = 1000
@@ -56,3 +56,27 @@ def test_sets_that_are_left_out_make_room_for_others(sharpened):
     worse = {f"other{i}": (1100.0 + i, 4) for i in range(SHARPENED)}
     found = sharpened(drag=(1000.0, 4), drag_lag=(999.0, 5), **worse)
     assert found == ["drag", *list(worse)[: SHARPENED - 1]]
+
+
+@pytest.mark.parametrize(
+    ("rival", "borne_out", "answer"),
+    [
+        ("friction clock", "friction clock", "friction clock"),  # it earns its place
+        ("clock lag", "clock", "friction"),  # what is left of it leaves more than what stood before
+        ("drag lag", "drag", "drag"),
+    ],
+)
+def test_a_rival_that_does_not_earn_its_place_takes_none(monkeypatch, rival, borne_out, answer):
+    costs = {"friction": 1000.0, "clock": 1500.0, "drag": 900.0, rival: 800.0}
+    search = Search(cast(Any, None))
+    fits = {Key(n.split()): fitted(c, 4, tuple(n.split())) for n, c in costs.items()}
+    search.tried = Tried(cast(Any, fits), {})
+    taken = {"friction": rival, "drag": "drag"}
+    earned = {rival: borne_out}
+    monkeypatch.setattr(
+        Rivals, "settle", lambda self, present: (tuple(taken[" ".join(present)].split()), ("others",))
+    )
+    monkeypatch.setattr(Rivals, "beside", lambda self, present, without: ("others",))
+    earning = lambda present: tuple(earned.get(" ".join(present), " ".join(present)).split())  # noqa: E731
+    found = search._settled(cast(Any, SimpleNamespace(earning=earning)), cast(Any, ("friction",)))
+    assert found == (tuple(answer.split()), ("others",))
