@@ -1,6 +1,5 @@
 """Which effects of a set earn their place: on the data they were fitted to, and on what was held back."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from reconcile import evidence
@@ -23,16 +22,16 @@ class Acceptance:
 
     def confirmed(self, present: Present) -> Present:
         """Take out effects one by one that do not earn their place, on confirm too."""
-        return self._earned(present, lambda a, sure: sure and len(a.free) > 1)
+        return self._earned(present, again=False)
 
     def earning(self, present: Present) -> Present:
-        """The same once confirm is fitted to as well, of rivals too: what gains most may be uncertain."""
-        return self._earned(present, lambda a, sure: sure)
+        """The same once confirm is fitted to as well, of rivals too."""
+        return self._earned(present, again=True)
 
-    def _earned(self, present: Present, excused: Callable[[Attached, bool], bool]) -> Present:
+    def _earned(self, present: Present, again: bool) -> Present:
         """Less the effects that do not earn their place, the least first."""
         while present:
-            judged = [(a, *self._judge(present, a, excused)) for a in present]
+            judged = [(a, *self._judge(present, a, again)) for a in present]
             failing = [(a, margin, why) for a, margin, why in judged if why]
             if not failing:
                 break
@@ -47,23 +46,23 @@ class Acceptance:
             self.known[a.key] = _gains(fitted, without, self._on_confirm(without, fitted))
         return self.known[a.key]
 
-    def _judge(
-        self, present: Present, a: Attached, excused: Callable[[Attached, bool], bool]
-    ) -> tuple[float, str]:
+    def _judge(self, present: Present, a: Attached, again: bool) -> tuple[float, str]:
         """How far an effect pays in the set, and why not if it does not.
 
-        `excused`: whether it may be uncertain, given whether it gains more than by chance: of two parameters
-        that make up for each other either may be, and then the likelihood counts.
+        `again`: confirm is fitted to as well, and asked only where so much is left that gains are no proof.
         """
         fitted, without = self._fit(present), self._without(present, a)
         gained = self._pays(present, without)
-        self.known.pop(a.key, None)
         if gained <= evidence.BIC_GAIN:
             return gained, f"BIC gains {gained:.1f}, not more than {evidence.BIC_GAIN:g}"
         sure = gained > evidence.OVERWHELMING
         distance = evidence.from_nothing(self.study, fitted, a)
-        if distance <= evidence.ERRORS and not excused(a, sure):
+        # of two parameters that make up for each other either may be uncertain: then the likelihood counts
+        if distance <= evidence.ERRORS and not (sure and (again or len(a.free) > 1)):
             return gained, f"{distance:.1f} standard errors from nothing"
+        if again and not evidence.lost(fitted):
+            return gained, ""
+        self.known.pop(a.key, None)
         outside = self._on_confirm(without, fitted)
         if outside is None or not self._borne_out(fitted, outside, sure):
             share = 0.0 if outside is None else outside.closed
@@ -74,9 +73,9 @@ class Acceptance:
     def _borne_out(self, fitted: Fitted, outside: evidence.Confirmed, sure: bool) -> bool:
         """Whether confirm bears an effect out, or shows too little to judge and all else speaks for it.
 
-        Where more is left than noise, what a set gains is no proof: something else may be at work.
+        Where far more is left than noise, what a set gains is no proof: something else is at work.
         """
-        if not evidence.at_floor(fitted):
+        if evidence.lost(fitted):
             return outside.closes
         return outside.accepted or (sure and outside.silent)
 

@@ -13,6 +13,7 @@ from reconcile.study import Study
 
 BIC_GAIN = 10.0
 AT_FLOOR = 1.15  # times the noise (root mean square): no more is left than the noise may leave
+LOST = 2.0  # times the noise (root mean square): what a set gains is no proof where as much is left
 CLOSED = 0.10  # share of the remaining gap that an effect must close on confirm
 ERRORS = 3.0  # standard errors from nothing
 CONFIRM_GAIN = 6.0  # of twice the log-likelihood on confirm: less may be chance
@@ -118,7 +119,7 @@ def confirm(without: Fitted, with_it: Fitted, count: int) -> Confirmed:
     s = Sample(count, sample(with_it).share)
     saved = before - after
     # what is left is the floor if it is near: sizes of random forces are known to some per cent only
-    floor = after if _near_floor(after, count) else count
+    floor = after if after < AT_FLOOR**2 * count else count
     above = max(before - floor, saved, 1e-9)
     closed = 1.0 - float(np.sqrt(max(0.0, above - saved) / above))
     moved = without.linear.errors - with_it.linear.errors
@@ -138,13 +139,9 @@ def from_nothing(study: Study, fitted: Fitted, a: Attached) -> float:
     return float(np.sqrt(values @ np.linalg.pinv(covariance) @ values / len(values)))
 
 
-def at_floor(fitted: Fitted) -> bool:
-    """Whether a fit leaves no more than the noise may leave."""
-    return _near_floor(fitted.linear.cost, count_of(fitted))
-
-
-def _near_floor(cost: float, count: int) -> bool:
-    return cost < AT_FLOOR**2 * count
+def lost(fitted: Fitted) -> bool:
+    """Whether a fit leaves so much more than noise that something else must be at work."""
+    return fitted.linear.cost > LOST**2 * count_of(fitted)
 
 
 def count_of(fitted: Fitted) -> int:

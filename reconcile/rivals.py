@@ -156,11 +156,11 @@ class Rivals:
     def _simplest(self, pool: Sequence[Key]) -> Key:
         """The best by BIC, unless a simpler one is hardly worse: of fewer parameters, or of fewer effects.
 
-        Of sets that leave more than noise none has more parameters than the first, which confirm bore out:
-        something else is at work there, and any parameter takes up some of it.
+        Of sets that all leave far more than noise none has more parameters than the first, which confirm bore
+        out: something else is at work there, and any parameter takes up some of it.
         """
         fits = self.search.tried.fits
-        if not any(evidence.at_floor(fits[k]) for k in pool):
+        if all(evidence.lost(fits[k]) for k in pool):
             pool = [k for k in pool if len(fits[k].free) <= len(fits[pool[0]].free)]
         s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
         criterion = {k: evidence.bic(fits[k], s) for k in pool}
