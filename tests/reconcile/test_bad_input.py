@@ -428,6 +428,7 @@ def test_an_input_that_changes_from_run_to_run_is_not_constant(rig):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_model_that_runs_away_without_an_effect_is_told_which(tmp_path):
     folder = read_folder(model(tmp_path / "mine", EXPLODES[0], "9.0 * x.v + u.force"))
     figures = examine(folder, runs_of(TABLE, folder, "a"))[0]

@@ -117,6 +117,7 @@ def test_a_run_held_out_is_scored_after_the_part_that_tells_where_it_begins(fmu)
         assert np.sqrt(np.mean(e**2)) < 1.5
 
 
+@pytest.mark.long
 def test_recordings_of_an_fmu_with_delays_that_begin_while_it_moves_agree_with_it():
     """The project's arm: two free axes that turn, commands late by 0.3 s that came before the recording."""
     box = Box(build_fmu("arm", 2))
