@@ -31,6 +31,8 @@ class Acceptance:
     def _earned(self, present: Present, again: bool) -> Present:
         """Less the effects that do not earn their place, the least first."""
         while present:
+            if not again:
+                self.search.report(f"confirming {len(present)}")
             judged = [(a, *self._judge(present, a, again)) for a in present]
             failing = [(a, margin, why) for a, margin, why in judged if why]
             if not failing:

@@ -49,7 +49,7 @@ class Rivals:
 
     def beside(self, present: tuple[Attached, ...], without: Key) -> tuple[tuple[Attached, ...], ...]:
         """Sets that cannot be told from an answer that stands, but for one that did not earn its place."""
-        rivals = self._rivals(present) - {without} if present else ()
+        rivals = self._rivals(present) - {without}
         return self._near(Key(present), [Key(present), *sorted(rivals, key=_keys)])
 
     def _further(self, best: Key, pool: Sequence[Key]) -> list[Key]:

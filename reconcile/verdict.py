@@ -117,8 +117,9 @@ def _instead(study: Study, base: Fitted) -> FreeForm | None:
         return None
 
 
-def _said(present: Iterable[Attached]) -> str:
-    return words.together((a.effect.name, a.port) for a in present)
+def _pairs(present: Iterable[Attached]) -> list[tuple[str, str]]:
+    """Effects as (name, port)."""
+    return [(a.effect.name, a.port) for a in present]
 
 
 def judge(
@@ -133,15 +134,15 @@ def judge(
     left = "unexplained" if shaped or rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
     if answer.present and free.better > (0.0 if shaped else FREE_GAIN):
         what = ", ".join(free.instead.terms)
-        near = _said(answer.present)
+        near = words.together(_pairs(answer.present))
         text = f"Free terms explain it better ({what}) than any effect of the catalogue; nearest is {near}."
         return Verdict("unexplained", text, "unexplained")
-    names = _said(answer.present)
+    names = words.together(_pairs(answer.present))
     if missing and not answer.present:
         return Verdict("insufficient_excitation", f"Too little excitation: {'; '.join(missing)}.", left)
     if answer.present and answer.alternatives:
-        sets = ([(a.effect.name, a.port) for a in k] for k in (answer.present, *answer.alternatives))
-        return Verdict("ambiguous", words.either(sets), left)
+        sets = (answer.present, *answer.alternatives)
+        return Verdict("ambiguous", words.either(map(_pairs, sets)), left)
     if answer.present:
         rest = "" if left == "at_floor" else "; something unexplained remains"
         return Verdict("named", f"The model lacks {names}{rest}.", left)
