@@ -48,6 +48,7 @@ def predict(
     whole, first = (Problem(study.compiled, w, sigma) for w in (windows, [_prefix(w) for w in windows]))
     for problem in (whole, first):
         problem.set_scale(study.fit_problem.scale)
+        problem.smooth(study.fit_problem.widths)
     start = first.with_present(first.start(study.named(fitted.point.p)), fitted.point.present)
     found = fit(first, start, [], iterations=0)
     if found is None:

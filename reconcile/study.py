@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.definition import Model, Variable
-from reconcile import sites, starting
+from reconcile import sites, smoothing, starting
 from reconcile.catalogue import Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run, still
@@ -165,6 +165,14 @@ class Study:
         self.fit_problem.whiteners = self.noise.whiteners()
         return self.noise.differs(before)
 
+    def smooth_inputs(self, fitted: Fitted) -> None:
+        """Drive the model by inputs freed of noise from here on, where a fit then leaves less."""
+        if self.lost:
+            return
+        widths = smoothing.widths(self.fit_problem, fitted.point)
+        for problem in (self.fit_problem, *self.problems.values()):
+            problem.smooth(widths)
+
     def deviance(self, fitted: Fitted, more: np.ndarray | None = None) -> float:
         """Minus twice the log-likelihood of a fit by a noise model of its own, where there is one.
 
@@ -225,6 +233,7 @@ class Study:
         """Further windows to meet like those in use."""
         problem = Problem(self.compiled, windows, self.fit_problem.sigma)
         problem.set_scale(self.fit_problem.scale)
+        problem.smooth(self.fit_problem.widths)
         return problem
 
     def carried(self, fitted: Fitted) -> Fitted | None:

@@ -138,14 +138,18 @@ def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any
     if figures["verdict"] == "insufficient_excitation" and parameters:
         found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
     alike = nuisance.alike(answer.present, runs)
-    still = [f"{n} does not change: it is left out, since it tells nothing" for n in sorted(study.still)]
+    mended = [f"{n} does not change: it is left out, since it tells nothing" for n in sorted(study.still)]
+    mended += [
+        f"{n} carries noise that did not drive the machine: smoothed over {w} samples"
+        for n, w in study.fit_problem.widths.items()
+    ]
     found["nuisances"] = {
         r.name: row
         for r in runs
         if (
             row := figures["nuisances"].get(r.name, {})
             | alike.get(r.name, {})
-            | ({"mended": notes} if (notes := [*r.notes, *still]) else {})
+            | ({"mended": notes} if (notes := [*r.notes, *mended]) else {})
         )
     }
     return found

@@ -195,7 +195,7 @@ EFFECTS = (
     _entry(
         "counterbalance_drop",
         "the emptying chamber's drop is less by pressure: max(Δp − pressure, min(Δp, 0))",
-        (Parameter("pressure", "Pa", _pressure(0.02, 0.07, 0.2)),),
+        (Parameter("pressure", "Pa", _pressure(0.002, 0.02, 0.07, 0.2)),),
         _counterbalance,
         ("pressures", "stiffness", "return", "outlet", "opening"),
         gated=True,

@@ -48,6 +48,7 @@ class Problem:
         names = [v.name for v in model.inputs]
         forces = len(self.extended.folder.ports.axes)
         self.tables = {id(w.run): InputTable(w.run, names, defaults, forces) for w in windows}
+        self.widths: Mapping[str, int] = {}
         self.scale = np.ones(compiled.nx)
         self.tolerance = np.full(compiled.nx, 1e-3)
         self.patience = 1.0  # times the tolerance: more where sets are only ranked
@@ -138,6 +139,14 @@ class Problem:
                 self.tolerance[self._place[hidden]] = self.tolerance[self._place[own]]
 
     # ---------------------------------------------------------------- simulation
+
+    def smooth(self, widths: Mapping[str, int]) -> None:
+        """Drive the model by smoothed inputs from here on: `widths` in samples, by input."""
+        self.widths = widths
+        self.tables = {
+            run: InputTable(t.run, t.names, t.defaults, t.forces, widths) for run, t in self.tables.items()
+        }
+        self._driven, self._modes = {}, {}
 
     def _inputs(
         self, window: Window, delays: Mapping[int, float]

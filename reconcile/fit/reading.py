@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from reconcile.fit.windows import Window, interpolation, straight
+from reconcile.fit.between import bends, interpolation, straight
+from reconcile.fit.windows import Window
 
 Delay = tuple[float, float]  # s, and s per second of the recording
 
@@ -44,22 +45,25 @@ class Readings:
         self._between = interpolation if kind == "continuous" else straight
         self._outputs = outputs
         self._kept: dict[int, Reading] = {}
+        self._bends: dict[int, np.ndarray] = {}
 
     def of(self, k: int, window: Window, late: Mapping[str, Delay], rows: int) -> Reading:
         """The reading of window k from `rows` rows with these delays."""
         kept = self._kept.get(k)
         if kept is None or kept.late != late:
-            kept = self._kept[k] = self._read(window, late, rows)
+            kept = self._kept[k] = self._read(k, window, late, rows)
         return kept
 
-    def _read(self, window: Window, late: Mapping[str, Delay], rows: int) -> Reading:
+    def _read(self, k: int, window: Window, late: Mapping[str, Delay], rows: int) -> Reading:
         none = np.empty(0)
         times = {n: window.times.get(n, none) for n in self._outputs}
         since = np.concatenate([t - window.run.start_s for t in times.values()])
         counts = [len(t) for t in times.values()]
         fixed, drift = (np.repeat([late[n][i] for n in times], counts) for i in (0, 1))
         at = np.concatenate(list(times.values())) - (fixed + since * drift)
-        row, value, rate = self._between((at - window.start_s) / window.step_s, rows)
+        if k not in self._bends:
+            self._bends[k] = bends(window)
+        row, value, rate = self._between((at - window.start_s) / window.step_s, rows, self._bends[k])
         ends = np.cumsum([0, *counts])
         return Reading(
             late,

@@ -3,8 +3,7 @@
 An input is held between its samples.  Where its delay moves a change of it into the middle of a step, the
 step is cut there (`Edge`): a valve with a dead band answers the mean of two openings otherwise than one after
 the other.  A step with several changes, or of a further delayed input, sees the mean, which is differentiable
-by the delay as well.  Outputs are read at the recording's own sample times by cubic interpolation of the
-simulated ones, which is where sensor delays act.
+by the delay as well.  Outputs are read between the steps (between.py), which is where sensor delays act.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from reconcile.data import Block, Run, Signal
 
@@ -54,17 +54,22 @@ class Edge:
 
 @dataclass
 class InputTable:
-    """Inputs of a run by step, for a set of delays; computed again when a delay changes."""
+    """Inputs of a run by step, for a set of delays; computed again when a delay changes.
+
+    `widths`: by input the samples over which it is smoothed.
+    """
 
     run: Run
     names: Sequence[str]  # all inputs of the model, in order
     defaults: np.ndarray
     forces: int = 0  # at the axes: nobody knows of any
+    widths: Mapping[str, int] = field(default_factory=dict)
     _cache: dict[tuple[int, float, float, int, float], tuple[np.ndarray, np.ndarray]] = field(
         default_factory=dict
     )
     _edges: dict[tuple[int, float, float, int, float], Edge] = field(default_factory=dict)
     _held: dict[int, "Held"] = field(default_factory=dict)
+    _signals: dict[str, Signal | None] = field(default_factory=dict)
 
     def rows(self, window: Window, delays: Mapping[int, float]) -> tuple[np.ndarray, np.ndarray]:
         """Inputs of a window, the time since the recording began and forces [steps, NU + 1 + forces]; slopes.
@@ -75,7 +80,7 @@ class InputTable:
         u, slope = np.zeros((2, n, clock + 1 + self.forces))
         slope[:, clock + 1 :] = 1.0
         for i, name in enumerate(self.names):
-            signal = self.run.inputs.get(name)
+            signal = self._signal(name)
             if signal is None:
                 u[:, i] = self.defaults[i]
                 continue
@@ -94,7 +99,7 @@ class InputTable:
         """The edges of the first input whose delay puts them into the middle of steps; None if none is."""
         n, h = window.steps, window.step_s
         for i, delay in delays.items():
-            signal = self.run.inputs.get(self.names[i])
+            signal = self._signal(self.names[i])
             if signal is None or delay <= 0.0:
                 continue
             key = (i, window.start_s, h, n, delay)
@@ -105,6 +110,20 @@ class InputTable:
             if self._edges[key].share.any():
                 return self._edges[key]
         return None
+
+    def _signal(self, name: str) -> Signal | None:
+        """An input as the model is driven by it; None where it is not recorded."""
+        if name not in self._signals:
+            signal = self.run.inputs.get(name)
+            if signal is not None and name in self.widths:
+                signal = smoothed(signal, self.widths[name])
+            self._signals[name] = signal
+        return self._signals[name]
+
+
+def smoothed(signal: Signal, width: int) -> Signal:
+    """A signal by the parabolas that are nearest to `width` samples each (Savitzky and Golay 1964)."""
+    return replace(signal, values=savgol_filter(signal.values, width, 2))
 
 
 def _edge(i: int, signal: Signal, start: float, h: float, n: int, delay: float) -> Edge:
@@ -210,30 +229,3 @@ def longer(window: Window, late: Mapping[str, tuple[float, float]]) -> Window:
     ahead = -min(fixed + drift * last.get(n, 0.0) for n, (fixed, drift) in late.items())
     more = int(ahead / window.step_s)
     return replace(window, steps=window.steps + AHEAD * -(-more // AHEAD)) if more > 0 else window
-
-
-def straight(positions: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Linear weights at `positions` [n] (in rows): index [n, 2], weights, slopes by position."""
-    first = np.clip(np.floor(positions).astype(int), 0, max(rows - 2, 0))
-    t = np.clip(positions, 0.0, rows - 1.0) - first
-    ones = np.ones_like(t)
-    return first[:, None] + np.arange(2), np.stack([1.0 - t, t], axis=1), np.stack([-ones, ones], axis=1)
-
-
-def interpolation(positions: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cubic Lagrange weights at `positions` [n] (in rows): index [n, 4], weights, slopes by position."""
-    first = np.clip(np.floor(positions).astype(int) - 1, 0, max(rows - 4, 0))
-    t = np.clip(positions, 0.0, rows - 1.0) - first
-    index = first[:, None] + np.arange(4)
-    a, b, c, d = t, t - 1.0, t - 2.0, t - 3.0
-    weights = np.stack([-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0], axis=1)
-    slopes = np.stack(
-        [
-            -(c * d + b * d + b * c) / 6.0,
-            (c * d + a * d + a * c) / 2.0,
-            -(b * d + a * d + a * b) / 2.0,
-            (b * c + a * c + a * b) / 6.0,
-        ],
-        axis=1,
-    )
-    return index, weights, slopes

@@ -48,10 +48,11 @@ def test_outputs_are_read_where_delays_and_drifts_put_them(late: tuple[Problem, 
         at = (times - fixed - drift * (times - window.run.start_s) - window.start_s) / window.step_s
         y = run[1][:, problem.model.index("outputs", name)]
         for i in (0, len(at) // 2, len(at) - 1):
-            near = np.clip(int(at[i]) - 1, 0, len(y) - 4) + np.arange(4)
-            cubic = float(BarycentricInterpolator(near, y[near])(at[i]))
-            expected = (window.samples[name][i] - cubic) / problem.sigma[name]
-            assert errors[name][i] == pytest.approx(expected, abs=1e-6 * abs(cubic) / problem.sigma[name])
+            held = np.round((window.run.inputs["force"].time - window.start_s) / window.step_s).astype(int)
+            near = held[np.searchsorted(held, at[i]) - 1] + np.arange(3)  # the input is held over two steps
+            read = float(BarycentricInterpolator(near, y[near])(at[i]))
+            expected = (window.samples[name][i] - read) / problem.sigma[name]
+            assert errors[name][i] == pytest.approx(expected, abs=1e-6 * abs(read) / problem.sigma[name])
 
 
 def test_slopes_by_delays_and_drifts_are_those_of_the_errors(late: tuple[Problem, Point, list[int]]):
