@@ -64,7 +64,7 @@ def differing(study: Study, answer: Answer) -> dict[str, Clock]:
     count = max(pays, key=lambda n: pays[n])
     if pays[count] <= GAIN or not _explains(rows, count):
         return {}
-    clocks = _clocks(rows, count, sum(_delay(study, answer, a) for a in answer.present))
+    clocks = _clocks(rows, count, delay(study, answer))
     largest = max(abs(c.offset_s) + abs(c.drift) * _length(study) for c in clocks.values())
     return clocks if LEAST * _period(study) < largest < MOST_S else {}
 
@@ -108,6 +108,25 @@ def alike(present: Sequence[Attached], runs: Sequence[Run]) -> dict[str, dict[st
     return {r.name: {"looks_like": late} for r in runs} if late else {}
 
 
+def column(study: Study, name: str) -> int | None:
+    """Parameter of a delay, or a drift, of all outputs."""
+    several = len(study.floors) > 1
+    fitting = [
+        a
+        for a in study.candidates
+        if a.effect.name == name
+        and len(study.folder.ports.members(a.port)) >= len(study.floors)
+        and (several or a.port in study.floors)
+    ]
+    return study.extended.index[fitting[0].free[0]] if fitting else None
+
+
+def delay(study: Study, answer: Answer) -> float:
+    """The delay (s) that the effects of an answer are, of inputs and of outputs together."""
+    late = [a.free[0] for a in answer.present if a.effect.name in ALIKE]
+    return float(sum(answer.fitted.point.p[study.extended.index[n]] for n in late))
+
+
 @dataclass(frozen=True)
 class _Rows:
     """Errors [M], slopes by what is free anyway [M, K], by an offset and a drift [M, 2], run of each row."""
@@ -125,7 +144,7 @@ class _Rows:
 
 def _rows(study: Study, fitted: Fitted) -> _Rows | None:
     """Rows of fit and holdout; a run that is fitted counts with what is fitted of it."""
-    delay, drift = (_columns(study, n) for n in ("sensor_delay", "clock_drift"))
+    delay, drift = (column(study, n) for n in ("sensor_delay", "clock_drift"))
     if delay is None:
         return None
     free = [study.extended.index[f.name] for f in fitted.free]
@@ -152,19 +171,6 @@ def _rows(study: Study, fitted: Fitted) -> _Rows | None:
     rows = _Rows(errors, slopes[:, :k], slopes[:, k:], at, names, ridge, 1.0, s.effective, _length(study))
     left = _solved(rows, _by_run(rows, rows.late.shape[1]))[0]  # with clocks at their best: the noise
     return replace(rows, excess=max(1.0, left / max(1, len(errors) - k)) / s.share)
-
-
-def _columns(study: Study, name: str) -> int | None:
-    """Parameter of a delay, or a drift, of all outputs."""
-    several = len(study.floors) > 1
-    fitting = [
-        a
-        for a in study.candidates
-        if a.effect.name == name
-        and len(study.folder.ports.members(a.port)) >= len(study.floors)
-        and (several or a.port in study.floors)
-    ]
-    return study.extended.index[fitting[0].free[0]] if fitting else None
 
 
 def _pays(rows: _Rows, count: int) -> float:
@@ -218,13 +224,6 @@ def _solved(rows: _Rows, late: np.ndarray) -> tuple[float, np.ndarray, np.ndarra
     x = inverse @ (whole.T @ rows.errors)
     left = rows.errors - whole @ x
     return float(left @ left + rows.ridge @ x[:k] ** 2), x[k:], inverse[k:, k:]
-
-
-def _delay(study: Study, answer: Answer, a: Attached) -> float:
-    """The delay that an effect of the answer is."""
-    if a.effect.name not in ALIKE:
-        return 0.0
-    return float(answer.fitted.point.p[study.extended.index[a.free[0]]])
 
 
 def _period(study: Study) -> float:

@@ -87,18 +87,38 @@ class Rivals:
         """
         if not others:
             return set()
-        found, without = set(), self._stripped(fitted, gone)
-        try:
-            score = Score(self.search.study, without, others)
-        except RunsAway:
-            return set()
-        for scored in (*score.best(most, 1), *self._pairs(score, gone)):
+        found = set()
+        for without, scored in self._likeliest(fitted, gone, others, most):
             key = self.search.attempt(without, scored, again=3.0 * fitted.cost)
             if key is None and _comes_late(scored, without):
                 key = self.search.attempt(without, scored, again=3.0 * fitted.cost, beside=True)
             if key is not None and len(key) < len(fitted.point.present) + len(scored.variants):
                 found.add(key)
         return found
+
+    def _likeliest(
+        self, fitted: Fitted, gone: Sequence[Attached], others: Sequence[Attached], most: int
+    ) -> list[tuple[Fitted, Scored]]:
+        """What to try in place of what is gone, and from which fit without it.
+
+        Slopes tell where they are taken: with nothing fitted again, and from the set's own fit where one is
+        known, since what stays may make up for much of what is gone.
+        """
+        rest = Key(x for x in fitted.point.present if x not in gone)
+        known = [self.search.tried.fits[rest]] if rest in self.search.tried.fits else []
+        left: list[tuple[float, Fitted, Scored]] = []
+        pairs: list[tuple[Fitted, Scored]] = []
+        for without in (self._stripped(fitted, gone), *known):
+            try:
+                score = Score(self.search.study, without, others)
+            except RunsAway:
+                continue
+            left += [(score.cost - x.gain, without, x) for x in score.best(most, 1)]
+            pairs = [(without, x) for x in self._pairs(score, gone)] or pairs
+        best: dict[str, tuple[Fitted, Scored]] = {}
+        for _, without, x in sorted(left, key=lambda t: t[0]):
+            best.setdefault(x.variants[0].attached.key, (without, x))
+        return [*islice(best.values(), most), *pairs]
 
     def _pairs(self, score: Score, gone: Sequence[Attached]) -> list[Scored]:
         """Two effects instead of one that has as many parameters: wind against a load on either axis."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from reconcile import (
+    apart,
     checks,
     contract,
     nuisance,
@@ -100,10 +101,10 @@ def examine(
     said = report or (lambda *_: None)
     given = (runs, confirm, holdout)
     figures, study, answer = _examined(folder, given, said)
-    clocks = nuisance.differing(study, answer)
+    clocks, told_by = apart.differing(folder, given, study, answer, said)
     if clocks:
         said("clocks that differ by recording")
-        clocks = nuisance.settled(given, clocks, study, answer)
+        clocks = nuisance.settled(given, clocks, study, told_by)
         right = [nuisance.corrected(runs, clocks) for runs in given]
         figures, study, answer = _examined(folder, right, said)
         figures["sentence"] += f" {nuisance.said(clocks)}."

@@ -219,11 +219,11 @@ def _window(run: Run, start: float, parts: Sequence[tuple[float, float]], h: flo
 
 
 def longer(window: Window, late: Mapping[str, tuple[float, float]]) -> Window:
-    """The window, longer where a clock that runs fast has its last samples from after its end.
+    """The window, longer where outputs that come early have their last samples from after its end.
 
     `late`: by output its delay (s) and what that gains per second of the recording.
     """
-    if all(drift >= 0.0 for _, drift in late.values()):
+    if all(fixed >= 0.0 and drift >= 0.0 for fixed, drift in late.values()):
         return window
     last = {n: t[-1] - window.run.start_s for n, t in window.times.items() if len(t)}
     ahead = -min(fixed + drift * last.get(n, 0.0) for n, (fixed, drift) in late.items())

@@ -89,7 +89,7 @@ def test_friction_is_named_beside_a_clock_that_is_late_in_one_recording(rig):
 
 
 def test_a_model_that_gets_nowhere_tells_no_clocks(monkeypatch):
-    monkeypatch.setattr(nuisance, "_columns", lambda *_: 0)
+    monkeypatch.setattr(nuisance, "column", lambda *_: 0)
     study = SimpleNamespace(elsewhere=lambda *_: None, extended=SimpleNamespace(index={}))
     study.problems = {"short": None, "holdout": None}
     assert nuisance._rows(study, SimpleNamespace(free=())) is None  # type: ignore[arg-type]
