@@ -7,7 +7,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from reconcile import rivals as rivals_module
 from reconcile.rivals import CLOSE, DEARER, PAIRS, WIDER, Key, Rivals, _comes_late, _less
+from reconcile.score import RunsAway
 from reconcile.search import Search
 
 
@@ -242,3 +244,44 @@ def test_what_confirm_does_not_bear_out_gives_way_to_a_rival_that_it_does(monkey
     monkeypatch.setattr(search, "_ranked", lambda fits: sorted(fits, key=len, reverse=True))
     assert search._confirmed(cast(Any, acceptance), cast(Any, (WIND_ALONE,))) == (DRAG,)
     assert search._confirmed(cast(Any, acceptance), cast(Any, (DRAG,))) == (DRAG,)
+
+
+class Told:
+    """Slopes at a fit: its cost, and what each effect would gain there."""
+
+    def __init__(self, study: Any, fitted: Any, others: Any):
+        if fitted.gains is None:
+            raise RunsAway
+        self.cost, self.gains = fitted.cost, fitted.gains
+
+    def best(self, count: int, size: int) -> list[Any]:
+        ranked = sorted(self.gains, key=lambda a: -self.gains[a])[:count] if size == 1 else []
+        return [SimpleNamespace(variants=[SimpleNamespace(attached=a)], gain=self.gains[a]) for a in ranked]
+
+
+@pytest.mark.parametrize(
+    ("refitted", "expected"),
+    [
+        ((600.0, {"drag": 590.0, "lag": 20.0}), [("drag", 600.0), ("lag", 600.0)]),
+        ((600.0, None), [("lag", 7000.0), ("delay", 7000.0)]),  # it cannot be simulated
+        (None, [("lag", 7000.0), ("delay", 7000.0)]),  # nobody knows it
+    ],
+    ids=["known", "runs away", "unknown"],
+)
+def test_what_to_try_instead_is_told_by_the_fit_without_an_effect_as_well(monkeypatch, refitted, expected):
+    names = {n: Named(n, ("p",)) for n in ("lag", "delay", "drag", "curve", "friction")}
+
+    def fit(cost: float, gains: dict[str, float] | None, *present: str) -> Any:
+        by_effect = None if gains is None else {names[n]: g for n, g in gains.items()}
+        point = SimpleNamespace(present=tuple(names[n] for n in present))
+        return SimpleNamespace(cost=cost, gains=by_effect, point=point)
+
+    answer = fit(10.0, {}, "friction", "curve")
+    stripped = fit(7000.0, {"lag": 400.0, "delay": 300.0, "drag": 70.0}, "friction")
+    fits = {Key([names["friction"]]): fit(*refitted, "friction")} if refitted else {}
+    search = SimpleNamespace(tried=SimpleNamespace(fits=fits), study=None)
+    rivals = Rivals(cast(Any, search))
+    monkeypatch.setattr(rivals_module, "Score", Told)
+    monkeypatch.setattr(rivals, "_stripped", lambda fitted, gone: stripped)
+    found = rivals._likeliest(answer, cast(Any, [names["curve"]]), [], 2)
+    assert [(x.variants[0].attached.key, f.cost) for f, x in found] == expected
