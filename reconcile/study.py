@@ -265,12 +265,16 @@ class Study:
         return values
 
     def _bounds(self, a: Attached, q: Parameter) -> tuple[float, float]:
-        """Bounds of a parameter: a shape stays within BEYOND times its grid, past which it cannot be told."""
+        """Bounds of a parameter: a shape stays within BEYOND times its grid, past which it cannot be told.
+
+        Where the least is declared it counts: a stop may have no damping at all.
+        """
         scales = self.port_scales(a)
         starts, (low, high) = tuple(q.starts(scales)), q.bounds(scales)
         if q.amplitude or min(starts) <= 0.0:
             return low, high
-        return max(low, min(starts) / BEYOND), min(high, BEYOND * max(starts))
+        declared = q.least(scales) > -np.inf
+        return low if declared else max(low, min(starts) / BEYOND), min(high, BEYOND * max(starts))
 
     def _size(self, a: Attached, parameter: str) -> float:
         s = self.port_scales(a)

@@ -164,7 +164,11 @@ def _entry(name: str, equation: str, parameters: tuple[Parameter, ...], build, *
 COULOMB = {"coulomb_friction": "the rest vanishes"}
 
 RELAXATION = Parameter(
-    "relaxation", "s", lambda s: (0.5 * s.period_s,), "Damping of the stop over its stiffness", low=0.0
+    "relaxation",
+    "s",
+    lambda s: (0.5 * s.period_s,),
+    "Damping of the stop over its stiffness",
+    least=lambda s: 0.0,
 )
 
 EFFECTS = (
