@@ -178,7 +178,7 @@ EFFECTS = (
     _gated(
         "input_rate_limit",
         "du'/dt = rate sgn(u − u')",
-        Parameter("rate", "{u}/s", share(0.5, 2.0, 8.0, 30.0)),
+        Parameter("rate", "{u}/s", share(0.5, 1.0, 2.0, 4.0, 8.0, 30.0)),
         _rate_limit,
         hidden=("limited",),
         width="time",
