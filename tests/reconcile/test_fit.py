@@ -154,3 +154,10 @@ def disturbed(time_s: float, runs: int = 8, samples: int = 800, step_s: float = 
     extended = SimpleNamespace(folder=folder, clock=0)
     model = SimpleNamespace(inputs=[])
     return SimpleNamespace(windows=windows, extended=extended, model=model, responses=responses)
+
+
+def test_a_stop_may_have_no_damping_but_stays_near_the_starts_of_its_stiffness(study: Study):
+    stop = next(a for a in study.candidates if a.effect.name == "end_stop")
+    least = {f.name: f.low for f in study.free((stop,))}
+    assert least[stop.name("relaxation")] == 0.0
+    assert least[stop.name("k")] > 0.0

@@ -78,8 +78,7 @@ def test_setting_a_run_right_moves_its_outputs_alone(rig):
     assert right.end_s <= run.end_s
 
 
-@pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_friction_is_named_beside_a_clock_that_is_late_in_one_recording(rig):
     given = runs(rig, (0.0, 0.0), (0.05, 0.0), truth=Truth(**coulomb(1.0)))
     figures = examine(rig, given)[0]
