@@ -139,6 +139,11 @@ def from_nothing(study: Study, fitted: Fitted, a: Attached) -> float:
     return float(np.sqrt(values @ np.linalg.pinv(covariance) @ values / len(values)))
 
 
+def at_floor(fitted: Fitted) -> bool:
+    """Whether a fit leaves no more than the noise may leave."""
+    return fitted.linear.cost <= AT_FLOOR**2 * count_of(fitted)
+
+
 def lost(fitted: Fitted) -> bool:
     """Whether a fit leaves so much more than noise that something else must be at work."""
     return fitted.linear.cost > LOST**2 * count_of(fitted)
