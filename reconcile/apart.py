@@ -12,6 +12,8 @@ import numpy as np
 
 from reconcile import evidence, nuisance
 from reconcile.data import Run, split
+from reconcile.fit.point import Point
+from reconcile.fit.problem import Problem
 from reconcile.fit.solve import Fitted, fit
 from reconcile.model import Folder
 from reconcile.nuisance import MOST_S, Clock
@@ -59,24 +61,15 @@ def _alone(folder: Folder, run: Run, study: Study, answer: Answer) -> Answer | N
         found = Search(one).run()
     except InputError:  # too short, or it shows too little
         return None
-    if evidence.lost(found.fitted):
+    if evidence.lost(found.fitted) or any(a not in study.candidates for a in found.present):
         return None
-    fitted = _carried(study, found.fitted, one.named(found.fitted.point.p))
+    fitted = study.carried(found.fitted, one.named(found.fitted.point.p))
     return None if fitted is None else replace(answer, present=found.present, fitted=fitted)
-
-
-def _carried(study: Study, fitted: Fitted, values: dict[str, float]) -> Fitted | None:
-    """The parameters of a fit in another study, with initial states of their own."""
-    problem, present = study.fit_problem, fitted.point.present
-    if any(a not in study.candidates for a in present):
-        return None
-    start = problem.start({n: values.get(n, v) for n, v in study.values.items()})
-    return fit(problem, problem.with_present(start, present), fitted.free, iterations=0)
 
 
 def _shifted(study: Study, alone: Answer) -> dict[str, Clock]:
     """Clocks by recording in whole samples; {} where they do not differ, or leave too much still."""
-    period = study.parts.fit[0].run.period_s
+    period = nuisance.period(study)
     count = int(MOST_S / period)
     shifts = period * np.arange(-count, count + 1)
     left = _left(study, alone.fitted, shifts)
@@ -94,19 +87,24 @@ def _shifted(study: Study, alone: Answer) -> dict[str, Clock]:
 def _left(study: Study, fitted: Fitted, shifts: np.ndarray) -> dict[str, np.ndarray]:
     """By recording what a fit leaves [shifts] with its outputs late by shifts [s]; {} if it gets nowhere."""
     delay, found = nuisance.column(study, "sensor_delay"), {}
+    if delay is None:
+        return {}
     for which in ("short", "holdout"):
-        there = study.elsewhere(fitted, which)
-        if delay is None or there is None:
+        problem, there = study.problems[which], study.elsewhere(fitted, which)
+        if there is None:
             continue
         for at, shift in enumerate(shifts):
             p = there.point.p.copy()
             p[delay] += shift
-            moved = fit(study.problems[which], replace(there.point, p=p), (), iterations=0)
-            for k, window in enumerate(study.problems[which].windows):
-                row = found.setdefault(window.run.name, np.zeros(len(shifts)))
-                row[at] += np.inf if moved is None else _squares(moved.linear.pieces[k].errors)
+            squares = _squares(problem, replace(there.point, p=p))
+            for window, left in zip(problem.windows, squares, strict=True):
+                found.setdefault(window.run.name, np.zeros(len(shifts)))[at] += left
     return found
 
 
-def _squares(errors: np.ndarray) -> float:
-    return float(errors @ errors)
+def _squares(problem: Problem, point: Point) -> list[float]:
+    """What a point leaves by window, with initial states that have found their place."""
+    moved = fit(problem, point, (), iterations=0)
+    if moved is None:
+        return [np.inf] * len(problem.windows)
+    return [float(piece.errors @ piece.errors) for piece in moved.linear.pieces]

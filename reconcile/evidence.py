@@ -139,8 +139,8 @@ def from_nothing(study: Study, fitted: Fitted, a: Attached) -> float:
     return float(np.sqrt(values @ np.linalg.pinv(covariance) @ values / len(values)))
 
 
-def at_floor(fitted: Fitted) -> bool:
-    """Whether a fit leaves no more than the noise may leave."""
+def near_floor(fitted: Fitted) -> bool:
+    """Whether a fit leaves no more than the noise may leave (`AT_FLOOR`)."""
     return fitted.linear.cost <= AT_FLOOR**2 * count_of(fitted)
 
 

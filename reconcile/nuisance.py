@@ -66,7 +66,7 @@ def differing(study: Study, answer: Answer) -> dict[str, Clock]:
         return {}
     clocks = _clocks(rows, count, delay(study, answer))
     largest = max(abs(c.offset_s) + abs(c.drift) * _length(study) for c in clocks.values())
-    return clocks if LEAST * _period(study) < largest < MOST_S else {}
+    return clocks if LEAST * period(study) < largest < MOST_S else {}
 
 
 def settled(given: Given, clocks: dict[str, Clock], study: Study, answer: Answer) -> dict[str, Clock]:
@@ -83,7 +83,7 @@ def settled(given: Given, clocks: dict[str, Clock], study: Study, answer: Answer
             return clocks
         more = _clocks(rows, count, reference=reference)
         clocks = {n: _sum(c, more[n]) for n, c in clocks.items()}
-        if max(abs(c.offset_s) for c in more.values()) < SETTLED * _period(study):
+        if max(abs(c.offset_s) for c in more.values()) < SETTLED * period(study):
             break
     return clocks
 
@@ -125,6 +125,11 @@ def delay(study: Study, answer: Answer) -> float:
     """The delay (s) that the effects of an answer are, of inputs and of outputs together."""
     late = [a.free[0] for a in answer.present if a.effect.name in ALIKE]
     return float(sum(answer.fitted.point.p[study.extended.index[n]] for n in late))
+
+
+def period(study: Study) -> float:
+    """Shortest sample period (s) of the recordings that are fitted."""
+    return min(b.run.period_s for b in study.parts.fit)
 
 
 @dataclass(frozen=True)
@@ -224,10 +229,6 @@ def _solved(rows: _Rows, late: np.ndarray) -> tuple[float, np.ndarray, np.ndarra
     x = inverse @ (whole.T @ rows.errors)
     left = rows.errors - whole @ x
     return float(left @ left + rows.ridge @ x[:k] ** 2), x[k:], inverse[k:, k:]
-
-
-def _period(study: Study) -> float:
-    return min(b.run.period_s for b in study.parts.fit)
 
 
 def _length(study: Study) -> float:

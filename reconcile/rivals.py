@@ -81,10 +81,7 @@ class Rivals:
     def _instead(
         self, fitted: Fitted, gone: Sequence[Attached], others: Sequence[Attached], most: int
     ) -> set[Key]:
-        """Sets with the likeliest of others, at most so many, in place of what is gone.
-
-        No sets where the model runs away without it: there nothing else can be scored.
-        """
+        """Sets with the likeliest of others, at most so many, in place of what is gone."""
         if not others:
             return set()
         found = set()
@@ -102,7 +99,8 @@ class Rivals:
         """What to try in place of what is gone, and from which fit without it.
 
         Slopes tell where they are taken: with nothing fitted again, and from the set's own fit where one is
-        known, since what stays may make up for much of what is gone.
+        known, since what stays may make up for much of what is gone.  Where the model runs away nothing is
+        told.
         """
         rest = Key(x for x in fitted.point.present if x not in gone)
         known = [self.search.tried.fits[rest]] if rest in self.search.tried.fits else []

@@ -117,7 +117,7 @@ class Search:
         self.tried = Tried({k: self.study.carried(f) or f for k, f in known.items()}, {}, self.tried.refused)
         self._again(list(known))  # what whole runs show of known effects must not count as noise
         best = self._rounds(best, ROUNDS)
-        if evidence.at_floor(self.tried.fits[best]):
+        if evidence.near_floor(self.tried.fits[best]):
             # else what is smoothed away would make up for what is missing
             self.study.smooth_inputs(self.tried.fits[best])
         self.study.estimate_noise(self.tried.fits[best])

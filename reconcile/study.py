@@ -236,12 +236,18 @@ class Study:
         problem.smooth(self.fit_problem.widths)
         return problem
 
-    def carried(self, fitted: Fitted) -> Fitted | None:
-        """A fit's parameters on the problem in use, with initial states of their own."""
-        return self._carried(self.fit_problem, fitted)
+    def carried(self, fitted: Fitted, values: Mapping[str, float] | None = None) -> Fitted | None:
+        """A fit's parameters on the problem in use, with initial states of their own.
 
-    def _carried(self, problem: Problem, fitted: Fitted) -> Fitted | None:
-        point = problem.start(self.named(fitted.point.p))
+        `values`: its parameters by name where the fit is another study's; its effects are candidates here.
+        """
+        return self._carried(self.fit_problem, fitted, values)
+
+    def _carried(
+        self, problem: Problem, fitted: Fitted, values: Mapping[str, float] | None = None
+    ) -> Fitted | None:
+        values = self.named(fitted.point.p) if values is None else {**self.values, **values}
+        point = problem.start(values)
         point = problem.with_present(point, fitted.point.present)
         return fit(problem, point, fitted.free, iterations=0)
 

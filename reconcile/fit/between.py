@@ -9,9 +9,12 @@ NODES = 4
 
 
 def straight(
-    positions: np.ndarray, rows: int, bends: np.ndarray
+    positions: np.ndarray, rows: int, kinks: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Linear weights at `positions` [n] (in rows): index [n, 2], weights, slopes by position."""
+    """Linear weights at `positions` [n] (in rows): index [n, 2], weights, slopes by position.
+
+    `kinks` change nothing: a line reaches over one step only.
+    """
     first = np.clip(np.floor(positions).astype(int), 0, max(rows - 2, 0))
     t = np.clip(positions, 0.0, rows - 1.0) - first
     ones = np.ones_like(t)
@@ -19,15 +22,15 @@ def straight(
 
 
 def interpolation(
-    positions: np.ndarray, rows: int, bends: np.ndarray
+    positions: np.ndarray, rows: int, kinks: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cubic Lagrange weights at `positions` [n] (in rows): index [n, 4], weights, slopes by position.
 
-    Rows are taken from one side of `bends` (sorted rows), where curves have kinks; parabolas between those
+    Rows are taken from one side of `kinks` (sorted rows); parabolas between those
     that are two rows apart, and across them where they are closer.
     """
     at = np.clip(positions, 0.0, rows - 1.0)
-    ends = np.unique(np.concatenate([[0], bends, [max(rows - 1, 0)]])).astype(int)
+    ends = np.unique(np.concatenate([[0], kinks, [max(rows - 1, 0)]])).astype(int)
     after = np.clip(np.searchsorted(ends, at - ON_ROW), 1, max(len(ends) - 1, 1))
     low, high = ends[after - 1], ends[np.minimum(after, len(ends) - 1)]
     near = high - low == 1

@@ -1,9 +1,12 @@
 """When what was fitted counts as confirmed by data that it was not fitted to."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
-from reconcile.evidence import CONFIRM_GAIN, TELLING, Confirmed
+from reconcile.evidence import AT_FLOOR, CONFIRM_GAIN, TELLING, Confirmed, near_floor
 
 
 @pytest.mark.parametrize("expected", [0.5, 5.0, 20.0])
@@ -22,3 +25,9 @@ def test_what_confirm_can_tell_is_not_taken_for_silence():
 def test_an_effect_that_closes_the_gap_on_confirm_is_accepted():
     assert Confirmed(0.5, 2.0 * CONFIRM_GAIN, 2.0 * TELLING).accepted
     assert not Confirmed(0.05, 2.0 * CONFIRM_GAIN, 2.0 * TELLING).accepted
+
+
+@pytest.mark.parametrize(("rms", "near"), [(0.9, True), (0.99 * AT_FLOOR, True), (1.01 * AT_FLOOR, False)])
+def test_about_the_noise_is_left_up_to_a_limit(rms: float, near: bool):
+    linear = SimpleNamespace(cost=rms**2 * 30, raw=[{"q": np.ones(10)}, {"q": np.ones(10), "v": np.ones(10)}])
+    assert near_floor(cast(Any, SimpleNamespace(linear=linear))) is near

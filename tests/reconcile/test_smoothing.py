@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from reconcile import evidence
 from reconcile.data import runs_of, split
 from reconcile.fit.solve import Fitted
 from reconcile.model import Folder
+from reconcile.search import Search
 from reconcile.study import Study
 from records.measurement import Measurement
 from tests.reconcile.truth import PERIOD, Truth, excitation, record_driven
@@ -79,3 +81,12 @@ def test_trying_widths_leaves_the_problem_as_it_was(rig: Folder):
     before = errors(study, fitted)
     study.smooth_inputs(fitted)
     assert np.array_equal(errors(study, fitted), before)
+
+
+@pytest.mark.parametrize(("near", "smoothed"), [(True, {"force"}), (False, set())])
+def test_a_search_smooths_only_where_about_the_noise_is_left(rig: Folder, monkeypatch, near, smoothed):
+    recorded = noisy(record_driven(Truth(), sweep()))
+    study = Study(rig, split(runs_of(recorded, rig, "run"), (), ()), catalogue=())
+    monkeypatch.setattr(evidence, "near_floor", lambda fitted: near)
+    Search(study).run()
+    assert set(study.fit_problem.widths) == smoothed
