@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 RIVALS = 5  # fitted for each effect of the answer
 FURTHER = 2  # of fewer parameters, for each effect of a set as good
 PAIRS, PAIRS_LOOKED_AT = 2, 100  # of effects, for one of several parameters
-CLOSE = 2.0 * float(np.log(10.0))  # of twice the log-likelihood: odds of less than ten do not tell apart
+CLOSE = 2.0 * float(np.log(5.0))  # of twice the log-likelihood: odds of less than five do not tell apart
 DEARER = 4.0  # of BIC, by which a set of more parameters must be better than one exchanged for it
 MOST_RIVALS = 4
 WIDER = 4.0  # of twice the log-likelihood, and 2 a parameter: beyond it a form is told from its own limit
@@ -132,6 +132,16 @@ class Rivals:
         """The answer with an effect in its simpler forms, which start from what it came to."""
         simpler = [x for x in self.search.absent(_less(fitted, a)) if includes(a, x)]
         return {k for b in simpler if (k := self._turned(fitted, a, b, [{}])) is not None}
+
+    def delayed(self, fitted: Fitted) -> list[Fitted]:
+        """Fits of a set with one of its lags exchanged for the delay that it resembles."""
+        found = [
+            self._turned(fitted, a, b, [{}])
+            for a in fitted.point.present
+            for b in self.search.absent(_less(fitted, a))
+            if b.effect.delays and includes(a, b)
+        ]
+        return [self.search.tried.fits[k] for k in found if k is not None]
 
     def _widened(self, fitted: Fitted, a: Attached) -> set[Key]:
         """The answer with an effect in forms that it is a limit of: they cannot leave more than it does."""

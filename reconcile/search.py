@@ -119,7 +119,9 @@ class Search:
         best = self._rounds(best, ROUNDS)
         if evidence.near_floor(self.tried.fits[best]):
             # else what is smoothed away would make up for what is missing
-            self.study.smooth_inputs(self.tried.fits[best])
+            # ask the delays too: a lag passes little of the noise on, and nothing speaks for smoothing
+            fitted = self.tried.fits[best]
+            self.study.smooth_inputs([fitted, *Rivals(self).delayed(fitted)])
         self.study.estimate_noise(self.tried.fits[best])
         self.study.whiten_confirm(self.tried.fits[best])
         self._again([Key(), best])
@@ -170,8 +172,9 @@ class Search:
         """What is accepted is fitted to fit and confirm together, and rivals with it."""
         fits, study = self.tried.fits, self.study
         kept = {k: fits[k] for k in (Key(), Key(present))}
+        known = len(study.fit_problem.windows)
         study.use_all(fits[Key(present)])
-        moved = {k: study.refitted(study.carried(f) or f) for k, f in kept.items()}
+        moved = {k: study.refitted(study.carried(f, known=known) or f) for k, f in kept.items()}
         moved[Key(present)] = minima.afresh(study, moved[Key(present)])
         self.tried = Tried(moved, {}, self.tried.refused)
 

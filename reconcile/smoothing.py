@@ -5,7 +5,7 @@ recordings as they are, a lag leaves less whatever is true.  An input is smoothe
 less, which it does not where the machine felt what is smoothed away (noise of a controller, steps).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 
 import numpy as np
@@ -17,8 +17,14 @@ WIDTHS = (5, 9, 15)  # samples
 GAIN = 6.0  # of the cost: less may be chance
 
 
-def widths(problem: Problem, point: Point) -> dict[str, int]:
-    """By input the samples to smooth it over, of those for which the model leaves less at `point`."""
+def widths(problem: Problem, points: Sequence[Point]) -> dict[str, int]:
+    """By input the samples to smooth it over, at that of some points which then leaves least."""
+    tried = [(p, _widths(problem, p)) for p in points]
+    return min(tried, key=lambda t: _left(problem, *t))[1]
+
+
+def _widths(problem: Problem, point: Point) -> dict[str, int]:
+    """The same for those inputs with which the model leaves less at `point`."""
     found: dict[str, int] = {}
     least = _left(problem, point, found)
     for name in _recorded(problem):

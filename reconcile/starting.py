@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from reconcile.study import Study
 
 WIDTHS = (4e-3, 3e-4, 3e-5)  # of the largest speed, input ...: over which kinks are rounded, fit after fit
+BLUR = 1e-2  # of the same: over which random forces find them
 MAY_FALL = 3.0  # from one width to the next: what is hopeless is told by the last
 ELSEWHERE = 2.0  # times what the next width leaves: a width that leaves more is left out
 
@@ -41,6 +42,22 @@ def rounded(study: "Study", point: Point, share: float) -> Point:
     p = point.p.copy()
     for a in (x for x in point.present if x.effect.width):
         p[study.extended.index[a.name("width")]] = study.values[a.name("width")] * share / WIDTHS[-1]
+    return replace(point, p=p)
+
+
+def blurred(study: "Study", point: Point) -> Point:
+    """The point as random forces find it: with the kinks of what is present rounded over BLUR.
+
+    A force that nobody recorded makes a machine meet its kinks now a little sooner, now a little later, and
+    what it does to the outputs is the mean over that (statistical linearisation: Gelb and Vander Velde,
+    Multiple-Input Describing Functions, McGraw-Hill 1968).  Sharp ones make it depend on where each of them
+    lies to the last bit, so that one and the same set has many a noise model.
+    """
+    p = point.p.copy()
+    for a in (x for x in point.present if x.effect.width):
+        share = WIDTHS[1] if a.effect.width in ("gap", "time") else BLUR
+        name = a.name("width")
+        p[study.extended.index[name]] = study.values[name] * share / WIDTHS[-1]
     return replace(point, p=p)
 
 

@@ -165,11 +165,11 @@ class Study:
         self.fit_problem.whiteners = self.noise.whiteners()
         return self.noise.differs(before)
 
-    def smooth_inputs(self, fitted: Fitted) -> None:
-        """Drive the model by inputs freed of noise from here on, where a fit then leaves less."""
+    def smooth_inputs(self, fits: Sequence[Fitted]) -> None:
+        """Drive the model by inputs freed of noise from here on, where the best of fits then leaves less."""
         if self.lost:
             return
-        widths = smoothing.widths(self.fit_problem, fitted.point)
+        widths = smoothing.widths(self.fit_problem, [f.point for f in fits])
         for problem in (self.fit_problem, *self.problems.values()):
             problem.smooth(widths)
 
@@ -185,20 +185,23 @@ class Study:
         columns = [self.extended.index[f.name] for f in fitted.free]
         ends = np.cumsum([sum(map(len, w.values())) for w in fitted.linear.raw])[:-1]
         parts = [] if more is None else np.split(more, ends)
-        return whitening.estimate(self.fit_problem, fitted.point, columns, parts)
+        blurred = starting.blurred(self, fitted.point)
+        return whitening.estimate(self.fit_problem, fitted.point, columns, parts, blurred)
 
     def whiten_confirm(self, fitted: Fitted) -> None:
         """Judge by the same noise on confirm."""
         self._whiten(self.problems["confirm"], fitted)
 
-    def _whiten(self, problem: Problem, fitted: Fitted) -> None:
-        """Carry the noise model over to another problem."""
+    def _whiten(self, problem: Problem, fitted: Fitted, known: int = 0) -> None:
+        """Carry the noise model over to another problem; `known` as for carried."""
         problem.whiteners = None
         if self.lost:
             return
-        there = self._carried(problem, fitted)
+        there = self._carried(problem, fitted, known=known)
         if there is not None:
-            problem.whiteners = whitening.transferred(self.noise, problem, there.point).whiteners()
+            blurred = starting.blurred(self, there.point)
+            found = whitening.transferred(self.noise, problem, there.point, blurred=blurred)
+            problem.whiteners = found.whiteners()
 
     def follows(self, fitted: Fitted) -> bool:
         """Whether a fit goes where the recordings go: within FAR of what each output moves by."""
@@ -225,8 +228,9 @@ class Study:
 
     def use_all(self, fitted: Fitted) -> None:
         """Fit to the parts fit and confirm together from here on, with the noise as a fit has it."""
-        problem = self._problem([*self.fit_problem.windows, *self.problems["confirm"].windows])
-        self._whiten(problem, fitted)
+        known = self.fit_problem.windows
+        problem = self._problem([*known, *self.problems["confirm"].windows])
+        self._whiten(problem, fitted, len(known))
         self.fit_problem = problem
 
     def _problem(self, windows: Sequence[Window]) -> Problem:
@@ -236,19 +240,27 @@ class Study:
         problem.smooth(self.fit_problem.widths)
         return problem
 
-    def carried(self, fitted: Fitted, values: Mapping[str, float] | None = None) -> Fitted | None:
+    def carried(
+        self, fitted: Fitted, values: Mapping[str, float] | None = None, known: int = 0
+    ) -> Fitted | None:
         """A fit's parameters on the problem in use, with initial states of their own.
 
         `values`: its parameters by name where the fit is another study's; its effects are candidates here.
+        `known`: so many windows are first in both, and begin as in the fit: what bounces ends elsewhere else.
         """
-        return self._carried(self.fit_problem, fitted, values)
+        return self._carried(self.fit_problem, fitted, values, known)
 
     def _carried(
-        self, problem: Problem, fitted: Fitted, values: Mapping[str, float] | None = None
+        self,
+        problem: Problem,
+        fitted: Fitted,
+        values: Mapping[str, float] | None = None,
+        known: int = 0,
     ) -> Fitted | None:
         values = self.named(fitted.point.p) if values is None else {**self.values, **values}
         point = problem.start(values)
         point = problem.with_present(point, fitted.point.present)
+        point = replace(point, x0=np.vstack([fitted.point.x0[:known], point.x0[known:]]))
         return fit(problem, point, fitted.free, iterations=0)
 
     # ---------------------------------------------------------------- sizes

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from reconcile import evidence
+from reconcile.experiment.choose import NEEDED
 from reconcile.experiment.judges import difference
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.rivals import CLOSE, Key
+from reconcile.rivals import Key
 from reconcile.search import Answer
 from reconcile.study import Study
 
@@ -78,7 +79,7 @@ def compared(study: Study, answer: Answer, first: Mapping[str, Any]) -> dict[str
 
 
 def _promised(row: Mapping[str, Any]) -> bool:
-    return (row["predicted_margin"] or 0.0) >= CLOSE
+    return (row["predicted_margin"] or 0.0) >= NEEDED
 
 
 def _seen(fitted: Fitted, name: str) -> float:

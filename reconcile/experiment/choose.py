@@ -18,6 +18,7 @@ PERIODS_S = (0.6, 2.0, 6.0, 15.0)
 OFFSETS = (0.0, 0.0, 0.25, -0.25)  # of the amplitude
 DURATION_S, LONGEST_S = 20.0, 60.0  # while excitations are compared, and of the best
 SHORTER_S = (12.0, 30.0)  # that do, if they tell by PLENTY
+NEEDED = 2.0 * float(np.log(10.0))  # of twice the log-likelihood: so much an experiment is to tell
 HOPELESS = 0.02  # times what is needed: nothing near an excitation that tells so little tells enough
 PLENTY = 10.0  # times what is needed: beyond it an experiment had better be gentle and short
 PLACES = (0.5, 0.15, 0.85)  # of a position's range, where an experiment may start

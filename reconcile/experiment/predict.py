@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from reconcile import evidence
+from reconcile import evidence, starting
 from reconcile.data import PATTERN, WHOLE, Block, Run, Signal
 from reconcile.experiment.carried import Carrier
 from reconcile.experiment.excitation import LEAD_S, Excitation, commands, smooth
@@ -190,7 +190,8 @@ class Bench:
             return None
         problem, point = self.there(played, fitted)
         felt = replace(noise, sources=tuple(s for s in noise.sources if s.size > 0.0))
-        return whitening.transferred(felt, problem, point, bin_s).whiteners()
+        blurred = starting.blurred(self.study, point)
+        return whitening.transferred(felt, problem, point, bin_s, blurred).whiteners()
 
     # ---------------------------------------------------------------- margins
 

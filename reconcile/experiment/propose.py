@@ -10,11 +10,11 @@ from learning.collection.plan import PERIOD_S
 from reconcile import untold
 from reconcile.experiment import achieved, plan, say
 from reconcile.experiment.carried import Derive, carrier
-from reconcile.experiment.choose import Rated, best
+from reconcile.experiment.choose import NEEDED, Rated, best
 from reconcile.experiment.judges import Pairs, Unseen, difference
 from reconcile.experiment.limits import Limit, limits_of
 from reconcile.experiment.predict import Bench
-from reconcile.rivals import CLOSE, Key
+from reconcile.rivals import Key
 from reconcile.search import Answer
 from reconcile.study import Study
 from reconcile.system.parts import Part
@@ -51,7 +51,7 @@ def _between(study: Study, answer: Answer, report, moved: Part | None) -> Propos
     sets = [answer.present, *answer.alternatives]
     fits = [answer.tried.fits[Key(s)] for s in sets]
     bench, judge = _bench(study, False, moved), Pairs(fits)
-    rated = best(bench, fits, judge, CLOSE, report)
+    rated = best(bench, fits, judge, NEEDED, report)
     pairs = [difference(sets[i], sets[k]) for i, k in judge.pairs]
     if not rated:
         return Proposal(_none(say.no_room(bench.limits)), bench.tick_s, {})
@@ -66,7 +66,7 @@ def _between(study: Study, answer: Answer, report, moved: Part | None) -> Propos
         {"one": a, "other": b, "predicted_margin": float(m), "if_one": x, "if_other": y}
         for (a, b), m, (x, y) in zip(pairs, chosen.margins, needed, strict=True)
     ]
-    told = chosen.margins >= CLOSE
+    told = chosen.margins >= NEEDED
     figures["separable"] = bool(told.all())
     apart = [(sets[i], sets[k]) for (i, k), t in zip(judge.pairs, told, strict=True) if not t]
     figures["sensors"] = say.sensors(apart)
@@ -83,7 +83,7 @@ def _for_parameters(study: Study, answer: Answer, report, moved: Part | None) ->
         bench = _bench(study, True, moved)
     except InputError as error:
         return Proposal(_none(f"{error}."), 0.0, {})
-    rated = best(bench, [answer.base], Unseen(answer.base, wanted), CLOSE, report)
+    rated = best(bench, [answer.base], Unseen(answer.base, wanted), NEEDED, report)
     if not rated:
         return Proposal(_none(say.no_room(bench.limits)), bench.tick_s, {})
     chosen = rated[0]
@@ -91,7 +91,7 @@ def _for_parameters(study: Study, answer: Answer, report, moved: Part | None) ->
     figures["parameters"] = [
         {"name": f.name, "predicted_margin": float(m)} for f, m in zip(wanted, chosen.margins, strict=True)
     ]
-    figures["separable"] = bool((chosen.margins >= CLOSE).all())
+    figures["separable"] = bool((chosen.margins >= NEEDED).all())
     figures["sentence"] = say.parameters(study, figures, bench.limits)
     return _proposal(bench, chosen, figures)
 
@@ -128,7 +128,7 @@ def _span(chosen: Rated, name: str) -> list[float]:
 
 
 def _figures(bench: Bench, chosen: Rated) -> dict[str, Any]:
-    e, told = chosen.excitation, chosen.margins >= CLOSE
+    e, told = chosen.excitation, chosen.margins >= NEEDED
     counted = chosen.margins[told] if told.any() else chosen.margins
     span = {n: _span(chosen, n) for n in bench.limits.start}
     return {
@@ -139,7 +139,7 @@ def _figures(bench: Bench, chosen: Rated) -> dict[str, Any]:
         "tick_s": bench.tick_s,
         "duration_s": e.duration_s,
         "predicted_margin": float(np.min(counted)),
-        "needed_margin": CLOSE,
+        "needed_margin": NEEDED,
         "predicted_range": span,
         "limits": {
             n: {"low": v.low, "high": v.high, "source": v.source} for n, v in bench.limits.outputs.items()
@@ -156,7 +156,7 @@ def _none(sentence: str) -> dict[str, Any]:
     return empty | {
         "sentence": sentence,
         "separable": False,
-        "needed_margin": CLOSE,
+        "needed_margin": NEEDED,
         "plan": None,
         "table": None,
     }
@@ -164,7 +164,7 @@ def _none(sentence: str) -> dict[str, Any]:
 
 def _proposal(bench: Bench, chosen: Rated, figures: dict[str, Any]) -> Proposal:
     """With the inputs over time; without them and without files, if that tells nothing."""
-    if figures["predicted_margin"] < CLOSE:
+    if figures["predicted_margin"] < NEEDED:
         return Proposal(figures | {"plan": None, "table": None}, bench.tick_s, {})
     if bench.carrier is not None:
         return Proposal(figures, bench.tick_s, bench.told(chosen.excitation))

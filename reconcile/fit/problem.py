@@ -224,12 +224,20 @@ class Problem:
         return self._patient[1]
 
     def responses(
-        self, point: Point, k: int, inputs: Sequence[int], edges: np.ndarray, columns: Sequence[int]
+        self,
+        point: Point,
+        k: int,
+        inputs: Sequence[int],
+        edges: np.ndarray,
+        columns: Sequence[int],
+        pushed_at: Point | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Errors [N] of window k, slopes by what is free [N, states + columns], responses [N, inputs x bins].
 
-        A response is to one unit of an input over one bin; `edges` are the first steps of the bins.
+        A response is to one unit of an input over one bin; `edges` are the first steps of the bins, and
+        `pushed_at` is the point that responds, if another.
         """
+        responds = pushed_at or point
         run = self.simulate(point, k, columns)
         bins = len(edges) - 1
         pushed = Columns.of(
@@ -238,12 +246,12 @@ class Problem:
             list(edges[:-1]) * len(inputs),
             list(edges[1:]) * len(inputs),
         )
-        moved = self.simulate(point, k, None, pushed)
+        moved = self.simulate(responds, k, None, pushed)
         if run is None or moved is None:
             return None
         _, errors, slopes = self.compare(point, k, run, columns)
-        answer = self.compare(point, k, moved)[2]
-        return errors, slopes, answer[:, len(self.common(point).active) :]
+        answer = self.compare(responds, k, moved)[2]
+        return errors, slopes, answer[:, len(self.common(responds).active) :]
 
     def compare(
         self, point: Point, k: int, run: Followed, columns: Sequence[int] = ()

@@ -201,14 +201,16 @@ class _Likelihood:
         return float(np.sqrt(left / moved)) if moved > 0.0 else 0.0
 
 
-def estimate(problem, point, columns: Sequence[int], more: Sequence[np.ndarray] = ()) -> Noise:
+def estimate(problem, point, columns: Sequence[int], more: Sequence[np.ndarray] = (), blurred=None) -> Noise:
     """The noise model of greatest likelihood for what a fit leaves.
 
     `columns`: the fit's free parameters; `more`: slopes [N, F] by window of what may be missing, of which the
-    errors are freed as well, so that it does not count as noise.
+    errors are freed as well, so that it does not count as noise; `blurred`: the point that responds to the
+    sources, if another.
     """
     sources = _sources(problem)
-    responses = tuple(_respond(problem, point, k, sources, columns) for k in range(len(problem.windows)))
+    windows = range(len(problem.windows))
+    responses = tuple(_respond(problem, point, k, sources, columns, blurred=blurred) for k in windows)
     if more:
         responses = tuple(
             replace(r, shared=np.hstack([r.shared, m])) for r, m in zip(responses, more, strict=True)
@@ -222,11 +224,15 @@ def estimate(problem, point, columns: Sequence[int], more: Sequence[np.ndarray] 
     return Noise(tuple(sources), responses)
 
 
-def transferred(noise: Noise, problem, point, bin_s: float = BIN_S) -> Noise:
-    """The same sources for the windows of another problem; wider bins are quicker and coarser."""
+def transferred(noise: Noise, problem, point, bin_s: float = BIN_S, blurred=None) -> Noise:
+    """The same sources for the windows of another problem; wider bins are quicker and coarser.
+
+    `blurred`: as of estimate.
+    """
     sources = noise.sources
     windows = range(len(problem.windows))
-    return Noise(sources, tuple(_respond(problem, point, k, sources, (), bin_s) for k in windows))
+    responses = (_respond(problem, point, k, sources, (), bin_s, blurred) for k in windows)
+    return Noise(sources, tuple(responses))
 
 
 def _best(likelihood: _Likelihood, sources: Sequence[Source], i: int) -> Source:
@@ -281,13 +287,19 @@ def _sources(problem) -> list[Source]:
 
 
 def _respond(
-    problem, point, k: int, sources: Sequence[Source], columns: Sequence[int], bin_s: float = BIN_S
+    problem,
+    point,
+    k: int,
+    sources: Sequence[Source],
+    columns: Sequence[int],
+    bin_s: float = BIN_S,
+    blurred=None,
 ) -> _Responses:
     """Responses of window k to cosines of each source."""
     window = problem.windows[k]
     bins = int(np.clip(round(window.steps * window.step_s / bin_s), 2, window.steps))
     edges = np.round(np.linspace(0, window.steps, bins + 1)).astype(int)
-    found = problem.responses(point, k, [s.column for s in sources], edges, columns)
+    found = problem.responses(point, k, [s.column for s in sources], edges, columns, blurred)
     samples = sum(len(t) for t in window.times.values()) if found is None else len(found[0])
     if found is None:
         empty = np.zeros((samples, 1))

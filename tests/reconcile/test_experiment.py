@@ -15,7 +15,7 @@ from reconcile.catalogue import ALL
 from reconcile.data import runs_of, split
 from reconcile.experiment import plan
 from reconcile.experiment.achieved import candidates, compared, margins
-from reconcile.experiment.choose import LONGEST_S, rough, spread
+from reconcile.experiment.choose import LONGEST_S, NEEDED, rough, spread
 from reconcile.experiment.excitation import SHAPES, Excitation, commands, of_dict
 from reconcile.experiment.judges import Pairs
 from reconcile.experiment.limits import Limit, limits_of
@@ -23,7 +23,7 @@ from reconcile.experiment.predict import Bench
 from reconcile.experiment.propose import Proposal, propose
 from reconcile.fit.solve import Fitted
 from reconcile.model import Folder
-from reconcile.rivals import CLOSE, Key
+from reconcile.rivals import Key
 from reconcile.search import Answer, Tried
 from reconcile.study import Study
 from records.formats import read_measurement
@@ -128,13 +128,13 @@ def test_shapes_stay_within_the_range_and_begin_and_end_at_rest():
 def test_what_tells_two_sensors_apart_does_so_by_about_the_margin_predicted(lags, proposed):
     figures = proposed.figures
     assert figures["separable"]
-    assert figures["predicted_margin"] > CLOSE
+    assert figures["predicted_margin"] > NEEDED
     study, answer = lags.driven(proposed)
     declared = candidates(lags.study, lags.answer)
     before, after = margins(lags.study, lags.answer, declared)[0], margins(study, answer, declared)[0]
-    assert abs(before["achieved_margin"]) < CLOSE  # the recordings alone do not tell
+    assert abs(before["achieved_margin"]) < NEEDED  # the recordings alone do not tell
     assert after["one"] == ["sensor_lag"]
-    assert after["achieved_margin"] > CLOSE
+    assert after["achieved_margin"] > NEEDED
     assert 0.5 < after["achieved_margin"] / figures["pairs"][0]["if_one"] < 2.0
 
 
@@ -158,7 +158,7 @@ def test_the_loop_is_closed_with_nothing_but_the_first_report_and_the_new_record
     assert {tuple(pair["one"]), tuple(pair["other"])} == {("sensor_lag",), ("sensor_delay",)}
     assert pair["promised"]
     assert pair["one"] == ["sensor_lag"]  # the true one
-    assert found["achieved_margin"] == pair["achieved_margin"] > CLOSE
+    assert found["achieved_margin"] == pair["achieved_margin"] > NEEDED
 
 
 def test_a_simple_effect_needs_no_margin_over_the_general_one_that_includes_it(rig):
@@ -167,7 +167,7 @@ def test_a_simple_effect_needs_no_margin_over_the_general_one_that_includes_it(r
     proposal = doubt.proposal()
     pair = proposal.figures["pairs"][0]
     assert pair["if_other"] is None  # that needs no margin
-    assert pair["predicted_margin"] == pair["if_one"] > CLOSE
+    assert pair["predicted_margin"] == pair["if_one"] > NEEDED
 
 
 def test_the_experiment_keeps_where_the_recordings_were(lags, proposed):
@@ -211,7 +211,7 @@ def test_a_bias_and_a_drift_are_told_apart_by_a_longer_run(rig):
     study, answer = doubt.driven(proposal)
     reached = margins(study, answer, candidates(doubt.study, doubt.answer))
     assert reached[0]["one"] == ["sensor_bias"]
-    assert reached[0]["achieved_margin"] > CLOSE
+    assert reached[0]["achieved_margin"] > NEEDED
 
 
 def test_where_no_excitation_helps_that_is_said_with_the_sensor_that_would(rig):
@@ -221,7 +221,7 @@ def test_where_no_excitation_helps_that_is_said_with_the_sensor_that_would(rig):
     assert [list(s) for s in late] == [both]  # all sensors late by as much: exactly the same
     proposal = doubt.proposal()
     assert proposal.figures["separable"] is False
-    assert proposal.figures["predicted_margin"] < CLOSE
+    assert proposal.figures["predicted_margin"] < NEEDED
     assert proposal.figures["plan"] is None
     assert proposal.commands == {}
     assert (

@@ -11,11 +11,11 @@ from scipy.optimize import minimize
 from reconcile import evidence
 from reconcile.data import Run, Signal, runs_of, split
 from reconcile.fit import whitening
-from reconcile.fit.solve import Fitted, _within
+from reconcile.fit.solve import Fitted, _within, fit
 from reconcile.fit.states import _Look
 from reconcile.model import Folder, read_folder
 from reconcile.study import Study
-from tests.reconcile.truth import Truth, record
+from tests.reconcile.truth import Truth, coulomb, record
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +145,7 @@ def disturbed(time_s: float, runs: int = 8, samples: int = 800, step_s: float = 
         times = {"y": step_s * np.arange(samples)}
         windows.append(SimpleNamespace(steps=samples, step_s=step_s, times=times, run=None))
 
-    def responses(point, k, inputs, edges, columns):
+    def responses(point, k, inputs, edges, columns, pushed_at=None):
         bins = np.add.reduceat(response, edges[:-1], axis=1)
         return errors[k], np.ones((samples, 1)), bins
 
@@ -161,3 +161,31 @@ def test_a_stop_may_have_no_damping_but_stays_near_the_starts_of_its_stiffness(s
     least = {f.name: f.low for f in study.free((stop,))}
     assert least[stop.name("relaxation")] == 0.0
     assert least[stop.name("k")] > 0.0
+
+
+def pushed_about(rig: Folder) -> tuple[Study, Fitted]:
+    """A carriage with dry friction and a random force that nobody recorded, and the fit of the friction."""
+    rng, force = np.random.default_rng(3), np.zeros(1501)
+    for k in range(1500):
+        force[k + 1] = 0.95 * force[k] + 0.01 * rng.standard_normal()
+    truth = Truth(force=lambda x, v, t: float(force[round(t / 0.02)]), **coulomb(0.8))
+    recorded = record(truth, seconds=30.0, size=6.0)
+    study = Study(rig, split(runs_of(recorded, rig, "run"), (), ()))
+    study.fit_problem = study.problems["fit"]
+    (friction,) = (a for a in study.candidates if a.effect.name == "coulomb_friction")
+    start = study.fit_problem.start(study.values)
+    fitted = study.fit_set(start, (friction,), {friction.free[0]: 0.8})
+    assert fitted is not None
+    return study, fitted
+
+
+def test_fits_that_hardly_differ_have_about_the_same_noise_model(rig: Folder):
+    study, fitted = pushed_about(rig)
+    at, deviances = fitted.point.p.copy(), []
+    for share in (0.99, 0.995, 1.0, 1.005, 1.01):
+        p = at.copy()
+        p[study.extended.index["coulomb_friction@v.Fc"]] *= share
+        there = fit(study.fit_problem, replace(fitted.point, p=p), fitted.free, iterations=0)
+        assert there is not None
+        deviances.append(study.deviance(there))
+    assert np.ptp(deviances) < 250.0  # some thousands with kinks as sharp as they are fitted

@@ -158,7 +158,7 @@ def test_a_form_is_told_from_its_own_limit_by_less_than_from_another_effect():
     assert settled(("coulomb lag", 2, 0.0), ("stribeck delay", 4, -needed - 1.0))[0] == "coulomb lag"
 
 
-def test_sets_at_odds_of_less_than_ten_are_named_too():
+def test_sets_at_odds_of_less_than_five_are_named_too():
     assert settled(("lag", 1, 0.0), ("delay", 1, 0.9 * CLOSE)) == ("lag", ["delay"])
     assert settled(("lag", 1, 0.0), ("delay", 1, 1.1 * CLOSE)) == ("lag", [])
 

@@ -60,7 +60,7 @@ def noisy(measured: Measurement) -> Measurement:
 def test_noise_that_the_machine_did_not_feel_is_smoothed_away(rig: Folder):
     study, fitted = studied(rig, noisy(record_driven(Truth(), sweep())))
     before = errors(study, fitted)
-    study.smooth_inputs(fitted)
+    study.smooth_inputs([fitted])
     assert set(study.fit_problem.widths) == {"force"}
     assert study.problems["confirm"].widths == study.fit_problem.widths
     after = errors(study, fitted)
@@ -72,14 +72,14 @@ def test_noise_that_the_machine_did_not_feel_is_smoothed_away(rig: Folder):
 )
 def test_what_the_machine_felt_is_left_as_it_is(rig: Folder, command: np.ndarray):
     study, fitted = studied(rig, record_driven(Truth(), command))
-    study.smooth_inputs(fitted)
+    study.smooth_inputs([fitted])
     assert study.fit_problem.widths == {}
 
 
 def test_trying_widths_leaves_the_problem_as_it_was(rig: Folder):
     study, fitted = studied(rig, record_driven(Truth(), sweep() + noise()))
     before = errors(study, fitted)
-    study.smooth_inputs(fitted)
+    study.smooth_inputs([fitted])
     assert np.array_equal(errors(study, fitted), before)
 
 
