@@ -10,7 +10,7 @@ E(T) = sets S with lambda(S) < 5 and no more parameters than T.  All sets cannot
 5. two swaps that each succeeded, together.
 
 Sets with a member to spare are not listed: a set is in E(T) only if it is needed whole.
-The exact identity asymmetric Coulomb = Coulomb + constant load is found by 3 and 4.
+The exact identity asymmetric Coulomb = Coulomb + constant load is always tried (the other way round: 4).
 """
 
 import itertools
@@ -23,6 +23,8 @@ from blindtest.likelihood import Fit, Problem
 EQUIVALENT = 5.0
 NEAREST = 4  # others, beside the family, that are fitted
 HOPELESS = 400.0  # linearised lambda beyond which even a member of the family is not fitted
+
+EXACT = {"asymmetric_coulomb_friction": ("coulomb_friction", "constant_load")}  # by the contract
 
 FAMILIES = (
     {"input_delay", "input_lag", "sensor_delay", "sensor_lag", "clock_drift"},
@@ -128,6 +130,16 @@ class Equivalents:
                 continue
             for _, second in self._ranked((*kept, first), fit, most - len(first.parameters))[:2]:
                 self._keep((*kept, first, second), self._best((*kept, first), fit, second))
+        self._identity(self.visible[i], kept, at)
+
+    def _identity(self, gone: Effect, kept: Sequence[Effect], at: Fit) -> None:
+        """The two effects that are the same as `gone`, if there are such on its axis."""
+        here = {e.name: e for e in self.pool if e.subsystem == gone.subsystem}
+        pair = [here[name] for name in EXACT.get(gone.name, ()) if name in here]
+        if len(pair) == 2 and self._names((*kept, *pair)) not in self.members:
+            fit = self._best(kept, at, pair[0])
+            if fit.effects:
+                self._keep((*kept, *pair), self._best((*kept, pair[0]), fit, pair[1]))
 
     def _merge(self, i: int, j: int) -> None:
         """Swap i and j for one effect."""

@@ -19,6 +19,7 @@ from blindtest.whitening import BEGINNING, Whitening
 from specs.errors import RunError
 
 MAGNITUDES = (0.03, 0.1, 0.3)
+SMALLER = (0.003, 0.01)  # where a fit from those above came to more than without the effect
 ITERATIONS = 14
 ABSURD = 1e9  # deviations: a trial step that leads there is too long
 ENOUGH = 1.5  # a fit below this needs no further step: every threshold is above it
@@ -101,8 +102,18 @@ class Problem:
 
     def best(self, kept: Sequence[Effect], at: Fit, added: Effect, wanted: float = 0.0) -> Fit:
         """Fit of `kept` and one more effect, starting at the fit `at` of `kept` alone."""
+        found = self._from(kept, at, added, MAGNITUDES, wanted)
+        if found.value > at.value:  # a start with too much friction, say, stands still whatever is changed
+            smaller = self._from(kept, at, added, SMALLER, wanted)
+            found = min(found, smaller, key=lambda f: (not f.effects, f.value))
+        return found
+
+    def _from(
+        self, kept: Sequence[Effect], at: Fit, added: Effect, magnitudes: Sequence[float], wanted: float
+    ) -> Fit:
+        """The best fit from the most promising starts of these magnitudes."""
         found = Fit(np.inf, at.base, (), at.starts)
-        ranked = sorted(self.screen(kept, at, added), key=lambda start: start[0])
+        ranked = sorted(self.screen(kept, at, added, magnitudes), key=lambda start: start[0])
         for promised, values in ranked[:STARTS]:
             if found.effects and (found.value < wanted or promised > BETTER * found.value):
                 break

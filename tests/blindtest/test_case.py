@@ -30,6 +30,8 @@ RUBBING_JOINT = (
     4159452832103963605  # asymmetric_coulomb_friction of the tool's pitch, sensor_bias of the stick
 )
 
+RUBBING_STICK = 2414653631300904398  # asymmetric_coulomb_friction, far below the sizes that fits start from
+
 
 @pytest.fixture(scope="module")
 def drawn():
@@ -177,6 +179,14 @@ def test_on_a_machine_of_many_places_the_declared_ones_are_looked_for_where_the_
     assert (
         least(rubbing, ["coulomb_friction", "sensor_bias"]) < EQUIVALENT
     )  # another bias, of the tool's angle
+
+
+@pytest.mark.long
+def test_a_little_friction_of_two_sides_is_found_to_be_a_friction_and_a_load():
+    rubbing = case.draw(RUBBING_STICK, "low", "machine")
+    assert {e.key for e in rubbing.visible} == {"stick/asymmetric_coulomb_friction"}
+    assert {"coulomb_friction", "constant_load"} in [set(names) for names in equivalents(rubbing)]
+    assert least(rubbing, ["coulomb_friction", "input_offset"]) < EQUIVALENT
 
 
 def test_a_joint_that_a_load_takes_beyond_its_end_is_drawn_again():
