@@ -10,12 +10,13 @@ import numpy as np
 from reconcile import evidence, starting
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.score import RunsAway, Score, Scored
+from reconcile.score import RunsAway, Score, Scored, starts
 
 if TYPE_CHECKING:
     from reconcile.search import Search
 
 RIVALS = 5  # fitted for each effect of the answer
+SHAPES = 3  # of a form that the answer is a limit of, from which it is fitted
 FURTHER = 2  # of fewer parameters, for each effect of a set as good
 PAIRS, PAIRS_LOOKED_AT = 2, 100  # of effects, for one of several parameters
 CLOSE = 2.0 * float(np.log(5.0))  # of twice the log-likelihood: odds of less than five do not tell apart
@@ -148,23 +149,44 @@ class Rivals:
         study, found = self.search.study, set()
         for b in [x for x in self.search.absent(_less(fitted, a)) if includes(x, a)]:
             scales = study.port_scales(b)
-            starts = [b.effect.start(scales, k) for k in range(b.effect.grid(scales))]
-            shapes = [{q.name: at[q.name] for q in b.effect.parameters if not q.amplitude} for at in starts]
+            grid = [b.effect.start(scales, k) for k in range(b.effect.grid(scales))]
+            shapes = [{q.name: at[q.name] for q in b.effect.parameters if not q.amplitude} for at in grid]
             if (key := self._turned(fitted, a, b, shapes)) is not None:
                 found.add(key)
+            if len(shapes) > 1 and not b.effect.gated:
+                self._shaped(fitted, a, b)
         return found
+
+    def _shaped(self, fitted: Fitted, a: Attached, b: Attached) -> None:
+        """Fit the answer with b in place of a from several starts of b's shape.
+
+        Near the limit that a is they all leave the same, and a fit from the first may never get away from it:
+        a steady wind is a load however fast, until its speed comes to that of the axis.
+        """
+        try:
+            score = Score(self.search.study, self._stripped(fitted, (a,)), [b])
+        except RunsAway:
+            return
+        scored = sorted((score.scored((v,)) for v in score.variants), key=lambda x: -x.gain)
+        for x in [x for x in scored if x.gain > 0.0][:SHAPES]:
+            self._fitted(fitted, (*_less(fitted, a), b), starts(x))
 
     def _turned(
         self, fitted: Fitted, a: Attached, b: Attached, shapes: Sequence[dict[str, float]]
     ) -> Key | None:
         """The answer with b in place of a, from what a came to and that of the shapes that leaves least."""
-        study, fits = self.search.study, self.search.tried.fits
+        study = self.search.study
         values, rest = study.named(fitted.point.p), _less(fitted, a)
         size = float(np.mean([abs(values[a.name(q.name)]) for q in a.effect.amplitudes] or [0.0]))
         same = {q.name: values.get(a.name(q.name), size) for q in b.effect.parameters}
         tried = [{b.name(n): v for n, v in (same | shape).items()} for shape in shapes]
         start = min(tried, key=lambda v: starting.left(study, fitted.point, (*rest, b), v))
-        fit, key = study.fit_set(fitted.point, (*rest, b), start, near=True), Key((*rest, b))
+        return self._fitted(fitted, (*rest, b), start)
+
+    def _fitted(self, fitted: Fitted, present: tuple[Attached, ...], values: dict[str, float]) -> Key | None:
+        """A set fitted from near a fit with `values` in place, kept where it leaves less than before."""
+        fits, key = self.search.tried.fits, Key(present)
+        fit = self.search.study.fit_set(fitted.point, present, values, near=True)
         if fit is None:
             return None
         if key not in fits or fit.cost < fits[key].cost:
@@ -231,7 +253,7 @@ class Rivals:
             and evidence.likelihood_gain(fits[k].cost, fits[best].cost, s) < CLOSE
             and len(fits[k].free) <= len(fits[best].free)
             and (len(set(_names(k))) == len(k) or len(set(_names(best))) < len(best))
-            and not set(_names(best)) < set(_names(k))
+            and not (len(k) > len(best) and set(_names(best)) < set(_names(k)))
         }
         return sorted(near.values(), key=lambda k: fits[k].cost)
 

@@ -16,6 +16,7 @@ from reconcile.model import Attached
 from reconcile.study import Study
 
 ROUGH = 500.0  # times the tolerance of steps: slopes need only rank
+SHAPES, ABOUT = 2, 0.3  # further shapes of an effect that are fitted, and what they gain of the first's gain
 LEAST = 10.0  # squared errors that a variant must save in a pursuit
 
 
@@ -93,6 +94,19 @@ class Score:
             self.scored(pair) for pair in combinations(pool, size) if len({v.attached for v in pair}) == size
         ]
         return _distinct(sorted(sets, key=lambda s: -s.gain), count)
+
+    def shaped(self, scored: Scored) -> list[Scored]:
+        """The same single effect in other shapes that gain about as much: fits from them may end elsewhere.
+
+        A wind is a load while it is fast, and a fit from there may never slow it down.  Of what has a gate
+        the first bit tells no shape (starting.best).
+        """
+        if len(scored.variants) > 1 or scored.variants[0].attached.effect.gated:
+            return []
+        (own,) = scored.variants
+        others = [self.scored((v,)) for v in self.variants if v.attached is own.attached and v is not own]
+        near = [s for s in others if s.gain > ABOUT * scored.gain]
+        return sorted(near, key=lambda s: -s.gain)[:SHAPES]
 
     def pursuit(self, count: int) -> list[Variant]:
         """Variants that together gain most, found one after the other (orthogonal matching pursuit)."""

@@ -202,7 +202,9 @@ class Search:
         if pairs:
             chosen += score.best(PAIRS, 2)
         chosen = [s for s in chosen if self._worthwhile(s, score, fitted)]
-        return {k for s in chosen if (k := self.attempt(fitted, s, coarse=True)) is not None}
+        found = {k for s in chosen if (k := self.attempt(fitted, s, coarse=True)) is not None}
+        more = {self.attempt(fitted, x, coarse=True, more=True) for s in chosen for x in score.shaped(s)}
+        return found | more - {None}
 
     def _worthwhile(self, scored: Scored, score: Score, fitted: Fitted) -> bool:
         """Whether the linear gain is at least half of what would be accepted."""
@@ -217,8 +219,9 @@ class Search:
         again: float = np.inf,
         patient: bool = False,
         beside: bool = False,
+        more: bool = False,
     ) -> Key | None:
-        """Fit a scored set from a fit of less; a set fitted already only if it left more than `again`.
+        """Fit a scored set from a fit of less; one fitted already if it left more than `again`, or `more`.
 
         A coarse fit that has gained next to nothing after its first steps is given up, unless `patient`.
         What is added takes the place of its own limits, unless it comes `beside` them.
@@ -230,7 +233,7 @@ class Search:
         key = Key(present)
         if len(key) > LARGEST:
             return None
-        if key in fits and fits[key].cost <= again:
+        if key in fits and fits[key].cost <= again and not more:
             return key
         hopeless = fitted.cost - 2.0 if coarse and not patient else np.inf
         values = starting.best(self.study, fitted.point, present, starts(scored))

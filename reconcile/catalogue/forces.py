@@ -317,7 +317,7 @@ EFFECTS = (
         "F = k (wind − v) |wind − v|",
         (
             _amplitude("k", "{f}/({v})^2"),
-            Parameter("wind", "{v}", speed(1.0, -1.0, 4.0, -4.0), low=ANY),
+            Parameter("wind", "{v}", speed(0.3, -0.3, 1.0, -1.0, 4.0, -4.0), low=ANY),
         ),
         _wind,
         width="v",

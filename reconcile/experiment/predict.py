@@ -263,7 +263,8 @@ def _off(study: Study, fitted: Fitted) -> list[np.ndarray]:
     for i in range(max(0, len(size) - WAYS), len(size)):
         for sign in (-1.0, 1.0):
             p = fitted.point.p.copy()
-            p[columns] += sign * DOUBT * np.sqrt(max(values[i], 0.0)) * vectors[:, i] * size
+            # what nothing tells is off by its own size, and not by as much as it may be
+            p[columns] += sign * DOUBT * np.sqrt(np.clip(values[i], 0.0, 1.0)) * vectors[:, i] * size
             p[columns] = np.clip(p[columns], [f.low for f in fitted.free], [f.high for f in fitted.free])
             found.append(p)
     return found

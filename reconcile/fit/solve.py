@@ -18,6 +18,7 @@ LOST = 2.0  # times the cost: a step that leads so far up is not made good by ot
 LONGER, GOING = 4, 0.05  # times the iterations for a fit that still gains this share of its cost in each
 HOT = 5.0  # deviations of the noise: errors above it are first fitted as if the noise were of their size
 WARMING = (8, 1e-2)  # iterations and tolerance of that
+UNTOLD = 1e-12  # of a parameter's own information: no direction is told less
 STAGES, COOLING, WARM = 5, 0.3, 1.3  # until the noise is taken as it is
 
 
@@ -204,5 +205,8 @@ def _covariance(linear: Linear, free: Sequence[Free]) -> np.ndarray:
     for i, f in enumerate(free):
         if f.prior:
             information[i, i] += 1.0 / f.prior[1] ** 2
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    return np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
+    own = np.diag(information)
+    scale = np.sqrt(np.where(own > 0.0, own, 1.0))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    # what nothing tells (one load as two effects) is not known, where a pseudo-inverse would call it certain
+    return (vectors / np.maximum(values, UNTOLD)) @ vectors.T / np.outer(scale, scale)

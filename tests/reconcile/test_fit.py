@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from reconcile import evidence
 from reconcile.data import Run, Signal, runs_of, split
 from reconcile.fit import whitening
-from reconcile.fit.solve import Fitted, _within, fit
+from reconcile.fit.solve import Fitted, Free, _covariance, _within, fit
 from reconcile.fit.states import _Look
 from reconcile.model import Folder, read_folder
 from reconcile.study import Study
@@ -52,6 +52,21 @@ def test_a_parameter_that_does_not_show_or_may_not_move_stays():
     low, high = np.array([-np.inf, -1.0, 0.0]), np.array([np.inf, 1.0, 0.0])
     step = _within(hessian, np.array([1e12, 0.0, 1e-15]), 0.0, low, high)
     assert step == pytest.approx([1e-8, 0.0, 0.0], rel=1e-6, abs=1e-12)
+
+
+def test_of_two_parameters_of_which_only_the_sum_shows_neither_is_known():
+    shown, alone = np.linspace(1.0, 2.0, 20), np.linspace(-1.0, 1.0, 20) ** 2
+    slopes = np.column_stack([shown, shown, alone, np.zeros(20)])
+    found = _covariance(
+        cast(Any, SimpleNamespace(slopes=slopes)), [Free(n, -np.inf, np.inf, 1.0) for n in "abcd"]
+    )
+    assert np.all(np.sqrt(np.diag(found))[[0, 1, 3]] > 1e4)
+    assert found[0, 0] + 2.0 * found[0, 1] + found[1, 1] == pytest.approx(
+        _covariance(cast(Any, SimpleNamespace(slopes=slopes[:, [0, 2]])), [Free("s", 0.0, 1.0, 1.0)] * 2)[
+            0, 0
+        ],
+        rel=1e-3,
+    )
 
 
 def test_a_state_that_shows_moves_on_where_one_that_hardly_shows_is_held():
