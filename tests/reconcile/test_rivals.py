@@ -163,6 +163,11 @@ def test_sets_at_odds_of_less_than_five_are_named_too():
     assert settled(("lag", 1, 0.0), ("delay", 1, 1.1 * CLOSE)) == ("lag", [])
 
 
+def test_a_set_of_as_many_effects_is_named_too_though_two_of_the_answers_have_one_name():
+    found = settled(("bias lag@angle lag@both", 3, 0.0), ("bias delay lag", 3, 0.5))
+    assert found == ("bias lag lag", ["bias delay lag"])
+
+
 def test_two_exchanges_that_each_leave_as_little_are_tried_together():
     singly = ("load lag", 2, 0.0), ("offset lag", 2, 0.5), ("load delay", 2, 1.0)
     assert settled(*singly, ("offset delay", 2, 1.5), tried=3)[1] == [
