@@ -40,7 +40,12 @@ def write(case: Case, folder: Path, sealed: Path) -> Path:
 
 
 def truth(case: Case) -> dict[str, Any]:
-    """Everything that is hidden, E(T) included, as JSON content."""
+    """Everything that is hidden, E(T) included, as JSON content.
+
+    `best_fit`: what an effect's parameters come to if T alone is fitted to the noise-free recordings; they take
+    up what distractors do.
+    """
+    fits = dict(zip((e.key for e in case.visible), case.truth_fit.effects, strict=True))
     return {
         "seed": case.seed,
         "noise": case.noise,
@@ -57,6 +62,7 @@ def truth(case: Case) -> dict[str, Any]:
                 "subsystem": p.effect.subsystem,
                 "parameters": {k: float(v) for k, v in p.parameters(case.scale).items()},
                 "units": {q.name: q.unit for q in p.effect.parameters},
+                "best_fit": {k: float(v) for k, v in fits.get(p.effect.key, {}).items()},
                 "lambda_without": float(seen),
             }
             for p, seen in zip(case.placed, case.seen, strict=True)

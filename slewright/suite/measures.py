@@ -20,7 +20,7 @@ def of_report(truth: Mapping[str, Any], report: Mapping[str, Any]) -> dict[str, 
     return {
         "gap_shrink": _shrink(report),
         "parameters": [
-            _row(effect, name, value)
+            _row(effect, name, value, _best_fit(placed, effect, truth).get(name))
             for placed, effect in pairs
             for name, value in expected(placed, effect, truth).items()
         ],
@@ -55,7 +55,15 @@ def _shrink(report: Mapping[str, Any]) -> dict[str, float]:
     return found
 
 
-def _row(effect: Mapping[str, Any], name: str, true: float) -> dict[str, Any]:
+def _best_fit(
+    placed: Mapping[str, Any], effect: Mapping[str, Any], truth: Mapping[str, Any]
+) -> dict[str, float]:
+    """The same for what a fit of the visible effects to noise-free recordings comes to, where it is known."""
+    found = placed.get("best_fit")
+    return expected({**placed, "parameters": found}, effect, truth) if found else {}
+
+
+def _row(effect: Mapping[str, Any], name: str, true: float, best_fit: float | None) -> dict[str, Any]:
     """A parameter in percent of its true value; a difference of two has no interval of its own."""
     parts = [effect["parameters"][part] for part in name.split(" - ")]
     value = parts[0]["value"] - sum(p["value"] for p in parts[1:])
@@ -66,6 +74,10 @@ def _row(effect: Mapping[str, Any], name: str, true: float) -> dict[str, Any]:
         "value": value,
         "error_percent": 100.0 * abs(value - true) / abs(true),
         "covered": _within(parts[0]["ci95"], true) if len(parts) == 1 else None,
+        "best_fit": best_fit,
+        "best_fit_covered": _within(parts[0]["ci95"], best_fit)
+        if len(parts) == 1 and best_fit is not None
+        else None,
     }
 
 

@@ -62,6 +62,9 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
         "gap_shrink_median": _median(shrinks),
         "parameter_error_median": _median([p["error_percent"] for p in parameters]),
         "coverage95": _share(p["covered"] for p in parameters if p["covered"] is not None),
+        "coverage95_best_fit": _share(
+            p["best_fit_covered"] for p in parameters if p.get("best_fit_covered") is not None
+        ),
         "port_right": _share(p for r in results if r["result"] == "exact" for p in r["port_right"]),
         "seconds_median": _median([r["seconds"] for r in results]),
         "draw_seconds_median": _median([r["draw_seconds"] for r in results]),

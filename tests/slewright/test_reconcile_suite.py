@@ -312,8 +312,22 @@ def test_error_interval_and_shrinking_are_measured_against_the_truth():
     (row,) = found["parameters"]
     assert row["error_percent"] == pytest.approx(10.0)
     assert row["covered"] is False
+    assert row["best_fit_covered"] is None  # a truth of older suites does not have it
     assert found["gap_shrink"] == {"q": pytest.approx(0.95)}
     assert measures.of_report(truth(effect), report | {"verdict": "unexplained"})["parameters"] == []
+
+
+def test_intervals_are_held_against_what_visible_effects_alone_come_to_as_well():
+    # a distractor, a little dry friction, is taken for a wider dead zone
+    effect = placed("input_dead_zone", {"half_width": 2.00}) | {"best_fit": {"half_width": 2.05}}
+    report = {
+        "verdict": "named",
+        "effects": [reported("input_dead_zone", half_width=(2.06, "rad/s", 0.02))],
+        "gap": {},
+    }
+    (row,) = measures.of_report(truth(effect), report)["parameters"]
+    assert (row["covered"], row["best_fit_covered"]) == (False, True)
+    assert row["best_fit"] == pytest.approx(2.05)
 
 
 @pytest.mark.parametrize(
@@ -432,10 +446,11 @@ def test_confusion_counts_what_was_named_instead():
 
 
 def test_figures_are_medians_and_shares_over_the_right_cases():
-    exact = {"error_percent": 4.0, "covered": True}
+    exact = {"error_percent": 4.0, "covered": True, "best_fit_covered": False}
+    older = {"error_percent": 4.0, "covered": True}
     found = summarise(
         [
-            result("exact", ["a"], [["a"]], parameters=[exact], gap_shrink={"q": 0.9, "v": 0.8}),
+            result("exact", ["a"], [["a"]], parameters=[exact, older], gap_shrink={"q": 0.9, "v": 0.8}),
             result("wrong", ["a"], [["b"]], parameters=[{"error_percent": 90.0, "covered": False}]),
             result("ambiguous_ok", ["a"], [["a"], ["c"]], "ambiguous", 2, gap_shrink={"q": 0.1}),
             result("abstained", ["a", "b"], [], "unexplained"),
@@ -451,6 +466,7 @@ def test_figures_are_medians_and_shares_over_the_right_cases():
     assert found["exact_single_unambiguous"] == 0.5
     assert found["parameter_error_median"] == 4.0
     assert found["coverage95"] == 1.0
+    assert found["coverage95_best_fit"] == 0.0
     assert found["gap_shrink_median"] == pytest.approx(0.85)
     assert (found["share_ambiguous"], found["share_equivalent"], found["redrawn"]) == (0.25, 0.25, 4)
     assert found["equivalence_sizes"] == {"1": 3, "2": 1}
