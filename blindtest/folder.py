@@ -42,8 +42,8 @@ def write(case: Case, folder: Path, sealed: Path) -> Path:
 def truth(case: Case) -> dict[str, Any]:
     """Everything that is hidden, E(T) included, as JSON content.
 
-    `best_fit`: what an effect's parameters come to if T alone is fitted to the noise-free recordings; they take
-    up what distractors do.
+    `best_fit`: what an effect's parameters come to if T alone is fitted to the noise-free recordings; they
+    take up what distractors do.
     """
     fits = dict(zip((e.key for e in case.visible), case.truth_fit.effects, strict=True))
     return {
