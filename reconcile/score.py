@@ -101,9 +101,9 @@ class Score:
         A wind is a load while it is fast, and a fit from there may never slow it down.  Of what has a gate
         the first bit tells no shape (starting.best).
         """
-        if len(scored.variants) > 1 or scored.variants[0].attached.effect.gated:
+        own, *more = scored.variants
+        if more or own.attached.effect.gated:
             return []
-        (own,) = scored.variants
         others = [self.scored((v,)) for v in self.variants if v.attached is own.attached and v is not own]
         near = [s for s in others if s.gain > ABOUT * scored.gain]
         return sorted(near, key=lambda s: -s.gain)[:SHAPES]

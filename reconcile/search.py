@@ -202,9 +202,9 @@ class Search:
         if pairs:
             chosen += score.best(PAIRS, 2)
         chosen = [s for s in chosen if self._worthwhile(s, score, fitted)]
-        found = {k for s in chosen if (k := self.attempt(fitted, s, coarse=True)) is not None}
-        more = {self.attempt(fitted, x, coarse=True, more=True) for s in chosen for x in score.shaped(s)}
-        return found | more - {None}
+        found = [self.attempt(fitted, s, coarse=True) for s in chosen]
+        found += [self.attempt(fitted, x, coarse=True, more=True) for s in chosen for x in score.shaped(s)]
+        return {k for k in found if k is not None}
 
     def _worthwhile(self, scored: Scored, score: Score, fitted: Fitted) -> bool:
         """Whether the linear gain is at least half of what would be accepted."""

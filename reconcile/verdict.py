@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -83,6 +84,18 @@ class Free:
     instead: FreeForm
     more: float  # by the terms beside
     better: float  # by those in place
+
+    def figures(self, verdict: Verdict) -> list[dict[str, Any]]:
+        """As the report shows it, where something is unexplained: the terms beside what is named.
+
+        Where nothing is, those that explain more than anything that could be.
+        """
+        if verdict.residual != "unexplained":
+            return []
+        first, other = self.beside, self.instead
+        if verdict.name == "unexplained":
+            first, other = other, first
+        return [f.figures() for f in (first, other) if f.terms][:1]
 
 
 def free_form(study: Study, answer: Answer) -> Free:

@@ -126,8 +126,7 @@ def _examined(folder: Folder, given: Sequence[Sequence[Run]], said: Report):
     verdict = verdicts.judge(study, answer, before, missing, free)
     said("measuring the gap")
     figures = reports.build(study, answer, verdict, before)
-    if verdict.residual == "unexplained":
-        figures["free_form"] = [f.figures() for f in (free.instead, free.beside) if f.terms][:1]
+    figures["free_form"] = free.figures(verdict)
     return figures, study, answer
 
 

@@ -69,10 +69,7 @@ def _facts(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     rated = figures["iso18571"] or {}
     found = [
         ("Verdict", figures["verdict"].replace("_", " ")),
-        (
-            "What is left",
-            "noise alone" if figures["residual_status"] == "at_floor" else "something unexplained",
-        ),
+        ("What is left", _left(figures)),
     ]
     closed = [c for g in figures["gap"].values() if (c := sections.closed(g)) is not None]
     if closed:
@@ -84,6 +81,13 @@ def _facts(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     found += [("Recordings", str(len(runs)))] if runs else []
     found.append(("Time", f"{number(figures.get('elapsed_s'), 3)} s"))
     return found
+
+
+def _left(figures: Mapping[str, Any]) -> str:
+    if figures["residual_status"] == "at_floor":
+        return "noise alone"
+    terms = [t for free in figures.get("free_form") or () for t in free["terms"]]
+    return "something unexplained" + (f", like {', '.join(terms)}" if terms else "")
 
 
 def _overlays(drawn: list[Figure]) -> str:

@@ -178,6 +178,7 @@ def merged(done: Sequence[Examined]) -> dict[str, Any]:
         "iso18571": _mean([f["iso18571"] for f in all_of if f.get("iso18571")]),
         "next_experiment": None,
         "considered": _of_parts(done, "considered"),
+        "free_form": _of_parts(done, "free_form"),
         "quantization": _of_parts(done, "quantization"),
         "untold": _untold(done),
         "unseen": _of_parts(done, "unseen"),

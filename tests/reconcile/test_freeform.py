@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from reconcile import freeform
+from reconcile.freeform import NONE, FreeForm
+from reconcile.verdict import Free, Verdict
 
 RNG = np.random.default_rng(5)
 
@@ -31,3 +33,21 @@ def test_columns_that_say_the_same_are_not_taken_twice():
     column = RNG.standard_normal(200)
     _, chosen = best(np.column_stack([column, column, 2.0 * column]), column * 4.0, 1.0)
     assert len(chosen) == 1
+
+
+BESIDE = FreeForm(("pitch: q sgn v",), 115.0, 18.0, 1.0)
+INSTEAD = FreeForm(("pitch: sgn v", "pitch: q"), 9195.0, 37.0, 0.69)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "left", "beside", "shown"),
+    [
+        ("named", "unexplained", BESIDE, [BESIDE]),  # what is named stands: what it leaves is shown
+        ("named", "unexplained", NONE, [INSTEAD]),
+        ("unexplained", "unexplained", BESIDE, [INSTEAD]),
+        ("named", "at_floor", BESIDE, []),
+    ],
+)
+def test_the_report_has_the_terms_that_its_verdict_leaves_unexplained(verdict, left, beside, shown):
+    found = Free(beside, INSTEAD, 57.0, -543.0).figures(Verdict(verdict, "", left))
+    assert found == [f.figures() for f in shown]
