@@ -16,7 +16,7 @@ from reconcile.model import Attached
 from reconcile.study import Study
 
 ROUGH = 500.0  # times the tolerance of steps: slopes need only rank
-SHAPES, ABOUT = 2, 0.3  # further shapes of an effect that are fitted, and what they gain of the first's gain
+SHAPES, ABOUT = 1, 0.7  # further shapes of an effect that are fitted, and what they gain of the first's gain
 LEAST = 10.0  # squared errors that a variant must save in a pursuit
 
 

@@ -86,16 +86,17 @@ class Free:
     better: float  # by those in place
 
     def figures(self, verdict: Verdict) -> list[dict[str, Any]]:
-        """As the report shows it, where something is unexplained: the terms beside what is named.
+        """As the report shows them where something is unexplained, those that go with the verdict first.
 
-        Where nothing is, those that explain more than anything that could be.
+        Beside named effects that is what they leave; where none is named, what would explain more than they.
+        `beside`: whether the terms are beside the effects or in their place.
         """
         if verdict.residual != "unexplained":
             return []
-        first, other = self.beside, self.instead
+        found = [(self.beside, True), (self.instead, False)]
         if verdict.name == "unexplained":
-            first, other = other, first
-        return [f.figures() for f in (first, other) if f.terms][:1]
+            found.reverse()
+        return [f.figures() | {"beside": beside} for f, beside in found if f.terms]
 
 
 def free_form(study: Study, answer: Answer) -> Free:

@@ -86,7 +86,7 @@ def _facts(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _left(figures: Mapping[str, Any]) -> str:
     if figures["residual_status"] == "at_floor":
         return "noise alone"
-    terms = [t for free in figures.get("free_form") or () for t in free["terms"]]
+    terms = [t for free in (figures.get("free_form") or ())[:1] for t in free["terms"]]
     return "something unexplained" + (f", like {', '.join(terms)}" if terms else "")
 
 

@@ -42,12 +42,17 @@ INSTEAD = FreeForm(("pitch: sgn v", "pitch: q"), 9195.0, 37.0, 0.69)
 @pytest.mark.parametrize(
     ("verdict", "left", "beside", "shown"),
     [
-        ("named", "unexplained", BESIDE, [BESIDE]),  # what is named stands: what it leaves is shown
+        (
+            "named",
+            "unexplained",
+            BESIDE,
+            [BESIDE, INSTEAD],
+        ),  # what is named stands: what it leaves comes first
         ("named", "unexplained", NONE, [INSTEAD]),
-        ("unexplained", "unexplained", BESIDE, [INSTEAD]),
+        ("unexplained", "unexplained", BESIDE, [INSTEAD, BESIDE]),
         ("named", "at_floor", BESIDE, []),
     ],
 )
 def test_the_report_has_the_terms_that_its_verdict_leaves_unexplained(verdict, left, beside, shown):
     found = Free(beside, INSTEAD, 57.0, -543.0).figures(Verdict(verdict, "", left))
-    assert found == [f.figures() for f in shown]
+    assert found == [f.figures() | {"beside": f is BESIDE} for f in shown]
