@@ -98,11 +98,11 @@ class Score:
     def shaped(self, scored: Scored) -> list[Scored]:
         """The same single effect in other shapes that gain about as much: fits from them may end elsewhere.
 
-        A wind is a load while it is fast, and a fit from there may never slow it down.  Of what has a gate
-        the first bit tells no shape (starting.best).
+        Where an effect turns into another one many shapes look alike: a wind is a load while it is fast, and
+        a fit from there may never slow it down.  What has a gate tells no shape at first (starting.best).
         """
         own, *more = scored.variants
-        if more or own.attached.effect.gated:
+        if more or own.attached.effect.gated or not own.attached.effect.becomes:
             return []
         others = [self.scored((v,)) for v in self.variants if v.attached is own.attached and v is not own]
         near = [s for s in others if s.gain > ABOUT * scored.gain]
