@@ -15,7 +15,7 @@ from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.simulation import Simulation
 from reconcile.closed.starts import Starts, within
 from reconcile.data import Parts, Run, still
-from reconcile.fit.solve import Free
+from reconcile.fit.solve import Free, covariance_of
 from reconcile.model import Attached
 from specs.errors import InputError, RunError
 
@@ -136,7 +136,9 @@ class ClosedProblem(Simulation):
             ftol=1e-5,
             xtol=1e-6,
         )
-        return self._fitted(effects, named(done.x), free, _covariance(done.jac), 2.0 * float(done.cost))
+        return self._fitted(
+            effects, named(done.x), free, covariance_of(done.jac.T @ done.jac), 2.0 * float(done.cost)
+        )
 
     def _fitted(self, effects, values, free, covariance, cost: float) -> ClosedFit:
         errors = self.errors(effects, values)
@@ -174,9 +176,3 @@ def _inside(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.clip(
         x, low + np.where(np.isfinite(low), room, 0.0), high - np.where(np.isfinite(high), room, 0.0)
     )
-
-
-def _covariance(slopes: np.ndarray) -> np.ndarray:
-    information = slopes.T @ slopes
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    return np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)

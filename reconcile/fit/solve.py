@@ -205,8 +205,15 @@ def _covariance(linear: Linear, free: Sequence[Free]) -> np.ndarray:
     for i, f in enumerate(free):
         if f.prior:
             information[i, i] += 1.0 / f.prior[1] ** 2
+    return covariance_of(information)
+
+
+def covariance_of(information: np.ndarray) -> np.ndarray:
+    """Covariance [K, K] of parameters, for errors of unit variance, of the information [K, K] on them.
+
+    What nothing tells (one load as two effects) is not known, where a pseudo-inverse would call it certain.
+    """
     own = np.diag(information)
     scale = np.sqrt(np.where(own > 0.0, own, 1.0))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    # what nothing tells (one load as two effects) is not known, where a pseudo-inverse would call it certain
     return (vectors / np.maximum(values, UNTOLD)) @ vectors.T / np.outer(scale, scale)
