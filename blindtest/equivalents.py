@@ -10,7 +10,7 @@ E(T) = sets S with lambda(S) < 5 and no more parameters than T.  All sets cannot
 5. two swaps that each succeeded, together.
 
 Sets with a member to spare are not listed: a set is in E(T) only if it is needed whole.
-The exact identity asymmetric Coulomb = Coulomb + constant load is always tried (the other way round: 4).
+The exact identity asymmetric Coulomb = Coulomb + constant load is part of 3; the other way round is 4.
 """
 
 import itertools
@@ -23,7 +23,6 @@ from blindtest.likelihood import Fit, Problem
 EQUIVALENT = 5.0
 NEAREST = 4  # others, beside the family, that are fitted
 HOPELESS = 400.0  # linearised lambda beyond which even a member of the family is not fitted
-
 EXACT = {"asymmetric_coulomb_friction": ("coulomb_friction", "constant_load")}  # by the contract
 
 FAMILIES = (

@@ -167,8 +167,7 @@ class Rivals:
             score = Score(self.search.study, self._stripped(fitted, (a,)), [b])
         except RunsAway:
             return
-        scored = sorted((score.scored((v,)) for v in score.variants), key=lambda x: -x.gain)
-        for x in [x for x in scored if x.gain > 0.0][:SHAPES]:
+        for x in score.singles(score.variants)[:SHAPES]:
             self._fitted(fitted, (*_less(fitted, a), b), starts(x))
 
     def _turned(
@@ -268,16 +267,13 @@ class Rivals:
 
     def _together(self, key: Key, one: Key, other: Key) -> Key | None:
         """The fit of a set, from that of `one` and from what the rest of it came to in `other`."""
-        study, fits = self.search.study, self.search.tried.fits
-        if key not in fits:
-            values = study.named(fits[other].point.p)
-            own = {n: values[n] for a in key - one for n in a.free}
-            present = tuple(a for k in (one, other) for a in fits[k].point.present if a in key)
-            fit = study.fit_set(fits[one].point, tuple(dict.fromkeys(present)), own, near=True)
-            if fit is None:
-                return None
-            fits[key] = fit
-        return key
+        fits = self.search.tried.fits
+        if key in fits:
+            return key
+        values = self.search.study.named(fits[other].point.p)
+        own = {n: values[n] for a in key - one for n in a.free}
+        present = dict.fromkeys(a for k in (one, other) for a in fits[k].point.present if a in key)
+        return self._fitted(fits[one], tuple(present), own)
 
 
 def includes(general: Attached, simple: Attached) -> bool:

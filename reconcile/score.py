@@ -16,7 +16,10 @@ from reconcile.model import Attached
 from reconcile.study import Study
 
 ROUGH = 500.0  # times the tolerance of steps: slopes need only rank
-SHAPES, ABOUT = 1, 0.7  # further shapes of an effect that are fitted, and what they gain of the first's gain
+MORE_SHAPES, ABOUT = (
+    1,
+    0.7,
+)  # further shapes of an effect that are fitted, and what they gain of the first's gain
 LEAST = 10.0  # squared errors that a variant must save in a pursuit
 
 
@@ -83,10 +86,14 @@ class Score:
             first += len(a.columns)
         return study.slopes.of(fitted, chosen, k)
 
+    def singles(self, variants: Sequence[Variant]) -> list[Scored]:
+        """Those of some variants that gain anything, each by itself, the best first."""
+        found = (self.scored((v,)) for v in variants)
+        return sorted((s for s in found if s.gain > 0), key=lambda s: -s.gain)
+
     def best(self, count: int, size: int) -> list[Scored]:
         """The best sets of `size` effects by gain, one variant each."""
-        singles = [self.scored((v,)) for v in self.variants]
-        singles = sorted((s for s in singles if s.gain > 0), key=lambda s: -s.gain)
+        singles = self.singles(self.variants)
         if size == 1:
             return _distinct(singles, count)
         pool = [s.variants[0] for s in _distinct(singles, 45, by_shape=2)]
@@ -104,9 +111,8 @@ class Score:
         own, *more = scored.variants
         if more or own.attached.effect.gated or not own.attached.effect.becomes:
             return []
-        others = [self.scored((v,)) for v in self.variants if v.attached is own.attached and v is not own]
-        near = [s for s in others if s.gain > ABOUT * scored.gain]
-        return sorted(near, key=lambda s: -s.gain)[:SHAPES]
+        others = self.singles([v for v in self.variants if v.attached is own.attached and v is not own])
+        return [s for s in others if s.gain > ABOUT * scored.gain][:MORE_SHAPES]
 
     def pursuit(self, count: int) -> list[Variant]:
         """Variants that together gain most, found one after the other (orthogonal matching pursuit)."""

@@ -203,7 +203,8 @@ class Search:
             chosen += score.best(PAIRS, 2)
         chosen = [s for s in chosen if self._worthwhile(s, score, fitted)]
         found = [self.attempt(fitted, s, coarse=True) for s in chosen]
-        found += [self.attempt(fitted, x, coarse=True, more=True) for s in chosen for x in score.shaped(s)]
+        again = [x for s in chosen for x in score.shaped(s)]
+        found += [self.attempt(fitted, x, coarse=True, again=-np.inf) for x in again]
         return {k for k in found if k is not None}
 
     def _worthwhile(self, scored: Scored, score: Score, fitted: Fitted) -> bool:
@@ -219,9 +220,8 @@ class Search:
         again: float = np.inf,
         patient: bool = False,
         beside: bool = False,
-        more: bool = False,
     ) -> Key | None:
-        """Fit a scored set from a fit of less; one fitted already if it left more than `again`, or `more`.
+        """Fit a scored set from a fit of less; a set fitted already only if it left more than `again`.
 
         A coarse fit that has gained next to nothing after its first steps is given up, unless `patient`.
         What is added takes the place of its own limits, unless it comes `beside` them.
@@ -233,7 +233,7 @@ class Search:
         key = Key(present)
         if len(key) > LARGEST:
             return None
-        if key in fits and fits[key].cost <= again and not more:
+        if key in fits and fits[key].cost <= again:
             return key
         hopeless = fitted.cost - 2.0 if coarse and not patient else np.inf
         values = starting.best(self.study, fitted.point, present, starts(scored))

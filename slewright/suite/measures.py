@@ -19,11 +19,7 @@ def of_report(truth: Mapping[str, Any], report: Mapping[str, Any]) -> dict[str, 
     pairs = _pairs(truth, report)
     return {
         "gap_shrink": _shrink(report),
-        "parameters": [
-            _row(effect, name, value, _best_fit(placed, effect, truth).get(name))
-            for placed, effect in pairs
-            for name, value in expected(placed, effect, truth).items()
-        ],
+        "parameters": [row for placed, effect in pairs for row in _rows(placed, effect, truth)],
         "port_right": [port_is_right(placed, effect["port"]) for placed, effect in pairs],
     }
 
@@ -55,12 +51,13 @@ def _shrink(report: Mapping[str, Any]) -> dict[str, float]:
     return found
 
 
-def _best_fit(
+def _rows(
     placed: Mapping[str, Any], effect: Mapping[str, Any], truth: Mapping[str, Any]
-) -> dict[str, float]:
-    """The same for what a fit of the visible effects to noise-free recordings comes to, where it is known."""
-    found = placed.get("best_fit")
-    return expected({**placed, "parameters": found}, effect, truth) if found else {}
+) -> list[dict[str, Any]]:
+    """The parameters of an effect; truths of older suites do not have its best fit."""
+    fitted = placed.get("best_fit")
+    best = expected({**placed, "parameters": fitted}, effect, truth) if fitted else {}
+    return [_row(effect, n, true, best.get(n)) for n, true in expected(placed, effect, truth).items()]
 
 
 def _row(effect: Mapping[str, Any], name: str, true: float, best_fit: float | None) -> dict[str, Any]:

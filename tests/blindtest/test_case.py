@@ -29,7 +29,6 @@ LOADED_ONE_WAY = 3711238533128438967  # gravity_load, asymmetric_viscous_frictio
 RUBBING_JOINT = (
     4159452832103963605  # asymmetric_coulomb_friction of the tool's pitch, sensor_bias of the stick
 )
-
 RUBBING_STICK = 2414653631300904398  # asymmetric_coulomb_friction, far below the sizes that fits start from
 
 

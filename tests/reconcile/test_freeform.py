@@ -42,12 +42,7 @@ INSTEAD = FreeForm(("pitch: sgn v", "pitch: q"), 9195.0, 37.0, 0.69)
 @pytest.mark.parametrize(
     ("verdict", "left", "beside", "shown"),
     [
-        (
-            "named",
-            "unexplained",
-            BESIDE,
-            [BESIDE, INSTEAD],
-        ),  # what is named stands: what it leaves comes first
+        ("named", "unexplained", BESIDE, [BESIDE, INSTEAD]),
         ("named", "unexplained", NONE, [INSTEAD]),
         ("unexplained", "unexplained", BESIDE, [INSTEAD, BESIDE]),
         ("named", "at_floor", BESIDE, []),
