@@ -15,6 +15,7 @@ from reconcile.score import RunsAway, Score, Scored, starts
 if TYPE_CHECKING:
     from reconcile.search import Search
 
+ROUNDS = 4  # of exchanges, after each of which all are looked at again
 RIVALS = 5  # fitted for each effect of the answer
 SHAPES = 3  # of a form that the answer is a limit of, from which it is fitted
 FURTHER = 2  # of fewer parameters, for each effect of a set as good
@@ -35,18 +36,31 @@ class Rivals:
 
     def settle(self, present: tuple[Attached, ...]) -> tuple[tuple[Attached, ...], tuple[tuple, ...]]:
         """The answer after trying rivals for each of its effects, and sets that cannot be told from it."""
-        for _ in range(3):
-            if not present:
-                return (), ()
-            pool = [Key(present), *sorted(self._rivals(present), key=_keys)]
+        if not present:
+            return (), ()
+        best = Key(present)
+        for _ in range(ROUNDS):
+            start = best
+            best, pool = self._better(start)
+            if best == start:
+                near = self._near(best, pool)
+                best = self._simplest([best, *map(Key, near)])  # exchanges made together are new
+            if best == start:
+                return self._present(best), near
+        return self._present(best), self._near(best, pool)
+
+    def _present(self, key: Key) -> tuple[Attached, ...]:
+        """The effects of a set, in the order of its fit."""
+        return tuple(self.search.tried.fits[key].point.present)
+
+    def _better(self, start: Key) -> tuple[Key, list[Key]]:
+        """The simplest of a set and its rivals, and all that were tried."""
+        pool = [start, *sorted(self._rivals(self._present(start)), key=_keys)]
+        best = self._simplest(pool)
+        if best == start:
+            pool += self._further(best, pool)
             best = self._simplest(pool)
-            if best == Key(present):
-                pool += self._further(best, pool)
-                best = self._simplest(pool)
-            if best == Key(present):
-                return present, self._near(best, pool)
-            present = tuple(self.search.tried.fits[best].point.present)
-        return present, self._near(Key(present), [Key(present), *sorted(self._rivals(present), key=_keys)])
+        return best, pool
 
     def beside(self, present: tuple[Attached, ...], without: Key) -> tuple[tuple[Attached, ...], ...]:
         """Sets that cannot be told from an answer that stands, but for one that did not earn its place."""
@@ -239,7 +253,7 @@ class Rivals:
         """Sets of other names that cannot be told from the best, the likeliest first."""
         near = self._as_good(best, pool)
         near = self._as_good(best, [*pool, *self._crossed(best, near[: MOST_RIVALS - 1])])
-        return tuple(tuple(self.search.tried.fits[k].point.present) for k in near[: MOST_RIVALS - 1])
+        return tuple(self._present(k) for k in near[: MOST_RIVALS - 1])
 
     def _as_good(self, best: Key, pool: Sequence[Key]) -> list[Key]:
         """Those of some sets that explain about as much by no more parameters, one of each names."""

@@ -290,3 +290,35 @@ def test_what_to_try_instead_is_told_by_the_fit_without_an_effect_as_well(monkey
     monkeypatch.setattr(rivals, "_stripped", lambda fitted, gone: stripped)
     found = rivals._likeliest(answer, cast(Any, [names["curve"]]), [], 2)
     assert [(x.variants[0].attached.key, f.cost) for f, x in found] == expected
+
+
+def chain(monkeypatch: pytest.MonkeyPatch, criteria: dict[str, float]) -> Rivals:
+    """Rivals of a search in which each of some sets has only the next one as its rival."""
+    effects = {n: Present(n) for n in criteria}
+    keys = {n: cast(Key, Key([a])) for n, a in effects.items()}
+    following = dict(zip(keys.values(), list(keys.values())[1:], strict=False))
+    fits = {k: SimpleNamespace(point=SimpleNamespace(present=tuple(k))) for k in keys.values()}
+    found = Rivals(cast(Any, SimpleNamespace(tried=SimpleNamespace(fits=fits))))
+    by_key = {keys[n]: c for n, c in criteria.items()}
+    monkeypatch.setattr(found, "_rivals", lambda present: {following.get(Key(present), Key(present))})
+    monkeypatch.setattr(found, "_further", lambda best, pool: [])
+    monkeypatch.setattr(found, "_simplest", lambda pool: min(pool, key=lambda k: by_key[k]))
+    monkeypatch.setattr(found, "_near", lambda best, pool: ())
+    return found
+
+
+def test_no_answer_is_left_for_a_rival_that_is_better_however_often_it_was_exchanged(monkeypatch):
+    found = chain(monkeypatch, {"a": 4.0, "b": 3.0, "c": 2.0, "d": 1.0, "e": 0.0})
+    assert found.settle(cast(Any, (Present("a"),))) == ((Present("e"),), ())
+
+
+def test_exchanges_made_together_that_are_better_become_the_answer(monkeypatch):
+    found = chain(monkeypatch, {"a": 1.0, "both": 0.0})
+    together = (Present("both"),)
+    monkeypatch.setattr(found, "_rivals", lambda present: {Key(present)})
+    monkeypatch.setattr(found, "_near", lambda best, pool: () if best == Key(together) else (together,))
+    assert found.settle(cast(Any, (Present("a"),))) == (together, ())
+
+
+def test_no_effects_have_no_rivals():
+    assert Rivals(cast(Any, None)).settle(()) == ((), ())
