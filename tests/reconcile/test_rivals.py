@@ -124,6 +124,7 @@ def settled(
         point = SimpleNamespace(present=tuple(key))
         fits[key] = SimpleNamespace(cost=cost, free=range(parameters), linear=linear, point=point)
     rivals = Rivals(cast(Any, SimpleNamespace(study=None, tried=SimpleNamespace(fits=fits))))
+    cast(Any, rivals)._fitted_again = lambda best, pool: None  # fits are as good as they get
     best = rivals._simplest(pool := list(fits)[:tried])
     return said(best), [said(k) for k in rivals._near(cast(Any, best), cast(Any, pool))]
 
@@ -322,3 +323,33 @@ def test_exchanges_made_together_that_are_better_become_the_answer(monkeypatch):
 
 def test_no_effects_have_no_rivals():
     assert Rivals(cast(Any, None)).settle(()) == ((), ())
+
+
+class Tuned(Present):
+    """An effect with a free parameter of its name."""
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Its parameter."""
+        return (self.name,)
+
+
+def left_by(cost: float, a: Present) -> SimpleNamespace:
+    """A fit of one effect."""
+    return SimpleNamespace(cost=cost, free=("p",), point=SimpleNamespace(present=(a,), p=None))
+
+
+@pytest.mark.parametrize(
+    ("cost", "fitted"), [(1002.0, 0), (1010.0, 1), (1100.0, 0)], ids=["as good", "near", "far"]
+)
+def test_what_leaves_a_little_more_is_fitted_again_from_where_the_best_ended(monkeypatch, cost, fitted):
+    lag, delay = Tuned("lag"), Tuned("delay")
+    fits: Any = {Key([a]): left_by(c, a) for a, c in ((lag, 1000.0), (delay, cost))}
+    study = SimpleNamespace(named=lambda p: {"lag": 0.1, "delay": 0.2})
+    found = Rivals(cast(Any, SimpleNamespace(tried=SimpleNamespace(fits=fits), study=study)))
+    calls: list[Any] = []
+    monkeypatch.setattr(found, "_fitted", lambda *given: calls.append(given))
+    monkeypatch.setattr(rivals_module.evidence, "sample", lambda f: None)
+    monkeypatch.setattr(rivals_module.evidence, "likelihood_gain", lambda more, less, s: more - less)
+    found._fitted_again(cast(Key, Key([lag])), cast(Any, [*fits]))
+    assert calls == [(fits[Key([lag])], (delay,), {"delay": 0.2})] * fitted
