@@ -47,16 +47,12 @@ class Rivals:
                 near = self._near(best, pool)
                 best = self._simplest([best, *map(Key, near)])  # exchanges made together are new
             if best == start:
-                return self._present(best), near
-        return self._present(best), self._near(best, pool)
-
-    def _present(self, key: Key) -> tuple[Attached, ...]:
-        """The effects of a set, in the order of its fit."""
-        return tuple(self.search.tried.fits[key].point.present)
+                return self.search.tried.present(best), near
+        return self.search.tried.present(best), self._near(best, pool)
 
     def _better(self, start: Key) -> tuple[Key, list[Key]]:
         """The simplest of a set and its rivals, and all that were tried."""
-        pool = [start, *sorted(self._rivals(self._present(start)), key=_keys)]
+        pool = [start, *sorted(self._rivals(self.search.tried.present(start)), key=_keys)]
         best = self._simplest(pool)
         if best == start:
             pool += self._further(best, pool)
@@ -255,35 +251,34 @@ class Rivals:
         self._fitted_again(best, pool)
         near = self._as_good(best, pool)
         near = self._as_good(best, [*pool, *self._crossed(best, near[: MOST_RIVALS - 1])])
-        return tuple(self._present(k) for k in near[: MOST_RIVALS - 1])
+        return tuple(self.search.tried.present(k) for k in near[: MOST_RIVALS - 1])
 
     def _fitted_again(self, best: Key, pool: Sequence[Key]) -> None:
         """Fit sets that leave a little more than the best once more, from where that ended.
 
         A fit from elsewhere may end a little above: no matter in a search, but then it is told from the best.
         """
-        fits, named = self.search.tried.fits, self.search.study.named
-        s = evidence.sample(fits[best])
-        others = {k for k in pool if _names(k) != _names(best) and len(fits[k].free) <= len(fits[best].free)}
-        for k in sorted(others, key=_keys):
-            if CLOSE <= evidence.likelihood_gain(fits[k].cost, fits[best].cost, s) < AGAIN:
-                own = named(fits[k].point.p)
-                self._fitted(fits[best], self._present(k), {n: own[n] for a in k - best for n in a.free})
+        for k, lost in self._loses(best, pool).items():
+            if CLOSE <= lost < AGAIN:
+                self._from_both(k, best, k)
 
     def _as_good(self, best: Key, pool: Sequence[Key]) -> list[Key]:
         """Those of some sets that explain about as much by no more parameters, one of each names."""
+        near = {_names(k): k for k, lost in self._loses(best, pool).items() if lost < CLOSE}
+        return sorted(near.values(), key=lambda k: self.search.tried.fits[k].cost)
+
+    def _loses(self, best: Key, pool: Sequence[Key]) -> dict[Key, float]:
+        """What sets of other names, no dearer, lose of twice the log-likelihood; the most first."""
         fits = self.search.tried.fits
         s = evidence.sample(min((fits[k] for k in pool), key=lambda f: f.cost))
-        near = {
-            _names(k): k
+        return {
+            k: evidence.likelihood_gain(fits[k].cost, fits[best].cost, s)
             for k in sorted(pool, key=lambda k: -fits[k].cost)
             if _names(k) != _names(best)
-            and evidence.likelihood_gain(fits[k].cost, fits[best].cost, s) < CLOSE
             and len(fits[k].free) <= len(fits[best].free)
             and (len(set(_names(k))) == len(k) or len(set(_names(best))) < len(best))
             and not (len(k) > len(best) and set(_names(best)) < set(_names(k)))
         }
-        return sorted(near.values(), key=lambda k: fits[k].cost)
 
     def _crossed(self, best: Key, near: Sequence[Key]) -> list[Key]:
         """Exchanges of different effects of the best set that each explain as much, made together."""
@@ -295,10 +290,12 @@ class Rivals:
         return [k for k in found if k is not None]
 
     def _together(self, key: Key, one: Key, other: Key) -> Key | None:
-        """The fit of a set, from that of `one` and from what the rest of it came to in `other`."""
+        """The fit of a set as known, or made from both."""
+        return key if key in self.search.tried.fits else self._from_both(key, one, other)
+
+    def _from_both(self, key: Key, one: Key, other: Key) -> Key | None:
+        """A set fitted from the fit of `one` and from what the rest of it came to in `other`."""
         fits = self.search.tried.fits
-        if key in fits:
-            return key
         values = self.search.study.named(fits[other].point.p)
         own = {n: values[n] for a in key - one for n in a.free}
         present = dict.fromkeys(a for k in (one, other) for a in fits[k].point.present if a in key)

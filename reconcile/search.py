@@ -42,6 +42,10 @@ class Tried:
     coarse: dict[Key, Fitted] = field(default_factory=dict)
     refused: list[dict] = field(default_factory=list)
 
+    def present(self, key: Key) -> tuple[Attached, ...]:
+        """The effects of a set, in the order of its fit."""
+        return tuple(self.fits[key].point.present)
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -66,7 +70,8 @@ class Search:
         """Grow, judge the noise by what is left, grow on; then confirm, and look for rivals."""
         self.begin()
         acceptance = Acceptance(self)
-        present = self._confirmed(acceptance, self._present(self._found()))
+        found = self._found()
+        present = self._confirmed(acceptance, self.tried.present(found))
         self._with_confirm(present)
         present, alternatives = self._settled(acceptance, present)
         self.study.patience = 1.0
@@ -164,9 +169,6 @@ class Search:
         before = self.tried.fits
         fits = {k: self.study.refitted(before[k]) for k in keys}
         self.tried = Tried(fits, dict(fits), self.tried.refused)
-
-    def _present(self, key: Key) -> tuple[Attached, ...]:
-        return tuple(self.tried.fits[key].point.present)
 
     def _with_confirm(self, present: tuple[Attached, ...]) -> None:
         """What is accepted is fitted to fit and confirm together, and rivals with it."""

@@ -10,7 +10,7 @@ import pytest
 from reconcile import rivals as rivals_module
 from reconcile.rivals import CLOSE, DEARER, PAIRS, WIDER, Key, Rivals, _comes_late, _less
 from reconcile.score import RunsAway
-from reconcile.search import Search
+from reconcile.search import Search, Tried
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def settled(
         linear = SimpleNamespace(left=[{"y": errors}], raw=[{"y": errors}], cost=cost)
         point = SimpleNamespace(present=tuple(key))
         fits[key] = SimpleNamespace(cost=cost, free=range(parameters), linear=linear, point=point)
-    rivals = Rivals(cast(Any, SimpleNamespace(study=None, tried=SimpleNamespace(fits=fits))))
+    rivals = Rivals(cast(Any, SimpleNamespace(study=None, tried=Tried(cast(Any, fits)))))
     cast(Any, rivals)._fitted_again = lambda best, pool: None  # fits are as good as they get
     best = rivals._simplest(pool := list(fits)[:tried])
     return said(best), [said(k) for k in rivals._near(cast(Any, best), cast(Any, pool))]
@@ -285,7 +285,7 @@ def test_what_to_try_instead_is_told_by_the_fit_without_an_effect_as_well(monkey
     answer = fit(10.0, {}, "friction", "curve")
     stripped = fit(7000.0, {"lag": 400.0, "delay": 300.0, "drag": 70.0}, "friction")
     fits = {Key([names["friction"]]): fit(*refitted, "friction")} if refitted else {}
-    search = SimpleNamespace(tried=SimpleNamespace(fits=fits), study=None)
+    search = SimpleNamespace(tried=Tried(cast(Any, fits)), study=None)
     rivals = Rivals(cast(Any, search))
     monkeypatch.setattr(rivals_module, "Score", Told)
     monkeypatch.setattr(rivals, "_stripped", lambda fitted, gone: stripped)
@@ -299,7 +299,7 @@ def chain(monkeypatch: pytest.MonkeyPatch, criteria: dict[str, float]) -> Rivals
     keys = {n: cast(Key, Key([a])) for n, a in effects.items()}
     following = dict(zip(keys.values(), list(keys.values())[1:], strict=False))
     fits = {k: SimpleNamespace(point=SimpleNamespace(present=tuple(k))) for k in keys.values()}
-    found = Rivals(cast(Any, SimpleNamespace(tried=SimpleNamespace(fits=fits))))
+    found = Rivals(cast(Any, SimpleNamespace(tried=Tried(cast(Any, fits)))))
     by_key = {keys[n]: c for n, c in criteria.items()}
     monkeypatch.setattr(found, "_rivals", lambda present: {following.get(Key(present), Key(present))})
     monkeypatch.setattr(found, "_further", lambda best, pool: [])
@@ -346,7 +346,7 @@ def test_what_leaves_a_little_more_is_fitted_again_from_where_the_best_ended(mon
     lag, delay = Tuned("lag"), Tuned("delay")
     fits: Any = {Key([a]): left_by(c, a) for a, c in ((lag, 1000.0), (delay, cost))}
     study = SimpleNamespace(named=lambda p: {"lag": 0.1, "delay": 0.2})
-    found = Rivals(cast(Any, SimpleNamespace(tried=SimpleNamespace(fits=fits), study=study)))
+    found = Rivals(cast(Any, SimpleNamespace(tried=Tried(cast(Any, fits)), study=study)))
     calls: list[Any] = []
     monkeypatch.setattr(found, "_fitted", lambda *given: calls.append(given))
     monkeypatch.setattr(rivals_module.evidence, "sample", lambda f: None)
