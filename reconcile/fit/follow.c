@@ -27,6 +27,8 @@ Function rx_f, rx_fj, rx_d, rx_h, rx_hd;
 #define ITERATIONS 12
 #define QUICK 10   /* iterations with the Jacobian of the step's start */
 #define LANES 4    /* columns that a processor works on at once */
+#define SOLVED 1e-14 /* squared residual, in sizes of the states, below which an iteration is the last */
+#define AT_REST 1e-22 /* below which there is none: a slow state moves by less than SOLVED in a step */
 #define SHRINKS 0.1 /* of the squared residual: slower than that, and the Jacobian is computed again */
 
 #if defined(_WIN32)
@@ -74,6 +76,8 @@ typedef struct {
   double *s, *next, *rows; /* sensitivities: a row of columns for each state; room for as many */
   long long *iw;
   Tangent *at, stages[2]; /* `at` is the one in use */
+  int near;        /* whether j is the Jacobian of a point near x: where the step before ended */
+  double factored; /* c of the factors in stages[1], which are of j */
   double x[NX], f[NX], j[NX * NX];
   int place[NX]; /* of a state among the active ones, -1: not active */
 } Run;
@@ -199,10 +203,9 @@ static void solve_rows(const Run *k, double *b) {
   }
 }
 
-/* Squared, in sizes of the states; the Jacobian is computed where `j` has room for it. */
-static double residual(Run *k, const double *base, const double *x, double c, double *r, double *j) {
+/* What a stage at x leaves with f as it is there, in r; squared, in sizes of the states. */
+static double left(const Run *k, const double *base, const double *x, double c, double *r) {
   double size = 0.0;
-  evaluate(k, j ? rx_fj : rx_f, x, j, NULL, NULL);
   for (int i = 0; i < k->n; i++) {
     const int a = k->r->state[i];
     r[i] = base[a] + c * k->f[a] - x[a];
@@ -212,34 +215,40 @@ static double residual(Run *k, const double *base, const double *x, double c, do
   return size;
 }
 
+/* As left, with f computed, and the Jacobian where `j` has room for it. */
+static double residual(Run *k, const double *base, const double *x, double c, double *r, double *j) {
+  evaluate(k, j ? rx_fj : rx_f, x, j, NULL, NULL);
+  return left(k, base, x, c, r);
+}
+
 /* Solves x = base + c f(x) from `x` on with the factors that are there; f is left at the solution.  0 if the
- * residual does not shrink quickly; x is then as it was. */
-static int quick(Run *k, const double *base, double *x, double c) {
+ * residual does not shrink quickly; x is then as it was.  `known`: f is that of x. */
+static int quick(Run *k, const double *base, double *x, double c, int known) {
   double r[NX], trial[NX];
   memcpy(trial, x, sizeof trial);
-  double size = residual(k, base, trial, c, r, NULL);
+  double size = known ? left(k, base, trial, c, r) : residual(k, base, trial, c, r, NULL);
   for (int iteration = 0; isfinite(size) && iteration < QUICK; iteration++) {
-    if (size < 1e-22) {
+    if (size < AT_REST) {
       memcpy(x, trial, sizeof trial);
       return 1;
     }
     solve(k, r);
     for (int i = 0; i < k->n; i++) trial[k->r->state[i]] += r[i];
     const double found = residual(k, base, trial, c, r, NULL);
-    if (!(found < SHRINKS * size) && !(found < 1e-18)) return 0;
-    size = found < 1e-18 ? 0.0 : found;
+    if (!(found < SHRINKS * size) && !(found < SOLVED)) return 0;
+    size = found < SOLVED ? 0.0 : found;
   }
   return 0;
 }
 
 /* As quick, by Newton's method with the Jacobian of every iteration. */
-static int stage(Run *k, const double *base, double *x, double c) {
+static int stage(Run *k, const double *base, double *x, double c, int known) {
   double r[NX], trial[NX];
-  if (quick(k, base, x, c)) return 1;
+  if (quick(k, base, x, c, known)) return 1;
   double size = residual(k, base, x, c, r, k->j);
   for (int iteration = 0; iteration < ITERATIONS; iteration++) {
     if (!isfinite(size) || !factorise(k, c)) return 0;
-    if (size < 1e-24) return 1;
+    if (size < AT_REST) return 1;
     solve(k, r);
     double share = 1.0, found = size;
     for (int halving = 0; halving < 6; halving++) {
@@ -254,9 +263,7 @@ static int stage(Run *k, const double *base, double *x, double c) {
       share *= 0.5;
     }
     memcpy(x, trial, sizeof trial);
-    if (found < 1e-18) {
-      return factorise(k, c);
-    }
+    if (found < SOLVED) break;
     size = found;
   }
   return factorise(k, c);
@@ -300,20 +307,29 @@ static int bends(Run *k, const double *f0, const double *f1, const double *f2, d
   return 0;
 }
 
+/* f at x, and factors of I - c J of near there. */
+static int begin(Run *k, double c) {
+  evaluate(k, k->near ? rx_f : rx_fj, k->x, k->near ? NULL : k->j, NULL, NULL);
+  k->at = &k->stages[1];
+  const int known = k->near && k->factored == c;
+  k->factored = c;
+  return known || factorise(k, c);
+}
+
 static int advance(Run *k, double h, int depth) {
   double f0[NX], f1[NX], x1[NX], x2[NX], base[NX];
   const int sens = k->ns > 0;
-  evaluate(k, rx_fj, k->x, k->j, NULL, NULL);
+  int fine = begin(k, GAMMA * h);
   memcpy(f0, k->f, sizeof f0);
   memcpy(x1, k->x, sizeof x1);
-  k->at = &k->stages[1];
-  int fine = factorise(k, GAMMA * h) && stage(k, k->x, x1, GAMMA * h);
+  fine = fine && stage(k, k->x, x1, GAMMA * h, 1);
   memcpy(f1, k->f, sizeof f1);
   memcpy(base, k->x, sizeof base);
   for (int i = 0; i < k->n; i++) base[k->r->state[i]] += (1.0 - GAMMA) * h * f1[k->r->state[i]];
   memcpy(x2, x1, sizeof x2);
   for (int i = 0; i < k->n; i++) x2[k->r->state[i]] += (1.0 - GAMMA) * h * f1[k->r->state[i]];
-  fine = fine && stage(k, base, x2, GAMMA * h);
+  fine = fine && stage(k, base, x2, GAMMA * h, 0);
+  k->near = fine; /* where that failed the last Jacobian may be of anywhere */
   if (depth < DEPTH && (!fine || bends(k, f0, f1, k->f, h)))
     return advance(k, 0.5 * h, depth + 1) && advance(k, 0.5 * h, depth + 1);
   if (!fine) return 0;

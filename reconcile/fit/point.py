@@ -20,15 +20,34 @@ class Point:
 
 
 @dataclass(frozen=True)
+class Look:
+    """Errors [N] of a window and slopes [N, states] at an initial state; `loose`: one over its freedom."""
+
+    errors: np.ndarray
+    slope: np.ndarray
+    loose: np.ndarray
+
+    def factors(self, held: float) -> tuple[np.ndarray, np.ndarray]:
+        """Q [N, states] and R of the slopes with the states held `held` times as close, too."""
+        q, r = np.linalg.qr(np.vstack([self.slope, np.diag(self.loose * (1.0 + held))]))
+        return q[: len(self.errors)], r
+
+    def step(self, held: float) -> np.ndarray:
+        """Step [states] of the initial state."""
+        q, r = self.factors(held)
+        return back(r, q.T @ self.errors)
+
+
+@dataclass(frozen=True)
 class Piece:
-    """One window linearised: what `Linear` has of all windows; `white`: whitened errors before projection."""
+    """One window linearised: what `Linear` has of all; `look`: errors and slopes before projection."""
 
     errors: np.ndarray
     slopes: np.ndarray
     raw: dict[str, np.ndarray]
     step: tuple[np.ndarray, np.ndarray]
     states: np.ndarray
-    white: np.ndarray
+    look: Look
     price: float
 
 
@@ -82,12 +101,12 @@ def projected(
     many of them are the model's, `raw` the errors by output, `x` the states along the window.
     """
     n = len(loose)
-    q, r = np.linalg.qr(np.vstack([slope[:, :n], np.diag(loose)]))
-    q = q[: len(e)]
+    look = Look(e, slope[:, :n], loose)
+    q, r = look.factors(0.0)
     price = 2.0 * float(np.sum(np.log(np.abs(np.diag(r)[own:]) / loose[own:])))
     e_in, p_in = q.T @ e, q.T @ slope[:, n:]
     step = (back(r, e_in), back(r, p_in))
-    return Piece(e - q @ e_in, slope[:, n:] - q @ p_in, raw, step, x, e, price)
+    return Piece(e - q @ e_in, slope[:, n:] - q @ p_in, raw, step, x, look, price)
 
 
 def freed(slope: np.ndarray, loose: np.ndarray) -> np.ndarray:

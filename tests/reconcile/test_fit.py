@@ -11,8 +11,8 @@ from scipy.optimize import minimize
 from reconcile import evidence
 from reconcile.data import Run, Signal, runs_of, split
 from reconcile.fit import whitening
+from reconcile.fit.point import Look
 from reconcile.fit.solve import Fitted, Free, _covariance, _within, fit
-from reconcile.fit.states import _Look
 from reconcile.model import Folder, read_folder
 from reconcile.study import Study
 from tests.reconcile.truth import Truth, coulomb, record
@@ -71,7 +71,7 @@ def test_of_two_parameters_of_which_only_the_sum_shows_neither_is_known():
 
 def test_a_state_that_shows_moves_on_where_one_that_hardly_shows_is_held():
     slope = np.column_stack([np.ones(50), 1e-3 * np.linspace(-1.0, 1.0, 50)])
-    look = _Look(2.0 + 0.1 * np.linspace(-1.0, 1.0, 50), slope, np.array([1e-3, 1e-3]))
+    look = Look(2.0 + 0.1 * np.linspace(-1.0, 1.0, 50), slope, np.array([1e-3, 1e-3]))
     free, held = look.step(0.0), look.step(1e3)
     assert free == pytest.approx([2.0, 100.0], rel=0.1)
     assert held[0] == pytest.approx(2.0, rel=0.05)
