@@ -7,7 +7,7 @@ import numpy as np
 
 from fmus.definition import Model, Variable
 from reconcile import sites, smoothing, starting
-from reconcile.catalogue import Scales
+from reconcile.catalogue import Effect, Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run, still
 from reconcile.extended import Extended
@@ -202,6 +202,16 @@ class Study:
             blurred = starting.blurred(self, there.point)
             found = whitening.transferred(self.noise, problem, there.point, blurred=blurred)
             problem.whiteners = found.whiteners()
+
+    def beside(self, catalogue: Sequence[Effect]) -> "Study":
+        """A study of the same windows with other candidates, judged by no noise model yet."""
+        found = Study(self.folder, self.parts, catalogue)
+        problem = Problem(found.compiled, self.fit_problem.windows, self.fit_problem.sigma)
+        problem.set_scale(found.fit_problem.scale)
+        problem.smooth(self.fit_problem.widths)
+        found.fit_problem, found.base_free = problem, self.base_free
+        found.lost, found.patience = self.lost, self.patience
+        return found
 
     def follows(self, fitted: Fitted) -> bool:
         """Whether a fit goes where the recordings go: within FAR of what each output moves by."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from reconcile import evidence, freeform, words
+from reconcile import evidence, freeform, uneven, words
 from reconcile.fit.solve import Fitted, fit
 from reconcile.freeform import FreeForm
 from reconcile.model import Attached
@@ -118,6 +118,9 @@ def free_form(study: Study, answer: Answer) -> Free:
         if instead is None:
             return Free(beside, freeform.NONE, more, -np.inf)
         better = left - _deviance(study, base, base, instead) if answer.present else more
+        along = uneven.examine(study, answer)
+        if along.gain - along.price > max(more, FREE_GAIN):
+            beside, more = along, along.gain - along.price
         return Free(beside, instead, more, better)
     finally:
         study.noise, problem.whiteners = noise, whiteners
