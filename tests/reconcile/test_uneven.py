@@ -1,6 +1,7 @@
 """Dry friction whose level changes along the way: found where it does, and not where it does not."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -54,11 +55,11 @@ def test_without_dry_friction_nothing_is_tried(rig: Folder):
 
 @pytest.mark.parametrize("step", [None, 0.02])
 def test_the_level_is_the_frictions_own_times_its_change_and_never_negative(step: float | None):
-    form = uneven.changing(COULOMB)
+    build: Any = uneven.changing(COULOMB).build
 
     def force(q: float, slope: float, bend: float) -> float:
         at = SimpleNamespace(v=ca.DM(0.3), q=ca.DM(q), width=ca.DM(1e-6), step=step)
-        made = form.build(at, SimpleNamespace(Fc=ca.DM(2.0), slope=slope, bend=bend), SimpleNamespace())
+        made = build(at, SimpleNamespace(Fc=ca.DM(2.0), slope=slope, bend=bend), SimpleNamespace())
         return float(-made.value if made.dry is None else made.dry[0])
 
     assert force(0.5, 0.0, 0.0) == pytest.approx(2.0)
