@@ -206,11 +206,9 @@ class Study:
     def beside(self, catalogue: Sequence[Effect]) -> "Study":
         """A study of the same windows with other candidates, judged by no noise model yet."""
         found = Study(self.folder, self.parts, catalogue)
-        problem = Problem(found.compiled, self.fit_problem.windows, self.fit_problem.sigma)
-        problem.set_scale(found.fit_problem.scale)
-        problem.smooth(self.fit_problem.widths)
-        found.fit_problem, found.base_free = problem, self.base_free
-        found.lost, found.patience = self.lost, self.patience
+        found.fit_problem = found._problem(self.fit_problem.windows)
+        found.fit_problem.smooth(self.fit_problem.widths)
+        found.base_free, found.lost, found.patience = self.base_free, self.lost, self.patience
         return found
 
     def follows(self, fitted: Fitted) -> bool:

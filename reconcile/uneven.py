@@ -14,7 +14,7 @@ import numpy as np
 
 from reconcile import evidence
 from reconcile.catalogue import ALL
-from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result
+from reconcile.catalogue.effect import ANY, Effect, Namespace, Parameter, Result
 from reconcile.fit.solve import Fitted
 from reconcile.freeform import NONE, FreeForm
 from reconcile.model import Attached
@@ -22,7 +22,6 @@ from reconcile.search import Answer
 from reconcile.study import Study
 
 DRY = ("coulomb_friction", "asymmetric_coulomb_friction", "stribeck_friction")
-ANY = -float("inf")
 ROUNDS = 2  # of fits, each with the noise judged by the one before
 SHAPE = (
     Parameter("slope", "1/({q})", lambda s: (0.0,), "Change of the level along the way", low=ANY),
@@ -68,7 +67,7 @@ def _gained(study: Study, answer: Answer, friction: Attached) -> FreeForm:
     if before is None:
         return NONE
     as_it_was = own.named(before.point.p)
-    same = {new.name(n): as_it_was[friction.name(n)] for n in _names(friction)}
+    same = {new.name(q.name): as_it_was[friction.name(q.name)] for q in friction.effect.parameters}
     gain = own.deviance(before) - _left(own, before, uneven, same)
     count = evidence.count_of(before)
     above = max(before.cost - count, gain, 1e-9)
@@ -82,11 +81,6 @@ def _left(study: Study, before: Fitted, present: Sequence[Attached], values: dic
     study.fit_problem.whiteners = None  # that noise may stand for all that the level's change does
     found.append(_fitted(study, study.fit_set(before.point, present, values, near=True), present))
     return min((study.deviance(f) for f in found if f is not None), default=np.inf)
-
-
-def _names(a: Attached) -> list[str]:
-    """Parameters of an effect, and the width of its kinks where it has such."""
-    return [q.name for q in a.effect.parameters] + (["width"] if a.effect.width else [])
 
 
 def _fitted(study: Study, found: Fitted | None, present: Sequence[Attached]) -> Fitted | None:

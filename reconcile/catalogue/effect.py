@@ -14,6 +14,8 @@ Place = Literal["input", "hydraulic", "force", "inertia", "coupling", "output"]
 Scalar = Any  # casadi.SX
 Namespace = Any  # SimpleNamespace of Scalar
 
+ANY = -float("inf")  # the least of a parameter whose sign may be either
+
 
 @dataclass(frozen=True)
 class Scales:

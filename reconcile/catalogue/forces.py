@@ -7,12 +7,11 @@ from typing import Any
 import casadi as ca
 
 from reconcile.catalogue import memory, smooth
-from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Scales, Starts, none
+from reconcile.catalogue.effect import ANY, Effect, Namespace, Parameter, Result, Scales, Starts, none
 
 FRICTION = "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083"
 DAHL = "Dahl, Aerospace Corp. TOR-0158(3107-18)-1 (1968); Canudas de Wit et al., IEEE TAC 40 (1995) 419"
 MECHANICS = "Newtonian mechanics"
-ANY = -float("inf")
 TURNS = (*(float(n) for n in range(1, 13)), 14.0, 16.0, 18.0, 20.0, 24.0)
 PRESLIDING = 0.5  # of the travel: what gives way further than that is no sliding that begins
 TRAVELS = tuple(0.5 * n for n in range(2, 25))

@@ -8,8 +8,6 @@ from reconcile.catalogue import memory
 from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, none
 from reconcile.catalogue.inputs import LINEAR, seconds
 
-ANY = -float("inf")
-
 
 def _lag(c: Namespace, p: Namespace, w: Namespace) -> Result:
     """Every signal of the group through a lag of its own memory and the one time constant."""

@@ -2,9 +2,7 @@
 
 import casadi as ca
 
-from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, none
-
-ANY = -float("inf")
+from reconcile.catalogue.effect import ANY, Effect, Namespace, Parameter, Result, none
 
 
 def _payload(c: Namespace, p: Namespace, w: Namespace) -> Result:

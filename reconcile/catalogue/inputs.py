@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 from reconcile.catalogue import memory, smooth
 from reconcile.catalogue.effect import (
+    ANY,
     Build,
     Effect,
     Namespace,
@@ -214,7 +215,7 @@ EFFECTS = (
         "input_offset",
         "input",
         "u' = u + offset",
-        (Parameter("offset", "{u}", none, amplitude=True, low=-float("inf")),),
+        (Parameter("offset", "{u}", none, amplitude=True, low=ANY),),
         _offset,
         LINEAR,
     ),
@@ -222,7 +223,7 @@ EFFECTS = (
         "input_crosstalk",
         "input",
         "u' = u + share × the other input",
-        (Parameter("share", "{u}/{other}", none, amplitude=True, low=-float("inf")),),
+        (Parameter("share", "{u}/{other}", none, amplitude=True, low=ANY),),
         _crosstalk,
         LINEAR,
         needs=("other",),

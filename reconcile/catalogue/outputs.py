@@ -1,10 +1,8 @@
 """Effects between the model's output and its recording."""
 
 from reconcile.catalogue import memory
-from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Starts, none
+from reconcile.catalogue.effect import ANY, Effect, Namespace, Parameter, Result, Starts, none
 from reconcile.catalogue.inputs import LINEAR, NONSMOOTH, seconds
-
-ANY = -float("inf")
 
 
 def share(*shares: float) -> Starts:

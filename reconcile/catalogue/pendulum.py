@@ -34,9 +34,8 @@ from typing import Any
 
 import casadi as ca
 
-from reconcile.catalogue.effect import Effect, Namespace, Parameter, Place, Result, none
+from reconcile.catalogue.effect import ANY, Effect, Namespace, Parameter, Place, Result, none
 
-ANY = -float("inf")
 LAGRANGE = (
     "Lagrange's equations in a turning frame: Goldstein, Classical Mechanics, 3rd ed. 2002, ch. 1 and 4"
 )

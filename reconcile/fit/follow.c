@@ -8,8 +8,8 @@
  *   rx_hd (x, u, m, p) -> y, dy/dx, dy/dp (its nonzeros)
  *
  * A step is SDIRK2 (Alexander 1977: two stages, L-stable, gamma = 1 - 1/sqrt 2) solved by Newton's method with the
- * exact Jacobian, so that the sensitivities are those of the very numbers computed; while the Jacobian of the step's
- * start serves (simplified Newton), it is not computed again.  A step in which f bends by more than the tolerance
+ * exact Jacobian, so that the sensitivities are those of the very numbers computed; while the Jacobian of where the
+ * step before ended serves (simplified Newton), it is not computed again.  A step in which f bends by more than the tolerance
  * is halved, at most DEPTH times.  A discrete model takes f as its next state.
  * States that are not active stay as they are and cost nothing.
  */
@@ -25,7 +25,7 @@ Function rx_f, rx_fj, rx_d, rx_h, rx_hd;
 #define GAMMA 0.29289321881345254
 #define DEPTH 6
 #define ITERATIONS 12
-#define QUICK 10   /* iterations with the Jacobian of the step's start */
+#define QUICK 10   /* iterations with the Jacobian of near the step's start */
 #define LANES 4    /* columns that a processor works on at once */
 #define SOLVED 1e-14 /* squared residual, in sizes of the states, below which an iteration is the last */
 #define AT_REST 1e-22 /* below which there is none: a slow state moves by less than SOLVED in a step */

@@ -101,7 +101,7 @@ def projected(
     many of them are the model's, `raw` the errors by output, `x` the states along the window.
     """
     n = len(loose)
-    look = Look(e, slope[:, :n], loose)
+    look = Look(e, slope[:, :n].copy(), loose)  # kept with every fit, which all columns need not be
     q, r = look.factors(0.0)
     price = 2.0 * float(np.sum(np.log(np.abs(np.diag(r)[own:]) / loose[own:])))
     e_in, p_in = q.T @ e, q.T @ slope[:, n:]
