@@ -66,10 +66,24 @@ class Priced(Protocol):
     @property
     def free(self) -> Sequence[Free]: ...
 
+    @property
+    def covariance(self) -> np.ndarray: ...
+
+
+def told(fitted: Priced) -> float:
+    """How many parameters the data tell: one whose prior knows as much counts for nothing.
+
+    Friction of two sides beside a model's own viscous friction is one parameter more, not two (effective
+    number of parameters: Spiegelhalter et al., J. R. Stat. Soc. B 64 (2002) 583).
+    """
+    variance = np.diag(fitted.covariance)
+    prior = (min(1.0, v / f.prior[1] ** 2) for v, f in zip(variance, fitted.free, strict=True) if f.prior)
+    return len(fitted.free) - float(sum(prior))
+
 
 def bic(fitted: Priced, s: Sample) -> float:
     """Bayesian information criterion (Schwarz 1978) up to a constant: less is better."""
-    return s.effective * float(np.log(max(fitted.cost, 1e-300))) + len(fitted.free) * np.log(s.effective)
+    return s.effective * float(np.log(max(fitted.cost, 1e-300))) + told(fitted) * np.log(s.effective)
 
 
 def standard_errors(fitted: Fitted, s: Sample) -> np.ndarray:

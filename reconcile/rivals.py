@@ -45,7 +45,8 @@ class Rivals:
             best, pool = self._better(start)
             if best == start:
                 near = self._near(best, pool)
-                best = self._simplest([best, *map(Key, near)])  # exchanges made together are new
+                # exchanges made together are new
+                best = self._simplest([best, *map(Key, near), *self._simpler(best)])
             if best == start:
                 return self.search.tried.present(best), near
         return self.search.tried.present(best), self._near(best, pool)
@@ -64,6 +65,12 @@ class Rivals:
         rivals = self._rivals(present) - {without}
         return self._near(Key(present), [Key(present), *sorted(rivals, key=_keys)])
 
+    def _simpler(self, start: Key) -> list[Key]:
+        """Sets of fewer parameters that were fitted and are no part of this one."""
+        fits = self.search.tried.fits
+        fewer = (k for k in fits if len(fits[k].free) < len(fits[start].free))
+        return sorted((k for k in fewer if not k < start), key=_keys)
+
     def _further(self, best: Key, pool: Sequence[Key]) -> list[Key]:
         """Rivals of sets as good: an effect of several parameters may stand for one of fewer there."""
         found: set[Key] = set()
@@ -72,7 +79,22 @@ class Rivals:
             for a in fitted.point.present:
                 others = [x for x in self.search.others(_less(fitted, a)) if len(x.free) < len(a.free)]
                 found |= self._instead(fitted, (a,), others, FURTHER)
-        return sorted(found - {*pool}, key=_keys)
+        return sorted((found | self._merged(best, pool)) - {*pool}, key=_keys)
+
+    def _merged(self, best: Key, pool: Sequence[Key]) -> set[Key]:
+        """Rivals of the likeliest set of more effects that comes near the best: two of them may be one.
+
+        What parts one effect (a wind is a load and a drag) may part it along another line than the truth.
+        """
+        fits, found = self.search.tried.fits, set()
+        near = [k for k, lost in self._loses(best, pool).items() if lost < AGAIN and len(k) > len(best)]
+        for key in sorted(near, key=lambda k: fits[k].cost)[:1]:
+            for gone in combinations(fits[key].point.present, 2):
+                rest = tuple(x for x in fits[key].point.present if x not in gone)
+                others = [x for x in self.search.others(rest) if len(x.free) > 1 and x not in best]
+                if not best.issuperset(gone):
+                    found |= self._instead(fits[key], gone, others, FURTHER)
+        return found
 
     def _rivals(self, present: Sequence[Attached]) -> set[Key]:
         """Sets with one effect exchanged for another or for two of no more parameters, or two for one."""
@@ -117,18 +139,18 @@ class Rivals:
         rest = Key(x for x in fitted.point.present if x not in gone)
         known = [self.search.tried.fits[rest]] if rest in self.search.tried.fits else []
         left: list[tuple[float, Fitted, Scored]] = []
-        pairs: list[tuple[Fitted, Scored]] = []
+        pairs: dict[frozenset[str], tuple[Fitted, Scored]] = {}
         for without in (self._stripped(fitted, gone), *known):
             try:
                 score = Score(self.search.study, without, others)
             except RunsAway:
                 continue
             left += [(score.cost - x.gain, without, x) for x in score.best(most, 1)]
-            pairs = [(without, x) for x in self._pairs(score, gone)] or pairs
+            pairs |= {frozenset(v.attached.key for v in x.variants): (without, x) for x in self._pairs(score, gone)}
         best: dict[str, tuple[Fitted, Scored]] = {}
         for _, without, x in sorted(left, key=lambda t: t[0]):
             best.setdefault(x.variants[0].attached.key, (without, x))
-        return [*islice(best.values(), most), *pairs]
+        return [*islice(best.values(), most), *pairs.values()]
 
     def _pairs(self, score: Score, gone: Sequence[Attached]) -> list[Scored]:
         """Two effects instead of one that has as many parameters: wind against a load on either axis."""
@@ -136,7 +158,7 @@ class Rivals:
         if room < 2:
             return []
         small = (
-            s for s in score.best(PAIRS_LOOKED_AT, 2) if sum(len(v.attached.free) for v in s.variants) <= room
+            s for s in score.best(PAIRS_LOOKED_AT, 2) if score.parameters(s.variants) <= room
         )
         return list(islice(small, PAIRS))
 

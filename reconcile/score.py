@@ -20,6 +20,7 @@ MORE_SHAPES, ABOUT = (
     1,
     0.7,
 )  # further shapes of an effect that are fitted, and what they gain of the first's gain
+OWN = 1e-3  # of a column's square: what others leave of it is no parameter of its own
 LEAST = 10.0  # squared errors that a variant must save in a pursuit
 
 
@@ -145,14 +146,25 @@ class Score:
             gram = self.gram[np.ix_(index, index)]
             gram = 0.5 * (gram + gram.T) + np.diag(1e-9 * np.diag(gram))
             values = np.linalg.solve(gram, self.pull[index])
-            wrong = [i for i, value in zip(seen, values, strict=True) if value < lows[i]]
+            wrong = [
+                (value * np.sqrt(self.gram[columns[i], columns[i]]), i)
+                for i, value in zip(seen, values, strict=True)
+                if value < lows[i]
+            ]
             if not wrong:
                 gain = float(self.pull[index] @ values)
                 found = {names[i]: float(x) for i, x in zip(seen, values, strict=True)}
                 complete = all(any(n in found for n in v.attached.columns) for v in variants)
                 return Scored(tuple(variants), gain if complete else 0.0, found)
-            seen = [i for i in seen if i not in wrong]
+            seen.remove(min(wrong)[1])  # one by one: without it others may be of the right sign
         return Scored(tuple(variants), 0.0, {})
+
+    def parameters(self, variants: Sequence[Variant]) -> int:
+        """How many parameters a set has that what is free anyway does not have as well."""
+        columns = [c for v in variants for c in v.columns]
+        own = np.sqrt(np.maximum(self.sizes[columns], 1e-300))
+        values = np.linalg.eigvalsh(self.gram[np.ix_(columns, columns)] / np.outer(own, own))
+        return sum(len(v.attached.free) for v in variants) - int(np.sum(values < OWN))
 
     def _low(self, v: Variant, name: str) -> float:
         if v.attached.effect.gated:

@@ -211,8 +211,8 @@ class Search:
 
     def _worthwhile(self, scored: Scored, score: Score, fitted: Fitted) -> bool:
         """Whether the linear gain is at least half of what would be accepted."""
-        count = sum(len(v.attached.free) for v in scored.variants)
-        return _promising(fitted, score.cost, score.cost - scored.gain, count)
+        after = score.cost - scored.gain
+        return _promising(fitted, score.cost, after, score.parameters(scored.variants))
 
     def attempt(
         self,
@@ -281,7 +281,7 @@ class Search:
         """Whether a coarse fit gains over those of its parts at least half of what would be accepted."""
         coarse, fitted = self.tried.coarse, self.tried.coarse[key]
         part = min((f for k, f in coarse.items() if k < key), key=lambda f: f.cost, default=None)
-        return part is None or _promising(part, part.cost, fitted.cost, len(fitted.free) - len(part.free))
+        return part is None or _promising(part, part.cost, fitted.cost, evidence.told(fitted) - evidence.told(part))
 
     def sharp(self, present: tuple[Attached, ...], near: Fitted) -> Fitted:
         """The sharp fit of a set, from parameters of a fit near it."""
@@ -312,7 +312,7 @@ class Search:
         return again if again is not None and again.cost < fitted.cost else fitted
 
 
-def _promising(fitted: Fitted, before: float, after: float, parameters: int) -> bool:
+def _promising(fitted: Fitted, before: float, after: float, parameters: float) -> bool:
     """Whether a fall of the cost is at least half of what would be accepted of so many parameters more."""
     s = evidence.all_count(fitted)
     gain = evidence.likelihood_gain(before, max(after, 1e-9 * before), s)
