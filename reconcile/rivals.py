@@ -1,7 +1,6 @@
 """Sets that might be the answer as well: each effect exchanged for others and for its own simpler forms."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import combinations, islice
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ import numpy as np
 from reconcile import evidence, starting
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.score import RunsAway, Score, Scored, starts
+from reconcile.score import RunsAway, Score, Scored, starts, stripped
 
 if TYPE_CHECKING:
     from reconcile.search import Search
@@ -140,7 +139,7 @@ class Rivals:
         known = [self.search.tried.fits[rest]] if rest in self.search.tried.fits else []
         left: list[tuple[float, Fitted, Scored]] = []
         pairs: dict[frozenset[str], tuple[Fitted, Scored]] = {}
-        for without in (self._stripped(fitted, gone), *known):
+        for without in (stripped(self.search.study, fitted, gone), *known):
             try:
                 score = Score(self.search.study, without, others)
             except RunsAway:
@@ -197,7 +196,7 @@ class Rivals:
         a steady wind is a load however fast, until its speed comes to that of the axis.
         """
         try:
-            score = Score(self.search.study, self._stripped(fitted, (a,)), [b])
+            score = Score(self.search.study, stripped(self.search.study, fitted, (a,)), [b])
         except RunsAway:
             return
         for x in score.singles(score.variants)[:SHAPES]:
@@ -224,16 +223,6 @@ class Rivals:
         if key not in fits or fit.cost < fits[key].cost:
             fits[key] = fit
         return key
-
-    def _stripped(self, fitted: Fitted, gone: Sequence[Attached]) -> Fitted:
-        """The answer's fit with some effects switched off and nothing fitted again."""
-        p = fitted.point.p.copy()
-        for n in (n for a in gone for n in a.columns):
-            p[self.search.study.extended.index[n]] = 0.0
-        present = tuple(x for x in fitted.point.present if x not in gone)
-        point = replace(fitted.point, p=p, present=present)
-        free = tuple(f for f in fitted.free if not any(f.name in a.free for a in gone))
-        return replace(fitted, point=point, free=free, cost=np.inf)
 
     def _simplest(self, pool: Sequence[Key]) -> Key:
         """The best by BIC, unless a simpler one is hardly worse: of fewer parameters, or of fewer effects.

@@ -6,7 +6,7 @@ gain is then a small least-squares problem on their Gram matrix.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -182,6 +182,17 @@ def starts(scored: Scored) -> dict[str, float]:
                 name = v.attached.name(q.name)
                 found[name] = min(max(scored.values.get(name, 0.0), q.low), q.high)
     return found
+
+
+def stripped(study: Study, fitted: Fitted, gone: Sequence[Attached]) -> Fitted:
+    """A fit with some effects switched off and nothing fitted again."""
+    p = fitted.point.p.copy()
+    for n in (n for a in gone for n in a.columns):
+        p[study.extended.index[n]] = 0.0
+    present = tuple(x for x in fitted.point.present if x not in gone)
+    point = replace(fitted.point, p=p, present=present)
+    free = tuple(f for f in fitted.free if not any(f.name in a.free for a in gone))
+    return replace(fitted, point=point, free=free, cost=np.inf)
 
 
 def _distinct(scored: Sequence[Scored], count: int, by_shape: int = 1) -> list[Scored]:

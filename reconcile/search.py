@@ -98,6 +98,8 @@ class Search:
         earning = acceptance.earning(present)
         if present and not earning:  # what pays no more may stand where a rival of it would pay
             earning = acceptance.earning(Rivals(self).settle(present)[0])
+        fits = self.tried.fits
+        fits[Key(earning)] = minima.reshaped(self.study, fits[Key(earning)], fits)
         present, alternatives = Rivals(self).settle(earning)
         kept = acceptance.earning(present)
         if kept == present:
@@ -207,7 +209,22 @@ class Search:
         found = [self.attempt(fitted, s, coarse=True) for s in chosen]
         again = [x for s in chosen for x in score.shaped(s)]
         found += [self.attempt(fitted, x, coarse=True, again=-np.inf) for x in again]
-        return {k for k in found if k is not None}
+        added = {k for k in found if k is not None}
+        return added | (self._parted(key, added) if pairs else set())
+
+    def _parted(self, key: Key, added: Iterable[Key]) -> set[Key]:
+        """Each effect of the best pair that was added by itself: what made it stand out may be no help."""
+        fits = self.tried.coarse
+        pair = min((k for k in added if len(k) == len(key) + 2), key=lambda k: fits[k].cost, default=key)
+        found = set()
+        for rest in (pair - {a} for a in pair - key):
+            if rest not in fits and self._gains(pair):
+                present = [x for x in fits[pair].point.present if x in rest]
+                fitted = self.study.fit_set(fits[pair].point, present, {}, coarse=True)
+                if fitted is not None and fitted.cost < fits[key].cost:
+                    fits[rest] = fitted
+                    found.add(rest)
+        return found
 
     def _worthwhile(self, scored: Scored, score: Score, fitted: Fitted) -> bool:
         """Whether the linear gain is at least half of what would be accepted."""
