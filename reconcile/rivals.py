@@ -145,7 +145,9 @@ class Rivals:
             except RunsAway:
                 continue
             left += [(score.cost - x.gain, without, x) for x in score.best(most, 1)]
-            pairs |= {frozenset(v.attached.key for v in x.variants): (without, x) for x in self._pairs(score, gone)}
+            pairs |= {
+                frozenset(v.attached.key for v in x.variants): (without, x) for x in self._pairs(score, gone)
+            }
         best: dict[str, tuple[Fitted, Scored]] = {}
         for _, without, x in sorted(left, key=lambda t: t[0]):
             best.setdefault(x.variants[0].attached.key, (without, x))
@@ -156,9 +158,7 @@ class Rivals:
         room = len(gone[0].free) if len(gone) == 1 else 0
         if room < 2:
             return []
-        small = (
-            s for s in score.best(PAIRS_LOOKED_AT, 2) if score.parameters(s.variants) <= room
-        )
+        small = (s for s in score.best(PAIRS_LOOKED_AT, 2) if score.parameters(s.variants) <= room)
         return list(islice(small, PAIRS))
 
     def _simplified(self, fitted: Fitted, a: Attached) -> set[Key]:

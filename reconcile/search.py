@@ -298,7 +298,9 @@ class Search:
         """Whether a coarse fit gains over those of its parts at least half of what would be accepted."""
         coarse, fitted = self.tried.coarse, self.tried.coarse[key]
         part = min((f for k, f in coarse.items() if k < key), key=lambda f: f.cost, default=None)
-        return part is None or _promising(part, part.cost, fitted.cost, evidence.told(fitted) - evidence.told(part))
+        return part is None or _promising(
+            part, part.cost, fitted.cost, evidence.told(fitted) - evidence.told(part)
+        )
 
     def sharp(self, present: tuple[Attached, ...], near: Fitted) -> Fitted:
         """The sharp fit of a set, from parameters of a fit near it."""
