@@ -213,13 +213,16 @@ class Search:
         return added | (self._parted(key, added) if pairs else set())
 
     def _parted(self, key: Key, added: Iterable[Key]) -> set[Key]:
-        """Each effect of the best pair that was added by itself: what made it stand out may be no help."""
+        """The effects of the best pair that was added, by themselves while the pair gains over them.
+
+        One may have gained nearly all of it, whose slopes told too little for it to be tried alone.
+        """
         fits = self.tried.coarse
         pair = min((k for k in added if len(k) == len(key) + 2), key=lambda k: fits[k].cost, default=key)
-        found = set()
-        for rest in (pair - {a} for a in pair - key):
+        both, found = fits[pair].point.present, set()
+        for gone in (a for a in both if a not in key):
+            rest, present = pair - {gone}, [x for x in both if x != gone]
             if rest not in fits and self._gains(pair):
-                present = [x for x in fits[pair].point.present if x in rest]
                 fitted = self.study.fit_set(fits[pair].point, present, {}, coarse=True)
                 if fitted is not None and fitted.cost < fits[key].cost:
                     fits[rest] = fitted

@@ -11,6 +11,7 @@ from reconcile import rivals as rivals_module
 from reconcile.rivals import CLOSE, DEARER, PAIRS, WIDER, Key, Rivals, _comes_late, _less
 from reconcile.score import RunsAway
 from reconcile.search import Search, Tried
+from tests.reconcile import fits as fits_of
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,10 @@ class Scores:
         assert size == 2
         sets = [SimpleNamespace(variants=[SimpleNamespace(attached=a) for a in pair]) for pair in self.pairs]
         return sets[:count]
+
+    def parameters(self, variants: list[Any]) -> int:
+        """All of theirs."""
+        return sum(len(v.attached.free) for v in variants)
 
 
 WIND = Named("wind", ("a_x", "a_y"))
@@ -73,6 +78,7 @@ def test_in_sets_as_good_what_has_several_parameters_is_exchanged_for_what_has_f
         return {Key([*_less(fitted, gone[0]), x]) for x in others}
 
     monkeypatch.setattr(rivals, "_instead", instead)
+    monkeypatch.setattr(rivals, "_merged", lambda best, pool: set())
     found = rivals._further(cast(Any, answer), cast(Any, [answer, near]))
     assert {frozenset(a.key for a in k) for k in found} == {
         frozenset({"delay", "lag"}),
@@ -116,13 +122,13 @@ def settled(
     `left`: what they leave, in deviations of the noise.
     """
     fits, count = {}, 1000
-    for names, parameters, lost in sets:
+    for names, count_of, lost in sets:
         key = Key(Present(*n.split("@")) for n in names.split())
         errors = np.full(count, left * np.exp(0.5 * lost / count)) * np.where(np.arange(count) % 2, 1.0, -1.0)
         cost = float(errors @ errors)
         linear = SimpleNamespace(left=[{"y": errors}], raw=[{"y": errors}], cost=cost)
         point = SimpleNamespace(present=tuple(key))
-        fits[key] = SimpleNamespace(cost=cost, free=range(parameters), linear=linear, point=point)
+        fits[key] = SimpleNamespace(cost=cost, linear=linear, point=point, **fits_of.parameters(count_of))
     rivals = Rivals(cast(Any, SimpleNamespace(study=None, tried=Tried(cast(Any, fits)))))
     cast(Any, rivals)._fitted_again = lambda best, pool: None  # fits are as good as they get
     best = rivals._simplest(pool := list(fits)[:tried])
@@ -237,8 +243,10 @@ def rivals(monkeypatch, found: tuple[tuple[Present, ...], tuple[tuple[Present, .
 
 def test_what_pays_no_more_gives_way_to_a_rival_that_does(monkeypatch):
     rivals(monkeypatch, ((DRAG,), ()))
+    monkeypatch.setattr("reconcile.search.minima.reshaped", lambda study, fit, known: fit)
     acceptance = SimpleNamespace(earning=without_wind)
     search = Search(cast(Any, None))
+    search.tried.fits = cast(Any, {Key((DRAG,)): None})
     assert search._settled(cast(Any, acceptance), cast(Any, (WIND_ALONE,))) == ((DRAG,), ())
 
 
@@ -288,7 +296,7 @@ def test_what_to_try_instead_is_told_by_the_fit_without_an_effect_as_well(monkey
     search = SimpleNamespace(tried=Tried(cast(Any, fits)), study=None)
     rivals = Rivals(cast(Any, search))
     monkeypatch.setattr(rivals_module, "Score", Told)
-    monkeypatch.setattr(rivals, "_stripped", lambda fitted, gone: stripped)
+    monkeypatch.setattr(rivals_module, "stripped", lambda study, fitted, gone: stripped)
     found = rivals._likeliest(answer, cast(Any, [names["curve"]]), [], 2)
     assert [(x.variants[0].attached.key, f.cost) for f, x in found] == expected
 
@@ -305,6 +313,7 @@ def chain(monkeypatch: pytest.MonkeyPatch, criteria: dict[str, float]) -> Rivals
     monkeypatch.setattr(found, "_further", lambda best, pool: [])
     monkeypatch.setattr(found, "_simplest", lambda pool: min(pool, key=lambda k: by_key[k]))
     monkeypatch.setattr(found, "_near", lambda best, pool: ())
+    monkeypatch.setattr(found, "_simpler", lambda best: [])
     return found
 
 
@@ -319,6 +328,49 @@ def test_exchanges_made_together_that_are_better_become_the_answer(monkeypatch):
     monkeypatch.setattr(found, "_rivals", lambda present: {Key(present)})
     monkeypatch.setattr(found, "_near", lambda best, pool: () if best == Key(together) else (together,))
     assert found.settle(cast(Any, (Present("a"),))) == (together, ())
+
+
+def test_a_simpler_set_that_was_found_late_becomes_the_answer(monkeypatch):
+    found = chain(monkeypatch, {"two": 1.0, "one": 0.0})
+    one, two = (cast(Key, Key([Present(n)])) for n in ("one", "two"))
+    monkeypatch.setattr(found, "_rivals", lambda present: {Key(present)})
+    monkeypatch.setattr(found, "_simpler", lambda best: [one] if best == two else [])
+    assert found.settle(cast(Any, (Present("two"),))) == ((Present("one"),), ())
+
+
+def test_parts_of_an_answer_are_no_simpler_sets_beside_it():
+    wind, drag, load, lag = (Present(n) for n in ("wind", "drag", "load", "lag"))
+    sizes = {(wind, lag): 3, (wind,): 2, (drag,): 1, (drag, load): 2, (drag, load, lag): 3, (): 0}
+    fits = {Key(k): SimpleNamespace(**fits_of.parameters(n)) for k, n in sizes.items()}
+    found = Rivals(cast(Any, SimpleNamespace(tried=Tried(cast(Any, fits)))))
+    assert found._simpler(cast(Key, Key([wind, lag]))) == [Key([drag]), Key([drag, load])]
+
+
+def test_two_effects_of_a_larger_set_that_comes_near_may_be_one(monkeypatch):
+    """A wind is a load and a drag; with the load may go friction of two sides for the drag and a gain."""
+    wind, gain, load, drag = WIND, Named("gain", ("g",)), LOADS[0], Named("drag", ("b",))
+    sides, curve = Named("sides", ("b+", "b-")), Named("curve", ("c",))
+    best, near = Key([wind, gain]), Key([load, drag, gain])
+    fits = {k: SimpleNamespace(cost=1.0, point=SimpleNamespace(present=tuple(k))) for k in (best, near)}
+    search = SimpleNamespace(tried=SimpleNamespace(fits=fits), others=lambda _: [wind, sides, curve])
+    found = Rivals(cast(Any, search))
+    monkeypatch.setattr(found, "_loses", lambda best, pool: {near: 5.0})
+    tried: list[Any] = []
+
+    def instead(fitted, gone, others, most):
+        tried.append((frozenset(gone), others))
+        return {Key([*(a for a in near if a not in gone), sides])}
+
+    monkeypatch.setattr(found, "_instead", instead)
+    merged = found._merged(cast(Any, best), cast(Any, [best, near]))
+    pairs = [frozenset(p) for p in ((load, drag), (load, gain), (drag, gain))]
+    assert sorted(map(sorted_keys, (gone for gone, _ in tried))) == sorted(map(sorted_keys, pairs))
+    assert all(others == [sides] for _, others in tried)  # of one parameter nothing, nor what the answer has
+    assert Key([load, sides]) in merged
+
+
+def sorted_keys(effects: Any) -> list[str]:
+    return sorted(a.key for a in effects)
 
 
 def test_no_effects_have_no_rivals():

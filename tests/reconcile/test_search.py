@@ -8,15 +8,17 @@ import pytest
 
 from reconcile.rivals import Key, Rivals
 from reconcile.search import SHARPENED, Search, Tried
+from tests.reconcile import fits
 
 SAMPLES = 1000
 
 
-def fitted(cost: float, parameters: int, present: tuple[str, ...]) -> SimpleNamespace:
+def fitted(cost: float, count: int, present: tuple[str, ...]) -> SimpleNamespace:
     """A coarse fit of so many parameters that leaves so much."""
     raw = [{"y": np.zeros(SAMPLES)}]
     point = SimpleNamespace(present=present)
-    return SimpleNamespace(cost=cost, free=range(parameters), linear=SimpleNamespace(raw=raw), point=point)
+    linear = SimpleNamespace(raw=raw)
+    return SimpleNamespace(cost=cost, linear=linear, point=point, **fits.parameters(count))
 
 
 @pytest.fixture
@@ -69,8 +71,9 @@ def test_sets_that_are_left_out_make_room_for_others(sharpened):
 def test_a_rival_that_does_not_earn_its_place_takes_none(monkeypatch, rival, borne_out, answer):
     costs = {"friction": 1000.0, "clock": 1500.0, "drag": 900.0, rival: 800.0}
     search = Search(cast(Any, None))
-    fits = {Key(n.split()): fitted(c, 4, tuple(n.split())) for n, c in costs.items()}
-    search.tried = Tried(cast(Any, fits), {})
+    known = {Key(n.split()): fitted(c, 4, tuple(n.split())) for n, c in costs.items()}
+    search.tried = Tried(cast(Any, known), {})
+    monkeypatch.setattr("reconcile.search.minima.reshaped", lambda study, fit, known: fit)
     taken = {"friction": rival, "drag": "drag"}
     earned = {rival: borne_out}
     monkeypatch.setattr(
@@ -80,3 +83,20 @@ def test_a_rival_that_does_not_earn_its_place_takes_none(monkeypatch, rival, bor
     earning = lambda present: tuple(earned.get(" ".join(present), " ".join(present)).split())  # noqa: E731
     found = search._settled(cast(Any, SimpleNamespace(earning=earning)), cast(Any, ("friction",)))
     assert found == (tuple(answer.split()), ("others",))
+
+
+@pytest.mark.parametrize(
+    ("pair", "alone"),
+    [(900.0, {"play": 902.0}), (850.0, {"play": 902.0, "clock": 998.0}), (995.0, {})],
+    ids=["one pays", "both pay", "neither"],
+)
+def test_effects_of_a_pair_are_tried_by_themselves_while_the_pair_gains_over_them(pair, alone):
+    left = {"play": 902.0, "clock": 998.0}
+    study = SimpleNamespace(
+        fit_set=lambda point, present, *a, **k: fitted(left["_".join(present)], 5, present)
+    )
+    search = Search(cast(Any, study))
+    both = fitted(pair, 6, ("clock", "play"))
+    search.tried = Tried({}, cast(Any, {Key(): fitted(1000.0, 4, ()), Key(["clock", "play"]): both}))
+    found = search._parted(cast(Key, Key()), cast(Any, {Key(["clock", "play"])}))
+    assert {next(iter(k)): search.tried.coarse[k].cost for k in cast(Any, found)} == alone
