@@ -1,6 +1,7 @@
 """Better minima of a fit."""
 
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -74,3 +75,19 @@ def test_a_stop_that_a_fit_again_gets_stuck_at_is_found_from_wide_kinks(rig: Fol
     fit_set = study.fit_set
     monkeypatch.setattr(study, "fit_set", lambda *a, near, **kw: None if near else fit_set(*a, **kw))
     assert study.refitted(off).cost == pytest.approx(right.cost, rel=1e-3)
+
+
+def test_a_ripple_that_stood_for_a_spring_is_looked_for_again_once_the_spring_is_known(rig: Folder):
+    rippled = Truth(force=lambda x, v, t: 0.3 * np.sin(9.0 * x) - 6.0 * x)
+    study = Study(rig, split(runs_of(record(rippled, seconds=20.0), rig, "run"), (), ()))
+    keys = "stiffness@v", "torque_ripple@v"
+    spring, ripple = (next(a for a in study.candidates if a.key == k) for k in keys)
+    start = study.fit_problem.start(study.values)
+    stuck = study.fit_set(start, (spring, ripple), {ripple.name("waves"): 2.4, ripple.name("sine"): -1.0})
+    known = cast(Any, {frozenset([spring]): study.fit_set(start, (spring,), {})})
+    assert stuck is not None
+    assert stuck.values(study.fit_problem)[ripple.name("waves")] < 3.0
+    better = minima.reshaped(study, stuck, known)
+    assert better.values(study.fit_problem)[ripple.name("waves")] == pytest.approx(9.0, rel=0.01)
+    assert better.cost < 0.01 * stuck.cost
+    assert minima.reshaped(study, better, known) is better  # nothing lies nearer than where it is
