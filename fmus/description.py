@@ -6,7 +6,7 @@ from lxml import etree
 
 from fmus.definition import Model
 from fmus.variables import TIME_VR, Exposed, exposed
-from specs.units import UNITS
+from specs.units import known
 from specs.version import VERSION
 
 SOURCES = ("core.c", "integrator.c", "model.c")  # and the file of the FMI version
@@ -193,7 +193,7 @@ def _numbers(e: Exposed) -> dict[str, str | None]:
         return {"start": str(int(v.start))}
     start = None if _is_calculated(e) else repr(float(v.start))
     return {
-        "unit": v.unit if v.unit in UNITS else None,
+        "unit": v.unit if known(v.unit) else None,
         "min": _real(v.min),
         "max": _real(v.max),
         "nominal": _real(_nominal(e)),
@@ -213,10 +213,11 @@ def _real(value: float | None) -> str | None:
 
 
 def _units(root: etree._Element, model: Model) -> None:
-    used = sorted({e.variable.unit for e in exposed(model)} & set(UNITS) | {"s"})
     box = etree.SubElement(root, "UnitDefinitions")
-    for name in used:
-        unit = UNITS[name]
+    for name in sorted({e.variable.unit for e in exposed(model)} | {"s"}):
+        unit = known(name)
+        if unit is None:
+            continue
         element = etree.SubElement(box, "Unit", name=name)
         base = etree.SubElement(element, "BaseUnit")
         _set(base, **{k: str(n) for k, n in unit.exponents.items() if n})

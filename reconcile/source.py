@@ -55,9 +55,14 @@ def _source(study: Study, answer: Answer, entries: list[Entry]) -> str:
 
 def _readme(study: Study, answer: Answer, entries: list[Entry], rounded: list[Entry]) -> str:
     lines = [f"# {study.model.name}, extended", "", "The base model is in `base/`. Added to it:", ""]
-    effects = [(a.effect.name, a.effect.equation, a.effect.source) for a in answer.present]
-    effects += [(quantization.NAME, quantization.EQUATION, quantization.SOURCE)] * len(rounded)
-    for (name, equation, source), (_, port, _, values) in zip(effects, [*entries, *rounded], strict=True):
-        numbers = ", ".join(f"{n} = {v:.5g}" for n, v in values.items())
-        lines.append(f"- **{name}** at `{port}`: {equation}; {numbers}. {source}")
+    for a, (_, port, _, values) in zip(answer.present, entries, strict=True):
+        units = {q.name: study.extended.unit(a, q.name) for q in a.effect.parameters}
+        numbers = ", ".join(f"{n} = {values[n]:.5g} {unit}".rstrip() for n, unit in units.items())
+        lines.append(f"- **{a.effect.name}** at `{port}`: {a.effect.equation}; {numbers}. {a.effect.source}")
+    units = {v.name: v.unit for v in study.model.outputs}
+    for _, port, _, values in rounded:
+        step = f"step = {values['step']:.5g} {units[port]}"
+        lines.append(
+            f"- **{quantization.NAME}** at `{port}`: {quantization.EQUATION}; {step}. {quantization.SOURCE}"
+        )
     return "\n".join(lines) + "\n"

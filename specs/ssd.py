@@ -12,7 +12,7 @@ from lxml import etree
 from specs import systems
 from specs.signals import signal
 from specs.systems import Component, Connection, SystemSpec
-from specs.units import UNITS
+from specs.units import unit as unit_of
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -106,7 +106,7 @@ def _units(root: etree._Element, spec: SystemSpec) -> None:
     names = {c.name for connection in spec.connections for c in (connection.source, connection.target)}
     holder = etree.SubElement(root, _ssd("Units"))
     for name in sorted({signal(n).unit for n in names}):
-        unit = UNITS[name]
+        unit = unit_of(name)
         base = {key: str(exponent) for key, exponent in unit.exponents.items()}
         base |= {} if unit.factor == 1.0 else {"factor": repr(unit.factor)}
         base |= {} if unit.offset == 0.0 else {"offset": repr(unit.offset)}

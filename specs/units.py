@@ -1,7 +1,10 @@
 """Units of the project: SI base-unit exponents, factor and offset to SI (as FMI and SSP write them)."""
 
 import math
+import re
+from collections import Counter
 from dataclasses import dataclass, field
+from functools import cache
 
 from specs.errors import InputError, nearest
 
@@ -86,14 +89,44 @@ UNITS: dict[str, Unit] = {
     "K": _unit(K=1),
     "degC": _unit(1.0, 273.15, K=1),
     "V": _unit(kg=1, m=2, s=-3, A=-1),
+    "A": _unit(A=1),
+    "Ohm": _unit(kg=1, m=2, s=-3, A=-2),
+    "H": _unit(kg=1, m=2, s=-2, A=-2),
+    "F": _unit(kg=-1, m=-2, s=4, A=2),
 }
+FACTOR = re.compile(r"([A-Za-z]+)(\d*)")
+
+
+def known(name: str) -> Unit | None:
+    """The unit `name`, or one composed as V.s/rad and m3/(s.Pa) are; None if there is no such unit."""
+    return UNITS.get(name) or _composed(name)
+
+
+@cache
+def _composed(name: str) -> Unit | None:
+    """The unit of products and quotients of units without offset, each to a whole power."""
+    above, *below = name.split("/")
+    factors = [(f, 1) for f in above.split(".") if f != "1"]
+    factors += [(f, -1) for part in below for f in part.strip("()").split(".")]
+    exponents: Counter[str] = Counter()
+    size = 1.0
+    for text, sign in factors:
+        match = FACTOR.fullmatch(text)
+        simple = match and UNITS.get(match[1])
+        if not match or not simple or simple.offset:
+            return None
+        power = sign * int(match[2] or 1)
+        size *= simple.factor**power
+        exponents.update({base: power * n for base, n in simple.exponents.items()})
+    return Unit({base: n for base, n in exponents.items() if n}, size) if factors else None
 
 
 def unit(name: str) -> Unit:
     """Return the unit `name`; raises InputError with the nearest names."""
-    if name not in UNITS:
+    found = known(name)
+    if found is None:
         raise InputError(f"unknown unit '{name}'; {nearest(name, UNITS)}")
-    return UNITS[name]
+    return found
 
 
 def to_si(value: float, unit_name: str) -> float:

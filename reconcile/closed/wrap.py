@@ -107,7 +107,12 @@ def _source(port: Port) -> str:
 
 def _readme(problem: ClosedProblem, fitted: ClosedFit, ports: dict[str, Port]) -> str:
     name = problem.box.model.name
-    lines = [f"# {name} with effects at its ports", "", f"`{name}.ssp` holds the FMU as it came and:", ""]
+    holds = (
+        "holds the FMU as it came and:"
+        if ports
+        else "holds the FMU as it came: nothing is missing at its ports."
+    )
+    lines = [f"# {name} with effects at its ports", "", f"`{name}.ssp` {holds}", ""]
     for component, port in ports.items():
         for a in port.effects:
             numbers = ", ".join(

@@ -18,6 +18,7 @@ from reconcile.rivals import Key
 from reconcile.search import Answer
 from reconcile.study import Study
 from reconcile.system.parts import Part
+from reconcile.verdict import nominal
 from specs.errors import InputError
 
 OPEN = ("ambiguous", "insufficient_excitation")  # verdicts that an experiment may settle, the worse first
@@ -83,7 +84,10 @@ def _for_parameters(study: Study, answer: Answer, report, moved: Part | None) ->
         bench = _bench(study, True, moved)
     except InputError as error:
         return Proposal(_none(f"{error}."), 0.0, {})
-    rated = best(bench, [answer.base], Unseen(answer.base, wanted), NEEDED, report)
+    # as fitted and as it came: recordings that tell little of it may have led the fit anywhere
+    came = nominal(study)
+    fits = [answer.base] if came is None else [answer.base, came]
+    rated = best(bench, fits, Unseen(answer.base, wanted), NEEDED, report)
     if not rated:
         return Proposal(_none(say.no_room(bench.limits)), bench.tick_s, {})
     chosen = rated[0]

@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from reconcile.experiment.excitation import of_dict
+import numpy as np
+
+from reconcile.experiment.excitation import commands, of_dict
 from reconcile.experiment.limits import Limits
 from reconcile.experiment.plan import units_of
 from reconcile.model import Attached
@@ -22,6 +24,7 @@ KINDS = {
     "creep": "rest and slow slopes to ±{a}, a cycle in {p}",
     "strokes": "strokes of ±{a} with rests between, a cycle in {p}",
 }
+WHOLE = 0.75  # of an excitation's amplitude, to both sides: less is part of it
 WHERE = ("input", "hydraulic", "force", "inertia", "coupling", "output")
 SENSORS = {
     "input": "of what really arrives behind {port}",
@@ -47,6 +50,11 @@ def drive(study: Study, figures: dict[str, Any]) -> str:
     )
     centre = 0.5 * (low + high) + e.offset * half
     around = f" about {centre:.3g}{shown}" if abs(centre) > 1e-9 * half else ""
+    reached = commands(e, figures["ranges"], figures["tick_s"])[e.inputs[0]]
+    low, high = float(np.min(reached)), float(np.max(reached))
+    # of a shape longer than the experiment, or cut off by the input's range, only a part is driven
+    cut = min(high - centre, centre - low) < WHOLE * e.amplitude * half
+    around += f" (of that {low:.3g} to {high:.3g}{shown})" if cut else ""
     begin = "".join(f", {n} starting from {v:.3g}" for n, v in e.start)
     return f"drive {' and '.join(e.inputs)} with {text}{around} for {e.duration_s:g} s{begin}"
 
@@ -115,4 +123,6 @@ def _range(figures: dict[str, Any], limits: Limits) -> str:
         return ""
     spans = figures["predicted_range"]
     moved = ", ".join(f"{n} from {spans[n][0]:.3g} to {spans[n][1]:.3g}" for n in loose)
-    return f" No limits of the outputs are stated; with the model as it is {moved} are expected."
+    return (
+        f" No limits of the outputs are stated; with the model as it came and as fitted {moved} are expected."
+    )

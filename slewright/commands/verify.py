@@ -32,7 +32,11 @@ def verify(
     ),
     model: Annotated[
         Path | None,
-        typer.Option("--model", metavar="DIR", help="Verify the controller of this model folder."),
+        typer.Option(
+            "--model",
+            metavar="DIR",
+            help="Verify with this model: a controller's folder, or what `slewright reconcile` wrote.",
+        ),
     ] = None,
     controller: Annotated[
         str, typer.Option("--controller", metavar="NAME", help="Verify this controller (docs/baselines.md).")

@@ -38,10 +38,22 @@ def page(figures: Figures, seed: int) -> str:
 
 def _demands(figures: Figures) -> str:
     rows = [
-        (f"`{key}`", f"{how} {limit:g}".replace(">=", "≥").replace("<=", "≤"), _number(figures[key]))
+        (
+            f"`{key}`",
+            f"{how} {limit:g}".replace(">=", "≥").replace("<=", "≤"),
+            _number(figures[key]),
+            _met(figures[key], how, limit),
+        )
         for key, how, limit in MUSTS[figures["noise"], figures["visible"]]
     ]
-    return _table(("figure", "asked for", "reached"), rows)
+    return _table(("figure", "asked for", "reached", "met"), rows)
+
+
+def _met(value: float | None, how: str, limit: float) -> str:
+    """Whether a demand is met, in a word."""
+    if value is None:
+        return "not measured"
+    return "yes" if (value >= limit if how == ">=" else value <= limit) else "**no**"
 
 
 def _simplest(figures: Figures) -> str:

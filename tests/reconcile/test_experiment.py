@@ -13,7 +13,7 @@ import pytest
 from learning.collection.plan import load_plan
 from reconcile.catalogue import ALL
 from reconcile.data import runs_of, split
-from reconcile.experiment import plan
+from reconcile.experiment import plan, say
 from reconcile.experiment.achieved import candidates, compared, margins
 from reconcile.experiment.choose import LONGEST_S, NEEDED, rough, spread
 from reconcile.experiment.excitation import SHAPES, Excitation, commands, of_dict
@@ -26,6 +26,7 @@ from reconcile.model import Folder
 from reconcile.rivals import Key
 from reconcile.search import Answer, Tried
 from reconcile.study import Study
+from reconcile.verdict import nominal
 from records.formats import read_measurement
 from specs.errors import InputError
 from tests.reconcile.effects import delay, lag
@@ -249,6 +250,40 @@ def test_a_rig_that_was_not_driven_is_told_what_to_drive_for_each_parameter(rig)
         predicted = next(p["predicted_margin"] for p in proposal.figures["parameters"] if p["name"] == f.name)
         assert f.prior is not None
         assert 0.3 < (f.prior[1] / se) ** 2 / predicted < 3.0
+
+
+def test_where_recordings_led_the_fit_astray_the_model_as_it_came_counts_as_well(rig):
+    runs = runs_of(record(Truth(), 10.0, 1, NOISE, 0.0), rig, "still")
+    study = Study(rig, split(runs, (), ()), [])
+    base, p = fitted_base(study), fitted_base(study).point.p.copy()
+    p[study.extended.index["mass"]] *= 4.0  # whose motion is a quarter
+    astray = replace(base, point=replace(base.point, p=p))
+    answer = Answer((), astray, astray, (), {}, Tried({Key(): astray}))
+    proposal = propose(study, answer, "insufficient_excitation")
+    assert proposal is not None
+    figures, limits = proposal.figures, limits_of(study, True)
+    came = nominal(study)
+    assert came is not None
+    played = Bench(study, limits, figures["tick_s"]).play(of_dict(figures["excitation"]), came)
+    assert played is not None
+    for n, (low, high) in figures["predicted_range"].items():
+        assert low <= np.min(played.run.outputs[n].values)
+        assert np.max(played.run.outputs[n].values) <= high
+
+
+@pytest.mark.parametrize(
+    ("period", "offset", "part"),
+    [(3.0, 0.0, False), (30.0, 0.0, True), (3.0, 0.75, True)],
+    ids=["whole", "a longer shape than the experiment", "cut off by the range"],
+)
+def test_what_is_driven_of_a_shape_is_said(lags, period, offset, part):
+    ranges = {"force": [-20.0, 20.0]}
+    e = Excitation("ladder", ("force",), 0.5, period, offset, 20.0)
+    text = say.drive(lags.study, {"excitation": e.as_dict(), "ranges": ranges, "tick_s": PERIOD})
+    assert (" (of that " in text) is part
+    if part:
+        told = commands(e, {"force": (-20.0, 20.0)}, PERIOD)["force"]
+        assert f" (of that {np.min(told):.3g} to {np.max(told):.3g} N)" in text
 
 
 def test_nothing_is_proposed_where_nothing_is_open(lags):

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from specs.errors import InputError
-from specs.units import UNITS, compatible, from_si, to_si, unit
+from specs.units import UNITS, compatible, from_si, known, to_si, unit
 
 
 @pytest.mark.parametrize("name", UNITS)
@@ -54,3 +54,31 @@ def _product(a: str, b: str) -> dict[str, int]:
     bases = {*UNITS[a].exponents, *UNITS[b].exponents}
     total = {base: UNITS[a].exponents.get(base, 0) + UNITS[b].exponents.get(base, 0) for base in bases}
     return {base: n for base, n in total.items() if n}
+
+
+@pytest.mark.parametrize(
+    ("name", "exponents", "factor"),
+    [
+        ("V.s/rad", {"kg": 1, "m": 2, "s": -2, "A": -1, "rad": -1}, 1.0),
+        ("N.m/A", {"kg": 1, "m": 2, "s": -2, "A": -1}, 1.0),
+        ("kg.m2/(s.A)", {"kg": 1, "m": 2, "s": -1, "A": -1}, 1.0),
+        ("kN/mm", {"kg": 1, "s": -2}, 1e6),
+        ("1/H", {"kg": -1, "m": -2, "s": 2, "A": 2}, 1.0),
+    ],
+)
+def test_units_are_composed(name: str, exponents: dict[str, int], factor: float) -> None:
+    found = unit(name)
+    assert (found.exponents, found.factor) == (exponents, pytest.approx(factor))
+
+
+@pytest.mark.parametrize("name", [n for n in UNITS if ("." in n or "/" in n) and "0.5" not in n])
+def test_composed_units_are_those_of_the_table(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = UNITS[name]
+    monkeypatch.delitem(UNITS, name)
+    found = unit(name)
+    assert (found.exponents, found.factor) == (listed.exponents, pytest.approx(listed.factor))
+
+
+@pytest.mark.parametrize("name", ["", "furlong", "m/", "degC/s", "m^2", "N..m", "1", "//"])
+def test_what_is_no_unit_is_none(name: str) -> None:
+    assert (known(name) is None) is (name not in UNITS)
