@@ -71,7 +71,9 @@ def test_units_are_composed(name: str, exponents: dict[str, int], factor: float)
     assert (found.exponents, found.factor) == (exponents, pytest.approx(factor))
 
 
-@pytest.mark.parametrize("name", [n for n in UNITS if ("." in n or "/" in n) and "0.5" not in n])
+@pytest.mark.parametrize(
+    "name", sorted({n for n in UNITS if "." in n or "/" in n} - {"km/h", "m3/(s.Pa0.5)"})
+)
 def test_composed_units_are_those_of_the_table(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     listed = UNITS[name]
     monkeypatch.delitem(UNITS, name)
