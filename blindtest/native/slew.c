@@ -40,17 +40,31 @@ typedef struct { /* hidden, beside the axis's effects; 0: absent */
   double bias_a, bias_b; /* Pa, of the pressure sensors */
 } Extra;
 
-enum { Q, W, P_A, P_B, SPOOL, RELIEF, DAHL, STATES };
+enum { Q, W, P_A, P_B, SPOOL, RELIEF, DAHL, COMMAND, LAG_Q, LAG_W, STATES };
 
 typedef struct {
   Base b;
   Extra e;
   Axis a;
-  double u, inertia, inertia_rate, disturbance, drift;
+  double inertia, inertia_rate, disturbance, drift;
+  double target, from, since; /* of the command: held value, where its rate limit came from, since when */
   int released, dry, slide;
   double released_at;
   double cut_off_whole; /* what the exponential of the cut-off comes to at full opening */
 } Slew;
+
+/* The command behind its rate limit, and behind its lag: they act between samples, too. */
+static double limited(const Slew *s, double t) {
+  if (!isfinite(s->a.in_rate)) return s->target;
+  const double most = s->a.in_rate * (t - s->since);
+  return s->from + fmin(fmax(s->target - s->from, -most), most);
+}
+
+static double command(const Slew *s, double t, const double *x) {
+  return s->a.in_lag > 0.0 ? x[COMMAND] : limited(s, t);
+}
+
+static double lagging(double value, double behind, double lag) { return lag > 0.0 ? (value - behind) / lag : 0.0; }
 
 static double ramp(double x, double width) { /* 0, a parabola, x - width / 2 */
   if (x <= 0.0) return 0.0;
@@ -150,9 +164,12 @@ static void rhs(void *who, double t, const double *x, double *rate) {
   rate[W] = sticks ? 0.0 : drive / inertia(s);
   rate[P_A] = stiffness(s, x[P_A]) * flow_a;
   rate[P_B] = stiffness(s, x[P_B]) * flow_b;
-  rate[SPOOL] = b->spool_rate * tanh((s->u - x[SPOOL]) / (b->spool_lag * b->spool_rate));
+  rate[SPOOL] = b->spool_rate * tanh((command(s, t, x) - x[SPOOL]) / (b->spool_lag * b->spool_rate));
   rate[RELIEF] = (x[P_A] - x[P_B] - x[RELIEF]) / b->relief_lag;
   rate[DAHL] = bt_dahl_rate(&s->a, rate[Q], x[DAHL]);
+  rate[COMMAND] = lagging(limited(s, t), x[COMMAND], s->a.in_lag);
+  rate[LAG_Q] = lagging(x[Q], x[LAG_Q], s->a.out_lag_q);
+  rate[LAG_W] = lagging(x[W], x[LAG_W], s->a.out_lag_v);
 }
 
 static void guard(void *who, double t, const double *x, double *g) {
@@ -182,9 +199,9 @@ static void jump(void *who, double t, double *x, int which) {
   if (-force > bt_dry(&s->a, -1.0, x[Q], 0.0, 0.0)) s->slide = -1;
 }
 
-/* Off neutral for long enough: released; in neutral for long enough: engaged.  Looked at where u may jump. */
-static void brake_mode(Slew *s, double t, double *off_since, double *on_since) {
-  const int off = fabs(s->u) > s->b.brake_threshold;
+/* Off neutral for long enough: released; in neutral for long enough: engaged.  Looked at where u may have moved. */
+static void brake_mode(Slew *s, double t, const double *x, double *off_since, double *on_since) {
+  const int off = fabs(command(s, t, x)) > s->b.brake_threshold;
   if (off && *off_since < 0.0) *off_since = t;
   if (!off) *off_since = -1.0;
   if (!off && *on_since < 0.0) *on_since = t;
@@ -209,37 +226,52 @@ EXPORT int bt_slew(const double *base, const double *extra, const double *effect
   s.dry = bt_has_dry(&s.a);
   s.cut_off_whole = 1.0 - exp(-1.0 / s.b.cut_off_scale);
   double x[STATES] = {start[0], start[1], s.b.boost, s.b.boost};
+  x[LAG_Q] = start[0];
+  x[LAG_W] = start[1];
+  const double before = bt_chain(&s.a, &memory.chain, 0.0, 0.0); /* no command, for as long as anything remembers */
+  x[SPOOL] = x[COMMAND] = s.target = s.from = before;
+  Axis shown = s.a; /* what its sensors add to what their lags leave */
+  shown.out_lag_q = shown.out_lag_v = 0.0;
   s.slide = x[W] > 0.0 ? 1 : x[W] < 0.0 ? -1 : 0;
   double off_since = -1.0, on_since = -1.0;
-  const int late = (int)floor(s.b.delay / dt + 1e-9);
-  const double rest = s.b.delay - late * dt, first = rest > 1e-9 && rest < dt - 1e-9 ? rest : 0.0;
+  const double delay = s.b.delay + s.a.in_delay;
+  const int late = (int)floor(delay / dt + 1e-9);
+  const double rest = delay - late * dt, first = rest > 1e-9 && rest < dt - 1e-9 ? rest : 0.0;
+  const int moves = isfinite(s.a.in_rate) || s.a.in_lag > 0.0; /* between samples */
   double line[BT_LINE] = {0.0};
   const BtFlow flow = {STATES, s.dry ? 2 : 0, longest, rhs, guard, jump, 0, &s};
   int events = 0;
   for (int k = 0; k < n; k++) {
     double *row = y + 4 * k;
     const double *shaken = noise + 4 * k;
-    bt_sensors(&s.a, &memory, k, x[Q], x[W], dt, row, row + 1);
+    bt_sensors(&shown, &memory, k, s.a.out_lag_q > 0.0 ? x[LAG_Q] : x[Q], s.a.out_lag_v > 0.0 ? x[LAG_W] : x[W],
+               dt, row, row + 1);
     row[2] = x[P_A] + s.e.bias_a;
     row[3] = x[P_B] + s.e.bias_b;
     for (int i = 0; i < 4; i++) row[i] += shaken[i];
     if (gains) u[3 * k] = fmin(fmax(gains[0] * (ref[k] - row[1]), -gains[1]), gains[1]);
-    line[k % BT_LINE] = bt_command(&s.a, &memory, k, u[3 * k], 0.0, 0.0, dt);
+    line[k % BT_LINE] = bt_chain(&s.a, &memory.chain, u[3 * k], 0.0);
     s.inertia = u[3 * k + 1];
     s.inertia_rate = u[3 * k + 2];
     s.disturbance = disturbance[k];
-    if (k == 0) x[SPOOL] = memory.before;
     const double t = k * dt;
     s.drift = 1.0 + s.a.x_gain_drift * (1.0 - exp(-t / 10.0));
     const double bounds[3] = {0.0, first, dt};
     for (int i = first > 0.0 ? 0 : 1; i < 2; i++) {
       const double from = first > 0.0 ? bounds[i] : 0.0;
       const int index = k - late - (first > 0.0 && i == 0 ? 1 : 0);
-      s.u = index < 0 ? memory.before : line[index % BT_LINE];
-      brake_mode(&s, t + from, &off_since, &on_since);
-      const int found = bt_advance(&flow, t + from, t + bounds[i + 1], x);
-      if (found < 0) return -1;
-      events += found;
+      const double begin = t + from, lasts = bounds[i + 1] - from;
+      s.from = limited(&s, begin);
+      s.target = index < 0 ? before : line[index % BT_LINE];
+      s.since = begin;
+      const int parts = moves ? (int)ceil(lasts / longest) : 1; /* the brake is looked at in each */
+      for (int part = 0; part < parts; part++) {
+        const double at = begin + lasts * part / parts;
+        brake_mode(&s, at, x, &off_since, &on_since);
+        const int found = bt_advance(&flow, at, begin + lasts * (part + 1) / parts, x);
+        if (found < 0) return -1;
+        events += found;
+      }
     }
   }
   return events;

@@ -40,6 +40,8 @@ EXTRA = (
     "bias_b",
 )
 LONGEST = 0.001  # s, of a step: an open outlet's time constant is 0.5 ms
+LAGS = ("in_lag", "out_lag_q", "out_lag_v")
+PER_LAG = 0.5  # of the shortest lag
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ class Slew:
             doubles(block(effects)),
             ctypes.c_int(n),
             ctypes.c_double(STEP),
-            ctypes.c_double(LONGEST),
+            ctypes.c_double(longest(effects)),
             doubles(u),
             doubles(reference),
             doubles(np.array([drive.gains[0], drive.gains[3]]) if drive.closed else None),
@@ -95,6 +97,12 @@ class Slew:
         if events < 0 or not np.isfinite(y).all():
             raise RunError("slew: the run does not stay finite")
         return Trace(u, y, events)
+
+
+def longest(effects: Mapping[str, float]) -> float:
+    """The longest step (s) that is right for the oil, and for the shortest lag."""
+    lags = [lag for name in LAGS if (lag := effects.get(name, 0.0)) > 0.0]
+    return min([LONGEST, *(PER_LAG * lag for lag in lags)])
 
 
 def draw(rng: np.random.Generator) -> Slew:

@@ -142,6 +142,42 @@ def test_a_carriage_sticks_against_a_slope_and_a_worse_supply_is_slower():
     assert np.abs(sagging).sum() < np.abs(plain).sum()
 
 
+def test_lags_of_the_slews_command_act_between_samples():
+    """Two lags one after the other are the same in either order; held from sample to sample they are not."""
+    system, values, drive, start = open_loop("slew")
+    free = values | {"slew_spool_rate": 1e4, "slew_brake_threshold": -1.0}  # a linear spool, no brake
+    one, other = (
+        system.simulate(free | {"in_lag": a, "slew_spool_lag": b}, drive, start).outputs
+        for a, b in ((0.05, 0.15), (0.15, 0.05))
+    )
+    assert np.ptp(one[:, 1]) > 0.01
+    assert np.abs(one[:, :2] - other[:, :2]).max() < 1e-5 * np.ptp(one[:, 0])
+
+
+def test_the_slews_rate_limit_acts_between_samples():
+    """A limit that takes a third of a sample holds a step up by a sixth of a sample, as a delay does."""
+    system, values, drive, start = open_loop("slew")
+    steps = drive.commands.copy()
+    steps[:, 0] = np.where(np.arange(len(steps)) >= 50, 0.6, 0.0)
+    free = values | {"slew_brake_threshold": -1.0}  # no brake, which looks at where the command comes to
+    held = [
+        system.simulate(free | more, Drive(steps), start).outputs[:, 0]
+        for more in ({}, {"in_rate": 0.6 / (STEP / 3.0)}, {"in_delay": STEP / 6.0})
+    ]
+    late = np.abs(held[0] - held[2]).max()
+    assert late > 1e-4
+    assert np.abs(held[1] - held[2]).max() < 0.02 * late
+
+
+def test_lags_of_the_slews_sensors_are_those_of_what_moves_between_samples():
+    system, values, drive, start = open_loop("slew")
+    plain, lagged = (
+        system.simulate(values | {"out_lag_q": lag}, drive, start).outputs[:, 0] for lag in (0.0, 0.1)
+    )
+    rate = np.gradient(lagged, STEP)
+    assert np.abs(0.1 * rate + lagged - plain)[5:-5].max() < 0.01 * np.abs(lagged - plain).max()
+
+
 @pytest.mark.parametrize("name", [k for k in KITS if k != "servo"])
 def test_every_effect_of_a_machine_runs_and_changes_what_is_measured(name):
     system, values, drive, start = open_loop(name)
