@@ -159,7 +159,7 @@ def test_the_slews_rate_limit_acts_between_samples():
     system, values, drive, start = open_loop("slew")
     steps = drive.commands.copy()
     steps[:, 0] = np.where(np.arange(len(steps)) >= 50, 0.6, 0.0)
-    free = values | {"slew_brake_threshold": -1.0}  # no brake, which looks at where the command comes to
+    free = values | {"slew_spool_rate": 1e4, "slew_brake_threshold": -1.0}  # a linear spool, no brake
     held = [
         system.simulate(free | more, Drive(steps), start).outputs[:, 0]
         for more in ({}, {"in_rate": 0.6 / (STEP / 3.0)}, {"in_delay": STEP / 6.0})
