@@ -110,7 +110,7 @@ def _readme(problem: ClosedProblem, fitted: ClosedFit, ports: dict[str, Port]) -
     holds = (
         "holds the FMU as it came and:"
         if ports
-        else "holds the FMU as it came: nothing is missing at its ports."
+        else "holds the FMU as it came: no effect was found at its ports."
     )
     lines = [f"# {name} with effects at its ports", "", f"`{name}.ssp` {holds}", ""]
     for component, port in ports.items():
