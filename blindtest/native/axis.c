@@ -45,6 +45,14 @@ double bt_chain(const Axis *a, Chain *m, double command, double other) {
   return fmin(fmax(u, -a->in_saturation), a->in_saturation);
 }
 
+double bt_limited(const Axis *a, const Held *held, double t) {
+  if (!isfinite(a->in_rate)) return held->target;
+  const double most = a->in_rate * (t - held->since);
+  return held->from + fmin(fmax(held->target - held->from, -most), most);
+}
+
+double bt_lagging(double value, double behind, double lag) { return lag > 0.0 ? (value - behind) / lag : 0.0; }
+
 int bt_has_dry(const Axis *a) {
   return a->coulomb_plus > 0.0 || a->coulomb_minus > 0.0 || a->stribeck_excess > 0.0 ||
          a->load_friction > 0.0 || a->x_place_friction > 0.0;

@@ -80,6 +80,17 @@ typedef struct {
 /* A command sample through everything that happens at the samples; `other`: the crosstalking command. */
 double bt_chain(const Axis *a, Chain *memory, double command, double other);
 
+/* A command that is held: what it comes to behind a rate limit, where that came from, and since when. */
+typedef struct {
+  double target, from, since;
+} Held;
+
+/* A held command behind the rate limit, which acts between samples, at t. */
+double bt_limited(const Axis *a, const Held *held, double t);
+
+/* Rate of what follows a value by a lag; 0 without one. */
+double bt_lagging(double value, double behind, double lag);
+
 double bt_play(double *held, double value, double gap);
 
 /* Dry friction (without sign) while moving in the direction `sign` at `v`; at v = 0 the static level. */

@@ -29,18 +29,13 @@ typedef struct {
   Axis a;
   int slide, shaft, stop; /* modes */
   int dry;
-  double target, from, since; /* of the rate limit: held value, where it came from, since when */
+  Held held;
   double disturbance, time;
   double play; /* of the encoder */
 } Servo;
 
-static double limited(const Servo *s, double t) {
-  const double most = s->a.in_rate * (t - s->since);
-  return s->from + fmin(fmax(s->target - s->from, -most), most);
-}
-
 static double drive(const Servo *s, double t, const double *x) {
-  double u = s->a.in_lag > 0.0 ? x[LAG] : limited(s, t);
+  double u = s->a.in_lag > 0.0 ? x[LAG] : bt_limited(&s->a, &s->held, t);
   if (s->b.actuator_lag > 0.0) u = x[ACTUATOR];
   return s->b.gain * (1.0 + s->a.x_gain_drift * (1.0 - exp(-t / 10.0))) * u;
 }
@@ -69,17 +64,17 @@ static void rhs(void *who, double t, const double *x, double *rate) {
   const double inertia = (1.0 - share) * s->b.inertia * (1.0 + s->a.pose_inertia * cos(x[Q]));
   const int sticks = s->dry && s->slide == 0;
   if (s->dry && s->slide) force -= s->slide * bt_dry(&s->a, s->slide, x[Q], x[V], transmitted);
-  const double u = limited(s, t);
+  const double u = bt_limited(&s->a, &s->held, t);
   rate[Q] = sticks ? 0.0 : x[V];
   rate[V] = sticks ? 0.0 : force / inertia;
-  rate[LAG] = s->a.in_lag > 0.0 ? (u - x[LAG]) / s->a.in_lag : 0.0;
+  rate[LAG] = bt_lagging(u, x[LAG], s->a.in_lag);
   const double entering = s->a.in_lag > 0.0 ? x[LAG] : u;
-  rate[ACTUATOR] = s->b.actuator_lag > 0.0 ? (entering - x[ACTUATOR]) / s->b.actuator_lag : 0.0;
+  rate[ACTUATOR] = bt_lagging(entering, x[ACTUATOR], s->b.actuator_lag);
   rate[DAHL] = bt_dahl_rate(&s->a, rate[Q], x[DAHL]);
   rate[Q_DRIVE] = soft(s) ? x[V_DRIVE] : 0.0;
   rate[V_DRIVE] = soft(s) ? (drive(s, t, x) - shaft(s, x)) / (share * s->b.inertia) : 0.0;
-  rate[LAG_Q] = s->a.out_lag_q > 0.0 ? (x[Q] - x[LAG_Q]) / s->a.out_lag_q : 0.0;
-  rate[LAG_V] = s->a.out_lag_v > 0.0 ? (x[V] - x[LAG_V]) / s->a.out_lag_v : 0.0;
+  rate[LAG_Q] = bt_lagging(x[Q], x[LAG_Q], s->a.out_lag_q);
+  rate[LAG_V] = bt_lagging(x[V], x[LAG_V], s->a.out_lag_v);
 }
 
 enum { SLIDE_PLUS, SLIDE_MINUS, SHAFT_PLUS, SHAFT_MINUS, STOP, GUARDS };
@@ -189,7 +184,7 @@ EXPORT int bt_servo(const double *base, const double *axis, const double *contro
   s.shaft = soft(&s) && s.a.shaft_gap <= 0.0 ? 2 : 0; /* 2: always touching, without a gap */
   Chain chain = {0};
   const double before = bt_chain(&s.a, &chain, 0.0, 0.0); /* no command, for as long as anything remembers */
-  x[LAG] = x[ACTUATOR] = s.target = s.from = before;
+  x[LAG] = x[ACTUATOR] = s.held.target = s.held.from = before;
   const int parts = stretches(&s, dt, at);
   const int late = (int)floor(s.a.in_delay / dt + 1e-9);
   const double rest = fmod(s.a.in_delay, dt);
@@ -219,10 +214,9 @@ EXPORT int bt_servo(const double *base, const double *axis, const double *contro
     for (int i = 0; i < parts; i++) {
       const int index = k - late - (!whole && done < rest - 1e-12 ? 1 : 0);
       const double target = index < 0 ? before : held[index];
-      s.from = isfinite(s.a.in_rate) ? limited(&s, t + done) : target;
-      s.target = target;
-      s.since = t + done;
-      double reach = isfinite(s.a.in_rate) ? done + fabs(target - s.from) / s.a.in_rate : done;
+      const double from = bt_limited(&s.a, &s.held, t + done);
+      s.held = (Held){target, from, t + done};
+      double reach = isfinite(s.a.in_rate) ? done + fabs(target - from) / s.a.in_rate : done;
       if (reach > done + 1e-9 && reach < at[i] - 1e-9) {
         const int found = bt_advance(&flow, t + done, t + reach, x);
         if (found < 0) return -1;

@@ -47,24 +47,16 @@ typedef struct {
   Extra e;
   Axis a;
   double inertia, inertia_rate, disturbance, drift;
-  double target, from, since; /* of the command: held value, where its rate limit came from, since when */
+  Held held; /* the command */
   int released, dry, slide;
   double released_at;
   double cut_off_whole; /* what the exponential of the cut-off comes to at full opening */
 } Slew;
 
 /* The command behind its rate limit, and behind its lag: they act between samples, too. */
-static double limited(const Slew *s, double t) {
-  if (!isfinite(s->a.in_rate)) return s->target;
-  const double most = s->a.in_rate * (t - s->since);
-  return s->from + fmin(fmax(s->target - s->from, -most), most);
-}
-
 static double command(const Slew *s, double t, const double *x) {
-  return s->a.in_lag > 0.0 ? x[COMMAND] : limited(s, t);
+  return s->a.in_lag > 0.0 ? x[COMMAND] : bt_limited(&s->a, &s->held, t);
 }
-
-static double lagging(double value, double behind, double lag) { return lag > 0.0 ? (value - behind) / lag : 0.0; }
 
 static double ramp(double x, double width) { /* 0, a parabola, x - width / 2 */
   if (x <= 0.0) return 0.0;
@@ -167,9 +159,9 @@ static void rhs(void *who, double t, const double *x, double *rate) {
   rate[SPOOL] = b->spool_rate * tanh((command(s, t, x) - x[SPOOL]) / (b->spool_lag * b->spool_rate));
   rate[RELIEF] = (x[P_A] - x[P_B] - x[RELIEF]) / b->relief_lag;
   rate[DAHL] = bt_dahl_rate(&s->a, rate[Q], x[DAHL]);
-  rate[COMMAND] = lagging(limited(s, t), x[COMMAND], s->a.in_lag);
-  rate[LAG_Q] = lagging(x[Q], x[LAG_Q], s->a.out_lag_q);
-  rate[LAG_W] = lagging(x[W], x[LAG_W], s->a.out_lag_v);
+  rate[COMMAND] = bt_lagging(bt_limited(&s->a, &s->held, t), x[COMMAND], s->a.in_lag);
+  rate[LAG_Q] = bt_lagging(x[Q], x[LAG_Q], s->a.out_lag_q);
+  rate[LAG_W] = bt_lagging(x[W], x[LAG_W], s->a.out_lag_v);
 }
 
 static void guard(void *who, double t, const double *x, double *g) {
@@ -229,7 +221,7 @@ EXPORT int bt_slew(const double *base, const double *extra, const double *effect
   x[LAG_Q] = start[0];
   x[LAG_W] = start[1];
   const double before = bt_chain(&s.a, &memory.chain, 0.0, 0.0); /* no command, for as long as anything remembers */
-  x[SPOOL] = x[COMMAND] = s.target = s.from = before;
+  x[SPOOL] = x[COMMAND] = s.held.target = s.held.from = before;
   Axis shown = s.a; /* what its sensors add to what their lags leave */
   shown.out_lag_q = shown.out_lag_v = 0.0;
   s.slide = x[W] > 0.0 ? 1 : x[W] < 0.0 ? -1 : 0;
@@ -261,9 +253,7 @@ EXPORT int bt_slew(const double *base, const double *extra, const double *effect
       const double from = first > 0.0 ? bounds[i] : 0.0;
       const int index = k - late - (first > 0.0 && i == 0 ? 1 : 0);
       const double begin = t + from, lasts = bounds[i + 1] - from;
-      s.from = limited(&s, begin);
-      s.target = index < 0 ? before : line[index % BT_LINE];
-      s.since = begin;
+      s.held = (Held){index < 0 ? before : line[index % BT_LINE], bt_limited(&s.a, &s.held, begin), begin};
       const int parts = moves ? (int)ceil(lasts / longest) : 1; /* the brake is looked at in each */
       for (int part = 0; part < parts; part++) {
         const double at = begin + lasts * part / parts;

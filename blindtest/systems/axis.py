@@ -9,6 +9,8 @@ import numpy as np
 from blindtest.integrator import library
 from specs.errors import InputError, nearest
 
+PER_LAG = 0.5  # of the shortest lag: RK4 is unstable beyond 2.8, and far from exact before
+
 
 @functools.cache
 def absent() -> dict[str, float]:
@@ -40,3 +42,9 @@ def blocks(values: Mapping[str, float], names: tuple[str, ...]) -> np.ndarray:
         if axis in own:
             own[axis][parameter] = value
     return np.stack([block(own[name]) for name in names])
+
+
+def longest(step: float, values: Mapping[str, float], lags: tuple[str, ...]) -> float:
+    """The longest step (s) of a run: `step`, or less for the shortest of its lags that is there."""
+    there = [lag for name in lags if (lag := values.get(name, 0.0)) > 0.0]
+    return min([step, *(PER_LAG * lag for lag in there)])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blindtest.integrator import doubles, library
-from blindtest.systems.axis import absent, block
+from blindtest.systems.axis import absent, block, longest
 from blindtest.systems.system import STEP, Base, Drive, Signal, Trace
 from specs.errors import RunError
 
@@ -20,7 +20,6 @@ BASE = ("inertia", "gain", "viscous", "spring", "actuator_lag")
 LONGEST = 0.005  # s, of a step
 LONGEST_STIFF = 0.001  # s, where a contact or a shaft is stiff
 LAGS = ("actuator_lag", "in_lag", "out_lag_q", "out_lag_v")
-PER_LAG = 0.5  # of the shortest lag: RK4 is unstable beyond 2.8, and far from exact before
 
 
 @dataclass(frozen=True)
@@ -85,8 +84,7 @@ class Servo:
 def _longest(values: Mapping[str, float]) -> float:
     """The longest step (s) that is right for what is stiff, and for the shortest lag."""
     stiff = values.get("shaft_stiffness", 0.0) > 0 or np.isfinite(values.get("stop_position", np.inf))
-    lags = [lag for name in LAGS if (lag := values.get(name, 0.0)) > 0.0]
-    return min([LONGEST_STIFF if stiff else LONGEST, *(PER_LAG * lag for lag in lags)])
+    return longest(LONGEST_STIFF if stiff else LONGEST, values, LAGS)
 
 
 def draw(rng: np.random.Generator) -> Servo:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from blindtest.integrator import doubles, library
-from blindtest.systems.axis import absent, block
+from blindtest.systems.axis import absent, block, longest
 from blindtest.systems.system import STEP, Base, Drive, Signal, Trace, around
 from specs import parameters
 from specs.errors import RunError
@@ -41,7 +41,6 @@ EXTRA = (
 )
 LONGEST = 0.001  # s, of a step: an open outlet's time constant is 0.5 ms
 LAGS = ("in_lag", "out_lag_q", "out_lag_v")
-PER_LAG = 0.5  # of the shortest lag
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ class Slew:
             doubles(block(effects)),
             ctypes.c_int(n),
             ctypes.c_double(STEP),
-            ctypes.c_double(longest(effects)),
+            ctypes.c_double(longest(LONGEST, effects, LAGS)),
             doubles(u),
             doubles(reference),
             doubles(np.array([drive.gains[0], drive.gains[3]]) if drive.closed else None),
@@ -97,12 +96,6 @@ class Slew:
         if events < 0 or not np.isfinite(y).all():
             raise RunError("slew: the run does not stay finite")
         return Trace(u, y, events)
-
-
-def longest(effects: Mapping[str, float]) -> float:
-    """The longest step (s) that is right for the oil, and for the shortest lag."""
-    lags = [lag for name in LAGS if (lag := effects.get(name, 0.0)) > 0.0]
-    return min([LONGEST, *(PER_LAG * lag for lag in lags)])
 
 
 def draw(rng: np.random.Generator) -> Slew:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from specs.errors import InputError, nearest
-from specs.units import UNITS, compatible, from_si, to_si
+from specs.units import UNITS, compatible, from_si, to_si, unit as unit_of
 
 # Another tool's spelling, in lower case and without blanks -> ours (specs/units.py).
 SPELLINGS = {
@@ -46,6 +46,6 @@ def converted(values: np.ndarray, unit: str, wanted: str, where: str) -> np.ndar
         raise InputError(f"{where}: unknown unit '{unit}', {wanted} is needed; {nearest(unit, UNITS)}")
     if not compatible(unit, wanted):
         raise InputError(f"{where}: '{unit}' does not measure what {wanted} does")
-    if UNITS[unit] == UNITS[wanted]:
+    if unit_of(unit) == unit_of(wanted):
         return values
     return np.asarray(from_si(to_si(values.astype(np.float64), unit), wanted))  # type: ignore[arg-type]

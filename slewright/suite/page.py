@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from slewright.suite.summary import MUSTS, RESULTS
+from slewright.suite.summary import MUSTS, RESULTS, met
 from specs.version import VERSION
 
 Figures = Mapping[str, Any]
@@ -53,7 +53,7 @@ def _met(value: float | None, how: str, limit: float) -> str:
     """Whether a demand is met, in a word."""
     if value is None:
         return "not measured"
-    return "yes" if (value >= limit if how == ">=" else value <= limit) else "**no**"
+    return "yes" if met(value, how, limit) else "**no**"
 
 
 def _simplest(figures: Figures) -> str:

@@ -79,12 +79,17 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
     }
 
 
+def met(value: float, how: str, limit: float) -> bool:
+    """Whether a figure meets a demand of MUSTS."""
+    return value >= limit if how == ">=" else value <= limit
+
+
 def missed(figures: Mapping[str, Any], noise: str, visible: str) -> list[str]:
     """The demands that the figures do not meet, in words; what was not measured is not missed."""
     found = []
     for name, how, limit in MUSTS[noise, visible]:
         value = figures[name]
-        if value is not None and (value < limit if how == ">=" else value > limit):
+        if value is not None and not met(value, how, limit):
             found.append(f"{name} = {value:.3g}, must be {how} {limit:g}")
     return found
 

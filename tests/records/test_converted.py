@@ -1,0 +1,16 @@
+"""Recorded units against those that a model has, which may be composed of others."""
+
+import numpy as np
+import pytest
+
+from records.formats.units import converted
+from specs.errors import InputError
+
+
+def test_a_unit_that_measures_something_else_than_a_composed_one_is_refused():
+    with pytest.raises(InputError, match="'V' does not measure what V.s/rad does"):
+        converted(np.ones(2), "V", "V.s/rad", "channel emf")
+
+
+def test_a_recorded_unit_becomes_a_composed_one():
+    assert converted(np.ones(2), "N/m", "kN/mm", "channel k") == pytest.approx([1e-6, 1e-6])
