@@ -8,7 +8,7 @@ from specs.errors import InputError
 
 
 def test_a_unit_that_measures_something_else_than_a_composed_one_is_refused():
-    with pytest.raises(InputError, match="'V' does not measure what V.s/rad does"):
+    with pytest.raises(InputError, match=r"'V' does not measure what V\.s/rad does"):
         converted(np.ones(2), "V", "V.s/rad", "channel emf")
 
 
