@@ -17,7 +17,7 @@ incomplete.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -29,6 +29,7 @@ from records.targets import Target, targets
 BAND_DEG = 3.0
 LAST_S = 1.0
 TOLERANCES_M = (1.0, 2.0)
+OF_MOVES = ("speed", "overshoot")  # have no value for a target that does not move
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,10 @@ class Metrics:
     complete: bool
     per_target: tuple[TargetMetrics, ...]
 
+    def values(self, name: str) -> list[float]:
+        """What the mean `name` (speed, overshoot, error, slew_error or tool) is the mean of, by target."""
+        return _values(name, self.per_target)
+
     def as_dict(self) -> dict[str, Any]:
         """Return all figures for JSON; a figure that is not a number is None."""
         return _without_nan(asdict(self))
@@ -76,15 +81,14 @@ def compute(record: Record) -> Metrics:
     asked = targets(record)
     rows = tuple(_target_metrics(record, t) for t in asked if t.whole)
     moving = [r for r in rows if r.moves]
-    error = np.array([r.error for r in rows])
-    overshoots = [r.overshoot for r in moving]
+    error, overshoots = np.array(_values("error", rows)), _values("overshoot", rows)
     return Metrics(
-        speed=_mean([r.speed for r in moving]),
+        speed=_mean(_values("speed", rows)),
         overshoot=_mean(overshoots),
         overshoot_max=max(overshoots, default=math.nan),
         error=_mean(error),
-        slew_error=_mean([r.slew_error for r in rows]),
-        tool=_mean([r.tool for r in rows]),
+        slew_error=_mean(_values("slew_error", rows)),
+        tool=_mean(_values("tool", rows)),
         missed=sum(not r.reached for r in moving),
         within_1m=int(np.sum(error <= TOLERANCES_M[0])),
         within_2m=int(np.sum(error <= TOLERANCES_M[1])),
@@ -92,6 +96,10 @@ def compute(record: Record) -> Metrics:
         complete=record.complete and len(rows) == len(asked) > 0,
         per_target=rows,
     )
+
+
+def _values(name: str, rows: Sequence[TargetMetrics]) -> list[float]:
+    return [getattr(r, name) for r in rows if r.moves or name not in OF_MOVES]
 
 
 def _target_metrics(record: Record, target: Target) -> TargetMetrics:

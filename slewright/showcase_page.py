@@ -92,7 +92,7 @@ def _metrics(compared: Mapping[str, Any], where: str, names: Iterable[str]) -> l
         rows.append(f"| {called[s]} | " + " | ".join(f"{found[m]:.2f}" for m in names) + " |")
     for s, found in compared["distance"].items():
         values = " | ".join(f"{found[m]:.2f}" for m in names)
-        rows.append(f"| {s} model's distance to the machine, mean over the scenarios | {values} |")
+        rows.append(f"| {s} model's distance to the machine, mean over the targets | {values} |")
     told = " | ".join(_share(compared["closer"][m]) for m in names)
     away = [_said(m) for m in names if (compared["closer"][m] or 0.0) < 0.0]
     warned = ["", f"Moved away from the machine: {', '.join(away)}."] if away else []

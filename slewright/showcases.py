@@ -6,7 +6,7 @@ model in it, where the faults of all other models take part; and `isolated`, eit
 machine moved (slewright/moved.py).
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,8 @@ PLAN = "showcases"
 SCENARIOS = ("four_targets_empty", "five_targets_empty")
 METRICS = ("speed", "overshoot", "error", "tool")
 METRIC_UNITS = {"speed": "°/s", "overshoot": "°", "error": "m", "tool": "°/s", "slew_error": "°"}
-Runs = Mapping[str, Mapping[str, Mapping[str, float]]]  # system -> scenario -> metric -> value
+Values = dict[str, list[float]]  # metric -> of every target
+Runs = Mapping[str, Mapping[str, Values]]  # system -> scenario
 Report = Callable[..., None]
 
 
@@ -85,8 +86,8 @@ def record(chosen: Showcase, out: Path, report: Report | None = None) -> dict[st
 
 def verified(
     chosen: Showcase, extended: Path | None, out: Path, seed: int, report: Report | None = None
-) -> dict[str, dict[str, dict[str, float]]]:
-    """Metrics by system (plain, extended, machine) and scenario; without an extended model, of the others."""
+) -> dict[str, dict[str, Values]]:
+    """Metrics of the targets by system (plain, extended, machine) and scenario; without an extended model, of the others."""
     from orchestrator.verify import verify
 
     plain = Path(chosen.model) if Path(chosen.model).is_dir() else None
@@ -102,7 +103,7 @@ def verified(
 
 def alone(
     chosen: Showcase, extended: Path | None, out: Path, seed: int, report: Report | None = None
-) -> dict[str, dict[str, dict[str, float]]]:
+) -> dict[str, dict[str, Values]]:
     """As `verified`, whose records of the machine must lie in `out`; the models moved as the machine was."""
     from fmus.build import build_fmu
     from records.record import read
@@ -111,7 +112,7 @@ def alone(
 
     known = {"plain": chosen.model, "extended": extended}
     fmus = {name: build_fmu(model) for name, model in known.items() if model is not None}
-    found: dict[str, dict[str, dict[str, float]]] = {n: {} for n in (*fmus, "machine")}
+    found: dict[str, dict[str, Values]] = {n: {} for n in (*fmus, "machine")}
     for s in SCENARIOS:
         if report:
             report(f"{s}: moved as the machine moves")
@@ -123,28 +124,33 @@ def alone(
     return found
 
 
-def metrics_of(record: Any, names: Iterable[str]) -> dict[str, float]:
-    """Metrics of a run by name."""
+def metrics_of(record: Any, names: Iterable[str]) -> Values:
+    """Metrics of a run by name, of every target that has them."""
     from records.metrics import compute
 
     metrics = compute(record)
-    return {m: float(getattr(metrics, m)) for m in names}
+    return {m: metrics.values(m) for m in names}
 
 
 def compared_by(metrics: Iterable[str], runs: Runs) -> dict[str, Any]:
     """`runs` with, by system and metric, mean and distance to the machine over the scenarios, and `closer`.
 
-    The distance is the mean of the distances in every scenario: of a mean, errors would cancel.
+    The distance is the mean of the distances at every target: in a mean over targets errors cancel, and a
+    model that misses each by degrees, one short and one beyond, would come out right.
     """
     metrics = tuple(metrics)
-    mean = {s: {m: _mean(r[m] for r in by.values()) for m in metrics} for s, by in runs.items()}
+    mean = {s: {m: _mean(_mean(r[m]) for r in by.values()) for m in metrics} for s, by in runs.items()}
     true = runs["machine"]
     distance = {
-        s: {m: _mean(abs(by[n][m] - true[n][m]) for n in by) for m in metrics}
+        s: {m: _mean(_apart(by[n][m], true[n][m]) for n in by) for m in metrics}
         for s, by in runs.items()
         if s != "machine"
     }
     return {"runs": runs, "mean": mean, "distance": distance, "closer": closer(metrics, distance)}
+
+
+def _apart(values: Sequence[float], true: Sequence[float]) -> float:
+    return _mean(abs(v - t) for v, t in zip(values, true, strict=True))
 
 
 def closer(metrics: Iterable[str], distance: Mapping[str, Mapping[str, float]]) -> dict[str, float | None]:

@@ -29,8 +29,8 @@ def figures(**changes) -> dict:
     gap = {"unit": "rad", "floor": 0.002, "nominal": 0.03, "reestimated": 0.02, "after": 0.004}
 
     def runs(names):
-        plain, machine = dict.fromkeys(names, 3.0), dict.fromkeys(names, 1.0)
-        extended = plain | {n: v for n, v in {"error": 2.0, "tool": 1.5}.items() if n in names}
+        plain, machine = dict.fromkeys(names, [3.0]), dict.fromkeys(names, [1.0])
+        extended = plain | {n: [v] for n, v in {"error": 2.0, "tool": 1.5}.items() if n in names}
         return {"plain": {"s": plain}, "extended": {"s": extended}, "machine": {"s": machine}}
 
     alone = SHOWCASES["tool"].moves
@@ -173,9 +173,10 @@ def test_a_metric_is_closer_by_its_share_of_the_way():
     assert compared_by(METRICS, runs)["closer"]["tool"] is None
 
 
-def test_errors_of_two_scenarios_do_not_cancel():
+@pytest.mark.parametrize("scenarios", [lambda a, b: {"a": [a], "b": [b]}, lambda a, b: {"a": [a, b]}])
+def test_errors_of_two_scenarios_or_targets_do_not_cancel(scenarios):
     speeds = {"plain": (3.0, -1.0), "extended": (1.5, 1.5), "machine": (1.0, 1.0)}
-    runs = {k: {"a": {"speed": a}, "b": {"speed": b}} for k, (a, b) in speeds.items()}
+    runs = {k: {n: {"speed": v} for n, v in scenarios(a, b).items()} for k, (a, b) in speeds.items()}
     found = compared_by(("speed",), runs)
     assert found["mean"]["plain"] == found["mean"]["machine"]
     assert found["distance"]["plain"]["speed"] == 2.0
