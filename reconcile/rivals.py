@@ -274,9 +274,12 @@ class Rivals:
                 self._from_both(k, best, k)
 
     def _as_good(self, best: Key, pool: Sequence[Key]) -> list[Key]:
-        """Those of some sets that explain about as much by no more parameters, one of each names."""
+        """Those of some sets that explain about as much by no more parameters, one of each names.
+
+        Of fewer effects first: several causes at once are rarer.
+        """
         near = {_names(k): k for k, lost in self._loses(best, pool).items() if lost < CLOSE}
-        return sorted(near.values(), key=lambda k: self.search.tried.fits[k].cost)
+        return sorted(near.values(), key=lambda k: (len(k), self.search.tried.fits[k].cost))
 
     def _loses(self, best: Key, pool: Sequence[Key]) -> dict[Key, float]:
         """What sets of other names, no dearer, lose of twice the log-likelihood; the most first."""

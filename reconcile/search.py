@@ -123,7 +123,7 @@ class Search:
         self.study.lengthen(known[best])
         self.tried = Tried({k: self.study.carried(f) or f for k, f in known.items()}, {}, self.tried.refused)
         self._again(list(known))  # what whole runs show of known effects must not count as noise
-        best = self._rounds(best, ROUNDS)
+        best = self._rounds(best, ROUNDS, anew=True)
         if evidence.near_floor(self.tried.fits[best]):
             # else what is smoothed away would make up for what is missing
             # ask the delays too: a lag passes little of the noise on, and nothing speaks for smoothing
@@ -134,32 +134,41 @@ class Search:
         self._again([Key(), best])
         return best
 
-    def _rounds(self, best: Key, most: int) -> Key:
-        """Grow in rounds, until neither the best set nor the noise that it leaves changes."""
+    def _rounds(self, best: Key, most: int, anew: bool = False) -> Key:
+        """Grow in rounds, until neither the best set nor the noise that it leaves changes.
+
+        `anew`: the first noise is judged as if nothing were known of it.
+        """
         if self.study.fit_problem.whiteners is None:
             self._judge_noise(best)
-        for _ in range(most):
-            moved = self._judge_noise(best)
+        for turn in range(most):
+            moved = self._judge_noise(best, anew=anew and turn == 0)
             self._again([Key(), best])
             known, best = best, self._round(best)
             if best == known and (best or not moved):
                 break
         return best
 
-    def _judge_noise(self, key: Key) -> bool:
-        """Judge the noise by what a set leaves that no effect would explain; whether it changed much."""
+    def _judge_noise(self, key: Key, anew: bool = False) -> bool:
+        """Judge the noise by what a set leaves that no effect would explain; whether it changed much.
+
+        `anew`: as if nothing were known of it.  Short windows do not show a steady load, say, and a slow
+        random force that was found in them would hide it in whole runs.
+        """
         self.report("noise")
         study, fitted = self.study, self.tried.fits[key]
         others = self.others(key)
         if study.fit_problem.whiteners is None:  # a first look: those that are quick
-            others = [a for a in others if not a.effect.hidden]
-        score = Score(study, fitted, others)
-        missing = score.pursuit(MISSING)
-        if study.fit_problem.whiteners is not None:  # the noise model takes slopes as they are
-            study.fit_problem.whiteners = None
-            score = Score(study, fitted, [v.attached for v in missing])
-            chosen = {(v.attached, tuple(v.shape.items())) for v in missing}
-            missing = [v for v in score.variants if (v.attached, tuple(v.shape.items())) in chosen]
+            score = Score(study, fitted, [a for a in others if not a.effect.hidden])
+            return study.estimate_noise(fitted, score.of(score.pursuit(MISSING)))
+        missing = Score(study, fitted, others).pursuit(MISSING)
+        study.fit_problem.whiteners = None  # the noise model takes slopes as they are
+        score = Score(study, fitted, others if anew else [v.attached for v in missing])
+        chosen = {(v.attached, tuple(v.shape.items())) for v in missing}
+        missing = [v for v in score.variants if (v.attached, tuple(v.shape.items())) in chosen]
+        if anew:
+            ways = (missing, score.pursuit(MISSING))
+            missing = min(ways, key=lambda way: study.price(fitted, score.of(way)))
         return study.estimate_noise(fitted, score.of(missing))
 
     def _round(self, key: Key) -> Key:

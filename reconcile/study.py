@@ -180,6 +180,11 @@ class Study:
         """
         return self._noise_of(fitted, more).deviance()
 
+    def price(self, fitted: Fitted, more: np.ndarray) -> float:
+        """BIC of what a fit leaves, as terms with slopes `more` [N, F] and as noise: both have parameters."""
+        noise, (n, terms) = self._noise_of(fitted, more), more.shape
+        return noise.deviance() + (terms + noise.parameters) * float(np.log(n))
+
     def _noise_of(self, fitted: Fitted, more: np.ndarray | None) -> whitening.Noise:
         """The noise model of greatest likelihood for what a fit leaves; `more` as for estimate_noise."""
         columns = [self.extended.index[f.name] for f in fitted.free]

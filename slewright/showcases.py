@@ -87,7 +87,10 @@ def record(chosen: Showcase, out: Path, report: Report | None = None) -> dict[st
 def verified(
     chosen: Showcase, extended: Path | None, out: Path, seed: int, report: Report | None = None
 ) -> dict[str, dict[str, Values]]:
-    """Metrics of the targets by system (plain, extended, machine) and scenario; without an extended model, of the others."""
+    """Metrics of all targets by system (plain, extended, machine) and scenario.
+
+    Without an extended model, those of the others.
+    """
     from orchestrator.verify import verify
 
     plain = Path(chosen.model) if Path(chosen.model).is_dir() else None

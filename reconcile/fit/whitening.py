@@ -78,6 +78,11 @@ class Noise:
         """Whether anything beside the sensors' noise is in it."""
         return any(s.size > 0.0 for s in self.sources)
 
+    @property
+    def parameters(self) -> int:
+        """How many it has: the size of each source, and its correlation time."""
+        return sum(1 if s.white else 2 for s in self.sources if s.size > 0.0)
+
     def differs(self, other: "Noise") -> bool:
         """Whether a source is larger or smaller by more than ALIKE."""
         known = {s.name: s.size for s in other.sources}

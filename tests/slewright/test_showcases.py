@@ -29,7 +29,7 @@ def figures(**changes) -> dict:
     gap = {"unit": "rad", "floor": 0.002, "nominal": 0.03, "reestimated": 0.02, "after": 0.004}
 
     def runs(names):
-        plain, machine = dict.fromkeys(names, [3.0]), dict.fromkeys(names, [1.0])
+        plain, machine = ({n: [v] for n in names} for v in (3.0, 1.0))
         extended = plain | {n: [v] for n, v in {"error": 2.0, "tool": 1.5}.items() if n in names}
         return {"plain": {"s": plain}, "extended": {"s": extended}, "machine": {"s": machine}}
 
