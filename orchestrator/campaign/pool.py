@@ -5,6 +5,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
+from typing import Any
 
 from orchestrator.campaign.worker import Result, Task, work
 from orchestrator.processes import interrupts_held, warm_up
@@ -101,19 +102,26 @@ def _batches(tasks: Sequence[Task], jobs: int) -> list[Batch]:
     return batches[::-1]  # taken from the end
 
 
+def connected(address: str) -> Any:
+    """A Dask client; raises InputError when Dask is not installed or nobody answers at the address."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("a Dask scheduler needs Dask: install slewright[campaign]") from None
+    try:
+        return Client(address, timeout=SCHEDULER_S)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(f"no Dask scheduler answers at {address} ({type(error).__name__})") from None
+
+
 def cluster(tasks: Sequence[Task], address: str, do: Work = work) -> Iterator[list[Result]]:
     """The same through the Dask scheduler at `address`; its workers see the same files.
 
-    Raises InputError when Dask is not installed or nobody answers at the address.
+    Raises InputError as `connected` does.
     """
-    try:
-        from distributed import Client, as_completed
-    except ImportError:
-        raise InputError("--scheduler needs Dask: install slewright[campaign]") from None
-    try:
-        client = Client(address, timeout=SCHEDULER_S)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(f"no Dask scheduler answers at {address} ({type(error).__name__})") from None
+    client = connected(address)
+    from distributed import as_completed
+
     with client:
         workers = max(1, len(client.scheduler_info()["workers"]))
         batches = {

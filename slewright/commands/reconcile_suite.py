@@ -49,6 +49,7 @@ def reconcile_suite(
     """Draw machines with hidden effects, reconcile them, and score what is named against the sealed truth."""
     import secrets
 
+    from orchestrator.campaign import pool
     from slewright import markers
     from slewright.suite import page
     from slewright.suite.ledger import Ledger, seed_of
@@ -61,6 +62,8 @@ def reconcile_suite(
     if summary and out is None and not (results and results.exists()):
         raise InputError("--summary needs --out DIR, the folder of the suite, or --results FILE, its results")
     check_packages(dask, baselines and not summary)
+    if dask and not summary:
+        pool.connected(dask).close()  # said before anything is written
     if markdown:
         markers.around(markdown, page.name(noise, visible))  # said now, not after hours
     wanted = {"noise": noise, "system": system, "visible": visible}

@@ -528,6 +528,16 @@ def test_cases_on_a_dask_cluster_give_results_in_order(answers, tmp_path):
     assert len(answers.calls) == 2
 
 
+def test_a_scheduler_that_is_not_there_is_said_before_anything_is_written(tmp_path, capsys):
+    pytest.importorskip("distributed")
+    out, figures = tmp_path / "suite", tmp_path / "figures.json"
+    wrong = ("--dask", "tcp://127.0.0.1:1", "--no-baselines")
+    assert command("--cases", 1, *wrong, "--out", out, "--json", figures) == 2
+    assert "no Dask scheduler answers at tcp://127.0.0.1:1" in capsys.readouterr().err
+    assert not out.exists()
+    assert not figures.exists()
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(1200)  # seconds of core time, but on a machine that others use too
 @pytest.mark.parametrize("visible", ["none", pytest.param("drawn", marks=pytest.mark.long)])
