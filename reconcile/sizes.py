@@ -1,4 +1,4 @@
-"""Columns without a unit whose size says that they are in another one: degrees for radians, mm for m.
+"""Columns without a unit whose size says that they are in another one: degrees for radians, mm for m, rpm.
 
 What is looked at: the range that the model states for the variable; speed against position where both are
 recorded; and what the model itself answers to the recorded inputs.  A factor of 57.3 or 1000 is no missing
@@ -8,7 +8,7 @@ Two signals are compared by their changes, and only where these go together: of 
 they are noise, or what disturbs it, whose size beside anything else says nothing of units.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 
 import casadi as ca
@@ -23,6 +23,7 @@ from specs.errors import InputError, RunError
 from specs.units import UNITS, compatible
 
 FACTORS = (180.0 / np.pi, 1000.0)
+LEAST_FACTOR = 3.0  # between other units of a speed and its own: a scale that is off is not off by so much
 EXACT, ROUGH = 1.25, 2.0  # times which a ratio may be from a factor: of speeds, of a model's answer
 EVERY_S = 0.2  # changes over this are compared
 RANGE = 1.5  # times the stated range that a value may be
@@ -80,21 +81,31 @@ def _likely(unit: str, factor: float) -> str | None:
     return near[0] if near else None
 
 
-def _factor(ratio: float, slack: float) -> float | None:
+def _factor(ratio: float, slack: float, factors: Iterable[float] = FACTORS) -> float | None:
     """Which of the factors a ratio is, or 1 over which; None if none."""
     return next(
-        (v for f in FACTORS for v in (f, 1.0 / f) if 1.0 / slack < ratio / v < slack),
+        (v for f in factors for v in (f, 1.0 / f) if 1.0 / slack < ratio / v < slack),
         None,
     )
 
 
+def _others(unit: str) -> list[float]:
+    """How many times as large the numbers of a quantity are in its other units (rad/s: 57.3 and 9.55)."""
+    if unit not in UNITS:
+        return []
+    found = [UNITS[unit].factor / UNITS[u].factor for u in UNITS if compatible(u, unit)]
+    return [f for f in found if max(f, 1.0 / f) > LEAST_FACTOR]
+
+
 def _against_speed(channels: Mapping[str, Channel], model: Model) -> Iterator[tuple[str, str, float]]:
     """Positions whose changes are not what the speed recorded beside them adds up to."""
+    units = {o.name: o.unit for o in model.outputs}
     for q, v in _rates(model):
         if q in channels and v in channels:
             travelled = channels[v].values.astype(float)
             travelled = np.concatenate([[0.0], np.cumsum(travelled[:-1] * np.diff(channels[v].time))])
-            factor = _factor(_ratio(channels[q], Channel(v, "", channels[v].time, travelled)), EXACT)
+            ratio = _ratio(channels[q], Channel(v, "", channels[v].time, travelled))
+            factor = _factor(ratio, EXACT, (*FACTORS, *_others(units[v])))
             if factor:
                 yield q, f"its slope is {factor:.4g} times {v}", factor
                 yield v, f"it is {1 / factor:.4g} times the slope of {q}", 1.0 / factor

@@ -322,6 +322,7 @@ def test_wrong_input_is_said_and_nothing_is_written(case, tmp_path, capfd):
         ({"position": 57.3}, "its slope is 57.3 times velocity"),
         ({"position": 1e3, "velocity": 1e3}, "the outputs are 1000 times"),
         ({"force": 1e-3}, "force [kN]"),
+        ({"velocity": 3.6}, "velocity [km/h]"),
     ],
 )
 def test_a_column_without_unit_that_is_off_by_a_factor_is_pointed_out(rig, scaled, hint):
