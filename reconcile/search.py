@@ -106,7 +106,10 @@ class Search:
             return present, alternatives
         fits = {Key(p): self.tried.fits[Key(p)] for p in (earning, kept)}
         if self._ranked(fits)[0] == Key(kept) != Key(earning):
-            return Rivals(self).settle(kept)
+            found = Rivals(self).settle(kept)
+            if acceptance.earning(found[0]) == found[0]:
+                return found
+            earning, present = kept, found[0]  # exchanges lead back to what did not earn its place
         return earning, Rivals(self).beside(earning, without=Key(present))
 
     def begin(self) -> None:

@@ -61,20 +61,23 @@ def test_sets_that_are_left_out_make_room_for_others(sharpened):
 
 
 @pytest.mark.parametrize(
-    ("rival", "borne_out", "answer"),
+    ("rival", "borne_out", "rival_of_drag", "answer"),
     [
-        ("friction clock", "friction clock", "friction clock"),  # it earns its place
-        ("clock lag", "clock", "friction"),  # what is left of it leaves more than what stood before
-        ("drag lag", "drag", "drag"),
+        ("friction clock", "friction clock", "drag", "friction clock"),  # it earns its place
+        ("clock lag", "clock", "drag", "friction"),  # what is left of it leaves more than what stood before
+        ("drag lag", "drag", "drag", "drag"),
+        ("drag lag", "drag", "drag lag", "drag"),  # exchanges lead back to it
     ],
 )
-def test_a_rival_that_does_not_earn_its_place_takes_none(monkeypatch, rival, borne_out, answer):
+def test_a_rival_that_does_not_earn_its_place_takes_none(
+    monkeypatch, rival, borne_out, rival_of_drag, answer
+):
     costs = {"friction": 1000.0, "clock": 1500.0, "drag": 900.0, rival: 800.0}
     search = Search(cast(Any, None))
     known = {Key(n.split()): fitted(c, 4, tuple(n.split())) for n, c in costs.items()}
     search.tried = Tried(cast(Any, known), {})
     monkeypatch.setattr("reconcile.search.minima.reshaped", lambda study, fit, known: fit)
-    taken = {"friction": rival, "drag": "drag"}
+    taken = {"friction": rival, "drag": rival_of_drag}
     earned = {rival: borne_out}
     monkeypatch.setattr(
         Rivals, "settle", lambda self, present: (tuple(taken[" ".join(present)].split()), ("others",))
