@@ -258,7 +258,7 @@ class Rivals:
         return gained - WIDER - 2.0 * (len(fits[wide].free) - len(fits[simple].free))
 
     def _near(self, best: Key, pool: Sequence[Key]) -> tuple[tuple[Attached, ...], ...]:
-        """Sets of other names that cannot be told from the best, the likeliest first."""
+        """Sets of other names that cannot be told from the best, those of fewest effects first."""
         self._fitted_again(best, pool)
         near = self._as_good(best, pool)
         near = self._as_good(best, [*pool, *self._crossed(best, near[: MOST_RIVALS - 1])])

@@ -109,7 +109,7 @@ class Search:
             found = Rivals(self).settle(kept)
             if acceptance.earning(found[0]) == found[0]:
                 return found
-            earning, present = kept, found[0]  # exchanges lead back to what did not earn its place
+            earning, present = kept, found[0]  # often the exchanges lead back to it
         return earning, Rivals(self).beside(earning, without=Key(present))
 
     def begin(self) -> None:

@@ -2,14 +2,16 @@
 
 What is looked at: the range that the model states for the variable; speed against position where both are
 recorded; and what the model itself answers to the recorded inputs.  A factor of 57.3 or 1000 is no missing
-effect and no wrong parameter; a column that states its unit is taken at its word.
+effect and no wrong parameter, nor is one of 9.55 between a speed and its position; a column that states its
+unit is taken at its word.
 
 Two signals are compared by their changes, and only where these go together: of a machine that hardly moves
 they are noise, or what disturbs it, whose size beside anything else says nothing of units.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,7 +25,10 @@ from specs.errors import InputError, RunError
 from specs.units import UNITS, compatible
 
 FACTORS = (180.0 / np.pi, 1000.0)
-LEAST_FACTOR = 3.0  # between other units of a speed and its own: a scale that is off is not off by so much
+OTHERS, CLOSE = (
+    3.0,
+    1.1,
+)  # other units of a speed that are looked for: least factor, and times which a ratio may be off
 EXACT, ROUGH = 1.25, 2.0  # times which a ratio may be from a factor: of speeds, of a model's answer
 EVERY_S = 0.2  # changes over this are compared
 RANGE = 1.5  # times the stated range that a value may be
@@ -33,11 +38,14 @@ MOVES = 4.0  # noise levels by which an input moves
 
 
 def check(measured: Measurement, channels: Mapping[str, Channel], folder, where: str) -> None:
-    """Raise InputError for a column without a unit whose size is off by 57.3 or 1000."""
+    """Raise InputError for a column without a unit whose size is that of another unit."""
     bare = [n for n in channels if _unstated(measured, n)]
     model = folder.model
     variables = {v.name: v for v in (*model.inputs, *model.outputs)}
-    for n in (n for n in bare if variables[n].unit not in ("", "1")):
+    bare = [n for n in bare if variables[n].unit not in ("", "1")]
+    if bare and isinstance(model, Model):
+        _refuse(where, bare, variables, _against_speed(channels, model))
+    for n in bare:
         bounds = [abs(b) for b in (variables[n].min, variables[n].max) if b is not None]
         size = float(np.max(np.abs(channels[n].values)))
         limit = RANGE * max(bounds, default=np.inf)
@@ -45,15 +53,17 @@ def check(measured: Measurement, channels: Mapping[str, Channel], folder, where:
             factor = next(f for f in FACTORS if size / f <= limit)
             said = f"it reaches {size:.4g} where the model has {max(bounds):.4g} {variables[n].unit} at most"
             raise InputError(_sentence(where, n, said, variables[n].unit, factor))
-    if not bare or not isinstance(model, Model):
-        return
-    found = [
-        (n, said, factor)
-        for n, said, factor in (*_against_speed(channels, model), *_against_model(channels, model))
-        if n in bare and variables[n].unit not in ("", "1")
-    ]
-    if found:
-        n, said, factor = next((x for x in found if _likely(variables[x[0]].unit, x[2])), found[0])
+    if bare and isinstance(model, Model):
+        _refuse(where, bare, variables, _against_model(channels, model))
+
+
+def _refuse(
+    where: str, bare: Sequence[str], variables: Mapping[str, Any], found: Iterable[tuple[str, str, float]]
+) -> None:
+    """Raise InputError for a column without a unit that is off; first one whose unit can be said."""
+    off = [(n, said, factor) for n, said, factor in found if n in bare]
+    if off:
+        n, said, factor = next((x for x in off if _likely(variables[x[0]].unit, x[2])), off[0])
         raise InputError(_sentence(where, n, said, variables[n].unit, factor))
 
 
@@ -81,20 +91,21 @@ def _likely(unit: str, factor: float) -> str | None:
     return near[0] if near else None
 
 
-def _factor(ratio: float, slack: float, factors: Iterable[float] = FACTORS) -> float | None:
+def _factor(ratio: float, slack: float) -> float | None:
     """Which of the factors a ratio is, or 1 over which; None if none."""
-    return next(
-        (v for f in factors for v in (f, 1.0 / f) if 1.0 / slack < ratio / v < slack),
-        None,
-    )
+    return _near(ratio, slack, [v for f in FACTORS for v in (f, 1.0 / f)])
+
+
+def _near(ratio: float, slack: float, factors: Iterable[float]) -> float | None:
+    return next((f for f in factors if 1.0 / slack < ratio / f < slack), None)
 
 
 def _others(unit: str) -> list[float]:
-    """How many times as large the numbers of a quantity are in its other units (rad/s: 57.3 and 9.55)."""
+    """How many times as large the numbers of a speed are in its other units (rad/s: 57.3 and 9.55)."""
     if unit not in UNITS:
         return []
     found = [UNITS[unit].factor / UNITS[u].factor for u in UNITS if compatible(u, unit)]
-    return [f for f in found if max(f, 1.0 / f) > LEAST_FACTOR]
+    return [f for f in found if f > OTHERS]
 
 
 def _against_speed(channels: Mapping[str, Channel], model: Model) -> Iterator[tuple[str, str, float]]:
@@ -105,7 +116,7 @@ def _against_speed(channels: Mapping[str, Channel], model: Model) -> Iterator[tu
             travelled = channels[v].values.astype(float)
             travelled = np.concatenate([[0.0], np.cumsum(travelled[:-1] * np.diff(channels[v].time))])
             ratio = _ratio(channels[q], Channel(v, "", channels[v].time, travelled))
-            factor = _factor(ratio, EXACT, (*FACTORS, *_others(units[v])))
+            factor = _factor(ratio, EXACT) or _near(ratio, CLOSE, [1.0 / f for f in _others(units[v])])
             if factor:
                 yield q, f"its slope is {factor:.4g} times {v}", factor
                 yield v, f"it is {1 / factor:.4g} times the slope of {q}", 1.0 / factor

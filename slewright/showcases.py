@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from specs.errors import RunError
+
 PLAN = "showcases"
 SCENARIOS = ("four_targets_empty", "five_targets_empty")
 METRICS = ("speed", "overshoot", "error", "tool")
@@ -138,6 +140,8 @@ def metrics_of(record: Any, names: Iterable[str]) -> Values:
 def compared_by(metrics: Iterable[str], runs: Runs) -> dict[str, Any]:
     """`runs` with, by system and metric, mean and distance to the machine over the scenarios, and `closer`.
 
+    Raises RunError for runs of different targets.
+
     The distance is the mean of the distances at every target: in a mean over targets errors cancel, and a
     model that misses each by degrees, one short and one beyond, would come out right.
     """
@@ -153,6 +157,8 @@ def compared_by(metrics: Iterable[str], runs: Runs) -> dict[str, Any]:
 
 
 def _apart(values: Sequence[float], true: Sequence[float]) -> float:
+    if len(values) != len(true):
+        raise RunError("a run ended before its last target: there is nothing to compare with the machine's")
     return _mean(abs(v - t) for v, t in zip(values, true, strict=True))
 
 

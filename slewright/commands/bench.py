@@ -198,6 +198,7 @@ def _show_showcase(title: str, compared: Mapping[str, Any]) -> None:
     from slewright.showcases import METRIC_UNITS
 
     rows = [(s, *(f"{v:.2f}" for v in m.values())) for s, m in compared["mean"].items()]
+    rows += [(f"{s}: off by", *(f"{v:.2f}" for v in m.values())) for s, m in compared["distance"].items()]
     closer = ["—" if v is None else f"{100 * v:.0f} %" for v in compared["closer"].values()]
     show(title, ["", *(f"{k}, {METRIC_UNITS[k]}" for k in compared["closer"])], [*rows, ("closer", *closer)])
 

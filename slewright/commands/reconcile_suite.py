@@ -62,14 +62,14 @@ def reconcile_suite(
     if summary and out is None and not (results and results.exists()):
         raise InputError("--summary needs --out DIR, the folder of the suite, or --results FILE, its results")
     check_packages(dask, baselines and not summary)
-    if dask and not summary:
-        pool.connected(dask).close()  # said before anything is written
     if markdown:
         markers.around(markdown, page.name(noise, visible))  # said now, not after hours
     wanted = {"noise": noise, "system": system, "visible": visible}
     seed = seed_of(results, seed, **wanted)
     fresh = secrets.randbelow(2**31) if seed is None else seed
     folder = out or Path("out/reconcile-suite") / f"{noise}-{system or 'all'}-{visible}-{fresh}"
+    if dask and not summary:
+        pool.connected(dask).close()  # said before anything is written
     # figures of kept results need no folder
     settings = settle(folder, seed, fresh, **wanted) if out or not summary else Settings(fresh, **wanted)
     ledger = Ledger(results, settings)

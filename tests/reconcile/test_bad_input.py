@@ -333,6 +333,8 @@ def test_a_column_without_unit_that_is_off_by_a_factor_is_pointed_out(rig, scale
 
 def test_a_column_without_unit_of_the_right_size_is_taken_and_so_is_a_stated_one(rig):
     assert runs_of(measurement(units={}), rig, "rec")
+    for scale in (1 / 3.0, 1.2, 3.0):  # an encoder's scale that is off
+        assert runs_of(measurement({"position": scale}, units={}), rig, "rec")
     given = measurement({"position": 1e3}, units=UNITS | {"position": "mm"})
     [run] = runs_of(given, rig, "rec")
     assert np.allclose(run.outputs["position"].values, COLUMNS["position"])

@@ -19,6 +19,7 @@ from slewright.moved import inputs, moved, with_columns
 from slewright.showcase_page import page, pages
 from slewright.showcases import METRICS, PLAN, SHOWCASES, compared_by, measure, missed
 from specs import scenario as scenarios_spec
+from specs.errors import RunError
 from specs.systems import load
 from tests.conftest import ROOT
 
@@ -181,6 +182,12 @@ def test_errors_of_two_scenarios_or_targets_do_not_cancel(scenarios):
     assert found["mean"]["plain"] == found["mean"]["machine"]
     assert found["distance"]["plain"]["speed"] == 2.0
     assert found["closer"]["speed"] == pytest.approx(0.75)
+
+
+def test_a_run_of_other_targets_is_not_compared():
+    runs = {k: {"a": {"speed": [1.0] * n}} for k, n in {"plain": 2, "extended": 1, "machine": 2}.items()}
+    with pytest.raises(RunError, match="before its last target"):
+        compared_by(("speed",), runs)
 
 
 def test_what_a_showcase_misses_is_said():
