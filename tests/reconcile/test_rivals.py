@@ -176,8 +176,9 @@ def test_a_set_of_as_many_effects_is_named_too_though_two_of_the_answers_have_on
 
 
 def test_of_sets_that_cannot_be_told_apart_those_of_fewer_effects_come_first():
-    found = settled(("sides lag", 4, 0.0), ("load dry lag", 4, 0.5), ("sides delay", 4, 1.0))
-    assert found == ("lag sides", ["delay sides", "dry lag load"])
+    larger = ("load dry lag", 4, 0.5), ("load dry delay", 4, 0.6)
+    found = settled(("sides lag", 4, 0.0), *larger, ("sides delay", 4, 1.0))
+    assert found == ("lag sides", ["delay sides", "dry lag load", "delay dry load"])
 
 
 def test_two_exchanges_that_each_leave_as_little_are_tried_together():
