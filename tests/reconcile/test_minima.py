@@ -74,7 +74,7 @@ def test_a_stop_that_a_fit_again_gets_stuck_at_is_found_from_wide_kinks(rig: Fol
     off = replace(right, point=replace(right.point, p=p))
     fit_set = study.fit_set
     monkeypatch.setattr(study, "fit_set", lambda *a, near, **kw: None if near else fit_set(*a, **kw))
-    assert study.refitted(off).cost == pytest.approx(right.cost, rel=1e-3)
+    assert study.refitted(off).cost == pytest.approx(right.cost, rel=1e-2)
 
 
 def test_a_ripple_that_stood_for_a_spring_is_looked_for_again_once_the_spring_is_known(rig: Folder):

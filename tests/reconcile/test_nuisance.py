@@ -9,6 +9,7 @@ import pytest
 from reconcile import nuisance
 from reconcile.catalogue import ALL
 from reconcile.data import Run, runs_of, split
+from reconcile.fit.solve import fit
 from reconcile.nuisance import Clock, corrected, differing, settled
 from reconcile.search import Answer, Tried
 from reconcile.study import Study
@@ -107,3 +108,14 @@ def test_a_clock_that_drifts_is_told_either_way(rig, drift):
         drift / (1.0 + drift), abs=5e-5
     )
     assert found.cost < 1.3 * sum(len(e) for raw in found.linear.raw for e in raw.values()) < 0.01 * base.cost
+
+
+@pytest.mark.parametrize("drift", [-0.001, -0.009])  # early by one sample at the end, and by several
+def test_no_sample_is_spared_a_clock_that_runs_fast(rig, drift):
+    study = Study(rig, split(runs(rig, (0.0, 0.0)), (), ()), [e for e in ALL if e.clock])
+    [clock] = study.candidates
+    problem = study.fit_problem
+    point = problem.start(study.values | {clock.name("drift"): drift})
+    found = fit(problem, problem.with_present(point, (clock,)), [], iterations=0)
+    assert found is not None
+    assert all(np.all(errors != 0.0) for window in found.linear.raw for errors in window.values())
