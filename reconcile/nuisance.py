@@ -20,7 +20,9 @@ from reconcile.study import Study
 
 GAIN = 10.0  # of twice the log-likelihood, beyond what the parameters cost
 MOST_S = 0.5  # told from slopes: what is later is not told by them, and comes from a model that is wrong
-WRONG = 1.5  # deviations of the noise (root mean square): a model that leaves more is wrong otherwise
+WRONG = (
+    evidence.AT_FLOOR
+)  # deviations of the noise (root mean square): a model that leaves more is wrong otherwise
 ASTRAY = 5.0  # deviations: a model that leaves more with clocks than that tells nothing of them by its slopes
 LEAST = 0.2  # of a sample period: smaller offsets do no harm
 ROUNDS = 3

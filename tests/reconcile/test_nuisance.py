@@ -95,6 +95,18 @@ def test_a_model_that_gets_nowhere_tells_no_clocks(monkeypatch):
     assert nuisance._rows(study, SimpleNamespace(free=())) is None  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("together", "left", "explained"),
+    [(1900.0, 1200.0, True), (9000.0, 4000.0, True), (2200.0, 1800.0, False)],
+    ids=["about the noise", "half of what stood above it", "neither"],
+)
+def test_clocks_explain_what_is_left_or_tell_nothing(monkeypatch, together, left, explained):
+    n = 1000
+    rows = SimpleNamespace(errors=np.zeros(n), late=np.zeros((n, 2)), run=np.zeros(n), runs=["a", "b"])
+    monkeypatch.setattr(nuisance, "_solved", lambda rows, late: (together if late.shape[1] == 1 else left,))
+    assert nuisance._explains(rows, 1) is explained  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("drift", [0.01, -0.01])  # late by 0.12 s at the end, and early
 def test_a_clock_that_drifts_is_told_either_way(rig, drift):
     catalogue = [e for e in ALL if e.clock]
