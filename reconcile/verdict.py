@@ -149,7 +149,7 @@ def judge(
     free = free or free_form(study, answer)
     shaped = free.more > FREE_GAIN
     left = "unexplained" if shaped or rms > AT_FLOOR or (s.share < WHITE and rms > 1.1) else "at_floor"
-    if answer.present and free.better > (0.0 if shaped else FREE_GAIN):
+    if answer.present and free.better > (evidence.BIC_GAIN if shaped else FREE_GAIN):
         what = ", ".join(free.instead.terms)
         near = words.together(_pairs(answer.present))
         text = f"Free terms explain it better ({what}) than any effect of the catalogue; nearest is {near}."
