@@ -20,9 +20,6 @@ from reconcile.study import Study
 
 GAIN = 10.0  # of twice the log-likelihood, beyond what the parameters cost
 MOST_S = 0.5  # told from slopes: what is later is not told by them, and comes from a model that is wrong
-WRONG = (
-    evidence.AT_FLOOR
-)  # deviations of the noise (root mean square): a model that leaves more is wrong otherwise
 ASTRAY = 5.0  # deviations: a model that leaves more with clocks than that tells nothing of them by its slopes
 LEAST = 0.2  # of a sample period: smaller offsets do no harm
 ROUNDS = 3
@@ -195,7 +192,7 @@ def _explains(rows: _Rows, count: int) -> bool:
     together, left = (_solved(rows, late)[0] for late in (rows.late[:, :1], _by_run(rows, count)))
     noise = len(rows.errors)
     half = left < ASTRAY**2 * noise and together - left > 0.5 * (together - noise)
-    return left < WRONG**2 * noise or half
+    return left < evidence.AT_FLOOR**2 * noise or half
 
 
 def _by_run(rows: _Rows, count: int) -> np.ndarray:

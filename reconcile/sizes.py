@@ -25,11 +25,9 @@ from specs.errors import InputError, RunError
 from specs.units import UNITS, compatible
 
 FACTORS = (180.0 / np.pi, 1000.0)
-OTHERS, CLOSE = (
-    3.0,
-    1.1,
-)  # other units of a speed that are looked for: least factor, and times which a ratio may be off
 EXACT, ROUGH = 1.25, 2.0  # times which a ratio may be from a factor: of speeds, of a model's answer
+OTHERS = 3.0  # least factor by which numbers of a speed are larger in the other units that are looked for
+CLOSE = 1.1  # times which a ratio may be from such a factor
 EVERY_S = 0.2  # changes over this are compared
 RANGE = 1.5  # times the stated range that a value may be
 LONGEST_S = 20.0  # of simulation for a comparison
@@ -39,10 +37,9 @@ MOVES = 4.0  # noise levels by which an input moves
 
 def check(measured: Measurement, channels: Mapping[str, Channel], folder, where: str) -> None:
     """Raise InputError for a column without a unit whose size is that of another unit."""
-    bare = [n for n in channels if _unstated(measured, n)]
     model = folder.model
     variables = {v.name: v for v in (*model.inputs, *model.outputs)}
-    bare = [n for n in bare if variables[n].unit not in ("", "1")]
+    bare = [n for n in channels if _unstated(measured, n) and variables[n].unit not in ("", "1")]
     if bare and isinstance(model, Model):
         _refuse(where, bare, variables, _against_speed(channels, model))
     for n in bare:

@@ -80,7 +80,6 @@ def compute(record: Record) -> Metrics:
     """Return the metrics of a record; raises InputError when it lacks the slew angle or the targets."""
     asked = targets(record)
     rows = tuple(_target_metrics(record, t) for t in asked if t.whole)
-    moving = [r for r in rows if r.moves]
     error, overshoots = np.array(_values("error", rows)), _values("overshoot", rows)
     return Metrics(
         speed=_mean(_values("speed", rows)),
@@ -89,7 +88,7 @@ def compute(record: Record) -> Metrics:
         error=_mean(error),
         slew_error=_mean(_values("slew_error", rows)),
         tool=_mean(_values("tool", rows)),
-        missed=sum(not r.reached for r in moving),
+        missed=sum(r.moves and not r.reached for r in rows),
         within_1m=int(np.sum(error <= TOLERANCES_M[0])),
         within_2m=int(np.sum(error <= TOLERANCES_M[1])),
         targets=len(rows),

@@ -140,10 +140,9 @@ def metrics_of(record: Any, names: Iterable[str]) -> Values:
 def compared_by(metrics: Iterable[str], runs: Runs) -> dict[str, Any]:
     """`runs` with, by system and metric, mean and distance to the machine over the scenarios, and `closer`.
 
-    Raises RunError for runs of different targets.
-
     The distance is the mean of the distances at every target: in a mean over targets errors cancel, and a
     model that misses each by degrees, one short and one beyond, would come out right.
+    Raises RunError for runs of different targets.
     """
     metrics = tuple(metrics)
     mean = {s: {m: _mean(_mean(r[m]) for r in by.values()) for m in metrics} for s, by in runs.items()}

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from reconcile import replicates, report as reports, verdict as verdicts, words
+from reconcile import freeform, replicates, report as reports, verdict as verdicts, words
 from reconcile.contract import Report, check
 from reconcile.data import Run, Signal
 from reconcile.findings import Findings, above
@@ -36,6 +36,17 @@ def figures(friction: Findings) -> dict:
 def page(friction: Findings, figures: dict, tmp_path_factory) -> str:
     path = tmp_path_factory.mktemp("page") / "report.html"
     return write_page(path, figures, shown(friction), "rig").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("more", "better", "verdict"),
+    [(20.0, 6.0, "named"), (20.0, 12.0, "unexplained"), (0.0, 12.0, "named"), (0.0, 20.0, "unexplained")],
+)
+def test_free_terms_take_the_place_of_effects_by_as_much_as_an_effect_must_gain(
+    friction, more, better, verdict
+):
+    free = verdicts.Free(freeform.NONE, freeform.NONE, more, better)
+    assert verdicts.judge(friction.study, friction.answer, None, [], free).name == verdict
 
 
 def test_the_report_has_the_contracts_form(figures):
