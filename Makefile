@@ -31,7 +31,7 @@ verify: $(VENV)/.verify-ready
 	$(BIN)/slewright verify $(ARGS)
 
 test: $(VENV)/.test-ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile --session-timeout 720 $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
 
 long: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "long and not soak" --timeout 1200 $(ARGS)

@@ -3,7 +3,7 @@
 With the ziglang package the core is built for glibc 2.17 and the wheel may be installed on any Linux of that
 age (manylinux); with the system's compiler alone it fits machines like this one.  SLEWRIGHT_WHEEL_TARGET
 names another platform (aarch64-linux), for which ziglang is needed.  An editable install compiles nothing:
-orchestrator/native.py does that at the first run.
+orchestrator/core/native.py does that at the first run.
 """
 
 import importlib.util
@@ -17,7 +17,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 TARGET = "orchestrator/core/bin"
-OTHER = "SLEWRIGHT_WHEEL_TARGET"  # environment variable: a platform of fmus.compiler.TARGETS
+OTHER = "SLEWRIGHT_WHEEL_TARGET"  # environment variable: a platform of fmus.toolchain.compiler.TARGETS
 
 
 class CoreHook(BuildHookInterface):
@@ -35,8 +35,8 @@ class CoreHook(BuildHookInterface):
             return
         sys.path.insert(0, self.root)
         portable = importlib.util.find_spec("ziglang") is not None
-        from fmus import compiler
-        from orchestrator import native
+        from fmus.toolchain import compiler
+        from orchestrator.core import native
 
         if portable:
             os.environ[compiler.ALWAYS_ZIG] = "1"

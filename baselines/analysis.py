@@ -15,8 +15,8 @@ import numpy as np
 
 from baselines.arm_velocity.model import STEP
 from fmus.definition import Model
-from fmus.loader import load_model
-from fmus.stepper import Stepper
+from fmus.toolchain.loader import load_model
+from fmus.toolchain.stepper import Stepper
 
 FREQUENCIES = np.geomspace(1e-2, 60.0, 1500)  # rad/s
 HOLD_S = 1.5 * STEP  # a command appears one step late and is held for one: half a step on average

@@ -1,13 +1,11 @@
 """Systems to measure and tune controllers on: assembled in a temporary folder, run by the orchestrator."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from orchestrator.assembly import STEP_S, assemble, driven_machine
-from orchestrator.system import System
+from orchestrator.system.assembly import STEP_S, assemble, driven_machine
+from orchestrator.system.system import System
 from specs import systems
-
-Report = Callable[[str, float, float], None]  # what is being done, how many of how many steps are
 
 
 def bare_machine(outputs: list[str]) -> System:

@@ -9,7 +9,7 @@ from typing import Any
 
 from baselines.registry import Controller
 from fmus.definition import Variable
-from fmus.loader import load_model
+from fmus.toolchain.loader import load_model
 from specs import draws, parameters
 from specs.errors import InputError, nearest
 

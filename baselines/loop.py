@@ -23,9 +23,9 @@ from baselines.analysis import FREQUENCIES, Margins, Plant
 from baselines.gains import limits
 from baselines.registry import Controller
 from fmus.definition import Model
-from fmus.discrete import DiscreteStepper
 from fmus.equations import kinematics
-from fmus.loader import load_model
+from fmus.toolchain.discrete import DiscreteStepper
+from fmus.toolchain.loader import load_model
 from specs import parameters
 from specs.errors import InputError, nearest
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from baselines import variants
-from fmus.loader import load_model, model_folders
+from fmus.toolchain.loader import load_model, model_folders
 from specs import systems
 from specs.errors import InputError, nearest
 

@@ -13,16 +13,16 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from orchestrator.campaign import pool
-from orchestrator.campaign.worker import Result, Task, work
-from orchestrator.pack import pack_system
-from orchestrator.processes import warm_up
+from orchestrator.run.processes import warm_up
+from orchestrator.system.pack import pack_system
+from specs.progress import Report
+from verification.campaign import pool
+from verification.campaign.worker import Result, Task, work
 
 RUNS = 200
 STOP_S = 15.0
 BLOCKS = 5
 LEAST_SCALING, MOST_OVERHEAD_MS = 0.9, 5.0
-Report = Callable[..., None]
 
 
 def measure(blocks: int = BLOCKS, runs: int = RUNS, report: Report | None = None) -> dict[str, Any]:

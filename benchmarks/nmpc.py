@@ -6,7 +6,6 @@ own time, which others on the machine do not lengthen, and the elapsed time, whi
 """
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,23 +13,23 @@ from typing import Any
 import numpy as np
 
 from baselines.nmpc.model import PERIOD, STEP
-from fmus.build import build_fmu
-from fmus.loader import load_model, model_folders
-from orchestrator.check import load_system
-from orchestrator.pack import pack_system
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.verify import plant_parameters
+from fmus.toolchain.build import build_fmu
+from fmus.toolchain.loader import load_model, model_folders
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
+from orchestrator.system.stimuli import Stimuli
 from records.record import Record
 from specs import scenario as scenarios
 from specs.errors import RunError
+from specs.progress import Report
+from verification.verify import plant_parameters
 
 LIMIT_MS = 50.0
 SHARE = 0.99
 SCENARIOS = ("four_targets_empty", "four_targets_2t")
 SLOT = "pi"
 SEED = 1
-Report = Callable[[str, float, float], None]
 
 
 def measure(report: Report, names: tuple[str, ...] = SCENARIOS) -> dict[str, Any]:

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from learning.policy.plant import Plant
 from learning.policy.recipe import recipe
 from learning.policy.session import NETWORKS, device_of, make_trainer
+from learning.policy.simulation.plant import Plant
+from specs.progress import Report
 
 STEP_LIMIT, UPDATE_LIMIT = (
     1.4,
@@ -20,7 +21,6 @@ STEP_LIMIT, UPDATE_LIMIT = (
 )  # a step over its products at most; an iteration of theirs over ours at least
 MACHINES, STEPS = 1000, 5  # no power of two: rows that lie 4 KiB apart share a place in the cache
 PPO: dict[str, Any] = {"envs": 1000, "steps": 12, "epochs": 5, "batches": 4}
-Report = Callable[[str, float, float], None]
 
 
 def run(blocks: int, report: Report) -> dict[str, Any]:

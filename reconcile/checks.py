@@ -7,9 +7,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from fmus.codegen import whole
 from fmus.definition import Model, Variable
-from fmus.tried import shortened
+from fmus.toolchain.codegen import whole
+from fmus.toolchain.tried import shortened
 from reconcile.model import Folder, read_folder
 from specs.errors import InputError, nearest
 from specs.schema import read_toml

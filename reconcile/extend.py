@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 
 from fmus.definition import Model, Sensor, Variable
-from fmus.loader import load_model
+from fmus.toolchain.loader import load_model
 from reconcile import quantization, sites
 from reconcile.catalogue import ALL
 from reconcile.extended import Extended

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from reconcile import holdout, scores
+from reconcile import holdout
 from reconcile.data import Block, Parts, Run, Signal, read_run
 from reconcile.fit.solve import Fitted
 from reconcile.fit.windows import cut
 from reconcile.model import Folder, read_folder
 from reconcile.study import Study
 from reconcile.workflow import SEED, Report, examine
+from records import scores
 from specs.errors import InputError
 
 DOWN = 0.9  # wanted of the error on held-out runs, as a share

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from fmus.definition import Model
-from fmus.loader import load_model, model_folders
-from fmus.tried import line, tried, try_equations
+from fmus.toolchain.loader import load_model, model_folders
+from fmus.toolchain.tried import line, tried, try_equations
 from reconcile import motion, sites
 from reconcile.catalogue import ALL, Effect
 from reconcile.ports import ALL_OUTPUTS, Axis, Ports, find_ports

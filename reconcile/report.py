@@ -10,11 +10,11 @@ from reconcile.data import Parts
 from reconcile.findings import STAGES, Findings, above, gather
 from reconcile.fit.solve import Fitted
 from reconcile.model import Attached
-from reconcile.scores import overall, rms, scores
 from reconcile.search import Answer
 from reconcile.source import write_model
 from reconcile.study import Study
 from reconcile.verdict import Verdict, moved_parameters
+from records.scores import overall, rms, scores
 
 __all__ = ["build", "figures", "gather", "write_model"]
 

@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 
 from fmus.definition import Model
-from fmus.discrete import DiscreteStepper
-from fmus.stepper import Stepper
+from fmus.toolchain.discrete import DiscreteStepper
+from fmus.toolchain.stepper import Stepper
 from reconcile.fit.noise import high_pass_level
 from records.measurement import Channel, Measurement
 from specs.errors import InputError, RunError

@@ -296,7 +296,7 @@ def _extended(figures: dict[str, Any]) -> bool:
 
 
 def _build(folder: Path, out: Path) -> str:
-    from fmus.build import build_fmu
+    from fmus.toolchain.build import build_fmu
 
     built = build_fmu(folder, 2, out=folder)
     return str(built.relative_to(out))

@@ -24,7 +24,7 @@ MACHINES = ("x86_64", "aarch64")
 GLIBC_MINOR = 36  # 2.36 is Debian 12's
 SUMS = "SHA256SUMS"
 TARGET = "SLEWRIGHT_WHEEL_TARGET"  # read by hatch_build.py
-ZIG = "SLEWRIGHT_ZIG"  # read by fmus/compiler.py
+ZIG = "SLEWRIGHT_ZIG"  # read by fmus/toolchain/compiler.py
 
 
 def environment(machine: str, python: str) -> dict[str, str]:

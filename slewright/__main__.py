@@ -17,10 +17,12 @@ WRONG_INPUT, FAILED, INTERRUPTED = 2, 3, 130
 EXTRAS = {"asammdf": "formats", "can": "formats", "mcap": "formats", "onnx": "learning", "torch": "learning"}
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(
+    arguments: Sequence[str] | None = None, commands: typer.Typer = app, name: str = "slewright"
+) -> None:
     """Run `slewright` with `arguments` (default: the process's) and exit with its code."""
     _show_anything()
-    sys.exit(run(arguments))
+    sys.exit(run(arguments, commands, name))
 
 
 def _show_anything() -> None:
@@ -30,10 +32,13 @@ def _show_anything() -> None:
             stream.reconfigure(errors="replace")
 
 
-def run(arguments: Sequence[str] | None = None) -> int:
-    """Run `slewright` and return its exit code; --traceback lets the exception through instead."""
+def run(arguments: Sequence[str] | None = None, commands: typer.Typer = app, name: str = "slewright") -> int:
+    """Run `slewright` and return its exit code; --traceback lets the exception through instead.
+
+    `python -m benchmarks` runs its own `commands` the same way, under its own `name`.
+    """
     try:
-        code = app(arguments, prog_name="slewright", standalone_mode=False)
+        code = commands(arguments, prog_name=name, standalone_mode=False)
     except KeyboardInterrupt:
         code = INTERRUPTED
     except typer.Abort:

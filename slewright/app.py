@@ -1,68 +1,84 @@
 """The command line's table of contents: each command is a small file in `slewright/commands`.
 
-Command files import only typer at the top and what they run inside the function, so that `--help` is
-instant and a command works without the packages that only another one needs.
+A command's file is imported when the command is asked for, and what it runs inside its function: `--version`
+and a wrong word answer at once, and a command works without the packages that only another one needs.
 """
 
 import os
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from slewright.commands import (
-    analyse,
-    bench,
-    build,
-    bundle,
-    calibrate,
-    campaign,
-    check,
-    collect,
-    commission,
-    compare,
-    convert,
-    deploy,
-    dossier,
-    effects,
-    estimate,
-    evaluate,
-    faults,
-    fit,
-    generate,
-    hil,
-    hmi,
-    import_,
-    machine,
-    optimum,
-    reconcile,
-    reconcile_suite,
-    replay,
-    run,
-    shadow,
-    simulate,
-    testpack,
-    train,
-    tune,
-    verify,
-)
+from specs.errors import InputError
 from specs.version import VERSION
 
-ROOMS = (
-    "specs",
-    "records",
-    "fmus",
-    "orchestrator",
-    "runtime",
-    "baselines",
-    "learning",
-    "reconcile",
-    "blindtest",
-    "slewright",
+ROOMS = (  # the packages of an installation
+    *("specs", "records", "fmus", "orchestrator", "runtime", "baselines", "learning"),
+    *("verification", "deployment", "reconcile", "slewright"),
 )
 TRACEBACK = "SLEWRIGHT_TRACEBACK"
 
+# Panel of `--help` -> (folder of slewright/commands, its commands).
+PANELS = {
+    "Simulate and verify": (
+        "simulation",
+        ("verify", "simulate", "check", "campaign", "convert", "build"),
+    ),
+    "Controllers": (
+        "controllers",
+        ("compare", "evaluate", "tune", "analyse", "calibrate", "estimate", "optimum"),
+    ),
+    "Learn from recordings and in simulation": ("learning", ("collect", "train", "fit", "import")),
+    "Reconcile model and measurement": ("reconciling", ("reconcile", "effects")),
+    "On the machine": (
+        "machine",
+        (
+            *("bundle", "deploy", "commission", "run", "hmi", "replay", "shadow"),
+            *("machine", "hil", "faults", "bench"),
+        ),
+    ),
+    "Develop": ("developing", ("generate",)),
+}
+COMMANDS = {name: (panel, folder) for panel, (folder, names) in PANELS.items() for name in names}
+# Commands of developers that have moved: what was typed -> what to type.
+MOVED = {name: f"python -m benchmarks {name}" for name in ("dossier", "testpack", "reconcile-suite")}
+
+
+class CommandGroup(TyperGroup):
+    """Finds commands by name and imports only the one that is asked for."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = dict.fromkeys(COMMANDS)  # type: ignore[assignment]  # names, for suggestions
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command `cmd_name`, None if there is none; InputError for one that has moved."""
+        if cmd_name in MOVED:
+            raise InputError(f"'{cmd_name}' is a command for developers: {MOVED[cmd_name]}")
+        if cmd_name not in COMMANDS:
+            return None
+        panel, folder = COMMANDS[cmd_name]
+        module = "import_" if cmd_name == "import" else cmd_name  # `import` is Python's
+        return load(f"slewright.commands.{folder}.{module}", cmd_name, panel)
+
+
+def load(module: str, name: str, panel: str | None = None) -> Any:
+    """The command of a module: its `app` of several commands, or else its function `name`."""
+    found = import_module(module)
+    several = getattr(found, "app", None)
+    if several is None:
+        several = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        several.command(name)(getattr(found, name.replace("-", "_")))
+    command = typer.main.get_command(several)
+    command.name, command.rich_help_panel = name, panel  # type: ignore[attr-defined]
+    return command
+
+
 app = typer.Typer(
     name="slewright",
+    cls=CommandGroup,
     help="Co-simulate, control and verify a hydraulic material handler with a free-swinging tool.",
     no_args_is_help=True,
     add_completion=False,
@@ -94,39 +110,3 @@ def options(
     ] = False,
 ) -> None:
     """Options of every command."""
-
-
-app.command()(verify.verify)
-app.command()(simulate.simulate)
-app.command()(check.check)
-app.command()(campaign.campaign)
-app.command()(collect.collect)
-app.command()(compare.compare)
-app.command()(evaluate.evaluate)
-app.command()(tune.tune)
-app.command()(analyse.analyse)
-app.command()(convert.convert)
-app.command()(build.build)
-app.command()(bundle.bundle)
-app.command()(generate.generate)
-app.command()(dossier.dossier)
-app.command()(commission.commission)
-app.command()(run.run)
-app.command()(hil.hil)
-app.command()(machine.machine)
-app.command()(hmi.hmi)
-app.command()(faults.faults)
-app.command()(replay.replay)
-app.command()(shadow.shadow)
-app.command()(reconcile.reconcile)
-app.command()(effects.effects)
-app.command()(optimum.optimum)
-app.command("reconcile-suite")(reconcile_suite.reconcile_suite)
-app.command("testpack")(testpack.write_pack)
-app.add_typer(bench.app, name="bench")
-app.add_typer(fit.app, name="fit")
-app.add_typer(calibrate.app, name="calibrate")
-app.add_typer(train.app, name="train")
-app.add_typer(estimate.app, name="estimate")
-app.add_typer(import_.app, name="import")
-app.add_typer(deploy.app, name="deploy")

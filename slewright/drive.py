@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from specs.errors import InputError, RunError
+from specs.progress import Report
 
 MACHINE = "machine"
-Report = Callable[..., None]
 
 
 def which(text: str, option: str = "--drive") -> str:

@@ -3,30 +3,30 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from specs.progress import Report
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 LINE_S = 15.0  # between lines on the same thing
-
-
-class Report(Protocol):
-    """What a long function calls now and then: what it is doing and, if it knows, `done` of `total` steps."""
-
-    def __call__(self, what: str, done: float | None = None, total: float | None = None) -> None: ...
 
 
 @contextmanager
 def progress(title: str) -> Iterator[Report]:
     """Show a bar on a terminal; elsewhere a line for each new thing, and now and then how far it is."""
+    # Rich is imported when something runs: a wrong argument is answered without it, in half the time.
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _lines(console, title)
@@ -47,7 +47,7 @@ def progress(title: str) -> Iterator[Report]:
         yield report
 
 
-def _lines(console: Console, title: str) -> Report:
+def _lines(console: "Console", title: str) -> Report:
     last, shown = "", 0.0
 
     def report(what: str, done: float | None = None, total: float | None = None) -> None:

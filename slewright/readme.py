@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from orchestrator.verify import Verification
 from records import results
 from records.metrics import Metrics
+from records.report import markers
 from records.report.picture import write_picture
 from records.report.tables import readable
-from slewright import markers
+from verification.verify import Verification
 
 PICTURE = Path("docs/run.svg")  # beside the README
 

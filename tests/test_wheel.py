@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.bench import chain
+from benchmarks.orchestrator import chain
 from records.record import read
 from tests.conftest import ROOT
 

@@ -11,34 +11,29 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from fmus.equations import kinematics
-from fmus.loader import load_model, members_of, model_folders
-from orchestrator.check import load_system
-from orchestrator.interventions import check_changes, check_faults
-from orchestrator.pack import SYSTEMS, pack_system
-from orchestrator.processes import interrupts_held, warm_up
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from fmus.toolchain.loader import load_model, members_of, model_folders
+from orchestrator.run.processes import interrupts_held, warm_up
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.interventions import check_changes, check_faults
+from orchestrator.system.pack import SYSTEMS, pack_system
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records import results
 from records.metrics import Verdict, check_limits
 from records.record import Record, read
 from records.report.page import Context, write_report
 from specs import scenario as scenarios_spec, systems as systems_spec
 from specs.errors import InputError, RunError
+from specs.progress import Report
 from specs.scenario import Scenario
 from specs.version import VERSION
 
 CONTROLLER = "pi"  # the component that a controller's model folder replaces
 MIN_SIMULATED_RATE = 1e-9
-
-
-class Report(Protocol):
-    """Called with what is being done and, if known, how much of it is done."""
-
-    def __call__(self, what: str, done: float | None = None, total: float | None = None) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -203,7 +198,7 @@ def run(job: Job) -> float:
 def plant_parameters(system: System, name: str, values: Mapping[str, float]) -> dict[str, float]:
     """`values` for every plant of the system `name` that has the parameter; controllers are told nothing."""
     folders = model_folders()
-    plants = [c.name for c in systems_spec.load(name).components if folders[c.fmu].parent.name == "fmus"]
+    plants = [c.name for c in systems_spec.load(name).components if folders[c.fmu].parent.name == "models"]
     return {
         f"{plant}.{key}": value
         for plant in plants

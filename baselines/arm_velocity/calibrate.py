@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from baselines.arm_velocity.model import JOINTS, POINTS
-from baselines.bench import STEP_S, Report, bare_machine
+from baselines.bench import STEP_S, bare_machine
 from fmus.equations import kinematics
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from orchestrator.run.simulate import simulate
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
+from specs.progress import Report
 
 LEVELS = np.round(np.arange(0.1, 1.0001, 0.025), 3)  # joystick values of the sweep
 LIMIT = 0.2  # rad/s, end of the table

@@ -11,11 +11,12 @@ import numpy as np
 
 from baselines.arm_velocity.calibrate import MIDDLE
 from baselines.arm_velocity.model import JOINTS
-from baselines.bench import STEP_S, Report, arm_loop
+from baselines.bench import STEP_S, arm_loop
 from baselines.parameter_file import update
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from orchestrator.run.simulate import simulate
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
+from specs.progress import Report
 
 STEPS = (0.05, 0.1, 0.15, -0.05, -0.1, -0.15)  # rad/s
 LOADS = (0.0, 2000.0)  # kg
@@ -66,6 +67,6 @@ def fit(responses: np.ndarray) -> tuple[int, float, float]:
 
 
 def model(delay: int, response: float, ticks: int) -> np.ndarray:
-    """Position [ticks] after a unit step of the velocity reference: closed form of fmus/arm, in s."""
+    """Position [ticks] after a unit step of the velocity reference: closed form of fmus/models/arm, in s."""
     steps = np.maximum(0, np.arange(1, ticks + 1) - delay)
     return STEP_S * np.cumsum(1 - (1 - response) ** steps)

@@ -11,12 +11,13 @@ from baselines.arm_velocity import calibrate as noise_free, lut, tracking
 from baselines.arm_velocity.lut import GRID, Table
 from baselines.arm_velocity.model import JOINTS
 from baselines.arm_velocity.sweep import LABEL, sweep
-from baselines.bench import Report, arm_loop
+from baselines.bench import arm_loop
 from baselines.parameter_file import update
 from records.formats import read_measurement
 from records.measurement import Measurement
 from specs import draws, parameters
 from specs.errors import InputError, nearest
+from specs.progress import Report
 
 Tracked = dict[str, dict[str, dict[str, tracking.Errors]]]  # "before", "after" -> joint -> "ff", "ff_pi"
 

@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 
 from baselines.arm_velocity.model import JOINTS
-from baselines.bench import STEP_S, Report, bare_machine
+from baselines.bench import STEP_S, bare_machine
 from fmus.equations import kinematics
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
-from orchestrator.system import System
+from orchestrator.run.master import Master, Options
+from orchestrator.system.layout import lay_out
+from orchestrator.system.system import System
 from records.recording import RecordWriter
 from specs import draws, keys
+from specs.progress import Report
 
 LABEL = "simulated reference machine"
 ALL = ("slew", "boom", "stick")

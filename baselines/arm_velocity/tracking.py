@@ -12,12 +12,13 @@ import numpy as np
 
 from baselines.arm_velocity.model import JOINTS
 from baselines.arm_velocity.sweep import turning_points
-from baselines.bench import STEP_S, Report
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from baselines.bench import STEP_S
+from orchestrator.run.simulate import simulate
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records.record import Record
 from specs import draws, keys, parameters
+from specs.progress import Report
 
 Numbers = Sequence[float] | np.ndarray
 SPEEDS = (0.025, 0.06, 0.11, 0.16)  # rad/s: between the points of the table

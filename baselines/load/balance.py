@@ -24,7 +24,7 @@ from typing import Any
 import casadi as ca
 
 from fmus.equations import cylinder, multibody
-from fmus.machine import arm_hydraulics
+from fmus.models.machine import arm_hydraulics
 from specs import draws, parameters
 
 JOINTS = ("boom", "stick")

@@ -12,7 +12,7 @@ import numpy as np
 from baselines.load.balance import JOINTS, ROWS, figures
 from baselines.load.sensors import STEP_S, Stretch, Usable
 from fmus.equations import cylinder
-from fmus.machine import arm_hydraulics
+from fmus.models.machine import arm_hydraulics
 
 
 class Reason(Enum):

@@ -19,7 +19,7 @@ import casadi as ca
 from baselines.load.balance import JOINTS, Seen, figures, rows, unknowns
 from fmus.definition import Model, Namespace, Variable, from_signals
 from fmus.equations import cylinder
-from fmus.machine import arm_hydraulics
+from fmus.models.machine import arm_hydraulics
 
 STEP = 0.02  # s
 LAG = 0.2  # s, of the filters that give rates

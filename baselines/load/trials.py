@@ -17,11 +17,11 @@ from baselines.load.balance import figures
 from baselines.load.gate import held
 from baselines.load.sensors import ANGLES, CABIN, STEP_S, TOOL, pressures, smoothing
 from fmus.equations import kinematics
-from fmus.machine import arm_hydraulics
-from orchestrator.assembly import driven_machine
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from fmus.models.machine import arm_hydraulics
+from orchestrator.run.simulate import simulate
+from orchestrator.system.assembly import driven_machine
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records.measurement import Channel, Measurement
 from records.record import Record
 from specs import draws, keys

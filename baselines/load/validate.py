@@ -4,7 +4,7 @@ Each machine is calibrated by its own trials, then driven through other ones wit
 load that was in the grab is used for calibration (known loads) and for the score, by nothing else.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from baselines.load.calibration import Calibration, calibrate, uncalibrated
 from baselines.load.estimate import Estimate, estimate
 from baselines.load.trials import Trial, run
 from specs import draws
+from specs.progress import Report
 
 LOADS = (0.0, 500.0, 1000.0, 1500.0, 2000.0, 2500.0)  # kg
 KNOWN = 1500.0  # kg, of the calibration with a known load
@@ -21,7 +22,6 @@ LIMITS = {"still": 100.0, "moving": 200.0}  # kg, that 95 % are to stay within
 SHARE = 0.95
 CALIBRATIONS = ("none", "empty", "empty_and_known")
 SHIPPED = "empty"  # what the limits apply to
-Report = Callable[[str, float, float], None]
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.equations import kinematics, multibody, slew_drive
-from fmus.machine import dynamics
+from fmus.models.machine import dynamics
 from specs import parameters
 
 PRESSURE = 1e7  # Pa, unit of the pressures here

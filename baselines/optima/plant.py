@@ -1,7 +1,7 @@
 """The reference machine with its arm led by the velocity loops: what the optimal control is computed on.
 
-The equations are the machine's own (fmus/equations, fmus/machine) with the parameters of one machine draw, as
-perfect knowledge has them.  Three things are simpler, so that a collocation of 15 s stays small:
+The equations are the machine's own (fmus/equations, fmus/models/machine) with the parameters of one machine
+draw, as perfect knowledge has them.  Three things are simpler, so that a collocation of 15 s stays small:
 
     arm      q''_boom = (limited reference - q'_boom) / lag: the arm follows its velocity loops exactly;
              slew, pitch and roll feel it through the rows of the full mass matrix
@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.equations import multibody, slew_drive
-from fmus.machine import arm_hydraulics, dynamics
+from fmus.models.machine import arm_hydraulics, dynamics
 from specs import parameters
 
 PRESSURE = 1e7  # Pa, unit of the pressures among the states

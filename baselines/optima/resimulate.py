@@ -10,10 +10,10 @@ from functools import cache
 import numpy as np
 
 from baselines.bench import STEP_S
-from orchestrator.assembly import driven_machine
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from orchestrator.run.simulate import simulate
+from orchestrator.system.assembly import driven_machine
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records import metrics
 from records.record import Record
 

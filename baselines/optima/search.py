@@ -1,7 +1,7 @@
 """Finds optima case after case, each from the nearest one found before, and keeps each at once."""
 
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -15,6 +15,7 @@ from baselines.optima.problem import INTERVALS, RESERVES_DEG, MoveProblem
 from baselines.optima.store import Entry, Key
 from specs import draws
 from specs.errors import InputError
+from specs.progress import Report
 from specs.scenario import SLEW_STEP_DEG
 from specs.version import VERSION
 
@@ -25,7 +26,6 @@ FULL_SPEEDS = (8.0, 9.5, 11.0, 12.5, 14.0)
 MOST_LOAD_KG = 2500.0
 LATE_S = 0.1  # on the whole machine, of a command that stays in the band as it should
 LONGEST_S = 14.0  # of a move in the window of 15 s
-Report = Callable[[str, float, float], None]
 
 
 def find(keys: Sequence[Key], report: Report, again: bool = False, path: Path = store.PATH) -> list[Entry]:

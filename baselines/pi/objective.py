@@ -19,10 +19,10 @@ import numpy as np
 
 from baselines.bench import STEP_S
 from fmus.equations import kinematics
-from orchestrator.assembly import assemble
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from orchestrator.run.simulate import simulate
+from orchestrator.system.assembly import assemble
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from specs import draws, keys, systems
 
 TARGETS = 4

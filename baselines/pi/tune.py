@@ -21,13 +21,13 @@ import numpy as np
 from scipy.optimize import minimize
 
 from baselines import analysis
-from baselines.bench import Report
 from baselines.parameter_file import update
 from baselines.pi import objective
-from fmus.build import BUILD
-from orchestrator.system import System
+from fmus.toolchain.build import BUILD
+from orchestrator.system.system import System
 from specs import parameters
 from specs.errors import RunError
+from specs.progress import Report
 
 DRAWS = 8  # machines of the tuning set, and as many of the validation set
 EVALUATIONS = 80

@@ -20,11 +20,11 @@ import numpy as np
 from baselines.pi import objective
 from baselines.registry import SLOT, Aim, Controller
 from fmus.equations import kinematics
-from orchestrator.check import load_system
-from orchestrator.pack import pack_system
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records.metrics import compute
 
 RECORDED = ("true_q_slew", "true_qd_tool_x", "true_qd_tool_y")
@@ -113,6 +113,6 @@ def _metrics(
 
 
 def _folder(controller: Controller) -> Any:
-    from fmus.build import BUILD
+    from fmus.toolchain.build import BUILD
 
     return BUILD / "systems" / "controllers" / controller.folder

@@ -22,16 +22,16 @@ from typing import Any
 import numpy as np
 
 from baselines import variants
-from baselines.bench import Report
 from baselines.gains import machine
 from baselines.loop import analyse
 from baselines.parameter_file import update
 from baselines.registry import Controller, Range
 from baselines.tuning import cost as objective
-from fmus.build import BUILD
-from orchestrator.system import System
+from fmus.toolchain.build import BUILD
+from orchestrator.system.system import System
 from specs import parameters
 from specs.errors import InputError
+from specs.progress import Report
 
 BUDGET_H = 2.0  # the PI's own search (baselines/pi/tune.py) has 10.7: it has no excuse
 DRAWS = 4

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from slewright.figures import JsonOption, check_target, write
+from records.figures_file import check_target, write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 
@@ -37,7 +38,7 @@ def dossier(
 
     Exits with 1 when the machine misses one of the limits.
     """
-    from orchestrator.dossier import run
+    from verification.dossier import run
 
     with progress("dossier") as report:
         figures = run(out, report, html, against=recorded)

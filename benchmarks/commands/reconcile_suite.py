@@ -5,7 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
@@ -49,13 +50,13 @@ def reconcile_suite(
     """Draw machines with hidden effects, reconcile them, and score what is named against the sealed truth."""
     import secrets
 
-    from orchestrator.campaign import pool
-    from slewright import markers
-    from slewright.suite import page
-    from slewright.suite.ledger import Ledger, seed_of
-    from slewright.suite.plan import Settings, settle
-    from slewright.suite.run import check_packages, run_suite, there
-    from slewright.suite.summary import missed, summarise
+    from benchmarks.suite import page
+    from benchmarks.suite.ledger import Ledger, seed_of
+    from benchmarks.suite.plan import Settings, settle
+    from benchmarks.suite.run import check_packages, run_suite, there
+    from benchmarks.suite.summary import missed, summarise
+    from records.report import markers
+    from verification.campaign import pool
 
     if cases < 1 or workers < 1:
         raise InputError(f"--cases {cases}, --workers {workers}: both are at least 1")

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from slewright.figures import JsonOption, check_target, write, write_text
+from records.figures_file import check_target, write, write_text
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from specs.errors import InputError
 
@@ -28,8 +29,8 @@ def write_pack(
     json: JsonOption = None,
 ) -> None:
     """Write the test pack for SSP importers, or compare masters on it."""
-    from orchestrator.testpack import pack
-    from orchestrator.testpack.cases import CASES
+    from benchmarks.testpack import pack
+    from benchmarks.testpack.cases import CASES
 
     if folder is None and not compare:
         raise InputError("name a folder to write the pack to, or --compare")
@@ -45,9 +46,9 @@ def write_pack(
 
 
 def _compared(out: Path | None) -> dict[str, dict[str, dict[str, str]]]:
-    from orchestrator.testpack import page
-    from orchestrator.testpack.cases import CASES
-    from orchestrator.testpack.compare import outcomes
+    from benchmarks.testpack import page
+    from benchmarks.testpack.cases import CASES
+    from benchmarks.testpack.compare import outcomes
 
     with progress("testpack") as report:
         found = outcomes(CASES, report)

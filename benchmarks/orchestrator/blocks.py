@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from orchestrator.bench.child import Child, Run
-from orchestrator.bench.contestants import MAX_STEPS, NotMeasured
-from orchestrator.bench.registry import REGISTRY
+from benchmarks.orchestrator.child import Child, Run
+from benchmarks.orchestrator.contestants import MAX_STEPS, NotMeasured
+from benchmarks.orchestrator.registry import REGISTRY
 
 RUN_S = 0.002  # how long one run is to take: less than a time slice of the scheduler
 MIN_STEPS = 200

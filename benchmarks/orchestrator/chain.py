@@ -9,10 +9,10 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmus import compiler
-from fmus.build import BUILD, SHIM, pack as pack_zip
-from orchestrator.bench.masters import Case
-from orchestrator.pack import pack
+from benchmarks.orchestrator.masters import Case
+from fmus.toolchain import compiler
+from fmus.toolchain.build import BUILD, SHIM, pack as pack_zip
+from orchestrator.system.pack import pack
 
 SOURCES = Path(__file__).parent / "c"
 NAMES = ("a", "b", "c")

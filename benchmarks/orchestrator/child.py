@@ -1,6 +1,6 @@
 """A contestant in a process of its own: other people's libraries may end it, and it is survived.
 
-    python -m orchestrator.bench.child KEY FMI_VERSION
+    python -m benchmarks.orchestrator.child KEY FMI_VERSION
 
 reads a number of steps a line and answers with a line of JSON: a Run, or {"reason"} and the end.
 """
@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Any, Self, TextIO, cast
 
-from orchestrator.bench.contestants import Contestant, NotMeasured
+from benchmarks.orchestrator.contestants import Contestant, NotMeasured
 
 CHECK_STEPS = 100  # after which all contestants show the same values
 PATIENCE_S = 60.0
@@ -46,7 +46,7 @@ class Child:
         """Start it and check its first steps; raises NotMeasured if it cannot run the chain."""
         self.key, self.fmi_version = key, fmi_version
         self.said = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed with the child)
-        command = [sys.executable, "-m", "orchestrator.bench.child", key, str(fmi_version)]
+        command = [sys.executable, "-m", "benchmarks.orchestrator.child", key, str(fmi_version)]
         self.process = subprocess.Popen(
             command,
             cwd=ROOT,
@@ -125,8 +125,8 @@ def _timed(contestant: Contestant, steps: int) -> Run:
 
 
 def _answers(key: str, fmi_version: int, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
-    from orchestrator.bench import chain as chains
-    from orchestrator.bench.registry import REGISTRY
+    from benchmarks.orchestrator import chain as chains
+    from benchmarks.orchestrator.registry import REGISTRY
 
     with tempfile.TemporaryDirectory() as folder:
         try:

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.bench import chain
-from orchestrator.bench.blocks import Measured, Spread, measure, spread
-from orchestrator.bench.registry import MASTERS, RECORDERS
+from benchmarks.orchestrator import chain
+from benchmarks.orchestrator.blocks import Measured, Spread, measure, spread
+from benchmarks.orchestrator.registry import MASTERS, RECORDERS
+from specs.progress import Report
 
 VERSIONS = {2: "fmi2", 3: "fmi3"}
 BLOCKS = 60
@@ -17,7 +18,6 @@ OURS = "slewright_us"
 BUDGETS_S = {"chain": 15.0, "recording": 8.0, "nominal": 3.0, "isolated": 3.0}
 SHARES = {"chain": 1, "recording": 10, "nominal": 3, "isolated": 6}
 LEAST_BLOCKS = 3
-Report = Callable[..., None]
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import time
 from pathlib import Path
 from typing import Protocol
 
-from orchestrator.bench import masters
-from orchestrator.bench.chain import LOGGED, SIGNALS, STEP_S, Chain, case
+from benchmarks.orchestrator import masters
+from benchmarks.orchestrator.chain import LOGGED, SIGNALS, STEP_S, Chain, case
 
 MAX_STEPS = 50_000  # of one run: rows that a log in memory holds
 
@@ -101,9 +101,9 @@ class Slewright:
     trust = True
 
     def __init__(self, chain: Chain, _: Path) -> None:
-        from orchestrator.check import load_system
-        from orchestrator.layout import lay_out
-        from orchestrator.master import Master, Options
+        from orchestrator.run.master import Master, Options
+        from orchestrator.system.check import load_system
+        from orchestrator.system.layout import lay_out
 
         system = load_system(chain.ssp)
         self.layout = lay_out(system, LOGGED)
@@ -131,8 +131,8 @@ class Isolated(Slewright):
     trust = False
 
     def __init__(self, chain: Chain, folder: Path) -> None:
-        from orchestrator.check import load_system
-        from orchestrator.trust import runs_here
+        from orchestrator.fmi.trust import runs_here
+        from orchestrator.system.check import load_system
 
         if all(runs_here(c, trust=False) for c in load_system(chain.ssp).components.values()):
             raise NotMeasured("FMUs run in this process")

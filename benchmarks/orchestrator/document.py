@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 from importlib import metadata
 from typing import Any
 
-from fmus import compiler
-from orchestrator.bench.blocks import Spread
-from orchestrator.bench.orchestrator import MASTERS, OURS, VERSIONS, Result
-from orchestrator.bench.registry import RECORDERS
+from benchmarks.orchestrator.blocks import Spread
+from benchmarks.orchestrator.comparison import MASTERS, OURS, VERSIONS, Result
+from benchmarks.orchestrator.registry import RECORDERS
+from fmus.toolchain import compiler
 
 NAMES = {
     "floor_us": "hand-written C loop: the floor",
@@ -35,7 +35,7 @@ Single figures are worth little elsewhere, ratios of one run more.
 
 ## Cost of a step
 
-Three trivial FMUs in a chain (`orchestrator/bench/c/link.h`: a van der Pol oscillator driven by its
+Three trivial FMUs in a chain (`benchmarks/orchestrator/c/link.h`: a van der Pol oscillator driven by its
 predecessor), four signals logged into memory, all FMUs in the process of the master. µs a step: median and
 quartiles over {blocks} blocks. In a block every master runs for about 2 ms, one after the other; a run during
 which others had the processor is repeated. All first show the same values after the same steps.

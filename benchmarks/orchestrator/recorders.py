@@ -7,9 +7,9 @@ Ours writes Parquet, the others what they can: CSV.
 import time
 from pathlib import Path
 
-from orchestrator.bench import masters
-from orchestrator.bench.chain import STEP_S, Chain, case
-from orchestrator.bench.contestants import NotMeasured
+from benchmarks.orchestrator import masters
+from benchmarks.orchestrator.chain import STEP_S, Chain, case
+from benchmarks.orchestrator.contestants import NotMeasured
 
 
 class _Recorder:
@@ -46,8 +46,8 @@ class SlewrightRecorder(_Recorder):
     steps = 100_000
 
     def record(self, steps: int, out: Path) -> None:
-        from orchestrator.check import load_system
-        from orchestrator.simulate import simulate
+        from orchestrator.run.simulate import simulate
+        from orchestrator.system.check import load_system
 
         system = load_system(self.chain.whole_ssp)
         simulate(system, steps, record_path=out / "run.parquet", record="all", trust=True)

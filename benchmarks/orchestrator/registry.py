@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from orchestrator.bench import contestants, handler, recorders
-from orchestrator.bench.chain import Chain
-from orchestrator.bench.contestants import Contestant
+from benchmarks.orchestrator import contestants, handler, recorders
+from benchmarks.orchestrator.chain import Chain
+from benchmarks.orchestrator.contestants import Contestant
 
 MASTERS = ("floor_us", "slewright_us", "fmucontainer_us", "ecos_us", "fmpy_ssp_us", "libcosim_us")
 RECORDERS = ("slewright", "fmpy", "libcosim")

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from orchestrator.simulate import simulate
-from orchestrator.single import system_of_fmu
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from orchestrator.run.simulate import simulate
+from orchestrator.system.single_fmu import system_of_fmu
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from reconcile.system.parts import JOINTS, RATES, part_named
 from records.record import Record
 from records.targets import targets

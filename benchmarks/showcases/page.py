@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from slewright.showcases import METRIC_UNITS, METRICS, SCENARIOS, Showcase
+from benchmarks.showcases.showcases import METRIC_UNITS, METRICS, SCENARIOS, Showcase
 
 
 def page(chosen: Showcase, figures: Mapping[str, Any]) -> str:
@@ -115,7 +115,7 @@ def _number(value: float | None) -> str:
 
 def pages(folder: Path, chosen: Sequence[Showcase], figures: Mapping[str, Any]) -> None:
     """Fill the part between the markers of every showcase's page in a folder."""
-    from slewright import markers
+    from records.report import markers
 
     for showcase in chosen:
         markers.fill(folder / f"{showcase.name}.md", "showcase", page(showcase, figures[showcase.name]))

@@ -3,15 +3,16 @@
 Each collects its recordings, reconciles the plain model with them, and compares plain and extended model with
 the reference machine in the scenarios of an empty grab, in two ways: `whole`, the nominal system with either
 model in it, where the faults of all other models take part; and `isolated`, either model moved as the
-machine moved (slewright/moved.py).
+machine moved (benchmarks/showcases/isolated_replay.py).
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from specs.errors import RunError
+from specs.progress import Report
 
 PLAN = "showcases"
 SCENARIOS = ("four_targets_empty", "five_targets_empty")
@@ -19,7 +20,6 @@ METRICS = ("speed", "overshoot", "error", "tool")
 METRIC_UNITS = {"speed": "°/s", "overshoot": "°", "error": "m", "tool": "°/s", "slew_error": "°"}
 Values = dict[str, list[float]]  # metric -> of every target
 Runs = Mapping[str, Mapping[str, Values]]  # system -> scenario
-Report = Callable[..., None]
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def verified(
 
     Without an extended model, those of the others.
     """
-    from orchestrator.verify import verify
+    from verification.verify import verify
 
     plain = Path(chosen.model) if Path(chosen.model).is_dir() else None
     wanted = {"plain": ("nominal", plain), "extended": ("nominal", extended), "machine": ("reference", None)}
@@ -110,9 +110,9 @@ def alone(
     chosen: Showcase, extended: Path | None, out: Path, seed: int, report: Report | None = None
 ) -> dict[str, dict[str, Values]]:
     """As `verified`, whose records of the machine must lie in `out`; the models moved as the machine was."""
-    from fmus.build import build_fmu
+    from benchmarks.showcases.isolated_replay import moved
+    from fmus.toolchain.build import build_fmu
     from records.record import read
-    from slewright.moved import moved
     from specs.scenario import find
 
     known = {"plain": chosen.model, "extended": extended}

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from fmus import compiler
-from fmus.build import generate_sources
-from fmus.slew_nn.fmu import build_from
-from fmus.slew_nn.model import STEP, WEIGHTS, of_network
-from fmus.slew_nn.network import SlewNetwork
-from fmus.slew_nn.untrained import PRESSURE_LAYERS, VELOCITY_LAYERS, untrained
+from fmus.models.slew_nn.fmu import build_from
+from fmus.models.slew_nn.model import STEP, WEIGHTS, of_network
+from fmus.models.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.untrained import PRESSURE_LAYERS, VELOCITY_LAYERS, untrained
+from fmus.toolchain import compiler
+from fmus.toolchain.build import generate_sources
 from specs.errors import RunError
 
 RUN_STEPS = 400  # of a timing: some 2 ms, less than a time slice of the scheduler

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.suite import answers, child
+from benchmarks.suite.proposal import TABLE
 from blindtest import case as cases, extra as extras
 from blindtest.score import Truth
 from blindtest.systems.system import STEP
 from records.formats import read_measurement
-from slewright.suite import answers, child
-from slewright.suite.proposal import TABLE
 
 RUN = "run_experiment.parquet"
 AFTER, BEFORE = "after.json", "before.json"

@@ -10,8 +10,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from slewright.figures import check_target, write_text
-from slewright.suite.plan import Settings
+from benchmarks.suite.plan import Settings
+from records.figures_file import check_target, write_text
 from specs.errors import InputError
 
 SUITE = "suite"  # the first line's only key

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slewright.suite.parameters import expected
+from benchmarks.suite.parameters import expected
 
 SEEN = 1.0  # floors: a nominal gap below this is no gap that could shrink
 # What stands in the name of a port for the generator's subsystem; others have one axis.

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from slewright.suite.summary import MUSTS, RESULTS, met
+from benchmarks.suite.summary import MUSTS, RESULTS, met
 from specs.version import VERSION
 
 Figures = Mapping[str, Any]

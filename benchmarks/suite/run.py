@@ -2,17 +2,17 @@
 
 import importlib.util
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from orchestrator.campaign import pool
-from slewright.suite.ledger import Ledger
-from slewright.suite.plan import Settings
-from slewright.suite.work import PLAIN, Task, work
+from benchmarks.suite.ledger import Ledger
+from benchmarks.suite.plan import Settings
+from benchmarks.suite.work import PLAIN, Task, work
 from specs.errors import InputError, RunError
+from specs.progress import Report
+from verification.campaign import pool
 
-Report = Callable[..., None]
 Results = list[dict[str, Any]]
 
 

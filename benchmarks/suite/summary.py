@@ -5,9 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from benchmarks.suite.experiments import of_experiments
+from benchmarks.suite.work import PLAIN
 from blindtest.effects.machine import parameters_by_name
-from slewright.suite.experiments import of_experiments
-from slewright.suite.work import PLAIN
 
 RESULTS = ("exact", "ambiguous_ok", "right", "wrong", "abstained")
 MET = ("exact", "ambiguous_ok", "right")

@@ -15,13 +15,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.suite import child, measures
+from benchmarks.suite.answers import FAILED, code, model, scored, write
+from benchmarks.suite.experiment import AFTER, settle
+from benchmarks.suite.membership import completed
+from benchmarks.suite.proposal import keep
 from blindtest import case as cases, folder as folders
 from blindtest.score import read_truth
-from slewright.suite import child, measures
-from slewright.suite.answers import FAILED, code, model, scored, write
-from slewright.suite.experiment import AFTER, settle
-from slewright.suite.membership import completed
-from slewright.suite.proposal import keep
 from specs.errors import RunError
 
 REDRAWS = 3  # seeds that are tried where one gives no clear case

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.testpack import render
+from benchmarks.testpack import render
 
 SSD = "SystemStructure.ssd"
 

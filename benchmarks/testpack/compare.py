@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.testpack import ours
-from orchestrator.testpack.case import Case
-from orchestrator.testpack.masters import MASTERS, PACKAGES
-from orchestrator.testpack.pack import write
+from benchmarks.testpack import ours
+from benchmarks.testpack.case import Case
+from benchmarks.testpack.masters import MASTERS, PACKAGES
+from benchmarks.testpack.pack import write
 
 RIGHT = "right"  # the values are right; or it is refused, and what is wrong is named
 REFUSED = "refused"  # a system that is right is not taken
@@ -71,7 +71,7 @@ def _of_master(key: str, cases: list[Case], folder: Path) -> dict[str, Row]:
     if not _version(PACKAGES[key]):
         return {case.name: {"verdict": MISSING, "message": ""} for case in cases}
     asked = [case for case in cases if not _idle(case)]
-    command = [sys.executable, "-m", "orchestrator.testpack.masters", key, str(folder)]
+    command = [sys.executable, "-m", "benchmarks.testpack.masters", key, str(folder)]
     names = "".join(f"{case.name}\n" for case in asked)
     done = subprocess.run(command, cwd=ROOT, input=names, capture_output=True, text=True, check=True)
     answers = dict(zip((c.name for c in asked), map(json.loads, done.stdout.splitlines()), strict=True))

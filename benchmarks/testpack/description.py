@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import quoteattr
 
-from orchestrator.testpack.models import ENUMERATIONS, NAMES, UNITS, Fmu, Start, Variable
+from benchmarks.testpack.models import ENUMERATIONS, NAMES, UNITS, Fmu, Start, Variable
 
 TOOL = "Slewright test pack"
 STATE = {

@@ -5,10 +5,10 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from fmus import compiler
-from fmus.build import BUILD, SHIM, pack as pack_zip
-from orchestrator.testpack.description import description, token_begin
-from orchestrator.testpack.models import NAMES, Fmu, Variable, fmu as fmu_named
+from benchmarks.testpack.description import description, token_begin
+from benchmarks.testpack.models import NAMES, Fmu, Variable, fmu as fmu_named
+from fmus.toolchain import compiler
+from fmus.toolchain.build import BUILD, SHIM, pack as pack_zip
 
 SOURCES = Path(__file__).parent / "c"
 OUT = BUILD / "testpack"

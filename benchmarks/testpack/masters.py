@@ -1,6 +1,6 @@
 """Other people's masters on the pack, each through its own import of .ssp files.
 
-    python -m orchestrator.testpack.masters KEY FOLDER
+    python -m benchmarks.testpack.masters KEY FOLDER
 
 reads a name of a case a line, runs FOLDER/NAME/NAME.ssp in a process of its own (they may crash or hang) and
 answers with a line of JSON: {"outcome": "ran", "values": {...}} or {"outcome": "refused" | "failed" |
@@ -20,9 +20,9 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from orchestrator.testpack.case import SSD, Case
-from orchestrator.testpack.damage import unzipped, zipped
-from orchestrator.testpack.render import PARAMETER_SET
+from benchmarks.testpack.case import SSD, Case
+from benchmarks.testpack.damage import unzipped, zipped
+from benchmarks.testpack.render import PARAMETER_SET
 
 Values = dict[str, float]
 PATIENCE_S = 5.0
@@ -265,7 +265,7 @@ def _awaited(child: int, descriptor: int) -> bytes | None:
 
 
 def _answers(key: str, folder: Path, names: Iterator[str]) -> Iterator[dict[str, Any]]:
-    from orchestrator.testpack.cases import CASES
+    from benchmarks.testpack.cases import CASES
 
     known = {case.name: case for case in CASES}
     for name in map(str.strip, names):

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.check import load_system
-from orchestrator.simulate import simulate
-from orchestrator.testpack.case import SSD, Case
-from orchestrator.testpack.pack import content
+from benchmarks.testpack.case import SSD, Case
+from benchmarks.testpack.pack import content
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
 from specs.errors import InputError, RunError
 
 LIMIT_S = 2.0  # that a call of an isolated FMU may take

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.testpack import kit, render
-from orchestrator.testpack.case import SSD, Case, Package
-from orchestrator.testpack.damage import DAMAGES, zipped
+from benchmarks.testpack import kit, render
+from benchmarks.testpack.case import SSD, Case, Package
+from benchmarks.testpack.damage import DAMAGES, zipped
 
 FMU = re.compile(r'"resources/([^"/]+)\.fmu"')
 HEADER = """# A test pack for SSP importers
@@ -35,7 +35,7 @@ does not define them. Cases marked with * are about these annotations: other imp
 
 
 def write(folder: Path, cases: Iterable[Case], targets: Sequence[str] = ()) -> list[Path]:
-    """Write the pack; returns the paths of all its .ssp files.  `targets`: platforms, as in fmus.compiler."""
+    """Write the pack; returns the paths of all its .ssp files.  `targets`: as in fmus.toolchain.compiler."""
     folder.mkdir(parents=True, exist_ok=True)
     chosen = list(cases)
     shutil.copytree(kit.SOURCES, folder / "sources", dirs_exist_ok=True)

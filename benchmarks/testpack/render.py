@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from xml.sax.saxutils import quoteattr
 
-from orchestrator.testpack.models import ENUMERATIONS, UNITS
+from benchmarks.testpack.models import ENUMERATIONS, UNITS
 
 SSP = "http://ssp-standard.org/SSP1/SystemStructure"
 NAMESPACES = (

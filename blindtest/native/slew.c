@@ -17,7 +17,7 @@
 #define EXPORT __attribute__((visibility("default")))
 
 static const double ROUNDING = 0.02, LAMINAR = 10e5, KNEE = 10e5, REFERENCE = 100e5;
-/* Inertia by squared radius of the arm's tip, as the plain model (fmus/slew) states it: kg m2, kg. */
+/* Inertia by squared radius of the arm's tip, as the plain model (fmus/models/slew) states it: kg m2, kg. */
 static const double REACH_INERTIA = 41.6e3, REACH_MASS = 3506.0;
 
 typedef struct { /* specs/parameters/slew.toml, in its order */

@@ -1,6 +1,7 @@
 """Boom and stick under their velocity controller, first order with delay; equations in native/arm.c.
 
-The plain model is fmus/arm with recorded references; what it has in whole steps (the delays) is so here too.
+The plain model is fmus/models/arm with recorded references; what it has in whole steps (the delays) is so
+here too.
 """
 
 import ctypes
@@ -25,7 +26,7 @@ class Arm:
     base: tuple[Base, ...]
     active: int
     name: str = "arm"
-    model: str = "fmus/arm"
+    model: str = "fmus/models/arm"
     inputs: tuple[Signal, ...] = (
         Signal("qd_boom_ref", "rad/s", noise=2e-5),
         Signal("qd_stick_ref", "rad/s", noise=2e-5),

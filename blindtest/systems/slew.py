@@ -1,6 +1,6 @@
 """The slew drive with its two chambers, supply, relief and brake; equations in native/slew.c.
 
-The plain model is fmus/slew with recorded joystick, inertia and rate of the inertia.  Wrong are those
+The plain model is fmus/models/slew with recorded joystick, inertia and rate of the inertia.  Wrong are those
 parameters that its own fit calls identified and that act most (`FREE`); all others are told right.
 """
 
@@ -49,7 +49,7 @@ class Slew:
 
     base: tuple[Base, ...]
     name: str = "slew"
-    model: str = "fmus/slew"
+    model: str = "fmus/models/slew"
     inputs: tuple[Signal, ...] = (
         Signal("u_slew", "1", noise=2e-4),
         Signal("inertia", "kg.m2", noise=50.0),

@@ -1,6 +1,7 @@
 """The free-swinging tool on a suspension that slewing and luffing move; equations in native/tool.c.
 
-Inputs are the recorded motion of the suspension, outputs roll, pitch and their rates; plain model fmus/tool.
+Inputs are the recorded motion of the suspension, outputs roll, pitch and their rates; the plain model is
+fmus/models/tool.
 """
 
 import ctypes
@@ -36,7 +37,7 @@ class Tool:
 
     base: tuple[Base, ...]
     name: str = "tool"
-    model: str = "fmus/tool"
+    model: str = "fmus/models/tool"
     inputs: tuple[Signal, ...] = (
         Signal("q_slew", "rad", noise=1e-5),
         Signal("qd_slew", "rad/s", noise=5e-5),

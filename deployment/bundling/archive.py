@@ -4,12 +4,12 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from deployment.bundling.sbom import sbom
 from runtime import configuration
 from runtime.archive import container, keys
 from runtime.archive.signed import BUNDLE, CONFIGURATION, SBOM, Signed, check_release, sign, specs, verify
 from runtime.archive.trust import Known, Trust
 from runtime.bundle import Bundle, parse
-from slewright.bundling.sbom import sbom
 from specs.errors import InputError
 
 

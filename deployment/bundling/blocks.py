@@ -9,10 +9,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmus import codegen
-from fmus.build import SHIM_FILES
 from fmus.definition import Model
 from fmus.paths import SHIM
+from fmus.toolchain import codegen
+from fmus.toolchain.build import SHIM_FILES
 from runtime.image import INPUT, OUTPUT, TICK_S
 from specs.errors import InputError
 

@@ -18,13 +18,13 @@ from typing import Any
 from baselines import registry
 from baselines.load.online import model as load_estimate
 from baselines.registry import Controller
-from fmus import compiler
+from deployment.bundling import commissioned, config
+from deployment.bundling.blocks import COMPILED, CORE, Block, External
 from fmus.definition import Model
-from fmus.loader import load_model
 from fmus.paths import BUILD, SHIM
+from fmus.toolchain import compiler
+from fmus.toolchain.loader import load_model
 from runtime import bundle as form, image
-from slewright.bundling import commissioned, config
-from slewright.bundling.blocks import COMPILED, CORE, Block, External
 from specs import parameters
 from specs.errors import InputError
 from specs.version import VERSION
@@ -68,8 +68,8 @@ def bundle(
 ) -> form.Bundle:
     """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
 
-    What was in `out` before is replaced.  `platforms` are names of fmus.compiler.TARGETS (default: this
-    machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is evaluated:
+    What was in `out` before is replaced.  `platforms` are names of fmus.toolchain.compiler.TARGETS (default:
+    this machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is evaluated:
     "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`, `commissioning`
     the calibration.json of `slewright commission`, whose tare a `calibration` replaces.  Raises InputError
     for an unknown controller, platform, parameter or engine, a controller that no core can run, or a folder
@@ -226,7 +226,7 @@ def _content(controller: str, engine: str) -> Content:
     if engine not in form.ENGINES:
         raise InputError(f"no engine '{engine}'; valid: {', '.join(form.ENGINES)}")
     if controller.endswith(".onnx"):
-        from slewright.bundling.policy import content
+        from deployment.bundling.policy import content
 
         return content(Path(controller), engine)
     found = registry.find(controller)

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from fmus import codegen
+from deployment.bundling.blocks import Block, External
 from fmus.equations import kinematics
+from fmus.toolchain import codegen
 from runtime.image import INPUT, TICK_S, Group, group
-from slewright.bundling.blocks import Block, External
 from specs import parameters
 from specs.signals import signal
 

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from fmus.paths import BUILD
-from slewright.progress import Report
 from specs.errors import InputError
+from specs.progress import Report
 
 CONTROLLER = "pd"  # needs no training, and is what others are compared with
 FOLDER = BUILD / "bundles"
@@ -14,8 +14,8 @@ def ready(given: Path | None, report: Report) -> Path:
     """`given`, or the bundle of CONTROLLER in the build folder, built anew if it is not of this version."""
     if given is not None:
         return given
+    from deployment.bundling.build import bundle, identity_of
     from runtime.bundle import load
-    from slewright.bundling.build import bundle, identity_of
 
     folder = FOLDER / CONTROLLER
     try:

@@ -8,16 +8,16 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from fmus import codegen, compiler, description
-from fmus.build import HEADERS, SHIM_FILES, build_fmu as build_model, mark_built, pack
+from deployment.bundling.blocks import CORE
+from deployment.bundling.build import UNUSED_GONE, UNUSED_OUT, Cached, objects_of
 from fmus.definition import Model, from_signals
 from fmus.paths import SHIM
-from orchestrator.pack import pack as pack_ssp
+from fmus.toolchain import codegen, compiler, description
+from fmus.toolchain.build import HEADERS, SHIM_FILES, build_fmu as build_model, mark_built, pack
+from orchestrator.system.pack import pack as pack_ssp
 from runtime.bundle import NATIVE, Bundle
 from runtime.control import ControlCore
 from runtime.image import INPUT, TICK_S, Group, group
-from slewright.bundling.blocks import CORE
-from slewright.bundling.build import UNUSED_GONE, UNUSED_OUT, Cached, objects_of
 from specs import systems
 from specs.errors import InputError
 from specs.schema import ROOT, read_toml

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
+from deployment.bundling.blocks import Block, External
+from deployment.bundling.build import Content
 from learning.policy import export
 from learning.policy.controller import of_policy
 from learning.policy.export import Policy
 from runtime import bundle as form
-from slewright.bundling.blocks import Block, External
-from slewright.bundling.build import Content
 from specs.policy import CHANNELS, LIMITS, SENSORS, TARGETS
 from specs.signals import signal
 

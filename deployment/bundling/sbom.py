@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from fmus import compiler
+from fmus.toolchain import compiler
 from runtime import bundle as form
 from specs.version import VERSION
 

@@ -10,9 +10,9 @@ import numpy as np
 from baselines.load.balance import JOINTS
 from baselines.load.calibration import uncalibrated
 from baselines.load.windows import terms, windows
+from deployment.commissioning.rig import Trace
 from records.measurement import Channel, Measurement
 from runtime.image import INPUT
-from slewright.commissioning.rig import Trace
 
 CHANNELS = (
     *(f"q_{j}" for j in ("slew", *JOINTS)), *(f"qd_{j}" for j in ("slew", *JOINTS)),

@@ -11,10 +11,10 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
+from deployment.commissioning.operator import Kind, Operator, Question
+from deployment.commissioning.rig import STILL, Rig, Trace
 from fmus.equations import kinematics
 from runtime.image import TICK_S
-from slewright.commissioning.operator import Kind, Operator, Question
-from slewright.commissioning.rig import STILL, Rig, Trace
 from specs import parameters
 
 

@@ -6,7 +6,7 @@ It is never applied by itself: `slewright bundle … --commissioning FILE` build
 import json
 from typing import Any
 
-from slewright.commissioning.session import Session
+from deployment.commissioning.session import Session
 from specs.version import VERSION
 
 FILE = "calibration.json"

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deployment.commissioning.bench import Bench, hanging_height
+from deployment.commissioning.rig import AXES, STILL, Rig
 from runtime.image import TICK_S
-from slewright.commissioning.bench import Bench, hanging_height
-from slewright.commissioning.rig import AXES, STILL, Rig
 
 ARMING = (
     0.11  # joystick for one tick, so that the core takes it for manual operation; far below any dead band

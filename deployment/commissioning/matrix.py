@@ -13,17 +13,17 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from orchestrator.processes import warm_up
+from deployment.commissioning.bench import Bench, Failed
+from deployment.commissioning.procedure import WIRING, find
+from deployment.commissioning.rig import Rig
+from deployment.commissioning.simulated import SimulatedMachine, SimulatedOperator
+from deployment.commissioning.wiring import Fault
+from orchestrator.run.processes import warm_up
+from records.figures_file import write_text
+from records.report.markers import fill
 from runtime.bundle import load
 from runtime.policy import open_core
-from slewright.commissioning.bench import Bench, Failed
-from slewright.commissioning.procedure import WIRING, find
-from slewright.commissioning.rig import Rig
-from slewright.commissioning.simulated import SimulatedMachine, SimulatedOperator
-from slewright.commissioning.wiring import Fault
-from slewright.figures import write_text
-from slewright.markers import fill
-from slewright.progress import Report
+from specs.progress import Report
 
 FILE = "wiring.json"
 

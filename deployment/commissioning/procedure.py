@@ -8,13 +8,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from deployment.commissioning import calibration
+from deployment.commissioning.bench import Bench, Check, Failed
+from deployment.commissioning.operator import Operator
+from deployment.commissioning.rig import STILL, Rig
+from deployment.commissioning.session import FAILED, INTERRUPTED, PASSED, Session
+from deployment.commissioning.steps import (
+    bus,
+    imus,
+    rest,
+    safety,
+    signs,
+    stages,
+    stopping,
+    sway,
+    tables,
+    tare,
+)
 from runtime.image import TICK_S
-from slewright.commissioning import calibration
-from slewright.commissioning.bench import Bench, Check, Failed
-from slewright.commissioning.operator import Operator
-from slewright.commissioning.rig import STILL, Rig
-from slewright.commissioning.session import FAILED, INTERRUPTED, PASSED, Session
-from slewright.commissioning.steps import bus, imus, rest, safety, signs, stages, stopping, sway, tables, tare
 from specs.errors import InputError
 
 REST_TICKS = 100  # of neutral commands after a step that did not pass

@@ -3,7 +3,7 @@
 The procedure moves the machine in the place of the operator's joystick: what it wants goes into the input
 image, and the core's state machine and gate decide about it as they do about an operator.  It has the
 joystick only while the enabling switch is held and the real joystick is at rest.  The same code runs on a
-bus with a machine and on the simulated one (slewright/commissioning/simulated.py); they differ in the frame
+bus with a machine and on the simulated one (deployment/commissioning/simulated.py); they differ in the frame
 source and in `Pace`.
 """
 

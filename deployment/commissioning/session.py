@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from deployment.commissioning.rig import Trace
+from records.figures_file import write_text
 from records.recording import RecordWriter
 from runtime.image import INPUT, OUTPUT
-from slewright.commissioning.rig import Trace
-from slewright.figures import write_text
 from specs.errors import InputError
 from specs.version import VERSION
 

@@ -14,15 +14,15 @@ from typing import Self
 
 import numpy as np
 
+from deployment.commissioning.operator import Answering, Question
+from deployment.commissioning.wiring import Fault, Wiring
+from deployment.hil.machine import COMMANDS, Machine, within_field
+from deployment.hil.machine_node import COMMAND_TIMEOUT, NODES, SLOW_HEARTBEATS, Valves
+from deployment.hil.panel import sensor_names
 from runtime.can import wire
 from runtime.can.codec import codecs
 from runtime.can.transmit import Transmitter
 from runtime.image import TICK_S
-from slewright.commissioning.operator import Answering, Question
-from slewright.commissioning.wiring import Fault, Wiring
-from slewright.hil.machine import COMMANDS, Machine, within_field
-from slewright.hil.machine_node import COMMAND_TIMEOUT, NODES, SLOW_HEARTBEATS, Valves
-from slewright.hil.panel import sensor_names
 from specs import draws, scenario as scenarios
 from specs.errors import RunError
 from specs.signals import signals

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deployment.hil.lockstep import lockstep
+from deployment.hil.panel import HEARTBEATS
 from runtime.can.codec import codecs
 from runtime.can.native import NativePort
 from runtime.can.transmit import Transmitter
 from runtime.can.wire import EXTENDED
 from runtime.control import ControlCore
 from runtime.image import INPUT, NODE, OUTPUT, Group, group
-from slewright.hil.lockstep import lockstep
-from slewright.hil.panel import HEARTBEATS
 from specs.errors import RunError
 from specs.scenario import Scenario
 from specs.signals import definition

@@ -6,13 +6,13 @@ from functools import partial
 
 import numpy as np
 
+from deployment.faults.client import Lost
+from deployment.faults.drive import Drive, Frame, Moment, Run, mode_number
+from deployment.faults.table import TICK_MS, Fault, Outcome
 from runtime.can.codec import Codec, Field, codecs
 from runtime.can.transmit import Transmitter
 from runtime.can.wire import BUS_OFF, CONTROLLER, ERROR, RX_OVERFLOW
 from runtime.image import INPUT, NODE, OUTPUT
-from slewright.faults.client import Lost
-from slewright.faults.drive import Drive, Frame, Moment, Run, mode_number
-from slewright.faults.table import TICK_MS, Fault, Outcome
 from specs.e2e import COUNTER_BITS, LAST_COUNT
 from specs.signals import definition
 

@@ -8,6 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from deployment.faults.clock import Clock
+from deployment.faults.disks import Forgetful, FullDisk, PowerCutError
+from deployment.faults.drive import Drive, Moment, Run
+from deployment.faults.table import TICK_MS, Fault, Outcome
 from runtime.bundle import load
 from runtime.image import TICK_S, Flag
 from runtime.modbus.cells import HOLDING
@@ -20,10 +24,6 @@ from runtime.replay import replay
 from runtime.retain import Retained
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS, Scan
-from slewright.faults.clock import Clock
-from slewright.faults.disks import Forgetful, FullDisk, PowerCutError
-from slewright.faults.drive import Drive, Moment, Run
-from slewright.faults.table import TICK_MS, Fault, Outcome
 from specs import policy
 from specs.errors import InputError
 

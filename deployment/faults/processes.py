@@ -15,6 +15,13 @@ from typing import Self
 
 import numpy as np
 
+from deployment.faults.drive import AUTOMATIC, mode_number
+from deployment.faults.table import Fault, Outcome
+from deployment.hil.loads import clients, planning
+from deployment.hil.machine import Machine
+from deployment.hil.machine_node import PERIOD_NS, MachineNode, Valves
+from deployment.hil.panel import ARMING_TICKS
+from deployment.hil.rig import BUS_PRIORITY, HOST, MACHINE_PRIORITY, free_port, prefer
 from runtime.bundle import Bundle
 from runtime.can.busd import start_bus
 from runtime.can.port import open_bus
@@ -22,15 +29,8 @@ from runtime.image import Flag
 from runtime.realtime import sleep_until
 from runtime.shared import private_folder
 from runtime.supervisor import Supervisor
-from slewright.faults.drive import AUTOMATIC, mode_number
-from slewright.faults.table import Fault, Outcome
-from slewright.hil.loads import clients, planning
-from slewright.hil.machine import Machine
-from slewright.hil.machine_node import PERIOD_NS, MachineNode, Valves
-from slewright.hil.panel import ARMING_TICKS
-from slewright.hil.rig import BUS_PRIORITY, HOST, MACHINE_PRIORITY, free_port, prefer
-from slewright.progress import Report
 from specs.errors import RunError
+from specs.progress import Report
 from specs.scenario import load as load_scenario
 from specs.signals import definition
 

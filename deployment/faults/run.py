@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from deployment.faults import injected, process_faults
+from deployment.faults.drive import Drive
+from deployment.faults.table import BUS, IMAGE, INSIDE, PROCESS, Fault, Outcome
 from runtime.bundle import load
 from runtime.control import ControlCore
-from slewright.faults import injected, inside
-from slewright.faults.drive import Drive
-from slewright.faults.table import BUS, IMAGE, INSIDE, PROCESS, Fault, Outcome
-from slewright.progress import Report
 from specs.errors import InputError, nearest
+from specs.progress import Report
 from specs.scenario import load as load_scenario
 
 SCENARIO = "four_targets_empty"
@@ -42,7 +42,7 @@ def run(
         outcomes += _lockstep(drive, single, count, seed, report)
     several = [f for f in wanted if f.level == "process"]
     if several:
-        from slewright.faults.processes import run_all
+        from deployment.faults.processes import run_all
 
         outcomes += run_all(bundle, several, count, seed, report)
     return outcomes
@@ -64,4 +64,4 @@ def _lockstep(drive: Drive, wanted: Sequence[Fault], count: int, seed: int, repo
 
 
 def _injection(fault: Fault) -> Callable[..., None]:
-    return getattr(inside, fault.name) if fault.level == "inside" else injected.inject
+    return getattr(process_faults, fault.name) if fault.level == "inside" else injected.inject

@@ -18,12 +18,12 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from deployment.hil import loads
+from deployment.hil.rig import Rig, Setting, free_port
 from runtime.image import TICK_S
 from runtime.realtime import PRIORITY
-from slewright.hil import loads
-from slewright.hil.rig import Rig, Setting, free_port
-from slewright.progress import Report
 from specs.errors import RunError
+from specs.progress import Report
 from specs.scenario import load
 
 LOADS = ("idle", "modbus", "stress")

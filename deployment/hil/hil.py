@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from deployment.hil.lockstep import lockstep
+from deployment.hil.rig import Rig, Setting
 from records.metrics import compute
 from records.record import Record
 from runtime.bundle import load
@@ -20,9 +22,7 @@ from runtime.hmi.cells import SEEN, SEEN_FILE, state_of
 from runtime.image import INPUT
 from runtime.shared import Cell
 from runtime.supervisor import Supervisor
-from slewright.hil.lockstep import lockstep
-from slewright.hil.rig import Rig, Setting
-from slewright.progress import Report
+from specs.progress import Report
 from specs.scenario import TICK_S
 
 POLL_S = 0.005

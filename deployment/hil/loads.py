@@ -15,12 +15,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from deployment.hil.rig import HOST, PATIENCE_S
 from runtime.helpers import ROOT
 from runtime.image import INPUT, OUTPUT
 from runtime.modbus.cells import create
 from runtime.modbus.port import ModbusPort
 from runtime.shared import private_folder
-from slewright.hil.rig import HOST, PATIENCE_S
 from specs.errors import RunError
 
 CLIENTS = 20
@@ -34,7 +34,7 @@ STRESS = ("stress-ng", "--cpu", "2", "--io", "1", "--vm", "1", "--vm-bytes", "12
 @contextmanager
 def clients(port: int, seconds: float, bursts: int = 1) -> Iterator[dict[str, Any]]:
     """CLIENTS clients in a process of their own, which ask without a pause for `seconds`, `bursts` times."""
-    command = [sys.executable, "-m", "slewright.hil.loads", str(port), str(seconds), str(bursts)]
+    command = [sys.executable, "-m", "deployment.hil.loads", str(port), str(seconds), str(bursts)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     found: dict[str, Any] = {}
     try:
@@ -108,8 +108,8 @@ def readers(port: int, count: int = PAGES) -> Iterator[None]:
 
 @contextmanager
 def planning(port: int, scenario: str) -> Iterator["subprocess.Popen[str]"]:
-    """A planner (slewright/hil/planner.py) in a process of its own, connected and writing."""
-    command = [sys.executable, "-m", "slewright.hil.planner", str(port), scenario]
+    """A planner (deployment/hil/planner.py) in a process of its own, connected and writing."""
+    command = [sys.executable, "-m", "deployment.hil.planner", str(port), scenario]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     try:
         if not process.stdout or process.stdout.readline() != "ready\n":

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from deployment.hil.machine import COMMANDS, Machine, within_field
+from deployment.hil.panel import ARMING_TICKS, Panel, sensor_names
+from deployment.hil.wires import Wires
 from records.metrics import Metrics, compute
 from records.record import Record
 from runtime.control import ControlCore
 from runtime.image import INPUT, OUTPUT
-from slewright.hil.machine import COMMANDS, Machine, within_field
-from slewright.hil.panel import ARMING_TICKS, Panel, sensor_names
-from slewright.hil.wires import Wires
 from specs import draws
 from specs.scenario import TICK_S, Scenario
 

@@ -7,11 +7,11 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from orchestrator.assembly import assemble
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
-from orchestrator.simulate import seeds
-from orchestrator.system import System
+from orchestrator.run.master import Master, Options
+from orchestrator.run.simulate import seeds
+from orchestrator.system.assembly import assemble
+from orchestrator.system.layout import lay_out
+from orchestrator.system.system import System
 from specs import draws, systems
 from specs.scenario import TICK_S
 from specs.signals import signal

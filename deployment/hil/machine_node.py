@@ -1,6 +1,6 @@
 """The simulated reference machine as nodes on a CAN bus: machine, its two IMUs, and the operator's panel.
 
-`python -m slewright.hil.machine_node JSON` runs it in real time: until it is told to start it only says that
+`python -m deployment.hil.machine_node JSON` runs it in real time: until it is told to start it only says that
 it is there and neutral; then it sends its sensors and goes through the scenario, and ends with a record of
 its true states.  On its input it takes one line each: `start`, or `{"over": {signal: value}}` to set what it
 sends.  As in lock-step, what the controller makes of the sensors of a tick moves the valves in the next.
@@ -21,6 +21,8 @@ from typing import Any
 import can
 import numpy as np
 
+from deployment.hil.machine import COMMANDS, Machine, within_field
+from deployment.hil.panel import ARMING_TICKS, CALM, Panel, sensor_names
 from records.record import Record, RecordWriter
 from runtime.can.codec import received_by
 from runtime.can.port import FRAMES_A_TICK, FrameSource, frame_source, open_bus
@@ -30,8 +32,6 @@ from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER
 from runtime.image import Status
 from runtime.realtime import sleep_until
 from runtime.scan import PHASE_NS
-from slewright.hil.machine import COMMANDS, Machine, within_field
-from slewright.hil.panel import ARMING_TICKS, CALM, Panel, sensor_names
 from specs import draws, scenario as scenarios
 from specs.scenario import TICK_S, Scenario
 from specs.signals import definition, signal, signals

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from pymodbus.client import ModbusTcpClient
 
+from deployment.hil.panel import ARMING_TICKS
 from runtime.modbus.cells import HOLDING
 from runtime.modbus.holding import CLAIM, COMMIT, HEARTBEAT, PLACES, encode
-from slewright.hil.panel import ARMING_TICKS
 from specs.errors import RunError
 from specs.scenario import TICK_S, Scenario, load
 from specs.signals import definition

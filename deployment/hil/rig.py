@@ -21,13 +21,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from deployment.hil.planner import Planner
 from records.record import Record, read
 from runtime.can.busd import start_bus
 from runtime.helpers import ROOT
 from runtime.realtime import PRIORITY
 from runtime.shared import private_folder
 from runtime.supervisor import Counts, Supervisor
-from slewright.hil.planner import Planner
 from specs.errors import RunError
 from specs.scenario import Scenario
 
@@ -169,7 +169,7 @@ class Rig:
             "channel": str(self.channel),
             "record": str(self.folder / "machine.parquet"),
         }
-        command = [sys.executable, "-m", "slewright.hil.machine_node", json.dumps(told)]
+        command = [sys.executable, "-m", "deployment.hil.machine_node", json.dumps(told)]
         process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
         )

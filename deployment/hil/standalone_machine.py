@@ -16,11 +16,11 @@ from subprocess import Popen
 
 import can
 
+from deployment.hil.machine_node import NODES, MachineNode, beats
+from deployment.hil.rig import BUS_PRIORITY, MACHINE_PRIORITY, prefer
 from runtime.can.busd import start_bus
 from runtime.can.port import open_bus
 from runtime.configuration import LOCAL_BUS
-from slewright.hil.machine_node import NODES, MachineNode, beats
-from slewright.hil.rig import BUS_PRIORITY, MACHINE_PRIORITY, prefer
 from specs.errors import InputError, nearest
 from specs.scenario import TICK_S
 from specs.signals import definition, signal, signals

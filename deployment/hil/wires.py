@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from deployment.hil.machine import COMMANDS
 from runtime.can.codec import Codec, received_by
 from runtime.can.receive import Receiver
 from runtime.can.transmit import Transmitter
 from runtime.image import INPUT, NODE, OUTPUT
-from slewright.hil.machine import COMMANDS
 from specs.signals import definition
 
 FIRST = 100  # ticks before the scenario at which the wires begin: the slowest message has come by then

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from deployment.shadow.recorded import Shadowed
 from runtime.control import AXES, REASONS
 from runtime.image import INPUT, TICK_S
-from slewright.shadow.recorded import Shadowed
 from specs.signals import signal
 
 AUTOMATIC = "automatic"

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from reconcile.scores import scores
+from deployment.hil.machine import COMMANDS, Machine
+from deployment.shadow.agreement import NEUTRAL
+from deployment.shadow.recorded import Report, Shadowed
+from deployment.shadow.sway import still
+from records.scores import scores
 from runtime.image import TICK_S
-from slewright.hil.machine import COMMANDS, Machine
-from slewright.shadow.agreement import NEUTRAL
-from slewright.shadow.recorded import Report, Shadowed
-from slewright.shadow.sway import still
 from specs import draws
 from specs.errors import InputError
 from specs.signals import signal

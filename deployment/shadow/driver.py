@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from deployment.hil.machine import COMMANDS
 from fmus.equations import kinematics
 from learning.collection.draws import Draws
 from learning.collection.operator_model import (
@@ -14,7 +15,6 @@ from learning.collection.operator_model import (
 )
 from learning.collection.plan import PERIOD_S, Limits
 from learning.collection.targets import Target
-from slewright.hil.machine import COMMANDS
 from specs.parameters import parameter
 from specs.scenario import TICK_S, Scenario
 

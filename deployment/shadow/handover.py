@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from deployment.shadow.recorded import Shadowed
 from records.formats import write_measurement
 from records.formats.start import at_ns
 from records.measurement import Channel, Measurement
 from runtime.control import AXES
 from runtime.image import INPUT, Group, group
-from slewright.shadow.recorded import Shadowed
 from specs.signals import signal
 
 FILE = "operator.parquet"

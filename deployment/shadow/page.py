@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from deployment.shadow.closeness import MOVES, TOOL, Piece
+from deployment.shadow.recorded import Shadowed
+from deployment.shadow.rows import sentences, tables
 from records.report import shell
 from records.report.figures import Figure, axis, numbers
 from runtime.control import AXES
-from slewright.shadow.closeness import MOVES, TOOL, Piece
-from slewright.shadow.recorded import Shadowed
-from slewright.shadow.rows import sentences, tables
 from specs.signals import signal
 
 OPERATOR, CONTROLLER = "#1d2730", "#134a7c"

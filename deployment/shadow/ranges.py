@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from deployment.shadow.agreement import AUTOMATIC, in_mode
+from deployment.shadow.recorded import Shadowed
+from deployment.shadow.sway import length
 from fmus.equations import kinematics
 from runtime.bundle import Bundle
 from runtime.policy import POLICY
-from slewright.shadow.agreement import AUTOMATIC, in_mode
-from slewright.shadow.recorded import Shadowed
-from slewright.shadow.sway import length
 from specs import parameters, scenario as scenarios
 from specs.policy import slew_error
 

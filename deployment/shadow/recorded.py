@@ -1,6 +1,6 @@
 """A recording in shadow mode as arrays, repeated with its bundle: what was wanted, why it was changed."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,12 +15,12 @@ from runtime.recorder.reader import Recording, Seen, Snapshot, Tick
 from runtime.recorder.seen import DTYPE, JOYSTICK, NAMES, SHADOWED, VALVES
 from runtime.replay import INPUT_END, check_identity, difference, identity
 from specs.errors import InputError
+from specs.progress import Report
 from specs.version import VERSION
 
 SAID_EVERY = 5000  # ticks
 LEAST_SHARE = 0.5  # of the ticks, in which valve commands must be seen to count as the operator's
 SOURCES = {"joystick": JOYSTICK, "valves": VALVES[:3]}
-Report = Callable[..., None]
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from deployment.shadow import agreement, closeness, handover, ranges
+from deployment.shadow.closeness import Piece
+from deployment.shadow.page import page
+from deployment.shadow.recorded import Report, Shadowed, check_source, read
+from records import figures_file as written
 from runtime.bundle import Bundle
-from slewright import figures as written
-from slewright.shadow import agreement, closeness, handover, ranges
-from slewright.shadow.closeness import Piece
-from slewright.shadow.page import page
-from slewright.shadow.recorded import Report, Shadowed, check_source, read
 from specs import draws
 from specs.errors import InputError, RunError
 

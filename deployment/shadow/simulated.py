@@ -6,10 +6,12 @@ bus with the runtime's own CAN port, scan, core and recorder; nothing here is re
 
 import time
 from collections import deque
-from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
+from deployment.hil.machine import COMMANDS, Machine
+from deployment.hil.machine_node import MachineNode
+from deployment.shadow.driver import Driver
 from runtime.bundle import Bundle, host
 from runtime.can.native import NativePort
 from runtime.can.port import FrameSource
@@ -26,10 +28,8 @@ from runtime.replay import identity
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS, Scan
 from runtime.shadow import Overheard, StandIn, silent
-from slewright.hil.machine import COMMANDS, Machine
-from slewright.hil.machine_node import MachineNode
-from slewright.shadow.driver import Driver
 from specs import draws
+from specs.progress import Report
 from specs.scenario import Scenario
 from specs.version import VERSION
 
@@ -39,7 +39,6 @@ RING_BYTES = 4 << 20
 LIMIT_BYTES = 1 << 30
 SEGMENT_TICKS = 3000  # a minute
 WORK_TICKS = 50  # between looks of the recorder
-Report = Callable[..., None]
 
 
 class Wire:

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from deployment.shadow.recorded import Shadowed
 from runtime.image import TICK_S
-from slewright.shadow.recorded import Shadowed
 from specs.parameters import parameter
 
 STILL_RAD_S = 0.02  # of every joint

@@ -14,10 +14,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmus import codegen, compiler, description
 from fmus.definition import Model
-from fmus.loader import load_model, model_folders
 from fmus.paths import BUILD, BUILT_HERE, ROOT, SHIM, built_here
+from fmus.toolchain import codegen, compiler, description
+from fmus.toolchain.loader import load_model, model_folders
 from specs.errors import InputError
 
 FMI_VERSIONS = (2, 3)
@@ -34,7 +34,7 @@ def build_fmu(
 ) -> Path:
     """Build the model in `folder` (a path or a project model's name) and return the path of its FMU.
 
-    `targets` are platform names of fmus.compiler.TARGETS (default: this machine, and those
+    `targets` are platform names of fmus.toolchain.compiler.TARGETS (default: this machine, and those
     it was built for before if nothing has changed since); `out` is the directory
     for the FMU.  Raises InputError for an unknown model, FMI version or target, RunError if C fails.
     """

@@ -7,7 +7,7 @@ from pathlib import Path
 import casadi as ca
 
 from fmus.definition import Model, Sensor
-from fmus.variables import TIME_VR, Exposed, exposed, model_token
+from fmus.toolchain.variables import TIME_VR, Exposed, exposed, model_token
 from specs.errors import InputError
 
 CASADI_OPTIONS = {"with_header": False, "with_export": False, "casadi_int": "long long"}

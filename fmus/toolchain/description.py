@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from lxml import etree
 
 from fmus.definition import Model
-from fmus.variables import TIME_VR, Exposed, exposed
+from fmus.toolchain.variables import TIME_VR, Exposed, exposed
 from specs.units import known
 from specs.version import VERSION
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from fmus.definition import Model
 from fmus.paths import ROOT
-from fmus.tried import line
+from fmus.toolchain.tried import line
 from specs.errors import InputError, nearest
 
-ROOMS = ("fmus", "baselines")  # the rooms that hold model folders
+ROOMS = ("fmus/models", "baselines")  # the folders that hold model folders
 
 
 def model_folders() -> dict[str, Path]:

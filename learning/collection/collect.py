@@ -11,7 +11,7 @@ another plan, seed or machine is never written over.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -29,9 +29,9 @@ from learning.collection.recorder import record
 from learning.collection.slew_control import Gains, SlewControl
 from records.record import Record, read
 from specs.errors import InputError, nearest
+from specs.progress import Report
 
 PAGE = "coverage.html"
-Report = Callable[[str, float, float], None]
 
 
 def collect(

@@ -7,7 +7,7 @@ It is made again only when those recordings change.
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,13 +17,13 @@ from learning.collection.slew_control import Gains
 from records.formats import read_measurement
 from records.record import read
 from specs.errors import InputError
+from specs.progress import Report
 
 if TYPE_CHECKING:
     from learning.slew.recipe import Recipe
 
 FILE = "controller.json"
 EPOCHS, UNROLL, UNROLL_EPOCHS = 8, 10, 2  # about 20 s: enough for tuning, not for anything else
-Report = Callable[[str, float, float], None]
 
 
 def learned_from(plan: Plan) -> list[Recording]:

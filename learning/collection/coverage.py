@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew_nn.network import PERIOD_S
+from fmus.models.slew_nn.network import PERIOD_S
 from learning.slew.trajectory import Trajectory, of_measurement
 from records.formats import read_measurement
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew_nn.network import PERIOD_S
+from fmus.models.slew_nn.network import PERIOD_S
 from learning.collection.coverage import AXES, LEAST, Axis, Coverage, Samples
 from records.report import shell
 from records.report.figures import Figure

@@ -12,10 +12,10 @@ import numpy as np
 
 from learning.collection.command import Command
 from learning.collection.plan import PERIOD_S
-from orchestrator.assembly import driven_machine
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
-from orchestrator.system import System
+from orchestrator.run.master import Master, Options
+from orchestrator.system.assembly import driven_machine
+from orchestrator.system.layout import lay_out
+from orchestrator.system.system import System
 from specs import draws
 
 STEP_S = 0.02

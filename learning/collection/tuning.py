@@ -6,18 +6,19 @@ inertias, the time to enter and stay within BAND_RAD of the target (the whole ti
 PER_RAD for each rad of overshoot.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import radians
 
 import numpy as np
 
-from fmus.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
 from learning.collection.draws import Draws
 from learning.collection.slew_control import RANGES, Gains, joystick
 from learning.slew.trajectory import Trajectory
 from specs.errors import InputError
 from specs.parameters import parameter
+from specs.progress import Report
 
 BAND_RAD = radians(3.0)
 PER_RAD = 20.0  # s/rad: a degree of overshoot costs 0.35 s
@@ -28,7 +29,6 @@ STARTS = 5  # states at rest, of different inertia
 ROUNDS, CANDIDATES, ELITE = 5, 72, 10
 REST = 0.01  # rad/s
 FIGURES = 3  # significant ones of the gains: what is kept does not hang on the last bits of the training
-Report = Callable[[str, float, float], None]
 
 
 @dataclass(frozen=True)

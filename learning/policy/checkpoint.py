@@ -5,9 +5,9 @@ from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from learning.policy.plant import Machine, State
 from learning.policy.recipe import Recipe
-from learning.policy.situation import Situation
+from learning.policy.simulation.plant import Machine, State
+from learning.policy.simulation.situation import Situation
 from specs.errors import InputError
 from specs.policy import layout
 

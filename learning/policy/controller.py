@@ -13,8 +13,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from fmus.build import build_fmu
 from fmus.definition import Model, Namespace, Variable, from_signals
+from fmus.toolchain.build import build_fmu
 from learning.policy import export
 from learning.policy.export import Policy
 from learning.policy.features import commands, features, limited

@@ -13,11 +13,12 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from fmus.slew_nn.network import SlewNetwork
-from learning.policy import checkpoint, finite
+from fmus.models.slew_nn.network import SlewNetwork
+from learning.policy import checkpoint
 from learning.policy.network import Interface, shaped
 from learning.policy.recipe import Recipe
-from learning.policy.situation import HIDDEN, Situation, hidden
+from learning.policy.simulation import finite
+from learning.policy.simulation.situation import HIDDEN, Situation, hidden
 from learning.policy.trainer import Step, Trainer
 from specs.errors import InputError, RunError
 from specs.policy import SPACING_S

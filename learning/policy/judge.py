@@ -18,11 +18,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from fmus.slew_nn.network import SlewNetwork
-from learning.policy.environment import Environment, load_networks
+from fmus.models.slew_nn.network import SlewNetwork
 from learning.policy.export import Policy, read
 from learning.policy.network import Interface, perceptron, set_weights
 from learning.policy.recipe import RECIPES, Randomisation, Recipe
+from learning.policy.simulation.environment import Environment, load_networks
 from specs.policy import SPACING_S
 
 DURATION_S, BAND_DEG, LAST_S = 15.0, 3.0, 1.0

@@ -9,8 +9,8 @@ from torch import Tensor, nn
 
 from learning.policy.export import Weights
 from learning.policy.features import OUTPUTS, SCALES, SLEW_CHANNELS, commands, features, mirrored
-from learning.policy.kernel import Kernel
 from learning.policy.recipe import Recipe
+from learning.policy.simulation.kernel import Kernel
 from specs.policy import ACTIONS, LIMITS
 
 LEAK = 0.1  # of the gradient that passes a command at its limit

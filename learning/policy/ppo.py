@@ -13,9 +13,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from fmus.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.network import SlewNetwork
 from learning.policy.recipe import Recipe
-from learning.policy.situation import Situation, hidden
+from learning.policy.simulation.situation import Situation, hidden
 from learning.policy.trainer import Trainer
 from specs.policy import SPACING_S
 
@@ -84,7 +84,7 @@ class PpoTrainer(Trainer):
 
     def _hasten(self) -> None:
         """The same update in less time: one operation for all of Adam, a quicker tanh."""
-        from learning.policy.kernel import Tanh
+        from learning.policy.simulation.kernel import Tanh
 
         for model in (self.algorithm.actor, self.algorithm.critic):
             for place, layer in enumerate(model.mlp):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from learning.policy import valid
-from learning.policy.rewards import SLEW_ONLY, TERMS, Shape
+from learning.policy.simulation.rewards import SLEW_ONLY, TERMS, Shape
 from specs.errors import InputError, nearest
 from specs.policy import HISTORY, TASKS
 

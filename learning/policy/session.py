@@ -17,16 +17,17 @@ from typing import Any
 from learning.policy import checkpoint
 from learning.policy.curve import Log
 from learning.policy.recipe import GROUPS, RECIPES, Recipe, recipe
-from learning.policy.training import Report, Training
+from learning.policy.training import Training
 from learning.policy.valid import ABSENT
 from specs.errors import InputError, RunError, nearest
 from specs.policy import TASKS
+from specs.progress import Report
 from specs.schema import ROOT
 
 BUDGETS = ("full", "short", "tiny")  # what is told of a recipe stays as it is told
 DEVICES = ("auto", "cpu", "cuda")
 SHORT = 0.2  # of the iterations
-NETWORKS = (ROOT.parent / "fmus" / "slew_nn" / "weights.npz",)
+NETWORKS = (ROOT.parent / "fmus" / "models" / "slew_nn" / "weights.npz",)
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> 
     """The trainer of a recipe's method on slew networks from files."""
     import torch
 
-    from learning.policy.environment import load_networks
+    from learning.policy.simulation.environment import load_networks
 
     torch.set_num_threads(1)
     networks = load_networks(paths)
@@ -218,7 +219,7 @@ def _export(training: Training, options: Options, commit: str, figures: Mapping[
 
 def ranges(trainer: Any, chosen: Recipe) -> dict[str, tuple[float, float]]:
     """Trained ranges by name: parameters of the machine, signals, and the pendulum's length, in SI."""
-    from learning.policy.environment import HEIGHT, POSE, RADIUS
+    from learning.policy.simulation.environment import HEIGHT, POSE, RADIUS
 
     r = chosen.random
     found = {

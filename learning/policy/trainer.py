@@ -8,13 +8,13 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from fmus.slew_nn.network import SlewNetwork
-from learning.policy import finite
-from learning.policy.environment import Environment
+from fmus.models.slew_nn.network import SlewNetwork
 from learning.policy.network import LEAK, Interface
 from learning.policy.recipe import Recipe
-from learning.policy.rewards import weigh
-from learning.policy.situation import Situation
+from learning.policy.simulation import finite
+from learning.policy.simulation.environment import Environment
+from learning.policy.simulation.rewards import weigh
+from learning.policy.simulation.situation import Situation
 from specs.errors import RunError
 
 

@@ -2,17 +2,17 @@
 
 import math
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from learning.policy import checkpoint, finite
+from learning.policy import checkpoint
 from learning.policy.curve import Log
 from learning.policy.recipe import Recipe
+from learning.policy.simulation import finite
 from specs.errors import InputError, RunError
+from specs.progress import Report
 
 KEPT_EVERY_S = 60.0  # between checkpoints
-Report = Callable[[str, float, float], None]
 
 
 class Training:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, is_dataclass
 from typing import Any
 
-from learning.policy.rewards import TERMS
+from learning.policy.simulation.rewards import TERMS
 from specs.errors import InputError
 from specs.policy import MOST_HISTORY, PRIORS, SPACING_S
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew_nn.network import HISTORY, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, SlewNetwork
 from learning.slew.data import Data
 from learning.slew.disagreement import ensemble
 from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, Recipe, exportable, recipe

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.slew import traces
-from fmus.slew_nn.network import HISTORY, Mlp, SlewNetwork
+from fmus.models.slew import traces
+from fmus.models.slew_nn.network import HISTORY, Mlp, SlewNetwork
 from learning.slew.description import CHANNELS, PLACES, SI
 from learning.slew.score import HORIZON, STRIDE, Score, predictor, roll_out, score
 from learning.slew.trajectory import Trajectory, Windows, of_measurement, of_trace, windows

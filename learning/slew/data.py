@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew import traces
-from fmus.slew_nn.network import HISTORY, PERIOD_S
+from fmus.models.slew import traces
+from fmus.models.slew_nn.network import HISTORY, PERIOD_S
 from learning.collection import manifest
 from learning.slew import checks
 from learning.slew.score import HORIZON

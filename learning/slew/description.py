@@ -38,7 +38,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from fmus.slew_nn.network import CELL_AXES, HISTORY, INPUTS, PERIOD_S
+from fmus.models.slew_nn.network import CELL_AXES, HISTORY, INPUTS, PERIOD_S
 from specs.errors import InputError
 from specs.schema import STRICT, read_toml, validate
 from specs.units import unit as find_unit

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fmus.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.network import SlewNetwork
 from learning.slew.score import predictor, roll_out, score
 from learning.slew.trajectory import Windows
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew_nn.network import HISTORY, INPUTS, PERIOD_S, Mlp, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, INPUTS, PERIOD_S, Mlp, SlewNetwork
 from learning.slew import description as described
 from learning.slew.description import CHANNELS, OUTPUTS, PLACES, SI, Description, Part
 from specs.errors import InputError

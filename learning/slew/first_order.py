@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from fmus.slew_nn.network import HISTORY, PERIOD_S
+from fmus.models.slew_nn.network import HISTORY, PERIOD_S
 from learning.slew.score import HORIZON, STRIDE, Predictor, score
 from learning.slew.trajectory import Trajectory, Windows, windows
 from specs.errors import InputError

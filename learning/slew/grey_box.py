@@ -5,8 +5,8 @@ the measured pressures and the carriage the measured speed row by row, while spo
 follow the joystick; then nothing is taken any more but joystick and inertia.  The encoder's speed is one
 sensor delay late: the history tells the speed that long ago, and what is predicted is the late speed.
 
-Fitted by the same least squares as the model itself (fmus/slew/fit.py): errors of speed, of angle (the sum of
-the speed) and of both pressures over 10 s windows, exact sensitivities, the parameters in specs and the
+Fitted by the same least squares as the model itself (fmus/models/slew/fit.py): errors of speed, of angle (the
+sum of the speed) and of both pressures over 10 s windows, exact sensitivities, the parameters in specs and the
 spreads of start.toml as prior.  The sensor delay is fitted too, unless the speed is not late.  Deterministic.
 """
 
@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew import fit as slew_fit
-from fmus.slew.model import MODEL
-from fmus.slew.simulation import Course, Simulator
-from fmus.slew_nn.network import HISTORY, PERIOD_S
+from fmus.models.slew import fit as slew_fit
+from fmus.models.slew.model import MODEL
+from fmus.models.slew.simulation import Course, Simulator
+from fmus.models.slew_nn.network import HISTORY, PERIOD_S
 from learning.slew.score import HORIZON, STRIDE, Predictor
 from learning.slew.trajectory import REST, Trajectory, Windows, windows
 from specs import parameters as parameter_specs
+from specs.progress import Report
 
 STEP_S = 0.004  # of the simulation; against 0.002 s the figures move by less than 1 %
 RUN_IN = HISTORY  # rows of the history that are used
@@ -62,7 +63,7 @@ class GreyBox:
 def fit(
     trajectories: Sequence[Trajectory],
     tiny: bool = False,
-    report: slew_fit.Report | None = None,
+    report: Report | None = None,
     count: int = WINDOWS,
     evaluations: int = EVALUATIONS,
 ) -> GreyBox:

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from fmus.slew_nn.network import HISTORY, Mlp, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, Mlp, SlewNetwork
 from learning.slew.recipe import Recipe
 from learning.slew.trajectory import Windows
 

@@ -7,7 +7,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from fmus.slew_nn.network import HISTORY, INPUTS, Mlp, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, INPUTS, Mlp, SlewNetwork
 
 OPSET, IR_VERSION = 17, 9
 LAST = {"pressure": [2 * HISTORY - 1, 3 * HISTORY - 1], "velocity": [4 * HISTORY - 1]}  # of residual outputs

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew_nn.network import PERIOD_S, SlewNetwork
+from fmus.models.slew_nn.network import PERIOD_S, SlewNetwork
 from learning.slew.ablation import BEFORE, PAPER
 from learning.slew.data import Data
 from learning.slew.recipe import ENSEMBLE, MEMBERS, RECIPES

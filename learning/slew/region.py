@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fmus.slew_nn.network import CELL_AXES, SlewNetwork
+from fmus.models.slew_nn.network import CELL_AXES, SlewNetwork
 from learning.slew.trajectory import Trajectory, Windows, both_ways
 
 LEAST = 3  # samples that make a cell known

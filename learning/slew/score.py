@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
 from learning.slew.trajectory import Windows
 
 HORIZON = round(10.0 / PERIOD_S)  # rows ahead

@@ -2,14 +2,14 @@
 
 import os
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fmus.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.network import SlewNetwork
 from learning.slew import ablation, disagreement, page
 from learning.slew.ablation import REFERENCES, Outcome
 from learning.slew.data import Data, load, of_traces
@@ -17,9 +17,9 @@ from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, RECIPES, exportabl
 from learning.slew.region import share_outside
 from learning.slew.trajectory import GROUPS
 from specs.errors import InputError, nearest
+from specs.progress import Report
 from specs.version import VERSION
 
-Report = Callable[[str, float, float], None]
 BUDGETS = ("full", "tiny")
 PLAN = {"full": "paper", "tiny": "tiny"}
 FIRST_ORDER = "first_order"

@@ -1,21 +1,21 @@
 """Training of slew models: one-step loss first, then, if the recipe says so, the error over its own steps."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from fmus.slew_nn.network import HISTORY, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, SlewNetwork
 from learning.slew.networks import NAMES, Pair, Scales, State, plain
 from learning.slew.recipe import Recipe, exportable
 from learning.slew.score import Predictor
 from learning.slew.trajectory import Trajectory, Windows, both_ways, windows, zero_filled
 from specs.errors import InputError, RunError
+from specs.progress import Report
 
-Report = Callable[[str, float, float], None]
 Rows = dict[str, Tensor]  # normalised, [n, history + ahead] each
 UNROLL_STRIDE = 3  # rows between the windows of the second phase
 CLIP = 1.0  # largest norm of a gradient

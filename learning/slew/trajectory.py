@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.equations import kinematics
-from fmus.slew.traces import Trace
-from fmus.slew_nn.network import PERIOD_S
+from fmus.models.slew.traces import Trace
+from fmus.models.slew_nn.network import PERIOD_S
 from records.measurement import Measurement, Piece
 from specs.errors import InputError
 
@@ -26,7 +26,7 @@ REST, REST_U = 0.02, 0.05  # rad/s and joystick below which a machine at the sta
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A stretch without gaps; arrays [n] at 0.1 s in SI units (fmus/slew_nn/network.py)."""
+    """A stretch without gaps; arrays [n] at 0.1 s in SI units (fmus/models/slew_nn/network.py)."""
 
     name: str
     u: np.ndarray

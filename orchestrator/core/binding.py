@@ -15,7 +15,7 @@ from ctypes import (
     c_uint64,
 )
 
-from orchestrator import native
+from orchestrator.core import native
 
 SINK = 0xFFFFFFFF  # SLW_SINK
 ALGORITHM = {"jacobi": 0, "gauss-seidel": 1, "iterate": 2, "adaptive": 3}  # slw_algorithm

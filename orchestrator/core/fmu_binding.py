@@ -5,8 +5,8 @@ from ctypes import POINTER, Structure, c_bool, c_char_p, c_double, c_int, c_size
 from functools import cache
 from typing import Any
 
-from orchestrator import native
-from orchestrator.binding import Blob
+from orchestrator.core import native
+from orchestrator.core.binding import Blob
 
 MESSAGES = 20  # SLW_MESSAGES
 

@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmus import compiler
 from fmus.paths import BUILD, SHIM
+from fmus.toolchain import compiler
 from specs.errors import InputError, RunError
 
-SOURCES = Path(__file__).parent / "core"
+SOURCES = Path(__file__).parent
 PACKAGED = SOURCES / "bin"
 PROGRAM = "host.c"  # the only source with a main; the rest of what it needs is in BINDING
 LIBRARY, HOST = "slewright_core", "slewright-fmu-host"  # file names, the library's without suffix
@@ -45,7 +45,7 @@ def source_hash() -> str:
 
 
 def build(folder: Path, target: str | None = None, extra: Sequence[str] = ()) -> Binaries:
-    """Compile the core into `folder` for a platform of fmus.compiler.TARGETS (default: this one).
+    """Compile the core into `folder` for a platform of fmus.toolchain.compiler.TARGETS (default: this one).
 
     `extra`: further compiler flags (sanitizers).  Raises InputError without a compiler, RunError if C fails.
     """

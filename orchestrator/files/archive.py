@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
-from orchestrator.xmlfile import shortened
+from orchestrator.files.xml_file import shortened
 from specs.errors import InputError, RunError
 
 MAX_ENTRIES = 20_000

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.binding import Blob, Cell
-from orchestrator.fmubinding import Group, library
-from orchestrator.modeldescription import REALS, Variable
-from orchestrator.system import Component
-from orchestrator.variable import RANGES, Scalar, Value
-from orchestrator.wire import BLOBS, BOOLEANS, WIRE
+from orchestrator.core.binding import Blob, Cell
+from orchestrator.core.fmu_binding import Group, library
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.model_description import REALS, Variable
+from orchestrator.fmi.type_codes import BLOBS, BOOLEANS, WIRE
+from orchestrator.fmi.variable import RANGES, Scalar, Value
 from specs.errors import InputError
 
 

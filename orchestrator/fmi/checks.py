@@ -6,7 +6,7 @@ Source: FMI 2.0.4, tables in 2.2.7; FMI 3.0.2, 2.4.7.4 (allowed combinations) an
 import math
 from collections.abc import Callable, Iterable, Iterator
 
-from orchestrator.variable import REALS, Scalar, Variable
+from orchestrator.fmi.variable import REALS, Scalar, Variable
 from specs.errors import InputError
 
 # Which variability fits which causality, FMI 3; FMI 2 has the same without structural parameters.

@@ -2,9 +2,9 @@
 
 from fractions import Fraction
 
-from orchestrator import xmlfile
-from orchestrator.variable import ClockInfo
-from orchestrator.xmlfile import Element
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element
+from orchestrator.fmi.variable import ClockInfo
 from specs.errors import InputError
 
 INTERVALS = ("constant", "fixed", "tunable", "changing", "countdown", "triggered")
@@ -16,7 +16,7 @@ def clock_info(typed: Element, declared: Element, where: str) -> ClockInfo:
     if variability not in INTERVALS:
         raise _error(typed, f"intervalVariability='{variability}'; valid: {', '.join(INTERVALS)}", where)
     fraction, deactivated = (
-        xmlfile.boolean(typed if typed.get(name) is not None else declared, name, False, where)
+        xml_file.boolean(typed if typed.get(name) is not None else declared, name, False, where)
         for name in ("supportsFraction", "canBeDeactivated")
     )
     info = ClockInfo(variability, supports_fraction=fraction, can_be_deactivated=deactivated)
@@ -36,7 +36,7 @@ def _time(typed: Element, declared: Element, name: str, where: str) -> Fraction 
         typed.get(key, declared.get(key)) for key in (f"{name}Counter", "resolution", f"{name}Decimal")
     )
     if counter is not None and resolution is not None:
-        parts = [xmlfile.as_integer(text) for text in (counter, resolution)]
+        parts = [xml_file.as_integer(text) for text in (counter, resolution)]
         if parts[0] is None or parts[1] is None or parts[1] <= 0:
             raise _error(typed, f"{name}Counter and resolution must be positive integers", where)
         return Fraction(parts[0], parts[1])
@@ -45,13 +45,13 @@ def _time(typed: Element, declared: Element, name: str, where: str) -> Fraction 
 
 def _decimal(typed: Element, name: str, text: str, where: str) -> Fraction:
     """Exactly what is written; its range is limited, so that the fraction stays short."""
-    value = xmlfile.as_number(text)
+    value = xml_file.as_number(text)
     if value == 0.0:
         return Fraction(0)
     if value is None or len(text) > 40 or not 1e-15 < abs(value) < 1e15:
-        raise _error(typed, f"{name}='{xmlfile.shortened(text)}' is no time in s", where)
+        raise _error(typed, f"{name}='{xml_file.shortened(text)}' is no time in s", where)
     return Fraction(text)
 
 
 def _error(element: Element, message: str, where: str) -> InputError:
-    return InputError(xmlfile.at(element, message, where))
+    return InputError(xml_file.at(element, message, where))

@@ -12,13 +12,21 @@ from typing import Any, Self
 
 import numpy as np
 
-from orchestrator import native
-from orchestrator.fmubinding import FUNCTIONS, MESSAGES, TYPES, EventResult, Options, StepResult, library
-from orchestrator.fmuvalues import Values, flat
-from orchestrator.modeldescription import Variable
-from orchestrator.system import Component
-from orchestrator.variable import Value
-from orchestrator.wire import BLOBS, STATUS, WARNING, WIRE
+from orchestrator.core import native
+from orchestrator.core.fmu_binding import (
+    FUNCTIONS,
+    MESSAGES,
+    TYPES,
+    EventResult,
+    Options,
+    StepResult,
+    library,
+)
+from orchestrator.fmi.buffers import Values, flat
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.model_description import Variable
+from orchestrator.fmi.type_codes import BLOBS, STATUS, WARNING, WIRE
+from orchestrator.fmi.variable import Value
 from specs.errors import InputError, RunError
 
 LIMIT_S = 60.0  # for one call of an FMU in a process of its own

@@ -6,7 +6,7 @@ Source: fmi2ModelDescription.xsd and fmi3ModelDescription.xsd with what they inc
 
 from collections.abc import Iterator
 
-from orchestrator.xmlfile import Element, local, shortened
+from orchestrator.files.xml_file import Element, local, shortened
 
 VARIABLE = {"name", "valueReference", "description", "causality", "variability"} | {
     "canHandleMultipleSetPerTimeInstant"

@@ -1,7 +1,7 @@
 """What an FMU says of itself: `modelDescription.xml` of FMI 2.0 and 3.0, co-simulation.
 
-Variables are read by modelvariables.py, judged by modelchecks.py; modelstructure.py reads dependencies,
-modelattributes.py knows which attributes there are.
+Variables are read by modelvariables.py, judged by checks.py; modelstructure.py reads dependencies,
+known_attributes.py knows which attributes there are.
 Source: FMI 2.0.4, chapters 2.2 and 4.3; FMI 3.0.2, 2.4 and 4.4, Modelica Association.
 """
 
@@ -9,12 +9,13 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from orchestrator import modelattributes, modelchecks, xmlfile
-from orchestrator.modelstructure import Dependencies, StructureReader
-from orchestrator.modelvariables import VariableReader
-from orchestrator.units import parse_units
-from orchestrator.variable import FMI2_TYPES, FMI3_TYPES, NOT_NUMBERS, REALS, ClockInfo, Variable, size_of
-from orchestrator.xmlfile import Element, local
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element, local
+from orchestrator.fmi import checks, known_attributes
+from orchestrator.fmi.model_structure import Dependencies, StructureReader
+from orchestrator.fmi.units import parse_units
+from orchestrator.fmi.variable import FMI2_TYPES, FMI3_TYPES, NOT_NUMBERS, REALS, ClockInfo, Variable, size_of
+from orchestrator.fmi.variable_reader import VariableReader
 from specs.errors import InputError, nearest
 
 __all__ = (
@@ -105,30 +106,30 @@ class ModelDescription:
 
 def parse(content: bytes, shown: str) -> ModelDescription:
     """Parse and check modelDescription.xml; `shown` names the FMU in messages (InputError, with the line)."""
-    root = xmlfile.parse(content, shown)
+    root = xml_file.parse(content, shown)
     version = _version(root, shown)
     interface = root.find("CoSimulation")
     if interface is None:
         raise InputError(f"{shown} offers no co-simulation")
     where = f"{shown}, modelDescription.xml"
-    if xmlfile.boolean(interface, "needsExecutionTool", False, where):
+    if xml_file.boolean(interface, "needsExecutionTool", False, where):
         raise InputError(f"{shown} needs an execution tool; only self-contained FMUs are accepted")
     _check_parts(root, where)
     reader = VariableReader(root, version, parse_units(root.find("UnitDefinitions"), where), where)
-    variables = modelchecks.check(reader.variables(), version, where)
+    variables = checks.check(reader.variables(), version, where)
     structure = StructureReader(root, version, variables, where)
     experiment = _experiment(root.find("DefaultExperiment"), where)
     warnings = [
         *_version_warnings(root),
-        *modelattributes.warnings(root, version),
-        *modelchecks.warnings(variables.values(), reader.undefined_units),
+        *known_attributes.warnings(root, version),
+        *checks.warnings(variables.values(), reader.undefined_units),
         *structure.warnings(),
     ]
     return ModelDescription(
         fmi_version=version,
         model_name=root.get("modelName", ""),
         model_identifier=_identifier(interface, where),
-        token=xmlfile.required(root, "guid" if version == 2 else "instantiationToken", where),
+        token=xml_file.required(root, "guid" if version == 2 else "instantiationToken", where),
         variables=variables,
         dependencies=structure.outputs,
         initial_dependencies=structure.initial,
@@ -148,7 +149,7 @@ def _version(root: Element, shown: str) -> int:
     text = root.get("fmiVersion", "").strip()
     found = VERSION.fullmatch(text)
     if root.tag != "fmiModelDescription" or found is None:
-        raise InputError(f"{shown} has FMI version '{xmlfile.shortened(text)}'; valid: 2.0, 3.0")
+        raise InputError(f"{shown} has FMI version '{xml_file.shortened(text)}'; valid: 2.0, 3.0")
     return int(found[1] or found[3])
 
 
@@ -171,10 +172,10 @@ def _check_parts(root: Element, where: str) -> None:
 
 
 def _identifier(interface: Element, where: str) -> str:
-    name = xmlfile.required(interface, "modelIdentifier", where)
+    name = xml_file.required(interface, "modelIdentifier", where)
     if not IDENTIFIER.fullmatch(name):
         raise InputError(
-            f"{where} line {interface.sourceline}: '{xmlfile.shortened(name)}' is no modelIdentifier"
+            f"{where} line {interface.sourceline}: '{xml_file.shortened(name)}' is no modelIdentifier"
         )
     return name
 
@@ -195,7 +196,7 @@ def _capabilities(interface: Element, version: int, where: str) -> Mapping[str, 
     }
     if version == 3:
         names |= {"has_event_mode": "hasEventMode", "can_return_early": "mightReturnEarlyFromDoStep"}
-    return {key: xmlfile.boolean(interface, name, False, where) for key, name in names.items()}
+    return {key: xml_file.boolean(interface, name, False, where) for key, name in names.items()}
 
 
 def _experiment(element: Element | None, where: str) -> tuple[float | None, ...]:
@@ -203,7 +204,7 @@ def _experiment(element: Element | None, where: str) -> tuple[float | None, ...]
     if element is None:
         return (None,) * 4
     start, stop = (
-        None if element.get(name) is None else xmlfile.number(element, name, 0.0, where)
+        None if element.get(name) is None else xml_file.number(element, name, 0.0, where)
         for name in ("startTime", "stopTime")
     )
     if stop is not None and stop < (start or 0.0):
@@ -214,7 +215,7 @@ def _experiment(element: Element | None, where: str) -> tuple[float | None, ...]
 def _positive(element: Element, name: str, where: str) -> float | None:
     if element.get(name) is None:
         return None
-    value = xmlfile.number(element, name, 0.0, where)
+    value = xml_file.number(element, name, 0.0, where)
     if not value > 0.0:
         raise InputError(f"{where} line {element.sourceline}: {name}={value} must be positive")
     return value

@@ -7,9 +7,9 @@ Source: FMI 2.0.4, 2.2.8; FMI 3.0.2, 2.4.8, Modelica Association.
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from orchestrator import xmlfile
-from orchestrator.variable import Variable
-from orchestrator.xmlfile import Element, local
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element, local
+from orchestrator.fmi.variable import Variable
 from specs.errors import InputError
 
 # Names of inputs; None: the FMU does not say, it may be all of them.
@@ -86,9 +86,9 @@ class StructureReader:
         """Variables that an attribute refers to: by index from 1 in FMI 2, by value reference in FMI 3."""
         names: list[str] = []
         if attribute != "dependencies":
-            xmlfile.required(element, attribute, self.where)
+            xml_file.required(element, attribute, self.where)
         for text in element.get(attribute, "").split():
-            number = xmlfile.as_integer(text)
+            number = xml_file.as_integer(text)
             found: Sequence[str] = ()
             if number is not None and self.version == 3:
                 found = self.by_vr.get(number, ())
@@ -96,7 +96,7 @@ class StructureReader:
                 found = (self.declared[number - 1],)
             if not found:
                 raise self._error(
-                    element, f"{attribute} names variable {xmlfile.shortened(text)}; there is none"
+                    element, f"{attribute} names variable {xml_file.shortened(text)}; there is none"
                 )
             names.extend(found)
             self.read += len(found)

@@ -4,7 +4,7 @@ Others run in a process of their own (orchestrator/core/remote.c), where a crash
 """
 
 from fmus.paths import built_here
-from orchestrator.system import Component
+from orchestrator.fmi.component import Component
 
 
 def runs_here(component: Component, trust: bool) -> bool:

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from orchestrator import xmlfile
-from orchestrator.xmlfile import Element
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element
 from specs.errors import InputError
 from specs.units import Unit
 
@@ -55,24 +55,24 @@ def parse_units(holder: Element | None, where: str) -> dict[str, Unit | None]:
         {}
         if holder is None
         else {
-            xmlfile.required(unit, "name", where): _base_unit(unit, where)
+            xml_file.required(unit, "name", where): _base_unit(unit, where)
             for unit in holder
-            if xmlfile.local(unit) == "Unit"
+            if xml_file.local(unit) == "Unit"
         }
     )
 
 
 def _base_unit(unit: Element, where: str) -> Unit | None:
-    base = next((child for child in unit if xmlfile.local(child) == "BaseUnit"), None)
+    base = next((child for child in unit if xml_file.local(child) == "BaseUnit"), None)
     if base is None:
         return None
-    exponents = {key: xmlfile.integer(base, key, 0, where) for key in BASES}
-    if xmlfile.number(base, "factor", 1.0, where) == 0.0:
+    exponents = {key: xml_file.integer(base, key, 0, where) for key in BASES}
+    if xml_file.number(base, "factor", 1.0, where) == 0.0:
         raise InputError(f"{where} line {base.sourceline}: unit '{unit.get('name')}' has the factor 0")
     return Unit(
         {key: value for key, value in exponents.items() if value},
-        xmlfile.number(base, "factor", 1.0, where),
-        xmlfile.number(base, "offset", 0.0, where),
+        xml_file.number(base, "factor", 1.0, where),
+        xml_file.number(base, "offset", 0.0, where),
     )
 
 

@@ -2,9 +2,9 @@
 
 import math
 
-from orchestrator import xmlfile
-from orchestrator.variable import RANGES, REALS, Scalar
-from orchestrator.xmlfile import Element, local, shortened
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element, local, shortened
+from orchestrator.fmi.variable import RANGES, REALS, Scalar
 from specs.errors import InputError
 
 
@@ -26,9 +26,9 @@ def scalar(typed: Element, type_name: str, text: str, where: str) -> Scalar:
     elif type_name == "Binary":
         value = _hexadecimal(text)
     elif type_name == "Boolean":
-        value = xmlfile.as_boolean(text)
+        value = xml_file.as_boolean(text)
     elif type_name in REALS:
-        value = xmlfile.as_number(text)
+        value = xml_file.as_number(text)
     else:
         value = _whole(text, type_name)
     if value is None:
@@ -42,7 +42,7 @@ def bound(typed: Element, declared: Element, name: str, where: str) -> float | i
     text, type_name = typed.get(name, declared.get(name)), local(typed)
     if text is None or not (type_name in REALS or type_name in RANGES):
         return None
-    value = xmlfile.as_number(text) if type_name in REALS else xmlfile.as_integer(text)
+    value = xml_file.as_number(text) if type_name in REALS else xml_file.as_integer(text)
     if value is None or math.isnan(value):
         kind = "a number" if type_name in REALS else "an integer"
         raise _error(typed, f"{name}='{shortened(text)}' is not {kind}", where)
@@ -53,7 +53,7 @@ def items(declared: Element, version: int, where: str) -> dict[str, int]:
     """Names and numbers of an enumeration; FMI 2 exchanges 32 bits, FMI 3 64."""
     found: dict[str, int] = {}
     for item in declared.iterfind("Item"):
-        name, text = (xmlfile.required(item, key, where) for key in ("name", "value"))
+        name, text = (xml_file.required(item, key, where) for key in ("name", "value"))
         value = _whole(text, "Integer" if version == 2 else "Enumeration")
         if value is None:
             raise _error(item, f"value='{shortened(text)}' is no number of an enumeration", where)
@@ -64,7 +64,7 @@ def items(declared: Element, version: int, where: str) -> dict[str, int]:
 
 
 def _whole(text: str, type_name: str) -> int | None:
-    value = xmlfile.as_integer(text)
+    value = xml_file.as_integer(text)
     low, high = RANGES[type_name]
     return value if value is not None and low <= value <= high else None
 
@@ -77,4 +77,4 @@ def _hexadecimal(text: str) -> bytes | None:
 
 
 def _error(element: Element, message: str, where: str) -> InputError:
-    return InputError(xmlfile.at(element, message, where))
+    return InputError(xml_file.at(element, message, where))

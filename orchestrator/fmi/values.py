@@ -2,7 +2,7 @@
 
 import math
 
-from orchestrator.variable import RANGES, REALS, Scalar, Value, Variable
+from orchestrator.fmi.variable import RANGES, REALS, Scalar, Value, Variable
 from specs.errors import InputError, nearest
 
 

@@ -9,10 +9,11 @@ Source: FMI 2.0.4, 2.2.3 and 2.2.7; FMI 3.0.2, 2.4.4 and 2.4.7, Modelica Associa
 import math
 from collections.abc import Iterator, Mapping
 
-from orchestrator import modelvalues, xmlfile
-from orchestrator.modelclocks import clock_info
-from orchestrator.variable import FMI2_TYPES, FMI3_TYPES, REALS, Value, Variable
-from orchestrator.xmlfile import Element, local
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element, local
+from orchestrator.fmi import value_texts
+from orchestrator.fmi.clock_ticks import clock_info
+from orchestrator.fmi.variable import FMI2_TYPES, FMI3_TYPES, REALS, Value, Variable
 from specs.errors import InputError, nearest
 from specs.units import Unit
 
@@ -46,7 +47,7 @@ class VariableReader:
             variable = self._variable(outer, typed)
             yield variable
             for alias in outer.iterfind("Alias") if self.version == 3 else ():
-                name = xmlfile.required(alias, "name", self.where)
+                name = xml_file.required(alias, "name", self.where)
                 text = alias.get("description", "")
                 fields = {
                     **variable.__dict__,
@@ -71,7 +72,7 @@ class VariableReader:
         if unit_name and unit_name not in self.units:
             self.undefined_units.add(unit_name)
         return Variable(
-            name=xmlfile.required(outer, "name", self.where),
+            name=xml_file.required(outer, "name", self.where),
             vr=self._vr(outer),
             type=type_name,
             causality=causality,
@@ -79,18 +80,18 @@ class VariableReader:
             unit_name=unit_name,
             unit=self.units.get(unit_name),
             start=self._start(typed, type_name, dimensions),
-            min=modelvalues.bound(typed, declared, "min", self.where),
-            max=modelvalues.bound(typed, declared, "max", self.where),
+            min=value_texts.bound(typed, declared, "min", self.where),
+            max=value_texts.bound(typed, declared, "max", self.where),
             nominal=self._nominal(typed, declared) if type_name in REALS else 1.0,
             description=outer.get("description", ""),
             dimensions=tuple(self.names[d][0] if by_vr else d for by_vr, d in dimensions),
             relative=self._inherited(typed, declared, "relativeQuantity"),
-            items=modelvalues.items(declared, self.version, self.where) if type_name == "Enumeration" else {},
+            items=value_texts.items(declared, self.version, self.where) if type_name == "Enumeration" else {},
             initial=self._initial(outer, typed, causality, variability),
             clocks=tuple(self._clocks(outer)),
             clock=clock_info(typed, declared, self.where) if type_name == "Clock" else None,
             max_size=self._max_size(typed, declared) if type_name == "Binary" else None,
-            multiple_set_per_instant=xmlfile.boolean(
+            multiple_set_per_instant=xml_file.boolean(
                 outer, "canHandleMultipleSetPerTimeInstant", True, self.where
             ),
             line=outer.sourceline or 0,
@@ -98,7 +99,7 @@ class VariableReader:
 
     def _nominal(self, typed: Element, declared: Element) -> float:
         """A magnitude: its sign does not count, and what is none is as if not given."""
-        found = abs(float(modelvalues.bound(typed, declared, "nominal", self.where) or 1.0))
+        found = abs(float(value_texts.bound(typed, declared, "nominal", self.where) or 1.0))
         return found if 0.0 < found < math.inf else 1.0
 
     def _causalities(self) -> tuple[str, ...]:
@@ -122,7 +123,7 @@ class VariableReader:
         self, typed: Element, type_name: str, dimensions: tuple[tuple[bool, int], ...]
     ) -> Value | None:
         """One value for a scalar, all of them for an array, of which one value given fills all (2.4.7.5)."""
-        texts = modelvalues.start_texts(typed, type_name, self.version)
+        texts = value_texts.start_texts(typed, type_name, self.version)
         size = math.prod(self._structural(d) if by_vr else d for by_vr, d in dimensions)
         self.total += size
         if self.total > MAX_ELEMENTS:
@@ -131,17 +132,17 @@ class VariableReader:
             return None
         if len(texts) not in (1, size):
             raise self.error(typed, f"start has {len(texts)} values, but the variable has {size}")
-        values = tuple(modelvalues.scalar(typed, type_name, text, self.where) for text in texts)
+        values = tuple(value_texts.scalar(typed, type_name, text, self.where) for text in texts)
         if not dimensions:
             return values[0]
         return values * size if len(values) == 1 else values
 
     def _inherited(self, typed: Element, declared: Element, name: str) -> bool:
-        return xmlfile.boolean(typed if typed.get(name) is not None else declared, name, False, self.where)
+        return xml_file.boolean(typed if typed.get(name) is not None else declared, name, False, self.where)
 
     def _max_size(self, typed: Element, declared: Element) -> int | None:
         holder = typed if typed.get("maxSize") is not None else declared
-        size = xmlfile.integer(holder, "maxSize", -1, self.where)
+        size = xml_file.integer(holder, "maxSize", -1, self.where)
         return None if size < 0 else size
 
     # ---- references ----
@@ -152,7 +153,7 @@ class VariableReader:
         if (start is None) == (vr is None):
             raise self.error(element, "<Dimension> needs either 'start' or 'valueReference'")
         if vr is None:
-            size = xmlfile.integer(element, "start", 0, self.where)
+            size = xml_file.integer(element, "start", 0, self.where)
             if not 0 < size <= MAX_ELEMENTS:
                 raise self.error(element, f"dimension of size {size}; valid: 1 … {MAX_ELEMENTS}")
             return False, size
@@ -166,18 +167,18 @@ class VariableReader:
         name, given = self.names.get(vr, ("", None))
         if given is None:
             raise InputError(
-                xmlfile.at(element, f"dimension refers to value reference {vr}; there is none", self.where)
+                xml_file.at(element, f"dimension refers to value reference {vr}; there is none", self.where)
             )
         constant = given.get("variability") == "constant"
         if local(given) != "UInt64" or not (constant or given.get("causality") == "structuralParameter"):
             raise InputError(
-                xmlfile.at(
+                xml_file.at(
                     element,
                     f"dimension refers to '{name}', which is no structural parameter of type UInt64",
                     self.where,
                 )
             )
-        size = xmlfile.integer(given, "start", 0, self.where)
+        size = xml_file.integer(given, "start", 0, self.where)
         if not 0 < size <= MAX_ELEMENTS:
             raise self.error(given, f"'{name}' gives a dimension the size {size}; valid: 1 … {MAX_ELEMENTS}")
         return size
@@ -186,18 +187,18 @@ class VariableReader:
         """`derivative` and `previous` do not matter to a co-simulation, but what they name must exist."""
         for name in ("derivative", "previous"):
             text = typed.get(name)
-            number = None if text is None else xmlfile.as_integer(text)
+            number = None if text is None else xml_file.as_integer(text)
             there = number in self.names if self.version == 3 else 0 < (number or 0) <= len(self.elements)
             if text is not None and not there:
-                raise self.error(outer, f"{name}='{xmlfile.shortened(text)}' names no variable")
+                raise self.error(outer, f"{name}='{xml_file.shortened(text)}' names no variable")
 
     def _clocks(self, outer: Element) -> Iterator[str]:
         for text in outer.get("clocks", "").split():
-            vr = xmlfile.as_integer(text)
+            vr = xml_file.as_integer(text)
             name, clock = ("", None) if vr is None else self.names.get(vr, ("", None))
             if clock is None or local(clock) != "Clock":
                 raise self.error(
-                    outer, f"clocks='{xmlfile.shortened(text)}' is not the value reference of a clock"
+                    outer, f"clocks='{xml_file.shortened(text)}' is not the value reference of a clock"
                 )
             yield name
 
@@ -220,7 +221,7 @@ class VariableReader:
 
     def _index(self) -> None:
         for element, _ in self.elements:
-            vr, name = self._vr(element), xmlfile.required(element, "name", self.where)
+            vr, name = self._vr(element), xml_file.required(element, "name", self.where)
             if vr in self.names:
                 raise self.error(element, f"'{name}' has the value reference {vr} of '{self.names[vr][0]}'")
             self.names[vr] = name, element
@@ -235,7 +236,7 @@ class VariableReader:
                 if not found:
                     raise self.error(element, "type definition without a known type")
                 inner = found[0]
-            types[xmlfile.required(element, "name", self.where)] = inner
+            types[xml_file.required(element, "name", self.where)] = inner
         return types
 
     def _declared(self, typed: Element) -> Element:
@@ -252,8 +253,8 @@ class VariableReader:
         return found
 
     def _vr(self, element: Element) -> int:
-        xmlfile.required(element, "valueReference", self.where)
-        vr = xmlfile.integer(element, "valueReference", 0, self.where)
+        xml_file.required(element, "valueReference", self.where)
+        vr = xml_file.integer(element, "valueReference", 0, self.where)
         if not 0 <= vr <= MAX_VR:
             raise self.error(element, f"valueReference {vr}; valid: 0 … {MAX_VR}")
         return vr
@@ -261,9 +262,9 @@ class VariableReader:
     def _choice(self, element: Element, name: str, valid: tuple[str, ...], default: str) -> str:
         text = element.get(name, default)
         if text not in valid:
-            raise self.error(element, f"{name}='{xmlfile.shortened(text)}'; valid: {', '.join(valid)}")
+            raise self.error(element, f"{name}='{xml_file.shortened(text)}'; valid: {', '.join(valid)}")
         return text
 
     def error(self, element: Element, message: str) -> InputError:
         """`message` with the element's line, and the name of the variable where the element has one."""
-        return InputError(xmlfile.at(element, message, self.where))
+        return InputError(xml_file.at(element, message, self.where))

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.binding import ALGORITHM, GET, SET, SINK, Cell, library
-from orchestrator.conversion import Conversion
-from orchestrator.interventions import resolve
-from orchestrator.layout import Layout, Move, Slot
-from orchestrator.modeldescription import REALS
-from orchestrator.system import Settings, System
-from orchestrator.units import IDENTITY
-from orchestrator.variable import Scalar, Value
-from orchestrator.wire import BLOBS, WIRE
+from orchestrator.core.binding import ALGORITHM, GET, SET, SINK, Cell, library
+from orchestrator.fmi.model_description import REALS
+from orchestrator.fmi.type_codes import BLOBS, WIRE
+from orchestrator.fmi.units import IDENTITY
+from orchestrator.fmi.variable import Scalar, Value
+from orchestrator.ssp.conversion import Conversion
+from orchestrator.ssp.settings import Settings
+from orchestrator.system.interventions import resolve
+from orchestrator.system.layout import Layout, Move, Slot
+from orchestrator.system.system import System
 from specs.errors import InputError, RunError
 from specs.faults import FAIL, KINDS, Fault, seed_of
 

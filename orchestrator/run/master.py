@@ -7,17 +7,18 @@ from typing import Any, Self
 
 import numpy as np
 
-from orchestrator import binding
-from orchestrator.binding import BlockStatistics, Statistics
-from orchestrator.instance import LIMIT_S, Instance, instantiate
-from orchestrator.layout import Layout, Slot
-from orchestrator.lowering import Plan, scalars, to_bits
-from orchestrator.modeldescription import REALS
-from orchestrator.order import algebraic_loops
-from orchestrator.system import Settings, System
-from orchestrator.trust import runs_here
-from orchestrator.variable import Scalar, Value
-from orchestrator.wire import BLOBS
+from orchestrator.core import binding
+from orchestrator.core.binding import BlockStatistics, Statistics
+from orchestrator.fmi.instance import LIMIT_S, Instance, instantiate
+from orchestrator.fmi.model_description import REALS
+from orchestrator.fmi.trust import runs_here
+from orchestrator.fmi.type_codes import BLOBS
+from orchestrator.fmi.variable import Scalar, Value
+from orchestrator.run.lowering import Plan, scalars, to_bits
+from orchestrator.ssp.settings import Settings
+from orchestrator.system.layout import Layout, Slot
+from orchestrator.system.order import algebraic_loops
+from orchestrator.system.system import System
 from specs.errors import RunError
 from specs.faults import Fault
 

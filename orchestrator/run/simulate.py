@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.interventions import Changes, check_changes, check_faults
-from orchestrator.layout import lay_out
-from orchestrator.master import LIMIT_S, Master, Options
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import Settings, System
-from orchestrator.variable import Value
+from orchestrator.fmi.variable import Value
+from orchestrator.run.master import LIMIT_S, Master, Options
+from orchestrator.ssp.settings import Settings
+from orchestrator.system.interventions import Changes, check_changes, check_faults
+from orchestrator.system.layout import lay_out
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records.record import Column, Record
 from records.recording import reason_of
 from records.schema import TIME

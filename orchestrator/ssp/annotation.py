@@ -10,11 +10,11 @@
 </ssc:Annotation>
 """
 
-from orchestrator import xmlfile
-from orchestrator.description import Simulation
-from orchestrator.ssptext import Place, Text
-from orchestrator.system import ALGORITHMS, Settings
-from orchestrator.xmlfile import Element
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element
+from orchestrator.ssp.description import Simulation
+from orchestrator.ssp.settings import ALGORITHMS, Settings
+from orchestrator.ssp.text import Place, Text
 from specs.errors import nearest
 from specs.faults import Fault, from_attributes
 from specs.ssd import ANNOTATION, SIMULATION
@@ -38,7 +38,7 @@ def read_simulation(text: Text, root: Element) -> Simulation:
             continue
         for child in annotation:
             if child.tag != f"{{{SIMULATION}}}Simulation":
-                raise text.error(child, f"<{xmlfile.local(child)}> in our annotation; valid: Simulation")
+                raise text.error(child, f"<{xml_file.local(child)}> in our annotation; valid: Simulation")
             if simulation.place is not None:
                 raise text.error(child, "second <Simulation>")
             simulation = _simulation(text, child)
@@ -48,7 +48,7 @@ def read_simulation(text: Text, root: Element) -> Simulation:
 def _simulation(text: Text, element: Element) -> Simulation:
     _check_names(text, element, ATTRIBUTES)
     for child in element:
-        name = xmlfile.local(child)
+        name = xml_file.local(child)
         if name not in CHILDREN or not child.tag.startswith(f"{{{SIMULATION}}}"):
             raise text.error(child, f"<{name}> inside <Simulation>; {nearest(name, CHILDREN)}")
     return Simulation(
@@ -97,19 +97,19 @@ def _check_names(text: Text, element: Element, valid: tuple[str, ...]) -> None:
     for name in element.attrib:
         if name not in valid:
             raise text.error(
-                element, f"attribute '{name}' of <{xmlfile.local(element)}>; {nearest(str(name), valid)}"
+                element, f"attribute '{name}' of <{xml_file.local(element)}>; {nearest(str(name), valid)}"
             )
 
 
 def _positive(text: Text, element: Element, name: str, default: float = 0.0) -> float:
-    value = xmlfile.number(element, name, default, text.shown)
+    value = xml_file.number(element, name, default, text.shown)
     if not value > 0.0:
         raise text.error(element, f"{name} must be positive, not {element.get(name)}")
     return value
 
 
 def _count(text: Text, element: Element, name: str, default: int, low: int, high: int) -> int:
-    value = xmlfile.integer(element, name, default, text.shown)
+    value = xml_file.integer(element, name, default, text.shown)
     if not low <= value <= high:
         raise text.error(element, f"{name} = {value}; valid: {low} … {high}")
     return value

@@ -6,13 +6,13 @@ Source: SSP 2.0, 5.2.4, Modelica Association.
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from orchestrator import xmlfile
-from orchestrator.paths import inside
-from orchestrator.ssc import Definitions
-from orchestrator.ssm import Entry, apply, read_mapping
-from orchestrator.ssptext import Text
-from orchestrator.ssv import ParameterValue, read_parameter_set
-from orchestrator.xmlfile import Element
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element
+from orchestrator.ssp.paths import inside
+from orchestrator.ssp.ssc import Definitions
+from orchestrator.ssp.ssm import Entry, apply, read_mapping
+from orchestrator.ssp.ssv import ParameterValue, read_parameter_set
+from orchestrator.ssp.text import Text
 
 SSV_TYPE = "application/x-ssp-parameter-set"
 SSM_TYPE = "application/x-ssp-parameter-mapping"
@@ -49,7 +49,7 @@ class Binding:
             if self.values_element is not None:
                 raise self.text.error(self.element, "'source' and <ParameterValues> exclude each other")
             path = self._path(self.element, source, component)
-            return read_parameter_set(xmlfile.read(path, source), source, warnings, True, Definitions())
+            return read_parameter_set(xml_file.read(path, source), source, warnings, True, Definitions())
         inner = self._inline(self.values_element, "ssd:ParameterValues", "ParameterSet")
         return read_parameter_set(inner, self.text.shown, warnings, False, self.definitions)
 
@@ -61,7 +61,7 @@ class Binding:
         if len(holder):
             raise self.text.error(holder, "'source' and an inline mapping exclude each other")
         path = self._path(holder, source, component)
-        return read_mapping(xmlfile.read(path, source), source, self.text.warnings)
+        return read_mapping(xml_file.read(path, source), source, self.text.warnings)
 
     def _inline(self, holder: Element | None, form: str, name: str) -> Element:
         groups = {} if holder is None else self.text.children(holder, form)

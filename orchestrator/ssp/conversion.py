@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from orchestrator.ssptext import Place
-from orchestrator.units import IDENTITY, Affine
-from orchestrator.variable import RANGES, REALS, Scalar, Value
+from orchestrator.fmi.units import IDENTITY, Affine
+from orchestrator.fmi.variable import RANGES, REALS, Scalar, Value
+from orchestrator.ssp.text import Place
 from specs.errors import InputError, nearest
 
 

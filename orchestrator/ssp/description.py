@@ -4,16 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from orchestrator.bindings import Binding
-from orchestrator.conversion import Transformation
-from orchestrator.ssc import Typed
-from orchestrator.ssptext import Place
-from orchestrator.system import Settings
+from orchestrator.ssp.bindings import Binding
+from orchestrator.ssp.conversion import Transformation
+from orchestrator.ssp.settings import Settings
+from orchestrator.ssp.ssc import Typed
+from orchestrator.ssp.text import Place
 from specs.faults import Fault
 
 __all__ = (
     "SYSTEM",
-    "Component",
+    "ComponentElement",
     "Connection",
     "Connector",
     "Description",
@@ -60,7 +60,7 @@ class Element:
 
 
 @dataclass(frozen=True)
-class Component(Element):
+class ComponentElement(Element):
     """An FMU, or another system description, by its source; None: there is no implementation."""
 
     source: str | None = None

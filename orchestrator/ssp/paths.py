@@ -4,9 +4,9 @@ import os
 from pathlib import Path
 from urllib.parse import unquote
 
-from orchestrator.archive import MAX_NAME
-from orchestrator.ssptext import Place
-from orchestrator.xmlfile import shortened
+from orchestrator.files.archive import MAX_NAME
+from orchestrator.files.xml_file import shortened
+from orchestrator.ssp.text import Place
 from specs.errors import InputError
 
 

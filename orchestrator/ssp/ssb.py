@@ -1,16 +1,18 @@
 """Reads a signal dictionary (SSB), inline or a file of its own (SSP 2.0, chapter 8)."""
 
-from orchestrator import xmlfile
-from orchestrator.ssc import Typed, read_definitions, read_type
-from orchestrator.ssptext import Text
-from orchestrator.xmlfile import Element
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element
+from orchestrator.ssp.ssc import Typed, read_definitions, read_type
+from orchestrator.ssp.text import Text
 from specs.errors import InputError
 
 
 def read_dictionary(root: Element, shown: str, warnings: list[str]) -> dict[str, Typed]:
     """Signals by name; InputError, naming `shown` and line, for one without a type or named twice."""
-    if xmlfile.local(root) != "SignalDictionary":
-        raise InputError(f"{shown} line {root.sourceline}: <{xmlfile.local(root)}> is not a SignalDictionary")
+    if xml_file.local(root) != "SignalDictionary":
+        raise InputError(
+            f"{shown} line {root.sourceline}: <{xml_file.local(root)}> is not a SignalDictionary"
+        )
     text = Text(shown, root.get("version", "1.0"), warnings)
     groups = text.children(root, "ssb:SignalDictionary")
     definitions = read_definitions(text, groups)

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from orchestrator import xmlfile
-from orchestrator.conversion import ENUMERATION, INTEGER, LINEAR, Transformation
-from orchestrator.modelvariables import MAX_ELEMENTS
-from orchestrator.sspforms import TRANSFORMATIONS, TYPES
-from orchestrator.ssptext import Text
-from orchestrator.units import Affine, parse_units
-from orchestrator.xmlfile import Element
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element
+from orchestrator.fmi.units import Affine, parse_units
+from orchestrator.fmi.variable_reader import MAX_ELEMENTS
+from orchestrator.ssp.conversion import ENUMERATION, INTEGER, LINEAR, Transformation
+from orchestrator.ssp.element_forms import TRANSFORMATIONS, TYPES
+from orchestrator.ssp.text import Text
 from specs.errors import nearest
 from specs.units import Unit
 
@@ -46,7 +46,7 @@ def read_definitions(text: Text, groups: Mapping[str, list[Element]]) -> Definit
     for unit in text.items(groups.get("Units", []), "ssc:Units", "Unit"):
         for base in text.children(unit, "ssc:Unit").get("BaseUnit", []):
             text.children(base, "ssc:BaseUnit")
-            if xmlfile.number(base, "factor", 1.0, text.shown) == 0.0:
+            if xml_file.number(base, "factor", 1.0, text.shown) == 0.0:
                 raise text.error(base, f"unit '{text.name(unit)}' has factor 0")
         if text.name(unit) in found.units:
             raise text.error(unit, f"second unit '{text.name(unit)}'")
@@ -64,14 +64,14 @@ def read_type(text: Text, groups: Mapping[str, list[Element]], definitions: Defi
     """Type and dimensions among the children of a connector or dictionary entry; `owner` names it."""
     typed = [element for name in TYPES.split() for element in groups.get(name, [])]
     dimensions = tuple(_dimension(text, element) for element in groups.get("Dimension", []))
-    clocks = [e for e in typed if xmlfile.local(e) == "Clock"]
+    clocks = [e for e in typed if xml_file.local(e) == "Clock"]
     if len(typed) > 1 and clocks:  # SSP after 2.0: beside a type, <Clock> is what the connector belongs to
         raise text.error(clocks[0], f"{owner}: a connector that belongs to a clock is not supported")
     if len(typed) > 1:
         raise text.error(typed[1], f"{owner} has a second type")
     if not typed:
         return Typed(dimensions=dimensions)
-    element, name = typed[0], xmlfile.local(typed[0])
+    element, name = typed[0], xml_file.local(typed[0])
     text.children(element, "ssc:Enumeration type" if name == "Enumeration" else f"ssc:{name}")
     unit_name = element.get("unit", "")
     if unit_name and unit_name not in definitions.units:
@@ -105,17 +105,17 @@ def read_transformation(text: Text, groups: Mapping[str, list[Element]]) -> Tran
         return None
     if len(found) > 1:
         raise text.error(found[1], "second transformation")
-    element, name = found[0], xmlfile.local(found[0])
+    element, name = found[0], xml_file.local(found[0])
     entries = text.children(element, f"ssc:{name}").get("MapEntry", [])
     place = text.place(element)
     if name != LINEAR:
         if not entries:
             raise text.error(element, f"{name} has no <MapEntry>")
         return Transformation(name, place, entries=tuple(_entry(text, e, name) for e in entries))
-    factor = xmlfile.number(element, "factor", 1.0, text.shown)
+    factor = xml_file.number(element, "factor", 1.0, text.shown)
     if factor == 0.0:
         raise text.error(element, "LinearTransformation with factor 0 would drop the signal")
-    return Transformation(name, place, Affine(factor, xmlfile.number(element, "offset", 0.0, text.shown)))
+    return Transformation(name, place, Affine(factor, xml_file.number(element, "offset", 0.0, text.shown)))
 
 
 def _entry(text: Text, element: Element, name: str) -> tuple[int | str, int | str]:
@@ -123,10 +123,10 @@ def _entry(text: Text, element: Element, name: str) -> tuple[int | str, int | st
     if name == ENUMERATION:
         return element.get("source", ""), element.get("target", "")
     if name == INTEGER:
-        source, target = (xmlfile.integer(element, key, 0, text.shown) for key in ("source", "target"))
+        source, target = (xml_file.integer(element, key, 0, text.shown) for key in ("source", "target"))
     else:
         source, target = (
-            int(xmlfile.boolean(element, key, False, text.shown)) for key in ("source", "target")
+            int(xml_file.boolean(element, key, False, text.shown)) for key in ("source", "target")
         )
     return source, target
 
@@ -137,7 +137,7 @@ def _items(text: Text, enumeration: Element) -> dict[str, int]:
         text.children(item, "ssc:Item")
         if (name := text.name(item)) in items:
             raise text.error(item, f"second item '{name}'")
-        items[name] = xmlfile.integer(item, "value", 0, text.shown)
+        items[name] = xml_file.integer(item, "value", 0, text.shown)
     return items
 
 
@@ -156,7 +156,7 @@ def _dimension(text: Text, element: Element) -> int | str | None:
         return element.get("sizeConnector")
     if element.get("sizeConnector") is not None:
         raise text.error(element, "<Dimension> has both 'size' and 'sizeConnector'")
-    size = xmlfile.integer(element, "size", 0, text.shown)
+    size = xml_file.integer(element, "size", 0, text.shown)
     if not 0 < size <= MAX_ELEMENTS:
         raise text.error(element, f"dimension of size {size}; valid: 1 … {MAX_ELEMENTS}")
     return size

@@ -8,19 +8,27 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
-from orchestrator import description as parts, xmlfile
-from orchestrator.annotation import read_simulation
-from orchestrator.bindings import Binding, read_bindings
-from orchestrator.description import Connection, Connector, Description, Dictionary, Element, SystemElement
-from orchestrator.paths import inside
-from orchestrator.ssb import read_dictionary
-from orchestrator.ssc import Definitions, read_definitions, read_transformation, read_type
-from orchestrator.sspforms import KINDS, NEW_KINDS
-from orchestrator.ssptext import Text
+from orchestrator.files import xml_file
+from orchestrator.ssp import description as parts
+from orchestrator.ssp.annotation import read_simulation
+from orchestrator.ssp.bindings import Binding, read_bindings
+from orchestrator.ssp.description import (
+    Connection,
+    Connector,
+    Description,
+    Dictionary,
+    Element,
+    SystemElement,
+)
+from orchestrator.ssp.element_forms import KINDS, NEW_KINDS
+from orchestrator.ssp.paths import inside
+from orchestrator.ssp.ssb import read_dictionary
+from orchestrator.ssp.ssc import Definitions, read_definitions, read_transformation, read_type
+from orchestrator.ssp.text import Text
 from specs.errors import InputError
 
 T = TypeVar("T", Connector, Element, Dictionary)
-Xml = xmlfile.Element
+Xml = xml_file.Element
 
 FMU_TYPES = ("application/x-fmu-sharedlibrary",)
 SSD_TYPE, SSP_TYPE = "application/x-ssp-definition", "application/x-ssp-package"
@@ -39,9 +47,9 @@ def read_ssd(path: Path, root: Path, shown: str, warnings: list[str]) -> Descrip
 
     Raises InputError naming the file, the element and its line.
     """
-    element = xmlfile.read(path, shown)
-    if xmlfile.local(element) != "SystemStructureDescription":
-        raise InputError(f"{shown}: <{xmlfile.local(element)}> is not a system structure description")
+    element = xml_file.read(path, shown)
+    if xml_file.local(element) != "SystemStructureDescription":
+        raise InputError(f"{shown}: <{xml_file.local(element)}> is not a system structure description")
     text = Text(shown, element.get("version", ""), warnings)
     return _Reader(path, root, text).description(element)
 
@@ -85,8 +93,8 @@ class _Reader:
         if element is None:
             return 0.0, None
         self.text.children(element, "ssd:DefaultExperiment")
-        start = xmlfile.number(element, "startTime", 0.0, self.text.shown)
-        stop = xmlfile.number(element, "stopTime", start, self.text.shown)
+        start = xml_file.number(element, "startTime", 0.0, self.text.shown)
+        stop = xml_file.number(element, "stopTime", start, self.text.shown)
         if stop < start:
             raise self.text.error(element, f"stopTime {stop:g} is before startTime {start:g}")
         if start != 0.0:
@@ -130,7 +138,7 @@ class _Reader:
                     "System": self.system,
                     "Component": self.component,
                     "SignalDictionaryReference": self.reference,
-                }[xmlfile.local(element)]
+                }[xml_file.local(element)]
                 self.text.name(element)
                 found.append(read(element))
         return self.unique(found, "component")
@@ -151,7 +159,7 @@ class _Reader:
             if self.text.version.startswith("1"):
                 raise self.text.error(element, "<Component> has no 'source'")
             self.text.warn(element, f"component '{name}' has no implementation: it is left out")
-        return parts.Component(
+        return parts.ComponentElement(
             name,
             self.connectors(groups, [k for k in KINDS if k != "inout"]),
             read_bindings(
@@ -225,7 +233,7 @@ class _Reader:
         shown = self.text.shown if source is None else source
         if inner is None:
             path = inside(self.text.place(element), self.root, self.path.parent, shown)
-            inner = xmlfile.read(path, shown)
+            inner = xml_file.read(path, shown)
         entries = read_dictionary(inner, shown, self.text.warnings)
         return Dictionary(name, entries, self.text.place(element))
 

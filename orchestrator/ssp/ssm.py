@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from orchestrator import xmlfile
-from orchestrator.conversion import Transformation
-from orchestrator.ssc import read_transformation
-from orchestrator.ssptext import Place, Text
-from orchestrator.ssv import ParameterValue
-from orchestrator.xmlfile import Element
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element
+from orchestrator.ssp.conversion import Transformation
+from orchestrator.ssp.ssc import read_transformation
+from orchestrator.ssp.ssv import ParameterValue
+from orchestrator.ssp.text import Place, Text
 from specs.errors import InputError
 
 
@@ -25,8 +25,10 @@ class Entry:
 
 def read_mapping(root: Element, shown: str, warnings: list[str]) -> list[Entry]:
     """All entries of a <ParameterMapping>; InputError, naming `shown` and line, for two to one target."""
-    if xmlfile.local(root) != "ParameterMapping":
-        raise InputError(f"{shown} line {root.sourceline}: <{xmlfile.local(root)}> is not a ParameterMapping")
+    if xml_file.local(root) != "ParameterMapping":
+        raise InputError(
+            f"{shown} line {root.sourceline}: <{xml_file.local(root)}> is not a ParameterMapping"
+        )
     text = Text(shown, root.get("version", "1.0"), warnings)
     found: dict[str, Entry] = {}
     for element in text.children(root, "ssm:ParameterMapping").get("MappingEntry", []):

@@ -4,13 +4,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import prod
 
-from orchestrator import xmlfile
-from orchestrator.conversion import Transformation
-from orchestrator.ssc import Definitions, read_definitions, read_type_dimensions
-from orchestrator.sspforms import VALUE_TYPES
-from orchestrator.ssptext import Place, Text
-from orchestrator.variable import RANGES, REALS, Scalar, Value
-from orchestrator.xmlfile import Element
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element
+from orchestrator.fmi.variable import RANGES, REALS, Scalar, Value
+from orchestrator.ssp.conversion import Transformation
+from orchestrator.ssp.element_forms import VALUE_TYPES
+from orchestrator.ssp.ssc import Definitions, read_definitions, read_type_dimensions
+from orchestrator.ssp.text import Place, Text
 from specs.errors import InputError, nearest
 from specs.units import Unit
 
@@ -46,8 +46,8 @@ def read_parameter_set(
 
     `outer`: definitions of the file around an inline set, which count where it has none of its own.
     """
-    if xmlfile.local(root) != "ParameterSet":
-        raise InputError(f"{shown} line {root.sourceline}: <{xmlfile.local(root)}> is not a ParameterSet")
+    if xml_file.local(root) != "ParameterSet":
+        raise InputError(f"{shown} line {root.sourceline}: <{xml_file.local(root)}> is not a ParameterSet")
     text = Text(shown, root.get("version", "1.0"), warnings)
     groups = text.children(root, "ssv:ParameterSet")
     own = read_definitions(text, groups)
@@ -68,7 +68,7 @@ def _parameter(text: Text, element: Element, definitions: Definitions, shared: b
     if len(typed) != 1:
         raise text.error(element, f"parameter '{name}' has {len(typed)} values; a parameter has exactly one")
     given = typed[0]
-    values = text.children(given, f"ssv:{xmlfile.local(given)}").get("Value", [])
+    values = text.children(given, f"ssv:{xml_file.local(given)}").get("Value", [])
     unit_name = given.get("unit", "")
     if unit_name and unit_name not in definitions.units:
         raise text.error(
@@ -80,7 +80,7 @@ def _parameter(text: Text, element: Element, definitions: Definitions, shared: b
     return ParameterValue(
         name,
         _value(text, given, values, dimensions, name),
-        xmlfile.local(given),
+        xml_file.local(given),
         definitions.units.get(unit_name),
         unit_name,
         text.place(given),
@@ -91,7 +91,7 @@ def _parameter(text: Text, element: Element, definitions: Definitions, shared: b
 
 
 def _items(text: Text, given: Element, definitions: Definitions) -> Mapping[str, int]:
-    name = given.get("name") if xmlfile.local(given) == "Enumeration" else None
+    name = given.get("name") if xml_file.local(given) == "Enumeration" else None
     if name is None:
         return {}
     if name not in definitions.enumerations:
@@ -118,33 +118,33 @@ def _texts(text: Text, given: Element, values: list[Element], array: bool) -> It
     if whole is not None and values:
         raise text.error(given, "'value' and <Value> exclude each other")
     if whole is None and not values:
-        raise text.error(given, f"<{xmlfile.local(given)}> has no 'value'")
+        raise text.error(given, f"<{xml_file.local(given)}> has no 'value'")
     if whole is None:
         for element in values:
             text.children(element, "ssv:Value")
             yield element.get("value", element.text or "")
-    elif array and xmlfile.local(given) not in ("String", "Enumeration", "Binary"):
+    elif array and xml_file.local(given) not in ("String", "Enumeration", "Binary"):
         yield from whole.split()
     else:
         yield whole
 
 
 def _scalar(text: Text, given: Element, written: str) -> Scalar:
-    kind, value = xmlfile.local(given), None
+    kind, value = xml_file.local(given), None
     if kind in ("String", "Enumeration"):
         return written
     if kind in REALS:
-        value, wanted = xmlfile.as_number(written), "a number"
+        value, wanted = xml_file.as_number(written), "a number"
     elif kind == "Boolean":
-        value, wanted = xmlfile.as_boolean(written), "true or false"
+        value, wanted = xml_file.as_boolean(written), "true or false"
     elif kind == "Binary":
         value, wanted = _binary(written), "a hexadecimal number of whole bytes"
     else:
         low, high = RANGES[kind]
-        value, wanted = xmlfile.as_integer(written), f"an integer from {low} to {high}"
+        value, wanted = xml_file.as_integer(written), f"an integer from {low} to {high}"
         value = value if value is not None and low <= value <= high else None
     if value is None:
-        raise text.error(given, f"value='{xmlfile.shortened(written)}' is not {wanted}")
+        raise text.error(given, f"value='{xml_file.shortened(written)}' is not {wanted}")
     return value
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from lxml import etree
 
-from orchestrator import xmlfile
-from orchestrator.sspforms import FORMS, NAMESPACES, SCHEMA_INSTANCE, Form
-from orchestrator.xmlfile import Element
+from orchestrator.files import xml_file
+from orchestrator.files.xml_file import Element
+from orchestrator.ssp.element_forms import FORMS, NAMESPACES, SCHEMA_INSTANCE, Form
 from specs.errors import InputError, nearest
 
 VERSIONS = ("1.0", "2.0")
@@ -48,7 +48,7 @@ class Text:
             if name not in valid and name not in ignored:
                 raise self.error(
                     child,
-                    f"<{name}> inside <{xmlfile.local(element)}> is not supported; {nearest(name, valid)}",
+                    f"<{name}> inside <{xml_file.local(element)}> is not supported; {nearest(name, valid)}",
                 )
             self._check_version(child, name, form)
             if name in valid:
@@ -69,11 +69,11 @@ class Text:
 
     def name(self, element: Element, key: str = "name") -> str:
         """A required attribute."""
-        return xmlfile.required(element, key, self.shown)
+        return xml_file.required(element, key, self.shown)
 
     def flag(self, element: Element, key: str) -> bool:
         """A Boolean attribute that is false by default."""
-        return xmlfile.boolean(element, key, False, self.shown)
+        return xml_file.boolean(element, key, False, self.shown)
 
     def place(self, element: Element) -> Place:
         """Where an element stands."""
@@ -88,7 +88,7 @@ class Text:
         self.warnings.append(f"{self.place(element)}: {text}")
 
     def _check_attributes(self, element: Element, form: Form) -> None:
-        tag = xmlfile.local(element)
+        tag = xml_file.local(element)
         known = [name.rstrip("!") for name in form.read.split()]
         for name in (n for n in form.read.split() if n.endswith("!")):
             if element.get(name[:-1]) is None:

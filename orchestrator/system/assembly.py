@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from fmus.build import build_fmu
-from orchestrator.check import load_system
-from orchestrator.pack import pack
-from orchestrator.system import System
+from fmus.toolchain.build import build_fmu
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack
+from orchestrator.system.system import System
 from specs import ssd, systems
 
 STEP_S = 0.02

@@ -4,20 +4,21 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from orchestrator import archive
-from orchestrator.clocks import timed
-from orchestrator.description import Description
-from orchestrator.flatten import SSD_NAME, Flattener
-from orchestrator.interventions import check_faults
-from orchestrator.net import Net
-from orchestrator.order import algebraic_loops
-from orchestrator.parameters import Parameters
-from orchestrator.single import system_of_fmu
-from orchestrator.sizes import check_total
-from orchestrator.ssd import read_ssd
-from orchestrator.ssptext import Place
-from orchestrator.system import Component, System
-from orchestrator.wiring import Wiring
+from orchestrator.files import archive
+from orchestrator.fmi.component import Component
+from orchestrator.ssp.description import Description
+from orchestrator.ssp.ssd import read_ssd
+from orchestrator.ssp.text import Place
+from orchestrator.system.clocks import timed
+from orchestrator.system.connections import Wiring
+from orchestrator.system.flatten import SSD_NAME, Flattener
+from orchestrator.system.interventions import check_faults
+from orchestrator.system.net import Net
+from orchestrator.system.order import algebraic_loops
+from orchestrator.system.parameters import Parameters
+from orchestrator.system.single_fmu import system_of_fmu
+from orchestrator.system.sizes import check_total
+from orchestrator.system.system import System
 from specs.errors import InputError, nearest
 from specs.faults import Fault
 from specs.signals import signals

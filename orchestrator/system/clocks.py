@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
-from orchestrator.description import Simulation
-from orchestrator.net import Net, Port
-from orchestrator.system import Component
-from orchestrator.variable import Variable
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.variable import Variable
+from orchestrator.ssp.description import Simulation
+from orchestrator.system.net import Net, Port
 from specs.errors import InputError, nearest
 
 SLACK = 1e-9  # relative: 0.1 / 0.02 is not quite 5

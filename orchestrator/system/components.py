@@ -3,14 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 
-from fmus.compiler import host
-from orchestrator import archive, description
-from orchestrator.conversion import kind_of
-from orchestrator.description import Connector
-from orchestrator.modeldescription import ModelDescription, parse
-from orchestrator.system import Component
-from orchestrator.units import compatible
-from orchestrator.variable import Variable
+from fmus.toolchain.compiler import host
+from orchestrator.files import archive
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.model_description import ModelDescription, parse
+from orchestrator.fmi.units import compatible
+from orchestrator.fmi.variable import Variable
+from orchestrator.ssp import description
+from orchestrator.ssp.conversion import kind_of
+from orchestrator.ssp.description import Connector
 from specs.errors import InputError, nearest
 
 __all__ = ("Fmus", "check_connector", "find_library", "kind_of")
@@ -26,7 +27,7 @@ class Fmus:
         self.folder = folder
         self.known: dict[Path, Component] = {}
 
-    def load(self, file: Path, component: description.Component, path: str, base: Path) -> Component:
+    def load(self, file: Path, component: description.ComponentElement, path: str, base: Path) -> Component:
         """The FMU `file` of a component with the path `path`; `base`: the folder to list if it is missing.
 
         Raises InputError for an FMU that is missing, damaged or not for this platform.
@@ -36,7 +37,9 @@ class Fmus:
         place = component.place
         return replace(self.known[file], name=path, line=place.line, file=place.file)
 
-    def _unpacked(self, file: Path, component: description.Component, path: str, base: Path) -> Component:
+    def _unpacked(
+        self, file: Path, component: description.ComponentElement, path: str, base: Path
+    ) -> Component:
         if not file.is_file():
             there = sorted(p.relative_to(base).as_posix() for p in base.rglob("*.fmu"))
             raise InputError(

@@ -5,8 +5,8 @@ Source: SSP 2.0, 5.3.2 (Allowed Connections).
 
 from collections.abc import Mapping
 
-from orchestrator.description import SYSTEM, Connection, Connector, Reference, SystemElement
-from orchestrator.net import INNER, INTO, OUTER, Edge, Net, Port
+from orchestrator.ssp.description import SYSTEM, Connection, Connector, Reference, SystemElement
+from orchestrator.system.net import INNER, INTO, OUTER, Edge, Net, Port
 from specs.errors import InputError, nearest
 
 # Kinds of connectors that signals come from (of an element), or that they go to.

@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator, Mapping
 
-from orchestrator.conversion import undo
-from orchestrator.ends import GIVES, TAKES
-from orchestrator.net import INNER, SIGNAL, Edge, Net, Node, Port
-from orchestrator.parameters import Parameters, in_form
-from orchestrator.signals import Form, Path, follow, form_of
-from orchestrator.sizes import Sizes
-from orchestrator.system import Component, Link, Source, SystemInput, SystemOutput, SystemParameter
-from orchestrator.variable import Value, Variable
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.variable import Value, Variable
+from orchestrator.ssp.conversion import undo
+from orchestrator.system.connection_direction import GIVES, TAKES
+from orchestrator.system.net import INNER, SIGNAL, Edge, Net, Node, Port
+from orchestrator.system.parameters import Parameters, in_form
+from orchestrator.system.signals import Form, Path, follow, form_of
+from orchestrator.system.sizes import Sizes
+from orchestrator.system.system import Link, Source, SystemInput, SystemOutput, SystemParameter
 from specs.errors import InputError
 
 ZERO: Mapping[str, Value] = {

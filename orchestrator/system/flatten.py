@@ -7,10 +7,9 @@ Source: SSP 2.0, 5.3 (System), 5.3.3 and 5.5 (signal dictionaries), 5.4 (Compone
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from orchestrator import archive
-from orchestrator.components import Fmus, check_connector
-from orchestrator.description import (
-    Component,
+from orchestrator.files import archive
+from orchestrator.ssp.description import (
+    ComponentElement,
     Connector,
     Description,
     Dictionary,
@@ -18,13 +17,14 @@ from orchestrator.description import (
     Reference,
     SystemElement,
 )
-from orchestrator.ends import TAKES, Ends, join
-from orchestrator.net import INTO, OUTER, SIGNAL, Edge, Net, Node, Port, Scope
-from orchestrator.paths import inside
-from orchestrator.ssc import Typed
-from orchestrator.ssd import FMU_TYPES, SSP_TYPE, read_ssd
-from orchestrator.ssptext import Place
-from orchestrator.ssv import ParameterValue
+from orchestrator.ssp.paths import inside
+from orchestrator.ssp.ssc import Typed
+from orchestrator.ssp.ssd import FMU_TYPES, SSP_TYPE, read_ssd
+from orchestrator.ssp.ssv import ParameterValue
+from orchestrator.ssp.text import Place
+from orchestrator.system.components import Fmus, check_connector
+from orchestrator.system.connection_direction import TAKES, Ends, join
+from orchestrator.system.net import INTO, OUTER, SIGNAL, Edge, Net, Node, Port, Scope
 from specs.errors import InputError, nearest
 
 SSD_NAME = "SystemStructure.ssd"
@@ -61,7 +61,7 @@ class Flattener:
         if self.count > MAX_ELEMENTS:
             raise InputError(f"{place}: the system has more than {MAX_ELEMENTS} elements")
 
-    def description(self, path: Path, root: Path, component: Component, path_name: str) -> Description:
+    def description(self, path: Path, root: Path, component: ComponentElement, path_name: str) -> Description:
         if path not in self.read:
             shown = path.relative_to(root).as_posix()
             if not path.is_file():
@@ -69,7 +69,7 @@ class Flattener:
             self.read[path] = read_ssd(path, root, shown, self.warnings)
         return self.read[path]
 
-    def package(self, path: Path, component: Component) -> Path:
+    def package(self, path: Path, component: ComponentElement) -> Path:
         """Folder of an .ssp, unpacked once."""
         if path not in self.packages:
             folder = self.scratch / f"ssp{len(self.packages)}"
@@ -114,12 +114,12 @@ class _Instance:
             scope.systems[element.name] = self.system(element, path, dictionaries, (), depth + 1)
         elif isinstance(element, Reference):
             self.reference(element, path, dictionaries)
-        elif isinstance(element, Component) and element.source is None:
+        elif isinstance(element, ComponentElement) and element.source is None:
             for connector in element.connectors.values():
                 self.add(Port(path, connector.name), connector)
-        elif isinstance(element, Component) and element.type in FMU_TYPES:
+        elif isinstance(element, ComponentElement) and element.type in FMU_TYPES:
             self.fmu(element, path, scope)
-        elif isinstance(element, Component):
+        elif isinstance(element, ComponentElement):
             scope.systems[element.name] = self.other_system(element, path, depth)
 
     def add(self, port: Port, connector: Connector) -> None:
@@ -127,7 +127,7 @@ class _Instance:
 
     # ---- FMUs ----
 
-    def fmu(self, element: Component, path: str, scope: Scope) -> None:
+    def fmu(self, element: ComponentElement, path: str, scope: Scope) -> None:
         self.owner.counted(element.place, self.files, 0)
         if path in self.net.components:
             raise InputError(
@@ -149,7 +149,7 @@ class _Instance:
 
     # ---- systems of other files ----
 
-    def other_system(self, element: Component, path: str, depth: int) -> Scope:
+    def other_system(self, element: ComponentElement, path: str, depth: int) -> Scope:
         """The system that a component refers to: in this file by id, in an .ssd or in an .ssp."""
         source, _, fragment = (element.source or "").partition("#")
         text, root = self.text, self.root
@@ -177,7 +177,7 @@ class _Instance:
         self.outer_connectors(element, path, system)
         return scope
 
-    def outer_connectors(self, element: Component, path: str, system: SystemElement) -> None:
+    def outer_connectors(self, element: ComponentElement, path: str, system: SystemElement) -> None:
         """The component's own connectors in front of those of the system that it stands for."""
         for name, connector in element.connectors.items():
             shown = f"{connector.place}: {path}.{name}"
@@ -228,5 +228,5 @@ class _Instance:
                 self.net.connect(Edge(signal, out, connector.place))
 
 
-def _of(element: Component) -> str:
+def _of(element: ComponentElement) -> str:
     return f" of component '{element.name}'"

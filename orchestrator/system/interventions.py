@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from orchestrator.modeldescription import NOT_NUMBERS, REALS
-from orchestrator.system import Source, System, checked_value
-from orchestrator.variable import Scalar, Value
+from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
+from orchestrator.fmi.values import checked_value
+from orchestrator.fmi.variable import Scalar, Value
+from orchestrator.system.system import Source, System
 from specs.errors import InputError, nearest
 from specs.faults import FAIL, Fault
 

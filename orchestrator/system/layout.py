@@ -11,12 +11,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 
-from orchestrator.conversion import Conversion
-from orchestrator.modeldescription import NOT_NUMBERS, REALS
-from orchestrator.order import Order, dependency_order
-from orchestrator.stimuli import explain
-from orchestrator.system import Component, Source, System
-from orchestrator.wire import BLOBS, BOOLEANS, WIRE
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
+from orchestrator.fmi.type_codes import BLOBS, BOOLEANS, WIRE
+from orchestrator.ssp.conversion import Conversion
+from orchestrator.system.order import Order, dependency_order
+from orchestrator.system.stimuli import explain
+from orchestrator.system.system import Source, System
 from records.schema import Column
 from specs.errors import InputError
 from specs.signals import signals as known_signals

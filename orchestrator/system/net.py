@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from orchestrator.conversion import Transformation
-from orchestrator.ssc import Typed
-from orchestrator.ssptext import Place
-from orchestrator.ssv import ParameterValue
-from orchestrator.system import Component
-from orchestrator.variable import Variable
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.variable import Variable
+from orchestrator.ssp.conversion import Transformation
+from orchestrator.ssp.ssc import Typed
+from orchestrator.ssp.ssv import ParameterValue
+from orchestrator.ssp.text import Place
 from specs.errors import InputError
 
 # Sides of a port: of a system or FMU; of the component that stands for a system of another file; of a signal

@@ -4,7 +4,7 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from orchestrator.system import Link, System
+from orchestrator.system.system import Link, System
 
 Node = TypeVar("Node", bound=Hashable)
 

@@ -5,8 +5,8 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from fmus.build import BUILD, build_fmu
-from fmus.loader import load_model, model_folders
+from fmus.toolchain.build import BUILD, build_fmu
+from fmus.toolchain.loader import load_model, model_folders
 from specs import systems
 from specs.errors import InputError, nearest
 from specs.ssd import FmiVersion, render, stem

@@ -7,13 +7,13 @@ connectors go where their connections lead.
 
 from collections.abc import Iterator
 
-from orchestrator.conversion import ENUMERATION, Transformation, ValueType, apply, apply_one, transform
-from orchestrator.net import Net, Node, Port, Scope
-from orchestrator.signals import Form, Path, follow
-from orchestrator.ssv import ParameterValue
-from orchestrator.units import IDENTITY, Affine, compatible, conversion as between_units
-from orchestrator.values import checked_value
-from orchestrator.variable import Scalar, Value, Variable
+from orchestrator.fmi.units import IDENTITY, Affine, compatible, conversion as between_units
+from orchestrator.fmi.values import checked_value
+from orchestrator.fmi.variable import Scalar, Value, Variable
+from orchestrator.ssp.conversion import ENUMERATION, Transformation, ValueType, apply, apply_one, transform
+from orchestrator.ssp.ssv import ParameterValue
+from orchestrator.system.net import Net, Node, Port, Scope
+from orchestrator.system.signals import Form, Path, follow
 from specs.errors import InputError, nearest
 
 Variables = tuple[str, str]  # path of a component, name of its variable

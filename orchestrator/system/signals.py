@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from orchestrator.conversion import UNCHANGED, Conversion, ValueType, kind_of, transform
-from orchestrator.net import Edge, Net, Node, Port
-from orchestrator.ssptext import Place
-from orchestrator.units import Affine, compatible, conversion
-from orchestrator.variable import RANGES
+from orchestrator.fmi.units import Affine, compatible, conversion
+from orchestrator.fmi.variable import RANGES
+from orchestrator.ssp.conversion import UNCHANGED, Conversion, ValueType, kind_of, transform
+from orchestrator.ssp.text import Place
+from orchestrator.system.net import Edge, Net, Node, Port
 from specs.errors import InputError
 from specs.units import Unit
 

@@ -5,12 +5,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from orchestrator import archive
-from orchestrator.clocks import ticking, whole
-from orchestrator.components import find_library
-from orchestrator.conversion import UNCHANGED
-from orchestrator.modeldescription import ModelDescription, Variable, parse, size_of
-from orchestrator.system import Component, Link, Settings, Source, System, SystemInput, SystemOutput
+from orchestrator.files import archive
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.model_description import ModelDescription, Variable, parse, size_of
+from orchestrator.ssp.conversion import UNCHANGED
+from orchestrator.ssp.settings import Settings
+from orchestrator.system.clocks import ticking, whole
+from orchestrator.system.components import find_library
+from orchestrator.system.system import Link, Source, System, SystemInput, SystemOutput
 from specs.errors import InputError
 
 DEFAULT_STEP_S = 0.02

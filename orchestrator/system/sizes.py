@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable, Mapping
 
-from orchestrator.net import Edge, Net, Node, Port
-from orchestrator.parameters import Parameters
-from orchestrator.system import Component
-from orchestrator.values import checked_value
-from orchestrator.variable import Variable
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.values import checked_value
+from orchestrator.fmi.variable import Variable
+from orchestrator.system.net import Edge, Net, Node, Port
+from orchestrator.system.parameters import Parameters
 from specs.errors import InputError
 
 Dimensions = tuple[int | None, ...]  # None: left open

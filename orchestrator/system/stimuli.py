@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from orchestrator.system import System
+from orchestrator.system.system import System
 from specs.errors import InputError, nearest
 from specs.signals import signals
 

@@ -2,86 +2,20 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from orchestrator.archive import Scratch
-from orchestrator.conversion import Conversion, apply
-from orchestrator.modeldescription import ModelDescription, Variable
-from orchestrator.values import checked_value
-from orchestrator.variable import Value, size_of
+from orchestrator.files.archive import Scratch
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.model_description import Variable
+from orchestrator.fmi.values import checked_value
+from orchestrator.fmi.variable import Value
+from orchestrator.ssp.conversion import Conversion, apply
+from orchestrator.ssp.settings import ALGORITHMS, Settings
 from specs.errors import InputError, nearest
 from specs.faults import Fault
 from specs.units import Unit
 
-__all__ = (
-    "ALGORITHMS",
-    "Component",
-    "Link",
-    "Settings",
-    "Source",
-    "System",
-    "SystemInput",
-    "SystemOutput",
-    "SystemParameter",
-    "Value",
-    "checked_value",
-    "parameter",
-)
-
-ALGORITHMS = ("jacobi", "gauss-seidel", "iterate", "adaptive")
 SLACK = 1e-9  # relative, of step sizes
 ROLLING_BACK = ("iterate", "adaptive")  # they take FMUs back to an earlier state
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How a system is stepped; a system description states it in our annotation.
-
-    algorithm       one of ALGORITHMS
-    tolerance       relative, of "iterate" (change between sweeps) and "adaptive" (local error of a step);
-                    also that with which algebraic loops are solved at the start
-    max_iterations  sweeps of "iterate" and of algebraic loops before a run fails
-    max_halvings    how often "adaptive" may halve the system's step: the smallest is step_s / 2**max_halvings
-    """
-
-    algorithm: str = "jacobi"
-    tolerance: float = 1e-6
-    max_iterations: int = 50
-    max_halvings: int = 16
-
-
-@dataclass(frozen=True)
-class Component:
-    """An FMU unpacked in `folder`, with the binary for this platform and its start values by variable.
-
-    The name of a component in a nested system is its path, `outer.inner`.
-
-    multiple  it steps once in so many steps of the system
-    clocks    its periodic input clocks by name: (shift, interval) in ticks of the system
-    line      in the SSD; 0: there is none
-    file      the SSD, as messages call it
-    """
-
-    name: str
-    model: ModelDescription
-    folder: Path
-    library: Path
-    sha256: str
-    start: Mapping[str, Value]
-    multiple: int = 1
-    line: int = 0
-    clocks: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    file: str = ""
-
-    def __str__(self) -> str:
-        """How messages call it: with file and line, where it has some."""
-        where = f"{self.file or 'SSD'} line {self.line}: " if self.line else ""
-        return f"{where}component {self.name}"
-
-    def size(self, variable: Variable) -> int:
-        """Number of elements of one of its variables, with the structural parameters it starts with."""
-        model = self.model.structural()
-        return size_of(variable, {name: int(self.start.get(name, model[name])) for name in model})  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

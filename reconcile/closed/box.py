@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from fmus.definition import Variable
-from orchestrator.single import system_of_fmu
-from orchestrator.system import Component, System
-from orchestrator.variable import REALS, Variable as FmuVariable
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.variable import REALS, Variable as FmuVariable
+from orchestrator.system.single_fmu import system_of_fmu
+from orchestrator.system.system import System
 from specs.errors import InputError, RunError, nearest
 
 DISTURBANCE = "disturbance"  # what names of inputs that take a disturbing force begin with
@@ -95,8 +96,8 @@ def answer(
 
     Raises RunError if the FMU fails.
     """
-    from orchestrator.simulate import simulate
-    from orchestrator.stimuli import Stimuli
+    from orchestrator.run.simulate import simulate
+    from orchestrator.system.stimuli import Stimuli
 
     changes: dict[int, dict[str, float]] = {}
     for name, values in u.items():

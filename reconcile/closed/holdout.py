@@ -9,7 +9,7 @@ from reconcile.closed.search import ClosedAnswer
 from reconcile.closed.starts import within
 from reconcile.data import Block
 from reconcile.page.shown import Course, Shown, Stretch
-from reconcile.scores import scores
+from records.scores import scores
 
 STRETCHES = 2  # drawn
 LONGEST_S = 20.0  # of a stretch drawn

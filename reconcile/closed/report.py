@@ -16,8 +16,8 @@ from reconcile.data import Run, split
 from reconcile.findings import STAGES
 from reconcile.model import Attached
 from reconcile.report import considered, stretches
-from reconcile.scores import overall
 from reconcile.verdict import AT_FLOOR, MOVED, SEEN, WHITE
+from records.scores import overall
 
 Report = Callable[..., None]
 

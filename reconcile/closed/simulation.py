@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from orchestrator.system import System
+from orchestrator.system.system import System
 from reconcile.closed.box import Box, answer
 from reconcile.closed.candidates import Sizes
 from reconcile.closed.port import Passing, Port, Side, identifier

@@ -12,12 +12,12 @@ from pathlib import Path
 
 from lxml import etree
 
-from fmus.build import build_fmu
 from fmus.definition import Variable
 from fmus.paths import BUILD
-from orchestrator.check import load_system
-from orchestrator.pack import pack
-from orchestrator.system import System
+from fmus.toolchain.build import build_fmu
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack
+from orchestrator.system.system import System
 from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.port import LATE, Port, Side
 from reconcile.closed.problem import ClosedProblem

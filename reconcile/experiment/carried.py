@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.discrete import DiscreteStepper
 from fmus.equations import kinematics
-from fmus.loader import load_model
-from fmus.stepper import Stepper
+from fmus.toolchain.discrete import DiscreteStepper
+from fmus.toolchain.loader import load_model
+from fmus.toolchain.stepper import Stepper
 from learning.collection.plan import PLAN_COMMANDS
 from reconcile.data import Run, Signal
 from reconcile.experiment.limits import Range

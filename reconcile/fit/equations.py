@@ -5,7 +5,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from fmus.codegen import CASADI_OPTIONS
+from fmus.toolchain.codegen import CASADI_OPTIONS
 from reconcile.extended import Extended
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus import compiler
 from fmus.paths import BUILD, SHIM
+from fmus.toolchain import compiler
 from reconcile.fit.equations import Equations
 from reconcile.fit.reading import Reading
 from specs.errors import RunError

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from fmus.equations import kinematics
-from fmus.loader import members_of
-from fmus.tool import model as tool
+from fmus.models.tool import model as tool
+from fmus.toolchain.loader import members_of
 from records.measurement import Channel, Measurement
 from records.tool import joint_rates
 from specs.errors import InputError

@@ -48,8 +48,8 @@ def test_arm_loop_in_discrete_time_agrees_with_its_simulation() -> None:
 
 def test_slew_plant_turns_at_the_speed_its_gain_predicts() -> None:
     """The linearised drive's slow gain from joystick to speed agrees with two steady turns of the model."""
-    from fmus.loader import load_model
-    from fmus.stepper import Stepper
+    from fmus.toolchain.loader import load_model
+    from fmus.toolchain.stepper import Stepper
 
     speeds = []
     for joystick in (0.5, 0.52):

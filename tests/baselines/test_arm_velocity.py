@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from baselines.arm_velocity.model import JOINTS, MODEL, POINTS, STEP, table
-from fmus.discrete import DiscreteStepper
+from fmus.toolchain.discrete import DiscreteStepper
 from tests.fmus.roll_out import check_reference, feeds_through, unused_parameters
 
 P = {v.name: v.start for v in MODEL.parameters}

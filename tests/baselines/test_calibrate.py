@@ -6,7 +6,7 @@ import pytest
 from baselines.arm_velocity import calibrate, identify
 from baselines.arm_velocity.model import JOINTS, POINTS
 from baselines.bench import arm_loop, bare_machine
-from orchestrator.system import System
+from orchestrator.system.system import System
 from specs import parameters
 
 GRID = np.linspace(-0.2, 0.2, POINTS)

@@ -9,16 +9,16 @@ import pytest
 
 from baselines import registry
 from baselines.registry import Controller
-from fmus.build import build_fmu
 from fmus.definition import Model
-from fmus.discrete import DiscreteStepper
 from fmus.equations import kinematics
-from fmus.loader import load_model
-from orchestrator.check import load_system
-from orchestrator.pack import pack_system
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from fmus.toolchain.build import build_fmu
+from fmus.toolchain.discrete import DiscreteStepper
+from fmus.toolchain.loader import load_model
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from specs import parameters, systems
 from specs.errors import InputError
 from specs.signals import signal

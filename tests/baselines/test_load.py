@@ -13,9 +13,9 @@ from baselines.load.estimate import estimate, whole
 from baselines.load.influence import influence
 from baselines.load.sensors import stretches, usable
 from baselines.load.trials import SENSED, Trial, run
-from fmus.machine import dynamics
-from fmus.machine.model import MODEL
-from fmus.stepper import Stepper
+from fmus.models.machine import dynamics
+from fmus.models.machine.model import MODEL
+from fmus.toolchain.stepper import Stepper
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
 

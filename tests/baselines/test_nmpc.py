@@ -6,11 +6,11 @@ import pytest
 
 from baselines.nmpc import cost, prediction, solver
 from baselines.nmpc.model import MODEL, PERIOD
-from fmus.build import build_fmu
-from fmus.discrete import DiscreteStepper
 from fmus.equations import kinematics
-from fmus.loader import load_model
-from fmus.stepper import Stepper
+from fmus.toolchain.build import build_fmu
+from fmus.toolchain.discrete import DiscreteStepper
+from fmus.toolchain.loader import load_model
+from fmus.toolchain.stepper import Stepper
 from tests.fmus.importer import Imported
 
 POSE = (1.3, -1.9)
@@ -140,7 +140,7 @@ def test_fmu_gives_the_equations_numbers() -> None:
 
 @pytest.mark.parametrize("load", [0.0, 2000.0])
 def test_pendulum_lengths_are_the_machines(load: float) -> None:
-    """Periods of roll and pitch as the machine's model has them (fmus/machine/README.md)."""
+    """Periods of roll and pitch as the machine's model has them (fmus/models/machine/README.md)."""
     roll, pitch, mass = (float(v) for v in prediction.tool_lengths(load))
     periods = [2 * np.pi * np.sqrt(length / 9.81) for length in (roll, pitch)]
     np.testing.assert_allclose(periods, (2.66, 2.84), rtol=0.02)

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from baselines import registry
-from baselines.compare.figures import figures
-from baselines.compare.plan import Question, make_plan
 from baselines.nmpc import cost, model as nmpc, prediction, solver
-from fmus.discrete import DiscreteStepper
 from fmus.equations import slew_control as control
-from fmus.loader import load_model
-from orchestrator.campaign import worker
-from orchestrator.pack import pack_system
+from fmus.toolchain.discrete import DiscreteStepper
+from fmus.toolchain.loader import load_model
+from orchestrator.system.pack import pack_system
 from tests.baselines.test_nmpc import POSE, _inputs
+from verification.campaign import worker
+from verification.comparison.figures import figures
+from verification.comparison.plan import Question, make_plan
 
 NEVER, ALWAYS = -1.0, 10.0  # tolerances that no plan and every plan meets
 LEAST = 1e-6  # the smallest that the controller takes

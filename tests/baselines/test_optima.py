@@ -12,8 +12,8 @@ from baselines.optima.case import Case
 from baselines.optima.collocation import POINTS, Phase, Problem
 from baselines.optima.plant import PRESSURE, STATES, Plant
 from baselines.optima.store import Entry, Key
-from fmus.loader import load_model
-from fmus.stepper import Stepper
+from fmus.toolchain.loader import load_model
+from fmus.toolchain.stepper import Stepper
 from specs.errors import InputError
 
 POSE = (1.3, -1.9)

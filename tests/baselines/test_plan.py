@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from baselines.plan import model as plan
-from fmus.discrete import DiscreteStepper
 from fmus.equations import kinematics
-from fmus.loader import load_model
+from fmus.toolchain.discrete import DiscreteStepper
+from fmus.toolchain.loader import load_model
 
 POSE = (1.3, -1.9)
 G = kinematics.geometry()

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.suite import child, measures, work
+from benchmarks.suite.membership import completed
+from benchmarks.suite.parameters import TABLE, expected
+from benchmarks.suite.plan import BLOCK, Settings, settle
+from benchmarks.suite.run import run_suite, there
+from benchmarks.suite.summary import AMBIGUOUS, NOTHING, confusion, summarise
 from blindtest import case, folder
 from blindtest.score import Truth, score
 from blindtest.systems.kit import KITS
 from slewright import __main__ as entry
-from slewright.suite import child, measures, work
-from slewright.suite.membership import completed
-from slewright.suite.parameters import TABLE, expected
-from slewright.suite.plan import BLOCK, Settings, settle
-from slewright.suite.run import run_suite, there
-from slewright.suite.summary import AMBIGUOUS, NOTHING, confusion, summarise
 from specs.errors import InputError
 
 KEYS = {

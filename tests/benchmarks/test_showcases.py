@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.build import build_fmu
-from fmus.discrete import DiscreteStepper
-from fmus.slew.model import MODEL as SLEW
-from fmus.tool.model import MODEL as TOOL
+from benchmarks.showcases.isolated_replay import inputs, moved, with_columns
+from benchmarks.showcases.page import page, pages
+from benchmarks.showcases.showcases import METRICS, PLAN, SHOWCASES, compared_by, measure, missed
+from fmus.models.slew.model import MODEL as SLEW
+from fmus.models.tool.model import MODEL as TOOL
+from fmus.toolchain.build import build_fmu
+from fmus.toolchain.discrete import DiscreteStepper
 from learning.collection.plan import load_plan
 from reconcile.extend import extend
 from reconcile.model import read_folder
 from records.metrics import compute
 from records.record import Record
 from slewright.__main__ import run
-from slewright.moved import inputs, moved, with_columns
-from slewright.showcase_page import page, pages
-from slewright.showcases import METRICS, PLAN, SHOWCASES, compared_by, measure, missed
 from specs import scenario as scenarios_spec
 from specs.errors import RunError
 from specs.systems import load

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.suite import child
+from benchmarks.suite.experiments import of_experiments
+from benchmarks.suite.run import there
 from records.formats import read_measurement
 from slewright import __main__ as entry
-from slewright.suite import child
-from slewright.suite.experiments import of_experiments
-from slewright.suite.run import there
 
 QUIET = ("--system", "servo", "--visible", "none", "--no-baselines", "--workers", "1")
 PAIR = {"one": ["input_lag"], "other": ["input_delay"], "predicted_margin": 40.0}

@@ -2,9 +2,9 @@
 
 import pytest
 
-from slewright.commands.reconcile_suite import reconcile_suite
-from slewright.suite import page
-from slewright.suite.summary import summarise
+from benchmarks.commands.reconcile_suite import reconcile_suite
+from benchmarks.suite import page
+from benchmarks.suite.summary import summarise
 from specs.errors import InputError
 
 

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus import compiler
-from orchestrator.testpack import compare, kit, masters, models, ours, pack, page
-from orchestrator.testpack.case import Case, evaluated
-from orchestrator.testpack.cases import CASES, SUBJECTS
-from orchestrator.testpack.cases.common import pair
-from orchestrator.testpack.description import description, token
+from benchmarks.testpack import compare, kit, masters, models, ours, pack, page
+from benchmarks.testpack.case import Case, evaluated
+from benchmarks.testpack.cases import CASES, SUBJECTS
+from benchmarks.testpack.cases.common import pair
+from benchmarks.testpack.description import description, token
+from fmus.toolchain import compiler
 
 BY_NAME = {case.name: case for case in CASES}
 ROOT = Path(__file__).parents[2]

@@ -9,10 +9,10 @@ from blindtest.effects.effect import Scale
 from blindtest.systems import machine
 from blindtest.systems.kit import KITS
 from blindtest.systems.system import STEP, Drive
-from fmus.arm.model import MODEL as ARM
 from fmus.equations import kinematics
-from fmus.slew.model import MODEL as SLEW
-from fmus.tool.model import MODEL as TOOL
+from fmus.models.arm.model import MODEL as ARM
+from fmus.models.slew.model import MODEL as SLEW
+from fmus.models.tool.model import MODEL as TOOL
 
 LIMITS = {
     "input_saturation": 0.8,

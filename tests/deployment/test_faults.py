@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deployment.faults import injected, run as runs
+from deployment.faults.drive import Drive
+from deployment.faults.injected import Disturbance
+from deployment.faults.run import faults, run
+from deployment.faults.table import BUS, IMAGE, INSIDE, Fault, Outcome
 from runtime.control import ControlCore
-from slewright.faults import injected, run as runs
-from slewright.faults.drive import Drive
-from slewright.faults.injected import Disturbance
-from slewright.faults.run import faults, run
-from slewright.faults.table import BUS, IMAGE, INSIDE, Fault, Outcome
 from specs.errors import InputError
 from specs.scenario import load
 from tests.conftest import Command

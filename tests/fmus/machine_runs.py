@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from fmus.machine.model import MODEL
+from fmus.models.machine.model import MODEL
 
 ANGLES = [f"true_q_{j}" for j in ("slew", "boom", "stick", "tool_x", "tool_y")]
 POSES = [(0.8, -0.3), (0.8, -2.1), (1.1, -1.2), (1.2, -1.7), (1.4, -0.3), (1.4, -2.1)]  # (boom, stick)

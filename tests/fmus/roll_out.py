@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.definition import Model
-from fmus.discrete import DiscreteStepper
+from fmus.toolchain.discrete import DiscreteStepper
 
 ROOT = Path(__file__).resolve().parents[2]
 Stimuli = Callable[[int], Mapping[str, float]]

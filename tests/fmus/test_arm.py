@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fmus.arm.model import MODEL, STEP
-from fmus.discrete import DiscreteStepper
 from fmus.equations import kinematics
+from fmus.models.arm.model import MODEL, STEP
+from fmus.toolchain.discrete import DiscreteStepper
 from tests.fmus.roll_out import check_reference, feeds_through, unused_parameters
 
 DT = STEP
@@ -98,4 +98,4 @@ def test_every_parameter_is_used() -> None:
 
 
 def test_reference_roll_out() -> None:
-    check_reference(MODEL, "fmus/arm", _stimuli, 500)
+    check_reference(MODEL, "fmus/models/arm", _stimuli, 500)

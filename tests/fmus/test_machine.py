@@ -8,14 +8,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fmus import codegen
 from fmus.equations import cylinder, kinematics
-from fmus.machine import arm_hydraulics, dynamics
-from fmus.machine.model import MODEL
-from fmus.stepper import Stepper
+from fmus.models.machine import arm_hydraulics, dynamics
+from fmus.models.machine.model import MODEL
+from fmus.toolchain import codegen
+from fmus.toolchain.stepper import Stepper
 from tests.fmus.machine_runs import ANGLES, COARSE, PARAMETERS, POSES, start, working
 
-REFERENCE = Path(__file__).resolve().parents[2] / "fmus" / "machine" / "reference.csv"
+REFERENCE = Path(__file__).resolve().parents[2] / "fmus" / "models" / "machine" / "reference.csv"
 
 
 def test_no_output_feeds_through() -> None:

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from fmus.machine import energy
-from fmus.machine.model import MODEL
-from fmus.stepper import Stepper
+from fmus.models.machine import energy
+from fmus.models.machine.model import MODEL
+from fmus.toolchain.stepper import Stepper
 from tests.fmus.machine_runs import ANGLES, COARSE, PARAMETERS, start, working
 
 

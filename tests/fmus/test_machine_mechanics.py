@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fmus.equations import kinematics, multibody
-from fmus.machine.model import MODEL
+from fmus.models.machine.model import MODEL
 
 P = SimpleNamespace(**{v.name: v.start for v in MODEL.parameters})
 Q, V = ca.SX.sym("q", 5), ca.SX.sym("v", 5)

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.verify import verify
 from records.metrics import compute
+from verification.verify import verify
 
 SCENARIO = "four_targets_2t"
 TOLERANCE = {"speed": 0.05, "overshoot": 0.05, "error": 0.01, "tool": 0.05}  # °/s, °, m, °/s; or 1 %
 HALF = """
 from dataclasses import replace
 
-from fmus.machine.model import MODEL as NOMINAL
+from fmus.models.machine.model import MODEL as NOMINAL
 
 MODEL = replace(NOMINAL, step=NOMINAL.step / 2)
 """

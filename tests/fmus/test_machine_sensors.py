@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fmus.build import build_fmu
-from fmus.machine import sensors
-from fmus.machine.model import MODEL
-from fmus.stepper import Stepper
+from fmus.models.machine import sensors
+from fmus.models.machine.model import MODEL
+from fmus.toolchain.build import build_fmu
+from fmus.toolchain.stepper import Stepper
 from tests.fmus.importer import Imported
 from tests.fmus.machine_runs import PARAMETERS, start, working
 

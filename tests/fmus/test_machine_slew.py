@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fmus.build import build_fmu
 from fmus.equations import kinematics
-from fmus.slew import features, traces
+from fmus.models.slew import features, traces
+from fmus.toolchain.build import build_fmu
 from tests.fmus.importer import Imported
 from tests.fmus.machine_runs import start
 

@@ -8,8 +8,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from fmus import compiler
-from fmus.build import SHIM
+from fmus.toolchain import compiler
+from fmus.toolchain.build import SHIM
 
 FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "tanh", "atan", "floor")
 EXPORT = '__attribute__((visibility("default"))) '

@@ -8,10 +8,10 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from fmus import compiler
-from fmus.build import FMI_VERSIONS, SHIM, build_fmu, compile_library, generate_sources
-from fmus.loader import load_model
-from fmus.variables import exposed
+from fmus.toolchain import compiler
+from fmus.toolchain.build import FMI_VERSIONS, SHIM, build_fmu, compile_library, generate_sources
+from fmus.toolchain.loader import load_model
+from fmus.toolchain.variables import exposed
 from specs.errors import InputError, RunError
 
 OSCILLATOR = Path(__file__).parent / "samples" / "oscillator"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from fmus.build import FMI_VERSIONS, build_fmu
-from fmus.codegen import check_no_feedthrough
-from fmus.loader import load_model, model_folders
+from fmus.toolchain.build import FMI_VERSIONS, build_fmu
+from fmus.toolchain.codegen import check_no_feedthrough
+from fmus.toolchain.loader import load_model, model_folders
 from tests.fmus.importer import Imported
 
 NAMES = sorted(model_folders())

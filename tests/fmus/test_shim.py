@@ -11,10 +11,10 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
-from fmus import compiler
-from fmus.build import build_fmu, compile_library, generate_sources
 from fmus.definition import Model, Variable
-from fmus.loader import load_model
+from fmus.toolchain import compiler
+from fmus.toolchain.build import build_fmu, compile_library, generate_sources
+from fmus.toolchain.loader import load_model
 from specs.errors import InputError
 from tests.fmus.importer import Imported
 
@@ -201,7 +201,7 @@ def test_feed_through_is_refused() -> None:
         rhs=lambda x, u, m, p: {"x": u.u},
         out=lambda x, u, m, p: {"y": x.x + u.u},
     )
-    from fmus.codegen import check_no_feedthrough
+    from fmus.toolchain.codegen import check_no_feedthrough
 
     with pytest.raises(InputError, match="output y feeds input u straight through"):
         check_no_feedthrough(model)

@@ -9,12 +9,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fmus import codegen
 from fmus.equations import slew_drive
-from fmus.slew.model import MODEL
-from fmus.stepper import Stepper
+from fmus.models.slew.model import MODEL
+from fmus.toolchain import codegen
+from fmus.toolchain.stepper import Stepper
 
-REFERENCE = Path(__file__).resolve().parents[2] / "fmus" / "slew" / "reference.csv"
+REFERENCE = Path(__file__).resolve().parents[2] / "fmus" / "models" / "slew" / "reference.csv"
 INERTIA = 4e5
 FREE, HELD = [1.0], [0.0]
 STATES = [v.name for v in MODEL.states]

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.slew import evidence, features, fit, score, traces
-from fmus.slew.features import Features
-from fmus.slew.model import MODEL
-from fmus.slew.simulation import Simulator
-from fmus.stepper import Stepper
+from fmus.models.slew import evidence, features, fit, score, traces
+from fmus.models.slew.features import Features
+from fmus.models.slew.model import MODEL
+from fmus.models.slew.simulation import Simulator
+from fmus.toolchain.stepper import Stepper
 from specs import parameters as parameter_specs
 from specs.errors import InputError
 

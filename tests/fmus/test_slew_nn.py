@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.build import build_fmu
-from fmus.loader import model_folders
-from fmus.slew_nn import bench
-from fmus.slew_nn.fmu import build_from
-from fmus.slew_nn.model import MODEL, STEP, TICKS, of_network
-from fmus.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
-from fmus.slew_nn.untrained import PRESSURE_LAYERS, VELOCITY_LAYERS, untrained
-from orchestrator.check import load_system
-from orchestrator.pack import pack_system
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
+from benchmarks.slew_nn import step
+from fmus.models.slew_nn.fmu import build_from
+from fmus.models.slew_nn.model import MODEL, STEP, TICKS, of_network
+from fmus.models.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
+from fmus.models.slew_nn.untrained import PRESSURE_LAYERS, VELOCITY_LAYERS, untrained
+from fmus.toolchain.build import build_fmu
+from fmus.toolchain.loader import model_folders
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
+from orchestrator.system.stimuli import Stimuli
 from specs.errors import InputError
 from tests.fmus.importer import Imported
 from tests.fmus.roll_out import feeds_through
@@ -31,7 +31,7 @@ KINDS = {
     "ensemble": untrained(5, members=3, residual=True),
     "symmetric": untrained(6, (24, 16), (16,), members=2, symmetric=True),
 }
-REFERENCE = Path(__file__).resolve().parents[2] / "fmus" / "slew_nn" / "reference.csv"
+REFERENCE = Path(__file__).resolve().parents[2] / "fmus" / "models" / "slew_nn" / "reference.csv"
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +179,7 @@ def test_the_step_s_derivative_goes_through_the_network(phase: int) -> None:
 
 
 def test_the_interface_is_that_of_the_hydraulic_slew() -> None:
-    from fmus.slew.model import MODEL as SLEW
+    from fmus.models.slew.model import MODEL as SLEW
 
     assert (MODEL.inputs, MODEL.outputs) == (SLEW.inputs, SLEW.outputs)
     assert feeds_through(MODEL) == []
@@ -222,10 +222,10 @@ def test_reference_roll_out() -> None:
 
 def test_the_bench_compares_what_computes_the_same() -> None:
     """Times are measured, not judged; the limits are, on made-up figures."""
-    figures = bench.measure(KINDS["small"], 2).figures()
+    figures = step.measure(KINDS["small"], 2).figures()
     assert figures["ratio_p25"] <= figures["ratio"] <= figures["ratio_p75"]
     assert figures["realtime_factor"] == pytest.approx(STEP * 1e6 / figures["fmu_us"])
-    kept = {name: {"ratio": 1.4, "realtime_factor": 600.0} for name in bench.JUDGED}
-    assert bench.missed(kept) == []
+    kept = {name: {"ratio": 1.4, "realtime_factor": 600.0} for name in step.JUDGED}
+    assert step.missed(kept) == []
     kept["paper"] = {"ratio": 1.6, "realtime_factor": 400.0}
-    assert [must.split(":")[0] for must in bench.missed(kept)] == ["paper", "paper"]
+    assert [must.split(":")[0] for must in step.missed(kept)] == ["paper", "paper"]

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fmus.arm.model import MODEL as DISCRETE
-from fmus.build import build_fmu
-from fmus.machine.model import MODEL as MACHINE
-from fmus.slew.model import MODEL as SLEW
-from fmus.stepper import Stepper
+from fmus.models.arm.model import MODEL as DISCRETE
+from fmus.models.machine.model import MODEL as MACHINE
+from fmus.models.slew.model import MODEL as SLEW
+from fmus.toolchain.build import build_fmu
+from fmus.toolchain.stepper import Stepper
 from specs.errors import InputError, RunError
 from tests.fmus.importer import Imported
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from fmus.discrete import DiscreteStepper
 from fmus.equations import kinematics
-from fmus.tool.model import MODEL, STEP
+from fmus.models.tool.model import MODEL, STEP
+from fmus.toolchain.discrete import DiscreteStepper
 from tests.fmus.roll_out import check_reference, feeds_through, unused_parameters
 
 DT = STEP
@@ -175,7 +175,7 @@ def test_every_parameter_is_used() -> None:
 
 
 def test_reference_roll_out() -> None:
-    check_reference(MODEL, "fmus/tool", _stimuli, 850)
+    check_reference(MODEL, "fmus/models/tool", _stimuli, 850)
 
 
 def _swing(tool: DiscreteStepper, axis: str, steps: int) -> np.ndarray:

@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from deployment.bundling.build import bundle
+from deployment.hil.lockstep import lockstep
+from deployment.hil.wires import Wires
 from runtime.bundle import Bundle
 from runtime.control import ControlCore
 from runtime.recorder.feed import Feed
@@ -13,9 +16,6 @@ from runtime.recorder.segments import Disk, Folder
 from runtime.replay import identity
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS
-from slewright.bundling.build import bundle
-from slewright.hil.lockstep import lockstep
-from slewright.hil.wires import Wires
 from specs.scenario import load
 from specs.version import VERSION
 from tests.conftest import ROOT

@@ -15,7 +15,7 @@ candump -L can0 > candump.log &
 listener=$!
 mkfifo /run/told  # not among the results: a pipe cannot come back
 cd /srv
-$python -m slewright.hil.machine_node '{"scenario": "four_targets_empty", "seed": 1, "ticks": 1000, "planner": true, "interface": "socketcan", "channel": "can0", "record": "/srv/results/machine.parquet"}' < /run/told > results/machine.out &
+$python -m deployment.hil.machine_node '{"scenario": "four_targets_empty", "seed": 1, "ticks": 1000, "planner": true, "interface": "socketcan", "channel": "can0", "record": "/srv/results/machine.parquet"}' < /run/told > results/machine.out &
 machine=$!
 cd results
 exec 3> /run/told

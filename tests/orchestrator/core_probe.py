@@ -8,9 +8,9 @@ from tempfile import mkdtemp
 
 import numpy as np
 
-from fmus import compiler
-from fmus.build import SHIM
-from orchestrator.native import SOURCES
+from fmus.toolchain import compiler
+from fmus.toolchain.build import SHIM
+from orchestrator.core.native import SOURCES
 from specs.faults import KINDS, Fault, seed_of
 
 HERE = Path(__file__).parent

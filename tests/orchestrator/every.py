@@ -6,11 +6,12 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmus import compiler
-from fmus.build import SHIM, pack
-from orchestrator.single import system_of_fmu
-from orchestrator.system import Component, System
-from orchestrator.wire import WIRE
+from fmus.toolchain import compiler
+from fmus.toolchain.build import SHIM, pack
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.type_codes import WIRE
+from orchestrator.system.single_fmu import system_of_fmu
+from orchestrator.system.system import System
 
 HERE = Path(__file__).parent
 # Further compiler flags for the FMUs, where a run under sanitizers wants them.

@@ -10,11 +10,11 @@ import sys
 import tempfile
 from pathlib import Path
 
-from fmus.build import build_fmu
-from orchestrator.bench.masters import MASTERS, Case
-from orchestrator.check import load_system
-from orchestrator.pack import pack_system
-from orchestrator.system import System
+from benchmarks.orchestrator.masters import MASTERS, Case
+from fmus.toolchain.build import build_fmu
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
+from orchestrator.system.system import System
 
 START = {"target_x": -3.0, "target_y": 9.0, "target_z": 4.0, "pace": 1.0}
 SEED = "noise_seed"

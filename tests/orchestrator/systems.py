@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from fmus import compiler
-from fmus.build import BUILD, SHIM, build_fmu, pack as pack_zip
-from orchestrator.check import load_system
-from orchestrator.pack import pack
-from orchestrator.system import System
+from fmus.toolchain import compiler
+from fmus.toolchain.build import BUILD, SHIM, build_fmu, pack as pack_zip
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack
+from orchestrator.system.system import System
 from specs.errors import InputError
 
 HERE = Path(__file__).parent

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.suite.parameters import TABLE, Setting
 from blindtest import case as cases, folder as folders
 from blindtest.effects.effect import Effect as Hidden
 from blindtest.systems.kit import KITS
@@ -21,7 +22,6 @@ from reconcile.fit.solve import Fitted
 from reconcile.model import Attached, read_folder
 from reconcile.study import Study
 from records.measurement import Channel, Measurement
-from slewright.suite.parameters import TABLE, Setting
 
 SEED = 7030
 TARGETS = (1500.0, 6000.0)  # lambda that effects are sized for

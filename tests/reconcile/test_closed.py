@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.build import build_fmu
 from fmus.paths import BUILD
-from orchestrator.check import load_system
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
+from fmus.toolchain.build import build_fmu
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.stimuli import Stimuli
 from reconcile.closed.box import Box, answer
 from reconcile.closed.problem import ClosedProblem
 from reconcile.closed.report import examine

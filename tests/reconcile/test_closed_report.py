@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.build import build_fmu
 from fmus.paths import BUILD
+from fmus.toolchain.build import build_fmu
 from reconcile.closed import where
 from reconcile.closed.box import Box, answer
 from reconcile.closed.problem import ClosedProblem

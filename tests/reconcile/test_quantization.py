@@ -8,7 +8,7 @@ import pytest
 
 from blindtest import case as cases
 from fmus.definition import Sensor, Variable
-from fmus.loader import load_model
+from fmus.toolchain.loader import load_model
 from reconcile import contract, quantization
 from reconcile.data import Run, Signal
 from reconcile.page.page import write_page

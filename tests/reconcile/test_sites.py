@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fmus.build import build_fmu
-from fmus.tool.model import MODEL as TOOL
+from fmus.models.tool.model import MODEL as TOOL
+from fmus.toolchain.build import build_fmu
 from reconcile.catalogue import ALL
 from reconcile.data import Block, Run, Signal
 from reconcile.extended import Extended

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.arm.model import MODEL as ARM
-from fmus.discrete import DiscreteStepper
-from fmus.machine.model import MODEL as MACHINE
-from fmus.stepper import Stepper
-from orchestrator.verify import replacement
+from fmus.models.arm.model import MODEL as ARM
+from fmus.models.machine.model import MODEL as MACHINE
+from fmus.toolchain.discrete import DiscreteStepper
+from fmus.toolchain.stepper import Stepper
 from reconcile.contract import check
 from reconcile.data import Run, Signal, runs_of
 from reconcile.model import read_folder
@@ -23,6 +22,7 @@ from records.measurement import Channel, Measurement
 from specs.errors import InputError
 from tests.conftest import ROOT
 from tests.reconcile.reports import REPORT
+from verification.verify import replacement
 
 PERIOD = 0.02
 
@@ -42,14 +42,14 @@ def test_a_system_is_known_by_name_and_by_its_file() -> None:
 
 def test_the_models_of_an_earlier_answer_take_their_parts_places(tmp_path: Path) -> None:
     for name in ("arm", "tool"):
-        shutil.copytree(ROOT / "fmus" / name, tmp_path / "model" / name)
+        shutil.copytree(ROOT / "fmus" / "models" / name, tmp_path / "model" / name)
     assert [p.model for p in parts_of(str(tmp_path / "model")) or ()] == [
         str(tmp_path / "model" / "arm"),
         "slew",
         str(tmp_path / "model" / "tool"),
     ]
     assert replacement(tmp_path, ["nominal"]) == {n: tmp_path / "model" / n for n in ("arm", "tool")}
-    shutil.copytree(ROOT / "fmus" / "machine", tmp_path / "model" / "machine")
+    shutil.copytree(ROOT / "fmus" / "models" / "machine", tmp_path / "model" / "machine")
     assert parts_of(str(tmp_path / "model")) is None
 
 

@@ -6,9 +6,9 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
+from deployment.bundling.build import bundle
 from runtime.bundle import Bundle
 from runtime.control import ControlCore
-from slewright.bundling.build import bundle
 
 NO_RATE_LIMIT = (("gate_rise", 100.0), ("gate_fall", 100.0))  # 2 a tick: from one end to the other
 

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from fmus import compiler
+from deployment.bundling import build
+from fmus.toolchain import compiler
 from runtime.bundle import Bundle
-from slewright.bundling import build
 from specs.errors import RunError
 from tests.runtime import bundles
 from tests.runtime.mutants import Mutant, mutants
@@ -27,7 +27,7 @@ TESTS = tuple(f"tests/runtime/test_{name}.py" for name in ("check", "mode", "res
 MOST_CPU_S = 120  # of a mutant's tests, which take 5: a loop without end
 EQUAL = {  # part of the mutated line: why it is the same program, or what else finds it
     "for (int i = 1; i < SLR_OUT_COUNT; i++) view->board": "controllers write the slew command in every tick",
-    "in->value[i] + slr_zero[i]": "zeros are 0 in the core of these tests: tests/slewright/bundling",
+    "in->value[i] + slr_zero[i]": "zeros are 0 in the core of these tests: tests/deployment/bundling",
     "i  <= SLR_IN_COUNT": "one step past the end: for the sanitizers",
     "i  <= SLR_OUT_COUNT": "as above",
     "k  <= LENGTH(": "as above",

@@ -6,7 +6,7 @@ import random
 from collections.abc import Sequence
 from pathlib import Path
 
-from fmus import compiler
+from fmus.toolchain import compiler
 
 CORE = Path(__file__).parents[2] / "runtime" / "core"
 AXES = 3

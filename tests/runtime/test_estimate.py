@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from baselines.load.online import model
-from fmus.discrete import DiscreteStepper
+from deployment.hil.lockstep import lockstep
+from fmus.toolchain.discrete import DiscreteStepper
 from runtime.image import OUTPUT, Status
-from slewright.hil.lockstep import lockstep
 from specs import scenario
 from tests.runtime.bench import MANUAL, Bench
 from tests.runtime.bundles import core

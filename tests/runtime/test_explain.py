@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from deployment.hil.lockstep import lockstep
 from runtime.control import AXES, REASONS
 from runtime.image import INPUT, OUTPUT, Status
-from slewright.hil.lockstep import lockstep
 from specs import scenario
 from specs.errors import InputError
 from tests.runtime.bundles import core

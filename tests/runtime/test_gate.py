@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from fmus import compiler
+from fmus.toolchain import compiler
 from specs.errors import RunError
 from tests.runtime import gate as form
 from tests.runtime.gate import AXES, LIMITS, WALLS, Gate, View, check, check_all, view

@@ -11,7 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from baselines import registry
-from fmus import compiler
+from deployment.bundling import build
+from fmus.toolchain import compiler
 from runtime.bundle import Bundle
 from runtime.control import ControlCore
 from runtime.image import OUTPUT
@@ -22,7 +23,6 @@ from runtime.replay import identity
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS
 from slewright.app import app
-from slewright.bundling import build
 from specs.errors import RunError
 from specs.version import VERSION
 from tests.runtime.bench import ARMED, AUTOMATIC, FAULT, HOLD, MANUAL, STANDBY, STOPPING

@@ -18,9 +18,9 @@ from tests.runtime.bundles import built, folder
 pytest.importorskip("onnxruntime")
 pytest.importorskip("torch")
 
+from deployment.bundling.build import bundle
 from learning.policy import export
 from runtime.policy import TOLERANCE, PolicyCore, open_core
-from slewright.bundling.build import bundle
 from tests.learning.policy.test_export import made
 
 TICKS = 100

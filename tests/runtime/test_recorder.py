@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from deployment.faults.disks import FullDisk
 from records.formats import read_measurement
 from runtime.image import INPUT, Flag
 from runtime.recorder.feed import DISK_FULL, TIMING
@@ -19,7 +20,6 @@ from runtime.recorder.recorder import Recorder
 from runtime.recorder.segments import Disk, Folder
 from runtime.replay import check_identity, identity, replay
 from runtime.ring import Ring
-from slewright.faults.disks import FullDisk
 from specs.errors import InputError
 from tests.runtime.stand_in import Lockstep, StandIn
 

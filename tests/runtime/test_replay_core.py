@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deployment.hil.panel import Panel
 from runtime.control import ControlCore
 from runtime.image import INPUT, OUTPUT, Status
 from runtime.recorder.feed import Feed
@@ -15,7 +16,6 @@ from runtime.recorder.segments import Disk, Folder
 from runtime.replay import Result, replay
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS
-from slewright.hil.panel import Panel
 from specs.scenario import load
 from tests.runtime.bundles import core
 

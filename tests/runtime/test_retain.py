@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from deployment.faults.disks import Forgetful, PowerCutError
 from runtime.retain import COPIES, Folder, Retained
-from slewright.faults.disks import Forgetful, PowerCutError
 from specs.errors import InputError
 
 LAYOUT = "0123456789abcdef"

@@ -6,6 +6,7 @@ import can
 import numpy as np
 import pytest
 
+from deployment.hil.panel import CALM
 from runtime.can.native import NativePort
 from runtime.can.port import WAYS_OUT, mute
 from runtime.can.transmit import Transmitter
@@ -15,7 +16,6 @@ from runtime.image import INPUT, OUTPUT, Status
 from runtime.recorder.seen import DTYPE, NAMES, VALVES, new, places
 from runtime.scan import Scan
 from runtime.shadow import COMMANDS, Listener, Overheard, StandIn, Withheld, silent
-from slewright.hil.panel import CALM
 from specs.errors import InputError
 from specs.signals import signal
 from tests.runtime.bundles import core

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from deployment.bundling.build import bundle_model
 from fmus.definition import Equations, Model, Variable, from_signals
 from runtime.control import ControlCore
-from slewright.bundling.build import bundle_model
 from tests.runtime.bundles import folder
 
 HUGE, INFINITE, NO_NUMBER = 0.0, 1000.0, 2000.0  # kg: what `load_told` makes of it

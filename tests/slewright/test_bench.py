@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.bench import chain
-from orchestrator.bench.blocks import Measured, spread
-from orchestrator.bench.child import CHECK_STEPS, Child, Run
-from orchestrator.bench.contestants import NotMeasured
-from orchestrator.bench.orchestrator import Must, Result, overhead
-from orchestrator.bench.registry import MASTERS
+from benchmarks.orchestrator import chain
+from benchmarks.orchestrator.blocks import Measured, spread
+from benchmarks.orchestrator.child import CHECK_STEPS, Child, Run
+from benchmarks.orchestrator.comparison import Must, Result, overhead
+from benchmarks.orchestrator.contestants import NotMeasured
+from benchmarks.orchestrator.registry import MASTERS
 from slewright.__main__ import run
 
 KEYS = ("floor_us", "slewright_us", "fmucontainer_us", "ecos_us", "fmpy_ssp_us", "libcosim_us")

@@ -12,7 +12,7 @@ from types import ModuleType
 
 import pytest
 
-from orchestrator.pack import pack_system
+from orchestrator.system.pack import pack_system
 from slewright import __main__ as entry
 from slewright.app import ROOMS, app
 from specs.errors import InputError, RunError

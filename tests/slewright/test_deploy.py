@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from deployment.bundling import archive as signing
 from runtime import configuration
 from runtime.archive import container, keys, start
 from runtime.archive.signed import BUNDLE, DBC, SIGNATURE, sign
 from runtime.archive.start import Place
 from runtime.archive.store import BUNDLES
 from slewright import __main__ as entry
-from slewright.bundling import archive as signing
 from specs.errors import InputError
 from tests.runtime.bundles import NO_RATE_LIMIT, built
 

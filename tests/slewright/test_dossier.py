@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-import orchestrator.dossier
+import verification.dossier
 from slewright import __main__ as entry
 
 
@@ -22,7 +22,7 @@ def dossier(monkeypatch: pytest.MonkeyPatch):
             out.write_text("# page\n")
             return {"accepted": check["passed"] or not judged, "checks": {"speed": check}}
 
-        monkeypatch.setattr(orchestrator.dossier, "run", run)
+        monkeypatch.setattr(verification.dossier, "run", run)
 
     return arrange
 

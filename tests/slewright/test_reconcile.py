@@ -1,7 +1,7 @@
 """What `slewright reconcile` says on the console beside the tables."""
 
 from slewright import __main__ as entry
-from slewright.commands.reconcile import _of_recordings
+from slewright.commands.reconciling.reconcile import _of_recordings
 
 
 def test_the_help_spells_the_table_of_a_map(capsys):

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from deployment.bundling import archive as signing
+from deployment.hil.rig import free_port
 from runtime.archive import keys
 from runtime.can.busd import start_bus
 from runtime.shared import private_folder
 from slewright import __main__ as entry
-from slewright.bundling import archive as signing
-from slewright.hil.rig import free_port
 from tests.runtime.bundles import built
 from tests.terminal import CTRL_C, PATIENCE_S, Terminal
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from fmus.slew_nn.untrained import untrained
-from slewright.commands.train import app
+from fmus.models.slew_nn.untrained import untrained
+from slewright.commands.learning.train import app
 from specs.errors import InputError, RunError
 
 SMALL = ("--set", "envs=8", "--set", "iterations=2", "--set", "layers=[8]", "--budget", "tiny")

@@ -4,11 +4,11 @@ import pytest
 
 from baselines.arm_velocity.model import MODEL as ARM_VELOCITY
 from baselines.pi.model import MODEL as PI
-from fmus.arm.model import MODEL as ARM
 from fmus.definition import Model
-from fmus.machine.model import MODEL as MACHINE
-from fmus.slew.model import MODEL as SLEW
-from fmus.tool.model import MODEL as TOOL
+from fmus.models.arm.model import MODEL as ARM
+from fmus.models.machine.model import MODEL as MACHINE
+from fmus.models.slew.model import MODEL as SLEW
+from fmus.models.tool.model import MODEL as TOOL
 from specs import draws, scenario
 from specs.signals import signal
 

@@ -3,9 +3,9 @@
 import zipfile
 from pathlib import Path
 
-from fmus.compiler import host
-from orchestrator.check import load_system
-from orchestrator.system import System
+from fmus.toolchain.compiler import host
+from orchestrator.system.check import load_system
+from orchestrator.system.system import System
 from tests.orchestrator.systems import refused, ssd, write_ssp
 
 TYPES2 = """<TypeDefinitions>

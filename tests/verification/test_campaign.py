@@ -14,14 +14,14 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.campaign import pool
-from orchestrator.campaign.journal import Journal, content_hash
-from orchestrator.campaign.plan import digest, load_plan
-from orchestrator.campaign.run import Campaign, run_campaign
-from orchestrator.campaign.worker import Result, Task, work
 from specs.errors import InputError
 from specs.schema import ROOT
 from tests.orchestrator.systems import OSCILLATOR, write_ssp
+from verification.campaign import pool
+from verification.campaign.journal import Journal, content_hash
+from verification.campaign.plan import digest, load_plan
+from verification.campaign.run import Campaign, run_campaign
+from verification.campaign.worker import Result, Task, work
 
 PLAN = """
 name = "short"

@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 
 from baselines import registry
-from baselines.compare import optima, paper
-from baselines.compare.figures import figures, interval, matched_speed
-from baselines.compare.plan import SWEEPS, TASKS, Question, make_plan
-from slewright import comparison
 from specs import draws, parameters, scenario
 from specs.errors import InputError
 from tests.conftest import Command
+from verification.comparison import optima, paper, tables
+from verification.comparison.figures import figures, interval, matched_speed
+from verification.comparison.plan import SWEEPS, TASKS, Question, make_plan
 
 PAIR = registry.select(["pi", "parabola"])
 
@@ -143,21 +142,21 @@ def test_goals_name_who_comes_nearest() -> None:
 def test_a_page_gets_the_tables_of_its_blocks(tmp_path: Path) -> None:
     """With the pace swept, the table at pace 1 stays: it may be of more machines."""
     page = tmp_path / "page.md"
-    blocks = [f"<!-- {name}:begin -->\nold {name}\n<!-- {name}:end -->\n" for name in comparison.BLOCKS]
+    blocks = [f"<!-- {name}:begin -->\nold {name}\n<!-- {name}:end -->\n" for name in tables.BLOCKS]
     page.write_text("head\n" + "".join(blocks), encoding="utf-8")
     found = _comparison()
-    comparison.fill(page, found, "slewright compare")
+    tables.fill(page, found, "slewright compare")
     text = page.read_text(encoding="utf-8")
     assert "old compare" in text
     assert "old matched" not in text
     assert "old sweeps" in text
     point = {"value": 0.1, "speed": 10.0, "overshoot": 1.0, "error": 0.7, "tool": 9.0}
     changed = {"slew delay [s]": {"slew": {"pi": [point]}}}
-    comparison.fill(page, {**found, "paces": [1.0], "sweeps": changed}, "slewright compare --sweeps")
+    tables.fill(page, {**found, "paces": [1.0], "sweeps": changed}, "slewright compare --sweeps")
     text = page.read_text(encoding="utf-8")
     assert "old compare" in text
     assert "| pi | 0.1 | 10.00 | 1.00 | 0.70 | 9.00 |" in text
-    comparison.fill(page, {**found, "paces": [1.0]}, "slewright compare --no-sweep")
+    tables.fill(page, {**found, "paces": [1.0]}, "slewright compare --no-sweep")
     text = page.read_text(encoding="utf-8")
     assert "old compare" not in text
     assert "| parabola | 10.00 | 1.00 | 2.00 | 0.70 | 9.00 | 2 | 2 |" in text
@@ -218,7 +217,10 @@ def test_the_sealed_set_needs_leave() -> None:
         (["--gains", "x.json"], "--gains x.json: needs NAME=FILE"),
         (["--page", "README.md"], "README.md: no '<!-- compare:begin -->'"),
         (["--policy", "docs"], "docs"),
-        (["--policy", "fmus/slew"], "fmus/slew: no controller of this machine: model slew lacks"),
+        (
+            ["--policy", "fmus/models/slew"],
+            "fmus/models/slew: no controller of this machine: model slew lacks",
+        ),
         (["--policy", "baselines/pd"], "a controller 'pd' is there already"),
     ],
 )

@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orchestrator.dossier import (
+from specs import draws as draws_spec, parameters as parameter_specs
+from specs.draws import Spread
+from tests.conftest import ROOT
+from verification.dossier import (
     Effort,
     draw_tables,
     draws,
@@ -21,14 +24,11 @@ from orchestrator.dossier import (
     physics,
     trust,
 )
-from orchestrator.dossier.markdown import chapter, number, table
-from orchestrator.dossier.page import run
-from orchestrator.dossier.section import Check
-from orchestrator.dossier.svg import ticks
-from orchestrator.dossier.trust import Settled
-from specs import draws as draws_spec, parameters as parameter_specs
-from specs.draws import Spread
-from tests.conftest import ROOT
+from verification.dossier.markdown import chapter, number, table
+from verification.dossier.page import run
+from verification.dossier.section import Check
+from verification.dossier.svg import ticks
+from verification.dossier.trust import Settled
 
 LEAST = Effort(scenarios=("four_targets_empty",), machines=1)
 TITLES = (
@@ -253,7 +253,7 @@ def test_numbers_and_ticks_are_readable() -> None:
 
 
 def test_pictures_are_replaced_in_the_html_page() -> None:
-    from orchestrator.dossier.section import Section
+    from verification.dossier.section import Section
 
     section = Section("k", "T", "", {}, {"a.svg": "<svg><title>one</title></svg>"})
     html = page.as_html("![c](PICTURES/a.svg)\n", [section])

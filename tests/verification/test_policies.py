@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from baselines import registry
-from baselines.compare.plan import Question
 from learning.policy import export
 from learning.policy.controller import write_folder
-from orchestrator.verify import replacement
-from slewright import evaluation, policies
-from slewright.commands.compare import _command, _own
-from slewright.commands.evaluate import evaluate
+from slewright.commands.controllers.compare import _command, _own
+from slewright.commands.controllers.evaluate import evaluate
 from specs.errors import InputError
 from tests.conftest import Command
 from tests.learning.policy.test_export import made
+from verification.comparison.plan import Question
+from verification.evaluation import evaluation, policies
+from verification.verify import replacement
 
 SHIPPED = Path("learning/policies")
 

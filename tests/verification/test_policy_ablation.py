@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from fmus.slew_nn.untrained import untrained
+from fmus.models.slew_nn.untrained import untrained
 from learning.policy import session
 from learning.policy.session import Options
-from slewright import policy_ablation as ablation
 from specs.errors import InputError
+from verification.evaluation import ablation
 
 
 def test_differences_are_named_with_their_values() -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from slewright import beside
 from specs.errors import InputError
+from verification.comparison import policy_vs_controllers
 
 FIGURES = {"speed": 11.0, "overshoot": 1.0, "error": 0.2, "slew_error": 0.4, "tool": 9.0}
 
@@ -39,8 +39,8 @@ def line_of(text: str, name: str) -> list[str]:
 def test_a_controller_is_taken_at_the_policys_speed(tmp_path: Path) -> None:
     """Between paces each machine's figures are linear; bold where zero is outside of the interval."""
     runs = {"far": {1.0: (14.0, 20.0)}, "near": {0.5: (10.0, 8.0), 1.0: (12.0, 12.0), 1.5: (13.0, 30.0)}}
-    others = beside.known(results(tmp_path / "results.jsonl", runs), "full")
-    text = beside.table(rows(), ["empty"], others, "m")
+    others = policy_vs_controllers.known(results(tmp_path / "results.jsonl", runs), "full")
+    text = policy_vs_controllers.table(rows(), ["empty"], others, "m")
     found = line_of(text, "near")
     assert found[2] == "0.75"  # 11.1 of 10.1 … 12.1, the mean of their machines
     assert found[3:6] == ["+0.00 ± 0.25", "+0.00 ± 0.00", "+0.00 ± 0.00"]
@@ -52,8 +52,8 @@ def test_a_controller_is_taken_at_the_policys_speed(tmp_path: Path) -> None:
 def test_a_pace_of_that_speed_needs_no_other(tmp_path: Path) -> None:
     """Within 2 %; and the policy's own older runs are left out."""
     runs = {"same": {1.0: (11.2, 6.0)}, "full": {1.0: (11.0, 1.0)}}
-    others = beside.known(results(tmp_path / "results.jsonl", runs), "full")
-    text = beside.table(rows(), ["empty"], others, "m", own="full")
+    others = policy_vs_controllers.known(results(tmp_path / "results.jsonl", runs), "full")
+    text = policy_vs_controllers.table(rows(), ["empty"], others, "m", own="full")
     assert line_of(text, "same")[2] == "1"
     assert "full" not in text
 
@@ -61,6 +61,6 @@ def test_a_pace_of_that_speed_needs_no_other(tmp_path: Path) -> None:
 def test_results_without_the_task_are_refused(tmp_path: Path) -> None:
     """And a file that is none."""
     with pytest.raises(InputError, match="no run of task slew"):
-        beside.known(results(tmp_path / "results.jsonl", {"near": {1.0: (11.0, 8.0)}}), "slew")
+        policy_vs_controllers.known(results(tmp_path / "results.jsonl", {"near": {1.0: (11.0, 8.0)}}), "slew")
     with pytest.raises(InputError, match="slewright compare writes one"):
-        beside.known(tmp_path / "none.jsonl", "full")
+        policy_vs_controllers.known(tmp_path / "none.jsonl", "full")

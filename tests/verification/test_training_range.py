@@ -6,16 +6,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from baselines.compare.plan import Question, make_plan
+from deployment.bundling import build
 from learning.policy import export
-from slewright import evaluation, trained
-from slewright.bundling import build
-from slewright.commands.bundle import bundle
-from slewright.commands.compare import _own, _warn
-from slewright.evaluation import Asked
+from slewright.commands.controllers.compare import _own, _warn
+from slewright.commands.machine.bundle import bundle
 from specs import draws
 from tests.conftest import ROOT
 from tests.learning.policy.test_export import made
+from verification.comparison.plan import Question, make_plan
+from verification.evaluation import evaluation, training_range
+from verification.evaluation.evaluation import Asked
 
 SHIPPED = tuple(ROOT / "learning" / "policies" / f"{task}.onnx" for task in ("full", "slew"))
 NARROW = {  # too narrow for the first two validation machines, unless said otherwise
@@ -43,7 +43,7 @@ def narrowed(folder: Path, ranges: dict[str, tuple[float, float]], task: str = "
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Model folders are written below the test's own folder."""
-    monkeypatch.setattr("slewright.policies.FOLDER", tmp_path / "models")
+    monkeypatch.setattr("verification.evaluation.policies.FOLDER", tmp_path / "models")
 
 
 @pytest.mark.parametrize("name", NARROW)
@@ -71,7 +71,7 @@ def test_every_machine_and_load_outside_is_named(tmp_path: Path) -> None:
 def test_the_shipped_policies_ranges_are_all_known(path: Path) -> None:
     """None of them goes unlooked at; one validation machine has too long a pendulum."""
     (run, *_) = evaluation._plan(path, Asked(machines=1), 1.0).runs
-    assert set(export.read(path).contract.ranges) <= set(trained.quantities(run.spec))
+    assert set(export.read(path).contract.ranges) <= set(training_range.quantities(run.spec))
     texts = list(evaluation.warnings([path], Asked(machines=24)))
     assert texts == [f"{path}: pendulum_length is outside the trained 1.2 … 2.3: 2.32445 (validation-13)"]
 
@@ -91,7 +91,7 @@ def test_sealed_machines_are_not_told() -> None:
     spec = evaluation._plan(SHIPPED[0], Asked(machines=1), 1.0).runs[0].spec
     machine = {**spec["machine"], "grab_com": 1.5, "grab_gyration": 1.2}
     odd = {**spec, "draw": f"{draws.SEALED}-7", "machine": machine, "pace": 1.75}
-    pace, length = trained.warnings(SHIPPED[0], [odd])
+    pace, length = training_range.warnings(SHIPPED[0], [odd])
     assert pace.endswith("pace is outside the trained 0.5 … 1.5: 1.75")
     assert length == f"{SHIPPED[0]}: pendulum_length is outside the trained range on sealed machines"
 
@@ -113,8 +113,8 @@ def test_compare_warns_of_swept_paces_and_machines(
 
 def test_a_folder_that_is_no_policy_has_no_ranges() -> None:
     """A model folder may be compared too; one that was made of a policy has its file."""
-    assert not list(trained.warnings(ROOT / "baselines" / "pd", []))
-    assert not trained._ranges(ROOT / "baselines" / "pd")
+    assert not list(training_range.warnings(ROOT / "baselines" / "pd", []))
+    assert not training_range._ranges(ROOT / "baselines" / "pd")
 
 
 def test_bundle_warns_of_the_pace_it_starts_at(

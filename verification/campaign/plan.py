@@ -159,7 +159,7 @@ def _named_faults(names: Sequence[str], faults: Mapping[str, Any], where: str) -
 
 def _controllers(texts: Sequence[str], path: Path) -> dict[str, Path]:
     """Controllers by name: model folders, or names of the project's own."""
-    from fmus.loader import load_model, model_folders
+    from fmus.toolchain.loader import load_model, model_folders
 
     known, found = model_folders(), {}
     for text in texts:

@@ -7,9 +7,9 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from typing import Any
 
-from orchestrator.campaign.worker import Result, Task, work
-from orchestrator.processes import interrupts_held, warm_up
+from orchestrator.run.processes import interrupts_held, warm_up
 from specs.errors import InputError
+from verification.campaign.worker import Result, Task, work
 
 ATTEMPTS = 3  # of a run that ends its worker
 BATCH = 16  # runs, at most, that a worker does before it reports

@@ -9,16 +9,16 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from orchestrator.campaign import pool
-from orchestrator.campaign.journal import Journal, content_hash
-from orchestrator.campaign.plan import Plan, Run, content, digest
-from orchestrator.campaign.summary import write_summary
-from orchestrator.campaign.worker import Result, Task
-from orchestrator.check import load_system
-from orchestrator.pack import pack_system
-from orchestrator.verify import Report, replacement
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
 from specs.errors import InputError, nearest
 from specs.version import VERSION
+from verification.campaign import pool
+from verification.campaign.journal import Journal, content_hash
+from verification.campaign.plan import Plan, Run, content, digest
+from verification.campaign.summary import write_summary
+from verification.campaign.worker import Result, Task
+from verification.verify import Report, replacement
 
 JOURNAL = "results.jsonl"
 KEPT_WORST = 10  # records of the worst runs that `keep = "worst"` keeps

@@ -9,10 +9,10 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.io import to_html
 
-from orchestrator.campaign.plan import Plan, Run
 from records.report.shell import POLICY
 from records.results import METRIC_NAMES, UNITS
 from specs.version import VERSION
+from verification.campaign.plan import Plan, Run
 
 WORST = 10
 SHOWN_METRICS = ("speed", "overshoot", "error", "tool", "missed")

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.check import load_system
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
-from orchestrator.verify import plant_parameters
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records.metrics import check_limits, compute
 from records.record import Record
 from specs import scenario as scenarios_spec
 from specs.errors import InputError, RunError
 from specs.faults import Fault
 from specs.scenario import Scenario
+from verification.verify import plant_parameters
 
 METRICS = ("speed", "overshoot", "overshoot_max", "error", "slew_error", "tool", "missed")
 COUNTED = ("solves", "fallbacks")  # states in which a controller counts: figures of its runs

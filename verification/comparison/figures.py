@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from baselines.compare.goals import reached
-from baselines.compare.optima import shares
-from baselines.compare.plan import SWEPT, Question
-from orchestrator.campaign.plan import NOMINAL, Run
-from orchestrator.campaign.worker import COUNTED, Result
+from verification.campaign.plan import NOMINAL, Run
+from verification.campaign.worker import COUNTED, Result
+from verification.comparison.goals import reached
+from verification.comparison.optima import shares
+from verification.comparison.plan import SWEPT, Question
 
 METRICS = ("speed", "overshoot", "error", "tool")
 MATCHED = 11.17  # deg/s, the speed of the paper's policy

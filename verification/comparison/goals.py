@@ -53,8 +53,8 @@ GOALS = (
 def reached(tasks: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Goal by goal and load by load: the controller and pace that come nearest, their figures, whether met.
 
-    `tasks` is "task" of `baselines.compare.figures`.  Models of operators do not count.  A goal whose side
-    conditions nobody meets has no controller.
+    `tasks` is "task" of `verification.comparison.figures`.  Models of operators do not count.  A goal whose
+    side conditions nobody meets has no controller.
     """
     return [
         {"goal": goal.text, "load": load, **_nearest(goal, points)}

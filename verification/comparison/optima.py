@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
-from baselines.compare.plan import TASKS
 from baselines.optima import case, lookup
 from specs import scenario as scenarios_spec
+from verification.comparison.plan import TASKS
 
 LOAD_KG = {"empty": 0.0, "2t": 2000.0}  # the unknown load has no optima of its own
 
@@ -22,8 +22,8 @@ def travels() -> list[float]:
 def shares(single: Mapping[str, Any]) -> dict[str, Any]:
     """Task -> load -> fastest found, and controller -> share of speed and tool rate.
 
-    `single` are figures of single machines (baselines.compare.figures); loads without optima, or without
-    a run, are left out.
+    `single` are figures of single machines (verification.comparison.figures); loads without optima, or
+    without a run, are left out.
     """
     found: dict[str, Any] = {}
     for task, cells in single.get("reference", {}).items():

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from baselines.registry import Controller
-from orchestrator.campaign.plan import NO_FAULT, NOMINAL, Plan, Run
 from specs import draws, scenario as scenarios_spec
 from specs.errors import InputError, nearest
 from specs.schema import ROOT
+from verification.campaign.plan import NO_FAULT, NOMINAL, Plan, Run
 
 TASKS = {"slew": ROOT / "tasks" / "slew.toml", "full": ROOT / "scenarios" / "four_targets.toml"}
 LOADS = ("empty", "2t", "unknown")
@@ -127,7 +127,7 @@ def _run(
 
 def check_targets() -> None:
     """InputError for the first target of a task that the arm cannot reach, before anything moves."""
-    from orchestrator.verify import check_reach
+    from verification.verify import check_reach
 
     for path in TASKS.values():
         for scenario in scenarios_spec.find(str(path)):

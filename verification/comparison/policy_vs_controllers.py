@@ -113,7 +113,7 @@ def _by_machine(rows: Sequence[Mapping[str, Any]], load: str) -> Machines:
 
 def _difference(pairs: Sequence[tuple[Figures, Figures]], metric: str) -> str:
     """Mean ± half the interval; bold where the interval is clear of zero."""
-    from baselines.compare.figures import interval
+    from verification.comparison.figures import interval
 
     values = [a[metric] - b[metric] for a, b in pairs]
     ends = interval(values) or [0.0, 0.0]

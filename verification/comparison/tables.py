@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from slewright import markers
-from slewright.figures import versions
+from records.figures_file import versions
+from records.report import markers
 
 SHOWN_FROM = 5  # machines from which on an interval is shown
 METRICS = ("speed", "overshoot", "error", "tool")
@@ -39,7 +39,7 @@ class Table:
 
 
 def tables(found: Mapping[str, Any]) -> list[Table]:
-    """All tables of a comparison's figures (baselines/compare/figures.py); empty ones are left out."""
+    """All tables of a comparison's figures (verification/comparison/figures.py); empty ones are left out."""
     parts = (_machines, _goals, _matched, _shares, _counts, _singles, _sweeps)
     return [table for part in parts for table in part(found) if table.rows]
 
@@ -83,7 +83,7 @@ def _singles(found: Mapping[str, Any]) -> Iterator[Table]:
 
 def _by_load(task: str, where: str, cells: Mapping[str, Mapping[str, Any]], block: str) -> Iterator[Table]:
     """One table a load, the paper's rows below."""
-    from baselines.compare.paper import rows as of_paper
+    from verification.comparison.paper import rows as of_paper
 
     for load in dict.fromkeys(load for by_load in cells.values() for load in by_load):
         rows = [[name, *_metrics(by_load[load])] for name, by_load in cells.items() if load in by_load]

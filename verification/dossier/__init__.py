@@ -8,6 +8,6 @@ trust        where the traces err               physics, halving         power, 
 draws        spreads of the re-drawn machines
 """
 
-from orchestrator.dossier.page import FULL, Effort, run
+from verification.dossier.page import FULL, Effort, run
 
 __all__ = ["FULL", "Effort", "run"]

@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew import fit, score, traces
-from fmus.slew.score import Run
-from fmus.slew.traces import Trace
-from orchestrator.dossier import svg
-from orchestrator.dossier.markdown import chapter, number, picture, table
-from orchestrator.dossier.section import Check, Report, Section, check_table
+from fmus.models.slew import fit, score, traces
+from fmus.models.slew.score import Run
+from fmus.models.slew.traces import Trace
 from records.report.picture import Panel
+from specs.progress import Report
+from verification.dossier import svg
+from verification.dossier.markdown import chapter, number, picture, table
+from verification.dossier.section import Check, Section, check_table
 
 SHOWN = (  # traces that were not used for the fit, of every shape
     ("step_035_I400", "step to 0.35, 400 t m²"),

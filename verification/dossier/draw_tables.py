@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fmus.slew import fit
-from orchestrator.dossier.markdown import chapter, code, number, picture, significant, table
+from fmus.models.slew import fit
 from specs.draws import Spread
 from specs.parameters import Parameter
+from verification.dossier.markdown import chapter, code, number, picture, significant, table
 
 SENSORS = ("encoder_", "pressure_", "imu_")
 NAMES = {"speed_deg_s": "speed [°/s]", "coast_deg": "coast [°]", "t63_s": "t63 [s]"}

@@ -8,17 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew import evidence, features, traces
-from fmus.slew.features import Features
-from orchestrator.dossier import draw_tables, svg
-from orchestrator.dossier.machine import Bench, pose, read_step
-from orchestrator.dossier.physics import expected_swing
-from orchestrator.dossier.section import Report, Section
-from orchestrator.dossier.steps import INERTIA
+from fmus.models.slew import evidence, features, traces
+from fmus.models.slew.features import Features
 from records.report.picture import Panel
 from specs import draws, parameters as parameter_specs
 from specs.draws import Spread
 from specs.parameters import Parameter
+from specs.progress import Report
+from verification.dossier import draw_tables, svg
+from verification.dossier.machine import Bench, pose, read_step
+from verification.dossier.physics import expected_swing
+from verification.dossier.section import Section
+from verification.dossier.steps import INERTIA
 
 OPEN = tuple(name for name in draws.sets() if name != draws.SEALED)  # the sealed set is never drawn here
 KNOWN = (  # parameter, known range (SI), whence: what the spreads must cover

@@ -8,23 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from fmus.build import BUILD, build_fmu
-from fmus.machine.model import MODEL
-from orchestrator.dossier.machine import JOINTS
-from orchestrator.dossier.markdown import number, table
-from orchestrator.dossier.section import MET, MISSED, Check, Report
-from orchestrator.pack import pack
-from orchestrator.verify import CONTROLLER, Job, run
+from fmus.models.machine.model import MODEL
+from fmus.toolchain.build import BUILD, build_fmu
+from orchestrator.system.pack import pack
 from records.metrics import compute
 from records.record import Record, read
 from specs import scenario as scenario_spec, ssd, systems
+from specs.progress import Report
+from verification.dossier.machine import JOINTS
+from verification.dossier.markdown import number, table
+from verification.dossier.section import MET, MISSED, Check
+from verification.verify import CONTROLLER, Job, run
 
 SYSTEM, SEED = "reference", 1
 WORK = BUILD / "dossier"
 HALF = """\
 import dataclasses
 
-from fmus.machine.model import MODEL as FULL
+from fmus.models.machine.model import MODEL as FULL
 
 MODEL = dataclasses.replace(FULL, step=FULL.step / 2)
 """

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from fmus.build import build_fmu
 from fmus.equations import kinematics
-from fmus.slew import features
-from fmus.slew.features import Features
-from fmus.slew.traces import PERIOD
-from orchestrator.check import load_system
-from orchestrator.pack import pack
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from fmus.models.slew import features
+from fmus.models.slew.features import Features
+from fmus.models.slew.traces import PERIOD
+from fmus.toolchain.build import build_fmu
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records.record import Record
 from specs import signals, ssd, systems
 

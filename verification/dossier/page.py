@@ -6,7 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from orchestrator.dossier import (
+from specs import scenario
+from specs.progress import Report
+from specs.version import VERSION
+from verification.dossier import (
     calibration,
     draws,
     parameters,
@@ -16,11 +19,9 @@ from orchestrator.dossier import (
     steps,
     trust,
 )
-from orchestrator.dossier.machine import Bench
-from orchestrator.dossier.markdown import FOLDER, chapter
-from orchestrator.dossier.section import Check, Report, Section, check_table
-from specs import scenario
-from specs.version import VERSION
+from verification.dossier.machine import Bench
+from verification.dossier.markdown import FOLDER, chapter
+from verification.dossier.section import Check, Section, check_table
 
 TITLE = "Validation dossier of the simulated reference machine"
 

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew import evidence, fit
-from fmus.slew.evidence import Identifiability
-from orchestrator.dossier import svg
-from orchestrator.dossier.markdown import chapter, code, number, picture, significant, table
-from orchestrator.dossier.section import Report, Section
+from fmus.models.slew import evidence, fit
+from fmus.models.slew.evidence import Identifiability
 from records.report.picture import Panel
 from specs import parameters as parameter_specs
 from specs.parameters import Parameter
+from specs.progress import Report
+from verification.dossier import svg
+from verification.dossier.markdown import chapter, code, number, picture, significant, table
+from verification.dossier.section import Section
 
 FILES = ("geometry", "slew", "machine")
 # Share of a value that comes from the traces, the rest being its start value.

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from fmus.equations import multibody
-from fmus.machine import dynamics, energy
-from fmus.machine.model import MODEL
-from fmus.stepper import Stepper
-from orchestrator.dossier.machine import JOINTS, Bench
+from fmus.models.machine import dynamics, energy
+from fmus.models.machine.model import MODEL
+from fmus.toolchain.stepper import Stepper
 from records.record import Record
+from verification.dossier.machine import JOINTS, Bench
 
 REST_S, SWING_S, BALANCE_S = 60.0, 40.0, 12.0
 LOADS = {"empty": 0.0, "2 t": 2000.0}

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.dossier import halving, physics, svg
-from orchestrator.dossier.machine import Bench
-from orchestrator.dossier.markdown import chapter, number, picture, table
-from orchestrator.dossier.section import Check, Report, Section, check_table
 from records.record import Record
 from records.report.picture import Panel
+from specs.progress import Report
+from verification.dossier import halving, physics, svg
+from verification.dossier.machine import Bench
+from verification.dossier.markdown import chapter, number, picture, table
+from verification.dossier.section import Check, Section, check_table
 
 GAP_LIMIT, REST_LIMIT_RAD, PERIOD_LIMIT, DECAY_LIMIT = 1.0, 1e-6, 2.0, 10.0  # all but the second in percent
 LEAST_ORDER = physics.DESIGNED_ORDER - 0.2

@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from orchestrator.dossier.markdown import number, significant, table
-from orchestrator.dossier.section import Section
 from specs.errors import InputError
+from verification.dossier.markdown import number, significant, table
+from verification.dossier.section import Section
 
 TITLE = "Against a recorded machine"
 COLUMNS = ("signal", "unit", "RMSE", "moved by", "FIT %")

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fmus.slew import evidence, traces
-from orchestrator.dossier import svg
-from orchestrator.dossier.markdown import chapter, number, picture, table
-from orchestrator.dossier.section import Report, Section
+from fmus.models.slew import evidence, traces
 from records.report.picture import Panel
+from specs.progress import Report
+from verification.dossier import svg
+from verification.dossier.markdown import chapter, number, picture, table
+from verification.dossier.section import Section
 
 MEANING = {
     "rest": "still, joystick neutral",

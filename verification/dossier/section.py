@@ -2,17 +2,11 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
-from orchestrator.dossier.markdown import number, significant, table
+from verification.dossier.markdown import number, significant, table
 
 MET, MISSED, NOT_JUDGED = "met", "**missed**", "not judged"
-
-
-class Report(Protocol):
-    """Called with what is being done and, if known, how much of it is done."""
-
-    def __call__(self, what: str, done: float | None = None, total: float | None = None) -> None: ...
 
 
 @dataclass(frozen=True)

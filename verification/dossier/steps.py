@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew import features, traces
-from fmus.slew.features import ABSOLUTE, RELATIVE, Features
-from fmus.slew.traces import Trace
-from orchestrator.dossier import svg
-from orchestrator.dossier.machine import Bench, Pose, pose, read_step
-from orchestrator.dossier.markdown import chapter, number, picture, table
-from orchestrator.dossier.section import MET, MISSED, Check, Report, Section
+from fmus.models.slew import features, traces
+from fmus.models.slew.features import ABSOLUTE, RELATIVE, Features
+from fmus.models.slew.traces import Trace
 from records.record import Record
 from records.report.picture import Panel
+from specs.progress import Report
+from verification.dossier import svg
+from verification.dossier.machine import Bench, Pose, pose, read_step
+from verification.dossier.markdown import chapter, number, picture, table
+from verification.dossier.section import MET, MISSED, Check, Section
 
 INERTIA = 400e3  # kg m2
 LEAST_COMMAND = 0.24

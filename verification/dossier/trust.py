@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew import evidence, features, fit, traces
-from fmus.slew.traces import PERIOD, Trace
-from orchestrator.dossier import svg
-from orchestrator.dossier.markdown import chapter, number, picture, table
-from orchestrator.dossier.section import Report, Section
+from fmus.models.slew import evidence, features, fit, traces
+from fmus.models.slew.traces import PERIOD, Trace
 from records.report.picture import Panel
 from specs import parameters as parameter_specs
+from specs.progress import Report
+from verification.dossier import svg
+from verification.dossier.markdown import chapter, number, picture, table
+from verification.dossier.section import Section
 
 INERTIAS = (250e3, 400e3, 550e3, 700e3)  # kg m2
 COMMANDS = (0.2, 0.35, 0.5, 0.7, 1.0)

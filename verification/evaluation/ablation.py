@@ -1,6 +1,6 @@
 """What each idea of a training gave: policies on re-drawn reference machines at one speed, as a page.
 
-    python -m slewright.policy_ablation OUT... [--matched 11.2] [--machines 6] [--jobs 1]
+    python -m verification.evaluation.ablation OUT... [--matched 11.2] [--machines 6] [--jobs 1]
                                         [--page FILE.md [--mark NAME]]
 
 Every OUT is a folder of `slewright train policy` that ended.  The first is the base: a row names fields of
@@ -16,10 +16,10 @@ from typing import Any
 
 from learning.policy import checkpoint
 from learning.policy.export import read
-from slewright import evaluation
-from slewright.markers import fill
-from slewright.policies import LOADS
+from records.report.markers import fill
 from specs.errors import InputError
+from verification.evaluation import evaluation
+from verification.evaluation.policies import LOADS
 
 MARK = "policy-ideas"  # of the page, unless --mark names another
 COST = ("iterations", "envs", "episode_s")  # said of every row, not as a difference
@@ -115,8 +115,8 @@ def page(outs: Sequence[Path], asked: evaluation.Asked, words: str, results: Pat
     made = [read(file).contract.made for file in files]
     commands = "\n".join({f"{one['command']}  # at {one['commit']}": None for one in made})
     about = (
-        f"Made by `python -m slewright.policy_ablation {words}`: each at the pace with a mean speed of "
-        f"{asked.matched:g} °/s over the loads, or the nearest it has, on {asked.machines} machines of the "
+        f"Made by `python -m verification.evaluation.ablation {words}`: each at the pace with a mean speed "
+        f"of {asked.matched:g} °/s over the loads, or the nearest it has, on {asked.machines} machines of the "
         f"{asked.draw_set} draws, simulated; means over machines and seeds."
     )
     return f"{about}\n\n{table(rows)}\nTrained by\n\n```sh\n{commands}\n```\n"
@@ -124,7 +124,7 @@ def page(outs: Sequence[Path], asked: evaluation.Asked, words: str, results: Pat
 
 def main(words: Sequence[str] | None = None) -> None:
     """Print the page, or fill it in between the markers of --page."""
-    parser = argparse.ArgumentParser(prog="python -m slewright.policy_ablation")
+    parser = argparse.ArgumentParser(prog="python -m verification.evaluation.ablation")
     parser.add_argument("outs", nargs="+", type=Path)
     parser.add_argument("--matched", type=float, default=11.2)
     parser.add_argument("--machines", type=int, default=6)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from slewright import trained
-from slewright.policies import LOADS, question, task_of
+from verification.evaluation import training_range
+from verification.evaluation.policies import LOADS, question, task_of
 
 FIGURES = ("speed", "overshoot", "overshoot_max", "error", "tool", "missed")
 MEANS = ("speed", "overshoot", "error", "tool")
@@ -97,7 +97,7 @@ def _speed(rows: Rows) -> float:
 
 def _plan(path: Path, asked: Asked, pace: float) -> Any:
     """The runs of a policy at a pace, of which the records are kept."""
-    from baselines.compare.plan import make_plan
+    from verification.comparison.plan import make_plan
 
     paces = (1.0,) if pace == 1.0 else (1.0, pace)
     whole, _ = question(path, asked.draw_set, asked.machines, paces, asked.loads)
@@ -112,13 +112,13 @@ def warnings(paths: Iterable[Path], asked: Asked) -> Iterator[str]:
     """
     for path in paths:
         specs = [run.spec for run in _plan(path, asked, asked.pace).runs]
-        yield from trained.warnings(path, specs, () if asked.matched is None else ("pace",))
+        yield from training_range.warnings(path, specs, () if asked.matched is None else ("pace",))
 
 
 def _runner(path: Path, task: str, out: Path, asked: Asked, report: Any) -> Callable[[float], Rows]:
     """pace -> a row of figures for every machine and load."""
-    from orchestrator.campaign.run import record_path, run_campaign
     from records.record import read as read_record
+    from verification.campaign.run import record_path, run_campaign
 
     def run(pace: float) -> Rows:
         plan = _plan(path, asked, pace)
@@ -181,7 +181,7 @@ def worst(rows: Rows) -> dict[str, float]:
 
 
 def _interval(rows: Sequence[Mapping[str, Any]], name: str) -> list[float] | None:
-    from baselines.compare.figures import interval
+    from verification.comparison.figures import interval
 
     ordered = sorted(rows, key=lambda r: r["draw"])
     by_machine = [[r[name] for r in group] for _, group in itertools.groupby(ordered, lambda r: r["draw"])]

@@ -4,10 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from orchestrator.campaign.plan import NOMINAL, Run
 from records.metrics import compute
-from slewright.policies import question
 from specs.schema import ROOT
+from verification.campaign.plan import NOMINAL, Run
+from verification.evaluation.policies import question
 
 SCENARIOS = ("four_targets", "five_targets")
 LOAD = "unknown"
@@ -15,10 +15,10 @@ LOAD = "unknown"
 
 def draw(path: Path, out: Path, pace: float, folder: Path, report: Any = None) -> list[Path]:
     """Run both scenarios on the reference machine, load not told; `folder`/policy-SCENARIO.svg."""
-    from baselines.compare.plan import make_plan
-    from orchestrator.campaign.run import record_path, run_campaign
     from records.record import read
     from records.report.picture import write_picture
+    from verification.campaign.run import record_path, run_campaign
+    from verification.comparison.plan import make_plan
 
     asked, _ = question(path, "validation", 1, (1.0,), (LOAD,))
     plan = make_plan(replace(asked, singles=True))

@@ -16,7 +16,7 @@ def model_folder(path: Path) -> Path:
     """A model folder as it is, or the one that is made of an ONNX policy; InputError if it is neither."""
     if path.suffix != ".onnx":
         return path
-    from fmus.loader import model_folders
+    from fmus.toolchain.loader import model_folders
     from learning.policy.controller import write_folder
     from learning.policy.export import read
 
@@ -66,8 +66,8 @@ def question(
 ) -> tuple[Any, Any]:
     """(what is asked, the policy): one policy on its task, on machines of a set."""
     from baselines import registry
-    from baselines.compare.plan import Question
     from learning.policy.export import read
+    from verification.comparison.plan import Question
 
     policy = read(path)
     folder = model_folder(path)

@@ -28,7 +28,7 @@ from specs.signals import signal
 
 OF_MACHINE = ("load_mass", "slew_dead_band", "pendulum_length", "inertia")
 Ranges = Mapping[str, tuple[float, float]]
-Spec = Mapping[str, Any]  # of a run of baselines.compare.plan
+Spec = Mapping[str, Any]  # of a run of verification.comparison.plan
 Pose = tuple[float, float]  # q_boom, q_stick [rad]
 
 

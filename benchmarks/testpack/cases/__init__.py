@@ -1,7 +1,7 @@
 """All cases of the pack, by subject."""
 
-from orchestrator.testpack.case import Case
-from orchestrator.testpack.cases import (
+from benchmarks.testpack.case import Case
+from benchmarks.testpack.cases import (
     connections,
     failures,
     files,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from orchestrator.testpack.render import component, connection, gives, ssd, system, takes
+from benchmarks.testpack.render import component, connection, gives, ssd, system, takes
 
 U = "(5 + 0.1*t)"  # what the FMU `source` gives
 HOP = 0.05  # more than a step's delay of it, and of what is made of it

@@ -1,8 +1,8 @@
 """Connections and what may happen on them."""
 
-from orchestrator.testpack.case import Case, cases
-from orchestrator.testpack.cases.common import HOP, U, gain, pair, source, whole
-from orchestrator.testpack.render import component, connection, gives, linear, mapping, takes
+from benchmarks.testpack.case import Case, cases
+from benchmarks.testpack.cases.common import HOP, U, gain, pair, source, whole
+from benchmarks.testpack.render import component, connection, gives, linear, mapping, takes
 
 COUNT = "whole(t/0.3)"
 MIDDLES = (0.2, 0.5, 0.8)  # when what counts stands still for more than a step

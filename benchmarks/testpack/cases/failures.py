@@ -1,9 +1,9 @@
 """FMUs that fail while they run: the run ends with an error that names component and time."""
 
-from orchestrator.testpack.case import Case, cases
-from orchestrator.testpack.cases.common import whole
-from orchestrator.testpack.cases.stepping import loop
-from orchestrator.testpack.render import component, gives
+from benchmarks.testpack.case import Case, cases
+from benchmarks.testpack.cases.common import whole
+from benchmarks.testpack.cases.stepping import loop
+from benchmarks.testpack.render import component, gives
 
 
 def _trouble(name: str) -> str:

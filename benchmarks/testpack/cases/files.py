@@ -1,8 +1,8 @@
 """Archives and files that must be refused."""
 
-from orchestrator.testpack.case import Case, Package, cases
-from orchestrator.testpack.cases.common import gain, pair, whole
-from orchestrator.testpack.render import (
+from benchmarks.testpack.case import Case, Package, cases
+from benchmarks.testpack.cases.common import gain, pair, whole
+from benchmarks.testpack.render import (
     XML,
     binding,
     bindings,

@@ -1,7 +1,7 @@
 """FMUs that must be refused."""
 
-from orchestrator.testpack.case import Case, Package, cases
-from orchestrator.testpack.cases.common import gain, whole
+from benchmarks.testpack.case import Case, Package, cases
+from benchmarks.testpack.cases.common import gain, whole
 
 GAIN = Package(whole([gain("culprit")], [], {"culprit.y": "Real"}))
 NAME = ("gain.fmu",)

@@ -1,8 +1,8 @@
 """Parameter values: where they may stand, which one counts, how they are named and converted."""
 
-from orchestrator.testpack.case import Case, Package, cases
-from orchestrator.testpack.cases.common import HOP, U, gain, source, whole
-from orchestrator.testpack.render import (
+from benchmarks.testpack.case import Case, Package, cases
+from benchmarks.testpack.cases.common import HOP, U, gain, source, whole
+from benchmarks.testpack.render import (
     XML,
     binding,
     bindings,

@@ -1,8 +1,8 @@
 """Descriptions that must be refused before the first step, by element and line."""
 
-from orchestrator.testpack.case import Case, cases
-from orchestrator.testpack.cases.common import gain, pair, source, whole
-from orchestrator.testpack.render import (
+from benchmarks.testpack.case import Case, cases
+from benchmarks.testpack.cases.common import gain, pair, source, whole
+from benchmarks.testpack.render import (
     annotation,
     binding,
     bindings,

@@ -1,8 +1,8 @@
 """How systems are stepped: exchange of values, rates, loops, events, clocks, steps that go otherwise."""
 
-from orchestrator.testpack.case import Case, cases
-from orchestrator.testpack.cases.common import HOP, U, gain, source, whole
-from orchestrator.testpack.render import annotation, component, connection, gives, takes
+from benchmarks.testpack.case import Case, cases
+from benchmarks.testpack.cases.common import HOP, U, gain, source, whole
+from benchmarks.testpack.render import annotation, component, connection, gives, takes
 
 
 def _integrator(name: str, fmu: str) -> str:

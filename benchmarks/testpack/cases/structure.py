@@ -1,8 +1,8 @@
 """How systems are put together: systems in systems, signal dictionaries, names."""
 
-from orchestrator.testpack.case import Case, Package, cases
-from orchestrator.testpack.cases.common import HOP, U, gain, source, whole
-from orchestrator.testpack.render import (
+from benchmarks.testpack.case import Case, Package, cases
+from benchmarks.testpack.cases.common import HOP, U, gain, source, whole
+from benchmarks.testpack.render import (
     NAMESPACES,
     VERSION,
     XML,

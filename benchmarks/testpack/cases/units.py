@@ -1,8 +1,8 @@
 """Units: converted where they differ, unless the description says not to."""
 
-from orchestrator.testpack.case import Case, cases
-from orchestrator.testpack.cases.common import HOP, U, gain, source, whole
-from orchestrator.testpack.render import connection, gives, linear
+from benchmarks.testpack.case import Case, cases
+from benchmarks.testpack.cases.common import HOP, U, gain, source, whole
+from benchmarks.testpack.render import connection, gives, linear
 
 UNIT_OF = {"gain_ddegC": "degC", "gain_dK": "K"}  # others are called after theirs
 

@@ -1,9 +1,9 @@
 """Values of every type through a connection, and arrays of FMI 3."""
 
-from orchestrator.testpack.case import Case, cases
-from orchestrator.testpack.cases.common import whole
-from orchestrator.testpack.models import FMI3_TYPES, SET
-from orchestrator.testpack.render import (
+from benchmarks.testpack.case import Case, cases
+from benchmarks.testpack.cases.common import whole
+from benchmarks.testpack.models import FMI3_TYPES, SET
+from benchmarks.testpack.render import (
     binding,
     bindings,
     component,

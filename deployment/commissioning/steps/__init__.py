@@ -1,1 +1,1 @@
-"""The steps of commissioning; `slewright.commissioning.procedure` has their order."""
+"""The steps of commissioning; `deployment.commissioning.procedure` has their order."""

@@ -5,9 +5,9 @@ Nothing is moved and nobody has to do anything; commands are sent as neutral and
 
 import numpy as np
 
+from deployment.commissioning.bench import Bench
 from runtime.can.codec import received_by
 from runtime.image import INPUT, NODE, TICK_S, Flag, Group, Status, group
-from slewright.commissioning.bench import Bench
 
 HEARTBEATS = ("operator_heartbeat", "machine_heartbeat", "imu_cabin_heartbeat", "imu_tool_heartbeat")
 WORDS = {s.value: s.name.lower().replace("_", " ") for s in Status}

@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
+from deployment.commissioning.bench import Bench
+from deployment.commissioning.rig import Trace
+from deployment.commissioning.steps import timing
+from deployment.commissioning.wiring import IMUS
 from runtime.image import TICK_S
-from slewright.commissioning.bench import Bench
-from slewright.commissioning.rig import Trace
-from slewright.commissioning.steps import timing
-from slewright.commissioning.wiring import IMUS
 
 TEXTS = {
     "x": "its left side up, by 45° or more",

@@ -8,11 +8,11 @@ import math
 
 import numpy as np
 
+from deployment.commissioning import balance
+from deployment.commissioning.bench import Bench
+from deployment.commissioning.rig import AXES, Trace
+from deployment.commissioning.wiring import IMUS, PRESSURES
 from runtime.image import INPUT
-from slewright.commissioning import balance
-from slewright.commissioning.bench import Bench
-from slewright.commissioning.rig import AXES, Trace
-from slewright.commissioning.wiring import IMUS, PRESSURES
 
 ALIVE = (
     *(f"qd_{axis}" for axis in AXES), *PRESSURES, "p_pump",

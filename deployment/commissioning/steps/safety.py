@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from slewright.commissioning.bench import Bench
-from slewright.commissioning.rig import AXES, JOYSTICKS
+from deployment.commissioning.bench import Bench
+from deployment.commissioning.rig import AXES, JOYSTICKS
 
 LEFT = {"slew": "left", "boom": "up", "stick": "out"}  # the positive way
 RIGHT = {"slew": "right", "boom": "down", "stick": "in"}

@@ -14,12 +14,12 @@ from scipy.signal import savgol_filter
 
 from baselines.arm_velocity.lut import GRID
 from baselines.arm_velocity.session import present_tables
+from deployment.commissioning import drive
+from deployment.commissioning.bench import Bench, hanging_height
+from deployment.commissioning.rig import AXES, Trace
+from deployment.commissioning.steps import timing
+from deployment.commissioning.steps.safety import LEFT, RIGHT, hold, release
 from runtime.image import TICK_S
-from slewright.commissioning import drive
-from slewright.commissioning.bench import Bench, hanging_height
-from slewright.commissioning.rig import AXES, Trace
-from slewright.commissioning.steps import timing
-from slewright.commissioning.steps.safety import LEFT, RIGHT, hold, release
 
 SIDES = {1.0: ("a", "b"), -1.0: ("b", "a")}  # driven chamber, other chamber
 TOOL = {"slew": ("roll", "x"), "boom": ("pitch", "y"), "stick": ("pitch", "y")}

@@ -9,11 +9,11 @@ import math
 
 import numpy as np
 
+from deployment.commissioning.bench import Bench
+from deployment.commissioning.rig import AXES, Rig, Trace
+from deployment.commissioning.steps.safety import LEFT, RIGHT, hold, release
 from fmus.equations import kinematics
 from runtime.image import TICK_S
-from slewright.commissioning.bench import Bench
-from slewright.commissioning.rig import AXES, Rig, Trace
-from slewright.commissioning.steps.safety import LEFT, RIGHT, hold, release
 
 TURN_DEG = {0.1: 15.0, 0.25: 30.0, 0.5: 45.0, 1.0: 60.0}  # to the left and back
 MODES = ("automatic", "hold", "armed")

@@ -6,11 +6,11 @@ controller had died, and the machine must centre its valves and say so.
 
 import numpy as np
 
+from deployment.commissioning import drive
+from deployment.commissioning.bench import Bench
+from deployment.commissioning.rig import Trace
+from deployment.commissioning.steps.safety import hold, release
 from runtime.image import TICK_S
-from slewright.commissioning import drive
-from slewright.commissioning.bench import Bench
-from slewright.commissioning.rig import Trace
-from slewright.commissioning.steps.safety import hold, release
 from specs.signals import signal
 
 TIMEOUT = next(n for n, text in signal("machine_fault").values.items() if text == "command_timeout")

@@ -8,10 +8,10 @@ import math
 import numpy as np
 from scipy.signal import savgol_filter
 
+from deployment.commissioning import drive
+from deployment.commissioning.bench import Bench
+from deployment.commissioning.steps.safety import hold, release
 from runtime.image import TICK_S
-from slewright.commissioning import drive
-from slewright.commissioning.bench import Bench
-from slewright.commissioning.steps.safety import hold, release
 
 MOVED_BY = {"roll": "slew", "pitch": "stick"}
 AXIS = {"roll": "x", "pitch": "y"}

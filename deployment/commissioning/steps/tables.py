@@ -10,12 +10,12 @@ from typing import Any
 from baselines.arm_velocity import lut, table_file
 from baselines.arm_velocity.model import JOINTS
 from baselines.arm_velocity.sweep import TICKS, Condition, Driver, shuffled, turning_points
+from deployment.commissioning import drive
+from deployment.commissioning.bench import Bench
+from deployment.commissioning.rig import Trace
+from deployment.commissioning.steps.safety import hold, release
 from records.measurement import Channel, Measurement
 from runtime.image import INPUT, OUTPUT
-from slewright.commissioning import drive
-from slewright.commissioning.bench import Bench
-from slewright.commissioning.rig import Trace
-from slewright.commissioning.steps.safety import hold, release
 
 FILE = "arm-tables.toml"
 LEVELS = (*(0.01 * k for k in range(10, 21, 2)), *(0.01 * k for k in range(24, 93, 4)))  # joystick

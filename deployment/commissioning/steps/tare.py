@@ -9,9 +9,9 @@ from baselines.load.balance import unknowns
 from baselines.load.calibration import calibrate, uncalibrated
 from baselines.load.calibration_file import as_dict
 from baselines.load.influence import influence
-from slewright.commissioning import balance, drive
-from slewright.commissioning.bench import Bench
-from slewright.commissioning.steps.safety import hold, release
+from deployment.commissioning import balance, drive
+from deployment.commissioning.bench import Bench
+from deployment.commissioning.steps.safety import hold, release
 
 FILE = "load-calibration.json"
 POSES = (

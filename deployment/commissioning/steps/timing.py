@@ -6,8 +6,8 @@ need not be steady.
 
 import numpy as np
 
+from deployment.commissioning.bench import Bench
 from runtime.image import TICK_S
-from slewright.commissioning.bench import Bench
 
 EDGE = 10  # ticks at either end over which the levels before and after are taken
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from fmus.slew import model as slew
+from fmus.models.slew import model as slew
 
 Namespace = Any
 

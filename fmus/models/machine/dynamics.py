@@ -6,7 +6,7 @@ from typing import Any
 import casadi as ca
 
 from fmus.equations import hydraulics, multibody, slew_drive
-from fmus.machine import arm_hydraulics
+from fmus.models.machine import arm_hydraulics
 
 Namespace = Any
 ANGLES = ("slew_angle", "boom_angle", "stick_angle", "tool_pitch", "tool_roll")

@@ -15,8 +15,8 @@ import casadi as ca
 
 from fmus.definition import Model
 from fmus.equations import cylinder, multibody, slew_drive
-from fmus.machine import dynamics
-from fmus.machine.arm_hydraulics import JOINTS, Joint
+from fmus.models.machine import dynamics
+from fmus.models.machine.arm_hydraulics import JOINTS, Joint
 
 Namespace = Any
 NAMES = ("supply", "valves", "friction", "oil", "mechanical")

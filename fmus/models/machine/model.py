@@ -5,7 +5,7 @@ Stands in for the real machine, of which no recordings are public; equations and
     M(q) q'' + c(q, q') = torques          fmus/equations/multibody.py    slew, boom, stick, tool pitch, roll
     p' = bulk / V (flows - volume rate)    fmus/equations/cylinder.py     boom, stick
                                            fmus/equations/slew_drive.py   slew motor with its brake
-    p_pump' = bulk / V (pump - demands)    fmus/machine/arm_hydraulics.py
+    p_pump' = bulk / V (pump - demands)    fmus/models/machine/arm_hydraulics.py
 
 Angles rad, pressures Pa (gauge), flows m3/s, torques N m.  Valid inside the joint limits of geometry.toml,
 tool angles below 1.2 rad (at a roll of pi/2 the universal joint locks), loads of 0..2500 kg.
@@ -15,7 +15,7 @@ from typing import Any
 
 from fmus.definition import Model, Variable, from_parameters, from_signals
 from fmus.equations import cylinder, multibody, slew_drive
-from fmus.machine import arm_hydraulics, dynamics, sensors
+from fmus.models.machine import arm_hydraulics, dynamics, sensors
 
 Namespace = Any
 

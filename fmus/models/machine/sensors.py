@@ -11,7 +11,7 @@ import casadi as ca
 
 from fmus.definition import Sensor
 from fmus.equations import multibody
-from fmus.machine.dynamics import Instant, evaluate
+from fmus.models.machine.dynamics import Instant, evaluate
 
 Namespace = Any
 AXES = ("x", "y", "z")

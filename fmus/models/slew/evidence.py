@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from fmus.slew import fit as fitting, traces
-from fmus.slew.score import BAR, Run
-from fmus.slew.traces import PERIOD, Trace
+from fmus.models.slew import fit as fitting, traces
+from fmus.models.slew.score import BAR, Run
+from fmus.models.slew.traces import PERIOD, Trace
 from specs import parameters as parameter_specs
 
 MOVING = np.radians(1.0)  # rad/s

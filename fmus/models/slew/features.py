@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from fmus.slew.traces import Trace
+from fmus.models.slew.traces import Trace
 
 STEP_AT, RELEASE_AT = 1.0, 8.0  # s, of the step traces
 SHARES = (0.05, 0.63, 0.9)

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from fmus.slew import features, score, traces
-from fmus.slew.score import Run, Score
-from fmus.slew.simulation import Simulator
-from fmus.slew.traces import Trace
+from fmus.models.slew import features, score, traces
+from fmus.models.slew.score import Run, Score
+from fmus.models.slew.simulation import Simulator
+from fmus.models.slew.traces import Trace
 from specs import parameters as parameter_specs
+from specs.progress import Report
 
-Report = Callable[..., None]
 Block = tuple[np.ndarray, np.ndarray]  # scaled errors (SIGNALS x rows), and d errors / d parameters
 STARTS = Path(__file__).with_name("start.toml")
 # Errors of one (speed, angle, pressure) that weigh alike: what the traces are worth.
@@ -197,7 +197,7 @@ def run(report: Report | None = None) -> dict[str, Any]:
     t m2 apart, the steps' features, the traces' own mirror difference, and the parameters with how far the
     traces identify each.
     """
-    from fmus.slew import evidence  # which needs this module
+    from fmus.models.slew import evidence  # which needs this module
 
     known = traces.load()
     result = fit(report=report)

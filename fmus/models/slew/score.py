@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from fmus.slew.traces import PERIOD, Trace
+from fmus.models.slew.traces import PERIOD, Trace
 
 WINDOW = 10.0  # s
 LOADED = 30e5  # Pa: the sign of a pressure difference below this says nothing

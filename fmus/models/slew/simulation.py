@@ -15,12 +15,12 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from fmus import compiler
-from fmus.build import BUILD, SHIM
-from fmus.codegen import CASADI_OPTIONS
 from fmus.definition import Model
-from fmus.slew.model import MODEL
-from fmus.slew.traces import PERIOD, Trace
+from fmus.models.slew.model import MODEL
+from fmus.models.slew.traces import PERIOD, Trace
+from fmus.toolchain import compiler
+from fmus.toolchain.build import BUILD, SHIM
+from fmus.toolchain.codegen import CASADI_OPTIONS
 
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
 DELAY = "slew_delay"

@@ -13,7 +13,7 @@ import numpy as np
 
 from specs.errors import InputError
 
-FOLDER = Path(__file__).resolve().parents[2] / "tests" / "data" / "slew_traces"
+FOLDER = Path(__file__).resolve().parents[3] / "tests" / "data" / "slew_traces"
 PERIOD = 0.1  # s
 SETTLED = 1.0  # s: before, the networks' zero-filled history dies away; not machine behaviour
 FIT_INERTIAS, APART = (250e3, 550e3), 700e3  # kg m2

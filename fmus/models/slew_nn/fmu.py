@@ -4,17 +4,17 @@ import re
 import tempfile
 from pathlib import Path
 
-from fmus.build import build_fmu
-from fmus.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.network import SlewNetwork
+from fmus.toolchain.build import build_fmu
 from specs.errors import InputError
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-MODEL = '''"""A slew network of its own; written by fmus/slew_nn/fmu.py."""
+MODEL = '''"""A slew network of its own; written by fmus/models/slew_nn/fmu.py."""
 
 from pathlib import Path
 
-from fmus.slew_nn.model import of_network
-from fmus.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.model import of_network
+from fmus.models.slew_nn.network import SlewNetwork
 
 MODEL = of_network(SlewNetwork.load(Path(__file__).with_name("weights.npz")), "{name}")
 '''

@@ -19,8 +19,8 @@ import casadi as ca
 
 from fmus.definition import Model, Namespace, Variable, from_parameters, from_signals
 from fmus.equations import slew_drive
-from fmus.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
-from fmus.slew_nn.symbolic import predict
+from fmus.models.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
+from fmus.models.slew_nn.symbolic import predict
 
 STEP = 0.02  # s
 TICKS = round(PERIOD_S / STEP)  # of a prediction

@@ -6,7 +6,7 @@
 at 0.1 s; the second takes the first one's prediction.  u is the joystick -1..1 that was held from k-1 to k,
 p_l and p_r the chambers (signals p_slew_b and p_slew_a; p_r drives positive omega) in Pa, omega the slew
 speed as the encoder gives it in rad/s, I the slew inertia from pose and nominal masses in kg m2.  Histories
-run from old to new, inputs lie in the order written.  Source: the paper (fmus/slew_nn/README.md).
+run from old to new, inputs lie in the order written.  Source: the paper (fmus/models/slew_nn/README.md).
 
 A model may lack an input: without `pressure` networks the speed follows from u, omega and I, and pressures
 stay; a velocity network of one input less does not see I.

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 
-from fmus.slew_nn.network import HISTORY, Mlp, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, Mlp, SlewNetwork
 
 
 def predict(network: SlewNetwork) -> ca.Function:

@@ -1,6 +1,6 @@
 """Slew networks with random weights, for tests and for measuring speed; they describe no machine.
 
-python -m fmus.slew_nn.untrained [FILE] [SEED]    writes a small one
+python -m fmus.models.slew_nn.untrained [FILE] [SEED]    writes a small one
 """
 
 import sys
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.slew_nn.network import HISTORY, INPUTS, Mlp, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, INPUTS, Mlp, SlewNetwork
 
 PRESSURE_LAYERS, VELOCITY_LAYERS = (128, 128, 128, 128, 32), (128, 128, 128, 32)  # the paper's
 SMALL = (16,)

@@ -1,7 +1,7 @@
 """How a machine's arm answers its references: what it loses of small ones, its gain, its ringing on the oil.
 
     slewright collect arm_steps --machine tuning:0          # and others
-    python -m learning.policy.arm_traits [COLLECTION...]    # out/collect/arm_steps-*
+    python -m learning.policy.simulation.arm_traits [COLLECTION...]    # out/collect/arm_steps-*
 
 From steps of the references and the encoders' angles alone: what a recipe's `dead_rate`, `arm_gain`, `oil_hz`
 and `oil_damping` stand for.  A damping at the end of what is tried: it does not ring, and its Hz say nothing.

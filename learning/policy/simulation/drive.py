@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from fmus.slew_nn.network import CELL_AXES, TOLERANCE, Mlp, SlewNetwork
+from fmus.models.slew_nn.network import CELL_AXES, TOLERANCE, Mlp, SlewNetwork
 
 
 class Drive:

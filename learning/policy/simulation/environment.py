@@ -15,15 +15,15 @@ import torch
 from torch import Tensor
 
 from fmus.equations import kinematics
-from fmus.slew_nn.network import HISTORY as SPEEDS, INPUTS, SlewNetwork
-from learning.policy.drive import Drive
+from fmus.models.slew_nn.network import HISTORY as SPEEDS, INPUTS, SlewNetwork
 from learning.policy.features import errors
-from learning.policy.kernel import Kernel
-from learning.policy.period import tip_of
-from learning.policy.plant import Machine, Plant, nominal
 from learning.policy.recipe import Randomisation, Recipe
-from learning.policy.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
-from learning.policy.situation import Situation
+from learning.policy.simulation.drive import Drive
+from learning.policy.simulation.kernel import Kernel
+from learning.policy.simulation.period import tip_of
+from learning.policy.simulation.plant import Machine, Plant, nominal
+from learning.policy.simulation.rewards import ACTION_SCALE, ARC, MARGIN_M, Instant
+from learning.policy.simulation.situation import Situation
 from specs import parameters
 from specs.errors import InputError
 from specs.policy import CHANNELS, SENSORS, SLEW_ERROR, SPACING_S, TICK_S

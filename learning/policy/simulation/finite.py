@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor, nn
 
-from learning.policy.plant import State
+from learning.policy.simulation.plant import State
 
 if TYPE_CHECKING:
     from learning.policy.trainer import Step

@@ -20,8 +20,8 @@ import casadi as ca
 import torch
 from torch import Tensor
 
-from fmus import compiler
 from fmus.paths import BUILD
+from fmus.toolchain import compiler
 from learning.policy.graph import element, steps, to_torch
 from specs.errors import InputError, RunError
 

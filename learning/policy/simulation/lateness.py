@@ -1,6 +1,6 @@
 """How well the slew networks foretell the gyro when they run ahead of the clock (plant.py, `ahead`).
 
-    python -m learning.policy.lateness [COLLECTION]        # out/collect/paper-nominal
+    python -m learning.policy.simulation.lateness [COLLECTION]        # out/collect/paper-nominal
 
 Mean absolute errors of speed and angle over 10 s open loop on a collection's validation recordings, for 0,
 1 and 2 periods ahead.  The angle is the running sum of the error in speed.
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
+from fmus.models.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
 from learning.collection import manifest
 from learning.policy.session import NETWORKS
 from learning.slew.trajectory import Trajectory, of_measurement

@@ -15,9 +15,9 @@ from typing import Any
 import casadi as ca
 
 from fmus.equations import kinematics, multibody
-from fmus.loader import load_model
-from fmus.slew_nn.network import HISTORY, PERIOD_S
-from learning.policy.kernel import Kernel
+from fmus.models.slew_nn.network import HISTORY, PERIOD_S
+from fmus.toolchain.loader import load_model
+from learning.policy.simulation.kernel import Kernel
 from specs import parameters
 from specs.policy import TICK_S
 

@@ -23,9 +23,19 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from fmus.slew_nn.network import HISTORY
-from learning.policy.drive import Drive
-from learning.policy.period import ARM, ARM_OWN, KEPT, OWN, OWN_DEAD_BAND, TICKS, TOOL, VARIED, equations
+from fmus.models.slew_nn.network import HISTORY
+from learning.policy.simulation.drive import Drive
+from learning.policy.simulation.period import (
+    ARM,
+    ARM_OWN,
+    KEPT,
+    OWN,
+    OWN_DEAD_BAND,
+    TICKS,
+    TOOL,
+    VARIED,
+    equations,
+)
 from specs import parameters
 from specs.policy import TICK_S
 

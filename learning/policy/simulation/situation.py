@@ -6,7 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from learning.policy.plant import Machine, State
+from learning.policy.simulation.plant import Machine, State
 
 HIDDEN = 12  # of `hidden`
 

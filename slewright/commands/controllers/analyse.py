@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 
 COLUMNS = (
     *("pose", "inertia t m²", "gain dB", "phase °", "delay s", "crossover rad/s", "sensitivity", "stable"),

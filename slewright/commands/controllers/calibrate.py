@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, check_target, write, write_text
+from records.figures_file import check_target, write, write_text
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 

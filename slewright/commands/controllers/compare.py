@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 
 QUICK_MACHINES = 2
@@ -88,12 +89,12 @@ def compare(
 ) -> None:
     """Compare controllers on both tasks and all loads, on re-drawn machines; four metrics, intervals."""
     from baselines import registry
-    from baselines.compare.figures import figures
-    from baselines.compare.plan import SEALED, Question, check_targets, make_plan
-    from orchestrator.campaign.run import run_campaign
-    from slewright import comparison
     from specs import draws
     from specs.errors import InputError
+    from verification.campaign.run import run_campaign
+    from verification.comparison import tables
+    from verification.comparison.figures import figures
+    from verification.comparison.plan import SEALED, Question, check_targets, make_plan
 
     if draw_set == SEALED:
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
@@ -111,7 +112,7 @@ def compare(
     )
     check_targets()
     if page is not None:
-        comparison.check_page(page)
+        tables.check_page(page)
     opened = draws.open_test_set(sealed) if sealed else None
     plan = make_plan(question, opened)
     _warn(own, plan.runs)
@@ -123,14 +124,14 @@ def compare(
     _show(found)
     write(json, found, seed=1)
     if page is not None:
-        comparison.fill(page, found, _command(question, list(own), gains or ()))
+        tables.fill(page, found, _command(question, list(own), gains or ()))
     if found["failed"]:
         raise typer.Exit(3)
 
 
 def _show(found: dict[str, Any]) -> None:
-    from slewright.comparison import tables
     from slewright.tables import show
+    from verification.comparison.tables import tables
 
     for table in tables(found):
         show(table.title, table.columns, table.rows)
@@ -141,7 +142,7 @@ def _show(found: dict[str, Any]) -> None:
 def _own(paths: Sequence[Path]) -> dict[Path, Any]:
     """Policies and model folders as controllers, by the path that was told."""
     from baselines import registry
-    from slewright.policies import model_folder, short_names
+    from verification.evaluation.policies import model_folder, short_names
 
     names = dict(zip(paths, short_names(paths), strict=True))
     return {path: registry.foreign(model_folder(path), n, f"policy {n}") for path, n in names.items()}
@@ -149,18 +150,18 @@ def _own(paths: Sequence[Path]) -> dict[Path, Any]:
 
 def _warn(own: Mapping[Path, Any], runs: Sequence[Any]) -> None:
     """Of each policy what its runs ask beyond its training."""
-    from slewright import trained
+    from verification.evaluation import training_range
 
     for path, controller in own.items():
         specs = [run.spec for run in runs if run.spec["controller"] == controller.name]
-        for text in trained.warnings(path, specs):
+        for text in training_range.warnings(path, specs):
             typer.echo(f"warning: {text}", err=True)
 
 
 def _command(question: Any, policies: Sequence[Path] = (), gains: Sequence[str] = ()) -> str:
     """The command that asks this question, as a page says it."""
     from baselines import registry
-    from baselines.compare.plan import LOADS, TASKS
+    from verification.comparison.plan import LOADS, TASKS
 
     parts = [f"slewright compare --draws {question.draw_set} --machines {question.machines}"]
     parts += ["--sweeps"] if question.sweeps else []

@@ -5,7 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, check_target, write
+from records.figures_file import check_target, write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 
 
@@ -54,9 +55,9 @@ def evaluate(
     json: JsonOption = None,
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
-    from slewright import evaluation, policies
     from specs import draws
     from specs.errors import InputError
+    from verification.evaluation import evaluation, policies
 
     if draw_set == draws.SEALED:
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
@@ -92,8 +93,8 @@ def evaluate(
 
 def _show(found: dict, name: str, where: str) -> None:
     """The figures by load, and by seed where there are several."""
-    from slewright import evaluation
     from slewright.tables import show
+    from verification.evaluation import evaluation
 
     unit = "deg" if found["task"] == "slew" else "m"
     columns = ("speed °/s", "overshoot °", "largest °", f"error {unit}", "tool °/s", "missed", "ended", "n")
@@ -106,9 +107,9 @@ def _show(found: dict, name: str, where: str) -> None:
 
 def _checked(task: str, page: Path | None, mark: str, beside: Path | None) -> dict:
     """The runs of --beside; what is wrong with it or --page is refused now, not after the runs."""
-    from slewright import markers
-    from slewright.beside import known
+    from records.report import markers
     from specs.errors import InputError
+    from verification.comparison.policy_vs_controllers import known
 
     if beside and page is None:
         raise InputError("--beside fills in a page's table: it needs --page")
@@ -122,9 +123,9 @@ def _checked(task: str, page: Path | None, mark: str, beside: Path | None) -> di
 
 def _fill(found: dict, policy: Path, page: Path, mark: str, others: dict) -> None:
     """The page's tables."""
-    from slewright import evaluation
-    from slewright.beside import table
-    from slewright.markers import fill
+    from records.report.markers import fill
+    from verification.comparison.policy_vs_controllers import table
+    from verification.evaluation import evaluation
 
     fill(page, mark, evaluation.markdown(found))
     if others:
@@ -135,7 +136,7 @@ def _fill(found: dict, policy: Path, page: Path, mark: str, others: dict) -> Non
 
 def _draw(policy: Path, out: Path, pace: float, figures: Path) -> None:
     """The two pictures of a policy of the full task."""
-    from slewright import policy_figures
+    from verification.evaluation import pictures
 
-    for path in policy_figures.draw(policy, out / "figures", pace, figures):
+    for path in pictures.draw(policy, out / "figures", pace, figures):
         typer.echo(f"written: {path}")

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from slewright.commands.compare import Task
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.commands.controllers.compare import Task
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from specs.errors import InputError
 

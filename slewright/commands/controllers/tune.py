@@ -4,7 +4,8 @@ from typing import Annotated
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 
 

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from slewright import figures, tables
+from records import figures_file
+from slewright import tables
 from slewright.figures import JsonOption
 from slewright.progress import progress
 
@@ -45,6 +46,6 @@ def collect(
         if entry["aborted"]:
             typer.echo(f"{entry['file']}: {entry['aborted']}")
     typer.echo(f"recordings: {folder}\ncoverage: {folder / 'coverage.html'}")
-    figures.write(json, manifest, checked.seed)
+    figures_file.write(json, manifest, checked.seed)
     if manifest["aborted"]:
         raise typer.Exit(3)

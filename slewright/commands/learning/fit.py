@@ -2,7 +2,8 @@
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 
@@ -17,7 +18,7 @@ def fit() -> None:
 @app.command()
 def slew(json: JsonOption = None) -> None:
     """Fit the slew drive to the slew traces and score it on the traces that were not used."""
-    from fmus.slew.fit import run
+    from fmus.models.slew.fit import run
 
     with progress("fit slew") as report:
         figures = run(report)

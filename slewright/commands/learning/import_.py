@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, check_target, write
+from records.figures_file import check_target, write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 
 if TYPE_CHECKING:
-    from fmus.slew_nn.network import SlewNetwork
+    from fmus.models.slew_nn.network import SlewNetwork
     from learning.slew.acceptance import Acceptance
 
 app = typer.Typer(help="Bring what was made elsewhere.", no_args_is_help=True)
@@ -44,7 +45,7 @@ def slew(
     json: JsonOption = None,
 ) -> None:
     """Bring a slew model trained elsewhere: check it against a recording, write it as .npz, ONNX and FMU."""
-    from fmus.slew_nn.fmu import check_name
+    from fmus.models.slew_nn.fmu import check_name
     from learning.slew.acceptance import accept, trajectories
     from learning.slew.exchange import read_pair
 
@@ -72,7 +73,7 @@ def _check_out(out: Path) -> None:
 
 
 def _write(network: "SlewNetwork", out: Path, fmu: Path | None, fmi: int) -> list[Path]:
-    from fmus.slew_nn.fmu import build_from
+    from fmus.models.slew_nn.fmu import build_from
     from learning.slew.exchange import to_onnx
 
     written = []

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 
@@ -57,7 +58,7 @@ def slew(
         seeds=tuple(range(first_seed, first_seed + seeds)), budget=budget, out=out,
     )  # fmt: skip
     if doc is not None:
-        from slewright import markers
+        from records.report import markers
 
         markers.around(doc, f"slew-{_kind(options)}")  # refused now, not after the training
     with progress("train slew") as report:
@@ -71,7 +72,7 @@ def slew(
     for line in figures["notes"]:
         typer.echo(line)
     if doc is not None:
-        from slewright.markers import fill
+        from records.report.markers import fill
 
         fill(doc, f"slew-{_kind(options)}", session.markdown(figures))
     write(json, {**figures, **figures["variants"]}, first_seed)

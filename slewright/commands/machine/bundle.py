@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 
 
@@ -49,11 +50,11 @@ def bundle(
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
-    from slewright import trained
-    from slewright.bundling import archive as signing
-    from slewright.bundling.build import bundle as build
-    from slewright.commands.deploy_keys import passphrase
+    from deployment.bundling import archive as signing
+    from deployment.bundling.build import bundle as build
+    from slewright.commands.machine.deploy_keys import passphrase
     from specs.errors import InputError
+    from verification.evaluation import training_range
 
     if sign is None and (archive or release or config):
         raise InputError("--archive, --release and --config are of a signed archive: add --sign KEY.pem")
@@ -69,7 +70,7 @@ def bundle(
             calibration=calibration,
             commissioning=commissioning,
         )
-    for text in trained.at_start(Path(controller)) if controller.endswith(".onnx") else ():
+    for text in training_range.at_start(Path(controller)) if controller.endswith(".onnx") else ():
         typer.echo(f"warning: {text}", err=True)
     typer.echo(f"{made.folder}: {made.controller} for {', '.join(made.platforms)}, SHA-256 {made.digest}")
     figures = {"controller": made.controller, "platforms": list(made.platforms), "sha256": made.digest}

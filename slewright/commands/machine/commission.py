@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slewright import figures
+from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from specs.errors import InputError
 
 if TYPE_CHECKING:
-    from slewright.commissioning.matrix import Case
-    from slewright.commissioning.procedure import Outcome
-    from slewright.commissioning.session import Session
+    from deployment.commissioning.matrix import Case
+    from deployment.commissioning.procedure import Outcome
+    from deployment.commissioning.session import Session
 
 OUT = Path("out/commission")
 SHOWN = 8  # failed checks on the terminal
@@ -87,11 +87,11 @@ def commission(
         )
     content = {"simulated": simulate, "steps": _steps(session)}
     if simulate:
-        from slewright.commissioning.matrix import by_group
+        from deployment.commissioning.matrix import by_group
 
         content["wiring_faults"] = by_group(cases)
         content["wiring_cases"] = [vars(c) for c in cases]
-    figures.write(json, content, seed if simulate else None)
+    figures_file.write(json, content, seed if simulate else None)
     if any(o.verdict != "passed" for o in outcomes) or any(not c.found for c in cases):
         raise typer.Exit(1)
 
@@ -99,12 +99,12 @@ def commission(
 def _machine(
     config: Path, out: Path, resume: bool, step: str | None, who: str | None, yes: bool
 ) -> "tuple[list[Outcome], Session]":
+    from deployment.commissioning.operator import Person
+    from deployment.commissioning.rig import RealTime, Rig
     from runtime import configuration, realtime
     from runtime.archive import start
     from runtime.can.port import frame_source, open_bus
     from runtime.policy import open_core
-    from slewright.commissioning.operator import Person
-    from slewright.commissioning.rig import RealTime, Rig
 
     wanted = configuration.read(config)
     configuration.check_surroundings(wanted)
@@ -142,9 +142,9 @@ def _rehearse(
     workers: int,
     markdown: Path | None,
 ) -> "tuple[list[Outcome], Session, list[Case]]":
-    from slewright.bundling.default import ready
-    from slewright.commissioning import matrix, wiring as faults
-    from slewright.markers import around
+    from deployment.bundling.default import ready
+    from deployment.commissioning import matrix, wiring as faults
+    from records.report.markers import around
     from specs import draws
     from specs.version import VERSION
 
@@ -180,10 +180,10 @@ def _simulated(
     injected: Any,
     what: str,
 ) -> "tuple[list[Outcome], Session]":
+    from deployment.commissioning.rig import Rig
+    from deployment.commissioning.simulated import SimulatedMachine, SimulatedOperator
     from runtime.bundle import load
     from runtime.policy import open_core
-    from slewright.commissioning.rig import Rig
-    from slewright.commissioning.simulated import SimulatedMachine, SimulatedOperator
 
     loaded = load(folder)
     identity = {"machine": f"simulated reference machine ({machine}, seed {seed})", "bundle": loaded.digest}
@@ -206,15 +206,15 @@ def _clear(folder: Path) -> None:
 
 
 def _session(out: Path, identity: dict[str, Any], resume: bool) -> "Session":
-    from slewright.commissioning.procedure import NAMES
-    from slewright.commissioning.session import Session
+    from deployment.commissioning.procedure import NAMES
+    from deployment.commissioning.session import Session
 
     out.parent.mkdir(parents=True, exist_ok=True)
     return Session.open(out, NAMES, identity, resume)
 
 
 def _steps_of(session: Any, rig: Any, operator: Any, step: str | None) -> "list[Outcome]":
-    from slewright.commissioning.procedure import STEPS, check_before, find, perform
+    from deployment.commissioning.procedure import STEPS, check_before, find, perform
 
     todo = [find(step)] if step else [s for s in STEPS if not session.passed(s.name)]
     if step:
@@ -246,7 +246,7 @@ def _show(outcome: "Outcome", path: Path) -> None:
 
 
 def _show_cases(cases: "list[Case]") -> None:
-    from slewright.commissioning.matrix import by_group, steps_of
+    from deployment.commissioning.matrix import by_group, steps_of
     from slewright.tables import show
 
     rows = [(g, row["injected"], row["found"], steps_of(row)) for g, row in by_group(cases).items()]
@@ -258,7 +258,7 @@ def _show_cases(cases: "list[Case]") -> None:
 
 def _steps(session: "Session") -> dict[str, Any]:
     """All steps that have a record, also those of an earlier call that was gone on with."""
-    from slewright.commissioning.bench import Check
+    from deployment.commissioning.bench import Check
 
     records = {name: record for name in session.steps if (record := session.record(name))}
     checks = {name: [Check(**c) for c in record["checks"]] for name, record in records.items()}

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slewright.commands import deploy_keys
-from slewright.commands.deploy_keys import KeysOption
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.commands.machine import deploy_keys
+from slewright.commands.machine.deploy_keys import KeysOption
+from slewright.figures import JsonOption
 from slewright.tables import show
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 from slewright.tables import show
 
 if TYPE_CHECKING:
@@ -129,8 +130,8 @@ def endorsement(public: Path) -> Path:
 
 
 def _endorse(public: Path, by: "PrivateKey") -> None:
+    from records.figures_file import write_text
     from runtime.archive import keys, trust
-    from slewright.figures import write_text
 
     key = keys.read_public(public)
     write_text(endorsement(public), trust.endorse(key, by).decode())

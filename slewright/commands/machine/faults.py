@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from slewright import figures
+from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
 
@@ -22,14 +22,14 @@ def faults(
     json: JsonOption = None,
 ) -> None:
     """Inject every fault into the runtime; exit code 1 if a reaction is missed or late (docs/hazards.md)."""
-    from slewright.bundling.default import ready
-    from slewright.faults.run import faults as chosen, run
+    from deployment.bundling.default import ready
+    from deployment.faults.run import faults as chosen, run
 
     wanted = chosen(names or ())
     with progress("faults") as report:
         outcomes = run(ready(bundle, report), wanted, count, seed, report)
     _show(outcomes)
-    figures.write(json, {outcome.fault.name: outcome.figures() for outcome in outcomes}, seed)
+    figures_file.write(json, {outcome.fault.name: outcome.figures() for outcome in outcomes}, seed)
     missed = [outcome for outcome in outcomes if outcome.missed]
     for outcome in missed:
         typer.echo(f"slewright: {outcome.fault.name} missed: {'; '.join(outcome.missed[:3])}", err=True)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from slewright import figures
+from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
 
@@ -30,10 +30,10 @@ def hil(
     json: JsonOption = None,
 ) -> None:
     """Run a scenario in real time on one computer; metrics must be those of lock-step within tolerance."""
-    from slewright.bundling.default import ready
-    from slewright.commands.run import show_page
-    from slewright.hil.hil import SLEW_DEG, TOLERANCES, on_page, run
-    from slewright.hil.rig import Setting
+    from deployment.bundling.default import ready
+    from deployment.hil.hil import SLEW_DEG, TOLERANCES, on_page, run
+    from deployment.hil.rig import Setting
+    from slewright.commands.machine.run import show_page
     from slewright.tables import show
     from specs.errors import InputError
     from specs.scenario import TICK_S, load
@@ -66,7 +66,7 @@ def hil(
     )
     misses = result.misses()
     tolerances = {name: limit for name, (_, limit) in TOLERANCES.items()}
-    figures.write(
+    figures_file.write(
         json,
         {
             "real_time": result.real,

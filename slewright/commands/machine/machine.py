@@ -30,10 +30,10 @@ def machine(
     ] = False,
 ) -> None:
     """The simulated machine and its operator on a bus, for slewright run (docs/runtime.md)."""
+    from deployment.hil.machine import Machine
+    from deployment.hil.machine_node import MachineNode
+    from deployment.hil.standalone_machine import Alone, Operator, drive
     from runtime.configuration import LOCAL_BUS
-    from slewright.hil.alone import Alone, Operator, drive
-    from slewright.hil.machine import Machine
-    from slewright.hil.machine_node import MachineNode
     from slewright.progress import progress
     from specs.scenario import TICK_S, load
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from slewright import figures
+from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
 
@@ -39,7 +39,7 @@ def replay(
         result = repeat(recording, open_core(checked), lambda ticks: report("ticks", ticks))
     for note in result.notes:
         typer.echo(f"slewright: {note}", err=True)
-    figures.write(
+    figures_file.write(
         json,
         {
             "ticks": result.ticks,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from slewright import figures
+from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
 
@@ -59,7 +59,7 @@ def run(
                 stopped = True
                 found = supervisor.run(show, stop=lambda: True)
     _show(found)
-    figures.write(json, {**found, "interrupted": stopped})
+    figures_file.write(json, {**found, "interrupted": stopped})
 
 
 def show_page(supervisor: "Supervisor") -> None:
@@ -68,7 +68,7 @@ def show_page(supervisor: "Supervisor") -> None:
     Those of a machine go to a terminal only, not into a service's log.
     """
     from runtime.configuration import LOCAL_BUS
-    from slewright.commands.hmi import show_tokens
+    from slewright.commands.machine.hmi import show_tokens
 
     wanted = supervisor.wanted.hmi
     if wanted is None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from slewright import figures
+from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from specs.errors import InputError
@@ -56,10 +56,10 @@ def shadow(
     json: JsonOption = None,
 ) -> None:
     """What the controller would have done while an operator drove, and how close the reference machine is."""
+    from deployment.shadow import report as reports
     from runtime.bundle import load as load_bundle
     from runtime.recorder.reader import Recording
     from runtime.replay import bundle_of
-    from slewright.shadow import report as reports
 
     if bundle is None and simulate is not None:
         raise InputError("--simulate needs --bundle: what is to run (slewright bundle pd --out pd.bundle)")
@@ -72,12 +72,12 @@ def shadow(
         found = reports.run(asked, report)
     _show(found)
     typer.echo(f"report: {out / reports.PAGE}")
-    figures.write(json, found, seed if simulate is not None else None)
+    figures_file.write(json, found, seed if simulate is not None else None)
 
 
 def _simulate(asked, simulate: str, scenario: str, seconds: float | None, seed: int, report) -> None:
+    from deployment.shadow.simulated import Simulated
     from slewright.drive import which
-    from slewright.shadow.simulated import Simulated
     from specs import scenario as scenarios
     from specs.scenario import TICK_S
 
@@ -93,7 +93,7 @@ def _simulate(asked, simulate: str, scenario: str, seconds: float | None, seed: 
 
 
 def _show(found: dict) -> None:
-    from slewright.shadow.rows import sentences, tables
+    from deployment.shadow.rows import sentences, tables
     from slewright.tables import show
 
     for title, columns, rows in tables(found):

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from slewright.figures import JsonOption, check_target, write
+from records.figures_file import check_target, write
+from slewright.figures import JsonOption
 from slewright.tables import show
 
 MARKERS = "effects"
@@ -23,7 +24,8 @@ def effects(
     """List the effects that reconcile can name: equation, parameters and where each is from."""
     from rich.markup import escape
 
-    from slewright import catalogue, markers
+    from records.report import markers
+    from slewright import catalogue
 
     rows = catalogue.rows()
     columns = catalogue.HEADINGS

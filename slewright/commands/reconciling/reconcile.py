@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError

@@ -5,9 +5,11 @@ from typing import Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, write
-from slewright.progress import Report, progress
+from records.figures_file import write
+from slewright.figures import JsonOption
+from slewright.progress import progress
 from slewright.tables import show
+from specs.progress import Report
 
 
 def build(
@@ -20,9 +22,9 @@ def build(
     json: JsonOption = None,
 ) -> None:
     """Build all FMUs (unchanged ones come from the cache), validate them, and pack the systems."""
-    from fmus import compiler
-    from fmus.build import build_all
-    from orchestrator.pack import pack_system
+    from fmus.toolchain import compiler
+    from fmus.toolchain.build import build_all
+    from orchestrator.system.pack import pack_system
     from specs import systems
 
     names = [compiler.host().name, *(compiler.target(name).name for name in target or [])]

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from slewright import figures
+from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
 
@@ -30,8 +30,8 @@ def campaign(
     json: JsonOption = None,
 ) -> None:
     """Do the runs of a plan that are not done yet; write results and a summary page."""
-    from orchestrator.campaign.plan import load_plan
-    from orchestrator.campaign.run import run_campaign
+    from verification.campaign.plan import load_plan
+    from verification.campaign.run import run_campaign
 
     checked = load_plan(plan, open_test_set)
     folder = out or Path("out/campaign") / checked.name
@@ -44,7 +44,7 @@ def campaign(
     for key in found.failed[:SHOWN]:
         typer.echo(f"failed: {key}: {found.results[key]['failed'].splitlines()[0]}")
     typer.echo(f"content hash {found.content_hash[:16]}\nsummary: {found.summary}")
-    figures.write(
+    figures_file.write(
         json,
         {
             "runs": len(checked.runs),

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, write
+from records.figures_file import write
+from slewright.figures import JsonOption
 
 if TYPE_CHECKING:
-    from orchestrator.system import Component, System
+    from orchestrator.fmi.component import Component
+    from orchestrator.system.system import System
 
 
 def check(
@@ -20,7 +22,7 @@ def check(
 
     Exit code 2, with element and line, where it could not be simulated as described.
     """
-    from orchestrator.check import load_system
+    from orchestrator.system.check import load_system
     from slewright.tables import show
 
     system = load_system(file)
@@ -55,7 +57,7 @@ def figures(system: "System") -> dict[str, Any]:
 
 
 def _component(component: "Component", step_s: float) -> dict[str, Any]:
-    from orchestrator.trust import runs_here
+    from orchestrator.fmi.trust import runs_here
 
     variables = component.model.variables.values()
     causalities = Counter(v.causality for v in variables)

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from slewright import figures
-from slewright.figures import JsonOption, check_target
+from records import figures_file
+from records.figures_file import check_target
+from slewright.figures import JsonOption
 from specs.errors import InputError
 
 
@@ -66,7 +67,7 @@ def convert(
     rates = {c.name: {"samples": len(c.time), "period_s": c.period_s} for c in made.channels.values()}
     start = None if made.start is None else made.start.isoformat()
     content = {"repairs": made.repairs, "not_kept": lost, "channels": rates, "start": start}
-    figures.write(json, {**content, "length_s": length})
+    figures_file.write(json, {**content, "length_s": length})
 
 
 def _check_files(source: Path, target: Path, json: Path | None, force: bool) -> None:

@@ -6,8 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from slewright import figures
-from slewright.figures import JsonOption, check_target
+from records import figures_file
+from records.figures_file import check_target
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from specs.errors import InputError
 
@@ -56,9 +57,9 @@ def simulate(
     json: JsonOption = None,
 ) -> None:
     """Run a system with its start values and record it."""
-    from orchestrator.check import load_system
-    from orchestrator.simulate import simulate as run
-    from orchestrator.single import system_of_fmu
+    from orchestrator.run.simulate import simulate as run
+    from orchestrator.system.check import load_system
+    from orchestrator.system.single_fmu import system_of_fmu
 
     if step is not None and system.suffix != ".fmu":
         raise InputError(f"--step is for a bare .fmu; {system} states its step itself")
@@ -98,7 +99,7 @@ def simulate(
         typer.echo(f"slewright: warning: {found.reason}", err=True)
     typer.echo(f"written: {out}, run hash {found.meta['run_hash'][:16]}")
     _show(statistics, timing, realtime)
-    figures.write(json, {"run_hash": found.meta["run_hash"], "statistics": statistics}, seed)
+    figures_file.write(json, {"run_hash": found.meta["run_hash"], "statistics": statistics}, seed)
 
 
 def _show(statistics: dict[str, Any], timing: bool, realtime: float) -> None:

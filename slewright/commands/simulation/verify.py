@@ -6,8 +6,10 @@ from typing import Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, write
-from slewright.progress import Report as Progress, progress
+from records.figures_file import write
+from slewright.figures import JsonOption
+from slewright.progress import progress
+from specs.progress import Report as Progress
 
 
 class Systems(StrEnum):
@@ -57,7 +59,7 @@ def verify(
     ] = None,
 ) -> None:
     """Build the FMUs, run the verification scenarios, check their limits, write the report."""
-    from orchestrator.verify import show, verify as run
+    from verification.verify import show, verify as run
 
     systems = ["nominal", "reference"] if system is Systems.both else [system.value]
     chosen = _chosen(controller, model)
@@ -89,8 +91,8 @@ def verify(
 
 def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Progress) -> dict[str, Any]:
     """The reference system with the core of a bundle."""
+    from deployment.bundling.fmu import system_of
     from runtime.bundle import load
-    from slewright.bundling.fmu import system_of
     from specs.errors import InputError
 
     if other:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from deployment.bundling import archive as signing, sbom
 from runtime.archive import container, keys
 from runtime.archive.signed import BUNDLE, CONFIGURATION, SBOM, Signed
 from runtime.bundle import digest
-from slewright.bundling import archive as signing, sbom
 from specs.errors import InputError
 from tests.runtime.archive.made import key
 from tests.runtime.bundles import built

@@ -7,11 +7,11 @@ import pytest
 
 from baselines.load.calibration import uncalibrated
 from baselines.load.calibration_file import as_dict
-from fmus.loader import load_model
+from deployment.bundling import build
+from deployment.bundling.blocks import Block
+from fmus.toolchain.loader import load_model
 from runtime import bundle as form
 from slewright import __main__ as entry
-from slewright.bundling import build
-from slewright.bundling.blocks import Block
 from specs import parameters
 from specs.errors import InputError
 from tests.runtime.bundles import built

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from deployment.bundling import commissioned
+from deployment.bundling.build import bundle
 from runtime.control import ControlCore
-from slewright.bundling import commissioned
-from slewright.bundling.build import bundle
 from specs.errors import InputError
 from tests.runtime.bench import Bench
 

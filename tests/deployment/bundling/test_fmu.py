@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.check import load_system
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.verify import plant_parameters
+from deployment.bundling import fmu
+from deployment.hil.lockstep import lockstep
+from orchestrator.run.master import Master, Options
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.layout import lay_out
+from orchestrator.system.stimuli import Stimuli
 from slewright import __main__ as entry
-from slewright.bundling import fmu
-from slewright.hil.lockstep import lockstep
 from specs import scenario
 from tests.runtime.bundles import built, core
+from verification.verify import plant_parameters
 
 TICKS, SEED = 300, 5
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from deployment.bundling.config import geometry
 from fmus.equations import kinematics
-from slewright.bundling.config import geometry
 
 GEOMETRY = geometry()
 

@@ -1,4 +1,4 @@
-"""`python -m tests.slewright.commissioning.machine_on_bus CHANNEL`: a machine in real time on a local bus.
+"""`python -m tests.deployment.commissioning.machine_on_bus CHANNEL`: a machine in real time on a local bus.
 
 Its operator does what comes as a line on stdin (the key of a question) and says so by a line with the answer.
 """
@@ -6,10 +6,10 @@ Its operator does what comes as a line on stdin (the key of a question) and says
 import select
 import sys
 
+from deployment.commissioning.operator import Kind, Question
+from deployment.commissioning.rig import RealTime
+from deployment.commissioning.simulated import SimulatedMachine, SimulatedOperator
 from runtime.can.port import frame_source, open_bus
-from slewright.commissioning.operator import Kind, Question
-from slewright.commissioning.rig import RealTime
-from slewright.commissioning.simulated import SimulatedMachine, SimulatedOperator
 
 BIT_RATE = 250_000
 

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from deployment.commissioning.operator import Answering, Kind, Person, Question
+from deployment.commissioning.procedure import NAMES, find, perform
+from deployment.commissioning.rig import Rig
+from deployment.commissioning.session import Session
+from deployment.commissioning.simulated import SimulatedMachine, SimulatedOperator
+from deployment.hil.rig import BUS_PRIORITY, MACHINE_PRIORITY, prefer
 from runtime.can.busd import start_bus
 from runtime.policy import open_core
 from runtime.shared import private_folder
-from slewright.commissioning.operator import Answering, Kind, Person, Question
-from slewright.commissioning.procedure import NAMES, find, perform
-from slewright.commissioning.rig import Rig
-from slewright.commissioning.session import Session
-from slewright.commissioning.simulated import SimulatedMachine, SimulatedOperator
-from slewright.hil.rig import BUS_PRIORITY, MACHINE_PRIORITY, prefer
 from specs.errors import RunError
 from tests.conftest import ROOT
 from tests.runtime.bundles import built
@@ -81,7 +81,7 @@ def rehearsed(folder: Path) -> dict[str, str]:
 @contextmanager
 def machine_on(channel: Path) -> Iterator["subprocess.Popen[str]"]:
     """The simulated machine and its operator, in real time in a process of their own."""
-    line = [sys.executable, "-m", "tests.slewright.commissioning.machine_on_bus", str(channel)]
+    line = [sys.executable, "-m", "tests.deployment.commissioning.machine_on_bus", str(channel)]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     process = subprocess.Popen(line, cwd=ROOT, **pipes)
     try:

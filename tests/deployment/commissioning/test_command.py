@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from deployment.commissioning.bench import Check
 from slewright import __main__ as entry
-from slewright.commissioning.bench import Check
 from tests.runtime.bundles import built
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from deployment.commissioning.operator import Answering, Question
+from deployment.commissioning.procedure import NAMES, STEPS, find, perform
+from deployment.commissioning.rig import Rig
+from deployment.commissioning.session import Session
+from deployment.commissioning.simulated import SimulatedMachine, SimulatedOperator
+from deployment.commissioning.wiring import named
 from runtime.policy import open_core
-from slewright.commissioning.operator import Answering, Question
-from slewright.commissioning.procedure import NAMES, STEPS, find, perform
-from slewright.commissioning.rig import Rig
-from slewright.commissioning.session import Session
-from slewright.commissioning.simulated import SimulatedMachine, SimulatedOperator
-from slewright.commissioning.wiring import named
 from specs.errors import InputError
 from tests.runtime.bundles import built
 

@@ -5,17 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from slewright.commissioning import matrix, wiring
-from slewright.commissioning.procedure import WIRING
-from slewright.commissioning.wiring import (
-    IMU,
-    LOOSE_EVERY,
-    LOOSE_FOR,
-    SENSORS,
-    VALVES,
-    Fault,
-    Wiring,
-)
+from deployment.commissioning import matrix, wiring
+from deployment.commissioning.procedure import WIRING
+from deployment.commissioning.wiring import IMU, LOOSE_EVERY, LOOSE_FOR, SENSORS, VALVES, Fault, Wiring
 from specs.errors import InputError
 from tests.runtime.bundles import built
 

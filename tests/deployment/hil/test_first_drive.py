@@ -12,8 +12,17 @@ from pathlib import Path
 
 import pytest
 
-from slewright.hil.alone import ACKNOWLEDGE_S, DRIVING, MODES, PRESS_S, Alone, ByHand, Lines, Operator
-from slewright.hil.rig import free_port
+from deployment.hil.rig import free_port
+from deployment.hil.standalone_machine import (
+    ACKNOWLEDGE_S,
+    DRIVING,
+    MODES,
+    PRESS_S,
+    Alone,
+    ByHand,
+    Lines,
+    Operator,
+)
 from specs.errors import InputError
 from specs.scenario import TICK_S
 from tests.conftest import ROOT

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from deployment.hil.hil import compared
+from deployment.hil.lockstep import lockstep
+from deployment.hil.rig import Rig, Setting
 from runtime.bundle import load
 from runtime.control import ControlCore
 from runtime.recorder.reader import Recording
 from runtime.replay import check_identity, identity, replay
-from slewright.hil.hil import compared
-from slewright.hil.lockstep import lockstep
-from slewright.hil.rig import Rig, Setting
 from specs.scenario import TICK_S, load as load_scenario
 from specs.version import VERSION
 from tests.conftest import Command

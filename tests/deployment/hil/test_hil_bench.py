@@ -2,8 +2,8 @@
 
 import pytest
 
-from slewright.hil import bench
-from slewright.hil.bench import Block, Result, quantiles
+from deployment.hil import bench
+from deployment.hil.bench import Block, Result, quantiles
 
 HISTOGRAM = """# /dev/cpu_dma_latency set to 0us
 # Histogram

@@ -5,10 +5,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from deployment.bundling.build import bundle_model
+from deployment.hil.lockstep import lockstep
 from fmus.equations import kinematics
 from runtime.control import ControlCore
-from slewright.bundling.build import bundle_model
-from slewright.hil.lockstep import lockstep
 from specs import scenario
 from tests.runtime import wild
 from tests.runtime.bundles import folder

@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.loader import model_folders
-from orchestrator.check import load_system
-from orchestrator.pack import pack_system
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.verify import plant_parameters
+from deployment.hil.lockstep import lockstep
+from deployment.hil.wires import Wires
+from fmus.toolchain.loader import model_folders
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
+from orchestrator.system.stimuli import Stimuli
 from records.metrics import compute
 from records.record import Record
 from runtime.image import OUTPUT
-from slewright.hil.lockstep import lockstep
-from slewright.hil.wires import Wires
 from specs import scenario
 from tests.runtime.bundles import NO_RATE_LIMIT, core
+from verification.verify import plant_parameters
 
 TICKS = 500
 SEED = 3

@@ -7,18 +7,18 @@ import pytest
 
 pytest.importorskip("torch")
 
+from deployment.bundling.build import bundle
+from deployment.hil.lockstep import lockstep
 from learning.policy import controller, export
-from orchestrator.check import load_system
-from orchestrator.pack import pack_system
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.verify import plant_parameters
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
+from orchestrator.system.stimuli import Stimuli
 from runtime.policy import open_core
-from slewright.bundling.build import bundle
-from slewright.hil.lockstep import lockstep
 from specs import scenario
 from tests.learning.policy.test_export import made
 from tests.runtime.bundles import NO_RATE_LIMIT
+from verification.verify import plant_parameters
 
 TICKS, SEED = 300, 2
 

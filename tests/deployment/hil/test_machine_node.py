@@ -4,14 +4,14 @@ from collections import deque
 
 import pytest
 
+from deployment.hil.lockstep import lockstep
+from deployment.hil.machine import COMMANDS, Machine
+from deployment.hil.machine_node import COMMAND_TIMEOUT, MachineNode, meta
+from deployment.hil.panel import ARMING_TICKS
 from records.metrics import compute
 from runtime.can.port import CanPort
 from runtime.control import ControlCore
 from runtime.image import INPUT, Status
-from slewright.hil.lockstep import lockstep
-from slewright.hil.machine import COMMANDS, Machine
-from slewright.hil.machine_node import COMMAND_TIMEOUT, MachineNode, meta
-from slewright.hil.panel import ARMING_TICKS
 from specs import scenario as scenarios
 from specs.scenario import Scenario
 from tests.runtime.bundles import core

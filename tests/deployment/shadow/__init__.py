@@ -1,1 +1,1 @@
-"""Tests of slewright/shadow."""
+"""Tests of deployment/shadow."""

@@ -6,8 +6,8 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from slewright.shadow.recorded import Shadowed, read
-from slewright.shadow.simulated import Simulated
+from deployment.shadow.recorded import Shadowed, read
+from deployment.shadow.simulated import Simulated
 from specs import scenario
 from tests.runtime.bundles import built
 

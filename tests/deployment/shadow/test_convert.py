@@ -8,7 +8,7 @@ from asammdf import MDF
 
 from records.formats import read_measurement, write_measurement
 from specs.errors import InputError
-from tests.slewright.shadow.runs import TICKS, recorded, repeated
+from tests.deployment.shadow.runs import TICKS, recorded, repeated
 
 
 def test_asammdf_opens_what_the_recorder_wrote(tmp_path: Path):

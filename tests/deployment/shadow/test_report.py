@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deployment.shadow import agreement, closeness, handover, ranges
+from deployment.shadow.recorded import Shadowed, read
+from deployment.shadow.report import Asked, run
 from reconcile.data import read_run
 from reconcile.model import read_folder
 from records.formats import read_measurement, write_measurement
@@ -15,14 +18,11 @@ from runtime.control import AXES
 from runtime.image import OUTPUT
 from runtime.recorder.reader import Recording
 from runtime.replay import replay
-from slewright.shadow import agreement, closeness, handover, ranges
-from slewright.shadow.recorded import Shadowed, read
-from slewright.shadow.report import Asked, run
 from specs.errors import InputError
 from tests.conftest import ROOT
+from tests.deployment.shadow.runs import TICKS, recorded, repeated
 from tests.runtime.bench import HOLD
 from tests.runtime.bundles import built, core
-from tests.slewright.shadow.runs import TICKS, recorded, repeated
 
 
 def test_the_runtime_says_nothing_and_computes_all_the_time():
@@ -145,7 +145,7 @@ def test_what_is_no_recording_of_shadow_mode_is_refused(tmp_path: Path):
 
 
 def test_the_dossier_takes_its_figures(tmp_path: Path):
-    from orchestrator.dossier import recorded as chapter
+    from verification.dossier import recorded as chapter
 
     near, _ = closeness.compare(repeated())
     file = tmp_path / "report.json"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from learning.collection.plan import load_plan
-from learning.policy import arm_traits
+from learning.policy.simulation import arm_traits
 from records.measurement import Channel, Measurement
 
 TICK_S, DELAY_S = 0.02, 0.1

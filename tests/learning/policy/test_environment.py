@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from fmus.equations import kinematics
-from fmus.slew_nn.network import SlewNetwork
-from fmus.slew_nn.untrained import untrained
-from learning.policy.environment import LATE, Environment, without_noise
+from fmus.models.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.untrained import untrained
 from learning.policy.recipe import recipe
+from learning.policy.simulation.environment import LATE, Environment, without_noise
 from specs import policy
 
 N = 64
@@ -144,7 +144,9 @@ def test_a_swinging_start() -> None:
 
 def test_taking_off_the_encoders_delay_makes_the_slew_move_earlier() -> None:
     """With `ahead_s` 0.2 the trained networks' carriage answers a step two periods earlier."""
-    network = SlewNetwork.load(Path(__file__).resolve().parents[3] / "fmus" / "slew_nn" / "weights.npz")
+    network = SlewNetwork.load(
+        Path(__file__).resolve().parents[3] / "fmus" / "models" / "slew_nn" / "weights.npz"
+    )
     first = {}
     for ahead in (0.0, 0.2):
         e = Environment(replace(environment().recipe, ahead_s=ahead), [network], 1, 3)

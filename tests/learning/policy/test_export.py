@@ -217,7 +217,8 @@ def test_weights_of_another_task_are_refused() -> None:
 
 def test_reading_and_building_need_no_torch() -> None:
     """A policy is run, verified and compared where only CasADi and onnx are installed."""
-    code = "import sys, learning.policy.controller, slewright.policies; sys.exit('torch' in sys.modules)"
+    modules = "learning.policy.controller, verification.evaluation.policies"
+    code = f"import sys, {modules}; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
 
 

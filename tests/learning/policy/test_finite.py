@@ -8,10 +8,11 @@ import pytest
 import torch
 from rsl_rl.algorithms import PPO
 
-from fmus.slew_nn.untrained import untrained
-from learning.policy import export, finite, session
-from learning.policy.rewards import TERMS
+from fmus.models.slew_nn.untrained import untrained
+from learning.policy import export, session
 from learning.policy.session import Options
+from learning.policy.simulation import finite
+from learning.policy.simulation.rewards import TERMS
 from specs.errors import InputError, RunError
 from tests.learning.policy.test_session import SMALL, curve, options, quiet
 
@@ -89,7 +90,7 @@ def test_a_term_s_own_slope_that_is_none_is_named(
 ) -> None:
     """A root at 0: its value is a number, its slope is not."""
     root = lambda i, s: -(0.0 * i.slew).square().sqrt()  # noqa: E731
-    monkeypatch.setattr("learning.policy.rewards.TERMS", {**TERMS, "closing": root})
+    monkeypatch.setattr("learning.policy.simulation.rewards.TERMS", {**TERMS, "closing": root})
     said = failure(network, tmp_path, "full")
     assert "iteration 1: the gradient is not a number any more (of reward term closing)" in said
 

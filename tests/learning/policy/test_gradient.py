@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from learning.policy.environment import load_networks, without_noise
 from learning.policy.gradient import GradientTrainer, schedule
 from learning.policy.recipe import recipe
+from learning.policy.simulation.environment import load_networks, without_noise
 
-WEIGHTS = Path(__file__).resolve().parents[3] / "fmus" / "slew_nn" / "weights.npz"
+WEIGHTS = Path(__file__).resolve().parents[3] / "fmus" / "models" / "slew_nn" / "weights.npz"
 
 
 def episode(trainer: GradientTrainer) -> torch.Tensor:

@@ -4,10 +4,10 @@ import casadi as ca
 import pytest
 import torch
 
-from learning.policy import kernel
 from learning.policy.features import commands, errors, features
-from learning.policy.kernel import Kernel
-from learning.policy.period import equations
+from learning.policy.simulation import kernel
+from learning.policy.simulation.kernel import Kernel
+from learning.policy.simulation.period import equations
 from specs.errors import InputError
 
 FUNCTIONS = {

@@ -9,20 +9,20 @@ import pytest
 import torch
 
 from fmus.equations.kinematics import geometry
-from fmus.machine.model import MODEL as MACHINE
-from fmus.slew_nn.network import SlewNetwork
-from fmus.slew_nn.untrained import untrained
-from fmus.stepper import Stepper
-from learning.policy.drive import Drive
-from learning.policy.period import OWN_DEAD_BAND, TICKS, plane_tool, spatial_tool
-from learning.policy.plant import Plant, nominal, warped
-from orchestrator.assembly import assemble
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
+from fmus.models.machine.model import MODEL as MACHINE
+from fmus.models.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.untrained import untrained
+from fmus.toolchain.stepper import Stepper
+from learning.policy.simulation.drive import Drive
+from learning.policy.simulation.period import OWN_DEAD_BAND, TICKS, plane_tool, spatial_tool
+from learning.policy.simulation.plant import Plant, nominal, warped
+from orchestrator.run.simulate import simulate
+from orchestrator.system.assembly import assemble
+from orchestrator.system.stimuli import Stimuli
 from specs import systems
 from tests.fmus.machine_runs import COARSE, PARAMETERS, start, working
 
-WEIGHTS = Path(__file__).resolve().parents[3] / "fmus" / "slew_nn" / "weights.npz"
+WEIGHTS = Path(__file__).resolve().parents[3] / "fmus" / "models" / "slew_nn" / "weights.npz"
 PERIODS = 100  # 10 s
 COMMANDS = ("u_slew", "qd_boom_ref", "qd_stick_ref")
 LIMIT = 1e-4  # of the largest value in a roll-out

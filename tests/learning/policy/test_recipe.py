@@ -6,8 +6,8 @@ import pytest
 
 from learning.policy import valid
 from learning.policy.recipe import RECIPES, TINY, Randomisation, Recipe, recipe
-from learning.policy.rewards import Shape
 from learning.policy.session import Options, changes
+from learning.policy.simulation.rewards import Shape
 from specs.errors import InputError
 
 TEACHER = ("privileged=true", "network=")

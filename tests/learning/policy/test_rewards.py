@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from learning.policy.recipe import RECIPES, Recipe, recipe
-from learning.policy.rewards import PAPER, SLEW_ONLY, TERMS, Instant, Shape, weigh
+from learning.policy.simulation.rewards import PAPER, SLEW_ONLY, TERMS, Instant, Shape, weigh
 from specs.errors import InputError
 
 ONE = torch.ones(1)

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 import torch
 
-from fmus.slew_nn.untrained import untrained
+from fmus.models.slew_nn.untrained import untrained
 from learning.policy import export, session
 from learning.policy.curve import NAME
-from learning.policy.environment import POSE
 from learning.policy.gradient import GradientTrainer
 from learning.policy.recipe import recipe
 from learning.policy.session import Options
+from learning.policy.simulation.environment import POSE
 from learning.policy.valid import ABSENT
 from specs.errors import InputError, RunError
 

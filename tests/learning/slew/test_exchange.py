@@ -11,9 +11,9 @@ import pytest
 import torch
 from onnx import helper, load, numpy_helper
 
-from fmus.slew import traces
-from fmus.slew_nn.network import CELL_AXES, HISTORY, Mlp, SlewNetwork
-from fmus.slew_nn.untrained import PRESSURE_LAYERS, VELOCITY_LAYERS, untrained
+from fmus.models.slew import traces
+from fmus.models.slew_nn.network import CELL_AXES, HISTORY, Mlp, SlewNetwork
+from fmus.models.slew_nn.untrained import PRESSURE_LAYERS, VELOCITY_LAYERS, untrained
 from learning.slew import acceptance, description
 from learning.slew.acceptance import accept, trajectories
 from learning.slew.description import PLACES

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.slew import fit as slew_fit, traces
-from fmus.slew.model import MODEL
-from fmus.slew.simulation import Course, Simulator
-from fmus.stepper import Stepper
+from fmus.models.slew import fit as slew_fit, traces
+from fmus.models.slew.model import MODEL
+from fmus.models.slew.simulation import Course, Simulator
+from fmus.toolchain.stepper import Stepper
 from learning.slew import grey_box
 from learning.slew.score import score
 from learning.slew.trajectory import Trajectory, of_trace, windows

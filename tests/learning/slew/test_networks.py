@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from fmus.slew.traces import load
-from fmus.slew_nn.fmu import build_from
-from fmus.slew_nn.network import HISTORY, SlewNetwork
+from fmus.models.slew.traces import load
+from fmus.models.slew_nn.fmu import build_from
+from fmus.models.slew_nn.network import HISTORY, SlewNetwork
 from learning.slew.disagreement import disagreement, ensemble, members
 from learning.slew.exchange import to_onnx
 from learning.slew.networks import Pair, Scales, plain

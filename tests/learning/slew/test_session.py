@@ -10,8 +10,8 @@ from subprocess import CompletedProcess
 import numpy as np
 import pytest
 
-from fmus.slew_nn.network import SlewNetwork
-from fmus.slew_nn.untrained import untrained
+from fmus.models.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.untrained import untrained
 from learning.slew import session
 from specs.errors import InputError
 
@@ -98,7 +98,7 @@ def test_the_command_says_all_that_makes_the_model_again() -> None:
 
 
 def test_markers_are_needed(tmp_path: Path) -> None:
-    from slewright.markers import fill
+    from records.report.markers import fill
 
     (tmp_path / "a.md").write_text("nothing here\n")
     with pytest.raises(InputError, match="no '<!-- slew-traces:begin -->'"):

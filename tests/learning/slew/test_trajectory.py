@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fmus.equations import kinematics
-from fmus.slew.traces import load
+from fmus.models.slew.traces import load
 from learning.slew.trajectory import STRIDE, both_ways, of_measurement, of_trace, windows, zero_filled
 from records.measurement import Channel, Measurement
 from specs.errors import InputError

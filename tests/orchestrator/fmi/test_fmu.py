@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.instance import Instance, instantiate
+from orchestrator.fmi.instance import Instance, instantiate
 from specs.errors import InputError, RunError
 from tests.orchestrator.systems import OSCILLATOR, load
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.fmubinding import MESSAGES, EventResult, StepResult
-from orchestrator.instance import Instance, instantiate
+from orchestrator.core.fmu_binding import MESSAGES, EventResult, StepResult
+from orchestrator.fmi.instance import Instance, instantiate
 from specs.errors import InputError, RunError
 from tests.orchestrator import every as tricks
 from tests.orchestrator.every import Every, every
-from tests.orchestrator.test_fmu_values import started
+from tests.orchestrator.fmi.test_fmu_values import started
 
 H = 0.1
 
@@ -151,7 +151,7 @@ def test_nothing_is_called_after_a_fatal_error(tmp_path: Path, trick: int) -> No
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_run_leaves_an_fmu_alone_after_a_fatal_error(tmp_path: Path, version: int) -> None:
     """Also where the core calls the FMU's functions itself."""
-    from orchestrator.simulate import simulate
+    from orchestrator.run.simulate import simulate
 
     built = every(version, tmp_path, modes=False)
     with pytest.raises(RunError, match=r"component every failed .* fatal"):

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
-from orchestrator.system import System
-from orchestrator.variable import Value
+from orchestrator.fmi.variable import Value
+from orchestrator.run.master import Master, Options
+from orchestrator.system.layout import lay_out
+from orchestrator.system.system import System
 from tests.orchestrator.every import every, references
+from tests.orchestrator.fmi.test_fmu_values import same, samples
 from tests.orchestrator.systems import component, connector, load, ssd
-from tests.orchestrator.test_fmu_values import same, samples
 
 
 def names(version: int) -> list[str]:

@@ -11,16 +11,16 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
-from fmus.build import FMI_VERSIONS, build_fmu
-from fmus.loader import load_model, model_folders
-from orchestrator.instance import Instance, instantiate
-from orchestrator.single import system_of_fmu
-from orchestrator.variable import Scalar, Value
+from fmus.toolchain.build import FMI_VERSIONS, build_fmu
+from fmus.toolchain.loader import load_model, model_folders
+from orchestrator.fmi.instance import Instance, instantiate
+from orchestrator.fmi.variable import Scalar, Value
+from orchestrator.system.single_fmu import system_of_fmu
 from tests.fmus.importer import STEP, Imported
 from tests.fmus.test_project_fmus import spread
 from tests.orchestrator.every import every, references
+from tests.orchestrator.fmi.test_fmu_values import samples
 from tests.orchestrator.systems import HERE, fmu
-from tests.orchestrator.test_fmu_values import samples
 
 PROJECT = [(name, version) for name in sorted(model_folders()) for version in FMI_VERSIONS]
 SMALL = [(name, v) for name in ("decay", "position", "speed", "turn") for v in (2, 3)]

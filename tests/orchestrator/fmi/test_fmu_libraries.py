@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.instance import instantiate
-from orchestrator.system import Component
+from orchestrator.fmi.component import Component
+from orchestrator.fmi.instance import instantiate
 from specs.errors import InputError, RunError
 from tests.orchestrator.every import Every, every
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from fmus import compiler
-from fmus.build import BUILD
-from orchestrator import native
+from fmus.toolchain import compiler
+from fmus.toolchain.build import BUILD
+from orchestrator.core import native
 from tests.orchestrator.fuzz.stepper import OPTIONS, RUNTIMES, available
 
 CHECKS = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
@@ -46,7 +46,10 @@ def runtime(name: str) -> str:
 @pytest.mark.long
 @pytest.mark.skipif(not available(), reason="the compiler has no sanitizers")
 def test_sanitizers_find_nothing(tmp_path: Path) -> None:
-    folder, log = Path(__file__).parent, f":log_path={tmp_path / 'report'}"  # pytest swallows what is printed
+    folder, log = (
+        Path(__file__).parents[1],
+        f":log_path={tmp_path / 'report'}",
+    )  # pytest swallows what is printed
     line = [
         sys.executable,
         "-c",

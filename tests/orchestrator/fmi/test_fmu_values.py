@@ -11,9 +11,9 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from orchestrator import native
-from orchestrator.instance import Instance, instantiate
-from orchestrator.variable import RANGES, Scalar, Value
+from orchestrator.core import native
+from orchestrator.fmi.instance import Instance, instantiate
+from orchestrator.fmi.variable import RANGES, Scalar, Value
 from specs.errors import InputError, RunError
 from tests.orchestrator.every import Every, every, references
 
@@ -195,7 +195,7 @@ def test_what_a_type_cannot_hold_is_refused(built3: Every, apart: bool, name: st
 
 def test_the_core_cannot_tell_an_fmu_what_its_type_does_not_hold(built3: Every, apart: bool) -> None:
     """A connection or mapping may bring any number; it is never cut without a word."""
-    from orchestrator.fmuvalues import Values
+    from orchestrator.fmi.buffers import Values
 
     cases = (("UInt8.in", 256), ("Int16.in", -40000), ("UInt32.in", 2**32), ("Float32.in", 1e300))
     with started(built3, apart) as instance:

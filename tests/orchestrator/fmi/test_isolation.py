@@ -12,20 +12,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus import compiler
-from fmus.build import SHIM, pack
-from orchestrator.instance import instantiate
-from orchestrator.native import binaries
-from orchestrator.simulate import simulate
-from orchestrator.system import System
-from orchestrator.trust import runs_here
+from fmus.toolchain import compiler
+from fmus.toolchain.build import SHIM, pack
+from orchestrator.core.native import binaries
+from orchestrator.fmi.instance import instantiate
+from orchestrator.fmi.trust import runs_here
+from orchestrator.run.simulate import simulate
+from orchestrator.system.system import System
 from records.record import read
 from specs.errors import InputError, RunError
 from tests.orchestrator.systems import OSCILLATOR, component, connector, load, ssd
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs Linux")
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).parents[1]
 LIMIT_S = 1.0
 TRICKS = (
     *(
@@ -205,7 +205,7 @@ def test_isolated_and_not_give_the_same_bits(tmp_path: Path, monkeypatch: pytest
     for algorithm in ("jacobi", "gauss-seidel", "iterate"):
         here = simulate(system, 200, algorithm=algorithm)
         with monkeypatch.context() as patch:
-            patch.setattr("orchestrator.master.runs_here", lambda component, trust: False)
+            patch.setattr("orchestrator.run.master.runs_here", lambda component, trust: False)
             apart = simulate(system, 200, algorithm=algorithm)
         assert here.run_hash == apart.run_hash
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from fmpy import read_model_description
 
-from orchestrator.modeldescription import ModelDescription, parse, size_of
-from orchestrator.variable import FMI3_TYPES
+from orchestrator.fmi.model_description import ModelDescription, parse, size_of
+from orchestrator.fmi.variable import FMI3_TYPES
 from specs.errors import InputError
 from tests.orchestrator.systems import LIAR2, LIAR3, fmu
 

@@ -13,7 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 from random import Random
 
-from fmus.build import BUILD
+from fmus.toolchain.build import BUILD
 from tests.edges import Edge
 from tests.orchestrator.fuzz.case import CORPUS, Case, read_corpus, write_corpus
 from tests.orchestrator.fuzz.judge import Verdict, judge, limit_memory

@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fmus import compiler
-from fmus.build import BUILD, SHIM
+from fmus.toolchain import compiler
+from fmus.toolchain.build import BUILD, SHIM
 
 CORPUS = Path(__file__).parent / "corpus.json.gz"
 LIBRARY = "library"  # key of an FMU's part that says for which FMI version it has a binary: "2" or "3"

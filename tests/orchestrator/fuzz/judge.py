@@ -9,7 +9,7 @@ from pathlib import Path
 from types import FrameType
 
 import orchestrator
-from orchestrator.check import load_system
+from orchestrator.system.check import load_system
 from specs.errors import InputError, RunError
 from tests.edges import Edge, traced
 from tests.orchestrator.fuzz.case import Case

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 
-from orchestrator.variable import FMI3_TYPES
+from orchestrator.fmi.variable import FMI3_TYPES
 from tests.orchestrator.fuzz.case import Case
 
 SPACES = " ".join(

@@ -5,8 +5,9 @@ from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 
-from fmus.build import BUILD
-from orchestrator.archive import DAMAGE
+from fmus.toolchain.build import BUILD
+from orchestrator.files.archive import DAMAGE
+from tests.orchestrator.fmi.test_model_description import ARRAYS, CLOCK, HEAD3, TYPES3
 from tests.orchestrator.fuzz import rich
 from tests.orchestrator.fuzz.case import LIBRARY, Case
 from tests.orchestrator.systems import (
@@ -21,7 +22,6 @@ from tests.orchestrator.systems import (
     fmu,
     ssd,
 )
-from tests.orchestrator.test_modeldescription import ARRAYS, CLOCK, HEAD3, TYPES3
 
 MODELS = ("position", "speed", "decay", "compass", "turn", "burst")
 LIARS = {"Integer": "count", "Boolean": "flag"}  # what the liar's variables are called

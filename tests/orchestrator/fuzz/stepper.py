@@ -16,9 +16,9 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from fmus import compiler
-from fmus.build import BUILD
-from orchestrator import native
+from fmus.toolchain import compiler
+from fmus.toolchain.build import BUILD
+from orchestrator.core import native
 from specs.errors import InputError, RunError
 from tests.orchestrator.fuzz.case import Case, _case
 
@@ -163,8 +163,8 @@ def main() -> None:
 
 
 def _step(case: Case) -> str:
-    from orchestrator.check import load_system
-    from orchestrator.simulate import simulate
+    from orchestrator.run.simulate import simulate
+    from orchestrator.system.check import load_system
 
     run: Any = simulate
     trust = {"trust": True} if "trust" in signature(simulate).parameters else {}

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from orchestrator.variable import FMI3_TYPES
+from orchestrator.fmi.variable import FMI3_TYPES
 from tests.edges import Edge
 from tests.orchestrator.fuzz.case import Case, read_corpus
 from tests.orchestrator.fuzz.judge import judge

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.conversion import UNCHANGED
-from orchestrator.layout import lay_out
-from orchestrator.order import dependency_order
-from orchestrator.simulate import simulate
-from orchestrator.system import Link, Source
+from orchestrator.run.simulate import simulate
+from orchestrator.ssp.conversion import UNCHANGED
+from orchestrator.system.layout import lay_out
+from orchestrator.system.order import dependency_order
+from orchestrator.system.system import Link, Source
 from specs.errors import InputError
 from tests.orchestrator.systems import OSCILLATOR, chain, load
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orchestrator.simulate import simulate
-from orchestrator.system import System
+from orchestrator.run.simulate import simulate
+from orchestrator.system.system import System
 from specs.errors import InputError
 from tests.orchestrator.systems import OSCILLATOR, component, connection, connector, load, ssd
 

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from fmus import compiler
-from fmus.build import SHIM
-from orchestrator.simulate import simulate
-from orchestrator.variable import FMI3_TYPES
-from tests.orchestrator.paper import paper
+from fmus.toolchain import compiler
+from fmus.toolchain.build import SHIM
+from orchestrator.fmi.variable import FMI3_TYPES
+from orchestrator.run.simulate import simulate
+from tests.orchestrator.ssp.test_bindings import bindings, inline, value
+from tests.orchestrator.ssp.test_transformations import mapping
 from tests.orchestrator.systems import HERE, component, connection, connector, load, refused, ssd
-from tests.orchestrator.test_bindings import bindings, inline, value
-from tests.orchestrator.test_transformations import mapping
+from tests.verification.paper import paper
 
 TYPES = [t for t in FMI3_TYPES if t not in ("Clock", "Enumeration")]
 NUMBERS = [t for t in TYPES if t not in ("String", "Binary")]

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import ALGORITHMS, System
+from orchestrator.run.master import Master, Options
+from orchestrator.run.simulate import simulate
+from orchestrator.ssp.settings import ALGORITHMS
+from orchestrator.system.layout import lay_out
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records.record import Record, read
 from specs.errors import InputError, RunError
 from specs.faults import Fault, seed_of

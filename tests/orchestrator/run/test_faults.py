@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmus import compiler
-from fmus.build import SHIM
-from orchestrator.native import SOURCES
+from fmus.toolchain import compiler
+from fmus.toolchain.build import SHIM
+from orchestrator.core.native import SOURCES
 from specs.errors import RunError
 from specs.faults import Fault
 from tests.orchestrator.core_probe import CFault, library
@@ -284,7 +284,7 @@ def test_the_core_refuses(kind: int, a: float, b: float) -> None:
 def bits_of(folder: Path, platform: str, run: Sequence[str] = (), extra: Sequence[str] = ()) -> list[str]:
     """What fault_bits.c prints, compiled for `platform`."""
     flags = [f"-I{SHIM}", f"-I{SOURCES}", *extra]
-    sources = [SOURCES / "fault.c", Path(__file__).parent / "fault_bits.c"]
+    sources = [SOURCES / "fault.c", Path(__file__).parents[1] / "fault_bits.c"]
     objects = [
         compiler.compile_object(s, folder / f"{s.stem}-{platform}.o", platform, flags) for s in sources
     ]

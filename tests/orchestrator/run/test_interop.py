@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.bench.masters import Ends
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
+from benchmarks.orchestrator.masters import Ends
+from orchestrator.run.simulate import simulate
+from orchestrator.system.stimuli import Stimuli
 from tests.conftest import ROOT
 from tests.orchestrator.other_masters import SEED, START, outputs, project_system, seeded
 

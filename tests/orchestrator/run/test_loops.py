@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orchestrator.check import load_system
-from orchestrator.order import algebraic_loops
-from orchestrator.simulate import simulate
-from orchestrator.testpack.case import Case
-from orchestrator.testpack.cases import CASES
-from orchestrator.testpack.pack import write_case
+from benchmarks.testpack.case import Case
+from benchmarks.testpack.cases import CASES
+from benchmarks.testpack.pack import write_case
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.order import algebraic_loops
 from tests.orchestrator.systems import OSCILLATOR, load
 
 

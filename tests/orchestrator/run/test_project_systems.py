@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.build import build_fmu
-from orchestrator.check import load_system
-from orchestrator.pack import pack, pack_system
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
+from fmus.toolchain.build import build_fmu
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack, pack_system
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from specs import systems
 from specs.errors import InputError
 from specs.ssd import FmiVersion, render

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orchestrator.check import load_system
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
-from orchestrator.pack import pack_system
-from orchestrator.simulate import simulate
-from orchestrator.system import System
-from orchestrator.testpack import kit
+from benchmarks.testpack import kit
+from orchestrator.run.master import Master, Options
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.layout import lay_out
+from orchestrator.system.pack import pack_system
+from orchestrator.system.system import System
 from specs.errors import RunError
 from tests.orchestrator.systems import component, connection, connector, load, ssd
 

@@ -7,11 +7,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from orchestrator.master import Master
-from orchestrator.simulate import simulate
-from orchestrator.stimuli import Stimuli
-from orchestrator.system import System
-from orchestrator.testpack import kit
+from benchmarks.testpack import kit
+from orchestrator.run.master import Master
+from orchestrator.run.simulate import simulate
+from orchestrator.system.stimuli import Stimuli
+from orchestrator.system.system import System
 from records.record import RecordWriter, read
 from specs.errors import InputError, RunError
 from specs.faults import Fault

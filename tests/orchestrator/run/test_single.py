@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from fmpy import simulate_fmu
 
-from orchestrator.check import load_system
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
-from orchestrator.simulate import simulate
-from orchestrator.single import system_of_fmu
+from orchestrator.run.master import Master, Options
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.layout import lay_out
+from orchestrator.system.single_fmu import system_of_fmu
 from records.record import read
 from specs.errors import InputError
 from tests.conftest import Command
+from tests.orchestrator.ssp.test_bad_files import repacked
 from tests.orchestrator.systems import component, connector, fmu, liar, load, ssd
-from tests.orchestrator.test_bad_files import repacked
 
 
 def described(folder: Path, source: Path, *changes: tuple[str, str]) -> Path:

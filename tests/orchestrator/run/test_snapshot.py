@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.layout import lay_out
-from orchestrator.master import Master, Options
-from orchestrator.system import System
+from orchestrator.run.master import Master, Options
+from orchestrator.system.layout import lay_out
+from orchestrator.system.system import System
 from specs.errors import RunError
 from specs.faults import Fault
 from tests.orchestrator.systems import OSCILLATOR, chain, load

@@ -4,15 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator import xmlfile
-from orchestrator.annotation import read_simulation
-from orchestrator.ssptext import Text
-from orchestrator.system import Settings, System
+from orchestrator.files import xml_file
+from orchestrator.ssp.annotation import read_simulation
+from orchestrator.ssp.settings import Settings
+from orchestrator.ssp.text import Text
+from orchestrator.system.system import System
 from specs.errors import InputError
 from specs.faults import Fault
 from tests.conftest import ROOT
-from tests.orchestrator.paper import paper, scalar
 from tests.orchestrator.systems import NAMESPACES, component, connection, connector, load, refused, ssd
+from tests.verification.paper import paper, scalar
 
 STATE = 'canGetAndSetFMUState="true" canHandleVariableCommunicationStepSize="true"'
 REAL = scalar("u", 1, "input", '<Real start="0"/>') + scalar("y", 2, "output", "<Real/>")
@@ -192,7 +193,7 @@ def test_the_fixed_internal_step_is_respected(tmp_path: Path) -> None:
 def test_the_documented_annotation_is_read() -> None:
     text = (ROOT / "docs" / "ssp.md").read_text()
     example = text.split("```xml\n")[1].split("```")[0]
-    root = xmlfile.parse(f"<r {NAMESPACES}>{example}</r>".encode(), "docs/ssp.md")
+    root = xml_file.parse(f"<r {NAMESPACES}>{example}</r>".encode(), "docs/ssp.md")
     found = read_simulation(Text("docs/ssp.md", "2.0", []), root)
     assert (found.step_s, found.settings) == (0.02, Settings("iterate", 1e-6, 50, 16))
     assert found.steps["plant.valve"][0] == 0.1

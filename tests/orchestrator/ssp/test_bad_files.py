@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmus.compiler import host
-from orchestrator import archive
-from orchestrator.archive import unpack
-from orchestrator.check import load_system
+from fmus.toolchain.compiler import host
+from orchestrator.files import archive
+from orchestrator.files.archive import unpack
+from orchestrator.system.check import load_system
 from records.record import read, recording_path
 from specs.errors import InputError, RunError
 from tests.conftest import ROOT, Command
@@ -106,7 +106,7 @@ def test_a_wrong_model_description(tmp_path: Path, content: bytes, words: str) -
 
 
 def test_a_library_that_is_none_and_one_that_refuses(tmp_path: Path) -> None:
-    from orchestrator.simulate import simulate
+    from orchestrator.run.simulate import simulate
 
     library = f"binaries/{host().fmi2_folder}/speed{host().suffix}"
     broken = repacked(tmp_path, fmu("speed"), {library: b"no library"})

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.check import load_system
-from orchestrator.system import System
+from orchestrator.system.check import load_system
+from orchestrator.system.system import System
 from specs.errors import InputError
-from tests.orchestrator.paper import load_package, package, paper
+from tests.orchestrator.ssp.test_nested import system
+from tests.orchestrator.ssp.test_transformations import mapping
 from tests.orchestrator.systems import component, connection, connector, ssd
-from tests.orchestrator.test_nested import system
-from tests.orchestrator.test_transformations import mapping
+from tests.verification.paper import load_package, package, paper
 
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 SSM = "http://ssp-standard.org/SSP1/SystemStructureParameterMapping"

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.simulate import simulate
-from orchestrator.units import Affine, compatible, conversion
+from orchestrator.fmi.units import Affine, compatible, conversion
+from orchestrator.run.simulate import simulate
 from specs.units import Unit
 from tests.orchestrator.systems import chain, component, connection, connector, liar, liar_system, load, ssd
 

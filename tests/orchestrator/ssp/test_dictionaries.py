@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.check import load_system
-from orchestrator.system import Source
+from orchestrator.system.check import load_system
+from orchestrator.system.system import Source
 from specs.errors import InputError
-from tests.orchestrator.paper import load_package, package
+from tests.orchestrator.ssp.test_bad_ssd import line_of
+from tests.orchestrator.ssp.test_nested import POSITION, SPEED, system
 from tests.orchestrator.systems import component, connection, connector, fmu, load, refused, ssd
-from tests.orchestrator.test_bad_ssd import line_of
-from tests.orchestrator.test_nested import POSITION, SPEED, system
+from tests.verification.paper import load_package, package
 
 NAMES = ["position", "speed"]
 SSB = "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary"

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from orchestrator.sspforms import FORMS
-from tests.orchestrator.paper import load_package, paper
+from orchestrator.ssp.element_forms import FORMS
+from tests.orchestrator.ssp.test_bad_ssd import line_of
 from tests.orchestrator.systems import OSCILLATOR, UNITS, component, connector, fmu, load, refused, ssd
-from tests.orchestrator.test_bad_ssd import line_of
+from tests.verification.paper import load_package, paper
 
 NAMES = ["position", "speed"]
 XS = "{http://www.w3.org/2001/XMLSchema}"

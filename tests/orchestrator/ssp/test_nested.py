@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.check import load_system
-from orchestrator.simulate import simulate
-from orchestrator.system import Source, System
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.system import Source, System
 from specs.errors import InputError
-from tests.orchestrator.paper import load_package, package
+from tests.orchestrator.ssp.test_bad_ssd import line_of
 from tests.orchestrator.systems import OSCILLATOR, component, connection, connector, fmu, load, refused, ssd
-from tests.orchestrator.test_bad_ssd import line_of
+from tests.verification.paper import load_package, package
 
 NAMES = ["position", "speed"]
 FMUS = {name: fmu(name) for name in NAMES}

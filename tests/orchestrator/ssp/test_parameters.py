@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.check import load_system
+from orchestrator.system.check import load_system
 from tests.orchestrator.systems import (
     chain,
     fmu,

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.conversion import Conversion, apply, undo
-from orchestrator.system import System
-from orchestrator.units import Affine
-from tests.orchestrator.paper import paper, scalar
+from orchestrator.fmi.units import Affine
+from orchestrator.ssp.conversion import Conversion, apply, undo
+from orchestrator.system.system import System
 from tests.orchestrator.systems import component, connection, connector, load, refused, ssd
+from tests.verification.paper import paper, scalar
 
 GIVER = "".join((
     scalar("gear", 1, "output", '<Enumeration declaredType="Gear"/>'),

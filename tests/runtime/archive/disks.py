@@ -3,8 +3,8 @@
 import random
 from typing import Self
 
+from deployment.faults.disks import Forgetful, PowerCutError
 from runtime.archive.disk import StoreFolder
-from slewright.faults.disks import Forgetful, PowerCutError
 
 
 class ForgetfulStore(Forgetful):

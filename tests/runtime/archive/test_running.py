@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from deployment.bundling.archive import write
 from runtime.archive import trust
 from runtime.archive.install import install, offer
 from runtime.archive.start import Place
 from runtime.recorder.reader import Recording
 from runtime.supervisor import Supervisor
-from slewright.bundling.archive import write
 from specs.errors import InputError
 from tests.runtime.archive.made import key
 from tests.runtime.bundles import built

@@ -8,8 +8,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from fmus import compiler
-from slewright.bundling import build
+from deployment.bundling import build
+from fmus.toolchain import compiler
 from specs.errors import RunError
 from tests.edges import Edge
 from tests.runtime.bundles import built

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from fmus import compiler
+from fmus.toolchain import compiler
 from tests.edges import Edge
 from tests.runtime.fuzz import frames, requests, settings
 from tests.runtime.fuzz.native import Native

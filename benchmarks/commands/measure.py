@@ -1,4 +1,4 @@
-"""`slewright bench`: how fast it is, against others, in the same minute on the same machine."""
+"""How fast it is, against others, in the same minute on the same machine."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,29 +6,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from slewright.figures import JsonOption, check_target, write, write_text
+from records.figures_file import check_target, write, write_text
+from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 
 if TYPE_CHECKING:
-    from orchestrator.bench.blocks import Spread
-    from orchestrator.bench.orchestrator import Result
-
-WORK = {
-    "policy tick": "policy_tick_us",
-    "other tick": "other_tick_us",
-    "core in policy tick": "policy_step_us",
-}
-
-app = typer.Typer(help="Measure how fast it is, against others.", no_args_is_help=True)
+    from benchmarks.orchestrator.blocks import Spread
+    from benchmarks.orchestrator.comparison import Result
 
 
-@app.callback()
-def bench() -> None:
-    """Measure how fast it is, against others."""
-
-
-@app.command()
 def orchestrator(
     blocks: Annotated[
         int, typer.Option(min=1, help="Blocks of interleaved runs: more are surer and slower.")
@@ -40,8 +27,8 @@ def orchestrator(
     ] = None,
 ) -> None:
     """Compare the orchestrator with a hand-written loop and other masters, on one chain of three FMUs."""
-    from orchestrator.bench.document import page
-    from orchestrator.bench.orchestrator import run
+    from benchmarks.orchestrator.comparison import run
+    from benchmarks.orchestrator.document import page
 
     with progress("bench orchestrator") as report:
         result = run(blocks, report)
@@ -56,14 +43,13 @@ def orchestrator(
         raise typer.Exit(1)
 
 
-@app.command()
 def campaign(
     blocks: Annotated[int, typer.Option(min=1, help="Blocks of interleaved campaigns.")] = 5,
     runs: Annotated[int, typer.Option(min=16, help="Runs of each.")] = 200,
     json: JsonOption = None,
 ) -> None:
     """Compare a campaign's scaling with independent processes'; what a run costs beside stepping."""
-    from orchestrator.campaign.bench import measure, missed
+    from benchmarks.campaign import measure, missed
 
     with progress("bench campaign") as report:
         figures = measure(blocks, runs, report)
@@ -96,13 +82,12 @@ def campaign(
         raise typer.Exit(1)
 
 
-@app.command("slew_nn")
 def slew_nn(
     blocks: Annotated[int, typer.Option(min=1, help="Blocks of interleaved timings.")] = 200,
     json: JsonOption = None,
 ) -> None:
     """Compare the step of an FMU with the paper's networks with its bare generated C, and with real time."""
-    from fmus.slew_nn.bench import CASES, missed, run
+    from benchmarks.slew_nn.step import CASES, missed, run
 
     with progress("bench slew_nn") as report:
         figures = run(blocks, report)
@@ -116,7 +101,6 @@ def slew_nn(
         raise typer.Exit(1)
 
 
-@app.command()
 def pendulum(
     data: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of the recordings, with LICENSE and model/.")
@@ -131,7 +115,7 @@ def pendulum(
 ) -> None:
     """Reconcile recordings of a real pendulum with a model without gravity, and predict held-out runs."""
     from reconcile.measured import limits, measure, page
-    from slewright import markers
+    from records.report import markers
     from specs.version import VERSION
 
     with progress("bench pendulum") as report:
@@ -154,7 +138,6 @@ def pendulum(
         raise typer.Exit(1)
 
 
-@app.command()
 def showcases(
     only: Annotated[
         list[str] | None, typer.Option("--only", metavar="NAME", help="tool or slew (repeatable).")
@@ -170,8 +153,8 @@ def showcases(
     ] = None,
 ) -> None:
     """Record the reference machine, reconcile a model that lacks something, verify the extended model."""
-    from slewright.showcase_page import pages
-    from slewright.showcases import SHOWCASES, measure, missed
+    from benchmarks.showcases.page import pages
+    from benchmarks.showcases.showcases import SHOWCASES, measure, missed
     from specs.errors import InputError, nearest
 
     for name in only or ():
@@ -195,7 +178,7 @@ def showcases(
 
 
 def _show_showcase(title: str, compared: Mapping[str, Any]) -> None:
-    from slewright.showcases import METRIC_UNITS
+    from benchmarks.showcases.showcases import METRIC_UNITS
 
     rows = [(s, *(f"{v:.2f}" for v in m.values())) for s, m in compared["mean"].items()]
     rows += [(f"{s}: off by", *(f"{v:.2f}" for v in m.values())) for s, m in compared["distance"].items()]
@@ -210,7 +193,7 @@ def _slew_nn_row(name: str, f: dict[str, float]) -> list[str]:
 
 
 def _show(result: "Result") -> None:
-    from orchestrator.bench.orchestrator import MASTERS, VERSIONS
+    from benchmarks.orchestrator.comparison import MASTERS, VERSIONS
 
     columns = ["", *(f"FMI {version}" for version in VERSIONS)]
     masters = [
@@ -247,10 +230,9 @@ def _rate(figures: dict[str, float] | None) -> str:
     return "—" if figures is None else f"{figures['rows_per_s']:,.0f}"
 
 
-@app.command()
 def nmpc(json: JsonOption = None) -> None:
     """How long a solve of the model predictive controller takes; 99 % must stay within 50 ms on one core."""
-    from baselines.nmpc.timing import SEED, SHARE, measure
+    from benchmarks.nmpc import SEED, SHARE, measure
 
     with progress("bench nmpc") as report:
         figures = measure(report)
@@ -268,84 +250,12 @@ def nmpc(json: JsonOption = None) -> None:
         raise typer.Exit(1)
 
 
-@app.command()
-def runtime(
-    bundle: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="The bundle that runs (default: one of pd, built now).")
-    ] = None,
-    blocks: Annotated[int, typer.Option(min=1, help="Interleaved pairs of runs for each load.")] = 5,
-    seconds: Annotated[float, typer.Option(min=2.0, metavar="S", help="Length of each run.")] = 30.0,
-    load: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="idle, modbus, stress (default: these), hmi, browsers."),
-    ] = None,
-    json: JsonOption = None,
-) -> None:
-    """Lateness of the control cycle against cyclictest: idle, with Modbus clients, stress-ng, three pages."""
-    from slewright.bundling.default import ready
-    from slewright.hil.bench import LOADS, MORE, run
-    from specs.errors import InputError, nearest
-
-    for name in load or ():
-        if name not in (*LOADS, *MORE):
-            raise InputError(f"no load '{name}'; {nearest(name, (*LOADS, *MORE))}")
-    with progress("bench runtime") as report:
-        result = run(ready(bundle, report), blocks, seconds, load or LOADS, report)
-    figures, costs = result.figures(), {name: found for name in MORE if (found := result.costs(name))}
-    write(json, {**figures, "costs_us": costs} if costs else figures)
-    if result.skipped:
-        typer.echo(f"skipped: {result.skipped}; nothing was measured")
-        return
-    _show_runtime(figures)
-    for load_, cost in costs.items():
-        columns = ("smallest", "median", "largest", "idle_varies")
-        rows = [(name, *(f"{row[c]:+.0f}" for c in columns)) for name, row in cost.items()]
-        show(f"what three open pages add, µs: {load_} less idle, within a block", ["", *columns], rows)
-    for miss in (missed := result.misses()):
-        typer.echo(f"slewright: missed: {miss}", err=True)
-    if missed:
-        raise typer.Exit(1)
-
-
-def _show_runtime(figures: Mapping[str, Any]) -> None:
-    late = ("p50", "p99", "p999")
-    show(
-        "lateness in µs, medians of the blocks",
-        ["load", *(f"ours {q}" for q in late), *(f"cyclictest {q}" for q in late), "ratio p99", "requests/s"],
-        [
-            (
-                name,
-                *(f"{row['ours'][q]:.0f}" for q in late),
-                *(f"{row['cyclictest'][q]:.0f}" for q in late),
-                f"{row['ratio_p99']:.2f}",
-                "—" if row["modbus_rps"] is None else f"{row['modbus_rps']:.0f}",
-            )
-            for name, row in figures.items()
-        ],
-    )
-    show(
-        "work of a tick in µs, and what was missed",
-        ["load", *(f"{kind} {q}" for kind in WORK for q in ("p50", "p99")), "ticks", "stolen", "overruns"],
-        [
-            (
-                name,
-                *(f"{row[key][q]:.0f}" for key in WORK.values() for q in ("p50", "p99")),
-                row["ticks"],
-                row["stolen_ticks"],
-                row["overruns"],
-            )
-            for name, row in figures.items()
-        ],
-    )
-
-
-@app.command()
 def training(
     blocks: Annotated[int, typer.Option(min=1, help="Blocks of interleaved runs.")] = 15,
     json: JsonOption = None,
 ) -> None:
     """Compare a step of the environment with its matrix products, and PPO with rsl-rl-lib as it comes."""
-    from learning.policy import bench as measured
+    from benchmarks import training as measured
 
     with progress("bench training") as report:
         figures = measured.run(blocks, report)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reconcile.iso18571 import mean_rating, rating
+from records.iso18571 import mean_rating, rating
 
 
 def pair(n: int, delay: int, size: float, offset: float) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from reconcile.iso18571 import mean_rating
+from records.iso18571 import mean_rating
 
 Pairs = Sequence[tuple[np.ndarray, np.ndarray]]  # measured and predicted, stretch by stretch
 FIRST, LAST = "nominal", "after"

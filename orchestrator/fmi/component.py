@@ -1,0 +1,42 @@
+"""One FMU of a system: unpacked, described, with the binary for this platform and its start values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from orchestrator.fmi.model_description import ModelDescription
+from orchestrator.fmi.variable import Value, Variable, size_of
+
+
+@dataclass(frozen=True)
+class Component:
+    """An FMU unpacked in `folder`, with the binary for this platform and its start values by variable.
+
+    The name of a component in a nested system is its path, `outer.inner`.
+
+    multiple  it steps once in so many steps of the system
+    clocks    its periodic input clocks by name: (shift, interval) in ticks of the system
+    line      in the SSD; 0: there is none
+    file      the SSD, as messages call it
+    """
+
+    name: str
+    model: ModelDescription
+    folder: Path
+    library: Path
+    sha256: str
+    start: Mapping[str, Value]
+    multiple: int = 1
+    line: int = 0
+    clocks: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    file: str = ""
+
+    def __str__(self) -> str:
+        """How messages call it: with file and line, where it has some."""
+        where = f"{self.file or 'SSD'} line {self.line}: " if self.line else ""
+        return f"{where}component {self.name}"
+
+    def size(self, variable: Variable) -> int:
+        """Number of elements of one of its variables, with the structural parameters it starts with."""
+        model = self.model.structural()
+        return size_of(variable, {name: int(self.start.get(name, model[name])) for name in model})  # type: ignore[arg-type]
