@@ -59,7 +59,6 @@ def files() -> list[str]:
     return sorted(_paths())
 
 
-@cache
 def _paths() -> dict[str, Path]:
     own = {path.stem: path for path in FOLDER.glob("*.toml")}
     return own | {path.parent.name: path for path in CONTROLLERS.glob("*/parameters.toml")}
@@ -67,9 +66,10 @@ def _paths() -> dict[str, Path]:
 
 def path_of(name: str) -> Path:
     """The parameter file of this name; InputError names the valid ones."""
-    if name not in _paths():
-        raise InputError(f"no parameter file '{name}'; valid: {', '.join(files())}")
-    return _paths()[name]
+    known = _paths()
+    if name not in known:
+        raise InputError(f"no parameter file '{name}'; valid: {', '.join(sorted(known))}")
+    return known[name]
 
 
 def load(*names: str) -> dict[str, Parameter]:
