@@ -20,7 +20,8 @@ def update(
     """Set value, source and status of parameters in the file `name` and return its path.
 
     `folder` is where the file lies, as NAME.toml (default: where specs.parameters has it).  Raises
-    InputError, before anything is written, for a parameter that is not in the file or a value out of its bounds.
+    InputError, before anything is written, for a parameter that is not in the file or a value out of its
+    bounds.
     """
     known = parameters.load(name)
     for parameter, value in values.items():

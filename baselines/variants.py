@@ -12,9 +12,7 @@ from specs import parameters
 from specs.errors import InputError
 
 PATH = Path(__file__).with_name("variants.toml")
-HEAD = (
-    "# Gains of variants of a controller, by `slewright tune NAME`; units: parameters.toml of its folder.\n"
-)
+HEAD = "# Gains of variants of a controller, by `slewright tune NAME`; units: its parameters.toml.\n"
 HOW = "how"
 
 
