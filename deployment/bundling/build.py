@@ -20,8 +20,9 @@ from baselines.load.balance import unknowns
 from baselines.load.calibration_file import read
 from baselines.load.online import model as load_estimate
 from baselines.registry import Controller
-from deployment.bundling import commissioned, config
+from deployment.bundling import commissioned, config, policy
 from deployment.bundling.blocks import COMPILED, CORE, Block, External
+from deployment.bundling.content import Content
 from fmus.definition import Model
 from fmus.paths import BUILD, SHIM
 from fmus.toolchain import compiler
@@ -44,19 +45,6 @@ UNUSED_GONE = {
     "darwin": ["-Wl,-dead_strip"],
     "windows": ["-Wl,--gc-sections"],
 }
-
-
-@dataclasses.dataclass(frozen=True)
-class Content:
-    """What goes into a bundle: the controller's block, what evaluates it, files beside the core."""
-
-    name: str
-    controller: Block | External
-    engine: str = form.NATIVE
-    files: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
-    calibration: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the load estimate
-    zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of sensors, SI
-    arm: Mapping[str, float] = dataclasses.field(default_factory=dict)  # parameters of the arm loops
 
 
 def bundle(
@@ -228,9 +216,7 @@ def _content(controller: str, engine: str) -> Content:
     if engine not in form.ENGINES:
         raise InputError(f"no engine '{engine}'; valid: {', '.join(form.ENGINES)}")
     if controller.endswith(".onnx"):
-        from deployment.bundling.policy import content
-
-        return content(Path(controller), engine)
+        return policy.content(Path(controller), engine)
     found = registry.find(controller)
     if engine != form.NATIVE:
         raise InputError(f"controller {controller} is no policy: its engine is {form.NATIVE}")

@@ -6,7 +6,8 @@ from pathlib import Path
 from runtime.archive import container, trust
 from runtime.archive.differences import Change, differences
 from runtime.archive.disk import StoreFolder
-from runtime.archive.signed import SHOWN, Signed, check_fit, verify
+from runtime.archive.names import SHOWN
+from runtime.archive.signed import Signed, check_fit, verify
 from runtime.archive.start import Place
 from runtime.archive.store import State, Store, held
 from runtime.policy import open_core
