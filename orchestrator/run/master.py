@@ -14,7 +14,7 @@ from orchestrator.fmi.model_description import REALS
 from orchestrator.fmi.trust import runs_here
 from orchestrator.fmi.type_codes import BLOBS
 from orchestrator.fmi.variable import Scalar, Value
-from orchestrator.run.lowering import Plan, scalars, to_bits
+from orchestrator.run.plan import Plan, scalars, to_bits
 from orchestrator.ssp.settings import Settings
 from orchestrator.system.layout import Layout, Slot
 from orchestrator.system.order import algebraic_loops

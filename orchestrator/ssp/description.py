@@ -19,13 +19,33 @@ __all__ = (
     "Description",
     "Dictionary",
     "Element",
+    "Port",
     "Reference",
     "Simulation",
     "SystemElement",
     "Typed",
 )
 
-SYSTEM = ""  # element name of the system itself in a connection
+SYSTEM = ""  # owner of a port of the system itself
+
+# Sides of a port: of a system or FMU; of the component that stands for a system of another file; of a signal
+# in a dictionary; of a dictionary reference where signals go in.
+INNER, OUTER, SIGNAL, INTO = "", "outer", "signal", "into"
+
+
+@dataclass(frozen=True)
+class Port:
+    """A point that a signal passes: connector `name` of the element `owner`.
+
+    In a description the owner is an element of the same system, in a `Graph` the element's path.
+    """
+
+    owner: str
+    name: str
+    side: str = INNER
+
+    def __str__(self) -> str:
+        return f"{self.owner}.{self.name}" if self.owner else f"system connector {self.name}"
 
 
 @dataclass(frozen=True)
@@ -40,13 +60,13 @@ class Connector:
 
 @dataclass(frozen=True)
 class Connection:
-    """Two ends (element, connector) as written, either way round; element `SYSTEM`: the system itself."""
+    """From one port to another: in a description either way round, in a `Graph` as the signal goes."""
 
-    start: tuple[str, str]
-    end: tuple[str, str]
-    transformation: Transformation | None
-    suppress: bool
+    start: Port
+    end: Port
     place: Place
+    transformation: Transformation | None = None
+    suppress: bool = False
 
 
 @dataclass(frozen=True)

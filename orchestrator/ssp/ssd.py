@@ -18,6 +18,7 @@ from orchestrator.ssp.description import (
     Description,
     Dictionary,
     Element,
+    Port,
     SystemElement,
 )
 from orchestrator.ssp.element_forms import KINDS, NEW_KINDS
@@ -111,9 +112,7 @@ class _Reader:
         system = SystemElement(
             element.get("name", ""),
             self.connectors(groups, KINDS),
-            read_bindings(
-                self.text, groups.get("ParameterBindings", []), self.root, self.path.parent, self.definitions
-            ),
+            self.bindings(groups),
             self.text.place(element),
             self.elements(groups.get("Elements", [])),
             tuple(
@@ -162,9 +161,7 @@ class _Reader:
         return parts.ComponentElement(
             name,
             self.connectors(groups, [k for k in KINDS if k != "inout"]),
-            read_bindings(
-                self.text, groups.get("ParameterBindings", []), self.root, self.path.parent, self.definitions
-            ),
+            self.bindings(groups),
             self.text.place(element),
             source,
             kind,
@@ -205,15 +202,15 @@ class _Reader:
     def connection(self, element: Xml) -> Connection:
         groups = self.text.children(element, "ssd:Connection")
         start, end = (
-            (element.get(f"{side}Element", parts.SYSTEM), self.text.name(element, f"{side}Connector"))
+            Port(element.get(f"{side}Element", parts.SYSTEM), self.text.name(element, f"{side}Connector"))
             for side in ("start", "end")
         )
         return Connection(
             start,
             end,
+            self.text.place(element),
             read_transformation(self.text, groups),
             self.text.flag(element, "suppressUnitConversion"),
-            self.text.place(element),
         )
 
     def dictionaries(self, holders: list[Xml]) -> dict[str, Dictionary]:

@@ -10,8 +10,8 @@ from fractions import Fraction
 
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.variable import Variable
-from orchestrator.ssp.description import Simulation
-from orchestrator.system.net import Net, Port
+from orchestrator.ssp.description import Port, Simulation
+from orchestrator.system.graph import Graph
 from specs.errors import InputError, nearest
 
 SLACK = 1e-9  # relative: 0.1 / 0.02 is not quite 5
@@ -19,17 +19,17 @@ MAX_MULTIPLE = 2**31
 
 
 def timed(
-    net: Net, components: Mapping[str, Component], simulation: Simulation, step_s: float
+    graph: Graph, components: Mapping[str, Component], simulation: Simulation, step_s: float
 ) -> dict[str, Component]:
     """The components with their `multiple` and `clocks`; InputError names what is no whole multiple."""
     for name, (_, place) in simulation.steps.items():
         if name not in components:
             raise InputError(f"{place}: no component '{name}'; {nearest(name, components)}")
-    _check_clock_connections(net)
+    _check_clock_connections(graph)
     found = {}
     for component in components.values():
         multiple = _multiple(component, simulation, step_s)
-        clocks = dict(ticking(component, multiple, step_s, net.warnings))
+        clocks = dict(ticking(component, multiple, step_s, graph.warnings))
         found[component.name] = replace(component, multiple=multiple, clocks=clocks)
     return found
 
@@ -95,31 +95,31 @@ def _unticked(component: Component, variable: Variable, warnings: list[str]) -> 
     warnings.append(f"{component}: triggered clock {variable.name} is not connected and never ticks")
 
 
-def _check_clock_connections(net: Net) -> None:
+def _check_clock_connections(graph: Graph) -> None:
     """Connections between clocks are not supported; those that form a cycle are named as one."""
-    edges: dict[str, list[tuple[Port, Port]]] = {}
-    for port in net.incoming:
-        node = net.nodes[port]
+    connected: dict[str, list[tuple[Port, Port]]] = {}
+    for port in graph.incoming:
+        node = graph.nodes[port]
         if node.variable is None or node.variable.type != "Clock":
             continue
-        source = net.chain(port)[0].source
-        edges.setdefault(source.owner, []).append((source, port))
-    for owner in edges:
-        cycle = _cycle(edges, owner)
+        source = graph.chain(port)[0].source
+        connected.setdefault(source.owner, []).append((source, port))
+    for owner in connected:
+        cycle = _cycle(connected, owner)
         if cycle:
-            place = net.incoming[cycle[0][1]].place
+            place = graph.incoming[cycle[0][1]].place
             raise InputError(f"{place}: clock cycle: {' → '.join(f'{a} → {b}' for a, b in cycle)}")
-    for links in edges.values():
+    for links in connected.values():
         for source, port in links:
             raise InputError(
-                f"{net.incoming[port].place}: {source} and {port} are clocks; connections between clocks are "
-                "not supported, unconnected periodic ones are"
+                f"{graph.incoming[port].place}: {source} and {port} are clocks; connections between clocks "
+                "are not supported, unconnected periodic ones are"
             )
 
 
-def _cycle(edges: Mapping[str, list[tuple[Port, Port]]], first: str) -> list[tuple[Port, Port]]:
+def _cycle(connected: Mapping[str, list[tuple[Port, Port]]], first: str) -> list[tuple[Port, Port]]:
     """Clock connections that lead from the component `first` back to it, or []."""
-    ways: list[list[tuple[Port, Port]]] = [[link] for link in edges[first]]
+    ways: list[list[tuple[Port, Port]]] = [[link] for link in connected[first]]
     reached: set[str] = set()
     while ways:
         way = ways.pop()
@@ -128,5 +128,5 @@ def _cycle(edges: Mapping[str, list[tuple[Port, Port]]], first: str) -> list[tup
             return way
         if at not in reached:
             reached.add(at)
-            ways += [[*way, link] for link in edges.get(at, [])]
+            ways += [[*way, link] for link in connected.get(at, [])]
     return []

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
 from orchestrator.fmi.values import checked_value
 from orchestrator.fmi.variable import Scalar, Value
-from orchestrator.system.system import Source, System
+from orchestrator.ssp.description import Port
+from orchestrator.system.system import System
 from specs.errors import InputError, nearest
 from specs.faults import FAIL, Fault
 
@@ -39,7 +40,7 @@ def check_faults(system: System, faults: Sequence[Fault]) -> None:
 
 
 def _check_input(system: System, fault: Fault, where: str) -> None:
-    linked = [f"{k.component}.{k.name}" for k in system.links]
+    linked = [str(link.target) for link in system.links]
     if fault.target not in linked:
         choices = [*linked, *system.inputs, *system.outputs]
         raise InputError(f"{where}: no connected input and no connector; {nearest(fault.target, choices)}")
@@ -52,9 +53,10 @@ def _check_input(system: System, fault: Fault, where: str) -> None:
 def _check_unconverted(system: System, fault: Fault, where: str) -> None:
     """A fault on a system input acts where it arrives, so it must arrive in the input's own unit."""
     for link in system.links:
-        if link.source == Source("", fault.target) and not link.conversion.is_identity:
-            end = f"{link.component}.{link.name}"
-            raise InputError(f"{where}: it is converted on its way to {end}; state the fault on {end}")
+        if link.source == Port("", fault.target) and not link.conversion.is_identity:
+            raise InputError(
+                f"{where}: it is converted on its way to {link.target}; state the fault on {link.target}"
+            )
 
 
 def _check_real(kind: str, size: int, where: str) -> None:

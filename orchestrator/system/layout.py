@@ -15,9 +15,11 @@ from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
 from orchestrator.fmi.type_codes import BLOBS, BOOLEANS, WIRE
 from orchestrator.ssp.conversion import Conversion
+from orchestrator.ssp.description import Port
+from orchestrator.system.link import Link
 from orchestrator.system.order import Order, dependency_order
 from orchestrator.system.stimuli import explain
-from orchestrator.system.system import Source, System
+from orchestrator.system.system import System
 from records.schema import Column
 from specs.errors import InputError
 from specs.signals import signals as known_signals
@@ -162,17 +164,15 @@ class _Builder:
 
     def _outputs(self, component: Component) -> list[tuple[str, Slot]]:
         """Variables of a component that a link, an output of the system or the record reads."""
-        sources = [
-            *self.system.links,
-            *(self.system.outputs[n] for n in self.names if n in self.system.outputs),
-        ]
-        read = [s.source.name for s in sources if s.source.component == component.name]
+        shown = (self.system.outputs[n].link for n in self.names if n in self.system.outputs)
+        sources = [link.source for link in (*self.system.links, *shown)]
+        read = [source.name for source in sources if source.owner == component.name]
         resolved = [self._resolve(name) for name in self.names if self._is_variable(name)]
         read += [variable for owner, variable in resolved if owner == component.name]
         return self._place(component, dict.fromkeys(read), self.outputs)
 
     def _inputs(self, component: Component) -> list[tuple[str, Slot]]:
-        linked = [link.name for link in self.system.links if link.component == component.name]
+        linked = [link.target.name for link in self.system.links if link.target.owner == component.name]
         return self._place(component, linked, self.connected)
 
     def _place(
@@ -188,17 +188,18 @@ class _Builder:
             placed.append((v.name, slot))
         return placed
 
-    def _source(self, source: Source) -> Slot:
-        return self.outputs[source.component, source.name] if source.component else self.inputs[source.name]
-
     def _moves(self) -> Iterator[Move]:
         position = {name: i for i, name in enumerate(self.system.components)}
+        links = {link.target: link for link in self.system.links}
         for (component, name), slot in self.connected.items():
-            link = next(k for k in self.system.links if (k.component, k.name) == (component, name))
-            yield Move(position[component], self._source(link.source), slot, link.conversion)
+            yield self._move(position[component], links[Port(component, name)], slot)
         for name, slot in self.sink.items():
-            output = self.system.outputs[name]
-            yield Move(SINK, self._source(output.source), slot, output.conversion)
+            yield self._move(SINK, self.system.outputs[name].link, slot)
+
+    def _move(self, owner: int, link: Link, target: Slot) -> Move:
+        source = link.source
+        slot = self.outputs[source.owner, source.name] if source.owner else self.inputs[source.name]
+        return Move(owner, slot, target, link.conversion)
 
     # ---- what is recorded ----
 

@@ -4,7 +4,8 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from orchestrator.system.system import Link, System
+from orchestrator.system.link import Link
+from orchestrator.system.system import System
 
 Node = TypeVar("Node", bound=Hashable)
 
@@ -28,8 +29,8 @@ def dependency_order(names: Sequence[str], links: Iterable[Link]) -> Order:
     """
     feeds: dict[str, set[str]] = {name: set() for name in names}
     for link in links:
-        if link.source.component:
-            feeds[link.source.component].add(link.component)
+        if link.source.owner:
+            feeds[link.source.owner].add(link.target.owner)
     positions: list[int] = []
     loop: list[int] = []
     number = 0
@@ -49,14 +50,13 @@ def algebraic_loops(system: System) -> list[list[str]]:
     """
     feeds: dict[str, set[str]] = {}
     for link in system.links:
-        if not link.source.component:
+        if not link.source.owner:
             continue
-        model = system.components[link.component].model
-        source = f"{link.source.component}.{link.source.name}"
-        for output, inputs in model.dependencies.items():
-            if inputs is not None and link.name in inputs:
-                feeds.setdefault(source, set()).add(f"{link.component}.{output}")
-                feeds.setdefault(f"{link.component}.{output}", set())
+        target = link.target
+        for output, inputs in system.components[target.owner].model.dependencies.items():
+            if inputs is not None and target.name in inputs:
+                feeds.setdefault(str(link.source), set()).add(f"{target.owner}.{output}")
+                feeds.setdefault(f"{target.owner}.{output}", set())
     return [g for g in components(feeds) if len(g) > 1 or g[0] in feeds[g[0]]]
 
 

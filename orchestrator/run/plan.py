@@ -44,7 +44,7 @@ class Plan:
         """One building function of the core."""
         if not getattr(self.library, f"slw_core_{name}")(self.core, *arguments):
             why = self.library.slw_core_error(self.core).decode()
-            raise RunError(f"system {self.system.name} cannot be lowered: {why}")
+            raise RunError(f"system {self.system.name} is refused by the core: {why}")
 
     def free(self) -> None:
         """Free the core; the FMUs must still be there."""
