@@ -102,7 +102,7 @@ def _check_clock_connections(graph: Graph) -> None:
         node = graph.nodes[port]
         if node.variable is None or node.variable.type != "Clock":
             continue
-        source = graph.chain(port)[0].source
+        source = graph.chain(port)[0].start
         connected.setdefault(source.owner, []).append((source, port))
     for owner in connected:
         cycle = _cycle(connected, owner)
