@@ -82,7 +82,10 @@ class RecordWriter:
             if self._filled - self._sent >= BATCH_ROWS:
                 self.flush()
             if self._filled == self._group.shape[1]:
-                self._end_group()
+                # The rows of a full group go to the Parquet file; the memory is used again
+                with self._noticing():
+                    self.flush()
+                    self._write_group()
 
     def flush(self) -> None:
         """Bring every row appended so far to the recording, so that it survives the process."""
@@ -96,12 +99,6 @@ class RecordWriter:
         batch = arrays(self._columns, self._group, slice(first, stop))
         self._stream.write_batch(pa.record_batch(batch, schema=self._schema))
         self._file.flush()
-
-    def _end_group(self) -> None:
-        """The rows of a full group go to the Parquet file; the memory is used again."""
-        with self._noticing():
-            self.flush()
-            self._write_group()
 
     def _write_group(self) -> ParquetFile:
         if self._parquet is None:

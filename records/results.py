@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -144,8 +144,9 @@ def print_table(
     if not console.is_terminal and console.width < 140:
         console = Console(file=console.file, width=140)  # a log file need not fold the table
     console.print(table(results, verdicts))
-    for line in _missed(verdicts):
-        console.print(line, style="red", highlight=False)
+    for v in (v for v in verdicts if not v.passed):
+        reason = f" ({v.reason})" if v.reason else ""
+        console.print(f"✗ {in_words(v)}{reason}", style="red", highlight=False)
     speeds = ", ".join(f"{system} {factor:.0f} ×" for system, factor in realtime_factor.items())
     if speeds:
         console.print(f"Faster than real time: {speeds}", highlight=False)
@@ -157,7 +158,3 @@ def print_table(
         style="bold green" if good else "bold red",
         highlight=False,
     )
-
-
-def _missed(verdicts: Iterable[Verdict]) -> list[str]:
-    return [f"✗ {in_words(v)}" + (f" ({v.reason})" if v.reason else "") for v in verdicts if not v.passed]

@@ -93,11 +93,7 @@ def _keys(kind: Any, place: Sequence[int | str]) -> list[str]:
             kind = next(iter(get_args(kind)[-1:] if isinstance(part, str) else get_args(kind)), None)
         kind = (
             next((one for one in get_args(kind) if is_dataclass(one)), kind)
-            if _may_be_left_out(kind)
+            if NoneType in get_args(kind)
             else kind
         )
     return [f.name for f in fields(kind) if f.init] if is_dataclass(kind) else []
-
-
-def _may_be_left_out(kind: Any) -> bool:
-    return NoneType in get_args(kind)

@@ -5,7 +5,7 @@ runs between nominal models; true is a simulation's true state; disturbance is i
 Only the first four have a place on CAN and Modbus.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -112,12 +112,12 @@ def definition(path: Path = PATH) -> Definition:
     for s in found:
         _check_signal(s, bus, f"{where}: signal.{s.name}")
     check_frames([(s.name, s.can) for s in found if s.can], bus, where)
-    check_registers([*_registers(found), *modbus.services.items()], modbus, where)
+    check_registers(
+        [*((f"signal.{s.name}.modbus", s.modbus) for s in found if s.modbus), *modbus.services.items()],
+        modbus,
+        where,
+    )
     return Definition(signals={s.name: s for s in found}, retired=retired, bus=bus, modbus=modbus)
-
-
-def _registers(found: Iterable[Signal]) -> Iterator[tuple[str, ModbusPlace]]:
-    return ((f"signal.{s.name}.modbus", s.modbus) for s in found if s.modbus)
 
 
 def _bus(data: Mapping[str, Any], where: str) -> Bus:

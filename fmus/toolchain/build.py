@@ -12,7 +12,6 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from fmus.definition import Model
 from fmus.paths import BUILD, BUILT_HERE, ROOT, SHIM, built_here
@@ -44,7 +43,7 @@ def build_fmu(
     path = known.get(str(folder), Path(folder))
     result = (out or BUILD / "fmus" / f"fmi{fmi_version}") / f"{path.name}.fmu"
     stamp = result.with_suffix(".json")
-    stamped = _read_stamp(stamp)
+    stamped = json.loads(stamp.read_text()) if stamp.is_file() else {}
     names = [compiler.target(t).name for t in (targets or [compiler.host().name])]
     if not targets and compiler.host().name in stamped.get("targets", []):
         names = stamped["targets"]  # using an FMU does not drop the other platforms' binaries
@@ -197,11 +196,6 @@ def _inputs(base: Path) -> Iterator[Path]:
         wanted = path.suffix in (".py", ".c", ".h", ".toml", ".md", ".npz")
         if wanted and not skipped & set(path.relative_to(base).parts) and path.is_file():
             yield path
-
-
-def _read_stamp(stamp: Path) -> dict[str, Any]:
-    """What an FMU was last built from and for; {} if nothing is known."""
-    return json.loads(stamp.read_text()) if stamp.is_file() else {}
 
 
 def _write(path: Path, content: bytes) -> None:

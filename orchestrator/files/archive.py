@@ -81,7 +81,9 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
         _check_overlap(entries, shown)
         names = _Names(shown)
         for entry in entries:
-            _check_entry(entry, shown)
+            reason = _unfit_name(entry) or _unfit_content(entry)
+            if reason:
+                raise InputError(f"{shown}: entry '{shortened(entry.filename)}' {reason}")
             names.add(entry)
         try:
             _extract_all(archive, entries, folder)
@@ -184,12 +186,6 @@ def _check_overlap(entries: list[zipfile.ZipInfo], shown: str) -> None:
                 f"{shown}: entries '{shortened(before)}' and '{shortened(entry.filename)}' share their bytes"
             )
         end, before = entry.header_offset + LOCAL_HEADER + entry.compress_size, entry.filename
-
-
-def _check_entry(entry: zipfile.ZipInfo, shown: str) -> None:
-    reason = _unfit_name(entry) or _unfit_content(entry)
-    if reason:
-        raise InputError(f"{shown}: entry '{shortened(entry.filename)}' {reason}")
 
 
 def _unfit_name(entry: zipfile.ZipInfo) -> str:

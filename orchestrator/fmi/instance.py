@@ -208,7 +208,9 @@ class Instance:
 
         Of arrays every element counts.
         """
-        groups = [self._references(names) for names in (unknowns, knowns)]
+        groups = [
+            np.array([self.variable(n).vr for n in names], dtype=np.uint32) for names in (unknowns, knowns)
+        ]
         sizes = [sum(self.component.size(self.variable(n)) for n in names) for names in (unknowns, knowns)]
         result, direction = np.zeros(sizes[0]), np.array(seed, float)
         if len(direction) != sizes[1]:
@@ -217,9 +219,6 @@ class Instance:
         ends = (direction.ctypes.data, len(direction), result.ctypes.data, len(result))
         self.call("directional", *references, *ends)
         return result
-
-    def _references(self, names: Sequence[str]) -> np.ndarray:
-        return np.array([self.variable(n).vr for n in names], dtype=np.uint32)
 
     # ---- errors ----
 

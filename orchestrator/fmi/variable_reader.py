@@ -62,7 +62,12 @@ class VariableReader:
     def _variable(self, outer: Element, typed: Element) -> Variable:
         declared = self._declared(typed)
         type_name = local(typed)
-        causality = self._choice(outer, "causality", self._causalities(), "local")
+        causality = self._choice(
+            outer,
+            "causality",
+            CAUSALITIES if self.version == 2 else (*CAUSALITIES, "structuralParameter"),
+            "local",
+        )
         variability = self._choice(
             outer, "variability", VARIABILITIES, self._variability(causality, type_name)
         )
@@ -101,9 +106,6 @@ class VariableReader:
         """A magnitude: its sign does not count, and what is none is as if not given."""
         found = abs(float(value_texts.bound(typed, declared, "nominal", self.where) or 1.0))
         return found if 0.0 < found < math.inf else 1.0
-
-    def _causalities(self) -> tuple[str, ...]:
-        return CAUSALITIES if self.version == 2 else (*CAUSALITIES, "structuralParameter")
 
     def _variability(self, causality: str, type_name: str) -> str:
         """The default; a parameter without one is taken as fixed, the most careful reading."""

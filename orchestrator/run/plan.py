@@ -12,7 +12,6 @@ from orchestrator.fmi.model_description import REALS
 from orchestrator.fmi.type_codes import BLOBS, WIRE
 from orchestrator.fmi.units import IDENTITY
 from orchestrator.fmi.variable import Scalar, Value
-from orchestrator.ssp.conversion import Conversion
 from orchestrator.ssp.settings import Settings
 from orchestrator.system.interventions import resolve
 from orchestrator.system.layout import Layout, Move, Slot
@@ -206,11 +205,7 @@ def _kind(move: Move) -> str:
         return "blob"
     if move.conversion.table:
         return "table"
-    return "real" if _affine(move.conversion) else "plain"
-
-
-def _affine(conversion: Conversion) -> bool:
-    return conversion.affine != IDENTITY
+    return "real" if move.conversion.affine != IDENTITY else "plain"
 
 
 def _neighbours(moves: Sequence[Move]) -> list[list[Move]]:

@@ -50,7 +50,8 @@ class Text:
                     child,
                     f"<{name}> inside <{xml_file.local(element)}> is not supported; {nearest(name, valid)}",
                 )
-            self._check_version(child, name, form)
+            if name in form.new.split():
+                self.new_in_2(child, f"<{name}>")
             if name in valid:
                 groups.setdefault(name, []).append(child)
         return groups
@@ -105,10 +106,6 @@ class Text:
             elif name not in known and name not in form.idle.split():
                 choices = f"; {nearest(name, known)}" if known else ""
                 raise self.error(element, f"attribute '{name}' of <{tag}> is not supported{choices}")
-
-    def _check_version(self, element: Element, name: str, form: Form) -> None:
-        if name in form.new.split():
-            self.new_in_2(element, f"<{name}>")
 
     def new_in_2(self, element: Element, what: str) -> None:
         """Warn, once a file, of what SSP 2.0 added in a file that declares 1.0; it is honoured too."""

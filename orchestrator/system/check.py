@@ -8,7 +8,6 @@ from orchestrator.files import archive
 from orchestrator.fmi.component import Component
 from orchestrator.ssp.description import Description
 from orchestrator.ssp.ssd import read_ssd
-from orchestrator.ssp.text import Place
 from orchestrator.system.clocks import timed
 from orchestrator.system.connections import Connections
 from orchestrator.system.flatten import SSD_NAME, Flattener
@@ -20,7 +19,6 @@ from orchestrator.system.single_fmu import system_of_fmu
 from orchestrator.system.sizes import check_total
 from orchestrator.system.system import System
 from specs.errors import InputError, nearest
-from specs.faults import Fault
 from specs.signals import signals
 
 DEFAULT_STEP_S = 0.02
@@ -74,7 +72,10 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
     )
     system.check_algorithm(system.settings.algorithm)
     for fault, place in text.simulation.faults:
-        _check_fault(system, fault, place)
+        try:
+            check_faults(system, [fault])
+        except InputError as error:
+            raise InputError(f"{place}: {error}") from None
     return replace(system, warnings=(*system.warnings, *_loops(system)))
 
 
@@ -87,13 +88,6 @@ def _loops(system: System) -> Iterator[str]:
     }.get(algorithm, f"opened in steps, in which {algorithm} takes values of the last one")
     for members in algebraic_loops(system):
         yield f"algebraic loop of {', '.join(members)}: solved at the start, {in_steps}"
-
-
-def _check_fault(system: System, fault: Fault, place: Place) -> None:
-    try:
-        check_faults(system, [fault])
-    except InputError as error:
-        raise InputError(f"{place}: {error}") from None
 
 
 def _variants(folder: Path) -> Iterator[str]:

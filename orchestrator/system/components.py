@@ -31,21 +31,16 @@ class Fmus:
         Raises InputError for an FMU that is missing, damaged or not for this platform.
         """
         if file not in self.known:
-            self.known[file] = self._unpacked(file, component, path, base)
+            if not file.is_file():
+                there = sorted(p.relative_to(base).as_posix() for p in base.rglob("*.fmu"))
+                raise InputError(
+                    f"{component.place}: FMU '{component.source}' of component '{path}' is missing; "
+                    f"there is: {', '.join(there) or 'none'}"
+                )
+            shown = f"FMU {component.source} of component {path}"
+            self.known[file] = unpacked(file, self.folder / f"fmu{len(self.known)}", shown)
         place = component.place
         return replace(self.known[file], name=path, line=place.line, file=place.file)
-
-    def _unpacked(
-        self, file: Path, component: description.ComponentElement, path: str, base: Path
-    ) -> Component:
-        if not file.is_file():
-            there = sorted(p.relative_to(base).as_posix() for p in base.rglob("*.fmu"))
-            raise InputError(
-                f"{component.place}: FMU '{component.source}' of component '{path}' is missing; "
-                f"there is: {', '.join(there) or 'none'}"
-            )
-        shown = f"FMU {component.source} of component {path}"
-        return unpacked(file, self.folder / f"fmu{len(self.known)}", shown)
 
 
 def unpacked(file: Path, folder: Path, shown: str) -> Component:

@@ -1,6 +1,6 @@
 """What a scenario does to a running system: faults and parameter changes, checked against the system."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
 from orchestrator.fmi.values import checked_value
@@ -74,7 +74,10 @@ def check_changes(system: System, changes: Changes) -> dict[int, dict[str, dict[
             owner, variable_name = resolve(system, name, "parameter change")
             variable = system.components[owner].model.variables[variable_name]
             if variable.causality != "parameter" or variable.variability != "tunable":
-                tunable = _tunable(system, owner)
+                variables = system.components[owner].model.variables.values()
+                tunable = [
+                    v.name for v in variables if v.causality == "parameter" and v.variability == "tunable"
+                ]
                 raise InputError(
                     f"{name} cannot change during a run: it is {variable.variability} {variable.causality}; "
                     f"{nearest(variable_name, tunable) if tunable else f'{owner} has no tunable parameter'}"
@@ -84,8 +87,3 @@ def check_changes(system: System, changes: Changes) -> dict[int, dict[str, dict[
                 raise InputError(f"{name} cannot change during a run: only single numbers do")
             found.setdefault(tick, {}).setdefault(owner, {})[variable_name] = checked
     return found
-
-
-def _tunable(system: System, owner: str) -> Iterable[str]:
-    variables = system.components[owner].model.variables.values()
-    return [v.name for v in variables if v.causality == "parameter" and v.variability == "tunable"]

@@ -227,7 +227,8 @@ class _Builder:
             output = name in self.system.outputs
             slot = self.sink[name] if output else self.inputs[name]
             unit = (self.system.outputs if output else self.system.inputs)[name].unit_name
-            text = _describe(name)
+            known = known_signals()
+            text = known[name].description if name in known else ""
         if slot.type in NOT_NUMBERS:
             raise InputError(f"'{name}' cannot be recorded: it is of type {slot.type}")
         for number, cell in enumerate(slot.cells, 1):
@@ -252,8 +253,3 @@ def _column_type(kind: str) -> str:
     if kind in BOOLEANS:
         return "bool"
     return "uint64" if kind == "UInt64" else "int64"
-
-
-def _describe(name: str) -> str:
-    known = known_signals()
-    return known[name].description if name in known else ""

@@ -164,7 +164,12 @@ def fitted(value: ParameterValue, variable: Variable, shown: str) -> Value:
 
 def in_form(value: ParameterValue, form: Form, shown: str) -> Value:
     """A bound value in type and unit of a form: units first, the transformation of a mapping after them."""
-    _check_kind(value, form.value, shown)
+    kind = ValueType(value.type).kind
+    if form.value.kind and form.value.kind not in _TAKEN[kind]:
+        raise InputError(
+            f"{shown}: values of type {value.type} are not supported for "
+            f"its type, {form.value.type or form.value.kind}"
+        )
     if not value.suppress and not compatible(value.unit, form.unit):
         raise InputError(f"{shown} is given in a unit that does not fit {form.unit_name}")
     between = between_units(value.unit, form.unit)
@@ -193,15 +198,6 @@ _TAKEN = {
     "enumeration": ("enumeration", "integer"),
     "binary": ("binary",),
 }
-
-
-def _check_kind(value: ParameterValue, target: ValueType, shown: str) -> None:
-    kind = ValueType(value.type).kind
-    if target.kind and target.kind not in _TAKEN[kind]:
-        raise InputError(
-            f"{shown}: values of type {value.type} are not supported for "
-            f"its type, {target.type or target.kind}"
-        )
 
 
 def _transformed(scalar: Scalar, value: ParameterValue, transformation: Transformation, form: Form) -> Scalar:

@@ -1,7 +1,7 @@
 """From what a file holds to a measurement: clocks mended, names and units ours, each channel its own time."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 
@@ -161,7 +161,7 @@ def _from_zero(measurement: Measurement) -> Measurement:
     if offset == 0:
         return measurement
     shifted: dict[int, np.ndarray] = {}  # channels of a group go on sharing their time
-    for time in _times(measurement):
+    for time in (c.time for c in measurement.channels.values()):
         shifted.setdefault(id(time), time - offset)
     channels = {n: replace(c, time=shifted[id(c.time)]) for n, c in measurement.channels.items()}
     start = measurement.start and measurement.start + timedelta(seconds=float(offset))
@@ -169,7 +169,3 @@ def _from_zero(measurement: Measurement) -> Measurement:
     meta = {**measurement.meta, OFFSET: float(offset)}
     repairs = (*measurement.repairs, note)
     return replace(measurement, channels=channels, start=start, meta=meta, repairs=repairs)
-
-
-def _times(measurement: Measurement) -> Iterable[np.ndarray]:
-    return (c.time for c in measurement.channels.values())

@@ -75,7 +75,8 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     """Read every topic of JSON and Protocol Buffers; raises InputError where there is none."""
     notes: list[str] = []
     found = _Contents()
-    for file in _files(path):
+    # The file, or all segments of the runtime's recorder in a folder, oldest first
+    for file in sorted(path.glob("*.mcap")) if path.is_dir() else [path]:
         found.begin()
         for part in _parts(file, notes):
             found.take(part)
@@ -89,11 +90,6 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
         used = ", ".join(sorted({t.message_encoding or "none" for t in found.topics.values()}))
         raise InputError(f"{path} holds no topic in JSON or Protocol Buffers; its encodings: {used}")
     return Raw(groups, start, {k: v for k, v in meta.items() if k != START}, notes)
-
-
-def _files(path: Path) -> list[Path]:
-    """The file, or all segments of the runtime's recorder in a folder, oldest first."""
-    return sorted(path.glob("*.mcap")) if path.is_dir() else [path]
 
 
 def _parts(path: Path, notes: list[str]) -> Iterator[Any]:

@@ -40,13 +40,15 @@ def write(measurement: Measurement, path: Path) -> list[str]:
     columns, made, lost = [Column("time", "s", "Time since the start")], [clock], []
     for channel in measurement.channels.values():
         held, absent = cells(channel, clock)
-        kind = _type(held)
+        kinds = {"b": "bool", "i": "int64", "u": "uint64" if held.dtype.itemsize == 8 else "int64"}
+        kind = kinds.get(held.dtype.kind, "float64")
         if absent.any() and kind != "float64":
             lost.append(f"{channel.name}: whole numbers become floats, since some are absent")
             kind = "float64"
         held = np.where(absent, np.nan, held) if absent.any() else held
         columns.append(Column(channel.name, channel.unit, channel.description, kind))
-        made.append(_cells_of(held, kind))
+        # Values as the record's cells of 8 bytes (records/schema.py)
+        made.append(held.astype(np.int64 if kind == "bool" else kind).view(np.float64))
     meta = {ABSENT: "NaN", **meta_of(measurement)}
     complete, reason = bool(meta.pop("complete", True)), str(meta.pop("reason", ""))
     writer = RecordWriter(path, columns, meta)
@@ -54,17 +56,6 @@ def write(measurement: Measurement, path: Path) -> list[str]:
         writer.append(np.column_stack([m[first : first + BLOCK_ROWS] for m in made]))
     writer.close(complete, reason)
     return lost
-
-
-def _type(held: np.ndarray) -> str:
-    """The record's type for values of this kind."""
-    kinds = {"b": "bool", "i": "int64", "u": "uint64" if held.dtype.itemsize == 8 else "int64"}
-    return kinds.get(held.dtype.kind, "float64")
-
-
-def _cells_of(held: np.ndarray, kind: str) -> np.ndarray:
-    """Values as the record's cells of 8 bytes (records/schema.py)."""
-    return held.astype(np.int64 if kind == "bool" else kind).view(np.float64)
 
 
 def _schema(path: Path) -> pa.Schema:
