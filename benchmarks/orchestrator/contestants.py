@@ -131,7 +131,7 @@ class Isolated(Slewright):
     trust = False
 
     def __init__(self, chain: Chain, folder: Path) -> None:
-        from orchestrator.fmi.trust import runs_here
+        from orchestrator.fmi.component import runs_here
         from orchestrator.system.check import load_system
 
         if all(runs_here(c, trust=False) for c in load_system(chain.ssp).components.values()):

@@ -25,8 +25,7 @@ from orchestrator.core.fmu_binding import (
 from orchestrator.fmi.buffers import Values, flat
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import Variable
-from orchestrator.fmi.type_codes import BLOBS, STATUS, WARNING, WIRE
-from orchestrator.fmi.variable import Value
+from orchestrator.fmi.variable import BLOBS, STATUS, WARNING, WIRE, Value
 from specs.errors import InputError, RunError
 
 LIMIT_S = 60.0  # for one call of an FMU in a process of its own

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element, local
 from orchestrator.fmi import value_texts
-from orchestrator.fmi.clock_ticks import clock_info
 from orchestrator.fmi.variable import FMI2_TYPES, FMI3_TYPES, REALS, Value, Variable
 from specs.errors import InputError, nearest
 from specs.units import Unit
@@ -94,7 +93,7 @@ class VariableReader:
             items=value_texts.items(declared, self.version, self.where) if type_name == "Enumeration" else {},
             initial=self._initial(outer, typed, causality, variability),
             clocks=tuple(self._clocks(outer)),
-            clock=clock_info(typed, declared, self.where) if type_name == "Clock" else None,
+            clock=value_texts.clock_info(typed, declared, self.where) if type_name == "Clock" else None,
             max_size=self._max_size(typed, declared) if type_name == "Binary" else None,
             multiple_set_per_instant=xml_file.boolean(
                 outer, "canHandleMultipleSetPerTimeInstant", True, self.where

@@ -9,13 +9,12 @@ import numpy as np
 
 from orchestrator.core import binding
 from orchestrator.core.binding import BlockStatistics, Statistics
+from orchestrator.fmi.component import runs_here
 from orchestrator.fmi.instance import LIMIT_S, Instance, instantiate
 from orchestrator.fmi.model_description import REALS
-from orchestrator.fmi.trust import runs_here
-from orchestrator.fmi.type_codes import BLOBS
-from orchestrator.fmi.variable import Scalar, Value
+from orchestrator.fmi.variable import BLOBS, Scalar, Value
 from orchestrator.run.plan import Plan, scalars, to_bits
-from orchestrator.ssp.settings import Settings
+from orchestrator.ssp.description import Settings
 from orchestrator.system.layout import Layout, Slot
 from orchestrator.system.order import algebraic_loops
 from orchestrator.system.system import System

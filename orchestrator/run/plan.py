@@ -9,10 +9,9 @@ import numpy as np
 
 from orchestrator.core.binding import ALGORITHM, GET, SET, SINK, Cell, library
 from orchestrator.fmi.model_description import REALS
-from orchestrator.fmi.type_codes import BLOBS, WIRE
 from orchestrator.fmi.units import IDENTITY
-from orchestrator.fmi.variable import Scalar, Value
-from orchestrator.ssp.settings import Settings
+from orchestrator.fmi.variable import BLOBS, WIRE, Scalar, Value
+from orchestrator.ssp.description import Settings
 from orchestrator.system.interventions import resolve
 from orchestrator.system.layout import Layout, Move, Slot
 from orchestrator.system.system import System

@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.fmi.variable import Value
 from orchestrator.run.master import LIMIT_S, Master, Options
-from orchestrator.ssp.settings import Settings
+from orchestrator.ssp.description import Settings
 from orchestrator.system.interventions import Changes, check_changes, check_faults
 from orchestrator.system.layout import lay_out
 from orchestrator.system.stimuli import Stimuli

@@ -8,11 +8,10 @@ from pathlib import Path
 
 from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element
-from orchestrator.ssp.paths import inside
 from orchestrator.ssp.ssc import Definitions
 from orchestrator.ssp.ssm import Entry, apply, read_mapping
 from orchestrator.ssp.ssv import ParameterValue, read_parameter_set
-from orchestrator.ssp.text import Text
+from orchestrator.ssp.text import Text, inside
 
 SSV_TYPE = "application/x-ssp-parameter-set"
 SSM_TYPE = "application/x-ssp-parameter-mapping"

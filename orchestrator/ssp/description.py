@@ -6,12 +6,12 @@ from pathlib import Path
 
 from orchestrator.ssp.bindings import Binding
 from orchestrator.ssp.conversion import Transformation
-from orchestrator.ssp.settings import Settings
 from orchestrator.ssp.ssc import Typed
 from orchestrator.ssp.text import Place
 from specs.faults import Fault
 
 __all__ = (
+    "ALGORITHMS",
     "SYSTEM",
     "ComponentElement",
     "Connection",
@@ -21,6 +21,7 @@ __all__ = (
     "Element",
     "Port",
     "Reference",
+    "Settings",
     "Simulation",
     "SystemElement",
     "Typed",
@@ -110,6 +111,26 @@ class SystemElement(Element):
     elements: Mapping[str, Element] = field(default_factory=dict)
     connections: tuple[Connection, ...] = ()
     dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
+
+
+ALGORITHMS = ("jacobi", "gauss-seidel", "iterate", "adaptive")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a system is stepped; a system description states it in our annotation.
+
+    algorithm       one of ALGORITHMS
+    tolerance       relative, of "iterate" (change between sweeps) and "adaptive" (local error of a step);
+                    also that with which algebraic loops are solved at the start
+    max_iterations  sweeps of "iterate" and of algebraic loops before a run fails
+    max_halvings    how often "adaptive" may halve the system's step: the smallest is step_s / 2**max_halvings
+    """
+
+    algorithm: str = "jacobi"
+    tolerance: float = 1e-6
+    max_iterations: int = 50
+    max_halvings: int = 16
 
 
 @dataclass(frozen=True)

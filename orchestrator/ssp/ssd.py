@@ -22,10 +22,9 @@ from orchestrator.ssp.description import (
     SystemElement,
 )
 from orchestrator.ssp.element_forms import KINDS, NEW_KINDS
-from orchestrator.ssp.paths import inside
 from orchestrator.ssp.ssb import read_dictionary
 from orchestrator.ssp.ssc import Definitions, read_definitions, read_transformation, read_type
-from orchestrator.ssp.text import Text
+from orchestrator.ssp.text import Text, inside
 from specs.errors import InputError
 
 T = TypeVar("T", Connector, Element, Dictionary)

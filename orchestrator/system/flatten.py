@@ -22,11 +22,10 @@ from orchestrator.ssp.description import (
     Reference,
     SystemElement,
 )
-from orchestrator.ssp.paths import inside
 from orchestrator.ssp.ssc import Typed
 from orchestrator.ssp.ssd import FMU_TYPES, SSP_TYPE, read_ssd
 from orchestrator.ssp.ssv import ParameterValue
-from orchestrator.ssp.text import Place
+from orchestrator.ssp.text import Place, inside
 from orchestrator.system.components import Fmus, check_connector
 from orchestrator.system.connection_direction import TAKES, ConnectionEnds, join
 from orchestrator.system.graph import Graph, Node, Scope

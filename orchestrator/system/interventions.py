@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
-from orchestrator.fmi.values import checked_value
-from orchestrator.fmi.variable import Scalar, Value
+from orchestrator.fmi.variable import Scalar, Value, checked_value
 from orchestrator.ssp.description import Port
 from orchestrator.system.system import System
 from specs.errors import InputError, nearest

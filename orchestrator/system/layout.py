@@ -13,7 +13,7 @@ from itertools import groupby
 
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
-from orchestrator.fmi.type_codes import BLOBS, BOOLEANS, WIRE
+from orchestrator.fmi.variable import BLOBS, BOOLEANS, WIRE
 from orchestrator.ssp.conversion import Conversion
 from orchestrator.ssp.description import Port
 from orchestrator.system.link import Link

@@ -8,8 +8,7 @@ connectors go where their connections lead.
 from collections.abc import Iterator
 
 from orchestrator.fmi.units import IDENTITY, Affine, compatible, conversion as between_units
-from orchestrator.fmi.values import checked_value
-from orchestrator.fmi.variable import Scalar, Value, Variable
+from orchestrator.fmi.variable import Scalar, Value, Variable, checked_value
 from orchestrator.ssp.conversion import ENUMERATION, Transformation, ValueType, apply, apply_one, transform
 from orchestrator.ssp.description import Port
 from orchestrator.ssp.ssv import ParameterValue

@@ -8,8 +8,7 @@ from pathlib import Path
 from orchestrator.files import archive
 from orchestrator.fmi.model_description import ModelDescription, Variable, size_of
 from orchestrator.ssp.conversion import UNCHANGED
-from orchestrator.ssp.description import Port
-from orchestrator.ssp.settings import Settings
+from orchestrator.ssp.description import Port, Settings
 from orchestrator.system.clocks import ticking, whole
 from orchestrator.system.components import unpacked
 from orchestrator.system.link import Link

@@ -3,8 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from orchestrator.fmi.component import Component
-from orchestrator.fmi.values import checked_value
-from orchestrator.fmi.variable import Variable
+from orchestrator.fmi.variable import Variable, checked_value
 from orchestrator.ssp.description import Connection, Port
 from orchestrator.system.graph import Graph, Node
 from orchestrator.system.parameters import Parameters

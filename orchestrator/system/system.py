@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 from orchestrator.files.archive import Scratch
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import Variable
-from orchestrator.fmi.values import checked_value
-from orchestrator.fmi.variable import Value
+from orchestrator.fmi.variable import Value, checked_value
 from orchestrator.ssp.conversion import apply
-from orchestrator.ssp.settings import ALGORITHMS, Settings
+from orchestrator.ssp.description import ALGORITHMS, Settings
 from orchestrator.system.link import Link
 from specs.errors import InputError, nearest
 from specs.faults import Fault

@@ -7,8 +7,7 @@ from datetime import timedelta
 
 import numpy as np
 
-from records.formats import clock
-from records.formats.raw import Group, Raw, RawColumn
+from records.formats.raw import Group, Raw, RawColumn, mend
 from records.formats.tables import is_clock
 from records.formats.units import converted, spelled
 from records.measurement import GAP, Channel, Measurement
@@ -34,7 +33,7 @@ def assemble(raw: Raw, source: str, names: Mapping[str, str] | None = None) -> M
     wanted = _wanted(raw, names or {}, source)
     names_of = _unique(raw.groups, notes)
     for number, group in enumerate(raw.groups):
-        group, said = clock.mend(group, source)
+        group, said = mend(group, source)
         notes += said + _gaps(group.time, group.name)
         for column in group.columns:
             name = names_of[number, column.name]

@@ -14,7 +14,7 @@ import can
 import numpy as np
 
 from records.formats.dbc import Dbc, Field, data_id, fields, is_j1939, protect
-from records.formats.grid import clocks, finer
+from records.formats.tables import clocks, finer
 from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
 from specs.errors import InputError

@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
-from records.formats.grid import cells, shared_clock
 from records.formats.start import START, as_json, meta_of
+from records.formats.tables import cells, shared_clock
 from records.measurement import Measurement
 
 META = "slewright"  # key of the comment line that holds our metadata

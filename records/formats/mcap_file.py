@@ -24,9 +24,9 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, Writer
 
 from records.formats import mcap_protobuf
-from records.formats.grid import clocks, finer
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.start import START, as_json, at_ns, meta_of, start_of, to_ns
+from records.formats.tables import clocks, finer
 from records.measurement import Channel, Measurement
 from records.recording import first_line
 from specs.errors import InputError

@@ -9,10 +9,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from records import record
-from records.formats.grid import cells, shared_clock
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.start import from_ns, meta_of, start_of
-from records.formats.tables import Heading, check_twice, clock_of, heading
+from records.formats.tables import Heading, cells, check_twice, clock_of, heading, shared_clock
 from records.formats.units import seconds
 from records.measurement import Measurement
 from records.recording import RecordWriter, first_line

@@ -15,8 +15,8 @@ import pytest
 from fmus.toolchain import compiler
 from fmus.toolchain.build import SHIM, pack
 from orchestrator.core.native import binaries
+from orchestrator.fmi.component import runs_here
 from orchestrator.fmi.instance import instantiate
-from orchestrator.fmi.trust import runs_here
 from orchestrator.run.simulate import simulate
 from orchestrator.system.system import System
 from records.record import read
