@@ -13,6 +13,8 @@ import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
+from markdown_it import MarkdownIt
+
 from fmus.definition import Model
 from fmus.paths import BUILD, BUILT_HERE, ROOT, SHIM, built_here
 from fmus.toolchain import codegen, compiler, description
@@ -168,16 +170,11 @@ def _documentation(model: Model, folder: Path) -> bytes:
     text = readme.read_text() if readme.is_file() else model.description
     title = html.escape(model.name)
     style = "body{font:16px/1.5 sans-serif;max-width:50em;margin:2em auto;padding:0 1em}"
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
     page = (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{style}</style>'
     )
-    return (page + _markdown(text) + "</html>\n").encode()
-
-
-def _markdown(text: str) -> str:
-    from markdown_it import MarkdownIt
-
-    return MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    return (page + markdown.render(text) + "</html>\n").encode()
 
 
 def _quick_key(folder: Path, targets: Sequence[str]) -> str:

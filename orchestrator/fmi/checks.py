@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from orchestrator.files.xml_file import Element, local, shortened
 from orchestrator.fmi.variable import REALS, Scalar, Variable
-from specs.errors import InputError
+from specs.errors import InputError, listed
 
 # Which variability fits which causality, FMI 3; FMI 2 has the same without structural parameters.
 COMBINATIONS = {
@@ -60,13 +60,13 @@ def warnings(variables: Iterable[Variable], undefined_units: Iterable[str]) -> I
         elif _outside(v) is not None:
             outside.append(v.name)
     if needless:
-        yield f"start values of variables that are calculated are not used: {_some(needless)}"
+        yield f"start values of variables that are calculated are not used: {listed(needless)}"
     if lacking:
-        yield f"variables should have a start value and have none: {_some(lacking)}"
+        yield f"variables should have a start value and have none: {listed(lacking)}"
     if outside:
-        yield f"start values are out of their bounds: {_some(outside)}"
+        yield f"start values are out of their bounds: {listed(outside)}"
     if units := sorted(undefined_units):
-        yield f"units are not defined and cannot be converted: {_some(units)}"
+        yield f"units are not defined and cannot be converted: {listed(units)}"
 
 
 # ---- rules for one variable: a message, or "" ----
@@ -201,10 +201,6 @@ def _error(where: str, variable: Variable, message: str) -> InputError:
     return InputError(f"{where} line {variable.line}: variable '{variable.name}' {message}")
 
 
-def _some(names: list[str], count: int = 5) -> str:
-    return ", ".join(names[:count]) + (f" … ({len(names)} in all)" if len(names) > count else "")
-
-
 VARIABLE = {"name", "valueReference", "description", "causality", "variability"} | {
     "canHandleMultipleSetPerTimeInstant"
 }
@@ -283,6 +279,5 @@ def unknown_attributes(root: Element, version: int) -> Iterator[str]:
             if str(name) not in (known or ()) and not str(name).startswith("{"):
                 unknown.setdefault(f"{local(element)}.{name}", element.sourceline or 0)
     if unknown:
-        some = [f"{shortened(name)} (line {line})" for name, line in list(unknown.items())[:5]]
-        more = f" … ({len(unknown)} in all)" if len(unknown) > 5 else ""
-        yield f"attributes that FMI {version}.0 does not know are ignored: {', '.join(some)}{more}"
+        shown = listed([f"{shortened(name)} (line {line})" for name, line in unknown.items()])
+        yield f"attributes that FMI {version}.0 does not know are ignored: {shown}"

@@ -9,7 +9,6 @@ from fractions import Fraction
 from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element, local, shortened
 from orchestrator.fmi.variable import RANGES, REALS, ClockInfo, Scalar
-from specs.errors import InputError
 
 
 def start_texts(typed: Element, type_name: str, version: int) -> list[str] | None:
@@ -28,7 +27,7 @@ def scalar(typed: Element, type_name: str, text: str, where: str) -> Scalar:
     if type_name == "String":
         value = text
     elif type_name == "Binary":
-        value = _hexadecimal(text)
+        value = xml_file.as_bytes(text)
     elif type_name == "Boolean":
         value = xml_file.as_boolean(text)
     elif type_name in REALS:
@@ -37,7 +36,7 @@ def scalar(typed: Element, type_name: str, text: str, where: str) -> Scalar:
         value = _whole(text, type_name)
     if value is None:
         kind = type_name if type_name in ("Boolean", "Binary") else f"number of type {type_name}"
-        raise _error(typed, f"start='{shortened(text)}' is no {kind}", where)
+        raise xml_file.error(typed, f"start='{shortened(text)}' is no {kind}", where)
     return value
 
 
@@ -49,7 +48,7 @@ def bound(typed: Element, declared: Element, name: str, where: str) -> float | i
     value = xml_file.as_number(text) if type_name in REALS else xml_file.as_integer(text)
     if value is None or math.isnan(value):
         kind = "a number" if type_name in REALS else "an integer"
-        raise _error(typed, f"{name}='{shortened(text)}' is not {kind}", where)
+        raise xml_file.error(typed, f"{name}='{shortened(text)}' is not {kind}", where)
     return None if math.isinf(value) else value
 
 
@@ -60,9 +59,9 @@ def items(declared: Element, version: int, where: str) -> dict[str, int]:
         name, text = (xml_file.required(item, key, where) for key in ("name", "value"))
         value = _whole(text, "Integer" if version == 2 else "Enumeration")
         if value is None:
-            raise _error(item, f"value='{shortened(text)}' is no number of an enumeration", where)
+            raise xml_file.error(item, f"value='{shortened(text)}' is no number of an enumeration", where)
         if name in found:
-            raise _error(item, f"second item '{shortened(name)}' of an enumeration", where)
+            raise xml_file.error(item, f"second item '{shortened(name)}' of an enumeration", where)
         found[name] = value
     return found
 
@@ -73,13 +72,6 @@ def _whole(text: str, type_name: str) -> int | None:
     return value if value is not None and low <= value <= high else None
 
 
-def _hexadecimal(text: str) -> bytes | None:
-    try:
-        return bytes.fromhex(text)
-    except ValueError:
-        return None
-
-
 INTERVALS = ("constant", "fixed", "tunable", "changing", "countdown", "triggered")
 
 
@@ -87,7 +79,9 @@ def clock_info(typed: Element, declared: Element, where: str) -> ClockInfo:
     """Read a clock; what it does not say itself comes from its `declared` type (InputError)."""
     variability = typed.get("intervalVariability", declared.get("intervalVariability"))
     if variability not in INTERVALS:
-        raise _error(typed, f"intervalVariability='{variability}'; valid: {', '.join(INTERVALS)}", where)
+        raise xml_file.error(
+            typed, f"intervalVariability='{variability}'; valid: {', '.join(INTERVALS)}", where
+        )
     fraction, deactivated = (
         xml_file.boolean(typed if typed.get(name) is not None else declared, name, False, where)
         for name in ("supportsFraction", "canBeDeactivated")
@@ -97,9 +91,9 @@ def clock_info(typed: Element, declared: Element, where: str) -> ClockInfo:
         return info
     interval, shift = (_time(typed, declared, name, where) for name in ("interval", "shift"))
     if (interval is not None and interval <= 0) or (shift is not None and shift < 0):
-        raise _error(typed, "a clock's interval must be positive and its shift not negative", where)
+        raise xml_file.error(typed, "a clock's interval must be positive and its shift not negative", where)
     if interval is None and variability != "tunable":
-        raise _error(typed, f"clock with {variability} interval, but without intervalDecimal", where)
+        raise xml_file.error(typed, f"clock with {variability} interval, but without intervalDecimal", where)
     return ClockInfo(variability, interval, shift or Fraction(0), fraction, deactivated)
 
 
@@ -111,7 +105,7 @@ def _time(typed: Element, declared: Element, name: str, where: str) -> Fraction 
     if counter is not None and resolution is not None:
         parts = [xml_file.as_integer(text) for text in (counter, resolution)]
         if parts[0] is None or parts[1] is None or parts[1] <= 0:
-            raise _error(typed, f"{name}Counter and resolution must be positive integers", where)
+            raise xml_file.error(typed, f"{name}Counter and resolution must be positive integers", where)
         return Fraction(parts[0], parts[1])
     return None if decimal is None else _decimal(typed, f"{name}Decimal", decimal.strip(), where)
 
@@ -122,9 +116,5 @@ def _decimal(typed: Element, name: str, text: str, where: str) -> Fraction:
     if value == 0.0:
         return Fraction(0)
     if value is None or len(text) > 40 or not 1e-15 < abs(value) < 1e15:
-        raise _error(typed, f"{name}='{xml_file.shortened(text)}' is no time in s", where)
+        raise xml_file.error(typed, f"{name}='{xml_file.shortened(text)}' is no time in s", where)
     return Fraction(text)
-
-
-def _error(element: Element, message: str, where: str) -> InputError:
-    return InputError(xml_file.at(element, message, where))

@@ -167,17 +167,15 @@ class VariableReader:
         """Default size that the variable with this value reference gives a dimension."""
         name, given = self.names.get(vr, ("", None))
         if given is None:
-            raise InputError(
-                xml_file.at(element, f"dimension refers to value reference {vr}; there is none", self.where)
+            raise xml_file.error(
+                element, f"dimension refers to value reference {vr}; there is none", self.where
             )
         constant = given.get("variability") == "constant"
         if local(given) != "UInt64" or not (constant or given.get("causality") == "structuralParameter"):
-            raise InputError(
-                xml_file.at(
-                    element,
-                    f"dimension refers to '{name}', which is no structural parameter of type UInt64",
-                    self.where,
-                )
+            raise xml_file.error(
+                element,
+                f"dimension refers to '{name}', which is no structural parameter of type UInt64",
+                self.where,
             )
         size = xml_file.integer(given, "start", 0, self.where)
         if not 0 < size <= MAX_ELEMENTS:
@@ -268,4 +266,4 @@ class VariableReader:
 
     def error(self, element: Element, message: str) -> InputError:
         """`message` with the element's line, and the name of the variable where the element has one."""
-        return InputError(xml_file.at(element, message, self.where))
+        return xml_file.error(element, message, self.where)

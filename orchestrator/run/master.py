@@ -69,7 +69,7 @@ class Master:
         self.library, self.core = self.plan.library, self.plan.core
         try:
             self._instantiate(start)
-            self._lower()
+            self._configure()
         except BaseException:
             self.free()
             raise
@@ -84,7 +84,7 @@ class Master:
             self.instances.append(instance)
             instance.set_values(start[component.name])
 
-    def _lower(self) -> None:
+    def _configure(self) -> None:
         plan, options = self.plan, self.options
         for position, instance in enumerate(self.instances):
             plan.block(position, instance.pointer, instance.event_mode, instance.early_return)
@@ -119,14 +119,11 @@ class Master:
         """Set a system input; it holds until a stimulus changes it."""
         slot = self.layout.system_inputs[name]
         for cell, scalar in zip(slot.cells, scalars(value, slot), strict=True):
-            self._write(cell, slot, scalar)
-
-    def _write(self, cell: int, slot: Slot, scalar: Scalar) -> None:
-        if isinstance(scalar, str | bytes):
-            data = scalar.encode() if isinstance(scalar, str) else scalar
-            self.library.slw_core_write_blob(self.core, cell, data, len(data))
-        else:
-            self.plan.integers[cell] = to_bits(scalar, slot.type)
+            if isinstance(scalar, str | bytes):
+                data = scalar.encode() if isinstance(scalar, str) else scalar
+                self.library.slw_core_write_blob(self.core, cell, data, len(data))
+            else:
+                self.plan.integers[cell] = to_bits(scalar, slot.type)
 
     # ---- running ----
 

@@ -51,11 +51,7 @@ def apply(value: Value, conversion: Conversion) -> Value:
 def undo(value: Value, conversion: Conversion) -> Value | None:
     """The value whose conversion is `value`; None where a table gives it for none."""
     if not conversion.table:
-        forward = conversion.affine
-        back = (
-            Affine(1.0 / forward.scale, -forward.offset / forward.scale) if forward != IDENTITY else IDENTITY
-        )
-        return apply(value, Conversion(back))
+        return apply(value, Conversion(conversion.affine.inverse()))
     back = Conversion(table={y: x for x, y in reversed(list(conversion.table.items()))})
     values = value if isinstance(value, tuple) else (value,)
     reached = all(conversion.table.get(int(v), v) == v or v in back.table for v in values)  # type: ignore[arg-type]

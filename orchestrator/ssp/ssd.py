@@ -1,6 +1,6 @@
 """Reads a system structure description, SSP 1.0 or 2.0; what it cannot honour it refuses, by name and line.
 
-What becomes of every element and attribute stands in `sspforms`.
+What becomes of every element and attribute stands in element_forms.py.
 Source: System Structure and Parameterization 1.0 and 2.0 (chapter 5), Modelica Association.
 """
 

@@ -1,11 +1,10 @@
 """From a file to a checked System: what could be wrong with the description is found before the run."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from orchestrator.files import archive
-from orchestrator.fmi.component import Component
 from orchestrator.ssp.description import Description
 from orchestrator.ssp.ssd import read_ssd
 from orchestrator.system.clocks import timed
@@ -40,7 +39,8 @@ def load_system(path: Path | str) -> System:
         archive.unpack(path, ssd.parent, f"system {path}")
         if not ssd.is_file():
             raise InputError(f"system {path} holds no {SSD_NAME}")
-        warnings += _variants(ssd.parent)
+        if others := sorted(p.name for p in ssd.parent.glob("*.ssd") if p.name != SSD_NAME):  # SSP 2.0, 3
+            warnings.append(f"the package also holds {', '.join(others)}; {SSD_NAME} is used")
     root = ssd.resolve().parent
     return _checked(read_ssd(root / ssd.name, root, ssd.name, warnings), root, files, warnings)
 
@@ -65,7 +65,11 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
         links=connections.links,
         inputs=connections.inputs,
         outputs=connections.outputs,
-        warnings=(*_warnings(text, graph, connections), *graph.warnings, *_of_fmus(components)),
+        warnings=(
+            *_warnings(text, graph, connections),
+            *graph.warnings,
+            *dict.fromkeys(w for c in components.values() for w in c.model.warnings),
+        ),
         parameters=connections.settable,
         faults=tuple(fault for fault, _ in text.simulation.faults),
         files=files,
@@ -88,18 +92,6 @@ def _loops(system: System) -> Iterator[str]:
     }.get(algorithm, f"opened in steps, in which {algorithm} takes values of the last one")
     for members in algebraic_loops(system):
         yield f"algebraic loop of {', '.join(members)}: solved at the start, {in_steps}"
-
-
-def _variants(folder: Path) -> Iterator[str]:
-    """A package may hold further descriptions beside the default one (SSP 2.0, 3)."""
-    others = sorted(p.name for p in folder.glob("*.ssd") if p.name != SSD_NAME)
-    if others:
-        yield f"the package also holds {', '.join(others)}; {SSD_NAME} is used"
-
-
-def _of_fmus(components: Mapping[str, Component]) -> Iterator[str]:
-    """What the FMUs' own descriptions are warned about, once for each FMU."""
-    yield from dict.fromkeys(w for c in components.values() for w in c.model.warnings)
 
 
 def _warnings(text: Description, graph: Graph, connections: Connections) -> Iterator[str]:

@@ -68,7 +68,7 @@ def _by_reference(model: ModelDescription, causality: str) -> Iterator[Variable]
 
 
 def _input(v: Variable, size: int) -> SystemInput:
-    start = 0.0 if v.start is None else v.start  # every input has one: modelchecks.py
+    start = 0.0 if v.start is None else v.start  # every input has one: fmi/checks.py
     return SystemInput(v.name, v.unit_name, v.unit, start, v.type, size)
 
 

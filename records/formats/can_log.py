@@ -16,7 +16,7 @@ import can
 import numpy as np
 from can.io.blf import FILE_HEADER_SIZE, BLFParseError
 
-from records.formats.can_write import NEVER, write
+from records.formats.can_write import MONTHS, NEVER, write
 from records.formats.dbc import Dbc, checksums, columns, data_id
 from records.formats.raw import Group, Raw
 from records.formats.start import at_ns
@@ -25,7 +25,6 @@ from specs.errors import InputError
 
 __all__ = ["read", "write"]
 
-MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
 GERMAN = {"Mär": "Mar", "Mai": "May", "Okt": "Oct", "Dez": "Dec"}
 ASC_DATE = re.compile(r"^(?:date|begin\s+triggerblock)\s+\w+\s+(.+)$", re.IGNORECASE | re.MULTILINE)
 ASC_END = re.compile(r"^end\s+triggerblock", re.IGNORECASE | re.MULTILINE)

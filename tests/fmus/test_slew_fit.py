@@ -27,7 +27,7 @@ def shipped(known):
 
 
 def test_sets_are_what_the_fit_promises(known):
-    used, judged, far = (f(known) for f in (traces.fit_set, traces.held_out, traces.apart))
+    used, judged, far = (f(known) for f in (traces.fit_set, traces.held_out, traces.unphysical))
     names = [{t.name for t in group} for group in (used, judged, far)]
     assert [len(n) for n in names] == [20, 26, 10]
     assert set.union(*names) == set(known)

@@ -91,7 +91,7 @@ def _text(
     checks: Sequence[Check],
     halves: Mapping[str, float],
 ) -> str:
-    groups = [traces.fit_set(dict(known)), traces.held_out(dict(known)), traces.apart(dict(known))]
+    groups = [traces.fit_set(dict(known)), traces.held_out(dict(known)), traces.unphysical(dict(known))]
     sizes = [str(len(group)) for group in groups]
     uses = [[use, size, which] for (use, which), size in zip(USES, sizes, strict=True)]
     scores = {**figures["traces"], **figures["I700"]["traces"]}

@@ -36,7 +36,7 @@ def assess(known: Mapping[str, Trace], values: Mapping[str, float] | None = None
     """Scores of parameters `values` (default: the shipped ones) on all traces, and whether they will do."""
     groups = {"fit": traces.fit_set(dict(known)), "held_out": traces.held_out(dict(known))}
     each = {name: scores(group, values) for name, group in groups.items()}
-    far = scores(traces.apart(dict(known)), values)
+    far = scores(traces.unphysical(dict(known)), values)
     held_out = score.mean(each["held_out"].values())
     return held_out | {
         "accepted": accepted(held_out),
