@@ -33,13 +33,16 @@ ERROR_SIZE = 1024
 
 
 class Instance:
-    """One instance, here or in a process of its own; use `instantiate`, and `free` it.
+    """One instance, here or in a process of its own, not yet initialised; a context, which frees it.
 
-    It is a context manager, which frees it.
     `pointer` is the core's slw_fmu; `isolated`, `event_mode`, `early_return`: how it was instantiated.
     """
 
     def __init__(self, component: Component, isolated: bool = False, limit_s: float = LIMIT_S) -> None:
+        """Load the FMU: with `isolated` in a process of its own, where a call may take `limit_s` seconds.
+
+        Raises InputError when the library cannot be loaded or refuses to make an instance.
+        """
         self.component, self.name, self.model = component, component.name, component.model
         self.isolated = isolated
         self.event_mode = self.model.has_event_mode
@@ -268,13 +271,3 @@ def resources(component: Component) -> bytes | None:
     if component.model.fmi_version == 2:
         return folder.as_uri().encode()
     return f"{folder}/".encode() if folder.is_dir() else None
-
-
-def instantiate(component: Component, isolated: bool = False, limit_s: float = LIMIT_S) -> Instance:
-    """An instance of a component's FMU, not yet initialised.
-
-    isolated  in a process of its own, where one call may take `limit_s` seconds
-
-    Raises InputError when the library cannot be loaded or refuses to make an instance.
-    """
-    return Instance(component, isolated, limit_s)

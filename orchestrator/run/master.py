@@ -10,7 +10,7 @@ import numpy as np
 from orchestrator.core import binding
 from orchestrator.core.binding import BlockStatistics, Statistics
 from orchestrator.fmi.component import runs_here
-from orchestrator.fmi.instance import LIMIT_S, Instance, instantiate
+from orchestrator.fmi.instance import LIMIT_S, Instance
 from orchestrator.fmi.model_description import REALS
 from orchestrator.fmi.variable import BLOBS, Scalar, Value
 from orchestrator.run.plan import Plan, scalars, to_bits
@@ -80,7 +80,7 @@ class Master:
             isolated = not runs_here(component, self.options.trust) or component.sha256 in here
             if component.model.only_once_per_process and not isolated:
                 here.add(component.sha256)
-            instance = instantiate(component, isolated=isolated, limit_s=self.options.limit_s)
+            instance = Instance(component, isolated=isolated, limit_s=self.options.limit_s)
             self.instances.append(instance)
             instance.set_values(start[component.name])
 

@@ -148,7 +148,7 @@ class _Walk:
         self, wanted: Form, place: Place, port: Port, suppress: bool = False, transformed: bool = False
     ) -> None:
         """Take the form that a port asks for."""
-        self._check_types(wanted.value, place, port, transformed)
+        self.check_types(wanted.value, place, port, transformed)
         if not suppress and wanted.unit_name and self.form.unit_name:
             if not compatible(self.form.unit, wanted.unit):
                 raise InputError(
@@ -159,7 +159,7 @@ class _Walk:
             self.conversion = self.conversion.then(Conversion(between))
         self.form = wanted.or_else(self.form)
 
-    def _check_types(self, wanted: ValueType, place: Place, port: Port, transformed: bool) -> None:
+    def check_types(self, wanted: ValueType, place: Place, port: Port, transformed: bool) -> None:
         mine = self.form.value
         kinds = mine.kind, wanted.kind
         if "" in kinds:
@@ -168,13 +168,13 @@ class _Walk:
         if kinds[0] != kinds[1] and not mapped and kinds != ("enumeration", "integer"):
             raise InputError(f"{place}: {self.port} ({kinds[0]}) does not fit {port} ({kinds[1]})")
         if kinds == ("integer", "integer") and mine.type and wanted.type and not transformed:
-            self._check_range(mine, wanted, place, port)
+            self.check_range(mine, wanted, place, port)
         if mine.type in ("Real", "Float64") and wanted.type == "Float32":
             self.graph.warnings.append(f"{place}: {self.port} is rounded to single precision for {port}")
         if kinds == ("enumeration", "enumeration") and not transformed:
-            self._check_items(mine, wanted, place, port)
+            self.check_items(mine, wanted, place, port)
 
-    def _check_range(self, mine: ValueType, wanted: ValueType, place: Place, port: Port) -> None:
+    def check_range(self, mine: ValueType, wanted: ValueType, place: Place, port: Port) -> None:
         """Every value must arrive as it is: the target holds at least the range of the source."""
         low, high = RANGES[mine.type]
         low = low if mine.min is None else max(low, int(mine.min))
@@ -186,7 +186,7 @@ class _Walk:
                 f"{port} ({wanted.type}, {least} … {most})"
             )
 
-    def _check_items(self, mine: ValueType, wanted: ValueType, place: Place, port: Port) -> None:
+    def check_items(self, mine: ValueType, wanted: ValueType, place: Place, port: Port) -> None:
         if not (mine.items and wanted.items):
             return
         for name, value in mine.items.items():
