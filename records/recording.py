@@ -104,7 +104,7 @@ class RecordWriter:
         if self._parquet is None:
             self._parquet = ParquetFile(Path(f"{self.path}.part"), self._columns)
         if self._filled:
-            self._hasher.take(self._group[:, : self._filled])
+            self._hasher.update(self._group[:, : self._filled])
             self._parquet.write(self._group, self._filled)
         self._filled = self._sent = 0
         return self._parquet

@@ -238,9 +238,9 @@ class Instance:
     def check(self, status: int, doing: str) -> None:
         """RunError if `status` is worse than a warning."""
         if status > WARNING:
-            raise RunError(f"component {self.name}: {doing} returned {self.said(status)}")
+            raise RunError(f"component {self.name}: {doing} returned {self.status_text(status)}")
 
-    def said(self, status: int) -> str:
+    def status_text(self, status: int) -> str:
         """A status in words, with the FMU's last message."""
         word = STATUS[status] if 0 <= status < len(STATUS) else f"the unknown status {status}"
         words = self.last_words()

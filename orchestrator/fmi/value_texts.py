@@ -33,7 +33,7 @@ def scalar(typed: Element, type_name: str, text: str, where: str) -> Scalar:
     elif type_name in REALS:
         value = xml_file.as_number(text)
     else:
-        value = _whole(text, type_name)
+        value = _integer(text, type_name)
     if value is None:
         kind = type_name if type_name in ("Boolean", "Binary") else f"number of type {type_name}"
         raise xml_file.error(typed, f"start='{shortened(text)}' is no {kind}", where)
@@ -57,7 +57,7 @@ def items(declared: Element, version: int, where: str) -> dict[str, int]:
     found: dict[str, int] = {}
     for item in declared.iterfind("Item"):
         name, text = (xml_file.required(item, key, where) for key in ("name", "value"))
-        value = _whole(text, "Integer" if version == 2 else "Enumeration")
+        value = _integer(text, "Integer" if version == 2 else "Enumeration")
         if value is None:
             raise xml_file.error(item, f"value='{shortened(text)}' is no number of an enumeration", where)
         if name in found:
@@ -66,7 +66,7 @@ def items(declared: Element, version: int, where: str) -> dict[str, int]:
     return found
 
 
-def _whole(text: str, type_name: str) -> int | None:
+def _integer(text: str, type_name: str) -> int | None:
     value = xml_file.as_integer(text)
     low, high = RANGES[type_name]
     return value if value is not None and low <= value <= high else None

@@ -228,7 +228,7 @@ class Master:
             return self._not_converged(failure)
         if failure.what in words:
             return words[failure.what]
-        return f"the FMU returned {instance.said(failure.status)}" if instance else "no memory"
+        return f"the FMU returned {instance.status_text(failure.status)}" if instance else "no memory"
 
     def _not_converged(self, failure: Any) -> str:
         settings = self.options.settings

@@ -24,7 +24,7 @@ from orchestrator.ssp.description import (
 from orchestrator.ssp.element_forms import KINDS, NEW_KINDS
 from orchestrator.ssp.ssb import read_dictionary
 from orchestrator.ssp.ssc import Definitions, read_definitions, read_transformation, read_type
-from orchestrator.ssp.text import Text, inside
+from orchestrator.ssp.text import Text, path_in_package
 from specs.errors import InputError
 
 T = TypeVar("T", Connector, Element, Dictionary)
@@ -228,7 +228,7 @@ class _Reader:
             raise self.text.error(element, f"signal dictionary '{name}' needs either 'source' or its content")
         shown = self.text.shown if source is None else source
         if inner is None:
-            path = inside(self.text.place(element), self.root, self.path.parent, shown)
+            path = path_in_package(self.text.place(element), self.root, self.path.parent, shown)
             inner = xml_file.read(path, shown)
         entries = read_dictionary(inner, shown, self.text.warnings)
         return Dictionary(name, entries, self.text.place(element))

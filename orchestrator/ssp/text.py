@@ -128,7 +128,7 @@ def _name(element: Element) -> str:
     return qualified.localname if own else f"{{{qualified.namespace}}}{qualified.localname}"
 
 
-def inside(place: Place, root: Path, folder: Path, source: str, of: str = "") -> Path:
+def path_in_package(place: Place, root: Path, folder: Path, source: str, of: str = "") -> Path:
     """The file `source` (`of` what) seen from `folder`; InputError, naming the place, if not below `root`."""
     name = unquote(source)
     path = Path(os.path.normpath(folder / name))

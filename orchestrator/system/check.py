@@ -7,7 +7,7 @@ from pathlib import Path
 from orchestrator.files import archive
 from orchestrator.ssp.description import Description
 from orchestrator.ssp.ssd import read_ssd
-from orchestrator.system.clocks import timed
+from orchestrator.system.clocks import with_steps_and_clocks
 from orchestrator.system.connections import Connections
 from orchestrator.system.flatten import SSD_NAME, Flattener
 from orchestrator.system.graph import Graph
@@ -54,7 +54,7 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
     start = parameters.by_component()
     started = {n: replace(c, start=start[n]) for n, c in graph.components.items()}
     check_total(started.values())
-    components = timed(graph, started, text.simulation, step_s)
+    components = with_steps_and_clocks(graph, started, text.simulation, step_s)
     connections = Connections(graph, parameters, components)
     system = System(
         name=text.name,

@@ -20,8 +20,8 @@ from orchestrator.system.graph import Graph
 from specs.errors import InputError, nearest
 
 # Kinds of connectors that signals come from (of an element), or that they go to.
-GIVES = ("output", "calculatedParameter", "constant", "local")
-TAKES = ("input", "parameter", "structuralParameter")
+SOURCE_KINDS = ("output", "calculatedParameter", "constant", "local")
+TARGET_KINDS = ("input", "parameter", "structuralParameter")
 
 _PARAMETERS = {"system calculatedParameter", "system output", "system local"}
 _RESULTS = {"system output", "system local"}
@@ -103,7 +103,7 @@ class ConnectionEnds:
         kind = self.kind(end)
         if kind in ("inout", "unspecified"):
             return ""
-        return "source" if (kind in TAKES) == (end.owner == SYSTEM) else "target"
+        return "source" if (kind in TARGET_KINDS) == (end.owner == SYSTEM) else "target"
 
     def check_allowed(self, source: Port, target: Port) -> None:
         names = [

@@ -6,7 +6,7 @@ from orchestrator.fmi.component import Component
 from orchestrator.fmi.variable import Value
 from orchestrator.ssp.conversion import undo
 from orchestrator.ssp.description import INNER, SIGNAL, Connection, Port
-from orchestrator.system.connection_direction import GIVES, TAKES
+from orchestrator.system.connection_direction import SOURCE_KINDS, TARGET_KINDS
 from orchestrator.system.graph import Graph, Node
 from orchestrator.system.link import Form, Link, follow, form_of
 from orchestrator.system.parameters import Parameters, in_form
@@ -45,7 +45,7 @@ class Connections:
         self._check_aliases()
         self.inputs = {n.port.name: self._input(n) for n in graph.system_ports(("input",))}
         self.outputs = {
-            n.port.name: self._output(n) for n in graph.system_ports(GIVES) if n.port in graph.incoming
+            n.port.name: self._output(n) for n in graph.system_ports(SOURCE_KINDS) if n.port in graph.incoming
         }
         settable = ("parameter", "structuralParameter")
         self.settable = {n.port.name: self._parameter(n) for n in graph.system_ports(settable)}
@@ -69,7 +69,7 @@ class Connections:
         """Where the signal comes from, and its way; InputError where nothing inside gives it a value."""
         chain = self.graph.chain(port)
         root = self.graph.nodes[chain[0].start]
-        inside = root.port.owner and root.port.side == INNER and root.kind in GIVES
+        inside = root.port.owner and root.port.side == INNER and root.kind in SOURCE_KINDS
         if inside and root.variable is None and self._is_system(root.port.owner):
             raise InputError(
                 f"{chain[0].place}: {root.port} is connected to {port}, "
@@ -182,13 +182,15 @@ class Connections:
         for port, value in self.parameters.ports.items():
             if port in self.graph.incoming:
                 yield f"{value.place}: the value for {port} is overridden by what is connected to it"
-            elif self.graph.nodes[port].kind not in TAKES or port not in self.graph.outgoing:
+            elif self.graph.nodes[port].kind not in TARGET_KINDS or port not in self.graph.outgoing:
                 yield f"{value.place}: the value for {port} leads nowhere"
 
     def _is_passed(self, node: Node) -> bool:
         """Whether signals only pass here: in a dictionary, or into an inner system."""
         port = node.port
-        taken = port.owner and port.side == INNER and node.kind in TAKES and self._is_system(port.owner)
+        taken = (
+            port.owner and port.side == INNER and node.kind in TARGET_KINDS and self._is_system(port.owner)
+        )
         return port.side == SIGNAL or bool(taken)
 
     def _arrives(self, port: Port) -> bool:

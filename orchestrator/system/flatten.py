@@ -25,9 +25,9 @@ from orchestrator.ssp.description import (
 from orchestrator.ssp.ssc import Typed
 from orchestrator.ssp.ssd import FMU_TYPES, SSP_TYPE, read_ssd
 from orchestrator.ssp.ssv import ParameterValue
-from orchestrator.ssp.text import Place, inside
+from orchestrator.ssp.text import Place, path_in_package
 from orchestrator.system.components import Fmus, check_connector
-from orchestrator.system.connection_direction import TAKES, ConnectionEnds, join
+from orchestrator.system.connection_direction import TARGET_KINDS, ConnectionEnds, join
 from orchestrator.system.graph import Graph, Node, Scope
 from specs.errors import InputError, nearest
 
@@ -139,7 +139,7 @@ class _Instance:
                 f"the first one stands at {self.graph.places[path]}"
             )
         source = element.source or ""
-        file = inside(element.place, self.root, self.text.path.parent, source, _of(element))
+        file = path_in_package(element.place, self.root, self.text.path.parent, source, _of(element))
         component = self.owner.fmus.load(file, element, path, self.text.path.parent)
         for connector in element.connectors.values():
             variable = check_connector(path, connector, component)
@@ -158,10 +158,10 @@ class _Instance:
         source, _, fragment = (element.source or "").partition("#")
         text, root = self.text, self.root
         if source:
-            file = inside(element.place, self.root, self.text.path.parent, source, _of(element))
+            file = path_in_package(element.place, self.root, self.text.path.parent, source, _of(element))
             if element.type == SSP_TYPE:
                 root = self.owner.package(file, element)
-                file = inside(element.place, root, root, fragment or SSD_NAME)
+                file = path_in_package(element.place, root, root, fragment or SSD_NAME)
                 fragment = ""
             text = self.owner.description(file, root, element, path)
         system = text.system
@@ -194,7 +194,7 @@ class _Instance:
                 raise InputError(f"{shown} is declared {connector.kind}, but is {inner.kind} in the system")
             outside, within = Port(path, name, OUTER), Port(path, name)
             self.add(outside, connector)
-            ends = (outside, within) if connector.kind in TAKES else (within, outside)
+            ends = (outside, within) if connector.kind in TARGET_KINDS else (within, outside)
             self.graph.connect(Connection(*ends, connector.place))
 
     # ---- signal dictionaries ----

@@ -71,7 +71,7 @@ class Graph:
             chain.append(connection)
             target = connection.start
             if target in passed:
-                raise InputError(f"{connection.place}: cyclic connections: {_round(chain, target)}")
+                raise InputError(f"{connection.place}: cyclic connections: {_cycle_text(chain, target)}")
             passed.add(target)
         return chain[::-1]
 
@@ -93,7 +93,7 @@ class Graph:
         return (node for node in self.nodes.values() if node.of_system and node.kind in kinds)
 
 
-def _round(chain: list[Connection], meeting: Port) -> str:
+def _cycle_text(chain: list[Connection], meeting: Port) -> str:
     """The members of a cycle, in the direction of the signal."""
     ports = [connection.start for connection in chain]
     first = ports.index(meeting) if meeting in ports[:-1] else -1

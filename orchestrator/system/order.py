@@ -34,10 +34,10 @@ def dependency_order(names: Sequence[str], links: Iterable[Link]) -> Order:
     positions: list[int] = []
     loop: list[int] = []
     number = 0
-    for group in components(feeds):
+    for group in strongly_connected(feeds):
         looped = len(group) > 1 or group[0] in feeds[group[0]]
         number += looped
-        ordered = _open(sorted(group, key=names.index), feeds) if looped else group
+        ordered = _opened_loop(sorted(group, key=names.index), feeds) if looped else group
         positions += [names.index(name) for name in ordered]
         loop += [number if looped else 0] * len(group)
     return Order(tuple(positions), tuple(loop))
@@ -57,10 +57,10 @@ def algebraic_loops(system: System) -> list[list[str]]:
             if inputs is not None and target.name in inputs:
                 feeds.setdefault(str(link.source), set()).add(f"{target.owner}.{output}")
                 feeds.setdefault(f"{target.owner}.{output}", set())
-    return [g for g in components(feeds) if len(g) > 1 or g[0] in feeds[g[0]]]
+    return [g for g in strongly_connected(feeds) if len(g) > 1 or g[0] in feeds[g[0]]]
 
 
-def components(feeds: Mapping[Node, set[Node]]) -> list[list[Node]]:
+def strongly_connected(feeds: Mapping[Node, set[Node]]) -> list[list[Node]]:
     """Strongly connected components in topological order, ties in the order of `feeds` (Kosaraju)."""
     finished = _finishing_order(feeds)
     fed_by: dict[Node, list[Node]] = {node: [] for node in feeds}
@@ -100,7 +100,7 @@ def _finishing_order(feeds: Mapping[Node, set[Node]]) -> list[Node]:
     return finished
 
 
-def _open(group: list[str], feeds: Mapping[str, set[str]]) -> list[str]:
+def _opened_loop(group: list[str], feeds: Mapping[str, set[str]]) -> list[str]:
     needs = {name: {other for other in group if name in feeds[other]} - {name} for name in group}
     left, ordered = list(group), []
     while left:

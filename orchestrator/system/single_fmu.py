@@ -9,7 +9,7 @@ from orchestrator.files import archive
 from orchestrator.fmi.model_description import ModelDescription, Variable, size_of
 from orchestrator.ssp.conversion import UNCHANGED
 from orchestrator.ssp.description import Port, Settings
-from orchestrator.system.clocks import ticking, whole
+from orchestrator.system.clocks import input_clocks, whole_steps
 from orchestrator.system.components import unpacked
 from orchestrator.system.link import Link
 from orchestrator.system.system import System, SystemInput, SystemOutput
@@ -30,7 +30,7 @@ def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
     model, name = component.model, component.name
     step = _step(model, step_s, shown)
     warnings = list(_warnings(model, step_s, step, shown))
-    component = replace(component, clocks=dict(ticking(component, 1, step, warnings)))
+    component = replace(component, clocks=dict(input_clocks(component, 1, step, warnings)))
     structural = model.structural()
     inputs = [v for v in _by_reference(model, "input") if v.type != "Clock"]
     outputs = [v for v in model.variables.values() if v.causality == "output" and v.type != "Clock"]
@@ -79,7 +79,7 @@ def _step(model: ModelDescription, given: float | None, shown: str) -> float:
     step = given or model.default_step_s
     if step is None:
         step = DEFAULT_STEP_S if internal is None else internal * max(1, round(DEFAULT_STEP_S / internal))
-    if internal is not None and not whole(step, internal):
+    if internal is not None and not whole_steps(step, internal):
         raise InputError(
             f"{shown}: a step of {step:g} s is no multiple of its fixed internal step, {internal:g} s"
         )

@@ -19,8 +19,8 @@ import pyarrow as pa
 from pyarrow import csv
 
 from records.formats.csv_write import META, write
+from records.formats.metadata import from_ns, start_of
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import from_ns, start_of
 from records.formats.tables import Heading, check_twice, clock_of, heading
 from records.formats.units import seconds, spelled
 from records.recording import first_line

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
-from records.formats.start import START, as_json, meta_of
+from records.formats.metadata import START, as_json, meta_of
 from records.formats.tables import cells, shared_clock
 from records.measurement import Measurement
 

@@ -19,8 +19,8 @@ from xml.sax.saxutils import escape
 import numpy as np
 from asammdf import MDF, Signal
 
+from records.formats.metadata import START, as_json, meta_of
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import START, as_json, meta_of
 from records.formats.tables import clocks
 from records.measurement import Channel, Measurement
 from records.recording import first_line

@@ -9,8 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from records import record
+from records.formats.metadata import from_ns, meta_of, start_of
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import from_ns, meta_of, start_of
 from records.formats.tables import Heading, cells, check_twice, clock_of, heading, shared_clock
 from records.formats.units import seconds
 from records.measurement import Measurement
@@ -26,8 +26,8 @@ PER_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}
 def read(path: Path, names: Mapping[str, str]) -> Raw:
     """Read a run record, or what is left of its recording, or another tool's table."""
     if path.suffix == ".recording" or not path.is_file() or META_KEY in (_schema(path).metadata or {}):
-        return _own(path)
-    return _foreign(path, names)
+        return _run_record(path)
+    return _table(path, names)
 
 
 def write(measurement: Measurement, path: Path) -> list[str]:
@@ -64,7 +64,7 @@ def _schema(path: Path) -> pa.Schema:
         raise InputError(f"{path} is damaged or not Parquet: {first_line(error)}") from None
 
 
-def _own(path: Path) -> Raw:
+def _run_record(path: Path) -> Raw:
     """A run record; an incomplete one says so."""
     try:
         found = record.read(path)
@@ -81,7 +81,7 @@ def _own(path: Path) -> Raw:
     return Raw([Group("", found.time, columns)], start_of(found.meta), found.meta, notes)
 
 
-def _foreign(path: Path, names: Mapping[str, str]) -> Raw:
+def _table(path: Path, names: Mapping[str, str]) -> Raw:
     """A table that is no run record: nulls are no samples, text is left out."""
     try:
         with pq.ParquetFile(path) as file:

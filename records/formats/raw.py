@@ -69,23 +69,23 @@ EVEN = 0.6  # of a period: rows nearer than this are not those of one even clock
 def mend(group: Group, source: str) -> tuple[Group, list[str]]:
     """Return the group with strictly ascending time and what was mended; raises InputError with the place."""
     notes: list[str] = []
-    for step in (_without_time, _in_order, _once):
+    for step in (_drop_rows_without_time, _sort_late_rows, _merge_rows_of_one_time):
         group, said = step(group, source)
         notes += said
     return group, notes
 
 
-def _without_time(group: Group, source: str) -> tuple[Group, list[str]]:
+def _drop_rows_without_time(group: Group, source: str) -> tuple[Group, list[str]]:
     """Drop rows whose time is not a number."""
     good = np.isfinite(group.time)
     if good.all():
         return group, []
     first = int(np.flatnonzero(~good)[0])
     note = f"dropped {rows(group, (~good).sum())} without a time; the first: {group.place(first)}"
-    return take(group, np.flatnonzero(good)), [note]
+    return rows_at(group, np.flatnonzero(good)), [note]
 
 
-def _in_order(group: Group, source: str) -> tuple[Group, list[str]]:
+def _sort_late_rows(group: Group, source: str) -> tuple[Group, list[str]]:
     """Sort rows that came late, where it is plain that they only did."""
     steps = np.diff(group.time)
     if not (steps < 0).any():
@@ -104,10 +104,10 @@ def _in_order(group: Group, source: str) -> tuple[Group, list[str]]:
         )
     late = int((steps < 0).sum())
     note = f"put {late} late {rows(group, late, False)} in order; the first: {group.place(back)}"
-    return take(group, order), [note]
+    return rows_at(group, order), [note]
 
 
-def _once(group: Group, source: str) -> tuple[Group, list[str]]:
+def _merge_rows_of_one_time(group: Group, source: str) -> tuple[Group, list[str]]:
     """Make one row of those with one time; two values of a channel at one time are refused."""
     again = np.flatnonzero(np.diff(group.time) == 0) + 1
     if not len(again):
@@ -129,7 +129,7 @@ def _once(group: Group, source: str) -> tuple[Group, list[str]]:
         f"dropped {rows(group, len(again))} at a time already there, with no other value; "
         f"the first: {group.place(int(again[0]))}"
     )
-    return take(replace(group, columns=columns), np.flatnonzero(keep)), [note]
+    return rows_at(replace(group, columns=columns), np.flatnonzero(keep)), [note]
 
 
 def _merged(column: RawColumn, first: np.ndarray, again: np.ndarray) -> tuple[RawColumn, np.ndarray]:
@@ -153,7 +153,7 @@ def _same(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     return same | (np.isnan(one) & np.isnan(two)) if one.dtype.kind == "f" else same
 
 
-def take(group: Group, index: np.ndarray) -> Group:
+def rows_at(group: Group, index: np.ndarray) -> Group:
     """The rows `index` of a group."""
     numbers = np.arange(1, len(group.time) + 1) if group.numbers is None else group.numbers
     columns = [

@@ -23,7 +23,7 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from records.formats.start import to_ns
+from records.formats.metadata import to_ns
 from records.measurement import Measurement
 from records.tool import joint_rates
 from specs.errors import InputError

@@ -1,4 +1,4 @@
-"""What goes beside the samples: metadata, and when a recording began, also in absolute time stamps."""
+"""Metadata beside the samples, and when a recording began, also as absolute time stamps."""
 
 import json
 from collections.abc import Mapping
