@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from records.figures_file import write_text
 from records.metrics import Metrics, Verdict, compute
 from records.record import Record
 
@@ -66,12 +67,7 @@ def accepted(verdicts: Sequence[Verdict]) -> bool:
 
 def write_figures(path: Path | str, content: Mapping[str, Any]) -> None:
     """Write figures as JSON with sorted keys, whole or not at all."""
-    path = Path(path)
-    unfinished = Path(f"{path}.part")
-    unfinished.write_text(
-        json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n", encoding="utf-8"
-    )
-    unfinished.replace(path)
+    write_text(Path(path), json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n")
 
 
 def _limit(verdict: Verdict) -> dict[str, Any]:

@@ -129,8 +129,10 @@ def _archive(model: Model, folder: Path, fmi_version: int, targets: Iterable[str
         token = generate_sources(model, sources)
         files: dict[str, bytes] = {"modelDescription.xml": description.description(model, fmi_version, token)}
         for name in targets:
+            target = compiler.target(name)
+            folder_name = target.fmi2_folder if fmi_version == 2 else target.name
             library = compile_library(model, sources, fmi_version, name)
-            files[_binary_name(model, fmi_version, compiler.target(name))] = library
+            files[f"binaries/{folder_name}/{model.name}{target.suffix}"] = library
         for name in (*SHIM_FILES, "model.c", "model_config.h", f"fmi{fmi_version}.c"):
             files["sources/" + name] = (sources / name).read_bytes()
         for name in HEADERS[fmi_version]:
@@ -158,11 +160,6 @@ def pack(files: dict[str, bytes]) -> bytes:
                 archive.writestr(entry, files[name])
         stream.seek(0)
         return stream.read()
-
-
-def _binary_name(model: Model, fmi_version: int, target: compiler.Target) -> str:
-    folder = target.fmi2_folder if fmi_version == 2 else target.name
-    return f"binaries/{folder}/{model.name}{target.suffix}"
 
 
 def _documentation(model: Model, folder: Path) -> bytes:
