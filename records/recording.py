@@ -41,7 +41,7 @@ class RecordWriter:
     def __init__(self, path: Path | str, columns: Sequence[Column | str], meta: Mapping[str, Any]) -> None:
         """Open the recording of `path`; `columns` start with `time`, names are looked up in specs.
 
-        An older record at `path` is removed, lest it be taken for this run's.
+        An older record at `path` is removed, so that it is not taken for this run's.
         Raises InputError on wrong columns, RunError when the disk refuses.
         """
         self.path = Path(path)

@@ -33,7 +33,7 @@ class Kind:
     may_have: tuple[str, ...] = ()
 
 
-# In the order of slw_fault_kind in orchestrator/core/core.h; `fail` is none of its.
+# In the order of slw_fault_kind in orchestrator/core/core.h; `fail` is not among them.
 KINDS: dict[str, Kind] = {
     "stuck": Kind("keeps the value it had at start_s, or `value`", (), ("value",)),
     "bias": Kind("adds `value`", ("value",)),

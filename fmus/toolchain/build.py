@@ -145,7 +145,7 @@ def _archive(model: Model, folder: Path, fmi_version: int, targets: Iterable[str
 
 
 def mark_built(archive: bytes) -> None:
-    """Note that the FMU of this content was made here: no stranger's machine code."""
+    """Note that the FMU of this content was made here: its machine code is our own."""
     _write(BUILT_HERE / _sha256(archive), b"")
 
 

@@ -62,9 +62,9 @@ def model_config_h(model: Model, token: str) -> str:
         "SLW_NV": len(exposed(model)) + 1,
         "SLW_NDELAYS": len(model.delays),
         "SLW_NSENSORS": len(model.sensors),
-        "SLW_LINE": whole_steps(model.max_delay, model.step, "max_delay") + 1,
-        "SLW_ECHO": whole_steps(model.max_delay, model.sample_time, "max_delay") + 1,
-        "SLW_TICKS_PER_SAMPLE": whole_steps(model.sample_time, model.step, "sample_time"),
+        "SLW_LINE": whole(model.max_delay, model.step, "max_delay") + 1,
+        "SLW_ECHO": whole(model.max_delay, model.sample_time, "max_delay") + 1,
+        "SLW_TICKS_PER_SAMPLE": whole(model.sample_time, model.step, "sample_time"),
         "SLW_CONTINUOUS": int(model.kind == "continuous"),
         "SLW_SEED_START": int(seeded),
         "SLW_SZ_W": max(f.sz_w() for f in _functions(model)),
@@ -81,7 +81,7 @@ def token(model: Model, code: str, shim: str) -> str:
     return model_token(code + model_config_h(model, "") + shim)
 
 
-def whole_steps(duration: float, step: float, what: str) -> int:
+def whole(duration: float, step: float, what: str) -> int:
     """duration / step, which must be a whole number."""
     count = round(duration / step)
     if count < 1 or abs(count * step - duration) > 1e-9 * duration:

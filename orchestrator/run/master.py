@@ -274,7 +274,7 @@ class Master:
 
     def _number(self, slot: Slot) -> str:
         if slot.type in BLOBS:
-            return "…"  # a cell holds but where it stands
+            return "…"  # the cell holds the number of the text only
         if slot.type in REALS:
             values = [f"{x:.6g}" for x in self.plan.reals[slot.first : slot.first + slot.size]]
         else:

@@ -91,7 +91,7 @@ class ValueType:
     """What a value is at one point of its way: its type, items of an enumeration, bounds.
 
     type     of FMI; "": not known
-    generic  "real" or "integer" where no more than that is known: SSP 1.0's types stand for all of their kind
+    generic  "real" or "integer" where only that is known: SSP 1.0's types stand for all of their kind
     """
 
     type: str = ""

@@ -1,4 +1,4 @@
-"""Parquet: our own run records, and anybody's table with a time column."""
+"""Parquet: our own run records, and tables of other tools with a time column."""
 
 from collections.abc import Mapping
 from datetime import datetime
