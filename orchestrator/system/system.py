@@ -160,8 +160,8 @@ class System:
 def parameter(component: Component, name: str, also: Iterable[str] = ()) -> Variable:
     """The parameter `name` of a component; InputError with the nearest parameters.
 
-    `also`: further causalities that are accepted.  Structural parameters that give arrays their size are refused:
-    the sizes of what is connected were checked with the values of the description.
+    `also`: further causalities that are accepted.  Structural parameters that give arrays their size are
+    refused: the sizes of what is connected were checked with the values of the description.
     """
     variables = component.model.variables
     found = variables.get(name)

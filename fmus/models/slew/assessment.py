@@ -33,7 +33,7 @@ def run(report: Report | None = None) -> dict[str, Any]:
 
 
 def assess(known: Mapping[str, Trace], values: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """Scores of parameters `values` (default: the shipped ones) on all traces, and whether they are within the limits."""
+    """Scores of parameters `values` (default: the shipped ones) on all traces, held against the limits."""
     groups = {"fit": traces.fit_set(dict(known)), "held_out": traces.held_out(dict(known))}
     each = {name: scores(group, values) for name, group in groups.items()}
     far = scores(traces.unphysical(dict(known)), values)
