@@ -5,7 +5,7 @@ from pathlib import Path
 
 from specs import parameters
 from specs.errors import InputError
-from specs.schema import shown
+from specs.schema import shown_path
 
 DIGITS = 6  # significant; more would only show noise of the search
 
@@ -26,7 +26,7 @@ def update(
     known = parameters.load(name)
     for parameter, value in values.items():
         if parameter not in known:
-            raise InputError(f"{shown(parameters.path_of(name))} has no parameter '{parameter}'")
+            raise InputError(f"{shown_path(parameters.path_of(name))} has no parameter '{parameter}'")
         known[parameter].check(value)
     path = folder / f"{name}.toml" if folder else parameters.path_of(name)
     lines = path.read_text(encoding="utf-8").splitlines()

@@ -16,7 +16,7 @@ from baselines import variants
 from fmus.toolchain.loader import load_model, model_folders
 from specs import systems
 from specs.errors import InputError, nearest
-from specs.schema import STRICT, read_toml, shown, validate
+from specs.schema import STRICT, read_toml, shown_path, validate
 
 FOLDER = Path(__file__).parent
 SLOT = "pi"  # the component of the systems that a controller takes the place of
@@ -114,7 +114,7 @@ def names() -> list[str]:
 def _known() -> dict[str, Controller]:
     """All controllers: every folder of baselines/ with a controller.toml."""
     found = {
-        path.parent.name: validate(Description, read_toml(path), shown(path))
+        path.parent.name: validate(Description, read_toml(path), shown_path(path))
         for path in sorted(FOLDER.glob("*/controller.toml"))
     }
     ordered = sorted(found.items(), key=lambda item: (item[1].order, item[0]))

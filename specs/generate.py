@@ -19,7 +19,7 @@ GENERATORS: dict[str, Callable[[], str | bytes]] = {
 
 def generators() -> dict[str, Callable[[], str | bytes]]:
     """All generators, those of the system descriptions included (they need lxml)."""
-    from specs import ssd
+    from specs import ssd  # needs lxml, which the base install lacks
 
     return {**GENERATORS, **ssd.generators()}
 

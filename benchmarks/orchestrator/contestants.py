@@ -15,7 +15,7 @@ from fmpy.ssp.simulation import simulate_ssp
 
 from benchmarks.orchestrator import masters
 from benchmarks.orchestrator.chain import LOGGED, SIGNALS, STEP_S, Chain, case
-from orchestrator.fmi.trust import runs_here
+from orchestrator.fmi.component import runs_here
 from orchestrator.run.master import Master, Options
 from orchestrator.system.check import load_system
 from orchestrator.system.layout import lay_out

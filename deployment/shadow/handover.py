@@ -7,7 +7,7 @@ import numpy as np
 
 from deployment.shadow.recorded import Shadowed
 from records.formats import write_measurement
-from records.formats.start import at_ns
+from records.formats.metadata import at_ns
 from records.measurement import Channel, Measurement
 from runtime.control import AXES
 from runtime.image import INPUT, Group, group

@@ -12,6 +12,7 @@ from typing import Any
 from records.formats.assemble import assemble
 from records.formats.tables import is_clock
 from records.measurement import Measurement
+from records.recording import first_line
 from specs.errors import InputError, RunError
 from specs.schema import ROOT
 
@@ -71,8 +72,6 @@ def write_measurement(
     Raises InputError where the format cannot hold it: one time for channels of several rates (`on_grid`
     first), a value beyond its place on CAN.  RunError when the disk refuses.
     """
-    from records.recording import first_line
-
     path = Path(path)
     check_format(path)
     module, options = _module(path, dbc)

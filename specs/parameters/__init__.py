@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from specs.errors import InputError, nearest
-from specs.schema import STRICT, read_toml, shown, validate
+from specs.schema import STRICT, read_toml, shown_path, validate
 from specs.units import unit as find_unit
 
 FOLDER = Path(__file__).parent
@@ -83,7 +83,7 @@ def load(*names: str) -> dict[str, Parameter]:
     for name in names:
         path = path_of(name)
         for parameter in _read(path):
-            _claim(merged, owners, parameter, f"{shown(path)}: {parameter.name}")
+            _claim(merged, owners, parameter, f"{shown_path(path)}: {parameter.name}")
             merged[parameter.name] = parameter
     return merged
 
@@ -99,7 +99,7 @@ def _read(path: Path) -> tuple[Parameter, ...]:
 
 
 def _parameter(path: Path, name: str, entry: Any) -> Parameter:
-    where = f"{shown(path)}: {name}"
+    where = f"{shown_path(path)}: {name}"
     if not isinstance(entry, dict):
         raise InputError(f"{where}: expected a table with value, unit, source and status")
     return validate(Parameter, {"name": name, **entry}, where)

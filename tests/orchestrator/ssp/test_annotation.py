@@ -6,7 +6,7 @@ import pytest
 
 from orchestrator.files import xml_file
 from orchestrator.ssp.annotation import read_simulation
-from orchestrator.ssp.settings import Settings
+from orchestrator.ssp.description import Settings
 from orchestrator.ssp.text import Text
 from orchestrator.system.system import System
 from specs.errors import InputError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from records.formats import FORMATS, READ_ONLY, WRITE_ONLY, read_measurement, write_measurement
-from records.formats.grid import on_grid
+from records.formats.tables import on_grid
 from records.measurement import Channel, Measurement
 from specs.errors import InputError, RunError
 from specs.signals import signals

@@ -9,11 +9,9 @@ import numpy as np
 
 from orchestrator.core.binding import ALGORITHM, GET, SET, SINK, Cell, library
 from orchestrator.fmi.model_description import REALS
-from orchestrator.fmi.type_codes import BLOBS, WIRE
 from orchestrator.fmi.units import IDENTITY
-from orchestrator.fmi.variable import Scalar, Value
-from orchestrator.ssp.conversion import Conversion
-from orchestrator.ssp.settings import Settings
+from orchestrator.fmi.variable import BLOBS, WIRE, Scalar, Value
+from orchestrator.ssp.description import Settings
 from orchestrator.system.interventions import resolve
 from orchestrator.system.layout import Layout, Move, Slot
 from orchestrator.system.system import System
@@ -44,7 +42,7 @@ class Plan:
         """One building function of the core."""
         if not getattr(self.library, f"slw_core_{name}")(self.core, *arguments):
             why = self.library.slw_core_error(self.core).decode()
-            raise RunError(f"system {self.system.name} cannot be lowered: {why}")
+            raise RunError(f"system {self.system.name} is refused by the core: {why}")
 
     def free(self) -> None:
         """Free the core; the FMUs must still be there."""
@@ -206,11 +204,7 @@ def _kind(move: Move) -> str:
         return "blob"
     if move.conversion.table:
         return "table"
-    return "real" if _affine(move.conversion) else "plain"
-
-
-def _affine(conversion: Conversion) -> bool:
-    return conversion.affine != IDENTITY
+    return "real" if move.conversion.affine != IDENTITY else "plain"
 
 
 def _neighbours(moves: Sequence[Move]) -> list[list[Move]]:

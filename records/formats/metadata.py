@@ -1,7 +1,6 @@
-"""What goes beside the samples: metadata, and when a recording began, also in absolute time stamps."""
+"""Metadata beside the samples, and when a recording began, also as absolute time stamps."""
 
 import json
-import math
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from records.figures_file import plain
 from records.measurement import Measurement
 
 START = "start"  # in a record's metadata: ISO 8601 with its zone
@@ -30,16 +30,7 @@ def meta_of(measurement: Measurement) -> dict[str, Any]:
 
 def as_json(meta: Mapping[str, Any]) -> str:
     """Metadata as one line of JSON; what JSON does not know is written as text."""
-    return json.dumps(_finite(meta), default=str, ensure_ascii=False, sort_keys=True, allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    """The same without numbers that are none, which JSON does not know: None stands for them."""
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return json.dumps(plain(meta), default=str, ensure_ascii=False, sort_keys=True, allow_nan=False)
 
 
 def start_of(meta: Mapping[str, Any]) -> datetime | None:
