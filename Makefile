@@ -58,8 +58,8 @@ generated: $(VENV)/.verify-ready
 
 # `-n` reports every reference that leads nowhere, `-W` makes each warning an error, after all of them were shown.
 docs: $(VENV)/.docs-ready
-	$(BIN)/python docs/check_commands.py
-	$(BIN)/python -m sphinx -n -W --keep-going -q -b dirhtml -d out/doctrees docs out/site
+	$(BIN)/python -m tests.docs.commands
+	$(BIN)/python -m sphinx -n -W --keep-going -q -b html -d out/doctrees docs out/site
 	@echo "the site: out/site/index.html"
 
 # EXTRAS="runtime verify" adds what simulates the machine; FOR is the Python of the computer it is for.
