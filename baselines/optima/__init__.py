@@ -1,4 +1,4 @@
 """Best found optima: what perfect knowledge of a machine reaches, by optimal control.
 
-docs/results/optima.md has them.
+docs/explanation/optima.md has them.
 """
