@@ -78,22 +78,22 @@ $(VENV)/.made: requirements/make-venv
 	touch $@
 
 $(VENV)/.verify-locked: requirements/verify.lock | $(VENV)/.made
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
 	touch $@
 
 # Signing bundles takes what the machine controller has.
 $(VENV)/.runtime-locked: requirements/runtime.lock $(VENV)/.verify-locked
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
 	touch $@
 
 # The documentation's lock holds the site's generator and what the commands need to be looked up.
 $(VENV)/.docs-locked: requirements/docs.lock $(VENV)/.runtime-locked
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
 	touch $@
 
 # The test lock holds everything of the verify lock in the same versions.
 $(VENV)/.test-locked: requirements/test.lock | $(VENV)/.made
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
 	touch $(VENV)/.verify-locked $@
 
 $(VENV)/.verify-ready: $(VENV)/.verify-locked pyproject.toml
@@ -116,6 +116,7 @@ lock: $(VENV)/.test-ready
 	$(LOCK) --extra verify --extra build --constraint requirements/test.lock --output-file requirements/verify.lock
 	$(LOCK) --extra runtime --constraint requirements/test.lock --output-file requirements/runtime.lock
 	$(LOCK) --extra docs --constraint requirements/test.lock --output-file requirements/docs.lock
+	awk '/^uv==/{p=1} p{print} p&&!/\\$$/{exit}' requirements/test.lock > requirements/uv.txt
 
 clean:
 	rm -rf build out dist $(VENV)

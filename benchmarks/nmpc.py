@@ -23,7 +23,7 @@ from records.record import Record
 from specs import scenario as scenarios
 from specs.errors import RunError
 from specs.progress import Report
-from verification.verify import plant_parameters
+from verification.runs import plant_parameters
 
 LIMIT_MS = 50.0
 SHARE = 0.99

@@ -93,7 +93,7 @@ def verified(
 
     Without an extended model, those of the others.
     """
-    from verification.verify import verify
+    from verification.verify import Controller, verify
 
     plain = Path(chosen.model) if Path(chosen.model).is_dir() else None
     wanted = {"plain": ("nominal", plain), "extended": ("nominal", extended), "machine": ("reference", None)}
@@ -101,8 +101,17 @@ def verified(
     for name, (system, model) in wanted.items():
         if name == "extended" and extended is None:
             continue
-        runs = verify(SCENARIOS, (system,), seed, out / chosen.name / name, model, jobs=1, progress=report)
-        found[name] = {s: metrics_of(runs.runs[s][system], METRICS) for s in SCENARIOS}
+        folder = out / chosen.name / name
+        done = verify(
+            SCENARIOS,
+            (system,),
+            seed,
+            folder,
+            Controller(models=[model] if model else ()),
+            jobs=1,
+            progress=report,
+        )
+        found[name] = {s: metrics_of(done.own.runs[s][system], METRICS) for s in SCENARIOS}
     return found
 
 

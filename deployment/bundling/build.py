@@ -69,11 +69,11 @@ def bundle(
     """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
 
     What was in `out` before is replaced.  `platforms` are names of fmus.toolchain.compiler.TARGETS (default:
-    this machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is evaluated:
-    "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`, `commissioning`
-    the calibration.json of `slewright commission`, whose tare a `calibration` replaces.  Raises InputError
-    for an unknown controller, platform, parameter or engine, a controller that no core can run, or a folder
-    that holds something else; RunError if C fails.
+    this machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is
+    evaluated: "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`,
+    `commissioning` the calibration.json of `slewright commission`, whose tare a `calibration` replaces.
+    Raises InputError for an unknown controller, platform, parameter or engine, a controller that no core can
+    run, or a folder that holds something else; RunError if C fails.
     """
     content = _content(controller, engine)
     if commissioning is not None:

@@ -127,7 +127,7 @@ def _run(
 
 def check_targets() -> None:
     """InputError for the first target of a task that the arm cannot reach, before anything moves."""
-    from verification.verify import check_reach
+    from verification.runs import check_reach
 
     for path in TASKS.values():
         for scenario in scenarios_spec.find(str(path)):

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fmus.paths import ROOT
 from specs.errors import InputError
 
 FOLDER = Path("build/policies")
+SHIPPED = ROOT / "learning" / "policies" / "full.onnx"  # drives slew, boom and stick
 LOADS = ("empty", "2t", "unknown")
 
 
