@@ -59,8 +59,9 @@ def validate(kind: type[T], data: Any, where: str) -> T:
 
 
 def shown(path: Path) -> str:
-    """The path as a reader of the repository writes it: from specs/ on, else as it is."""
-    return f"specs/{path.relative_to(ROOT).as_posix()}" if path.is_relative_to(ROOT) else str(path)
+    """The path as a reader of the repository writes it: from its root on, else as it is."""
+    top = ROOT.parent
+    return path.relative_to(top).as_posix() if path.is_relative_to(top) else str(path)
 
 
 @cache

@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from baselines import registry
+from baselines.load.balance import unknowns
+from baselines.load.calibration_file import read
 from baselines.load.online import model as load_estimate
 from baselines.registry import Controller
 from deployment.bundling import commissioned, config
@@ -237,9 +239,6 @@ def _content(controller: str, engine: str) -> Content:
 
 def _calibrated(content: Content, path: Path) -> Content:
     """The same with the load estimate of a calibrated machine."""
-    from baselines.load.balance import unknowns
-    from baselines.load.calibration_file import read
-
     found = dict(zip((u.name for u in unknowns()), read(path).values.tolist(), strict=True))
     files = {**content.files, "load-calibration.json": path.read_bytes()}
     return dataclasses.replace(content, files=files, calibration=found)

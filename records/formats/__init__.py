@@ -9,6 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from records.formats.assemble import assemble
+from records.formats.tables import is_clock
 from records.measurement import Measurement
 from specs.errors import InputError, RunError
 from specs.schema import ROOT
@@ -45,9 +47,6 @@ def read_measurement(
 
     Raises InputError naming the file and the place of what cannot be mended.
     """
-    from records.formats.assemble import assemble
-    from records.formats.tables import is_clock
-
     path = Path(path)
     if path.suffix.lower() in WRITE_ONLY:
         raise InputError(f"{path}: bags of ROS 2 are written, not read")

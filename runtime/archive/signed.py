@@ -22,6 +22,7 @@ from runtime.archive.keys import ARCHIVE, PrivateKey
 from runtime.archive.trust import Trust
 from specs.dbc import render
 from specs.errors import InputError
+from specs.schema import ROOT
 from specs.tables import modbus_csv
 
 FORMAT = 1
@@ -107,8 +108,6 @@ def check_fit(signed: Signed, where: str) -> None:
 
 def specs() -> dict[str, bytes]:
     """The specs of this version, by their names in an archive."""
-    from specs.schema import ROOT
-
     made = {DBC: render().encode(), MAP: modbus_csv().encode()}
     return {**made, SIGNALS: (ROOT / "signals.toml").read_bytes()}
 
