@@ -1,7 +1,7 @@
 """Faults on a connection, an output or a whole FMU: what a scenario or a system description asks for.
 
-In a scenario file (docs/scenarios.md) a fault is an entry of `[[faults]]`, in a system description an element
-<slw:Fault .../> whose attributes have the same names:
+In a scenario file (docs/reference/scenarios.md) a fault is an entry of `[[faults]]`, in a system
+description an element <slw:Fault .../> whose attributes have the same names:
 
     [[faults]]
     target = "pi.q_slew"   # what arrives at an input; or a connector of the system; fail: a component

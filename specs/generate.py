@@ -12,7 +12,6 @@ FOLDER = ROOT / "generated"
 GENERATORS: dict[str, Callable[[], str | bytes]] = {
     "slewright.dbc": dbc.render,
     "modbus_map.csv": tables.modbus_csv,
-    "signals.md": tables.signals_markdown,
     "fmi_variables.toml": tables.fmi_variables,
 }
 

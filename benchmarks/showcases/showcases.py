@@ -51,7 +51,7 @@ SHOWCASES = {
     "tool": Showcase("tool", "tool", "slewing", COUPLINGS, ("error", "tool")),
     "slew": Showcase(
         "slew",
-        "docs/showcases/slew_one_pose",
+        "docs/results/showcases/slew_one_pose",
         "reaching",
         ("pose_dependent_inertia",),
         ("speed", "overshoot", "slew_error"),

@@ -48,4 +48,4 @@ def next_commands(recording: Path, out: Path, figures: Path) -> list[str]:
         f"slewright reconcile {recording} --model {model} --out {out / f'reconcile-{model}'}"
         for model in MODELS
     ]
-    return [*found, f"slewright dossier --out {out / 'dossier.md'} --recorded {figures}"]
+    return [*found, f"python -m benchmarks dossier --out {out / 'dossier.md'} --recorded {figures}"]

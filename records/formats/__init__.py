@@ -1,6 +1,6 @@
 """Recordings in other tools' formats, read and written with units, channel masters and start time.
 
-One module a format; `docs/recordings.md` says what each keeps and what is mended how.
+One module a format; `docs/reference/recordings.md` says what each keeps and what is mended how.
 """
 
 from collections.abc import Mapping

@@ -162,7 +162,7 @@ STATES = (
 )
 COMMANDS, REFERENCES = ("u_slew", "u_boom", "u_stick"), ("qd_boom_ref", "qd_stick_ref")
 JOYSTICK = tuple(f"joystick_{axis}" for axis in ("slew", "boom", "stick"))
-SEEN = tuple(f"seen_{name}" for name in JOYSTICK)  # of a recording in shadow mode (docs/shadow.md)
+SEEN = tuple(f"seen_{name}" for name in JOYSTICK)  # of a recording in shadow mode (docs/how-to/shadow.md)
 TARGET = ("target_x", "target_y", "target_z")
 TOPICS = (
     Topic("/joint_states", "sensor_msgs/msg/JointState", STATES, _joint_states),

@@ -1,4 +1,4 @@
-"""`slewright bench orchestrator` with a tiny budget: it compares what is comparable and judges by it."""
+"""`python -m benchmarks orchestrator` with a tiny budget: it compares what is comparable and judges by it."""
 
 import json
 import os

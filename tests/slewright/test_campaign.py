@@ -1,4 +1,4 @@
-"""`slewright campaign` and `slewright bench campaign` as a user calls them."""
+"""`slewright campaign` and `python -m benchmarks campaign` as a user calls them."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""`slewright dossier`: table, exit code and files; the dossier itself is tested in tests/orchestrator."""
+"""`python -m benchmarks dossier`: table, exit code and files; tests/verification tests the dossier itself."""
 
 import json
 from pathlib import Path

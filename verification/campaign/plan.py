@@ -1,7 +1,7 @@
 """A campaign's plan (TOML) and the runs that it stands for.
 
 The cross product of what `[runs]` lists, on the material handler's systems; and every `[[files]]`, a system
-of one's own, once for each seed and fault set.  docs/campaigns.md shows both.
+of one's own, once for each seed and fault set.  docs/how-to/campaigns.md shows both.
 """
 
 import hashlib

@@ -46,7 +46,10 @@ def verify(
         ),
     ] = None,
     controller: Annotated[
-        str, typer.Option("--controller", metavar="NAME", help="Verify this controller (docs/baselines.md).")
+        str,
+        typer.Option(
+            "--controller", metavar="NAME", help="Verify this controller (docs/explanation/controllers.md)."
+        ),
     ] = "",
     bundle: Annotated[
         Path | None,

@@ -1,4 +1,4 @@
-"""What is written comes back: values, units, each channel's own times, start, as docs/recordings.md says."""
+"""What is written comes back, as docs/reference/recordings.md says: values, units, times, start."""
 
 from datetime import UTC
 
