@@ -71,17 +71,17 @@ $(VENV)/.made: requirements/make-venv
 	touch $@
 
 $(VENV)/.verify-locked: requirements/verify.lock | $(VENV)/.made
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
 	touch $@
 
 # Signing bundles takes what the machine controller has.
 $(VENV)/.runtime-locked: requirements/runtime.lock $(VENV)/.verify-locked
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
 	touch $@
 
 # The test lock holds everything of the verify lock in the same versions.
 $(VENV)/.test-locked: requirements/test.lock | $(VENV)/.made
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
 	touch $(VENV)/.verify-locked $@
 
 $(VENV)/.verify-ready: $(VENV)/.verify-locked pyproject.toml
@@ -100,6 +100,7 @@ lock: $(VENV)/.test-ready
 	$(LOCK) --all-extras $(ARGS) --output-file requirements/test.lock
 	$(LOCK) --extra verify --extra build --constraint requirements/test.lock --output-file requirements/verify.lock
 	$(LOCK) --extra runtime --constraint requirements/test.lock --output-file requirements/runtime.lock
+	awk '/^uv==/{p=1} p{print} p&&!/\\$$/{exit}' requirements/test.lock > requirements/uv.txt
 
 clean:
 	rm -rf build out dist $(VENV)

@@ -97,9 +97,9 @@ def in_words(verdict: Verdict) -> str:
     return f"{verdict.scenario} on {verdict.system}: {verdict.metric} {value}, limit {verdict.limit}"
 
 
-def table(results: Results, verdicts: Sequence[Verdict]) -> Table:
+def table(results: Results, verdicts: Sequence[Verdict], title: str = "Results") -> Table:
     """Return the results as a rich table, what misses its limit in red and marked with ✗."""
-    shown = Table(title="Results", title_justify="left")
+    shown = Table(title=title, title_justify="left")
     shown.add_column("Scenario")
     shown.add_column("System")
     for _, heading, unit, _ in COLUMNS:
@@ -134,13 +134,15 @@ def print_table(
     verdicts: Sequence[Verdict],
     realtime_factor: Mapping[str, float],
     console: Console | None = None,
+    title: str = "Results",
+    misses: bool = True,
 ) -> None:
-    """Print results, missed limits, real-time factors and the verdict."""
+    """Print results, missed limits (unless `misses` is false), real-time factors and the verdict."""
     console = console or Console()
     if not console.is_terminal and console.width < 140:
         console = Console(file=console.file, width=140)  # a log file need not fold the table
-    console.print(table(results, verdicts))
-    for v in (v for v in verdicts if not v.passed):
+    console.print(table(results, verdicts, title))
+    for v in (v for v in verdicts if misses and not v.passed):
         reason = f" ({v.reason})" if v.reason else ""
         console.print(f"✗ {in_words(v)}{reason}", style="red", highlight=False)
     speeds = ", ".join(f"{system} {factor:.0f} ×" for system, factor in realtime_factor.items())

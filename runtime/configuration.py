@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Literal
 from runtime.can.joystick import Joysticks
 from runtime.image import OUTPUT, TICK_S
 from runtime.matching import check_dbc, check_map
+from runtime.modbus.roles import context
 from runtime.realtime import PRIORITY, check_core
 from specs.errors import InputError, nearest
 from specs.schema import STRICT, read_toml, validate
@@ -285,8 +286,6 @@ def _check_port(whose: str, host: str, port: int) -> None:
 
 
 def _check_tls(tls: Tls) -> None:
-    from runtime.modbus.roles import context
-
     context(tls.certificate, tls.key, tls.authority)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from specs.errors import InputError, nearest
-from specs.schema import ROOT, STRICT, read_toml, shown_path, validate
+from specs.schema import ROOT, STRICT, read_toml, shown, validate
 from specs.units import UNITS
 from specs.wire import Bus, CanPlace, Message, ModbusMap, ModbusPlace, check_frames, check_registers
 
@@ -100,7 +100,7 @@ def select(*kinds: Kind) -> list[Signal]:
 @cache
 def definition(path: Path = PATH) -> Definition:
     """Read and check a signal file; raises InputError naming file and key."""
-    data, where = read_toml(path), shown_path(path)
+    data, where = read_toml(path), shown(path)
     for key in ("can", "modbus", "signal"):
         if not isinstance(data.get(key), dict):
             raise InputError(f"{where}: missing table [{key}]")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.showcases.showcases import METRIC_UNITS, METRICS, SCENARIOS, Showcase
+from records.report import markers
 
 
 def page(chosen: Showcase, figures: Mapping[str, Any]) -> str:
@@ -115,7 +116,5 @@ def _number(value: float | None) -> str:
 
 def pages(folder: Path, chosen: Sequence[Showcase], figures: Mapping[str, Any]) -> None:
     """Fill the part between the markers of every showcase's page in a folder."""
-    from records.report import markers
-
     for showcase in chosen:
         markers.fill(folder / f"{showcase.name}.md", "showcase", page(showcase, figures[showcase.name]))

@@ -33,13 +33,15 @@ class Style:
 STYLES = {
     "nominal": Style("Nominal model", "#d9822b", 1.5),
     "reference": Style("Simulated reference machine", "#134a7c", 1.8),
+    "policy": Style("Policy", "#134a7c", 1.8),
+    "pi": Style("PI", "#d9822b", 1.5),
 }
 OTHERS = ("#2a8c82", "#7a5195", "#6b6b6b")
 TARGET = "#55606b"
 
 
 def style(system: str, pair: Pair) -> Style:
-    """Return the style of a system; one that is neither nominal nor reference gets a colour of its own."""
+    """Return the style of a system; one that is not in STYLES gets a colour of its own."""
     others = [name for name in pair if name not in STYLES]
     return STYLES.get(system) or Style(system, OTHERS[others.index(system) % len(OTHERS)], 1.5)
 
