@@ -145,7 +145,7 @@ def check() -> None:
     """Raise InputError where a spread names an unknown parameter, or leaves the parameter's own bounds."""
     known = _known()
     for name, spread in spreads().items():
-        where = f"{shown(PATH)}: {name}"
+        where = f"{shown_path(PATH)}: {name}"
         if name not in known:
             raise InputError(f"{where}: no such parameter; {nearest(name, known)}")
         for value in spread.limits(known[name].value):
