@@ -16,8 +16,8 @@ from benchmarks.suite.summary import AMBIGUOUS, NOTHING, confusion, summarise
 from blindtest import case, folder
 from blindtest.score import Truth, score
 from blindtest.systems.kit import KITS
-from slewright import __main__ as entry
 from specs.errors import InputError
+from tests.benchmarks.command import benchmarks
 
 KEYS = {
     *("cases", "exact", "ambiguous_ok", "wrong", "abstained", "redrawn", "false_positive", "confusion"),
@@ -27,7 +27,7 @@ SEEN = {"exact", "ambiguous_ok", "right", "wrong", "abstained"}
 
 
 def command(*arguments: object) -> int:
-    return entry.run(["reconcile-suite", *map(str, arguments)])
+    return benchmarks("reconcile-suite", *arguments)
 
 
 # ---------------------------------------------------------------- which cases

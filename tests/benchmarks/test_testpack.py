@@ -240,7 +240,7 @@ def test_the_committed_page_is_of_these_cases() -> None:
 
 
 def test_the_command(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "slewright", "testpack"]
+    command = [sys.executable, "-m", "benchmarks", "testpack"]
     done = subprocess.run(
         [*command, str(tmp_path / "pack")], cwd=ROOT, capture_output=True, text=True, check=False
     )

@@ -1,4 +1,4 @@
-"""`slewright bench orchestrator` with a tiny budget: it compares what is comparable and judges by it."""
+"""`python -m benchmarks orchestrator` with a tiny budget: it compares what is comparable and judges by it."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from benchmarks.orchestrator.child import CHECK_STEPS, Child, Run
 from benchmarks.orchestrator.comparison import Must, Result, overhead
 from benchmarks.orchestrator.contestants import NotMeasured
 from benchmarks.orchestrator.registry import MASTERS
-from slewright.__main__ import run
+from tests.benchmarks.command import benchmarks
 
 KEYS = ("floor_us", "slewright_us", "fmucontainer_us", "ecos_us", "fmpy_ssp_us", "libcosim_us")
 
@@ -103,7 +103,7 @@ def test_a_slow_orchestrator_misses_its_musts():
 def test_the_command_writes_every_figure_or_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "bench.json"
     page = tmp_path / "bench.md"
-    code = run(["bench", "orchestrator", "--blocks", "1", "--json", str(out), "--markdown", str(page)])
+    code = benchmarks("orchestrator", "--blocks", "1", "--json", out, "--markdown", page)
     assert page.read_text().count("Slewright / ") == 2
     figures = json.loads(out.read_text())
     missed = [must["must"] for must in figures["musts"] if must["missed"]]

@@ -1,4 +1,4 @@
-"""`slewright dossier`: table, exit code and files; the dossier itself is tested in tests/orchestrator."""
+"""`python -m benchmarks dossier`: table, exit code, files; the dossier itself: tests/verification/dossier."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import verification.dossier
-from slewright import __main__ as entry
+from tests.benchmarks.command import benchmarks
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def dossier(monkeypatch: pytest.MonkeyPatch):
 def test_a_missed_limit_is_exit_code_1(dossier, tmp_path, capsys, found, judged, code, said) -> None:
     dossier(found, judged)
     out, figures = tmp_path / "page.md", tmp_path / "figures.json"
-    assert entry.run(["dossier", "--out", str(out), "--json", str(figures)]) == code
+    assert benchmarks("dossier", "--out", out, "--json", figures) == code
     assert out.read_text() == "# page\n"
     assert said in capsys.readouterr().out
     assert json.loads(figures.read_text())["checks"]["speed"]["found"] == found
@@ -46,7 +46,6 @@ def test_a_file_that_cannot_be_written_is_said_before_anything_runs(
 ) -> None:
     dossier(0.5)
     wrong = tmp_path / "missing" / "file"
-    arguments = ["dossier", "--out", str(tmp_path / "page.md"), option, str(wrong)]
-    assert entry.run(arguments) == 2
+    assert benchmarks("dossier", "--out", tmp_path / "page.md", option, wrong) == 2
     assert "there is no folder" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
