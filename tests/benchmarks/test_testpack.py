@@ -212,7 +212,7 @@ def test_other_masters_do_a_plain_connection(key: str) -> None:
     if not compare.versions()[key]:
         pytest.skip(f"{key} is not installed")
     chosen = [BY_NAME["plain-fmi2"], BY_NAME["type-integer-fmi2"], BY_NAME["counter-fmi2"]]
-    found = compare._of_master(key, chosen, _written(chosen))
+    found = compare.of_master(key, chosen, _written(chosen))
     assert {row["verdict"] for row in found.values()} == {"right"}, found
 
 

@@ -110,7 +110,7 @@ def test_a_case_of_a_project_model_names_it_and_is_wrong_by_10_to_30_percent(sys
     assert folder.truth(found)["equivalents"] == [[]]
     folder.write(found, tmp_path / "given", tmp_path / "sealed")
     told = json.loads((tmp_path / "given" / "case.json").read_text())
-    assert told["model"] == f"fmus/{system}"
+    assert told["model"] == f"fmus/models/{system}"
     columns = read(tmp_path / "given" / told["runs"][0]).names
     assert columns == ["time", *(s.name for s in (*found.system.inputs, *found.system.outputs))]
     for base in found.system.base:

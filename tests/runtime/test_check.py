@@ -121,7 +121,7 @@ def test_no_input_image_makes_an_output_that_is_no_number_or_breaks_the_gate(
     random = np.random.default_rng(seed)
     before = bench.commands
     for _ in range(12):
-        bench._fill()
+        bench.fill()
         for place, value in wild:
             bench.image["value"][place] = value
             bench.image["status"][place] = random.integers(0, 256)

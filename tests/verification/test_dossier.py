@@ -227,7 +227,7 @@ def test_the_shipped_spreads_cover_the_known_ranges() -> None:
 
 @pytest.mark.parametrize(("share", "said"), [(-0.12, "not centred"), (0.01, "is off the nominal")])
 def test_a_bias_of_the_draws_is_said(share: float, said: str) -> None:
-    assert said in draw_tables._bias({"tuning": share, "validation": 0.0})
+    assert said in draw_tables.bias_sentence({"tuning": share, "validation": 0.0})
 
 
 def test_paragraphs_are_wrapped_and_tables_are_not() -> None:

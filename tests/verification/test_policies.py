@@ -10,7 +10,7 @@ import pytest
 from baselines import registry
 from learning.policy import export
 from learning.policy.controller import write_folder
-from slewright.commands.controllers.compare import _command, _own
+from slewright.commands.controllers.compare import command_line
 from slewright.commands.controllers.evaluate import evaluate
 from specs.errors import InputError
 from tests.conftest import Command
@@ -90,9 +90,9 @@ def test_policies_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) ->
 def test_compare_says_its_command_with_the_policies(policy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As it can be typed again: a policy is no --controller."""
     monkeypatch.chdir(policy.parent.parent)
-    own = _own([policy])
+    own = {policy: registry.foreign(policies.model_folder(policy), "mine", "policy mine")}
     asked = Question(controllers=[registry.find("pd"), *own.values()], tasks=["slew"], machines=2)
-    assert _command(asked, list(own)) == (
+    assert command_line(asked, list(own)) == (
         "slewright compare --draws validation --machines 2 --no-sweep --controller pd --task slew "
         f"--policy {policy.parent.name}/mine.onnx"
     )
@@ -218,10 +218,10 @@ def rows_at(pace: float) -> evaluation.Rows:
 
 def test_the_pace_of_a_speed_is_searched_within_the_trained_ones() -> None:
     """By secant to 0.1 °/s; the nearest where the trained paces do not reach it."""
-    rows, pace = evaluation._at_speed(rows_at, evaluation.Asked(matched=14.0), (0.5, 1.4))
+    rows, pace = evaluation.at_speed(rows_at, evaluation.Asked(matched=14.0), (0.5, 1.4))
     assert np.mean([r["speed"] for r in rows]) == pytest.approx(14.0, abs=evaluation.NEAR)
     assert pace == pytest.approx(np.sqrt(1.35), abs=0.01)
-    assert evaluation._at_speed(rows_at, evaluation.Asked(matched=30.0), (0.5, 1.4))[1] == 1.4
+    assert evaluation.at_speed(rows_at, evaluation.Asked(matched=30.0), (0.5, 1.4))[1] == 1.4
 
 
 def test_the_search_for_a_speed_begins_within_the_trained_paces() -> None:
@@ -232,7 +232,7 @@ def test_the_search_for_a_speed_begins_within_the_trained_paces() -> None:
         tried.append(pace)
         return rows_at(pace)
 
-    evaluation._at_speed(run, evaluation.Asked(matched=30.0), (0.3, 0.8))
+    evaluation.at_speed(run, evaluation.Asked(matched=30.0), (0.3, 0.8))
     assert max(tried) == 0.8
 
 
@@ -292,10 +292,10 @@ def test_the_worst_machine_is_held_against_the_mean() -> None:
 def test_seeds_stand_below_their_mean() -> None:
     """Intervals over machines, seeds by name and pace; one seed has no second table."""
     rows = [{**row, "seed": seed} for seed, pace in (("1", 1.0), ("2", 1.1)) for row in rows_at(pace)]
-    seeds = {s: {"pace": 1.0, **evaluation._mean(rows, seed=s)} for s in ("1", "2")}
+    seeds = {s: {"pace": 1.0, **evaluation.mean_figures(rows, seed=s)} for s in ("1", "2")}
     found = {
         "task": "slew", "policy": "slew.onnx", "machines": 2, "draw_set": "validation", "pace": 1.0,
-        "matched": 11.2, "made": {}, "loads": {"empty": evaluation._mean(rows)}, "seeds": seeds,
+        "matched": 11.2, "made": {}, "loads": {"empty": evaluation.mean_figures(rows)}, "seeds": seeds,
     }  # fmt: skip
     text = evaluation.markdown(found)
     assert "| empty | 11.55 ± " in text

@@ -8,12 +8,12 @@ import pytest
 
 from deployment.bundling import build
 from learning.policy import export
-from slewright.commands.controllers.compare import _own, _warn
+from slewright import __main__ as command
 from slewright.commands.machine.bundle import bundle
 from specs import draws
+from specs.errors import RunError
 from tests.conftest import ROOT
 from tests.learning.policy.test_export import made
-from verification.comparison.plan import Question, make_plan
 from verification.evaluation import evaluation, training_range
 from verification.evaluation.evaluation import Asked
 
@@ -70,7 +70,7 @@ def test_every_machine_and_load_outside_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("path", SHIPPED)
 def test_the_shipped_policies_ranges_are_all_known(path: Path) -> None:
     """None of them goes unlooked at; one validation machine has too long a pendulum."""
-    (run, *_) = evaluation._plan(path, Asked(machines=1), 1.0).runs
+    (run, *_) = evaluation.planned_runs(path, Asked(machines=1), 1.0).runs
     assert set(export.read(path).contract.ranges) <= set(training_range.quantities(run.spec))
     texts = list(evaluation.warnings([path], Asked(machines=24)))
     assert texts == [f"{path}: pendulum_length is outside the trained 1.2 … 2.3: 2.32445 (validation-13)"]
@@ -88,7 +88,7 @@ def test_each_policy_is_looked_at_and_a_pace_that_is_searched_is_not(tmp_path: P
 
 def test_sealed_machines_are_not_told() -> None:
     """But that there are some, and in which quantity; the pace is no secret."""
-    spec = evaluation._plan(SHIPPED[0], Asked(machines=1), 1.0).runs[0].spec
+    spec = evaluation.planned_runs(SHIPPED[0], Asked(machines=1), 1.0).runs[0].spec
     machine = {**spec["machine"], "grab_com": 1.5, "grab_gyration": 1.2}
     odd = {**spec, "draw": f"{draws.SEALED}-7", "machine": machine, "pace": 1.75}
     pace, length = training_range.warnings(SHIPPED[0], [odd])
@@ -97,24 +97,26 @@ def test_sealed_machines_are_not_told() -> None:
 
 
 def test_compare_warns_of_swept_paces_and_machines(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """For each policy, on standard error; the machines of --sweeps count too."""
+    """For each policy, on standard error, before anything runs; the machines of --sweeps count too."""
+
+    def runs_begin(*_: object, **__: object) -> None:
+        raise RunError("the runs begin")
+
+    monkeypatch.setattr("verification.campaign.run.run_campaign", runs_begin)
     path = narrowed(tmp_path, {"pace": (0.5, 1.0), "pendulum_length": (1.2, 2.3)})
-    own = _own([path])
-    question = Question(
-        controllers=[*own.values()], tasks=["full"], machines=1, paces=(0.4, 1.0, 1.25), sweeps=True
-    )
-    _warn(own, make_plan(question).runs)
-    pace, length = capsys.readouterr().err.splitlines()
+    asked = f"--policy {path} --controller pd --task full --machines 1 --pace 0.4 --pace 1.25 --sweeps"
+    assert command.run(["compare", *asked.split(), "--out", str(tmp_path / "out")]) == 3
+    pace, length, last = capsys.readouterr().err.splitlines()
     assert pace == f"warning: {path}: pace is outside the trained 0.5 … 1: 0.4, 1.25"
     assert length.endswith(": 2.42857 (sweep pendulum length [m] 2.43)")
+    assert last == "slewright: the runs begin"
 
 
 def test_a_folder_that_is_no_policy_has_no_ranges() -> None:
     """A model folder may be compared too; one that was made of a policy has its file."""
     assert not list(training_range.warnings(ROOT / "baselines" / "pd", []))
-    assert not training_range._ranges(ROOT / "baselines" / "pd")
 
 
 def test_bundle_warns_of_the_pace_it_starts_at(

@@ -30,7 +30,7 @@ ENTRIES = ("../evil", "/evil", "a\\b", "resources/", "modelDescription.xml", "Sy
 def words() -> tuple[str, ...]:
     """Every string that the code under test compares with or looks up."""
     found: set[str] = set()
-    for path in sorted(Path(folder_of(orchestrator)).glob("*.py")):
+    for path in sorted(Path(folder_of(orchestrator)).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and 0 < len(node.value) < 48:
                 found.add(node.value)
