@@ -1,59 +1,11 @@
-"""The reference machine's numbers: power balance, integrator order and step size, swing of the tool."""
-
-from collections.abc import Mapping
+"""The reference machine's motion: step size, swing of the tool, suspension."""
 
 import numpy as np
 import pytest
 
-from fmus.models.machine import energy
 from fmus.models.machine.model import MODEL
 from fmus.toolchain.stepper import Stepper
-from tests.fmus.models.machine_runs import ANGLES, COARSE, PARAMETERS, start, working
-
-
-def test_power_balance() -> None:
-    """Supply = losses + storage + change of mechanical energy, within a thousandth of the supply."""
-    machine = Stepper(MODEL, start(1.0, -1.3, load_mass=1000.0, slope_pitch=0.03), step=1e-3)
-    balance, rows = energy.balance(MODEL), []
-    for k in range(2000):
-        machine.set(**working(k * 0.004))
-        machine.advance(4)
-        rows.append([float(v) for v in balance(machine.x, machine.u, machine.m, machine.p)])
-    supply, valves, friction, oil, mechanical = np.array(rows).T
-    supplied, lost, rubbed, stored = (np.trapezoid(v, dx=0.004) for v in (supply, valves, friction, oil))
-    assert supplied > 2e5
-    assert rubbed > 2e4
-    assert np.all(valves > -1e-6)
-    left = supplied - lost - rubbed - stored
-    assert left == pytest.approx(mechanical[-1] - mechanical[0], abs=1e-3 * supplied)
-
-
-LONGEST_DELAY_S = 0.2  # of a valve: the slew's is 0.172 s
-
-
-def test_second_order_on_a_smooth_stretch() -> None:
-    """A quarter of a second in motion, held joysticks: halving the step quarters the error."""
-    machine = Stepper(MODEL, start(1.0, -1.3), step=1e-3)
-    held = {"u_slew": 0.6, "u_boom": 0.5, "u_stick": -0.5}
-    machine.set(**held)
-    machine.advance(1500)
-    results = {h: _continue(machine, h, held) for h in (2e-3, 1e-3, 5e-4, 3.125e-5)}
-    exact = results.pop(3.125e-5)
-    scale = np.array([v.nominal or 1.0 for v in MODEL.states])
-    errors = [np.linalg.norm((r - exact) / scale) for r in results.values()]
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert np.all(orders > 1.8), orders
-    assert errors[1] < 1e-5
-
-
-def _continue(machine: Stepper, step: float, held: Mapping[str, float]) -> np.ndarray:
-    other = Stepper(MODEL, None, step)
-    other.p, other.x, other.m = machine.p, machine.x.copy(), machine.m.copy()
-    other.set(**held)
-    other.advance(round(LONGEST_DELAY_S / step))  # what is held has come through every delay
-    other.x, other.m = machine.x.copy(), machine.m.copy()
-    other.advance(round(0.25 / step))
-    return other.x
+from tests.fmus.models.machine_runs import ANGLES, COARSE, PARAMETERS, start
 
 
 @pytest.mark.parametrize("load", [0.0, 2000.0])

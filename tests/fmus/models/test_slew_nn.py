@@ -142,13 +142,6 @@ def test_the_brake_signal_follows_the_joystick(small: Path) -> None:
         assert seen == [1.0] * 250 + [0.0] * 10
 
 
-def test_a_symmetric_network_turns_alike_both_ways(tmp_path: Path) -> None:
-    fmu = build_from(KINDS["symmetric"], "symmetric", tmp_path)
-    u, inertia = commands()
-    there, back = by_fmu(fmu, u, inertia), by_fmu(fmu, -u, inertia)
-    np.testing.assert_allclose(back, there[:, [0, 1, 3, 2]] * [-1, -1, 1, 1], rtol=1e-9, atol=1e-12)
-
-
 def test_directional_derivatives_are_the_partials(small: Path) -> None:
     with Imported(small) as instance:
         instance.run(TICKS + 2, {"u_slew": 0.5}, OUTPUTS)

@@ -1,7 +1,6 @@
 """The project's own systems: packed, loaded, simulated, and held to FMPy as the reference importer."""
 
 import math
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -99,18 +98,6 @@ def test_the_controller_turns_the_nominal_system_to_its_target(tmp_path: Path) -
     # A plain PI comes to rest where gain times error falls into the dead band: up to 14 degrees off.
     assert record.column("true_q_slew")[-1] == pytest.approx(math.atan2(9.0, -3.0), abs=math.radians(14.0))
     assert record.column("radius")[-1] == pytest.approx(math.hypot(9.0, 3.0), abs=0.5)
-
-
-def test_packages_are_the_same_bytes_and_have_no_time_of_day(tmp_path: Path) -> None:
-    first = pack_system("nominal", 2, tmp_path / "a")
-    second = pack_system("nominal", 2, tmp_path / "b")
-    assert first.read_bytes() == second.read_bytes()
-    with zipfile.ZipFile(first) as archive:
-        assert archive.namelist()[0] == "SystemStructure.ssd"
-        assert {e.date_time for e in archive.infolist()} == {(2020, 1, 1, 0, 0, 0)}
-        assert {n for n in archive.namelist() if n.endswith(".fmu")} == {
-            f"resources/{n}.fmu" for n in ("pi", "slew", "arm", "tool")
-        }
 
 
 def test_an_unknown_system_is_not_packed(tmp_path: Path) -> None:
