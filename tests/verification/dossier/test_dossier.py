@@ -22,6 +22,7 @@ from verification.dossier import (
     page,
     parameters,
     physics,
+    steps,
     trust,
 )
 from verification.dossier.markdown import chapter, number, table
@@ -31,6 +32,7 @@ from verification.dossier.svg import ticks
 from verification.dossier.trust import Settled
 
 LEAST = Effort(scenarios=("four_targets_empty",), machines=1)
+SHORT = {"REST_S": 5.0, "SWING_S": 20.0, "BALANCE_S": 4.0, "FINEST": 1.25e-4}  # runs of the physics chapter
 TITLES = (
     "What it is calibrated on",
     "Which parameters the traces identify",
@@ -54,7 +56,18 @@ class Written:
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
+def short() -> Iterator[None]:
+    """Fewer commands and shorter runs than a dossier has that is published."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in SHORT.items():
+            patch.setattr(physics, name, value)
+        patch.setattr(steps, "COMMANDS", steps.COMMANDS[::3])
+        patch.setattr(draws, "COMMANDS", draws.COMMANDS[:1])
+        yield
+
+
+@pytest.fixture(scope="module")
+def written(short: None, tmp_path_factory: pytest.TempPathFactory) -> Written:
     out = tmp_path_factory.mktemp("dossier") / "page.md"
     drawn: set[str] = set()
     draw = draws_spec.draw
