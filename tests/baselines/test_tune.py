@@ -66,11 +66,11 @@ def test_search_improves_and_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(tune, "CACHE", tmp_path / "pi.json")
     system = objective.reference_system()
     start = dict(zip(tune.NAMES, (0.25, 0.02, 0.6, 1.0), strict=True))
-    best = tune.search(system, start, 6, 1, lambda n: None)
+    best = tune.search(system, start, 4, 1, lambda n: None)
     runs = objective.trials("tuning", 1)
     assert objective.cost(system, best, runs) < objective.cost(system, start, runs)
     monkeypatch.setattr(objective, "cost", lambda *_: pytest.fail("the search does not resume"))
-    assert tune.search(system, start, 6, 1, lambda n: None) == best
+    assert tune.search(system, start, 4, 1, lambda n: None) == best
 
 
 def test_the_better_candidate_on_validation_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

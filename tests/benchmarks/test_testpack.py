@@ -144,6 +144,7 @@ def test_the_readme_lists_all_cases() -> None:
     assert all(f"| {case.name} " in text for case in CASES)
 
 
+@pytest.mark.long
 def test_fmus_for_other_platforms(tmp_path: Path) -> None:
     path = kit.build("gain", 2, ("x86_64-linux", "x86_64-windows"))
     names = zipfile.ZipFile(path).namelist()

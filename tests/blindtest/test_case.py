@@ -158,6 +158,7 @@ def test_a_biased_angle_stands_for_an_offset_where_a_spring_has_its_zero():
     assert {"sensor_bias"} in [set(names) for names in equivalents(offset)]
 
 
+@pytest.mark.long
 def test_a_stop_that_the_disturbed_machine_never_meets_is_drawn_again():
     met = case.draw(UNTOUCHED_STOP, "low", "servo")
     assert met.redrawn > 0

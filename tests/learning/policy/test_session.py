@@ -49,7 +49,7 @@ def quiet(what: str, done: float, total: float) -> None:
     """No progress."""
 
 
-@pytest.mark.parametrize("recipe", ["full", "slew", "paper"])
+@pytest.mark.parametrize("recipe", [pytest.param("full", marks=pytest.mark.long), "slew", "paper"])
 def test_a_killed_training_goes_on_along_the_same_curve(recipe: str, network: Path, tmp_path: Path) -> None:
     """Two iterations, then the rest from the checkpoint: every figure and the policy as if in one go."""
     whole, parts = tmp_path / "whole", tmp_path / "parts"

@@ -218,7 +218,7 @@ SAMPLE = ("pi", "lqr")  # the others take a while to compile
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [c if c in SAMPLE else pytest.param(c, marks=pytest.mark.soak) for c in COMPILED]
+    "name", [c if c in SAMPLE else pytest.param(c, marks=pytest.mark.long) for c in COMPILED]
 )
 def test_every_controller_can_be_bundled_and_drives(name: str) -> None:
     control = ControlCore(built(name))

@@ -165,7 +165,7 @@ def test_train_refuses_wrong_words(slewright: Command) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_evaluate_runs_through_the_orchestrator(policy: Path, slewright: Command, tmp_path: Path) -> None:
     """One machine, one load: the figures and their form."""
     figures = tmp_path / "figures.json"
