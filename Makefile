@@ -4,8 +4,9 @@
 # make long     tests of many seconds each, after the others in continuous integration
 # make soak     the longest tests (not part of the others)
 # make fuzz     damaged systems, frames, requests, configurations, until 10 min bring nothing new
-# make generated  regenerates the files under specs/generated from the specs
-# make wheelhouse PLATFORM=x86_64|aarch64  all wheels of an installation without a network (docs/installation.md)
+# make generated  regenerates the files made from definitions (specs/generated, docs/reference)
+# make docs     the documentation's site in out/site; fails at a dead link, an unknown command, a missing picture
+# make wheelhouse PLATFORM=x86_64|aarch64  all wheels of an installation without a network (docs/how-to/installation.md)
 # make lock     resolves the dependencies anew
 #
 # All of them set up .venv themselves; PYTHON=... names another Python (3.11 or newer).
@@ -13,7 +14,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help verify test check long soak fuzz generated wheelhouse lock clean
+.PHONY: help verify test check long soak fuzz generated docs wheelhouse lock clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -55,6 +56,12 @@ check: $(VENV)/.test-ready
 generated: $(VENV)/.verify-ready
 	$(BIN)/slewright generate
 
+# `-n` reports every reference that leads nowhere, `-W` makes each warning an error, after all of them were shown.
+docs: $(VENV)/.docs-ready
+	$(BIN)/python -m tests.docs.commands
+	$(BIN)/python -m sphinx -n -W --keep-going -q -b html -d out/doctrees docs out/site
+	@echo "the site: out/site/index.html"
+
 # EXTRAS="runtime verify" adds what simulates the machine; FOR is the Python of the computer it is for.
 PLATFORM ?= x86_64
 EXTRAS ?= runtime
@@ -71,21 +78,29 @@ $(VENV)/.made: requirements/make-venv
 	touch $@
 
 $(VENV)/.verify-locked: requirements/verify.lock | $(VENV)/.made
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
 	touch $@
 
 # Signing bundles takes what the machine controller has.
 $(VENV)/.runtime-locked: requirements/runtime.lock $(VENV)/.verify-locked
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
+	touch $@
+
+# The documentation's lock holds the site's generator and what the commands need to be looked up.
+$(VENV)/.docs-locked: requirements/docs.lock $(VENV)/.runtime-locked
+	requirements/install $(VENV) $<
 	touch $@
 
 # The test lock holds everything of the verify lock in the same versions.
 $(VENV)/.test-locked: requirements/test.lock | $(VENV)/.made
-	$(PIP) install --quiet --require-hashes -r $<
+	requirements/install $(VENV) $<
 	touch $(VENV)/.verify-locked $@
 
 $(VENV)/.verify-ready: $(VENV)/.verify-locked pyproject.toml
 	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+$(VENV)/.docs-ready: $(VENV)/.docs-locked $(VENV)/.verify-ready
 	touch $@
 
 $(VENV)/.test-ready: $(VENV)/.test-locked pyproject.toml
@@ -100,6 +115,8 @@ lock: $(VENV)/.test-ready
 	$(LOCK) --all-extras $(ARGS) --output-file requirements/test.lock
 	$(LOCK) --extra verify --extra build --constraint requirements/test.lock --output-file requirements/verify.lock
 	$(LOCK) --extra runtime --constraint requirements/test.lock --output-file requirements/runtime.lock
+	$(LOCK) --extra docs --constraint requirements/test.lock --output-file requirements/docs.lock
+	awk '/^uv==/{p=1} p{print} p&&!/\\$$/{exit}' requirements/test.lock > requirements/uv.txt
 
 clean:
 	rm -rf build out dist $(VENV)

@@ -1,10 +1,11 @@
-"""Writes found values back into specs/parameters/*.toml, line by line: comments and order stay."""
+"""Writes found values back into parameter files, line by line: comments and order stay."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 from specs import parameters
 from specs.errors import InputError
+from specs.schema import shown_path
 
 DIGITS = 6  # significant; more would only show noise of the search
 
@@ -16,17 +17,18 @@ def update(
     status: parameters.Status = "identified",
     folder: Path | None = None,
 ) -> Path:
-    """Set value, source and status of parameters in `<name>.toml` and return its path.
+    """Set value, source and status of parameters in the file `name` and return its path.
 
-    `folder` is where the file lies (default: specs/parameters).  Raises InputError, before anything is
-    written, for a parameter that is not in the file or a value out of its bounds.
+    `folder` is where the file lies, as NAME.toml (default: where specs.parameters has it).  Raises
+    InputError, before anything is written, for a parameter that is not in the file or a value out of its
+    bounds.
     """
     known = parameters.load(name)
     for parameter, value in values.items():
         if parameter not in known:
-            raise InputError(f"specs/parameters/{name}.toml has no parameter '{parameter}'")
+            raise InputError(f"{shown_path(parameters.path_of(name))} has no parameter '{parameter}'")
         known[parameter].check(value)
-    path = (folder or parameters.FOLDER) / f"{name}.toml"
+    path = folder / f"{name}.toml" if folder else parameters.path_of(name)
     lines = path.read_text(encoding="utf-8").splitlines()
     path.write_text("\n".join(_edited(lines, values, source, status)) + "\n", encoding="utf-8")
     return path

@@ -1,21 +1,24 @@
-"""The controllers there are: folder, gain file, settings and what is tuned, in one place.
+"""The controllers there are, found by their folders: label, settings and what is tuned.
 
-A controller is a model folder (`baselines/<folder>`), the parameters that make it this variant (`settings`)
-and the gains that tuning may move.  All run at 50 Hz and have the same connectors, so that any of them can
-stand where the systems have their controller.
+A controller is a folder of `baselines/`: `model.py` (equations), `parameters.toml` (gains), `controller.toml`
+(what tables call it, the gains that tuning may move, and where it has variants, the parameters that make
+them).  All run at 50 Hz and have the same connectors, so that any of them can stand where the systems have
+their controller.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
 from baselines import variants
 from fmus.toolchain.loader import load_model, model_folders
 from specs import systems
 from specs.errors import InputError, nearest
+from specs.schema import STRICT, read_toml, shown_path, validate
 
+FOLDER = Path(__file__).parent
 SLOT = "pi"  # the component of the systems that a controller takes the place of
 RATE_HZ = 50.0
 Aim = Literal["fast", "gentle"]  # what tuning asks for: baselines/tuning/cost.py
@@ -33,7 +36,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Controller:
-    """One controller; `gains` is its file in specs/parameters, `label` what tables call it."""
+    """One controller; `gains` is whose parameters.toml it has, `label` what tables call it."""
 
     name: str
     folder: str
@@ -64,138 +67,75 @@ class Controller:
         return {f"{SLOT}.{name}": value for name, value in self.settings.items()}
 
 
-_FOUND = variants.read()  # gains of a variant, where it was tuned by itself
-_SHAPER = (
-    Range("shaper_speed_limit", 0.25, 0.7, log=False),
-    Range("shaper_brake_share", 0.3, 1.2),
-    Range("shaper_angle_gain", 0.3, 3.0),
-    Range("shaper_brake_lead", 0.5, 4.0),
-    Range("shaper_sway_gain", 0.03, 0.5),
-    Range("shaper_sway_lead", 0.2, 0.9, log=False),
-)
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """Where tuning may look for a gain, as a file states it."""
 
-_ALL = (
-    Controller(
-        "pi",
-        "pi",
-        "pi",
-        "PI (the paper's kind)",
-        tuned=(
-            Range("pi_slew_gain", 0.2, 4.0),
-            Range("pi_slew_reset_rate", 0.0, 0.5, log=False),
-            Range("pi_slew_limit", 0.3, 1.0, log=False),
-            Range("pi_arm_gain", 0.4, 2.0),
-        ),
-    ),
-    Controller(
-        "pd",
-        "pd",
-        "pd",
-        "PD, dead band compensated",
-        tuned=(
-            Range("pd_gain", 0.3, 6.0),
-            Range("pd_damping", 0.2, 8.0),
-            Range("pd_speed_limit", 0.3, 1.0, log=False),
-        ),
-    ),
-    Controller(
-        "parabola",
-        "parabola",
-        "parabola",
-        "braking parabola, dead band compensated",
-        tuned=(
-            Range("parabola_speed_limit", 0.3, 0.75, log=False),
-            Range("parabola_brake_share", 0.4, 1.4),
-            Range("parabola_slope", 0.4, 2.0),
-            Range("parabola_speed_gain", 0.5, 6.0),
-            Range("parabola_preview", 0.15, 0.6, log=False),
-        ),
-    ),
-    Controller(
-        "lqr",
-        "lqr",
-        "lqr",
-        "LQG on slew and roll, scheduled",
-        tuned=(
-            Range("lqr_share", 0.15, 1.5),
-            Range("lqr_speed_limit", 0.25, 0.7, log=False),
-            Range("lqr_brake_share", 0.3, 1.2),
-            Range("lqr_brake_lead", 0.3, 2.0),
-        ),
-        aim="gentle",
-    ),
-    *(
-        Controller(
-            kind + ("_sway" if sway else ""),
-            "shaper",
-            "shaper",
-            f"{kind.upper()}-shaped profile, tracked" + (", with sway feedback" if sway else ""),
-            settings={
-                "shaper_kind": float(number),
-                "shaper_sway": float(sway),
-                **_FOUND.get(kind + ("_sway" if sway else ""), {}),
-            },
-            tuned=_SHAPER if sway else _SHAPER[:-2],
-            aim="gentle",
-            family="" if (kind, sway) == ("zv", True) else "zv_sway",
-        )
-        for sway in (False, True)
-        for number, kind in enumerate(("zv", "zvd", "ei"), 1)
-    ),
-    Controller(
-        "plan",
-        "plan",
-        "plan",
-        "plan by flatness, tracked, with sway feedback",
-        tuned=(
-            Range("plan_speed_limit", 0.25, 0.7, log=False),
-            Range("plan_rise_share", 0.3, 1.5),
-            Range("plan_brake_share", 0.3, 1.5),
-            Range("plan_least_time", 0.8, 3.0),
-            Range("plan_angle_gain", 0.3, 3.0),
-            Range("plan_brake_lead", 0.5, 4.0),
-            Range("plan_sway_gain", 0.03, 0.5),
-        ),
-        aim="gentle",
-    ),
-    Controller(
-        "nmpc",
-        "nmpc",
-        "nmpc",
-        "model predictive control of slew, arm and tool",
-        tuned=(
-            Range("nmpc_error", 1.0, 20.0),
-            Range("nmpc_end_error", 10.0, 300.0),
-            Range("nmpc_tool", 0.5, 20.0),
-            Range("nmpc_arm", 5.0, 100.0),
-            Range("nmpc_speed_limit", 0.25, 0.7, log=False),
-        ),
-        aim="gentle",
-        linear="it optimises anew from step to step",
-    ),
-    *(
-        Controller(
-            f"operator_{who}",
-            "operator",
-            "operator",
-            f"model of an {who} operator",
-            settings={"operator_skill": skill},
-            human=True,
-            linear="it looks now and then",
-        )
-        for who, skill in (("experienced", 1.0), ("inexperienced", 0.0))
-    ),
-)
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    low: float
+    high: float
+    log: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """One of several controllers of a folder: values of parameters that make it, gains it does `without`."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    label: str
+    settings: dict[str, float]
+    without: list[str] = field(default_factory=list)
+    family: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """A `controller.toml`; `order` is where tables have it, the fields else are those of `Controller`."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    label: str
+    order: int
+    aim: Aim = "fast"
+    human: bool = False
+    linear: str = ""
+    tuned: dict[str, Bounds] = field(default_factory=dict)
+    variants: dict[str, Variant] = field(default_factory=dict)
 
 
 def names() -> list[str]:
     """Names of all controllers, in the order of tables."""
-    return [c.name for c in _ALL]
+    return list(_known())
 
 
 @cache
 def _known() -> dict[str, Controller]:
-    return {c.name: c for c in _ALL}
+    """All controllers: every folder of baselines/ with a controller.toml."""
+    found = {
+        path.parent.name: validate(Description, read_toml(path), shown_path(path))
+        for path in sorted(FOLDER.glob("*/controller.toml"))
+    }
+    ordered = sorted(found.items(), key=lambda item: (item[1].order, item[0]))
+    return {c.name: c for folder, description in ordered for c in _controllers(folder, description)}
+
+
+def _controllers(folder: str, of: Description) -> Iterator[Controller]:
+    """The controllers of a folder: one of its name, or its variants."""
+    ranges = [Range(name, b.low, b.high, b.log) for name, b in of.tuned.items()]
+    shared = {"aim": of.aim, "human": of.human, "linear": of.linear}
+    if not of.variants:
+        yield Controller(folder, folder, folder, of.label, tuned=ranges, **shared)
+    found = variants.read()  # gains of a variant, where it was tuned by itself
+    for name, v in of.variants.items():
+        yield Controller(
+            *(name, folder, folder, v.label),
+            settings={**v.settings, **found.get(name, {})},
+            tuned=[r for r in ranges if r.name not in v.without],
+            family=v.family,
+            **shared,
+        )
 
 
 def find(name: str) -> Controller:

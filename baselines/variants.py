@@ -12,7 +12,7 @@ from specs import parameters
 from specs.errors import InputError
 
 PATH = Path(__file__).with_name("variants.toml")
-HEAD = "# Gains of variants of a controller, by `slewright tune NAME`; units and limits: specs/parameters.\n"
+HEAD = "# Gains of variants of a controller, by `slewright tune NAME`; units: its parameters.toml.\n"
 HOW = "how"
 
 
@@ -29,7 +29,7 @@ def update(name: str, family: str, values: Mapping[str, float], how: str, path: 
     known = parameters.load(family)
     for gain, value in values.items():
         if gain not in known:
-            raise InputError(f"specs/parameters/{family}.toml has no parameter '{gain}'")
+            raise InputError(f"baselines/{family}/parameters.toml has no parameter '{gain}'")
         known[gain].check(value)
     tables = {**_tables(path), name: {HOW: how, **values}}
     text = HEAD

@@ -1,4 +1,4 @@
-"""`slewright bench campaign`: scaling against independent processes, and what a run costs beside stepping.
+"""`python -m benchmarks campaign`: scaling against independent processes, cost beside stepping.
 
 All in one run, interleaved: a campaign on one and on two workers, and the same runs in one and in two
 processes that know nothing of each other.  Start-up of processes is left out of all four.

@@ -10,7 +10,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import fmpy
 import numpy as np
+from fmpy.fmi2 import FMU2Slave
 
 from baselines.nmpc.model import PERIOD, STEP
 from fmus.toolchain.build import build_fmu
@@ -23,7 +25,7 @@ from records.record import Record
 from specs import scenario as scenarios
 from specs.errors import RunError
 from specs.progress import Report
-from verification.verify import plant_parameters
+from verification.runs import plant_parameters
 
 LIMIT_MS = 50.0
 SHARE = 0.99
@@ -72,9 +74,6 @@ def _closed_loop(name: str) -> Record:
 
 def _repeat(record: Record) -> tuple[list[float], list[float]]:
     """(process, elapsed) time in ms of each solve."""
-    import fmpy
-    from fmpy.fmi2 import FMU2Slave
-
     path = build_fmu("nmpc", 2)
     description: Any = fmpy.read_model_description(str(path))
     vr = {v.name: v.valueReference for v in description.modelVariables}

@@ -1,4 +1,4 @@
-"""Where things lie; apart from the builder, so that running FMUs needs nothing that generates them."""
+"""Where files are. Running FMUs needs this module, but nothing that generates them."""
 
 from pathlib import Path
 
@@ -9,5 +9,5 @@ BUILT_HERE = BUILD / "built-here"  # an empty file for every FMU, named by its S
 
 
 def built_here(sha256: str) -> bool:
-    """Whether `build_fmu` made the FMU of this content, so that its machine code is no stranger's."""
+    """Whether `build_fmu` made the FMU of this content: its machine code is our own."""
     return (BUILT_HERE / sha256).is_file()

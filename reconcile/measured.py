@@ -109,7 +109,7 @@ def limits(figures: dict[str, Any]) -> list[str]:
 def page(figures: dict[str, Any], version: str) -> str:
     """The figures in Markdown."""
     lines = [
-        f"`slewright bench pendulum --markdown FILE` makes this part; version {version}, nothing is drawn.",
+        f"`python -m benchmarks pendulum --markdown FILE` makes this; version {version}, nothing is drawn.",
         "",
         f"**{figures['verdict']}**: {figures['sentence']}",
         "",

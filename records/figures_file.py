@@ -38,7 +38,7 @@ def write(path: Path | None, figures: Mapping[str, Any], seed: int | None = None
     if path is None:
         return
     content = {**figures, "seed": seed, "versions": versions()}
-    write_text(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
+    write_text(path, json.dumps(plain(content), indent=2, allow_nan=False) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
@@ -79,15 +79,15 @@ def _umask() -> int:
     return mask
 
 
-def _plain(value: Any) -> Any:
-    """The same value in JSON's own types."""
+def plain(value: Any) -> Any:
+    """The same value in JSON's own types: numbers that JSON does not know are null, numpy's become plain."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, Path):
         return str(value)
     as_list = getattr(value, "tolist", None)  # numpy
-    return _plain(as_list()) if as_list else value
+    return plain(as_list()) if as_list else value

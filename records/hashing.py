@@ -29,13 +29,13 @@ class Hasher:
         self._digests = [hashlib.sha256() for _ in columns]
         self._rows = 0
 
-    def take(self, cells: np.ndarray) -> None:
+    def update(self, cells: np.ndarray) -> None:
         """More rows as cells [columns, n]; each column contiguous."""
         self._rows += cells.shape[1]
         for digest, column in zip(self._digests, cells, strict=True):
             digest.update(_bytes(column))
 
-    def take_column(self, number: int, column: np.ndarray) -> None:
+    def update_column(self, number: int, column: np.ndarray) -> None:
         """More of one column; rows are counted with the first."""
         self._rows += len(column) if number == 0 else 0
         self._digests[number].update(_bytes(column))
@@ -58,7 +58,7 @@ def hash_of(table: pa.Table, meta: Mapping[str, Any]) -> str:
     """The run hash of a record's table and metadata, computed anew."""
     hasher = Hasher(columns_of(table.schema))
     for number, column in enumerate(table.columns):
-        hasher.take_column(number, values(column))
+        hasher.update_column(number, values(column))
     return hasher.finish(meta)
 
 

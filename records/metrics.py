@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from records.figures_file import plain
 from records.record import Record
 from records.targets import Target, targets
 
@@ -73,7 +74,7 @@ class Metrics:
 
     def as_dict(self) -> dict[str, Any]:
         """Return all figures for JSON; a figure that is not a number is None."""
-        return _without_nan(asdict(self))
+        return plain(asdict(self))
 
 
 def compute(record: Record) -> Metrics:
@@ -157,14 +158,6 @@ def tool_rate_deg(record: Record) -> np.ndarray:
 
 def _mean(values: Any) -> float:
     return float(np.mean(values)) if len(values) else math.nan
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _without_nan(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ class RecordWriter:
     def __init__(self, path: Path | str, columns: Sequence[Column | str], meta: Mapping[str, Any]) -> None:
         """Open the recording of `path`; `columns` start with `time`, names are looked up in specs.
 
-        An older record at `path` is removed, lest it be taken for this run's.
+        An older record at `path` is removed, so that it is not taken for this run's.
         Raises InputError on wrong columns, RunError when the disk refuses.
         """
         self.path = Path(path)
@@ -82,7 +82,10 @@ class RecordWriter:
             if self._filled - self._sent >= BATCH_ROWS:
                 self.flush()
             if self._filled == self._group.shape[1]:
-                self._end_group()
+                # The rows of a full group go to the Parquet file; the memory is used again
+                with self._noticing():
+                    self.flush()
+                    self._write_group()
 
     def flush(self) -> None:
         """Bring every row appended so far to the recording, so that it survives the process."""
@@ -97,17 +100,11 @@ class RecordWriter:
         self._stream.write_batch(pa.record_batch(batch, schema=self._schema))
         self._file.flush()
 
-    def _end_group(self) -> None:
-        """The rows of a full group go to the Parquet file; the memory is used again."""
-        with self._noticing():
-            self.flush()
-            self._write_group()
-
     def _write_group(self) -> ParquetFile:
         if self._parquet is None:
             self._parquet = ParquetFile(Path(f"{self.path}.part"), self._columns)
         if self._filled:
-            self._hasher.take(self._group[:, : self._filled])
+            self._hasher.update(self._group[:, : self._filled])
             self._parquet.write(self._group, self._filled)
         self._filled = self._sent = 0
         return self._parquet

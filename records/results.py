@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from records.figures_file import write_text
 from records.metrics import Metrics, Verdict, compute
 from records.record import Record
 
@@ -66,12 +67,7 @@ def accepted(verdicts: Sequence[Verdict]) -> bool:
 
 def write_figures(path: Path | str, content: Mapping[str, Any]) -> None:
     """Write figures as JSON with sorted keys, whole or not at all."""
-    path = Path(path)
-    unfinished = Path(f"{path}.part")
-    unfinished.write_text(
-        json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n", encoding="utf-8"
-    )
-    unfinished.replace(path)
+    write_text(Path(path), json.dumps(content, indent=2, sort_keys=True, allow_nan=False) + "\n")
 
 
 def _limit(verdict: Verdict) -> dict[str, Any]:
@@ -101,9 +97,9 @@ def in_words(verdict: Verdict) -> str:
     return f"{verdict.scenario} on {verdict.system}: {verdict.metric} {value}, limit {verdict.limit}"
 
 
-def table(results: Results, verdicts: Sequence[Verdict]) -> Table:
+def table(results: Results, verdicts: Sequence[Verdict], title: str = "Results") -> Table:
     """Return the results as a rich table, what misses its limit in red and marked with ✗."""
-    shown = Table(title="Results", title_justify="left")
+    shown = Table(title=title, title_justify="left")
     shown.add_column("Scenario")
     shown.add_column("System")
     for _, heading, unit, _ in COLUMNS:
@@ -138,14 +134,18 @@ def print_table(
     verdicts: Sequence[Verdict],
     realtime_factor: Mapping[str, float],
     console: Console | None = None,
+    title: str = "Results",
+    misses: bool = True,
 ) -> None:
-    """Print results, missed limits, real-time factors and the verdict."""
+    """Print results, missed limits (unless `misses` is false), real-time factors and the verdict."""
     console = console or Console()
     if not console.is_terminal and console.width < 140:
         console = Console(file=console.file, width=140)  # a log file need not fold the table
-    console.print(table(results, verdicts))
-    for line in _missed(verdicts):
-        console.print(line, style="red", highlight=False)
+    console.print(table(results, verdicts, title))
+    for v in verdicts if misses else ():
+        if not v.passed:
+            reason = f" ({v.reason})" if v.reason else ""
+            console.print(f"✗ {in_words(v)}{reason}", style="red", highlight=False)
     speeds = ", ".join(f"{system} {factor:.0f} ×" for system, factor in realtime_factor.items())
     if speeds:
         console.print(f"Faster than real time: {speeds}", highlight=False)
@@ -157,7 +157,3 @@ def print_table(
         style="bold green" if good else "bold red",
         highlight=False,
     )
-
-
-def _missed(verdicts: Iterable[Verdict]) -> list[str]:
-    return [f"✗ {in_words(v)}" + (f" ({v.reason})" if v.reason else "") for v in verdicts if not v.passed]

@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from specs.errors import InputError
+from specs.signals import signal
 
 META_KEY = b"slewright"
 FORMAT = 1  # raised when a reader of the old form could misread a new file
@@ -64,8 +65,6 @@ def resolve_columns(columns: Sequence[Column | str]) -> list[Column]:
 def _of_signal(name: str) -> Column:
     if name == TIME.name:
         return TIME
-    from specs.signals import signal  # here, so that reading a record needs no signal list
-
     found = signal(name)
     return Column(found.name, found.unit, found.description)
 

@@ -53,8 +53,8 @@ class ThreadedWriter:
     first; it waits a few milliseconds for them and gives none where there are none. It is called by this
     writer's thread only, and may use its memory again in the next call.
 
-    When the disk refuses, rows are still taken and thrown away, lest whoever produces them wait for ever:
-    `check` and `close` raise what happened.
+    When the disk refuses, rows are still taken and thrown away, so that whoever produces them does not wait
+    for ever: `check` and `close` raise what happened.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class ThreadedWriter:
     def _take_all(self) -> None:
         flushed = time.monotonic()
         while True:
-            last = self._last.is_set()  # first, lest rows be left that came between
+            last = self._last.is_set()  # read first: rows may come in between
             rows = self._rows()
             if not len(rows) and last:
                 return

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Literal
 from runtime.can.joystick import Joysticks
 from runtime.image import OUTPUT, TICK_S
 from runtime.matching import check_dbc, check_map
+from runtime.modbus.roles import context
 from runtime.realtime import PRIORITY, check_core
 from specs.errors import InputError, nearest
 from specs.schema import STRICT, read_toml, validate
@@ -107,7 +108,7 @@ class HmiTls:
 
 @dataclass(frozen=True, kw_only=True)
 class Hmi:
-    """The operator's page (docs/hmi.md); from elsewhere than this machine nothing is changed without TLS."""
+    """The operator's page (docs/how-to/hmi.md); nothing is changed from another computer without TLS."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
 
@@ -173,7 +174,7 @@ class Configuration:
     bundle: Path | None = None  # a bundle's folder, which nobody has signed
     unsigned: bool = False  # whether such a one may run on a real bus
     store: Stored | None = None
-    shadow: bool = False  # read and compute everything, command nothing (docs/shadow.md)
+    shadow: bool = False  # read and compute everything, command nothing (docs/how-to/shadow.md)
     rates: Rates = field(default_factory=Rates)
     realtime: Realtime = field(default_factory=Realtime)
     modbus: Modbus | None = None
@@ -191,7 +192,7 @@ class Configuration:
         if self.bundle is not None and not self.unsigned and self.can.interface != LOCAL_BUS:
             raise InputError(
                 "bundle is a folder that nobody has signed: on a real bus it runs with unsigned = true only; "
-                "signed ones come with [store] (docs/bundles.md)"
+                "signed ones come with [store] (docs/how-to/bundles.md)"
             )
         if self.recorder and self.retain and self.recorder.folder == self.retain.folder:
             raise InputError("recorder.folder and retain.folder are the same; give each its own")
@@ -285,8 +286,6 @@ def _check_port(whose: str, host: str, port: int) -> None:
 
 
 def _check_tls(tls: Tls) -> None:
-    from runtime.modbus.roles import context
-
     context(tls.certificate, tls.key, tls.authority)
 
 

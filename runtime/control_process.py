@@ -27,11 +27,12 @@ from runtime.image import OUTPUT, Flag, Status
 from runtime.modbus.cells import join
 from runtime.modbus.port import ModbusPort
 from runtime.policy import open_core
+from runtime.protocols import Port
 from runtime.recorder.feed import Feed, Watch
 from runtime.rehearsal import Rehearsal
 from runtime.retain_process import FAILED, VALUES
 from runtime.ring import Ring
-from runtime.scan import Port, Scan
+from runtime.scan import Scan
 from runtime.shadow import Overheard, StandIn, silent
 from runtime.shared import Cell
 from runtime.statistics import Statistics

@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from specs.dbc import render
 from specs.errors import InputError
+from specs.tables import modbus_csv
 
 FREE = "description"  # the only column of a register map that may read differently
 ATTRIBUTES = {"profile": "E2EProfile", "data_id": "E2EDataID"}  # of a message
@@ -17,8 +19,6 @@ def check_dbc(path: Path) -> None:
     Other messages, other receivers and comments are nobody's business: more nodes may be on the bus.
     """
     import cantools
-
-    from specs.dbc import render
 
     try:
         database: Any = cantools.database.load_file(path, database_format="dbc", strict=True)
@@ -35,8 +35,6 @@ def check_dbc(path: Path) -> None:
 
 def check_map(path: Path) -> None:
     """Raise InputError if the register map says anything else than the specs, naming the first difference."""
-    from specs.tables import modbus_csv
-
     try:
         theirs = _rows(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError, csv.Error) as error:

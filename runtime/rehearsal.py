@@ -19,10 +19,11 @@ from runtime.hmi.cells import create as create_hmi
 from runtime.hmi.port import HmiPort
 from runtime.modbus.cells import create
 from runtime.modbus.port import ModbusPort
+from runtime.protocols import Port
 from runtime.realtime import sleep_until
 from runtime.recorder.feed import Feed
 from runtime.ring import Ring
-from runtime.scan import Port, Scan
+from runtime.scan import Scan
 from runtime.statistics import Statistics
 
 AHEAD_NS = 800_000  # ns before the deadline: the rehearsal takes 0.2 to 0.5 ms

@@ -13,9 +13,9 @@ import numpy as np
 
 from runtime.bundle import MANIFEST, Bundle, load
 from runtime.image import INPUT, OUTPUT, token
+from runtime.protocols import Core
 from runtime.recorder.feed import TIMING
 from runtime.recorder.reader import Recording, Snapshot
-from runtime.scan import Core
 from specs.errors import InputError
 
 FORMAT = "1"  # of the recording

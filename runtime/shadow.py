@@ -18,9 +18,9 @@ import numpy as np
 from runtime.can.codec import Codec, sent_by
 from runtime.can.receive import Receiver
 from runtime.image import INPUT, NODE, OUTPUT, Flag, Status
+from runtime.protocols import Port
 from runtime.recorder.feed import Feed
 from runtime.recorder.seen import JOYSTICK, SEEN, SWITCHES, VALVES, new
-from runtime.scan import Port
 from specs.signals import signal
 
 COMMANDS = ("u_slew", "u_boom", "u_stick", "qd_boom_ref", "qd_stick_ref", "control_enable")

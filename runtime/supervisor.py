@@ -24,6 +24,8 @@ from runtime.archive import start
 from runtime.can.native import check as check_frames
 from runtime.control_process import COUNTS, COUNTS_HOLD
 from runtime.helpers import Helper
+from runtime.hmi import tokens
+from runtime.hmi.cells import create as create_hmi
 from runtime.image import OUTPUT, TICK_S
 from runtime.modbus.cells import create
 from runtime.notify import Notifier
@@ -221,9 +223,6 @@ class Supervisor:
         self.helpers.append(Helper("modbus", "runtime.modbus.process", {**told, "ports": str(self._ports)}))
 
     def _prepare_hmi(self, wanted: configuration.Hmi) -> None:
-        from runtime.hmi import tokens
-        from runtime.hmi.cells import create as create_hmi
-
         if not wanted.tokens.exists():
             self.tokens = tokens.make(wanted.tokens)
         tokens.read(wanted.tokens)

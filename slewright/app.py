@@ -59,9 +59,14 @@ class CommandGroup(TyperGroup):
             raise InputError(f"'{cmd_name}' is a command for developers: {MOVED[cmd_name]}")
         if cmd_name not in COMMANDS:
             return None
-        panel, folder = COMMANDS[cmd_name]
-        module = "import_" if cmd_name == "import" else cmd_name  # `import` is Python's
-        return load(f"slewright.commands.{folder}.{module}", cmd_name, panel)
+        return load_command(cmd_name)
+
+
+def load_command(name: str) -> Any:
+    """The command `name` of the table above."""
+    panel, folder = COMMANDS[name]
+    module = "import_" if name == "import" else name  # `import` is Python's
+    return load(f"slewright.commands.{folder}.{module}", name, panel)
 
 
 def load(module: str, name: str, panel: str | None = None) -> Any:

@@ -11,6 +11,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from learning.collection.collect import collect
+from learning.collection.plan import load_plan
+from reconcile import target
+from reconcile.checks import open_folder
+from reconcile.experiment import plan
+from reconcile.experiment.achieved import compared
+from reconcile.system.parts import part_named, parts_of
+from reconcile.workflow import reconcile
 from specs.errors import InputError, RunError
 from specs.progress import Report
 
@@ -42,12 +50,6 @@ def drive(
     DIR/before.  Raises InputError for a model that the machine
     has no inputs for, or a folder of recordings that is not ours; RunError when the machine fails.
     """
-    from reconcile import target
-    from reconcile.checks import open_folder
-    from reconcile.experiment import plan
-    from reconcile.system.parts import part_named, parts_of
-    from reconcile.workflow import reconcile
-
     folder = None if parts_of(model) else open_folder(model)
     if folder and not plan.drivable(folder) and part_named(folder.model.name) is None:
         raise InputError(
@@ -74,8 +76,6 @@ def compare(first: dict[str, Any], new: Path) -> Callable[..., dict[str, Any]]:
     """What a second answer adds to its report: predicted against achieved margins of the first's doubt."""
 
     def then(study, answer, figures: dict[str, Any]) -> dict[str, Any]:
-        from reconcile.experiment.achieved import compared
-
         if study.folder.model.name != first["next_experiment"].get("subsystem", study.folder.model.name):
             return {}
         found = compared(study, answer, first)
@@ -102,9 +102,6 @@ def before(path: Path) -> dict[str, Any]:
 
 def record(plan: Path, out: Path, machine: str, report: Report | None = None) -> Path:
     """Drive a plan on the reference machine; the recording."""
-    from learning.collection.collect import collect
-    from learning.collection.plan import load_plan
-
     folder = out.with_name(out.name + "-experiment")
     manifest = collect(load_plan(plan), folder, machine, (), report)
     entry = manifest["recordings"][0]

@@ -5,6 +5,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
 from specs.progress import Report
 
 if TYPE_CHECKING:
@@ -17,16 +27,6 @@ LINE_S = 15.0  # between lines on the same thing
 def progress(title: str) -> Iterator[Report]:
     """Show a bar on a terminal; elsewhere a line for each new thing, and now and then how far it is."""
     # Rich is imported when something runs: a wrong argument is answered without it, in half the time.
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        SpinnerColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _lines(console, title)

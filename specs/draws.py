@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal
 from specs import keys, parameters
 from specs.errors import InputError, nearest
 from specs.parameters import Parameter
-from specs.schema import ROOT, STRICT, read_toml, shown, validate
+from specs.schema import ROOT, STRICT, read_toml, shown_path, validate
 from specs.version import VERSION
 
 PATH = ROOT / "draws.toml"
@@ -145,7 +145,7 @@ def check() -> None:
     """Raise InputError where a spread names an unknown parameter, or leaves the parameter's own bounds."""
     known = _known()
     for name, spread in spreads().items():
-        where = f"{shown(PATH)}: {name}"
+        where = f"{shown_path(PATH)}: {name}"
         if name not in known:
             raise InputError(f"{where}: no such parameter; {nearest(name, known)}")
         for value in spread.limits(known[name].value):
@@ -170,13 +170,13 @@ def _load(path: Path) -> tuple[dict[str, int], dict[str, Spread]]:
     data, found = read_toml(path), {}
     for number, entry in enumerate(data.get("spread", []), 1):
         names = entry.get("parameters", [])
-        where = f"{shown(path)}: spread {number} ({', '.join(map(str, names))})"
+        where = f"{shown_path(path)}: spread {number} ({', '.join(map(str, names))})"
         spread = validate(Spread, entry, where)
         for name in spread.parameters:
             if name in found:
                 raise InputError(f"{where}: {name} has a spread already")
             found[name] = spread
-    return validate(dict[str, int], data.get("sets", {}), f"{shown(path)}: sets"), found
+    return validate(dict[str, int], data.get("sets", {}), f"{shown_path(path)}: sets"), found
 
 
 def _source_state() -> str:

@@ -1,7 +1,7 @@
 """The project's two kinds of failure that a user sees; the command line turns them into exit codes."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class InputError(Exception):
@@ -18,5 +18,9 @@ def nearest(name: str, choices: Iterable[str], count: int = 3) -> str:
     close = difflib.get_close_matches(name, options, n=count, cutoff=0.5)
     if close:
         return "did you mean " + " or ".join(close) + "?"
-    shown = ", ".join(options[:12])
-    return f"valid: {shown}" + (f" … ({len(options)} in all)" if len(options) > 12 else "")
+    return f"valid: {listed(options, 12)}"
+
+
+def listed(names: Sequence[str], count: int = 5) -> str:
+    """The first `count` names, and how many there are where there are more."""
+    return ", ".join(names[:count]) + (f" … ({len(names)} in all)" if len(names) > count else "")

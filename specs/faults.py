@@ -1,7 +1,7 @@
 """Faults on a connection, an output or a whole FMU: what a scenario or a system description asks for.
 
-In a scenario file (docs/scenarios.md) a fault is an entry of `[[faults]]`, in a system description an element
-<slw:Fault .../> whose attributes have the same names:
+In a scenario file (docs/reference/scenarios.md) a fault is an entry of `[[faults]]`, in a system
+description an element <slw:Fault .../> whose attributes have the same names:
 
     [[faults]]
     target = "pi.q_slew"   # what arrives at an input; or a connector of the system; fail: a component
@@ -33,7 +33,7 @@ class Kind:
     may_have: tuple[str, ...] = ()
 
 
-# In the order of slw_fault_kind in orchestrator/core/core.h; `fail` is none of its.
+# In the order of slw_fault_kind in orchestrator/core/core.h; `fail` is not among them.
 KINDS: dict[str, Kind] = {
     "stuck": Kind("keeps the value it had at start_s, or `value`", (), ("value",)),
     "bias": Kind("adds `value`", ("value",)),
@@ -193,7 +193,9 @@ def from_attributes(attributes: Mapping[str, str], where: str = "slw:Fault") -> 
     """The fault of an XML element; `where` (file, line and element) starts every message."""
     unknown = sorted(set(attributes) - {f.name for f in fields(Fault)})
     if unknown:
-        raise InputError(f"{where}: no attribute '{unknown[0]}'; {nearest(unknown[0], _names())}")
+        raise InputError(
+            f"{where}: no attribute '{unknown[0]}'; {nearest(unknown[0], [f.name for f in fields(Fault)])}"
+        )
     return validate(Fault, dict(attributes), where)
 
 
@@ -217,10 +219,6 @@ def whole_ticks(key: str, time_s: float, step_s: float) -> int:
     if abs(time_s / step_s - ticks) > SLACK:
         raise InputError(f"{key} = {time_s:g}: not a multiple of the step, {step_s:g} s")
     return ticks
-
-
-def _names() -> list[str]:
-    return [f.name for f in fields(Fault)]
 
 
 def _tables(entries: Any, where: str) -> list[Any]:

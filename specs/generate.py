@@ -12,14 +12,13 @@ FOLDER = ROOT / "generated"
 GENERATORS: dict[str, Callable[[], str | bytes]] = {
     "slewright.dbc": dbc.render,
     "modbus_map.csv": tables.modbus_csv,
-    "signals.md": tables.signals_markdown,
     "fmi_variables.toml": tables.fmi_variables,
 }
 
 
 def generators() -> dict[str, Callable[[], str | bytes]]:
     """All generators, those of the system descriptions included (they need lxml)."""
-    from specs import ssd
+    from specs import ssd  # needs lxml, which the base install lacks
 
     return {**GENERATORS, **ssd.generators()}
 

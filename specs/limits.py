@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from specs.errors import InputError, nearest
-from specs.schema import ROOT, STRICT, read_toml, shown, validate
+from specs.schema import ROOT, STRICT, read_toml, shown_path, validate
 
 PATH = ROOT / "scenarios" / "limits.toml"
 METRICS = (
@@ -48,7 +48,9 @@ class Limit:
         found: dict[str, Any] = {"reason": self.reason}
         for side, bound in (("min", self.min), ("max", self.max)):
             if isinstance(bound, dict) and scenario not in bound:
-                raise InputError(f"{shown(PATH)}: a {side} names no number for {scenario} ({self.reason})")
+                raise InputError(
+                    f"{shown_path(PATH)}: a {side} names no number for {scenario} ({self.reason})"
+                )
             if bound is not None:
                 found[side] = bound[scenario] if isinstance(bound, dict) else bound
         return found
@@ -69,7 +71,7 @@ def _all(path: Path) -> dict[tuple[str, str], dict[str, Limit]]:
     found: dict[tuple[str, str], dict[str, Limit]] = {}
     for controller, systems in read_toml(path).items():
         for system, rows in systems.items():
-            where = f"{shown(path)}: {controller}.{system}"
+            where = f"{shown_path(path)}: {controller}.{system}"
             found[controller, system] = {metric: _limit(metric, row, where) for metric, row in rows.items()}
     return found
 

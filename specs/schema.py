@@ -28,11 +28,11 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"{shown(path)}: cannot be read ({error.strerror})") from error
+        raise InputError(f"{shown_path(path)}: cannot be read ({error.strerror})") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{shown(path)}: not valid TOML: {error}") from error
+        raise InputError(f"{shown_path(path)}: not valid TOML: {error}") from error
     if "\0" in _texts(data):
-        raise InputError(f"{shown(path)}: a text with a NUL character (\\u0000) in it")
+        raise InputError(f"{shown_path(path)}: a text with a NUL character (\\u0000) in it")
     return data
 
 
@@ -58,9 +58,10 @@ def validate(kind: type[T], data: Any, where: str) -> T:
         raise InputError(f"{where}: {error}") from error
 
 
-def shown(path: Path) -> str:
-    """The path as a reader of the repository writes it: from specs/ on, else as it is."""
-    return f"specs/{path.relative_to(ROOT).as_posix()}" if path.is_relative_to(ROOT) else str(path)
+def shown_path(path: Path) -> str:
+    """The path as a reader of the repository writes it: from its root on, else as it is."""
+    top = ROOT.parent
+    return path.relative_to(top).as_posix() if path.is_relative_to(top) else str(path)
 
 
 @cache
@@ -93,11 +94,7 @@ def _keys(kind: Any, place: Sequence[int | str]) -> list[str]:
             kind = next(iter(get_args(kind)[-1:] if isinstance(part, str) else get_args(kind)), None)
         kind = (
             next((one for one in get_args(kind) if is_dataclass(one)), kind)
-            if _may_be_left_out(kind)
+            if NoneType in get_args(kind)
             else kind
         )
     return [f.name for f in fields(kind) if f.init] if is_dataclass(kind) else []
-
-
-def _may_be_left_out(kind: Any) -> bool:
-    return NoneType in get_args(kind)

@@ -5,14 +5,14 @@ runs between nominal models; true is a simulation's true state; disturbance is i
 Only the first four have a place on CAN and Modbus.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from specs.errors import InputError, nearest
-from specs.schema import ROOT, STRICT, read_toml, shown, validate
+from specs.schema import ROOT, STRICT, read_toml, shown_path, validate
 from specs.units import UNITS
 from specs.wire import Bus, CanPlace, Message, ModbusMap, ModbusPlace, check_frames, check_registers
 
@@ -100,7 +100,7 @@ def select(*kinds: Kind) -> list[Signal]:
 @cache
 def definition(path: Path = PATH) -> Definition:
     """Read and check a signal file; raises InputError naming file and key."""
-    data, where = read_toml(path), shown(path)
+    data, where = read_toml(path), shown_path(path)
     for key in ("can", "modbus", "signal"):
         if not isinstance(data.get(key), dict):
             raise InputError(f"{where}: missing table [{key}]")
@@ -112,12 +112,12 @@ def definition(path: Path = PATH) -> Definition:
     for s in found:
         _check_signal(s, bus, f"{where}: signal.{s.name}")
     check_frames([(s.name, s.can) for s in found if s.can], bus, where)
-    check_registers([*_registers(found), *modbus.services.items()], modbus, where)
+    check_registers(
+        [*((f"signal.{s.name}.modbus", s.modbus) for s in found if s.modbus), *modbus.services.items()],
+        modbus,
+        where,
+    )
     return Definition(signals={s.name: s for s in found}, retired=retired, bus=bus, modbus=modbus)
-
-
-def _registers(found: Iterable[Signal]) -> Iterator[tuple[str, ModbusPlace]]:
-    return ((f"signal.{s.name}.modbus", s.modbus) for s in found if s.modbus)
 
 
 def _bus(data: Mapping[str, Any], where: str) -> Bus:

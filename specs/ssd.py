@@ -45,7 +45,7 @@ def render(spec: SystemSpec, fmi_version: FmiVersion) -> str:
         _component(elements, component, spec, fmi_version)
     connections = etree.SubElement(system, _ssd("Connections"))
     for connection in spec.connections:
-        etree.SubElement(connections, _ssd("Connection"), _ends(connection))
+        etree.SubElement(connections, _ssd("Connection"), _connection_attributes(connection))
     _units(root, spec)
     etree.SubElement(root, _ssd("DefaultExperiment"), startTime="0", stopTime=repr(spec.stop_s))
     _annotation(root, spec)
@@ -93,7 +93,7 @@ def _connectors(
             etree.SubElement(connector, _ssc(REAL[version]), unit=signal(name).unit)
 
 
-def _ends(connection: Connection) -> dict[str, str]:
+def _connection_attributes(connection: Connection) -> dict[str, str]:
     attributes = {}
     for end, connector in (("start", connection.source), ("end", connection.target)):
         if connector.component:

@@ -10,6 +10,11 @@ from specs.units import unit
 from specs.wire import MODBUS_HEADER, REGISTERS, ModbusPlace, ModbusTable, ServiceRegister
 
 MADE = "Generated from specs/signals.toml by slewright generate; do not edit."
+SIGNALS = (
+    "Every signal that crosses the machine's wires, and every signal of its simulation. Values are in SI",
+    "units. *vr* is the FMI value reference. CAN: message, first bit + number of bits, scale, offset.",
+    "Modbus: table, address, type.",
+)
 COLUMNS = (
     *("table", "address", "registers", "type", "word_order", "scale", "name", "unit", "min", "max", "start"),
     *("rate_hz", "timeout_s", "access", "values", "description"),
@@ -111,11 +116,11 @@ def _fmi_variable(s: Signal) -> Iterator[str]:
 
 def signals_markdown() -> str:
     """Every signal in one table to read, kind by kind."""
-    lines = [f"<!-- {MADE} -->", "", "# Signals", ""]
+    lines = [f"<!-- {MADE} -->", "", "# Signals", "", *SIGNALS, ""]
     kinds: dict[Kind, None] = dict.fromkeys(s.kind for s in definition().signals.values())
     for kind in kinds:
         lines += [f"## {kind}", "", *_markdown_table(select(kind)), ""]
-    return "\n".join(lines)
+    return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def _markdown_table(found: Iterable[Signal]) -> Iterator[str]:

@@ -42,7 +42,7 @@ def excitation(recordings: Sequence[Measurement], joint: str) -> None:
         names = ", ".join(r.source for r in recordings)
         raise InputError(
             f"{names}: u_{joint} is {values[0]:.3g} throughout, constant excitation; "
-            "hold several levels, both ways (docs/calibration.md)"
+            "hold several levels, both ways (docs/how-to/calibration.md)"
         )
     for recording in recordings:
         _share(recording, recording[f"u_{joint}"])
@@ -74,7 +74,7 @@ def _share(recording: Measurement, joystick: Channel) -> None:
     if abs(joystick.values[at]) > MOST:
         raise InputError(
             f"{recording.source}: {joystick.name} is {joystick.values[at]:.3g} at {joystick.time[at]:.2f} s; "
-            "valid is -1 … 1. If it is in %, say so: slewright convert --map (docs/recordings.md)"
+            "valid is -1 … 1. If it is in %, say so: slewright convert --map (docs/reference/recordings.md)"
         )
 
 

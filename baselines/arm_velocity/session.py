@@ -125,7 +125,8 @@ def shortfalls(outcome: Outcome) -> list[str]:
     """One sentence for each joint that misses tracking.TARGET with the new tables and the PI."""
     errors = {joint: modes["ff_pi"].rms for joint, modes in outcome.tracked.get("after", {}).items()}
     return [
-        f"{joint}: {rms:.4f} rad/s RMS with PI, wanted at most {tracking.TARGET:g} (why: docs/calibration.md)"
+        f"{joint}: {rms:.4f} rad/s RMS with PI, wanted at most {tracking.TARGET:g} "
+        "(why: docs/how-to/calibration.md)"
         for joint, rms in errors.items()
         if rms > tracking.TARGET
     ]

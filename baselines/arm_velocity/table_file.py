@@ -11,7 +11,7 @@ from baselines.arm_velocity.model import JOINTS, POINTS
 from specs.errors import InputError
 from specs.schema import read_toml
 
-HEAD = "# Velocity tables of the arm, made by slewright calibrate lut (docs/calibration.md).\n"
+HEAD = "# Velocity tables of the arm, made by slewright calibrate lut (docs/how-to/calibration.md).\n"
 UNITS = "# velocity rad/s; commands, dead bands and standard errors in shares of full joystick.\n"
 
 

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from specs import parameters
+
 STEP = 0.02  # s
 INERTIAS = (250e3, 400e3, 600e3, 900e3, 1400e3)  # kg m2
 NOMINAL = 1  # of these: where the Kalman filter is designed
@@ -40,8 +42,6 @@ def time_constants() -> list[float]:
 
 def matrices(time_constant: float) -> tuple[np.ndarray, np.ndarray]:
     """(A, B) of the continuous model at one time constant of the drive (s)."""
-    from specs import parameters
-
     known = parameters.load("geometry", "tool", "slew")
     lag, dead = known["slew_spool_lag"].value, known["slew_delay"].value + HOLD_S
     length, damping, gravity = (known[n].value for n in ("tool_length_x", "tool_damping_x", "gravity"))

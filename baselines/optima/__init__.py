@@ -1,1 +1,4 @@
-"""Best found optima: what perfect knowledge of a machine reaches, by optimal control (docs/optima.md)."""
+"""Best found optima: what perfect knowledge of a machine reaches, by optimal control.
+
+docs/explanation/optima.md has them.
+"""

@@ -7,7 +7,7 @@ Arm:   joint targets by inverse kinematics of the grab point (tool hanging), kep
 
 `pace` scales the joystick limit between `pi_slew_limit_slow` (0) and `pi_slew_limit` (1, the default), and
 past it up to full.  Commands are held in the state: they appear one step (0.02 s) after their inputs.
-Gains: `slewright tune pi` writes specs/parameters/pi.toml.  qd_* and load_told are not used by this
+Gains: `slewright tune pi` writes baselines/pi/parameters.toml.  qd_* and load_told are not used by this
 controller; it has them because all controllers have the same connectors.
 """
 

@@ -12,7 +12,7 @@ NEW = 1e-6  # rad: a target that differs by more is a new one
 SLOTS = ("last", "now")  # two moves at a time: one that ends while the next one begins
 JOINTS = ("boom", "stick")
 MOVE = ("speed", "rise", "brake", "coast", "stiffness", "arm_time")  # what a move is made of
-SHARED = {  # of specs/parameters/shaper.toml: tracking is the same
+SHARED = {  # of baselines/shaper/parameters.toml: tracking is the same
     "shaper_lag", "shaper_speed_gain", "shaper_damping_ratio", "shaper_sway_lead", "shaper_sway_limit",
     "shaper_sway_dead_zone", "shaper_level_rate", "shaper_length_rate", "shaper_band_rate",
     "shaper_rest_band", "shaper_arm_lag",

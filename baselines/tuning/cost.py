@@ -20,6 +20,7 @@ import numpy as np
 from baselines.pi import objective
 from baselines.registry import SLOT, Aim, Controller
 from fmus.equations import kinematics
+from fmus.toolchain.build import BUILD
 from orchestrator.run.simulate import simulate
 from orchestrator.system.check import load_system
 from orchestrator.system.pack import pack_system
@@ -113,6 +114,4 @@ def _metrics(
 
 
 def _folder(controller: Controller) -> Any:
-    from fmus.toolchain.build import BUILD
-
     return BUILD / "systems" / "controllers" / controller.folder

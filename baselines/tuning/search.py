@@ -20,6 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize
+from scipy.stats import qmc
 
 from baselines import variants
 from baselines.gains import machine
@@ -110,8 +112,6 @@ class Search:
 
     def run(self, start: Mapping[str, float]) -> dict[str, float]:
         """The best gains seen on all of the tuning draws."""
-        from scipy.optimize import minimize
-
         ranges = self.controller.tuned
         runs = objective.trials("tuning", DRAWS)
         points = [to_cube(ranges, start), *sobol(len(ranges), self._affordable(len(runs)))]
@@ -179,8 +179,6 @@ class Cache:
 
 def sobol(dimensions: int, count: int) -> list[np.ndarray]:
     """The first points of a Sobol sequence in the unit cube, its corner left out."""
-    from scipy.stats import qmc
-
     power = int(np.ceil(np.log2(count + 1)))
     return list(qmc.Sobol(dimensions, scramble=False).random_base2(power)[1 : count + 1])
 

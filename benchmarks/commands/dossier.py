@@ -1,4 +1,4 @@
-"""`slewright dossier`: what the reference machine rests on."""
+"""`python -m benchmarks dossier`: what the reference machine rests on."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +20,7 @@ def dossier(
             callback=check_target,
             help="Write the page here, its pictures beside it.",
         ),
-    ] = Path("docs/dossier.md"),
+    ] = Path("docs/results/dossier.md"),
     html: Annotated[
         Path | None,
         typer.Option("--html", metavar="FILE", callback=check_target, help="Write it as one HTML file, too."),

@@ -1,4 +1,4 @@
-"""`slewright reconcile-suite`: hidden-effect cases, answered without knowing the truth, scored."""
+"""`python -m benchmarks reconcile-suite`: hidden-effect cases, answered without knowing the truth, scored."""
 
 from pathlib import Path
 from typing import Annotated, Any

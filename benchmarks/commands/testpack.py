@@ -1,4 +1,4 @@
-"""`slewright testpack`: systems that show what an SSP importer honours, and what it refuses."""
+"""`python -m benchmarks testpack`: systems that show what an SSP importer honours, and what it refuses."""
 
 from pathlib import Path
 from typing import Annotated

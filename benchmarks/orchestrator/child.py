@@ -19,7 +19,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import IO, Any, Self, TextIO, cast
 
+from benchmarks.orchestrator import chain as chains
 from benchmarks.orchestrator.contestants import Contestant, NotMeasured
+from benchmarks.orchestrator.registry import REGISTRY
 
 CHECK_STEPS = 100  # after which all contestants show the same values
 PATIENCE_S = 60.0
@@ -125,9 +127,6 @@ def _timed(contestant: Contestant, steps: int) -> Run:
 
 
 def _answers(key: str, fmi_version: int, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
-    from benchmarks.orchestrator import chain as chains
-    from benchmarks.orchestrator.registry import REGISTRY
-
     with tempfile.TemporaryDirectory() as folder:
         try:
             contestant = REGISTRY[key](chains.build(fmi_version), Path(folder))

@@ -1,4 +1,4 @@
-"""`slewright bench orchestrator`: all measurements in one go, as figures, a table and verdicts."""
+"""`python -m benchmarks orchestrator`: all measurements in one go, as figures, a table and verdicts."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field

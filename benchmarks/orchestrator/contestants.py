@@ -10,8 +10,15 @@ import time
 from pathlib import Path
 from typing import Protocol
 
+from fmpy import extract, read_model_description
+from fmpy.ssp.simulation import simulate_ssp
+
 from benchmarks.orchestrator import masters
 from benchmarks.orchestrator.chain import LOGGED, SIGNALS, STEP_S, Chain, case
+from orchestrator.fmi.component import runs_here
+from orchestrator.run.master import Master, Options
+from orchestrator.system.check import load_system
+from orchestrator.system.layout import lay_out
 
 MAX_STEPS = 50_000  # of one run: rows that a log in memory holds
 
@@ -70,8 +77,6 @@ class FmuContainer(_Driven):
     """The container of fmu-manipulation-toolbox, driven by a C loop."""
 
     def __init__(self, chain: Chain, folder: Path) -> None:
-        from fmpy import extract, read_model_description
-
         super().__init__(chain)
         box = masters.container(case(chain, folder))
         model = read_model_description(str(box))
@@ -101,10 +106,6 @@ class Slewright:
     trust = True
 
     def __init__(self, chain: Chain, _: Path) -> None:
-        from orchestrator.run.master import Master, Options
-        from orchestrator.system.check import load_system
-        from orchestrator.system.layout import lay_out
-
         system = load_system(chain.ssp)
         self.layout = lay_out(system, LOGGED)
         self.master = Master(system, self.layout, system.start_values({}), Options(trust=self.trust))
@@ -131,9 +132,6 @@ class Isolated(Slewright):
     trust = False
 
     def __init__(self, chain: Chain, folder: Path) -> None:
-        from orchestrator.fmi.trust import runs_here
-        from orchestrator.system.check import load_system
-
         if all(runs_here(c, trust=False) for c in load_system(chain.ssp).components.values()):
             raise NotMeasured("FMUs run in this process")
         super().__init__(chain, folder)
@@ -169,8 +167,6 @@ class FmpySsp:
         return (self._whole(steps) - loading) * steps / (steps - 1)
 
     def _whole(self, steps: int) -> float:
-        from fmpy.ssp.simulation import simulate_ssp
-
         begin = time.perf_counter()
         # Time is summed up there: half a step less makes the number of steps certain.
         self.result = simulate_ssp(self.path, stop_time=(steps - 0.5) * STEP_S, step_size=STEP_S)

@@ -1,4 +1,4 @@
-"""docs/benchmarks.md: what was measured, how, and the figures, all of it written by the benchmark itself."""
+"""docs/results/benchmarks.md: what was measured, how, and the figures, all written by the benchmark."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -25,7 +25,7 @@ RECORDER_NAMES = {
     "libcosim": "libcosim, CSV",
 }
 PAGE = """\
-<!-- Written by `slewright bench orchestrator --markdown FILE`; do not edit. -->
+<!-- Written by `python -m benchmarks orchestrator --markdown FILE`; do not edit. -->
 # Benchmarks
 
 Measured on a machine with {cores} cores under whatever load it had, FMUs and core compiled by

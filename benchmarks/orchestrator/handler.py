@@ -4,6 +4,10 @@ import time
 from pathlib import Path
 
 from benchmarks.orchestrator.chain import Chain
+from orchestrator.run.master import Master, Options
+from orchestrator.system.check import load_system
+from orchestrator.system.layout import lay_out
+from orchestrator.system.pack import pack_system
 
 TARGETS = {"target_x": -3.0, "target_y": 9.0, "target_z": 4.0, "pace": 1.0}
 MAX_ROWS = 5_000
@@ -18,11 +22,6 @@ class Nominal:
     steps = 500
 
     def __init__(self, chain: Chain, folder: Path) -> None:
-        from orchestrator.run.master import Master, Options
-        from orchestrator.system.check import load_system
-        from orchestrator.system.layout import lay_out
-        from orchestrator.system.pack import pack_system
-
         system = load_system(pack_system("nominal", chain.fmi_version, folder))  # type: ignore[arg-type]
         options = Options(stimuli={0: TARGETS}, timing=True, trust=True)
         self.master = Master(system, lay_out(system), system.start_values({}), options)

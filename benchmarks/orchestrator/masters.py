@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import fmpy
+
 Name = tuple[str, str]  # component, variable
 Ends = dict[str, float]
 
@@ -61,8 +63,6 @@ def container(case: Case) -> Path:
 
 def fmucontainer(case: Case, ticks: int) -> Ends:
     """Built by fmu-manipulation-toolbox, imported by FMPy."""
-    import fmpy
-
     box = str(container(case))
     folder = fmpy.extract(box, unzipdir=str(case.folder / "box"))
     model = fmpy.read_model_description(box)

@@ -7,9 +7,14 @@ Ours writes Parquet, the others what they can: CSV.
 import time
 from pathlib import Path
 
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.util import write_csv
+
 from benchmarks.orchestrator import masters
 from benchmarks.orchestrator.chain import STEP_S, Chain, case
 from benchmarks.orchestrator.contestants import NotMeasured
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
 
 
 class _Recorder:
@@ -46,9 +51,6 @@ class SlewrightRecorder(_Recorder):
     steps = 100_000
 
     def record(self, steps: int, out: Path) -> None:
-        from orchestrator.run.simulate import simulate
-        from orchestrator.system.check import load_system
-
         system = load_system(self.chain.whole_ssp)
         simulate(system, steps, record_path=out / "run.parquet", record="all", trust=True)
 
@@ -57,9 +59,6 @@ class FmpyRecorder(_Recorder):
     """simulate_ssp and FMPy's own write_csv."""
 
     def record(self, steps: int, out: Path) -> None:
-        from fmpy.ssp.simulation import simulate_ssp
-        from fmpy.util import write_csv
-
         if self.chain.fmi_version == 3:
             raise NotMeasured("simulate_ssp knows FMI 1 and FMI 2 only")
         stop = (steps - 0.5) * STEP_S

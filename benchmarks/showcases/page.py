@@ -1,4 +1,4 @@
-"""The pages of the showcases: the figures in Markdown, between the markers of docs/showcases."""
+"""The pages of the showcases: the figures in Markdown, between the markers of docs/results/showcases."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.showcases.showcases import METRIC_UNITS, METRICS, SCENARIOS, Showcase
+from records.report import markers
 
 
 def page(chosen: Showcase, figures: Mapping[str, Any]) -> str:
     """The figures in Markdown."""
-    command = (
-        f"slewright bench showcases --only {chosen.name} --seed {figures['seed']} --markdown docs/showcases"
-    )
+    asked = f"--only {chosen.name} --seed {figures['seed']} --markdown docs/results/showcases"
+    command = f"python -m benchmarks showcases {asked}"
     lines = [f"`{command}` makes this part; version {figures['versions']['slewright']}.", ""]
     for which, use in (("train", "fitted"), ("validation", "confirm"), ("test", "held out")):
         lines.append(f"- {use}: " + ", ".join(f"`{n}`" for n in figures["recordings"][which]))
@@ -115,7 +115,5 @@ def _number(value: float | None) -> str:
 
 def pages(folder: Path, chosen: Sequence[Showcase], figures: Mapping[str, Any]) -> None:
     """Fill the part between the markers of every showcase's page in a folder."""
-    from records.report import markers
-
     for showcase in chosen:
         markers.fill(folder / f"{showcase.name}.md", "showcase", page(showcase, figures[showcase.name]))

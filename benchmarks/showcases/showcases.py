@@ -11,8 +11,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.showcases.isolated_replay import moved
+from fmus.toolchain.build import build_fmu
+from learning.collection.collect import collect
+from learning.collection.plan import load_plan
+from reconcile.workflow import reconcile
+from records.metrics import compute
+from records.record import read
 from specs.errors import RunError
 from specs.progress import Report
+from specs.scenario import find
+from specs.version import VERSION
+from verification.verify import Controller, verify
 
 PLAN = "showcases"
 SCENARIOS = ("four_targets_empty", "five_targets_empty")
@@ -41,7 +51,7 @@ SHOWCASES = {
     "tool": Showcase("tool", "tool", "slewing", COUPLINGS, ("error", "tool")),
     "slew": Showcase(
         "slew",
-        "docs/showcases/slew_one_pose",
+        "docs/results/showcases/slew_one_pose",
         "reaching",
         ("pose_dependent_inertia",),
         ("speed", "overshoot", "slew_error"),
@@ -55,9 +65,6 @@ def measure(chosen: Showcase, out: Path, seed: int = 1, report: Report | None = 
     `seed`: of the scenarios' sensor noise.  Raises InputError for a folder with something else in it;
     RunError when a run fails.
     """
-    from reconcile.workflow import reconcile
-    from specs.version import VERSION
-
     said = report or (lambda *_: None)
     sets = record(chosen, out / "recordings", said)
     folder = out / chosen.name
@@ -75,9 +82,6 @@ def measure(chosen: Showcase, out: Path, seed: int = 1, report: Report | None = 
 
 def record(chosen: Showcase, out: Path, report: Report | None = None) -> dict[str, list[Path]]:
     """The showcase's recordings by split, made where they are not there yet."""
-    from learning.collection.collect import collect
-    from learning.collection.plan import load_plan
-
     manifest = collect(load_plan(Path(PLAN)), out, parts=[chosen.part], report=report)
     found: dict[str, list[Path]] = {"train": [], "validation": [], "test": []}
     for row in manifest["recordings"]:
@@ -93,16 +97,23 @@ def verified(
 
     Without an extended model, those of the others.
     """
-    from verification.verify import verify
-
     plain = Path(chosen.model) if Path(chosen.model).is_dir() else None
     wanted = {"plain": ("nominal", plain), "extended": ("nominal", extended), "machine": ("reference", None)}
     found = {}
     for name, (system, model) in wanted.items():
         if name == "extended" and extended is None:
             continue
-        runs = verify(SCENARIOS, (system,), seed, out / chosen.name / name, model, jobs=1, progress=report)
-        found[name] = {s: metrics_of(runs.runs[s][system], METRICS) for s in SCENARIOS}
+        folder = out / chosen.name / name
+        done = verify(
+            SCENARIOS,
+            (system,),
+            seed,
+            folder,
+            Controller(models=[model] if model else ()),
+            jobs=1,
+            progress=report,
+        )
+        found[name] = {s: metrics_of(done.own.runs[s][system], METRICS) for s in SCENARIOS}
     return found
 
 
@@ -110,11 +121,6 @@ def alone(
     chosen: Showcase, extended: Path | None, out: Path, seed: int, report: Report | None = None
 ) -> dict[str, dict[str, Values]]:
     """As `verified`, whose records of the machine must lie in `out`; the models moved as the machine was."""
-    from benchmarks.showcases.isolated_replay import moved
-    from fmus.toolchain.build import build_fmu
-    from records.record import read
-    from specs.scenario import find
-
     known = {"plain": chosen.model, "extended": extended}
     fmus = {name: build_fmu(model) for name, model in known.items() if model is not None}
     found: dict[str, dict[str, Values]] = {n: {} for n in (*fmus, "machine")}
@@ -131,8 +137,6 @@ def alone(
 
 def metrics_of(record: Any, names: Iterable[str]) -> Values:
     """Metrics of a run by name, of every target that has them."""
-    from records.metrics import compute
-
     metrics = compute(record)
     return {m: metrics.values(m) for m in names}
 

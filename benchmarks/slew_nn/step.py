@@ -15,7 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
+from fmpy.fmi2 import FMU2Slave
 
 from fmus.models.slew_nn.fmu import build_from
 from fmus.models.slew_nn.model import STEP, WEIGHTS, of_network
@@ -154,9 +156,6 @@ def _bare(network: SlewNetwork, folder: Path) -> ctypes.CDLL:
 
 def _fmu(network: SlewNetwork, folder: Path, stack: ExitStack) -> tuple[Any, dict[str, int]]:
     """An instance in step mode, and its value references by name."""
-    import fmpy
-    from fmpy.fmi2 import FMU2Slave
-
     path = str(build_from(network, "slew_nn", folder))
     described: Any = fmpy.read_model_description(path)
     extracted = fmpy.extract(path)

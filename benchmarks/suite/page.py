@@ -1,4 +1,4 @@
-"""The figures of a suite as tables in Markdown, for docs/reconcile-suite.md."""
+"""The figures of a suite as tables in Markdown, for docs/results/reconcile-suite.md."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -18,7 +18,8 @@ def page(figures: Figures, seed: int) -> str:
     """Demands, results by system and by effect, what was taken for what, plain ways on the same cases."""
     noise, visible = figures["noise"], figures["visible"]
     kind = "" if visible == "drawn" else f" --visible {visible}"
-    asked = f"`slewright reconcile-suite --cases {figures['asked']} --noise {noise}{kind} --seed {seed}`"
+    options = f"--cases {figures['asked']} --noise {noise}{kind} --seed {seed}"
+    asked = f"`python -m benchmarks reconcile-suite {options}`"
     done = figures["cases"]
     stopped = "" if done == figures["asked"] else f", stopped after {done} cases"
     by = ", ".join(code for code in figures["codes"] if code)

@@ -20,7 +20,11 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import fmpy
+from fmpy.ssp.simulation import simulate_ssp
+
 from benchmarks.testpack.case import SSD, Case
+from benchmarks.testpack.cases import CASES
 from benchmarks.testpack.damage import unzipped, zipped
 from benchmarks.testpack.render import PARAMETER_SET
 
@@ -43,8 +47,6 @@ def ticks_to(case: Case) -> int:
 
 def fmpy_ssp(case: Case, path: Path) -> Values:
     """simulate_ssp; its rows are labelled with the begin of a step, its columns are connectors."""
-    from fmpy.ssp.simulation import simulate_ssp
-
     ticks = ticks_to(case)
     # time is summed up there: half a step less makes the number of steps certain
     rows = simulate_ssp(str(path), stop_time=(ticks - 0.5) * case.step_s, step_size=case.step_s)
@@ -56,7 +58,6 @@ def fmpy_ssp(case: Case, path: Path) -> Values:
 
 def fmucontainer(case: Case, path: Path) -> Values:
     """An FMU made of the .ssp, which FMPy then steps; connectors of the system are its outputs."""
-    import fmpy
     from fmu_manipulation_toolbox.assembly import Assembly
 
     folder = path.parent
@@ -265,8 +266,6 @@ def _awaited(child: int, descriptor: int) -> bytes | None:
 
 
 def _answers(key: str, folder: Path, names: Iterator[str]) -> Iterator[dict[str, Any]]:
-    from benchmarks.testpack.cases import CASES
-
     known = {case.name: case for case in CASES}
     for name in map(str.strip, names):
         yield run(key, known[name], folder / name / f"{name}.ssp")

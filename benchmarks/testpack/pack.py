@@ -15,8 +15,8 @@ FMU = re.compile(r'"resources/([^"/]+)\.fmu"')
 HEADER = """# A test pack for SSP importers
 
 Small FMUs and systems: one for each feature of SSP and FMI co-simulation, and one for each error.
-Made by `slewright testpack`; `sources` holds the C code that all FMUs are compiled from (the table of
-variables, `variables.h`, is generated for each).
+Made by `python -m benchmarks testpack`; `sources` holds the C code that all FMUs are compiled from (the
+table of variables, `variables.h`, is generated for each).
 
 Each folder holds `NAME.ssp` and what must come of it:
 

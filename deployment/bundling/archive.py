@@ -7,7 +7,8 @@ from pathlib import Path
 from deployment.bundling.sbom import sbom
 from runtime import configuration
 from runtime.archive import container, keys
-from runtime.archive.signed import BUNDLE, CONFIGURATION, SBOM, Signed, check_release, sign, specs, verify
+from runtime.archive.names import BUNDLE, CONFIGURATION, SBOM
+from runtime.archive.signed import Signed, check_release, sign, specs, verify
 from runtime.archive.trust import Known, Trust
 from runtime.bundle import Bundle, parse
 from specs.errors import InputError

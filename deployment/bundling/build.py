@@ -16,10 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from baselines import registry
+from baselines.load.balance import unknowns
+from baselines.load.calibration_file import read
 from baselines.load.online import model as load_estimate
 from baselines.registry import Controller
-from deployment.bundling import commissioned, config
+from deployment.bundling import commissioned, config, policy
 from deployment.bundling.blocks import COMPILED, CORE, Block, External
+from deployment.bundling.content import Content
 from fmus.definition import Model
 from fmus.paths import BUILD, SHIM
 from fmus.toolchain import compiler
@@ -45,19 +48,6 @@ UNUSED_GONE = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
-class Content:
-    """What goes into a bundle: the controller's block, what evaluates it, files beside the core."""
-
-    name: str
-    controller: Block | External
-    engine: str = form.NATIVE
-    files: Mapping[str, bytes] = dataclasses.field(default_factory=dict)
-    calibration: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the load estimate
-    zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of sensors, SI
-    arm: Mapping[str, float] = dataclasses.field(default_factory=dict)  # parameters of the arm loops
-
-
 def bundle(
     controller: str,
     out: Path,
@@ -70,11 +60,11 @@ def bundle(
     """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
 
     What was in `out` before is replaced.  `platforms` are names of fmus.toolchain.compiler.TARGETS (default:
-    this machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is evaluated:
-    "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`, `commissioning`
-    the calibration.json of `slewright commission`, whose tare a `calibration` replaces.  Raises InputError
-    for an unknown controller, platform, parameter or engine, a controller that no core can run, or a folder
-    that holds something else; RunError if C fails.
+    this machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is
+    evaluated: "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`,
+    `commissioning` the calibration.json of `slewright commission`, whose tare a `calibration` replaces.
+    Raises InputError for an unknown controller, platform, parameter or engine, a controller that no core can
+    run, or a folder that holds something else; RunError if C fails.
     """
     content = _content(controller, engine)
     if commissioning is not None:
@@ -229,9 +219,7 @@ def _content(controller: str, engine: str) -> Content:
     if engine not in form.ENGINES:
         raise InputError(f"no engine '{engine}'; valid: {', '.join(form.ENGINES)}")
     if controller.endswith(".onnx"):
-        from deployment.bundling.policy import content
-
-        return content(Path(controller), engine)
+        return policy.content(Path(controller), engine)
     found = registry.find(controller)
     if engine != form.NATIVE:
         raise InputError(f"controller {controller} is no policy: its engine is {form.NATIVE}")
@@ -240,9 +228,6 @@ def _content(controller: str, engine: str) -> Content:
 
 def _calibrated(content: Content, path: Path) -> Content:
     """The same with the load estimate of a calibrated machine."""
-    from baselines.load.balance import unknowns
-    from baselines.load.calibration_file import read
-
     found = dict(zip((u.name for u in unknowns()), read(path).values.tolist(), strict=True))
     files = {**content.files, "load-calibration.json": path.read_bytes()}
     return dataclasses.replace(content, files=files, calibration=found)

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
+from deployment.bundling.build import bundle, identity_of
 from fmus.paths import BUILD
+from runtime.bundle import load
 from specs.errors import InputError
 from specs.progress import Report
 
@@ -14,9 +16,6 @@ def ready(given: Path | None, report: Report) -> Path:
     """`given`, or the bundle of CONTROLLER in the build folder, built anew if it is not of this version."""
     if given is not None:
         return given
-    from deployment.bundling.build import bundle, identity_of
-    from runtime.bundle import load
-
     folder = FOLDER / CONTROLLER
     try:
         current = load(folder).identity == identity_of(CONTROLLER)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from deployment.bundling.blocks import Block, External
-from deployment.bundling.build import Content
+from deployment.bundling.content import Content
 from learning.policy import export
 from learning.policy.controller import of_policy
 from learning.policy.export import Policy

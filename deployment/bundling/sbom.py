@@ -13,6 +13,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from packaging.requirements import Requirement
+
 from fmus.toolchain import compiler
 from runtime import bundle as form
 from specs.version import VERSION
@@ -55,8 +57,6 @@ def sbom(files: Mapping[str, bytes], manifest: Mapping[str, Any], release: str) 
 
 def runtime_packages(engine: str = form.NATIVE) -> list[str]:
     """Names of this project and of every installed package that its extra `runtime` asks for, sorted."""
-    from packaging.requirements import Requirement
-
     found, waiting = set(), [(PROJECT, EXTRA)] + [(engine, "")] * (engine != form.NATIVE)
     while waiting:
         name, extra = waiting.pop()

@@ -2,7 +2,7 @@
 
 The reference machine behind its CAN messages in lock-step, with `Wiring` between sensors, valves and the bus.
 Emergency stop and enabling switch cut its pilot pressure, and its watchdog centres the valves, as
-docs/hazards.md asks of a real one.  The operator sees the machine's true motion, not its sensors.
+docs/explanation/hazards.md asks of a real one.  The operator sees the machine's true motion, not its sensors.
 """
 
 import math

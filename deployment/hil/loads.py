@@ -1,7 +1,9 @@
 """What disturbs the runtime while its timing is measured: twenty Modbus clients, or a full computer."""
 
+import asyncio
 import json
 import os
+import random
 import shutil
 import signal
 import subprocess
@@ -160,8 +162,6 @@ def _port_of(path: Path, process: subprocess.Popen[bytes]) -> int:
 
 def main(port: int, seconds: float, bursts: int = 1) -> None:
     """The clients' process: says `ready`, asks in bursts with random pauses, says how often."""
-    import asyncio
-    import random
 
     async def ask(end: float) -> int:
         reader, writer = await asyncio.open_connection(HOST, port)

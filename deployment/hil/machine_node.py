@@ -7,7 +7,7 @@ sends.  As in lock-step, what the controller makes of the sensors of a tick move
 
 The valves follow the commands while the controller enables them and every message is right; when they stop
 for the time after which commands count as lost, the valves go neutral and the machine reports a fault: the
-watchdog on the plant's side, which a real machine needs, too (docs/hazards.md).
+watchdog on the plant's side, which a real machine needs, too (docs/explanation/hazards.md).
 """
 
 import json

@@ -7,7 +7,7 @@ import numpy as np
 
 from deployment.shadow.recorded import Shadowed
 from records.formats import write_measurement
-from records.formats.start import at_ns
+from records.formats.metadata import at_ns
 from records.measurement import Channel, Measurement
 from runtime.control import AXES
 from runtime.image import INPUT, Group, group
@@ -48,4 +48,4 @@ def next_commands(recording: Path, out: Path, figures: Path) -> list[str]:
         f"slewright reconcile {recording} --model {model} --out {out / f'reconcile-{model}'}"
         for model in MODELS
     ]
-    return [*found, f"slewright dossier --out {out / 'dossier.md'} --recorded {figures}"]
+    return [*found, f"python -m benchmarks dossier --out {out / 'dossier.md'} --recorded {figures}"]

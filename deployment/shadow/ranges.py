@@ -10,6 +10,7 @@ from deployment.shadow.agreement import AUTOMATIC, in_mode
 from deployment.shadow.recorded import Shadowed
 from deployment.shadow.sway import length
 from fmus.equations import kinematics
+from learning.policy.export import read
 from runtime.bundle import Bundle
 from runtime.policy import POLICY
 from specs import parameters, scenario as scenarios
@@ -39,8 +40,6 @@ def trained(bundle: Bundle) -> list[Range]:
     path = bundle.folder / POLICY
     if not path.is_file():
         return []
-    from learning.policy.export import read
-
     ranges = read(path).contract.ranges
     return [Range(n, UNITS.get(n, ""), low, high, TRAINED) for n, (low, high) in ranges.items()]
 

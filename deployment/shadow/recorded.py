@@ -74,7 +74,9 @@ def read(path: Path, bundle: Bundle, source: str | None = None, report: Report =
     recording = Recording(path)
     metadata = recording.metadata()
     if metadata.get("mode") != SHADOWED:
-        raise InputError(f"{path} was not recorded in shadow mode (slewright run --shadow; docs/shadow.md)")
+        raise InputError(
+            f"{path} was not recorded in shadow mode (slewright run --shadow; docs/how-to/shadow.md)"
+        )
     check_identity(metadata, identity(bundle.identity, VERSION))
     taken = _Taken(open_core(bundle), str(bundle.folder))
     for item in recording.everything():

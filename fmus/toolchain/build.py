@@ -12,7 +12,8 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+
+from markdown_it import MarkdownIt
 
 from fmus.definition import Model
 from fmus.paths import BUILD, BUILT_HERE, ROOT, SHIM, built_here
@@ -44,7 +45,7 @@ def build_fmu(
     path = known.get(str(folder), Path(folder))
     result = (out or BUILD / "fmus" / f"fmi{fmi_version}") / f"{path.name}.fmu"
     stamp = result.with_suffix(".json")
-    stamped = _read_stamp(stamp)
+    stamped = json.loads(stamp.read_text()) if stamp.is_file() else {}
     names = [compiler.target(t).name for t in (targets or [compiler.host().name])]
     if not targets and compiler.host().name in stamped.get("targets", []):
         names = stamped["targets"]  # using an FMU does not drop the other platforms' binaries
@@ -143,8 +144,10 @@ def _archive(model: Model, folder: Path, fmi_version: int, targets: Iterable[str
         token = generate_sources(model, sources)
         files: dict[str, bytes] = {"modelDescription.xml": description.description(model, fmi_version, token)}
         for name in targets:
+            target = compiler.target(name)
+            folder_name = target.fmi2_folder if fmi_version == 2 else target.name
             library = compile_library(model, sources, fmi_version, name)
-            files[_binary_name(model, fmi_version, compiler.target(name))] = library
+            files[f"binaries/{folder_name}/{model.name}{target.suffix}"] = library
         for name in (*SHIM_FILES, "model.c", "model_config.h", f"fmi{fmi_version}.c"):
             files["sources/" + name] = (sources / name).read_bytes()
         for name in HEADERS[fmi_version]:
@@ -157,7 +160,7 @@ def _archive(model: Model, folder: Path, fmi_version: int, targets: Iterable[str
 
 
 def mark_built(archive: bytes) -> None:
-    """Note that the FMU of this content was made here: no stranger's machine code."""
+    """Note that the FMU of this content was made here: its machine code is our own."""
     _write(BUILT_HERE / _sha256(archive), b"")
 
 
@@ -174,26 +177,16 @@ def pack(files: dict[str, bytes]) -> bytes:
         return stream.read()
 
 
-def _binary_name(model: Model, fmi_version: int, target: compiler.Target) -> str:
-    folder = target.fmi2_folder if fmi_version == 2 else target.name
-    return f"binaries/{folder}/{model.name}{target.suffix}"
-
-
 def _documentation(model: Model, folder: Path) -> bytes:
     readme = folder / "README.md"
     text = readme.read_text() if readme.is_file() else model.description
     title = html.escape(model.name)
     style = "body{font:16px/1.5 sans-serif;max-width:50em;margin:2em auto;padding:0 1em}"
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
     page = (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{style}</style>'
     )
-    return (page + _markdown(text) + "</html>\n").encode()
-
-
-def _markdown(text: str) -> str:
-    from markdown_it import MarkdownIt
-
-    return MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    return (page + markdown.render(text) + "</html>\n").encode()
 
 
 def _quick_key(folder: Path, targets: Sequence[str]) -> str:
@@ -212,11 +205,6 @@ def _inputs(base: Path) -> Iterator[Path]:
         wanted = path.suffix in (".py", ".c", ".h", ".toml", ".md", ".npz")
         if wanted and not skipped & set(path.relative_to(base).parts) and path.is_file():
             yield path
-
-
-def _read_stamp(stamp: Path) -> dict[str, Any]:
-    """What an FMU was last built from and for; {} if nothing is known."""
-    return json.loads(stamp.read_text()) if stamp.is_file() else {}
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import casadi as ca
 
 from fmus.definition import Model, Sensor
-from fmus.toolchain.variables import TIME_VR, Exposed, exposed, model_token
+from fmus.toolchain.variables import TIME_VR, exposed, model_token
 from specs.errors import InputError
 
 CASADI_OPTIONS = {"with_header": False, "with_export": False, "casadi_int": "long long"}
@@ -110,7 +110,7 @@ def _tables(model: Model) -> str:
     inputs = [v.name for v in model.inputs]
     parts = [
         '#include "core.h"',
-        _array("SlwVariable", "slw_variables", [_variable(e) for e in _sorted(model)]),
+        _array("SlwVariable", "slw_variables", _variables(model)),
         _array("SlwSensor", "slw_sensors", [_sensor(model, n, s) for n, s in model.sensors.items()]),
         _array("SlwModeTable", "slw_modes", [_mode(model, i) for i in range(len(model.modes))]),
         _array("int", "slw_delay_input", [str(inputs.index(n)) for n in model.delays]),
@@ -122,23 +122,19 @@ def _tables(model: Model) -> str:
     return "\n".join(parts) + "\n"
 
 
-def _sorted(model: Model) -> list[tuple[int, str, int, float, float]]:
-    entries = [_entry(e) for e in exposed(model)] + [(TIME_VR, "TIME", 0, -math.inf, math.inf)]
+def _variables(model: Model) -> list[str]:
+    """All variables by value reference; InputError for one that is used twice."""
+    entries = [(e.vr, e.group, e.index, e.variable.min, e.variable.max) for e in exposed(model)]
+    entries.append((TIME_VR, "TIME", 0, None, None))
     numbers = [e[0] for e in entries]
     twice = sorted({n for n in numbers if numbers.count(n) > 1})
     if twice:
         raise InputError(f"model {model.name}: value references used twice: {twice}")
-    return sorted(entries)
-
-
-def _entry(e: Exposed) -> tuple[int, str, int, float, float]:
-    low, high = e.variable.min, e.variable.max
-    return (e.vr, e.group, e.index, -math.inf if low is None else low, math.inf if high is None else high)
-
-
-def _variable(entry: tuple[int, str, int, float, float]) -> str:
-    vr, group, index, low, high = entry
-    return f"{{{vr}u, SLW_{group}, {index}, {_real(low)}, {_real(high)}}}"
+    rows = []
+    for vr, group, index, low, high in sorted(entries, key=lambda entry: entry[0]):
+        bounds = _real(-math.inf if low is None else low), _real(math.inf if high is None else high)
+        rows.append(f"{{{vr}u, SLW_{group}, {index}, {', '.join(bounds)}}}")
+    return rows
 
 
 def _sensor(model: Model, output: str, sensor: Sensor) -> str:

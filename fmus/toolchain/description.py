@@ -15,7 +15,26 @@ TOOL = "Slewright " + VERSION
 
 def description(model: Model, fmi_version: int, token: str) -> bytes:
     """The XML file for FMI `fmi_version` (2 or 3)."""
-    root = _fmi2(model, token) if fmi_version == 2 else _fmi3(model, token)
+    root = etree.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{fmi_version}.0",
+            "modelName": model.name,
+            "guid" if fmi_version == 2 else "instantiationToken": token,
+            "description": model.description,
+            "license": "Apache-2.0",
+            "version": VERSION,
+            "generationTool": TOOL,
+            "variableNamingConvention": "structured",
+        },
+    )
+    (_fmi2_interface if fmi_version == 2 else _fmi3_interface)(root, model)
+    _units(root, model)
+    box = etree.SubElement(root, "LogCategories")
+    etree.SubElement(box, "Category", name="logStatusError", description="Failures, with their reason")
+    step = max(model.step, model.sample_time)
+    etree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="10", stepSize=repr(step))
+    (_fmi2_variables if fmi_version == 2 else _fmi3_variables)(root, model)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
@@ -34,19 +53,8 @@ def build_description(model: Model) -> bytes:
 # ---- FMI 2.0 ----
 
 
-def _fmi2(model: Model, token: str) -> etree._Element:
-    root = etree.Element(
-        "fmiModelDescription",
-        fmiVersion="2.0",
-        modelName=model.name,
-        guid=token,
-        description=model.description,
-        license="Apache-2.0",
-        version=VERSION,
-        generationTool=TOOL,
-        variableNamingConvention="structured",
-        numberOfEventIndicators="0",
-    )
+def _fmi2_interface(root: etree._Element, model: Model) -> None:
+    root.set("numberOfEventIndicators", "0")
     cosim = etree.SubElement(
         root,
         "CoSimulation",
@@ -60,9 +68,9 @@ def _fmi2(model: Model, token: str) -> etree._Element:
     files = etree.SubElement(cosim, "SourceFiles")
     for name in (*SOURCES, "fmi2.c"):
         etree.SubElement(files, "File", name=name)
-    _units(root, model)
-    _log_categories(root)
-    _default_experiment(root, model)
+
+
+def _fmi2_variables(root: etree._Element, model: Model) -> None:
     variables = exposed(model)
     position = {e.vr: i for i, e in enumerate(variables, start=1)}
     box = etree.SubElement(root, "ModelVariables")
@@ -79,7 +87,6 @@ def _fmi2(model: Model, token: str) -> etree._Element:
     _fmi2_unknowns(
         structure, "InitialUnknowns", (e for e in variables if _is_unknown(model, e)), position, None
     )
-    return root
 
 
 def _fmi2_unknowns(
@@ -97,18 +104,7 @@ def _fmi2_unknowns(
 # ---- FMI 3.0 ----
 
 
-def _fmi3(model: Model, token: str) -> etree._Element:
-    root = etree.Element(
-        "fmiModelDescription",
-        fmiVersion="3.0",
-        modelName=model.name,
-        instantiationToken=token,
-        description=model.description,
-        license="Apache-2.0",
-        version=VERSION,
-        generationTool=TOOL,
-        variableNamingConvention="structured",
-    )
+def _fmi3_interface(root: etree._Element, model: Model) -> None:
     etree.SubElement(
         root,
         "CoSimulation",
@@ -119,9 +115,9 @@ def _fmi3(model: Model, token: str) -> etree._Element:
         canSerializeFMUState="true",
         providesDirectionalDerivatives="true",
     )
-    _units(root, model)
-    _log_categories(root)
-    _default_experiment(root, model)
+
+
+def _fmi3_variables(root: etree._Element, model: Model) -> None:
     box = etree.SubElement(root, "ModelVariables")
     etree.SubElement(
         box,
@@ -154,7 +150,6 @@ def _fmi3(model: Model, token: str) -> etree._Element:
     for e in variables:
         if _is_unknown(model, e):
             etree.SubElement(structure, "InitialUnknown", valueReference=str(e.vr))
-    return root
 
 
 # ---- common to both ----
@@ -192,20 +187,15 @@ def _numbers(e: Exposed) -> dict[str, str | None]:
     if e.group == "SEED":
         return {"start": str(int(v.start))}
     start = None if _is_calculated(e) else repr(float(v.start))
+    # A parameter without a nominal value gets the size of its value, else of its range.
+    size = abs(v.start) or max(abs(v.min or 0.0), abs(v.max or 0.0)) if e.group == "PARAMETER" else 0.0
     return {
         "unit": v.unit if known(v.unit) else None,
         "min": _real(v.min),
         "max": _real(v.max),
-        "nominal": _real(_nominal(e)),
+        "nominal": _real(v.nominal or size or None),
         "start": start,
     }
-
-
-def _nominal(e: Exposed) -> float | None:
-    """The stated nominal value; a parameter without one gets the size of its value, else of its range."""
-    v = e.variable
-    size = abs(v.start) or max(abs(v.min or 0.0), abs(v.max or 0.0)) if e.group == "PARAMETER" else 0.0
-    return v.nominal or size or None
 
 
 def _real(value: float | None) -> str | None:
@@ -225,16 +215,6 @@ def _units(root: etree._Element, model: Model) -> None:
             base.set("factor", repr(unit.factor))
         if unit.offset != 0.0:
             base.set("offset", repr(unit.offset))
-
-
-def _log_categories(root: etree._Element) -> None:
-    box = etree.SubElement(root, "LogCategories")
-    etree.SubElement(box, "Category", name="logStatusError", description="Failures, with their reason")
-
-
-def _default_experiment(root: etree._Element, model: Model) -> None:
-    step = max(model.step, model.sample_time)
-    etree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="10", stepSize=repr(step))
 
 
 def _set(element: etree._Element, **attributes: str | None) -> None:

@@ -60,7 +60,7 @@ class Stepper:
 
     def advance(self, ticks: int = 1) -> None:
         """Take internal steps; raises RunError when the state is no longer finite."""
-        with np.errstate(over="ignore", invalid="ignore"):  # what runs away is told below
+        with np.errstate(over="ignore", invalid="ignore"):  # reported below
             for _ in range(ticks):
                 self._tick()
         if not np.all(np.isfinite(self.x)):

@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from learning.collection.plan import Plan, Recording
 from learning.collection.slew_control import Gains
+from learning.collection.tuning import tune
+from learning.slew.recipe import recipe
+from learning.slew.trajectory import of_measurement
 from records.formats import read_measurement
 from records.record import read
 from specs.errors import InputError
@@ -65,9 +68,6 @@ def known(path: Path) -> dict[str, Any]:
 
 
 def _tuned(plan: Plan, wanted: Sequence[Recording], out: Path, report: Report | None) -> dict[str, Any]:
-    from learning.collection.tuning import tune
-    from learning.slew.trajectory import of_measurement
-
     trajectories = [
         t for r in wanted for t in of_measurement(read_measurement(out / f"{r.name}.parquet"), r.name)
     ]
@@ -98,6 +98,4 @@ def _tuned(plan: Plan, wanted: Sequence[Recording], out: Path, report: Report | 
 
 
 def _recipe() -> "Recipe":
-    from learning.slew.recipe import recipe
-
     return replace(recipe("unrolled"), epochs=EPOCHS, unroll=UNROLL, unroll_epochs=UNROLL_EPOCHS)

@@ -2,7 +2,7 @@
 
 A plan has parts; a part has a kind, and recordings of one length in each split.  Every recording has its own
 arm pose, load and random numbers, all drawn from the plan's seed and its own name, so that adding a part or
-a recording changes no other.  docs/collection.md explains every key.
+a recording changes no other.  docs/how-to/collection.md explains every key.
 """
 
 import hashlib

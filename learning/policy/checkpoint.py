@@ -5,6 +5,8 @@ from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from learning.policy.recipe import Recipe
 from learning.policy.simulation.plant import Machine, State
 from learning.policy.simulation.situation import Situation
@@ -19,8 +21,6 @@ KINDS = {kind.__name__: kind for kind in (Situation, State, Machine)}
 
 def save(path: Path, recipe: Recipe, seed: int, data: str, state: Mapping[str, Any]) -> None:
     """Write by way of a file beside it: there is always a whole checkpoint."""
-    import torch
-
     content = {**_told(recipe, seed, data), "state": _plain(dict(state))}
     part = path.with_name(f".{path.name}.part")
     torch.save(content, part)
@@ -29,8 +29,6 @@ def save(path: Path, recipe: Recipe, seed: int, data: str, state: Mapping[str, A
 
 def read(path: Path) -> dict[str, Any]:
     """All that a checkpoint holds, on the processor; InputError names a file that is none."""
-    import torch
-
     if not path.is_file():
         raise InputError(f"no checkpoint {path}; slewright train policy writes it into --out")
     try:

@@ -18,8 +18,8 @@ from learning.policy import checkpoint
 from learning.policy.network import Interface, shaped
 from learning.policy.recipe import Recipe
 from learning.policy.simulation import finite
-from learning.policy.simulation.situation import HIDDEN, Situation, hidden
-from learning.policy.trainer import Step, Trainer
+from learning.policy.simulation.situation import HIDDEN, Situation, Step, hidden
+from learning.policy.trainer import Trainer
 from specs.errors import InputError, RunError
 from specs.policy import SPACING_S
 

@@ -5,6 +5,7 @@ number stays a number.  `to_onnx` writes the same operations as double nodes of 
 neither model nor controller uses are refused by name.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -105,8 +106,6 @@ def element(f: ca.Function, output: int, nonzero: int) -> int:
 
 def _torch_names() -> dict[str, Any]:
     """What the text needs: torch functions that leave numbers numbers."""
-    import math
-
     import torch
 
     def number_or(name: str) -> Callable[[Any], Any]:

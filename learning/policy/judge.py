@@ -22,6 +22,7 @@ from fmus.models.slew_nn.network import SlewNetwork
 from learning.policy.export import Policy, read
 from learning.policy.network import Interface, perceptron, set_weights
 from learning.policy.recipe import RECIPES, Randomisation, Recipe
+from learning.policy.session import NETWORKS
 from learning.policy.simulation.environment import Environment, load_networks
 from specs.policy import SPACING_S
 
@@ -109,8 +110,6 @@ def metrics(slew: Tensor, distance: Tensor, tool: Tensor, ended: Tensor) -> dict
 
 def main(words: Sequence[str] | None = None) -> None:
     """Print the metrics of a policy by load as JSON."""
-    from learning.policy.session import NETWORKS
-
     parser = argparse.ArgumentParser(prog="python -m learning.policy.judge")
     parser.add_argument("policy", type=Path)
     parser.add_argument("--machines", type=int, default=256)

@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from fmus.models.slew_nn.network import SlewNetwork
 from learning.policy.recipe import Recipe
+from learning.policy.simulation.kernel import Tanh
 from learning.policy.simulation.situation import Situation, hidden
 from learning.policy.trainer import Trainer
 from specs.policy import SPACING_S
@@ -84,8 +85,6 @@ class PpoTrainer(Trainer):
 
     def _hasten(self) -> None:
         """The same update in less time: one operation for all of Adam, a quicker tanh."""
-        from learning.policy.simulation.kernel import Tanh
-
         for model in (self.algorithm.actor, self.algorithm.critic):
             for place, layer in enumerate(model.mlp):
                 if isinstance(layer, nn.Tanh):

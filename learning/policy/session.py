@@ -14,13 +14,20 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from learning.policy import checkpoint
 from learning.policy.curve import Log
+from learning.policy.export import Policy, write
+from learning.policy.gradient import GradientTrainer
+from learning.policy.network import weights_of
+from learning.policy.ppo import PpoTrainer
 from learning.policy.recipe import GROUPS, RECIPES, Recipe, recipe
+from learning.policy.simulation.environment import HEIGHT, POSE, RADIUS, load_networks
 from learning.policy.training import Training
 from learning.policy.valid import ABSENT
 from specs.errors import InputError, RunError, nearest
-from specs.policy import TASKS
+from specs.policy import TASKS, contract
 from specs.progress import Report
 from specs.schema import ROOT
 
@@ -138,8 +145,6 @@ def device_of(told: str, chosen: Recipe) -> str:
 
     By the gradient a few hundred machines go through compiled loops, which only the processor has.
     """
-    import torch
-
     if told not in DEVICES:
         raise InputError(f"no device '{told}'; {nearest(told, DEVICES)} (valid: {', '.join(DEVICES)})")
     able = torch.cuda.is_available()
@@ -150,10 +155,6 @@ def device_of(told: str, chosen: Recipe) -> str:
 
 def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> Any:
     """The trainer of a recipe's method on slew networks from files."""
-    import torch
-
-    from learning.policy.simulation.environment import load_networks
-
     torch.set_num_threads(1)
     networks = load_networks(paths)
     trainer = _made(chosen, networks, seed, device)
@@ -164,15 +165,11 @@ def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> 
 def _made(chosen: Recipe, networks: Any, seed: int, device: str) -> Any:
     if chosen.method == "ppo":
         try:
-            from learning.policy.ppo import PpoTrainer
-
             return PpoTrainer(chosen, networks, seed, device)
         except ModuleNotFoundError as error:
             raise InputError(
                 f"PPO needs the package {error.name}: pip install 'slewright[learning]'"
             ) from None
-    from learning.policy.gradient import GradientTrainer
-
     return GradientTrainer(chosen, networks, seed, device)
 
 
@@ -196,10 +193,6 @@ def digest(paths: Any) -> str:
 
 
 def _export(training: Training, options: Options, commit: str, figures: Mapping[str, Any], out: Path) -> Path:
-    from learning.policy.export import Policy, write
-    from learning.policy.network import weights_of
-    from specs.policy import contract
-
     chosen = training.chosen
     made = {
         "command": options.command, "seed": options.seed, "commit": commit, "recipe": chosen.name,
@@ -219,8 +212,6 @@ def _export(training: Training, options: Options, commit: str, figures: Mapping[
 
 def ranges(trainer: Any, chosen: Recipe) -> dict[str, tuple[float, float]]:
     """Trained ranges by name: parameters of the machine, signals, and the pendulum's length, in SI."""
-    from learning.policy.simulation.environment import HEIGHT, POSE, RADIUS
-
     r = chosen.random
     found = {
         "load_mass": r.load, "slew_dead_band": r.dead_band, "pendulum_length": r.tool_length, "pace": r.pace,

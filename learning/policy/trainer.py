@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -14,17 +14,8 @@ from learning.policy.recipe import Recipe
 from learning.policy.simulation import finite
 from learning.policy.simulation.environment import Environment
 from learning.policy.simulation.rewards import weigh
-from learning.policy.simulation.situation import Situation
+from learning.policy.simulation.situation import Situation, Step
 from specs.errors import RunError
-
-
-@dataclass(frozen=True)
-class Step:
-    """A period of control: the situations around it, and the commands [3, n] before they were limited."""
-
-    before: Situation
-    after: Situation
-    asked: Tensor
 
 
 class Trainer:

@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 
 from fmus.models.slew_nn.network import HISTORY, SlewNetwork
+from learning.slew import first_order, grey_box
 from learning.slew.data import Data
 from learning.slew.disagreement import ensemble
 from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, Recipe, exportable, recipe
+from learning.slew.region import with_region
 from learning.slew.score import HORIZON, STRIDE, Predictor, Score, predictor, score
 from learning.slew.trajectory import Windows, windows
 
@@ -122,7 +124,6 @@ def fit(data: Data, variant: str, seed: int, tiny: bool = False) -> Outcome:
 
 
 def _trained(chosen: Recipe, data: Data, seed: int) -> tuple[Predictor, SlewNetwork | None]:
-    from learning.slew.region import with_region
     from learning.slew.training import train
 
     trajectories = data.training(chosen.closed_loop)
@@ -134,14 +135,7 @@ def _trained(chosen: Recipe, data: Data, seed: int) -> tuple[Predictor, SlewNetw
 
 
 def _reference(variant: str, data: Data, tiny: bool) -> tuple[Predictor, Mapping[str, Any]]:
-    if variant == "first_order":
-        from learning.slew import first_order
-
-        fitted = first_order.fit(data.train)
-    else:
-        from learning.slew import grey_box
-
-        fitted = grey_box.fit(data.train, tiny=tiny)
+    fitted = first_order.fit(data.train) if variant == "first_order" else grey_box.fit(data.train, tiny=tiny)
     return fitted.predictor(), fitted.figures()
 
 

@@ -42,7 +42,7 @@ def _check_joystick(trajectory: Trajectory) -> None:
     if most > MOST_JOYSTICK:
         raise InputError(
             f"{trajectory.name}: |u_slew| is up to {most:.3g}; valid is -1 … 1. If it is in %, say so: "
-            "slewright convert --map (docs/recordings.md)"
+            "slewright convert --map (docs/reference/recordings.md)"
         )
 
 

@@ -6,8 +6,9 @@ follow the joystick; then nothing is taken any more but joystick and inertia.  T
 sensor delay late: the history tells the speed that long ago, and what is predicted is the late speed.
 
 Fitted by the same least squares as the model itself (fmus/models/slew/fit.py): errors of speed, of angle (the
-sum of the speed) and of both pressures over 10 s windows, exact sensitivities, the parameters in specs and the
-spreads of start.toml as prior.  The sensor delay is fitted too, unless the speed is not late.  Deterministic.
+sum of the speed) and of both pressures over 10 s windows, exact sensitivities, the parameters in specs and
+the spreads of start.toml as prior.  The sensor delay is fitted too, unless the speed is not
+late.  Deterministic.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from fmus.models.slew_nn.network import SlewNetwork
+from learning.collection.collect import collect
+from learning.collection.plan import load_plan
 from learning.slew import ablation, disagreement, page
 from learning.slew.ablation import REFERENCES, Outcome
 from learning.slew.data import Data, load, of_traces
@@ -163,9 +165,6 @@ def _data(options: Options, report: Report) -> Data:
         return of_traces()
     if options.data:
         return load(options.data, options.without)
-    from learning.collection.collect import collect
-    from learning.collection.plan import load_plan
-
     plan = load_plan(Path(PLAN[options.budget]))
     folder = Path("out/collect") / f"{plan.name}-{options.machine.replace(':', '-')}"
     collect(plan, folder, options.machine, (), report)

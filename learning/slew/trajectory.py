@@ -67,7 +67,7 @@ def _advice(missing: Collection[str]) -> str:
             return f"without {group} --recipe no_{group} can still be trained"
     return (
         "nothing can be trained without it (if it has another name there: slewright convert --map, "
-        "docs/recordings.md)"
+        "docs/reference/recordings.md)"
     )
 
 

@@ -81,7 +81,9 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
         _check_overlap(entries, shown)
         names = _Names(shown)
         for entry in entries:
-            _check_entry(entry, shown)
+            reason = _unfit_name(entry) or _unfit_content(entry)
+            if reason:
+                raise InputError(f"{shown}: entry '{shortened(entry.filename)}' {reason}")
             names.add(entry)
         try:
             _extract_all(archive, entries, folder)
@@ -135,25 +137,25 @@ class _Names:
         """Add an entry and the folders above it (InputError)."""
         path = PurePosixPath(entry.filename)
         for folder in (*list(path.parents)[-2::-1], *([path] if entry.is_dir() else [])):
-            if self._spelling(folder, entry) in self.files:
-                raise self._error(entry, "is inside of what is a file elsewhere in the archive")
+            if self.spelling(folder, entry) in self.files:
+                raise self.error(entry, "is inside of what is a file elsewhere in the archive")
             self.folders.add(str(folder))
         if not entry.is_dir():
-            name = self._spelling(path, entry)
+            name = self.spelling(path, entry)
             if name in self.files:
-                raise self._error(entry, "is in the archive twice")
+                raise self.error(entry, "is in the archive twice")
             if name in self.folders:
-                raise self._error(entry, "is both a file and a folder")
+                raise self.error(entry, "is both a file and a folder")
             self.files.add(name)
 
-    def _spelling(self, path: PurePosixPath, entry: zipfile.ZipInfo) -> str:
+    def spelling(self, path: PurePosixPath, entry: zipfile.ZipInfo) -> str:
         name = str(path)
         other = self.spelt.setdefault(unicodedata.normalize("NFC", name).casefold(), name)
         if other != name:
-            raise self._error(entry, f"differs from '{shortened(other)}' only in case")
+            raise self.error(entry, f"differs from '{shortened(other)}' only in case")
         return name
 
-    def _error(self, entry: zipfile.ZipInfo, message: str) -> InputError:
+    def error(self, entry: zipfile.ZipInfo, message: str) -> InputError:
         return InputError(f"{self.shown}: entry '{shortened(entry.filename)}' {message}")
 
 
@@ -184,12 +186,6 @@ def _check_overlap(entries: list[zipfile.ZipInfo], shown: str) -> None:
                 f"{shown}: entries '{shortened(before)}' and '{shortened(entry.filename)}' share their bytes"
             )
         end, before = entry.header_offset + LOCAL_HEADER + entry.compress_size, entry.filename
-
-
-def _check_entry(entry: zipfile.ZipInfo, shown: str) -> None:
-    reason = _unfit_name(entry) or _unfit_content(entry)
-    if reason:
-        raise InputError(f"{shown}: entry '{shortened(entry.filename)}' {reason}")
 
 
 def _unfit_name(entry: zipfile.ZipInfo) -> str:

@@ -107,6 +107,14 @@ def as_boolean(text: str) -> bool | None:
     return {"true": True, "1": True, "false": False, "0": False}.get(text.strip())
 
 
+def as_bytes(text: str) -> bytes | None:
+    """The bytes that `text` is in hexadecimal digits, or None."""
+    try:
+        return bytes.fromhex(text)
+    except ValueError:
+        return None
+
+
 def required(element: Element, name: str, where: str) -> str:
     """An attribute that must be there; InputError names element and line."""
     text = element.get(name)
@@ -115,14 +123,14 @@ def required(element: Element, name: str, where: str) -> str:
     return text
 
 
-def at(element: Element | None, message: str, where: str) -> str:
+def error(element: Element | None, message: str, where: str) -> InputError:
     """`message` with the line of `element`, and the name of the element or of the one around it."""
     if element is None:
-        return f"{where}: {message}"
+        return InputError(f"{where}: {message}")
     holder = element if element.get("name") else element.getparent()
     name = None if holder is None else holder.get("name")
     of = f" {local(holder)} '{shortened(name)}':" if holder is not None and name else ""
-    return f"{where} line {element.sourceline}:{of} {message}"
+    return InputError(f"{where} line {element.sourceline}:{of} {message}")
 
 
 def shortened(text: str, limit: int = 60) -> str:

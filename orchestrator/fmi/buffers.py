@@ -10,8 +10,7 @@ from orchestrator.core.binding import Blob, Cell
 from orchestrator.core.fmu_binding import Group, library
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import REALS, Variable
-from orchestrator.fmi.type_codes import BLOBS, BOOLEANS, WIRE
-from orchestrator.fmi.variable import RANGES, Scalar, Value
+from orchestrator.fmi.variable import BLOBS, BOOLEANS, RANGES, WIRE, Scalar, Value
 from specs.errors import InputError
 
 

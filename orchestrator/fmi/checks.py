@@ -1,13 +1,16 @@
-"""What the standard demands of an FMU's variables together; a breach that a run would feel is refused.
+"""What the standard demands of a modelDescription.xml: a breach that a run would feel is refused.
 
-Source: FMI 2.0.4, tables in 2.2.7; FMI 3.0.2, 2.4.7.4 (allowed combinations) and 2.4.7.5 (start values).
+Attributes that FMI does not know are warned about; those in a namespace, and all below Annotations, are not.
+Source: FMI 2.0.4, tables in 2.2.7; FMI 3.0.2, 2.4.7.4 (allowed combinations) and 2.4.7.5 (start values);
+fmi2ModelDescription.xsd and fmi3ModelDescription.xsd with what they include.
 """
 
 import math
 from collections.abc import Callable, Iterable, Iterator
 
+from orchestrator.files.xml_file import Element, local, shortened
 from orchestrator.fmi.variable import REALS, Scalar, Variable
-from specs.errors import InputError
+from specs.errors import InputError, listed
 
 # Which variability fits which causality, FMI 3; FMI 2 has the same without structural parameters.
 COMBINATIONS = {
@@ -57,13 +60,13 @@ def warnings(variables: Iterable[Variable], undefined_units: Iterable[str]) -> I
         elif _outside(v) is not None:
             outside.append(v.name)
     if needless:
-        yield f"start values of variables that are calculated are not used: {_some(needless)}"
+        yield f"start values of variables that are calculated are not used: {listed(needless)}"
     if lacking:
-        yield f"variables should have a start value and have none: {_some(lacking)}"
+        yield f"variables should have a start value and have none: {listed(lacking)}"
     if outside:
-        yield f"start values are out of their bounds: {_some(outside)}"
+        yield f"start values are out of their bounds: {listed(outside)}"
     if units := sorted(undefined_units):
-        yield f"units are not defined and cannot be converted: {_some(units)}"
+        yield f"units are not defined and cannot be converted: {listed(units)}"
 
 
 # ---- rules for one variable: a message, or "" ----
@@ -198,5 +201,83 @@ def _error(where: str, variable: Variable, message: str) -> InputError:
     return InputError(f"{where} line {variable.line}: variable '{variable.name}' {message}")
 
 
-def _some(names: list[str], count: int = 5) -> str:
-    return ", ".join(names[:count]) + (f" … ({len(names)} in all)" if len(names) > count else "")
+VARIABLE = {"name", "valueReference", "description", "causality", "variability"} | {
+    "canHandleMultipleSetPerTimeInstant"
+}
+REAL = {"quantity", "unit", "displayUnit", "relativeQuantity", "unbounded", "min", "max", "nominal"} | {
+    "start",
+    "derivative",
+    "reinit",
+}
+WHOLE = {"quantity", "min", "max", "start"}
+TYPED3 = VARIABLE | {"clocks", "intermediateUpdate", "previous", "declaredType", "initial"}
+CLOCK = VARIABLE | {"clocks", "declaredType", "canBeDeactivated", "priority", "intervalVariability"}
+TIMES = {
+    "intervalDecimal",
+    "shiftDecimal",
+    "supportsFraction",
+    "resolution",
+    "intervalCounter",
+    "shiftCounter",
+}
+BOTH = {"modelIdentifier", "needsExecutionTool", "canBeInstantiatedOnlyOncePerProcess"} | {
+    "canHandleVariableCommunicationStepSize",
+    "maxOutputDerivativeOrder",
+}
+ROOT = {"fmiVersion", "modelName", "description", "author", "version", "copyright", "license"} | {
+    "generationTool",
+    "generationDateAndTime",
+    "variableNamingConvention",
+}
+
+KNOWN = {
+    2: {
+        "fmiModelDescription": ROOT | {"guid", "numberOfEventIndicators"},
+        "CoSimulation": BOTH
+        | {"canInterpolateInputs", "canRunAsynchronuously", "canNotUseMemoryManagementFunctions"}
+        | {"canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative"},
+        "DefaultExperiment": {"startTime", "stopTime", "tolerance", "stepSize"},
+        "ScalarVariable": VARIABLE | {"initial"},
+        "Real": REAL | {"declaredType"},
+        "Integer": WHOLE | {"declaredType"},
+        "Enumeration": WHOLE | {"declaredType"},
+        "Boolean": {"declaredType", "start"},
+        "String": {"declaredType", "start"},
+    },
+    3: {
+        "fmiModelDescription": ROOT | {"instantiationToken"},
+        "CoSimulation": BOTH
+        | {"canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives"}
+        | {"providesAdjointDerivatives", "providesPerElementDependencies", "providesEvaluateDiscreteStates"}
+        | {"fixedInternalStepSize", "recommendedIntermediateInputSmoothness", "providesIntermediateUpdate"}
+        | {"mightReturnEarlyFromDoStep", "canReturnEarlyAfterIntermediateUpdate", "hasEventMode"},
+        "DefaultExperiment": {"startTime", "stopTime", "tolerance", "stepSize"},
+        **{f"Float{bits}": TYPED3 | REAL for bits in (32, 64)},
+        **{f"{sign}Int{bits}": TYPED3 | WHOLE for sign in ("", "U") for bits in (8, 16, 32, 64)},
+        "Enumeration": TYPED3 | WHOLE,
+        "Boolean": TYPED3 | {"start"},
+        "String": TYPED3,
+        "Binary": TYPED3 | {"mimeType", "maxSize"},
+        "Clock": CLOCK | TIMES,
+        "Dimension": {"start", "valueReference"},
+        "Start": {"value"},
+        "Alias": {"name", "description", "displayUnit"},
+    },
+}
+
+
+def unknown_attributes(root: Element, version: int) -> Iterator[str]:
+    """A sentence on the attributes that are ignored because the standard does not know them."""
+    unknown: dict[str, int] = {}
+    variables = root.find("ModelVariables")
+    elements = [root, *root.iterfind("CoSimulation"), *root.iterfind("DefaultExperiment")]
+    for holder in () if variables is None else variables:
+        elements += [holder, *(child for child in holder if child.tag != "Annotations")]
+    for element in elements:
+        known = KNOWN[version].get(local(element))
+        for name in element.attrib if known is not None else ():
+            if str(name) not in (known or ()) and not str(name).startswith("{"):
+                unknown.setdefault(f"{local(element)}.{name}", element.sourceline or 0)
+    if unknown:
+        shown = listed([f"{shortened(name)} (line {line})" for name, line in unknown.items()])
+        yield f"attributes that FMI {version}.0 does not know are ignored: {shown}"

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from fmus.paths import built_here
 from orchestrator.fmi.model_description import ModelDescription
 from orchestrator.fmi.variable import Value, Variable, size_of
 
@@ -40,3 +41,8 @@ class Component:
         """Number of elements of one of its variables, with the structural parameters it starts with."""
         model = self.model.structural()
         return size_of(variable, {name: int(self.start.get(name, model[name])) for name in model})  # type: ignore[arg-type]
+
+
+def runs_here(component: Component, trust: bool) -> bool:
+    """Whether the FMU of a component runs in this process: it was built here, or the user trusts it."""
+    return trust or built_here(component.sha256)

@@ -25,8 +25,7 @@ from orchestrator.core.fmu_binding import (
 from orchestrator.fmi.buffers import Values, flat
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import Variable
-from orchestrator.fmi.type_codes import BLOBS, STATUS, WARNING, WIRE
-from orchestrator.fmi.variable import Value
+from orchestrator.fmi.variable import BLOBS, STATUS, WARNING, WIRE, Value
 from specs.errors import InputError, RunError
 
 LIMIT_S = 60.0  # for one call of an FMU in a process of its own
@@ -34,13 +33,16 @@ ERROR_SIZE = 1024
 
 
 class Instance:
-    """One instance, here or in a process of its own; use `instantiate`, and `free` it.
+    """One instance, here or in a process of its own, not yet initialised; a context, which frees it.
 
-    It is a context manager, which frees it.
     `pointer` is the core's slw_fmu; `isolated`, `event_mode`, `early_return`: how it was instantiated.
     """
 
     def __init__(self, component: Component, isolated: bool = False, limit_s: float = LIMIT_S) -> None:
+        """Load the FMU: with `isolated` in a process of its own, where a call may take `limit_s` seconds.
+
+        Raises InputError when the library cannot be loaded or refuses to make an instance.
+        """
         self.component, self.name, self.model = component, component.name, component.model
         self.isolated = isolated
         self.event_mode = self.model.has_event_mode
@@ -208,7 +210,9 @@ class Instance:
 
         Of arrays every element counts.
         """
-        groups = [self._references(names) for names in (unknowns, knowns)]
+        groups = [
+            np.array([self.variable(n).vr for n in names], dtype=np.uint32) for names in (unknowns, knowns)
+        ]
         sizes = [sum(self.component.size(self.variable(n)) for n in names) for names in (unknowns, knowns)]
         result, direction = np.zeros(sizes[0]), np.array(seed, float)
         if len(direction) != sizes[1]:
@@ -217,9 +221,6 @@ class Instance:
         ends = (direction.ctypes.data, len(direction), result.ctypes.data, len(result))
         self.call("directional", *references, *ends)
         return result
-
-    def _references(self, names: Sequence[str]) -> np.ndarray:
-        return np.array([self.variable(n).vr for n in names], dtype=np.uint32)
 
     # ---- errors ----
 
@@ -237,9 +238,9 @@ class Instance:
     def check(self, status: int, doing: str) -> None:
         """RunError if `status` is worse than a warning."""
         if status > WARNING:
-            raise RunError(f"component {self.name}: {doing} returned {self.said(status)}")
+            raise RunError(f"component {self.name}: {doing} returned {self.status_text(status)}")
 
-    def said(self, status: int) -> str:
+    def status_text(self, status: int) -> str:
         """A status in words, with the FMU's last message."""
         word = STATUS[status] if 0 <= status < len(STATUS) else f"the unknown status {status}"
         words = self.last_words()
@@ -270,13 +271,3 @@ def resources(component: Component) -> bytes | None:
     if component.model.fmi_version == 2:
         return folder.as_uri().encode()
     return f"{folder}/".encode() if folder.is_dir() else None
-
-
-def instantiate(component: Component, isolated: bool = False, limit_s: float = LIMIT_S) -> Instance:
-    """An instance of a component's FMU, not yet initialised.
-
-    isolated  in a process of its own, where one call may take `limit_s` seconds
-
-    Raises InputError when the library cannot be loaded or refuses to make an instance.
-    """
-    return Instance(component, isolated, limit_s)

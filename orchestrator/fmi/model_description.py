@@ -1,7 +1,7 @@
 """What an FMU says of itself: `modelDescription.xml` of FMI 2.0 and 3.0, co-simulation.
 
-Variables are read by modelvariables.py, judged by checks.py; modelstructure.py reads dependencies,
-known_attributes.py knows which attributes there are.
+variable_reader.py reads the variables and value_texts.py their values, checks.py judges them, and
+model_structure.py reads the dependencies.
 Source: FMI 2.0.4, chapters 2.2 and 4.3; FMI 3.0.2, 2.4 and 4.4, Modelica Association.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element, local
-from orchestrator.fmi import checks, known_attributes
+from orchestrator.fmi import checks
 from orchestrator.fmi.model_structure import Dependencies, StructureReader
 from orchestrator.fmi.units import parse_units
 from orchestrator.fmi.variable import FMI2_TYPES, FMI3_TYPES, NOT_NUMBERS, REALS, ClockInfo, Variable, size_of
@@ -121,7 +121,7 @@ def parse(content: bytes, shown: str) -> ModelDescription:
     experiment = _experiment(root.find("DefaultExperiment"), where)
     warnings = [
         *_version_warnings(root),
-        *known_attributes.warnings(root, version),
+        *checks.unknown_attributes(root, version),
         *checks.warnings(variables.values(), reader.undefined_units),
         *structure.warnings(),
     ]

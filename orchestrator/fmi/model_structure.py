@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element, local
 from orchestrator.fmi.variable import Variable
-from specs.errors import InputError
+from specs.errors import InputError, listed
 
 # Names of inputs; None: the FMU does not say, it may be all of them.
 Dependencies = Mapping[str, tuple[str, ...] | None]
@@ -44,9 +44,9 @@ class StructureReader:
     def warnings(self) -> Iterator[str]:
         """Sentences on what the structure lacks."""
         if self.missing and any(v.causality == "input" for v in self.variables.values()):
-            yield f"outputs missing from ModelStructure may depend on every input: {_some(self.missing)}"
+            yield f"outputs missing from ModelStructure may depend on every input: {listed(self.missing)}"
         if self.not_outputs:
-            yield f"ModelStructure lists variables as outputs that are none: {_some(self.not_outputs)}"
+            yield f"ModelStructure lists variables as outputs that are none: {listed(self.not_outputs)}"
 
     def _initially(self, listed: Dependencies, name: str) -> tuple[str, ...] | None:
         """An output that starts at a given value depends on nothing at the start."""
@@ -106,7 +106,3 @@ class StructureReader:
 
     def _error(self, element: Element, message: str) -> InputError:
         return InputError(f"{self.where} line {element.sourceline}: {message}")
-
-
-def _some(names: list[str], count: int = 5) -> str:
-    return ", ".join(names[:count]) + (f" … ({len(names)} in all)" if len(names) > count else "")

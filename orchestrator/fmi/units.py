@@ -21,9 +21,9 @@ class Affine:
         """The map that applies `self` first and `other` to its result."""
         return Affine(other.scale * self.scale, other.scale * self.offset + other.offset)
 
-    def inverse(self, value: float) -> float:
-        """The x whose map is `value`."""
-        return (value - self.offset) / self.scale
+    def inverse(self) -> "Affine":
+        """The map from y back to x."""
+        return Affine(1.0 / self.scale, -self.offset / self.scale)
 
     def __call__(self, value: float) -> float:
         return self.scale * value + self.offset
@@ -51,15 +51,8 @@ def compatible(source: Unit | None, target: Unit | None) -> bool:
 
 def parse_units(holder: Element | None, where: str) -> dict[str, Unit | None]:
     """Unit definitions under `holder` (SSD `Units`, FMI `UnitDefinitions`); None: dimension not given."""
-    return (
-        {}
-        if holder is None
-        else {
-            xml_file.required(unit, "name", where): _base_unit(unit, where)
-            for unit in holder
-            if xml_file.local(unit) == "Unit"
-        }
-    )
+    units = [element for element in (() if holder is None else holder) if xml_file.local(element) == "Unit"]
+    return {xml_file.required(unit, "name", where): _base_unit(unit, where) for unit in units}
 
 
 def _base_unit(unit: Element, where: str) -> Unit | None:

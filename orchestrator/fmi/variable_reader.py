@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element, local
 from orchestrator.fmi import value_texts
-from orchestrator.fmi.clock_ticks import clock_info
 from orchestrator.fmi.variable import FMI2_TYPES, FMI3_TYPES, REALS, Value, Variable
 from specs.errors import InputError, nearest
 from specs.units import Unit
@@ -62,7 +61,12 @@ class VariableReader:
     def _variable(self, outer: Element, typed: Element) -> Variable:
         declared = self._declared(typed)
         type_name = local(typed)
-        causality = self._choice(outer, "causality", self._causalities(), "local")
+        causality = self._choice(
+            outer,
+            "causality",
+            CAUSALITIES if self.version == 2 else (*CAUSALITIES, "structuralParameter"),
+            "local",
+        )
         variability = self._choice(
             outer, "variability", VARIABILITIES, self._variability(causality, type_name)
         )
@@ -89,7 +93,7 @@ class VariableReader:
             items=value_texts.items(declared, self.version, self.where) if type_name == "Enumeration" else {},
             initial=self._initial(outer, typed, causality, variability),
             clocks=tuple(self._clocks(outer)),
-            clock=clock_info(typed, declared, self.where) if type_name == "Clock" else None,
+            clock=value_texts.clock_info(typed, declared, self.where) if type_name == "Clock" else None,
             max_size=self._max_size(typed, declared) if type_name == "Binary" else None,
             multiple_set_per_instant=xml_file.boolean(
                 outer, "canHandleMultipleSetPerTimeInstant", True, self.where
@@ -101,9 +105,6 @@ class VariableReader:
         """A magnitude: its sign does not count, and what is none is as if not given."""
         found = abs(float(value_texts.bound(typed, declared, "nominal", self.where) or 1.0))
         return found if 0.0 < found < math.inf else 1.0
-
-    def _causalities(self) -> tuple[str, ...]:
-        return CAUSALITIES if self.version == 2 else (*CAUSALITIES, "structuralParameter")
 
     def _variability(self, causality: str, type_name: str) -> str:
         """The default; a parameter without one is taken as fixed, the most careful reading."""
@@ -166,17 +167,15 @@ class VariableReader:
         """Default size that the variable with this value reference gives a dimension."""
         name, given = self.names.get(vr, ("", None))
         if given is None:
-            raise InputError(
-                xml_file.at(element, f"dimension refers to value reference {vr}; there is none", self.where)
+            raise xml_file.error(
+                element, f"dimension refers to value reference {vr}; there is none", self.where
             )
         constant = given.get("variability") == "constant"
         if local(given) != "UInt64" or not (constant or given.get("causality") == "structuralParameter"):
-            raise InputError(
-                xml_file.at(
-                    element,
-                    f"dimension refers to '{name}', which is no structural parameter of type UInt64",
-                    self.where,
-                )
+            raise xml_file.error(
+                element,
+                f"dimension refers to '{name}', which is no structural parameter of type UInt64",
+                self.where,
             )
         size = xml_file.integer(given, "start", 0, self.where)
         if not 0 < size <= MAX_ELEMENTS:
@@ -267,4 +266,4 @@ class VariableReader:
 
     def error(self, element: Element, message: str) -> InputError:
         """`message` with the element's line, and the name of the variable where the element has one."""
-        return InputError(xml_file.at(element, message, self.where))
+        return xml_file.error(element, message, self.where)

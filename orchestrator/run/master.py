@@ -9,13 +9,12 @@ import numpy as np
 
 from orchestrator.core import binding
 from orchestrator.core.binding import BlockStatistics, Statistics
-from orchestrator.fmi.instance import LIMIT_S, Instance, instantiate
+from orchestrator.fmi.component import runs_here
+from orchestrator.fmi.instance import LIMIT_S, Instance
 from orchestrator.fmi.model_description import REALS
-from orchestrator.fmi.trust import runs_here
-from orchestrator.fmi.type_codes import BLOBS
-from orchestrator.fmi.variable import Scalar, Value
-from orchestrator.run.lowering import Plan, scalars, to_bits
-from orchestrator.ssp.settings import Settings
+from orchestrator.fmi.variable import BLOBS, Scalar, Value
+from orchestrator.run.plan import Plan, scalars, to_bits
+from orchestrator.ssp.description import Settings
 from orchestrator.system.layout import Layout, Slot
 from orchestrator.system.order import algebraic_loops
 from orchestrator.system.system import System
@@ -70,7 +69,7 @@ class Master:
         self.library, self.core = self.plan.library, self.plan.core
         try:
             self._instantiate(start)
-            self._lower()
+            self._configure()
         except BaseException:
             self.free()
             raise
@@ -81,11 +80,11 @@ class Master:
             isolated = not runs_here(component, self.options.trust) or component.sha256 in here
             if component.model.only_once_per_process and not isolated:
                 here.add(component.sha256)
-            instance = instantiate(component, isolated=isolated, limit_s=self.options.limit_s)
+            instance = Instance(component, isolated=isolated, limit_s=self.options.limit_s)
             self.instances.append(instance)
             instance.set_values(start[component.name])
 
-    def _lower(self) -> None:
+    def _configure(self) -> None:
         plan, options = self.plan, self.options
         for position, instance in enumerate(self.instances):
             plan.block(position, instance.pointer, instance.event_mode, instance.early_return)
@@ -120,14 +119,11 @@ class Master:
         """Set a system input; it holds until a stimulus changes it."""
         slot = self.layout.system_inputs[name]
         for cell, scalar in zip(slot.cells, scalars(value, slot), strict=True):
-            self._write(cell, slot, scalar)
-
-    def _write(self, cell: int, slot: Slot, scalar: Scalar) -> None:
-        if isinstance(scalar, str | bytes):
-            data = scalar.encode() if isinstance(scalar, str) else scalar
-            self.library.slw_core_write_blob(self.core, cell, data, len(data))
-        else:
-            self.plan.integers[cell] = to_bits(scalar, slot.type)
+            if isinstance(scalar, str | bytes):
+                data = scalar.encode() if isinstance(scalar, str) else scalar
+                self.library.slw_core_write_blob(self.core, cell, data, len(data))
+            else:
+                self.plan.integers[cell] = to_bits(scalar, slot.type)
 
     # ---- running ----
 
@@ -232,7 +228,7 @@ class Master:
             return self._not_converged(failure)
         if failure.what in words:
             return words[failure.what]
-        return f"the FMU returned {instance.said(failure.status)}" if instance else "no memory"
+        return f"the FMU returned {instance.status_text(failure.status)}" if instance else "no memory"
 
     def _not_converged(self, failure: Any) -> str:
         settings = self.options.settings
@@ -278,7 +274,7 @@ class Master:
 
     def _number(self, slot: Slot) -> str:
         if slot.type in BLOBS:
-            return "…"  # a cell holds but where it stands
+            return "…"  # the cell holds the number of the text only
         if slot.type in REALS:
             values = [f"{x:.6g}" for x in self.plan.reals[slot.first : slot.first + slot.size]]
         else:

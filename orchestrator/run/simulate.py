@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.fmi.variable import Value
 from orchestrator.run.master import LIMIT_S, Master, Options
-from orchestrator.ssp.settings import Settings
+from orchestrator.ssp.description import Settings
 from orchestrator.system.interventions import Changes, check_changes, check_faults
 from orchestrator.system.layout import lay_out
 from orchestrator.system.stimuli import Stimuli
@@ -37,49 +37,27 @@ Progress = Callable[[int], None]
 def simulate(
     system: System,
     stop_ticks: int,
-    stimuli: Stimuli | None = None,
-    parameters: Mapping[str, Value] | None = None,
-    record_path: Path | str | None = None,
-    algorithm: str | None = None,
-    seed: int | None = None,
-    record: Sequence[str] | str | None = None,
-    meta: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
+    stimuli: Stimuli | None = None,  # of the system inputs; others keep their connector's start value
+    parameters: Mapping[str, Value] | None = None,  # "component.parameter" -> value, over the description's
+    record_path: Path | str | None = None,  # Parquet file to write; None keeps the record in memory
+    algorithm: str | None = None,  # over that of the settings: see docs/orchestrator.md
+    seed: int | None = None,  # of all random numbers: of each component with `noise_seed`, of each fault
+    record: Sequence[str] | str | None = None,  # what to record: see `layout.lay_out`
+    meta: Mapping[str, Any] | None = None,  # added to the record's metadata
+    progress: Progress | None = None,  # called with the tick now and then
     *,
-    settings: Settings | None = None,
-    faults: Sequence[Fault] = (),
-    changes: Changes | None = None,
-    realtime: float = 0.0,
-    timing: bool = False,
-    trust: bool = False,
-    limit_s: float = LIMIT_S,
-    statistics: dict[str, Any] | None = None,
+    settings: Settings | None = None,  # in place of the system's own
+    faults: Sequence[Fault] = (),  # beside those of the system description
+    changes: Changes | None = None,  # tick -> "component.parameter" -> value: tunable parameters in the run
+    realtime: float = 0.0,  # simulated seconds per second of the clock; 0: as fast as it goes
+    timing: bool = False,  # measure the time inside each FMU (a few percent slower)
+    trust: bool = False,  # run foreign FMUs in this process, without protection from their crashes
+    limit_s: float = LIMIT_S,  # how long one call of an isolated FMU may take
+    statistics: dict[str, Any] | None = None,  # filled with counts and times, which are no part of the record
 ) -> Record:
     """Run `stop_ticks` steps of `system.step_s` and return the record: one row a tick, from 0 to stop_ticks.
 
     A run ends before that when an FMU asks for it: the record is then marked incomplete and says which one.
-
-    stimuli     values of the system inputs; what it does not name keeps the connector's start value
-    parameters  "component.parameter" -> value, over the values of the system description
-    record_path Parquet file to write; None keeps the record in memory
-    algorithm   "jacobi" (all components step on the values of the last tick), "gauss-seidel" (in order of
-                dependency, each on the newest values), "iterate" (steps repeated until inputs and outputs
-                agree), "adaptive" (steps halved until the error is within the tolerance); None: what the
-                system states
-    seed        of all random numbers: each component with a parameter `noise_seed` gets one derived from it,
-                and so does each fault
-    record      names to record: system connectors or "component.variable"; None: all system connectors;
-                "all": these and all variables
-    meta        added to the record's metadata
-    progress    called with the tick now and then
-    settings    in place of the system's own (`algorithm` is then over theirs)
-    faults      beside those of the system description
-    changes     tick -> "component.parameter" -> value: tunable parameters that change in the run
-    realtime    simulated seconds per second of the clock; 0: as fast as it goes
-    timing      measure the time inside each FMU (a few percent slower)
-    trust       run foreign FMUs in this process, without protection from their crashes
-    limit_s     how long one call of an isolated FMU may take [s]
-    statistics  filled with counts and times (`Master.statistics`); they are no part of the record
 
     Raises InputError before anything is run or written.  Raises RunError when an FMU fails (named, with time
     and last inputs) or the recording does; what was recorded is then kept and marked incomplete, as it is on
@@ -89,13 +67,7 @@ def simulate(
     stimuli.check(system)
     chosen = settings or system.settings
     chosen = replace(chosen, algorithm=algorithm or chosen.algorithm)
-    system.check_algorithm(chosen.algorithm)
-    if stop_ticks < 0:
-        raise InputError(f"a run has 0 or more ticks, not {stop_ticks}")
-    if not realtime >= 0.0:
-        raise InputError(f"realtime is a factor of 0 or more, not {realtime:g}")
-    if not limit_s > 0.0:
-        raise InputError(f"limit_s is a positive time, not {limit_s:g}")
+    _check_run(system, chosen.algorithm, stop_ticks, realtime, limit_s)
     layout = lay_out(system, record)
     start = system.start_values({**seeds(system, seed), **(parameters or {})})
     every_fault = (*system.faults, *faults)
@@ -113,18 +85,48 @@ def simulate(
     )
     provenance = _provenance(system, options, parameters or {}, changes or {}) | dict(meta or {})
     with Master(system, layout, start, options) as master:
-        master.plan.log(min(stop_ticks + 2, max(RING_CELLS // (1 + len(layout.logged)), 2 * MOST_TAKEN)))
-        sink = _open(record_path, (TIME, *layout.columns), provenance, master)
+        return _recorded(master, stop_ticks, record_path, provenance, progress, statistics)
+
+
+def _check_run(system: System, algorithm: str, stop_ticks: int, realtime: float, limit_s: float) -> None:
+    system.check_algorithm(algorithm)
+    if stop_ticks < 0:
+        raise InputError(f"a run has 0 or more ticks, not {stop_ticks}")
+    if not realtime >= 0.0:
+        raise InputError(f"realtime is a factor of 0 or more, not {realtime:g}")
+    if not limit_s > 0.0:
+        raise InputError(f"limit_s is a positive time, not {limit_s:g}")
+
+
+def _recorded(
+    master: Master,
+    stop_ticks: int,
+    path: Path | str | None,
+    meta: Mapping[str, Any],
+    progress: Progress | None,
+    statistics: dict[str, Any] | None,
+) -> Record:
+    """The run's record; whatever ends the run, what was logged is kept."""
+    columns = (TIME, *master.layout.columns)
+    master.plan.log(min(stop_ticks + 2, max(RING_CELLS // len(columns), 2 * MOST_TAKEN)))
+    sink: _Sink
+    if path is None:
+        sink = _Memory(columns, meta, master)
+    else:
+        sink = ThreadedWriter(path, columns, meta, lambda most: _rows(master, LEAST_TAKEN, most, WAIT_MS))
+    try:
+        sink.start()
+        ended_by = _run(master, stop_ticks, sink, progress)
+    except BaseException as error:
         try:
-            sink.start()
-            ended_by = _run(master, stop_ticks, sink, progress)
-        except BaseException as error:
-            _close_incomplete(sink, error)
-            raise
-        finally:
-            if statistics is not None:
-                statistics.update(master.statistics())
-        sink.close(not ended_by, ended_by)
+            sink.close(complete=False, reason=reason_of(error))
+        except RunError as second:  # the first failure is the one that is reported
+            error.add_note(str(second))
+        raise
+    finally:
+        if statistics is not None:
+            statistics.update(master.statistics())
+    sink.close(not ended_by, ended_by)
     return sink.record()
 
 
@@ -183,22 +185,6 @@ class _Memory(MemoryWriter):
 
 
 _Sink = _Memory | ThreadedWriter
-
-
-def _open(
-    path: Path | str | None, columns: Sequence[Column], meta: Mapping[str, Any], master: Master
-) -> _Sink:
-    if path is None:
-        return _Memory(columns, meta, master)
-    return ThreadedWriter(path, columns, meta, lambda most: _rows(master, LEAST_TAKEN, most, WAIT_MS))
-
-
-def _close_incomplete(sink: _Sink, error: BaseException) -> None:
-    """Mark the record incomplete; the first failure is the one that is reported."""
-    try:
-        sink.close(complete=False, reason=reason_of(error))
-    except RunError as second:
-        error.add_note(str(second))
 
 
 def seeds(system: System, seed: int | None) -> dict[str, float]:

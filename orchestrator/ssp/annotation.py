@@ -12,8 +12,7 @@
 
 from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element
-from orchestrator.ssp.description import Simulation
-from orchestrator.ssp.settings import ALGORITHMS, Settings
+from orchestrator.ssp.description import ALGORITHMS, Settings, Simulation
 from orchestrator.ssp.text import Place, Text
 from specs.errors import nearest
 from specs.faults import Fault, from_attributes

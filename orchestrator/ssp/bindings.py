@@ -8,11 +8,10 @@ from pathlib import Path
 
 from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element
-from orchestrator.ssp.paths import inside
 from orchestrator.ssp.ssc import Definitions
 from orchestrator.ssp.ssm import Entry, apply, read_mapping
 from orchestrator.ssp.ssv import ParameterValue, read_parameter_set
-from orchestrator.ssp.text import Text
+from orchestrator.ssp.text import Text, path_in_package
 
 SSV_TYPE = "application/x-ssp-parameter-set"
 SSM_TYPE = "application/x-ssp-parameter-mapping"
@@ -77,7 +76,7 @@ class Binding:
             raise self.text.error(element, "sourceBase 'component' needs a component with a source")
         folder = component if base == "component" and component else self.folder
         root = folder if base == "component" else self.root
-        return inside(self.text.place(element), root, folder, source)
+        return path_in_package(self.text.place(element), root, folder, source)
 
 
 def read_bindings(

@@ -51,15 +51,11 @@ def apply(value: Value, conversion: Conversion) -> Value:
 def undo(value: Value, conversion: Conversion) -> Value | None:
     """The value whose conversion is `value`; None where a table gives it for none."""
     if not conversion.table:
-        return apply(value, Conversion(_inverse(conversion.affine)))
+        return apply(value, Conversion(conversion.affine.inverse()))
     back = Conversion(table={y: x for x, y in reversed(list(conversion.table.items()))})
     values = value if isinstance(value, tuple) else (value,)
     reached = all(conversion.table.get(int(v), v) == v or v in back.table for v in values)  # type: ignore[arg-type]
     return apply(value, back) if reached else None
-
-
-def _inverse(affine: Affine) -> Affine:
-    return affine if affine == IDENTITY else Affine(1.0 / affine.scale, -affine.offset / affine.scale)
 
 
 def apply_one(scalar: Scalar, conversion: Conversion) -> Scalar:
@@ -95,7 +91,7 @@ class ValueType:
     """What a value is at one point of its way: its type, items of an enumeration, bounds.
 
     type     of FMI; "": not known
-    generic  "real" or "integer" where no more than that is known: SSP 1.0's types stand for all of their kind
+    generic  "real" or "integer" where only that is known: SSP 1.0's types stand for all of their kind
     """
 
     type: str = ""

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from orchestrator.ssp.bindings import Binding
 from orchestrator.ssp.conversion import Transformation
-from orchestrator.ssp.settings import Settings
 from orchestrator.ssp.ssc import Typed
 from orchestrator.ssp.text import Place
 from specs.faults import Fault
 
 __all__ = (
+    "ALGORITHMS",
     "SYSTEM",
     "ComponentElement",
     "Connection",
@@ -19,13 +19,34 @@ __all__ = (
     "Description",
     "Dictionary",
     "Element",
+    "Port",
     "Reference",
+    "Settings",
     "Simulation",
     "SystemElement",
     "Typed",
 )
 
-SYSTEM = ""  # element name of the system itself in a connection
+SYSTEM = ""  # owner of a port of the system itself
+
+# Sides of a port: of a system or FMU; of the component that stands for a system of another file; of a signal
+# in a dictionary; of a dictionary reference where signals go in.
+INNER, OUTER, SIGNAL, INTO = "", "outer", "signal", "into"
+
+
+@dataclass(frozen=True)
+class Port:
+    """A point that a signal passes: connector `name` of the element `owner`.
+
+    In a description the owner is an element of the same system, in a `Graph` the element's path.
+    """
+
+    owner: str
+    name: str
+    side: str = INNER
+
+    def __str__(self) -> str:
+        return f"{self.owner}.{self.name}" if self.owner else f"system connector {self.name}"
 
 
 @dataclass(frozen=True)
@@ -40,13 +61,13 @@ class Connector:
 
 @dataclass(frozen=True)
 class Connection:
-    """Two ends (element, connector) as written, either way round; element `SYSTEM`: the system itself."""
+    """From one port to another: in a description either way round, in a `Graph` as the signal goes."""
 
-    start: tuple[str, str]
-    end: tuple[str, str]
-    transformation: Transformation | None
-    suppress: bool
+    start: Port
+    end: Port
     place: Place
+    transformation: Transformation | None = None
+    suppress: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,6 +111,26 @@ class SystemElement(Element):
     elements: Mapping[str, Element] = field(default_factory=dict)
     connections: tuple[Connection, ...] = ()
     dictionaries: Mapping[str, Dictionary] = field(default_factory=dict)
+
+
+ALGORITHMS = ("jacobi", "gauss-seidel", "iterate", "adaptive")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a system is stepped; a system description states it in our annotation.
+
+    algorithm       one of ALGORITHMS
+    tolerance       relative, of "iterate" (change between sweeps) and "adaptive" (local error of a step);
+                    also that with which algebraic loops are solved at the start
+    max_iterations  sweeps of "iterate" and of algebraic loops before a run fails
+    max_halvings    how often "adaptive" may halve the system's step: the smallest is step_s / 2**max_halvings
+    """
+
+    algorithm: str = "jacobi"
+    tolerance: float = 1e-6
+    max_iterations: int = 50
+    max_halvings: int = 16
 
 
 @dataclass(frozen=True)

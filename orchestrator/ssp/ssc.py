@@ -39,6 +39,14 @@ class Definitions:
     units: dict[str, Unit | None] = field(default_factory=dict)
     enumerations: dict[str, Mapping[str, int]] = field(default_factory=dict)
 
+    def items(self, text: Text, element: Element, name: str) -> Mapping[str, int]:
+        """Items of the enumeration `name` that `element` is of; InputError where it is not defined."""
+        if name not in self.enumerations:
+            raise text.error(
+                element, f"the enumeration '{name}' is not defined; {nearest(name, self.enumerations)}"
+            )
+        return self.enumerations[name]
+
 
 def read_definitions(text: Text, groups: Mapping[str, list[Element]]) -> Definitions:
     """From the children `Units` and `Enumerations` of a root element; InputError for a name defined twice."""
@@ -82,7 +90,7 @@ def read_type(text: Text, groups: Mapping[str, list[Element]], definitions: Defi
         name,
         unit_name,
         definitions.units.get(unit_name),
-        _enumeration(text, element, definitions) if name == "Enumeration" else {},
+        definitions.items(text, element, text.name(element)) if name == "Enumeration" else {},
         dimensions,
         element.get("mime-type", ""),
         element.get("intervalVariability", ""),
@@ -139,15 +147,6 @@ def _items(text: Text, enumeration: Element) -> dict[str, int]:
             raise text.error(item, f"second item '{name}'")
         items[name] = xml_file.integer(item, "value", 0, text.shown)
     return items
-
-
-def _enumeration(text: Text, element: Element, definitions: Definitions) -> Mapping[str, int]:
-    name = text.name(element)
-    if name not in definitions.enumerations:
-        raise text.error(
-            element, f"the enumeration '{name}' is not defined; {nearest(name, definitions.enumerations)}"
-        )
-    return definitions.enumerations[name]
 
 
 def _dimension(text: Text, element: Element) -> int | str | None:

@@ -1,6 +1,6 @@
 """Reads a system structure description, SSP 1.0 or 2.0; what it cannot honour it refuses, by name and line.
 
-What becomes of every element and attribute stands in `sspforms`.
+What becomes of every element and attribute stands in element_forms.py.
 Source: System Structure and Parameterization 1.0 and 2.0 (chapter 5), Modelica Association.
 """
 
@@ -18,13 +18,13 @@ from orchestrator.ssp.description import (
     Description,
     Dictionary,
     Element,
+    Port,
     SystemElement,
 )
 from orchestrator.ssp.element_forms import KINDS, NEW_KINDS
-from orchestrator.ssp.paths import inside
 from orchestrator.ssp.ssb import read_dictionary
 from orchestrator.ssp.ssc import Definitions, read_definitions, read_transformation, read_type
-from orchestrator.ssp.text import Text
+from orchestrator.ssp.text import Text, path_in_package
 from specs.errors import InputError
 
 T = TypeVar("T", Connector, Element, Dictionary)
@@ -111,9 +111,7 @@ class _Reader:
         system = SystemElement(
             element.get("name", ""),
             self.connectors(groups, KINDS),
-            read_bindings(
-                self.text, groups.get("ParameterBindings", []), self.root, self.path.parent, self.definitions
-            ),
+            self.bindings(groups),
             self.text.place(element),
             self.elements(groups.get("Elements", [])),
             tuple(
@@ -162,9 +160,7 @@ class _Reader:
         return parts.ComponentElement(
             name,
             self.connectors(groups, [k for k in KINDS if k != "inout"]),
-            read_bindings(
-                self.text, groups.get("ParameterBindings", []), self.root, self.path.parent, self.definitions
-            ),
+            self.bindings(groups),
             self.text.place(element),
             source,
             kind,
@@ -205,15 +201,15 @@ class _Reader:
     def connection(self, element: Xml) -> Connection:
         groups = self.text.children(element, "ssd:Connection")
         start, end = (
-            (element.get(f"{side}Element", parts.SYSTEM), self.text.name(element, f"{side}Connector"))
+            Port(element.get(f"{side}Element", parts.SYSTEM), self.text.name(element, f"{side}Connector"))
             for side in ("start", "end")
         )
         return Connection(
             start,
             end,
+            self.text.place(element),
             read_transformation(self.text, groups),
             self.text.flag(element, "suppressUnitConversion"),
-            self.text.place(element),
         )
 
     def dictionaries(self, holders: list[Xml]) -> dict[str, Dictionary]:
@@ -232,7 +228,7 @@ class _Reader:
             raise self.text.error(element, f"signal dictionary '{name}' needs either 'source' or its content")
         shown = self.text.shown if source is None else source
         if inner is None:
-            path = inside(self.text.place(element), self.root, self.path.parent, shown)
+            path = path_in_package(self.text.place(element), self.root, self.path.parent, shown)
             inner = xml_file.read(path, shown)
         entries = read_dictionary(inner, shown, self.text.warnings)
         return Dictionary(name, entries, self.text.place(element))

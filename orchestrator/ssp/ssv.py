@@ -92,13 +92,7 @@ def _parameter(text: Text, element: Element, definitions: Definitions, shared: b
 
 def _items(text: Text, given: Element, definitions: Definitions) -> Mapping[str, int]:
     name = given.get("name") if xml_file.local(given) == "Enumeration" else None
-    if name is None:
-        return {}
-    if name not in definitions.enumerations:
-        raise text.error(
-            given, f"the enumeration '{name}' is not defined; {nearest(name, definitions.enumerations)}"
-        )
-    return definitions.enumerations[name]
+    return {} if name is None else definitions.items(text, given, name)
 
 
 def _value(
@@ -138,7 +132,7 @@ def _scalar(text: Text, given: Element, written: str) -> Scalar:
     elif kind == "Boolean":
         value, wanted = xml_file.as_boolean(written), "true or false"
     elif kind == "Binary":
-        value, wanted = _binary(written), "a hexadecimal number of whole bytes"
+        value, wanted = xml_file.as_bytes(written), "a hexadecimal number of whole bytes"
     else:
         low, high = RANGES[kind]
         value, wanted = xml_file.as_integer(written), f"an integer from {low} to {high}"
@@ -146,10 +140,3 @@ def _scalar(text: Text, given: Element, written: str) -> Scalar:
     if value is None:
         raise text.error(given, f"value='{xml_file.shortened(written)}' is not {wanted}")
     return value
-
-
-def _binary(written: str) -> bytes | None:
-    try:
-        return bytes.fromhex(written)
-    except ValueError:
-        return None

@@ -1,12 +1,19 @@
-"""One SSP file while it is read: its name for messages, its version, and its elements held to their forms."""
+"""One SSP file while it is read: its name for messages, its version, its elements held to their forms.
 
+Files that it names by relative URI (SSP 2.0, 2.3) are found inside of the package, or refused.
+"""
+
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
 
 from lxml import etree
 
 from orchestrator.files import xml_file
-from orchestrator.files.xml_file import Element
+from orchestrator.files.archive import MAX_NAME
+from orchestrator.files.xml_file import Element, shortened
 from orchestrator.ssp.element_forms import FORMS, NAMESPACES, SCHEMA_INSTANCE, Form
 from specs.errors import InputError, nearest
 
@@ -50,7 +57,8 @@ class Text:
                     child,
                     f"<{name}> inside <{xml_file.local(element)}> is not supported; {nearest(name, valid)}",
                 )
-            self._check_version(child, name, form)
+            if name in form.new.split():
+                self.new_in_2(child, f"<{name}>")
             if name in valid:
                 groups.setdefault(name, []).append(child)
         return groups
@@ -106,10 +114,6 @@ class Text:
                 choices = f"; {nearest(name, known)}" if known else ""
                 raise self.error(element, f"attribute '{name}' of <{tag}> is not supported{choices}")
 
-    def _check_version(self, element: Element, name: str, form: Form) -> None:
-        if name in form.new.split():
-            self.new_in_2(element, f"<{name}>")
-
     def new_in_2(self, element: Element, what: str) -> None:
         """Warn, once a file, of what SSP 2.0 added in a file that declares 1.0; it is honoured too."""
         if self.version.startswith("1") and what not in self._told:
@@ -122,3 +126,15 @@ def _name(element: Element) -> str:
     qualified = etree.QName(element)
     own = (qualified.namespace or "") in NAMESPACES
     return qualified.localname if own else f"{{{qualified.namespace}}}{qualified.localname}"
+
+
+def path_in_package(place: Place, root: Path, folder: Path, source: str, of: str = "") -> Path:
+    """The file `source` (`of` what) seen from `folder`; InputError, naming the place, if not below `root`."""
+    name = unquote(source)
+    path = Path(os.path.normpath(folder / name))
+    foreign = ":" in source or "\\" in name or "\0" in name or name.startswith("/")
+    if any(len(os.fsencode(part)) > MAX_NAME for part in path.parts):
+        raise InputError(f"{place}: source '{shortened(source)}'{of} has too long a name")
+    if not name or foreign or not path.is_relative_to(root):
+        raise InputError(f"{place}: source '{source}'{of} is not inside the package")
+    return path

@@ -1,26 +1,23 @@
 """From a file to a checked System: what could be wrong with the description is found before the run."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from orchestrator.files import archive
-from orchestrator.fmi.component import Component
 from orchestrator.ssp.description import Description
 from orchestrator.ssp.ssd import read_ssd
-from orchestrator.ssp.text import Place
-from orchestrator.system.clocks import timed
-from orchestrator.system.connections import Wiring
+from orchestrator.system.clocks import with_steps_and_clocks
+from orchestrator.system.connections import Connections
 from orchestrator.system.flatten import SSD_NAME, Flattener
+from orchestrator.system.graph import Graph
 from orchestrator.system.interventions import check_faults
-from orchestrator.system.net import Net
 from orchestrator.system.order import algebraic_loops
 from orchestrator.system.parameters import Parameters
 from orchestrator.system.single_fmu import system_of_fmu
 from orchestrator.system.sizes import check_total
 from orchestrator.system.system import System
 from specs.errors import InputError, nearest
-from specs.faults import Fault
 from specs.signals import signals
 
 DEFAULT_STEP_S = 0.02
@@ -42,39 +39,47 @@ def load_system(path: Path | str) -> System:
         archive.unpack(path, ssd.parent, f"system {path}")
         if not ssd.is_file():
             raise InputError(f"system {path} holds no {SSD_NAME}")
-        warnings += _variants(ssd.parent)
+        if others := sorted(p.name for p in ssd.parent.glob("*.ssd") if p.name != SSD_NAME):  # SSP 2.0, 3
+            warnings.append(f"the package also holds {', '.join(others)}; {SSD_NAME} is used")
     root = ssd.resolve().parent
     return _checked(read_ssd(root / ssd.name, root, ssd.name, warnings), root, files, warnings)
 
 
 def _checked(text: Description, root: Path, files: archive.Scratch, warnings: list[str]) -> System:
-    net = Flattener(root, files.path, warnings).flatten(text)
-    if not net.components:
+    graph = Flattener(root, files.path, warnings).flatten(text)
+    if not graph.components:
         raise InputError(f"system {text.name} has no component")
-    parameters = Parameters(net)
+    parameters = Parameters(graph)
     step_s = text.simulation.step_s or DEFAULT_STEP_S
     start = parameters.by_component()
-    started = {n: replace(c, start=start[n]) for n, c in net.components.items()}
+    started = {n: replace(c, start=start[n]) for n, c in graph.components.items()}
     check_total(started.values())
-    components = timed(net, started, text.simulation, step_s)
-    wiring = Wiring(net, parameters, components)
+    components = with_steps_and_clocks(graph, started, text.simulation, step_s)
+    connections = Connections(graph, parameters, components)
     system = System(
         name=text.name,
         step_s=step_s,
         stop_s=text.stop_s,
         settings=text.simulation.settings,
         components=components,
-        links=wiring.links,
-        inputs=wiring.inputs,
-        outputs=wiring.outputs,
-        warnings=(*_warnings(text, net, wiring), *net.warnings, *_of_fmus(components)),
-        parameters=wiring.settable,
+        links=connections.links,
+        inputs=connections.inputs,
+        outputs=connections.outputs,
+        warnings=(
+            *_warnings(text, graph, connections),
+            *graph.warnings,
+            *dict.fromkeys(w for c in components.values() for w in c.model.warnings),
+        ),
+        parameters=connections.settable,
         faults=tuple(fault for fault, _ in text.simulation.faults),
         files=files,
     )
     system.check_algorithm(system.settings.algorithm)
     for fault, place in text.simulation.faults:
-        _check_fault(system, fault, place)
+        try:
+            check_faults(system, [fault])
+        except InputError as error:
+            raise InputError(f"{place}: {error}") from None
     return replace(system, warnings=(*system.warnings, *_loops(system)))
 
 
@@ -89,36 +94,17 @@ def _loops(system: System) -> Iterator[str]:
         yield f"algebraic loop of {', '.join(members)}: solved at the start, {in_steps}"
 
 
-def _check_fault(system: System, fault: Fault, place: Place) -> None:
-    try:
-        check_faults(system, [fault])
-    except InputError as error:
-        raise InputError(f"{place}: {error}") from None
-
-
-def _variants(folder: Path) -> Iterator[str]:
-    """A package may hold further descriptions beside the default one (SSP 2.0, 3)."""
-    others = sorted(p.name for p in folder.glob("*.ssd") if p.name != SSD_NAME)
-    if others:
-        yield f"the package also holds {', '.join(others)}; {SSD_NAME} is used"
-
-
-def _of_fmus(components: Mapping[str, Component]) -> Iterator[str]:
-    """What the FMUs' own descriptions are warned about, once for each FMU."""
-    yield from dict.fromkeys(w for c in components.values() for w in c.model.warnings)
-
-
-def _warnings(text: Description, net: Net, wiring: Wiring) -> Iterator[str]:
+def _warnings(text: Description, graph: Graph, connections: Connections) -> Iterator[str]:
     """What is accepted, but may not be meant."""
     if text.simulation.step_s is None:
         yield f"system {text.name} states no step size; {DEFAULT_STEP_S} s is used"
     yield from _unknown_signals([c.name for c in text.system.connectors.values() if c.kind in IN_OUT])
-    for node in net.nodes.values():
+    for node in graph.nodes.values():
         own = not node.port.owner and node.port.side == ""
-        if own and node.port not in net.outgoing and node.port not in net.incoming:
+        if own and node.port not in graph.outgoing and node.port not in graph.incoming:
             yield f"system {node.kind} {node.port.name} is not connected"
-    yield from wiring.loose_ends()
-    yield from _unconnected(wiring)
+    yield from connections.loose_ends()
+    yield from _unconnected(connections)
 
 
 def _unknown_signals(names: list[str]) -> Iterator[str]:
@@ -129,14 +115,12 @@ def _unknown_signals(names: list[str]) -> Iterator[str]:
             yield f"system connector {name} is no signal of specs/signals.toml; {nearest(name, known)}"
 
 
-def _unconnected(wiring: Wiring) -> Iterator[str]:
+def _unconnected(connections: Connections) -> Iterator[str]:
     """Inputs of FMUs that keep their start value; an alias of one that is driven is driven too."""
-    ends: dict[str, set[int]] = {}
-    for path in wiring.paths:
-        variable = wiring.components[path.target.owner].model.variables[path.target.name]
-        ends.setdefault(path.target.owner, set()).add(variable.vr)
-    for component in wiring.components.values():
-        variables, driven = component.model.variables, ends.get(component.name, set())
+    targets = [link.target for link in connections.driving]
+    for component in connections.components.values():
+        variables = component.model.variables
+        driven = {variables[target.name].vr for target in targets if target.owner == component.name}
         for variable in variables.values():
             if variable.causality != "input" or variable.type == "Clock" or variable.vr in driven:
                 continue

@@ -10,31 +10,31 @@ from fractions import Fraction
 
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.variable import Variable
-from orchestrator.ssp.description import Simulation
-from orchestrator.system.net import Net, Port
+from orchestrator.ssp.description import Port, Simulation
+from orchestrator.system.graph import Graph
 from specs.errors import InputError, nearest
 
 SLACK = 1e-9  # relative: 0.1 / 0.02 is not quite 5
 MAX_MULTIPLE = 2**31
 
 
-def timed(
-    net: Net, components: Mapping[str, Component], simulation: Simulation, step_s: float
+def with_steps_and_clocks(
+    graph: Graph, components: Mapping[str, Component], simulation: Simulation, step_s: float
 ) -> dict[str, Component]:
     """The components with their `multiple` and `clocks`; InputError names what is no whole multiple."""
     for name, (_, place) in simulation.steps.items():
         if name not in components:
             raise InputError(f"{place}: no component '{name}'; {nearest(name, components)}")
-    _check_clock_connections(net)
+    _check_clock_connections(graph)
     found = {}
     for component in components.values():
         multiple = _multiple(component, simulation, step_s)
-        clocks = dict(ticking(component, multiple, step_s, net.warnings))
+        clocks = dict(input_clocks(component, multiple, step_s, graph.warnings))
         found[component.name] = replace(component, multiple=multiple, clocks=clocks)
     return found
 
 
-def whole(time_s: float | Fraction, step_s: float) -> int | None:
+def whole_steps(time_s: float | Fraction, step_s: float) -> int | None:
     """How many steps a time is; None if that is no whole number."""
     ratio = float(time_s) / step_s
     count = round(ratio) if ratio < MAX_MULTIPLE else 0
@@ -43,14 +43,14 @@ def whole(time_s: float | Fraction, step_s: float) -> int | None:
 
 def _multiple(component: Component, simulation: Simulation, step_s: float) -> int:
     own, place = simulation.steps.get(component.name, (step_s, None))
-    multiple = whole(own, step_s)
+    multiple = whole_steps(own, step_s)
     if not multiple:
         raise InputError(
             f"{place}: stepSize {own:g} of component '{component.name}' is not a whole multiple of the "
             f"system's, {step_s:g} s"
         )
     internal = component.model.fixed_internal_step_s
-    if internal is not None and not whole(own, internal):
+    if internal is not None and not whole_steps(own, internal):
         raise InputError(
             f"{component} steps {own:g} s, which is not a whole multiple of its fixedInternalStepSize, "
             f"{internal:g} s"
@@ -58,7 +58,7 @@ def _multiple(component: Component, simulation: Simulation, step_s: float) -> in
     return multiple
 
 
-def ticking(
+def input_clocks(
     component: Component, multiple: int, step_s: float, warnings: list[str]
 ) -> Iterator[tuple[str, tuple[int, int]]]:
     """Name, and (shift, interval) in ticks of the system, of each input clock that ticks.
@@ -71,11 +71,11 @@ def ticking(
         if clock is None or variable.causality != "input":
             continue
         if not clock.periodic or clock.interval_s is None:
-            _unticked(component, variable, warnings)
+            _check_unconnected(component, variable, warnings)
             continue
         if not component.model.has_event_mode:
             raise InputError(f"{component}: its FMU has clock {variable.name}, but no event mode")
-        counts = [whole(t, multiple * step_s) for t in (clock.shift_s, clock.interval_s)]
+        counts = [whole_steps(t, multiple * step_s) for t in (clock.shift_s, clock.interval_s)]
         if counts[0] is None or not counts[1]:
             raise InputError(
                 f"{component}: clock {variable.name} ticks every {float(clock.interval_s):g} s from "
@@ -84,7 +84,7 @@ def ticking(
         yield variable.name, (counts[0] * multiple, counts[1] * multiple)
 
 
-def _unticked(component: Component, variable: Variable, warnings: list[str]) -> None:
+def _check_unconnected(component: Component, variable: Variable, warnings: list[str]) -> None:
     """Clocks that nobody ticks are allowed; those whose interval the FMU tells while it runs are not."""
     kind = variable.clock.interval_variability if variable.clock else ""
     if kind != "triggered":
@@ -95,31 +95,31 @@ def _unticked(component: Component, variable: Variable, warnings: list[str]) -> 
     warnings.append(f"{component}: triggered clock {variable.name} is not connected and never ticks")
 
 
-def _check_clock_connections(net: Net) -> None:
+def _check_clock_connections(graph: Graph) -> None:
     """Connections between clocks are not supported; those that form a cycle are named as one."""
-    edges: dict[str, list[tuple[Port, Port]]] = {}
-    for port in net.incoming:
-        node = net.nodes[port]
+    connected: dict[str, list[tuple[Port, Port]]] = {}
+    for port in graph.incoming:
+        node = graph.nodes[port]
         if node.variable is None or node.variable.type != "Clock":
             continue
-        source = net.chain(port)[0].source
-        edges.setdefault(source.owner, []).append((source, port))
-    for owner in edges:
-        cycle = _cycle(edges, owner)
+        source = graph.chain(port)[0].start
+        connected.setdefault(source.owner, []).append((source, port))
+    for owner in connected:
+        cycle = _cycle(connected, owner)
         if cycle:
-            place = net.incoming[cycle[0][1]].place
+            place = graph.incoming[cycle[0][1]].place
             raise InputError(f"{place}: clock cycle: {' → '.join(f'{a} → {b}' for a, b in cycle)}")
-    for links in edges.values():
+    for links in connected.values():
         for source, port in links:
             raise InputError(
-                f"{net.incoming[port].place}: {source} and {port} are clocks; connections between clocks are "
-                "not supported, unconnected periodic ones are"
+                f"{graph.incoming[port].place}: {source} and {port} are clocks; connections between clocks "
+                "are not supported, unconnected periodic ones are"
             )
 
 
-def _cycle(edges: Mapping[str, list[tuple[Port, Port]]], first: str) -> list[tuple[Port, Port]]:
+def _cycle(connected: Mapping[str, list[tuple[Port, Port]]], first: str) -> list[tuple[Port, Port]]:
     """Clock connections that lead from the component `first` back to it, or []."""
-    ways: list[list[tuple[Port, Port]]] = [[link] for link in edges[first]]
+    ways: list[list[tuple[Port, Port]]] = [[link] for link in connected[first]]
     reached: set[str] = set()
     while ways:
         way = ways.pop()
@@ -128,5 +128,5 @@ def _cycle(edges: Mapping[str, list[tuple[Port, Port]]], first: str) -> list[tup
             return way
         if at not in reached:
             reached.add(at)
-            ways += [[*way, link] for link in edges.get(at, [])]
+            ways += [[*way, link] for link in connected.get(at, [])]
     return []

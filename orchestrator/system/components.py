@@ -14,8 +14,6 @@ from orchestrator.ssp.conversion import kind_of
 from orchestrator.ssp.description import Connector
 from specs.errors import InputError, nearest
 
-__all__ = ("Fmus", "check_connector", "find_library", "kind_of")
-
 # Types of SSP 1.0 stand for all of their kind; those of SSP 2.0 must be the variable's own.
 ANY_OF_KIND = ("Real", "Integer")
 
@@ -33,31 +31,33 @@ class Fmus:
         Raises InputError for an FMU that is missing, damaged or not for this platform.
         """
         if file not in self.known:
-            self.known[file] = self._unpacked(file, component, path, base)
+            if not file.is_file():
+                there = sorted(p.relative_to(base).as_posix() for p in base.rglob("*.fmu"))
+                raise InputError(
+                    f"{component.place}: FMU '{component.source}' of component '{path}' is missing; "
+                    f"there is: {', '.join(there) or 'none'}"
+                )
+            shown = f"FMU {component.source} of component {path}"
+            self.known[file] = unpacked(file, self.folder / f"fmu{len(self.known)}", shown)
         place = component.place
         return replace(self.known[file], name=path, line=place.line, file=place.file)
 
-    def _unpacked(
-        self, file: Path, component: description.ComponentElement, path: str, base: Path
-    ) -> Component:
-        if not file.is_file():
-            there = sorted(p.relative_to(base).as_posix() for p in base.rglob("*.fmu"))
-            raise InputError(
-                f"{component.place}: FMU '{component.source}' of component '{path}' is missing; "
-                f"there is: {', '.join(there) or 'none'}"
-            )
-        shown = f"FMU {component.source} of component {path}"
-        folder = self.folder / f"fmu{len(self.known)}"
-        archive.unpack(file, folder, shown)
-        xml = folder / "modelDescription.xml"
-        if not xml.is_file():
-            raise InputError(f"{shown} holds no modelDescription.xml")
-        model = parse(xml.read_bytes(), shown)
-        library = find_library(folder, model, shown)
-        return Component(path, model, folder, library, archive.sha256(file), {})
+
+def unpacked(file: Path, folder: Path, shown: str) -> Component:
+    """An FMU unpacked into `folder`, as a component with its model identifier for a name.
+
+    `shown` names it in messages.  Raises InputError for an FMU that is damaged or not for this platform.
+    """
+    archive.unpack(file, folder, shown)
+    xml = folder / "modelDescription.xml"
+    if not xml.is_file():
+        raise InputError(f"{shown} holds no modelDescription.xml")
+    model = parse(xml.read_bytes(), shown)
+    library = _library(folder, model, shown)
+    return Component(model.model_identifier, model, folder, library, archive.sha256(file), {})
 
 
-def find_library(folder: Path, model: ModelDescription, shown: str) -> Path:
+def _library(folder: Path, model: ModelDescription, shown: str) -> Path:
     """The FMU's shared library for this platform; InputError names the platforms that are there."""
     target = host()
     wanted = target.fmi2_folder if model.fmi_version == 2 else target.name

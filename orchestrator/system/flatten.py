@@ -1,4 +1,4 @@
-"""From nested system descriptions to one net of FMUs: systems in systems, other .ssd and .ssp files,
+"""From nested system descriptions to one graph of FMUs: systems in systems, other .ssd and .ssp files,
 signal dictionaries.
 
 Source: SSP 2.0, 5.3 (System), 5.3.3 and 5.5 (signal dictionaries), 5.4 (Component).
@@ -9,22 +9,26 @@ from pathlib import Path
 
 from orchestrator.files import archive
 from orchestrator.ssp.description import (
+    INTO,
+    OUTER,
+    SIGNAL,
     ComponentElement,
+    Connection,
     Connector,
     Description,
     Dictionary,
     Element,
+    Port,
     Reference,
     SystemElement,
 )
-from orchestrator.ssp.paths import inside
 from orchestrator.ssp.ssc import Typed
 from orchestrator.ssp.ssd import FMU_TYPES, SSP_TYPE, read_ssd
 from orchestrator.ssp.ssv import ParameterValue
-from orchestrator.ssp.text import Place
+from orchestrator.ssp.text import Place, path_in_package
 from orchestrator.system.components import Fmus, check_connector
-from orchestrator.system.connection_direction import TAKES, Ends, join
-from orchestrator.system.net import INTO, OUTER, SIGNAL, Edge, Net, Node, Port, Scope
+from orchestrator.system.connection_direction import TARGET_KINDS, ConnectionEnds, join
+from orchestrator.system.graph import Graph, Node, Scope
 from specs.errors import InputError, nearest
 
 SSD_NAME = "SystemStructure.ssd"
@@ -35,23 +39,23 @@ Files = tuple[tuple[str, str], ...]  # (file, id in it or "") of the systems tha
 
 
 class Flattener:
-    """Builds the net of one description; `scratch` takes what is unpacked, `root` is the package's folder."""
+    """Builds the graph of one description; `scratch`: for what is unpacked, `root`: the package."""
 
     def __init__(self, root: Path, scratch: Path, warnings: list[str]) -> None:
         self.root, self.scratch, self.warnings = root, scratch, warnings
-        self.net = Net(warnings=warnings)
+        self.graph = Graph(warnings=warnings)
         self.fmus = Fmus(scratch)
         self.read: dict[Path, Description] = {}
         self.packages: dict[Path, Path] = {}
         self.count = 0
 
-    def flatten(self, text: Description) -> Net:
-        """The net of the whole; InputError names what cannot be connected or found, with its line."""
+    def flatten(self, text: Description) -> Graph:
+        """The graph of the whole; InputError names what cannot be connected or found, with its line."""
         self.read[text.path] = text
         instance = _Instance(self, text, self.root, ((str(text.path), ""),))
-        self.net.scope = instance.system(text.system, "", {})
-        self.net.check_cycles()
-        return self.net
+        self.graph.scope = instance.system(text.system, "", {})
+        self.graph.check_cycles()
+        return self.graph
 
     def counted(self, place: Place, files: Files, depth: int) -> None:
         """Bounds what descriptions that refer to each other can grow to."""
@@ -83,7 +87,7 @@ class _Instance:
 
     def __init__(self, owner: Flattener, text: Description, root: Path, files: Files) -> None:
         self.owner, self.text, self.root, self.files = owner, text, root, files
-        self.net = owner.net
+        self.graph = owner.graph
 
     def system(
         self,
@@ -103,7 +107,7 @@ class _Instance:
             self.element(element, scope, dictionaries, depth)
         scope.values = [v for b in system.bindings for v in b.values(None)] + list(extra)
         for connection in system.connections:
-            self.net.connect(Ends(self.net, system, path, connection).edge())
+            self.graph.connect(ConnectionEnds(self.graph, system, path, connection).directed())
         return scope
 
     def element(
@@ -123,28 +127,28 @@ class _Instance:
             scope.systems[element.name] = self.other_system(element, path, depth)
 
     def add(self, port: Port, connector: Connector) -> None:
-        self.net.nodes[port] = Node(port, connector.kind, connector.typed, connector.place)
+        self.graph.nodes[port] = Node(port, connector.kind, connector.typed, connector.place)
 
     # ---- FMUs ----
 
     def fmu(self, element: ComponentElement, path: str, scope: Scope) -> None:
         self.owner.counted(element.place, self.files, 0)
-        if path in self.net.components:
+        if path in self.graph.components:
             raise InputError(
                 f"{element.place}: a second component has the path '{path}'; "
-                f"the first one stands at {self.net.places[path]}"
+                f"the first one stands at {self.graph.places[path]}"
             )
         source = element.source or ""
-        file = inside(element.place, self.root, self.text.path.parent, source, _of(element))
+        file = path_in_package(element.place, self.root, self.text.path.parent, source, _of(element))
         component = self.owner.fmus.load(file, element, path, self.text.path.parent)
         for connector in element.connectors.values():
             variable = check_connector(path, connector, component)
             kind = variable.causality if connector.kind == "unspecified" else connector.kind
             port = Port(path, connector.name)
-            self.net.nodes[port] = Node(port, kind, connector.typed, connector.place, variable)
-        self.net.components[path] = component
-        self.net.places[path] = element.place
-        self.net.values[path] = [v for b in element.bindings for v in b.values(component.folder)]
+            self.graph.nodes[port] = Node(port, kind, connector.typed, connector.place, variable)
+        self.graph.components[path] = component
+        self.graph.places[path] = element.place
+        self.graph.values[path] = [v for b in element.bindings for v in b.values(component.folder)]
         scope.fmus[element.name] = path
 
     # ---- systems of other files ----
@@ -154,10 +158,10 @@ class _Instance:
         source, _, fragment = (element.source or "").partition("#")
         text, root = self.text, self.root
         if source:
-            file = inside(element.place, self.root, self.text.path.parent, source, _of(element))
+            file = path_in_package(element.place, self.root, self.text.path.parent, source, _of(element))
             if element.type == SSP_TYPE:
                 root = self.owner.package(file, element)
-                file = inside(element.place, root, root, fragment or SSD_NAME)
+                file = path_in_package(element.place, root, root, fragment or SSD_NAME)
                 fragment = ""
             text = self.owner.description(file, root, element, path)
         system = text.system
@@ -190,8 +194,8 @@ class _Instance:
                 raise InputError(f"{shown} is declared {connector.kind}, but is {inner.kind} in the system")
             outside, within = Port(path, name, OUTER), Port(path, name)
             self.add(outside, connector)
-            ends = (outside, within) if connector.kind in TAKES else (within, outside)
-            self.net.connect(Edge(*ends, connector.place))
+            ends = (outside, within) if connector.kind in TARGET_KINDS else (within, outside)
+            self.graph.connect(Connection(*ends, connector.place))
 
     # ---- signal dictionaries ----
 
@@ -199,7 +203,7 @@ class _Instance:
         for name, dictionary in system.dictionaries.items():
             for signal, typed in dictionary.entries.items():
                 port = Port(join(path, name), signal, SIGNAL)
-                self.net.nodes[port] = Node(port, "inout", typed, dictionary.place)
+                self.graph.nodes[port] = Node(port, "inout", typed, dictionary.place)
             yield name, (join(path, name), dictionary)
 
     def reference(
@@ -221,11 +225,11 @@ class _Instance:
             signal = Port(owner, name, SIGNAL)
             out, into = Port(path, name), Port(path, name, INTO)
             typed = connector.typed if connector.typed.type else Typed()
-            self.net.nodes[out] = Node(out, connector.kind, typed, connector.place)
-            self.net.nodes[into] = Node(into, connector.kind, typed, connector.place)
-            self.net.signals[into] = signal
+            self.graph.nodes[out] = Node(out, connector.kind, typed, connector.place)
+            self.graph.nodes[into] = Node(into, connector.kind, typed, connector.place)
+            self.graph.signals[into] = signal
             if connector.kind != "input":
-                self.net.connect(Edge(signal, out, connector.place))
+                self.graph.connect(Connection(signal, out, connector.place))
 
 
 def _of(element: ComponentElement) -> str:

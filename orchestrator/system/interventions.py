@@ -1,11 +1,11 @@
 """What a scenario does to a running system: faults and parameter changes, checked against the system."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
-from orchestrator.fmi.values import checked_value
-from orchestrator.fmi.variable import Scalar, Value
-from orchestrator.system.system import Source, System
+from orchestrator.fmi.variable import Scalar, Value, checked_value
+from orchestrator.ssp.description import Port
+from orchestrator.system.system import System
 from specs.errors import InputError, nearest
 from specs.faults import FAIL, Fault
 
@@ -39,7 +39,7 @@ def check_faults(system: System, faults: Sequence[Fault]) -> None:
 
 
 def _check_input(system: System, fault: Fault, where: str) -> None:
-    linked = [f"{k.component}.{k.name}" for k in system.links]
+    linked = [str(link.target) for link in system.links]
     if fault.target not in linked:
         choices = [*linked, *system.inputs, *system.outputs]
         raise InputError(f"{where}: no connected input and no connector; {nearest(fault.target, choices)}")
@@ -52,9 +52,10 @@ def _check_input(system: System, fault: Fault, where: str) -> None:
 def _check_unconverted(system: System, fault: Fault, where: str) -> None:
     """A fault on a system input acts where it arrives, so it must arrive in the input's own unit."""
     for link in system.links:
-        if link.source == Source("", fault.target) and not link.conversion.is_identity:
-            end = f"{link.component}.{link.name}"
-            raise InputError(f"{where}: it is converted on its way to {end}; state the fault on {end}")
+        if link.source == Port("", fault.target) and not link.conversion.is_identity:
+            raise InputError(
+                f"{where}: it is converted on its way to {link.target}; state the fault on {link.target}"
+            )
 
 
 def _check_real(kind: str, size: int, where: str) -> None:
@@ -72,7 +73,10 @@ def check_changes(system: System, changes: Changes) -> dict[int, dict[str, dict[
             owner, variable_name = resolve(system, name, "parameter change")
             variable = system.components[owner].model.variables[variable_name]
             if variable.causality != "parameter" or variable.variability != "tunable":
-                tunable = _tunable(system, owner)
+                variables = system.components[owner].model.variables.values()
+                tunable = [
+                    v.name for v in variables if v.causality == "parameter" and v.variability == "tunable"
+                ]
                 raise InputError(
                     f"{name} cannot change during a run: it is {variable.variability} {variable.causality}; "
                     f"{nearest(variable_name, tunable) if tunable else f'{owner} has no tunable parameter'}"
@@ -82,8 +86,3 @@ def check_changes(system: System, changes: Changes) -> dict[int, dict[str, dict[
                 raise InputError(f"{name} cannot change during a run: only single numbers do")
             found.setdefault(tick, {}).setdefault(owner, {})[variable_name] = checked
     return found
-
-
-def _tunable(system: System, owner: str) -> Iterable[str]:
-    variables = system.components[owner].model.variables.values()
-    return [v.name for v in variables if v.causality == "parameter" and v.variability == "tunable"]

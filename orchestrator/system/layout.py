@@ -13,11 +13,12 @@ from itertools import groupby
 
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
-from orchestrator.fmi.type_codes import BLOBS, BOOLEANS, WIRE
+from orchestrator.fmi.variable import BLOBS, BOOLEANS, WIRE
 from orchestrator.ssp.conversion import Conversion
+from orchestrator.ssp.description import Port
 from orchestrator.system.order import Order, dependency_order
 from orchestrator.system.stimuli import explain
-from orchestrator.system.system import Source, System
+from orchestrator.system.system import System
 from records.schema import Column
 from specs.errors import InputError
 from specs.signals import signals as known_signals
@@ -125,108 +126,94 @@ def recorded_names(system: System, record: Sequence[str] | str | None) -> list[s
 
 
 class _Builder:
-    """Hands out cells from left to right."""
+    """Hands out cells from left to right: `sources` are read by moves, `targets` filled by them."""
 
     def __init__(self, system: System, names: Sequence[str]) -> None:
-        self.system, self.names, self.used = system, names, 0
-        self.inputs = {n: self._slot(i.size, i.type) for n, i in system.inputs.items()}
-        self.outputs: dict[tuple[str, str], Slot] = {}
-        self.connected: dict[tuple[str, str], Slot] = {}
-        self.sink: dict[str, Slot] = {}
+        self.system, self.used = system, 0
+        self.connectors = {**system.inputs, **system.outputs}
+        self.recorded = {name: self.port(name) for name in names}
+        self.sources = {Port("", n): self.slot(i.size, i.type) for n, i in system.inputs.items()}
+        self.targets: dict[Port, Slot] = {}
 
     def layout(self) -> Layout:
-        outputs = [self._outputs(c) for c in self.system.components.values()]
-        inputs = [self._inputs(c) for c in self.system.components.values()]
-        self.sink = {n: self._slot(o.size, o.type) for n, o in self.system.outputs.items() if n in self.names}
+        components = self.system.components.values()
+        outputs = [self.place(c, self.read(c), self.sources) for c in components]
+        inputs = [self.place(c, self.linked(c), self.targets) for c in components]
+        sinks = {n: self.slot(o.size, o.type) for n, o in self.system.outputs.items() if n in self.recorded}
+        self.targets |= {Port("", name): slot for name, slot in sinks.items()}
         blocks = tuple(
             Block(c.name, dict(i), dict(o), _groups(c, i), _groups(c, o))
-            for c, i, o in zip(self.system.components.values(), inputs, outputs, strict=True)
+            for c, i, o in zip(components, inputs, outputs, strict=True)
         )
-        logged = tuple(logged for name in self.names for logged in self._logged(name))
-        slots = [*self.inputs.values(), *self.outputs.values(), *self.connected.values(), *self.sink.values()]
+        slots = [*self.sources.values(), *self.targets.values()]
         return Layout(
             self.used,
-            self.inputs,
-            self.sink,
+            {name: self.sources[Port("", name)] for name in self.system.inputs},
+            sinks,
             blocks,
-            tuple(self._moves()),
-            logged,
+            tuple(self.moves()),
+            tuple(logged for name, port in self.recorded.items() for logged in self.logged(name, port)),
             dependency_order(list(self.system.components), self.system.links),
             tuple(cell for slot in slots if slot.type in BLOBS for cell in slot.cells),
         )
 
-    def _slot(self, size: int, kind: str) -> Slot:
+    def slot(self, size: int, kind: str) -> Slot:
         slot = Slot(self.used, size, kind)
         self.used += size
         return slot
 
-    def _outputs(self, component: Component) -> list[tuple[str, Slot]]:
-        """Variables of a component that a link, an output of the system or the record reads."""
-        sources = [
-            *self.system.links,
-            *(self.system.outputs[n] for n in self.names if n in self.system.outputs),
-        ]
-        read = [s.source.name for s in sources if s.source.component == component.name]
-        resolved = [self._resolve(name) for name in self.names if self._is_variable(name)]
-        read += [variable for owner, variable in resolved if owner == component.name]
-        return self._place(component, dict.fromkeys(read), self.outputs)
-
-    def _inputs(self, component: Component) -> list[tuple[str, Slot]]:
-        linked = [link.name for link in self.system.links if link.component == component.name]
-        return self._place(component, linked, self.connected)
-
-    def _place(
-        self, component: Component, names: Iterable[str], known: dict[tuple[str, str], Slot]
-    ) -> list[tuple[str, Slot]]:
-        """Variables of one type side by side, so that one FMI call moves them all."""
-        wire = WIRE[component.model.fmi_version]
-        variables = [component.model.variables[name] for name in names]
-        placed = []
-        for v in sorted(variables, key=lambda v: (wire[v.type], v.vr)):
-            slot = self._slot(component.size(v), v.type)
-            known[component.name, v.name] = slot
-            placed.append((v.name, slot))
-        return placed
-
-    def _source(self, source: Source) -> Slot:
-        return self.outputs[source.component, source.name] if source.component else self.inputs[source.name]
-
-    def _moves(self) -> Iterator[Move]:
-        position = {name: i for i, name in enumerate(self.system.components)}
-        for (component, name), slot in self.connected.items():
-            link = next(k for k in self.system.links if (k.component, k.name) == (component, name))
-            yield Move(position[component], self._source(link.source), slot, link.conversion)
-        for name, slot in self.sink.items():
-            output = self.system.outputs[name]
-            yield Move(SINK, self._source(output.source), slot, output.conversion)
-
-    # ---- what is recorded ----
-
-    def _is_variable(self, name: str) -> bool:
-        return name not in self.system.outputs and name not in self.system.inputs
-
-    def _resolve(self, name: str) -> tuple[str, str]:
-        """Component and variable of a recorded name."""
+    def port(self, name: str) -> Port:
+        """What a recorded name means: a connector of the system, or a variable of a component."""
+        if name in self.connectors:
+            return Port("", name)
         if "." not in name:
-            choices = {**self.system.outputs, **self.system.inputs}
-            raise InputError(f"system {self.system.name} cannot record '{name}'{explain(name, choices)}")
+            what = explain(name, self.connectors)
+            raise InputError(f"system {self.system.name} cannot record '{name}'{what}")
         component, variable_name = self.system.split(name)
         variable = component.model.variable(variable_name, f"component {component.name}")
         if variable.type in NOT_NUMBERS:
             raise InputError(f"'{name}' cannot be recorded: it is of type {variable.type}")
-        return component.name, variable.name
+        return Port(component.name, variable.name)
 
-    def _logged(self, name: str) -> Iterator[Logged]:
-        if self._is_variable(name):
-            owner, variable_name = self._resolve(name)
-            variable = self.system.components[owner].model.variables[variable_name]
-            slot, text = self.outputs[owner, variable_name], variable.description
-            unit = variable.unit_name
+    def read(self, component: Component) -> list[str]:
+        """Variables of a component that a link, an output of the system or the record reads."""
+        outputs = [self.system.outputs[n].link for n in self.recorded if n in self.system.outputs]
+        ports = [*(link.source for link in (*self.system.links, *outputs)), *self.recorded.values()]
+        return [port.name for port in ports if port.owner == component.name]
+
+    def linked(self, component: Component) -> list[str]:
+        return [link.target.name for link in self.system.links if link.target.owner == component.name]
+
+    def place(
+        self, component: Component, names: Iterable[str], known: dict[Port, Slot]
+    ) -> list[tuple[str, Slot]]:
+        """Variables of one type side by side, so that one FMI call moves them all."""
+        wire = WIRE[component.model.fmi_version]
+        variables = [component.model.variables[name] for name in dict.fromkeys(names)]
+        placed = []
+        for v in sorted(variables, key=lambda v: (wire[v.type], v.vr)):
+            slot = self.slot(component.size(v), v.type)
+            known[Port(component.name, v.name)] = slot
+            placed.append((v.name, slot))
+        return placed
+
+    def moves(self) -> Iterator[Move]:
+        position = {name: i for i, name in enumerate(self.system.components)}
+        outputs = (output.link for output in self.system.outputs.values())
+        links = {link.target: link for link in (*self.system.links, *outputs)}
+        for port, target in self.targets.items():
+            source = self.sources[links[port].source]
+            yield Move(position.get(port.owner, SINK), source, target, links[port].conversion)
+
+    def logged(self, name: str, port: Port) -> Iterator[Logged]:
+        if port.owner:
+            variable = self.system.components[port.owner].model.variables[port.name]
+            slot, unit, text = self.sources[port], variable.unit_name, variable.description
         else:
-            output = name in self.system.outputs
-            slot = self.sink[name] if output else self.inputs[name]
-            unit = (self.system.outputs if output else self.system.inputs)[name].unit_name
-            text = _describe(name)
+            slot = (self.targets if name in self.system.outputs else self.sources)[port]
+            known = known_signals()
+            unit = self.connectors[name].unit_name
+            text = known[name].description if name in known else ""
         if slot.type in NOT_NUMBERS:
             raise InputError(f"'{name}' cannot be recorded: it is of type {slot.type}")
         for number, cell in enumerate(slot.cells, 1):
@@ -251,8 +238,3 @@ def _column_type(kind: str) -> str:
     if kind in BOOLEANS:
         return "bool"
     return "uint64" if kind == "UInt64" else "int64"
-
-
-def _describe(name: str) -> str:
-    known = known_signals()
-    return known[name].description if name in known else ""

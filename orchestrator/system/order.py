@@ -4,7 +4,8 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from orchestrator.system.system import Link, System
+from orchestrator.system.link import Link
+from orchestrator.system.system import System
 
 Node = TypeVar("Node", bound=Hashable)
 
@@ -28,15 +29,15 @@ def dependency_order(names: Sequence[str], links: Iterable[Link]) -> Order:
     """
     feeds: dict[str, set[str]] = {name: set() for name in names}
     for link in links:
-        if link.source.component:
-            feeds[link.source.component].add(link.component)
+        if link.source.owner:
+            feeds[link.source.owner].add(link.target.owner)
     positions: list[int] = []
     loop: list[int] = []
     number = 0
-    for group in components(feeds):
+    for group in strongly_connected(feeds):
         looped = len(group) > 1 or group[0] in feeds[group[0]]
         number += looped
-        ordered = _open(sorted(group, key=names.index), feeds) if looped else group
+        ordered = _opened_loop(sorted(group, key=names.index), feeds) if looped else group
         positions += [names.index(name) for name in ordered]
         loop += [number if looped else 0] * len(group)
     return Order(tuple(positions), tuple(loop))
@@ -49,18 +50,17 @@ def algebraic_loops(system: System) -> list[list[str]]:
     """
     feeds: dict[str, set[str]] = {}
     for link in system.links:
-        if not link.source.component:
+        if not link.source.owner:
             continue
-        model = system.components[link.component].model
-        source = f"{link.source.component}.{link.source.name}"
-        for output, inputs in model.dependencies.items():
-            if inputs is not None and link.name in inputs:
-                feeds.setdefault(source, set()).add(f"{link.component}.{output}")
-                feeds.setdefault(f"{link.component}.{output}", set())
-    return [g for g in components(feeds) if len(g) > 1 or g[0] in feeds[g[0]]]
+        target = link.target
+        for output, inputs in system.components[target.owner].model.dependencies.items():
+            if inputs is not None and target.name in inputs:
+                feeds.setdefault(str(link.source), set()).add(f"{target.owner}.{output}")
+                feeds.setdefault(f"{target.owner}.{output}", set())
+    return [g for g in strongly_connected(feeds) if len(g) > 1 or g[0] in feeds[g[0]]]
 
 
-def components(feeds: Mapping[Node, set[Node]]) -> list[list[Node]]:
+def strongly_connected(feeds: Mapping[Node, set[Node]]) -> list[list[Node]]:
     """Strongly connected components in topological order, ties in the order of `feeds` (Kosaraju)."""
     finished = _finishing_order(feeds)
     fed_by: dict[Node, list[Node]] = {node: [] for node in feeds}
@@ -100,7 +100,7 @@ def _finishing_order(feeds: Mapping[Node, set[Node]]) -> list[Node]:
     return finished
 
 
-def _open(group: list[str], feeds: Mapping[str, set[str]]) -> list[str]:
+def _opened_loop(group: list[str], feeds: Mapping[str, set[str]]) -> list[str]:
     needs = {name: {other for other in group if name in feeds[other]} - {name} for name in group}
     left, ordered = list(group), []
     while left:

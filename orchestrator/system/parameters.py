@@ -8,12 +8,12 @@ connectors go where their connections lead.
 from collections.abc import Iterator
 
 from orchestrator.fmi.units import IDENTITY, Affine, compatible, conversion as between_units
-from orchestrator.fmi.values import checked_value
-from orchestrator.fmi.variable import Scalar, Value, Variable
+from orchestrator.fmi.variable import Scalar, Value, Variable, checked_value
 from orchestrator.ssp.conversion import ENUMERATION, Transformation, ValueType, apply, apply_one, transform
+from orchestrator.ssp.description import Port
 from orchestrator.ssp.ssv import ParameterValue
-from orchestrator.system.net import Net, Node, Port, Scope
-from orchestrator.system.signals import Form, Path, follow
+from orchestrator.system.graph import Graph, Scope
+from orchestrator.system.link import Form, Link, follow
 from specs.errors import InputError, nearest
 
 Variables = tuple[str, str]  # path of a component, name of its variable
@@ -22,17 +22,17 @@ Variables = tuple[str, str]  # path of a component, name of its variable
 class Parameters:
     """Values by variable, `start`, and by connector of a system, `ports`, the most important ones."""
 
-    def __init__(self, net: Net) -> None:
-        self.net = net
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
         self.start: dict[Variables, Value] = {}
         self.places: dict[Variables, str] = {}
         self.ports: dict[Port, ParameterValue] = {}
-        self._assign(net.scope)
+        self._assign(graph.scope)
         self._carry()
 
     def by_component(self) -> dict[str, dict[str, Value]]:
         """Start values of every component."""
-        found: dict[str, dict[str, Value]] = {path: {} for path in self.net.components}
+        found: dict[str, dict[str, Value]] = {path: {} for path in self.graph.components}
         for (path, name), value in self.start.items():
             found[path][name] = value
         return found
@@ -44,7 +44,7 @@ class Parameters:
         for inner in scope.systems.values():
             self._assign(inner)
         for path in scope.fmus.values():
-            for value in self.net.values[path]:
+            for value in self.graph.values[path]:
                 self._set_variable(path, value.name, value)
         for value in scope.values:
             targets = list(self._targets(scope, value.name))
@@ -54,7 +54,7 @@ class Parameters:
                 else:
                     self._set_variable(*target, value)
             if not targets:
-                self._unknown(value, _no_target(scope, value.name, self.net))
+                self._unknown(value, _no_target(scope, value.name, self.graph))
 
     def _targets(self, scope: Scope, name: str) -> Iterator[Port | Variables]:
         """Connectors and variables of the system `scope` that have this hierarchical name."""
@@ -70,7 +70,7 @@ class Parameters:
 
     def _settable(self, path: str, name: str) -> bool:
         """Parameters, inputs, and what else has a start value that may be changed."""
-        variable = self.net.components[path].model.variables.get(name)
+        variable = self.graph.components[path].model.variables.get(name)
         return (
             variable is not None
             and variable.variability != "constant"
@@ -79,10 +79,9 @@ class Parameters:
         )
 
     def _set_variable(self, path: str, name: str, value: ParameterValue) -> None:
-        component = self.net.components[path]
+        component = self.graph.components[path]
         if not self._settable(path, name):
-            known = nearest(name, _valid(self.net, path))
-            self._unknown(value, f"component {path} has no parameter '{name}'; {known}")
+            self._unknown(value, _no_parameter(self.graph, path, name))
             return
         variable = component.model.variables[name]
         shown = f"{value.place}: parameter {path}.{name}"
@@ -93,68 +92,59 @@ class Parameters:
         """A file may hold more than is needed here (SSP 2.0, 6.2); what is written for this place may not."""
         if not value.shared:
             raise InputError(f"{value.place}: {text}")
-        self.net.warnings.append(f"{value.place}: ignored: {text}")
+        self.graph.warnings.append(f"{value.place}: ignored: {text}")
 
     # ---- connections that carry values ----
 
     def _carry(self) -> None:
         """Values of connectors without a source of their own, and constants, go along their connections."""
-        for port, edge in self.net.incoming.items():
-            node = self.net.nodes[port]
+        for port, connection in self.graph.incoming.items():
+            node = self.graph.nodes[port]
             if node.variable is None or node.variable.type == "Clock":
                 continue
-            edges = self.net.chain(port)
-            root = self.net.nodes[edges[0].source]
+            chain = self.graph.chain(port)
+            root = self.graph.nodes[chain[0].start]
             if root.variable is not None and root.kind == "constant":
-                self._carry_constant(root, node, follow(self.net, edges))
-            elif root.port in self.ports and (root.port.owner or root.kind != "input"):
-                self._carry_value(root, node, follow(self.net, edges))
+                link = follow(self.graph, chain)
+                if node.kind != "input" and root.variable.start is not None:
+                    self._carry_on(root.variable.start, node.variable, link)
+            elif root.port in self.ports and not (root.of_system and root.kind == "input"):
+                link, value = follow(self.graph, chain), self.ports[root.port]
+                shown = f"{value.place}: {root.port}"
+                self._carry_on(in_form(value, link.source_form, shown), node.variable, link)
             elif node.kind != "input" and root.variable is not None:
                 raise InputError(
-                    f"{edge.place}: {root.port} is calculated by its FMU; connections to parameters, like "
-                    f"{port}, are supported from system parameters and constants only"
+                    f"{connection.place}: {root.port} is calculated by its FMU; connections to parameters, "
+                    f"like {port}, are supported from system parameters and constants only"
                 )
 
-    def _carry_constant(self, root: Node, node: Node, path: Path) -> None:
-        if node.kind != "input" and root.variable is not None and root.variable.start is not None:
-            self._carry_on(root.variable.start, node, path)
-
-    def _carry_value(self, root: Node, node: Node, path: Path) -> None:
-        value = self.ports[root.port]
-        self._carry_on(in_form(value, path.start, f"{value.place}: {root.port}"), node, path)
-
-    def _carry_on(self, value: Value, node: Node, path: Path) -> None:
-        variable, port = node.variable, node.port
-        if variable is None:
-            return
-        key, shown = (port.owner, variable.name), f"{path.place}: parameter {port}"
+    def _carry_on(self, value: Value, variable: Variable, link: Link) -> None:
+        port = link.target
+        key, shown = (port.owner, variable.name), f"{link.place}: parameter {port}"
         if key in self.start:
-            self.net.warnings.append(
-                f"{self.places[key]}: the value of {port} is overridden by the connection from {path.source}"
+            self.graph.warnings.append(
+                f"{self.places[key]}: the value of {port} is overridden by the connection from {link.source}"
             )
-        self.start[key] = checked_value(variable, apply(value, path.conversion), shown)
-        self.places[key] = str(path.place)
+        self.start[key] = checked_value(variable, apply(value, link.conversion), shown)
+        self.places[key] = str(link.place)
 
 
-def _valid(net: Net, path: str) -> list[str]:
-    variables = net.components[path].model.variables.values()
-    return [v.name for v in variables if v.causality == "parameter"]
+def _no_parameter(graph: Graph, path: str, name: str) -> str:
+    variables = graph.components[path].model.variables.values()
+    known = nearest(name, [v.name for v in variables if v.causality == "parameter"])
+    return f"component {path} has no parameter '{name}'; {known}"
 
 
-def _no_target(scope: Scope, name: str, net: Net) -> str:
+def _no_target(scope: Scope, name: str, graph: Graph) -> str:
     """Why a hierarchical name means nothing."""
     element, dot, rest = name.partition(".")
     if not dot:
         return f"parameter '{name}' names no connector of the system; {nearest(name, scope.connectors)}"
     for known, path in scope.fmus.items():
         if name.startswith(f"{known}."):
-            rest = name[len(known) + 1 :]
-            valid = [
-                v.name for v in net.components[path].model.variables.values() if v.causality == "parameter"
-            ]
-            return f"component {path} has no parameter '{rest}'; {nearest(rest, valid)}"
+            return _no_parameter(graph, path, name[len(known) + 1 :])
     if element in scope.systems:
-        return _no_target(scope.systems[element], rest, net)
+        return _no_target(scope.systems[element], rest, graph)
     return f"parameter '{name}' names no component; {nearest(element, [*scope.fmus, *scope.systems])}"
 
 
@@ -173,7 +163,12 @@ def fitted(value: ParameterValue, variable: Variable, shown: str) -> Value:
 
 def in_form(value: ParameterValue, form: Form, shown: str) -> Value:
     """A bound value in type and unit of a form: units first, the transformation of a mapping after them."""
-    _check_kind(value, form.value, shown)
+    kind = ValueType(value.type).kind
+    if form.value.kind and form.value.kind not in _TAKEN[kind]:
+        raise InputError(
+            f"{shown}: values of type {value.type} are not supported for "
+            f"its type, {form.value.type or form.value.kind}"
+        )
     if not value.suppress and not compatible(value.unit, form.unit):
         raise InputError(f"{shown} is given in a unit that does not fit {form.unit_name}")
     between = between_units(value.unit, form.unit)
@@ -202,15 +197,6 @@ _TAKEN = {
     "enumeration": ("enumeration", "integer"),
     "binary": ("binary",),
 }
-
-
-def _check_kind(value: ParameterValue, target: ValueType, shown: str) -> None:
-    kind = ValueType(value.type).kind
-    if target.kind and target.kind not in _TAKEN[kind]:
-        raise InputError(
-            f"{shown}: values of type {value.type} are not supported for "
-            f"its type, {target.type or target.kind}"
-        )
 
 
 def _transformed(scalar: Scalar, value: ParameterValue, transformation: Transformation, form: Form) -> Scalar:

@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator.files import archive
-from orchestrator.fmi.component import Component
-from orchestrator.fmi.model_description import ModelDescription, Variable, parse, size_of
+from orchestrator.fmi.model_description import ModelDescription, Variable, size_of
 from orchestrator.ssp.conversion import UNCHANGED
-from orchestrator.ssp.settings import Settings
-from orchestrator.system.clocks import ticking, whole
-from orchestrator.system.components import find_library
-from orchestrator.system.system import Link, Source, System, SystemInput, SystemOutput
+from orchestrator.ssp.description import Port, Settings
+from orchestrator.system.clocks import input_clocks, whole_steps
+from orchestrator.system.components import unpacked
+from orchestrator.system.link import Link
+from orchestrator.system.system import System, SystemInput, SystemOutput
 from specs.errors import InputError
 
 DEFAULT_STEP_S = 0.02
@@ -26,11 +26,11 @@ def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
     path = Path(path)
     files = archive.Scratch()
     shown = f"FMU {path}"
-    component = _component(path, files.path / "fmu", shown)
+    component = unpacked(path, files.path / "fmu", shown)
     model, name = component.model, component.name
     step = _step(model, step_s, shown)
     warnings = list(_warnings(model, step_s, step, shown))
-    component = replace(component, clocks=dict(ticking(component, 1, step, warnings)))
+    component = replace(component, clocks=dict(input_clocks(component, 1, step, warnings)))
     structural = model.structural()
     inputs = [v for v in _by_reference(model, "input") if v.type != "Clock"]
     outputs = [v for v in model.variables.values() if v.causality == "output" and v.type != "Clock"]
@@ -40,11 +40,15 @@ def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
         stop_s=model.default_stop_s,
         settings=Settings(),
         components={name: component},
-        links=tuple(Link(Source("", v.name), name, v.name, UNCHANGED, v.line) for v in inputs),
+        links=tuple(Link(Port("", v.name), Port(name, v.name), UNCHANGED) for v in inputs),
         inputs={v.name: _input(v, size_of(v, structural)) for v in inputs},
         outputs={
             v.name: SystemOutput(
-                v.name, v.unit_name, Source(name, v.name), UNCHANGED, v.type, size_of(v, structural), v.line
+                v.name,
+                v.unit_name,
+                Link(Port(name, v.name), Port("", v.name), UNCHANGED),
+                v.type,
+                size_of(v, structural),
             )
             for v in outputs
         },
@@ -53,18 +57,8 @@ def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
     )
 
 
-def _component(path: Path, folder: Path, shown: str) -> Component:
-    archive.unpack(path, folder, shown)
-    xml = folder / "modelDescription.xml"
-    if not xml.is_file():
-        raise InputError(f"{shown} holds no modelDescription.xml")
-    model = parse(xml.read_bytes(), shown)
-    library = find_library(folder, model, shown)
-    return Component(model.model_identifier, model, folder, library, archive.sha256(path), {})
-
-
 def _by_reference(model: ModelDescription, causality: str) -> Iterator[Variable]:
-    """Variables of a causality, of those that are aliases only the first: an input is set once."""
+    """Variables of a causality; of aliases only the first: an input is set once."""
     seen: set[tuple[str, int]] = set()
     for v in model.variables.values():
         key = (v.type if model.fmi_version == 2 else "", v.vr)
@@ -74,7 +68,7 @@ def _by_reference(model: ModelDescription, causality: str) -> Iterator[Variable]
 
 
 def _input(v: Variable, size: int) -> SystemInput:
-    start = 0.0 if v.start is None else v.start  # every input has one: modelchecks.py
+    start = 0.0 if v.start is None else v.start  # every input has one: fmi/checks.py
     return SystemInput(v.name, v.unit_name, v.unit, start, v.type, size)
 
 
@@ -85,7 +79,7 @@ def _step(model: ModelDescription, given: float | None, shown: str) -> float:
     step = given or model.default_step_s
     if step is None:
         step = DEFAULT_STEP_S if internal is None else internal * max(1, round(DEFAULT_STEP_S / internal))
-    if internal is not None and not whole(step, internal):
+    if internal is not None and not whole_steps(step, internal):
         raise InputError(
             f"{shown}: a step of {step:g} s is no multiple of its fixed internal step, {internal:g} s"
         )

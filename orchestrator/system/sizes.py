@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping
 
 from orchestrator.fmi.component import Component
-from orchestrator.fmi.values import checked_value
-from orchestrator.fmi.variable import Variable
-from orchestrator.system.net import Edge, Net, Node, Port
+from orchestrator.fmi.variable import Variable, checked_value
+from orchestrator.ssp.description import Connection, Port
+from orchestrator.system.graph import Graph, Node
 from orchestrator.system.parameters import Parameters
 from specs.errors import InputError
 
@@ -16,13 +16,13 @@ MAX_VALUES = 2**24  # of all arrays of a system
 class Sizes:
     """What connectors and variables say of their size; every method raises InputError with the line."""
 
-    def __init__(self, net: Net, parameters: Parameters, components: Mapping[str, Component]) -> None:
-        self.net, self.parameters, self.components = net, parameters, components
+    def __init__(self, graph: Graph, parameters: Parameters, components: Mapping[str, Component]) -> None:
+        self.graph, self.parameters, self.components = graph, parameters, components
 
     def of(self, ports: Iterable[Port]) -> int:
         """Number of elements: as the first of these ports that has one says; 1 if none does."""
         for port in ports:
-            dimensions = self._dimensions(self.net.nodes[port])
+            dimensions = self._dimensions(self.graph.nodes[port])
             if dimensions is not None and None not in dimensions:
                 return _product(dimensions)
         return 1
@@ -53,7 +53,7 @@ class Sizes:
         if not isinstance(dimension, str):
             return dimension
         port = Port(node.port.owner, dimension)
-        giver = self.net.nodes.get(port)
+        giver = self.graph.nodes.get(port)
         if giver is None:
             raise InputError(
                 f"{node.place}: sizeConnector '{dimension}' of '{node.port.name}' is no connector"
@@ -75,15 +75,15 @@ class Sizes:
                 f"{node.place}: {node.port} is declared as {_show(declared)}, but is {_show(own)} in the FMU"
             )
 
-    def check_chain(self, edges: list[Edge]) -> None:
+    def check_chain(self, chain: list[Connection]) -> None:
         """Arrays are connected whole: all that say their size must say the same."""
-        at, known = edges[0].source, self._dimensions(self.net.nodes[edges[0].source])
-        for edge in edges:
-            node = self.net.nodes[edge.target]
+        at, known = chain[0].start, self._dimensions(self.graph.nodes[chain[0].start])
+        for connection in chain:
+            node = self.graph.nodes[connection.end]
             wanted = self._dimensions(node)
             if known is not None and wanted is not None and not _fit(known, wanted):
                 raise InputError(
-                    f"{edge.place}: {at} ({_show(known)}) does not fit {node.port} ({_show(wanted)})"
+                    f"{connection.place}: {at} ({_show(known)}) does not fit {node.port} ({_show(wanted)})"
                 )
             if wanted is not None:
                 at, known = node.port, wanted

@@ -6,38 +6,16 @@ from dataclasses import dataclass, field
 from orchestrator.files.archive import Scratch
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import Variable
-from orchestrator.fmi.values import checked_value
-from orchestrator.fmi.variable import Value
-from orchestrator.ssp.conversion import Conversion, apply
-from orchestrator.ssp.settings import ALGORITHMS, Settings
+from orchestrator.fmi.variable import Value, checked_value
+from orchestrator.ssp.conversion import apply
+from orchestrator.ssp.description import ALGORITHMS, Settings
+from orchestrator.system.link import Link
 from specs.errors import InputError, nearest
 from specs.faults import Fault
 from specs.units import Unit
 
 SLACK = 1e-9  # relative, of step sizes
 ROLLING_BACK = ("iterate", "adaptive")  # they take FMUs back to an earlier state
-
-
-@dataclass(frozen=True)
-class Source:
-    """Where a value comes from: an FMU variable, or a system input where `component` is empty."""
-
-    component: str
-    name: str
-
-
-@dataclass(frozen=True)
-class Link:
-    """target = conversion(source): unit conversion and transformation of a connection in one map.
-
-    Arrays are connected whole, element by element.
-    """
-
-    source: Source
-    component: str
-    name: str
-    conversion: Conversion
-    line: int = 0
 
 
 @dataclass(frozen=True)
@@ -69,15 +47,13 @@ class SystemParameter:
 
 @dataclass(frozen=True)
 class SystemOutput:
-    """A connector that shows conversion(source) in its own unit."""
+    """A connector that shows what `link` leads to it, in its own unit."""
 
     name: str
     unit_name: str
-    source: Source
-    conversion: Conversion
+    link: Link
     type: str = "Real"
     size: int = 1
-    line: int = 0
 
 
 @dataclass(frozen=True)
@@ -152,13 +128,11 @@ class System:
         self, values: Mapping[str, dict[str, Value]], own: SystemParameter, value: Value
     ) -> None:
         for link in own.links:
-            component = self.components[link.component]
-            variable = parameter(component, link.name, ("input",))
-            shown = f"parameter {own.name} for {link.component}.{link.name}"
+            component, name = self.components[link.target.owner], link.target.name
+            variable = parameter(component, name, ("input",))
+            shown = f"parameter {own.name} for {link.target}"
             converted = apply(value, link.conversion)
-            values[component.name][link.name] = checked_value(
-                variable, converted, shown, component.size(variable)
-            )
+            values[component.name][name] = checked_value(variable, converted, shown, component.size(variable))
 
     def check_algorithm(self, algorithm: str) -> None:
         """InputError for an unknown algorithm, and one that a component is not able to take part in."""
@@ -186,8 +160,8 @@ class System:
 def parameter(component: Component, name: str, also: Iterable[str] = ()) -> Variable:
     """The parameter `name` of a component; InputError with the nearest parameters.
 
-    `also`: further causalities that will do.  Structural parameters that give arrays their size are refused:
-    the sizes of what is connected were checked with the values of the description.
+    `also`: further causalities that are accepted.  Structural parameters that give arrays their size are
+    refused: the sizes of what is connected were checked with the values of the description.
     """
     variables = component.model.variables
     found = variables.get(name)

@@ -1,6 +1,6 @@
 """Recordings in other tools' formats, read and written with units, channel masters and start time.
 
-One module a format; `docs/recordings.md` says what each keeps and what is mended how.
+One module a format; `docs/reference/recordings.md` says what each keeps and what is mended how.
 """
 
 from collections.abc import Mapping
@@ -9,7 +9,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from records.formats.assemble import assemble
+from records.formats.tables import is_clock
 from records.measurement import Measurement
+from records.recording import first_line
 from specs.errors import InputError, RunError
 from specs.schema import ROOT
 
@@ -45,9 +48,6 @@ def read_measurement(
 
     Raises InputError naming the file and the place of what cannot be mended.
     """
-    from records.formats.assemble import assemble
-    from records.formats.tables import is_clock
-
     path = Path(path)
     if path.suffix.lower() in WRITE_ONLY:
         raise InputError(f"{path}: bags of ROS 2 are written, not read")
@@ -72,8 +72,6 @@ def write_measurement(
     Raises InputError where the format cannot hold it: one time for channels of several rates (`on_grid`
     first), a value beyond its place on CAN.  RunError when the disk refuses.
     """
-    from records.recording import first_line
-
     path = Path(path)
     check_format(path)
     module, options = _module(path, dbc)

@@ -1,14 +1,13 @@
 """From what a file holds to a measurement: clocks mended, names and units ours, each channel its own time."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 
 import numpy as np
 
-from records.formats import clock
-from records.formats.raw import Group, Raw, RawColumn
+from records.formats.raw import Group, Raw, RawColumn, mend
 from records.formats.tables import is_clock
 from records.formats.units import converted, spelled
 from records.measurement import GAP, Channel, Measurement
@@ -34,7 +33,7 @@ def assemble(raw: Raw, source: str, names: Mapping[str, str] | None = None) -> M
     wanted = _wanted(raw, names or {}, source)
     names_of = _unique(raw.groups, notes)
     for number, group in enumerate(raw.groups):
-        group, said = clock.mend(group, source)
+        group, said = mend(group, source)
         notes += said + _gaps(group.time, group.name)
         for column in group.columns:
             name = names_of[number, column.name]
@@ -161,7 +160,7 @@ def _from_zero(measurement: Measurement) -> Measurement:
     if offset == 0:
         return measurement
     shifted: dict[int, np.ndarray] = {}  # channels of a group go on sharing their time
-    for time in _times(measurement):
+    for time in (c.time for c in measurement.channels.values()):
         shifted.setdefault(id(time), time - offset)
     channels = {n: replace(c, time=shifted[id(c.time)]) for n, c in measurement.channels.items()}
     start = measurement.start and measurement.start + timedelta(seconds=float(offset))
@@ -169,7 +168,3 @@ def _from_zero(measurement: Measurement) -> Measurement:
     meta = {**measurement.meta, OFFSET: float(offset)}
     repairs = (*measurement.repairs, note)
     return replace(measurement, channels=channels, start=start, meta=meta, repairs=repairs)
-
-
-def _times(measurement: Measurement) -> Iterable[np.ndarray]:
-    return (c.time for c in measurement.channels.values())

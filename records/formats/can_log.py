@@ -16,16 +16,15 @@ import can
 import numpy as np
 from can.io.blf import FILE_HEADER_SIZE, BLFParseError
 
-from records.formats.can_write import NEVER, write
+from records.formats.can_write import MONTHS, NEVER, write
 from records.formats.dbc import Dbc, checksums, columns, data_id
+from records.formats.metadata import at_ns
 from records.formats.raw import Group, Raw
-from records.formats.start import at_ns
 from records.recording import first_line
 from specs.errors import InputError
 
 __all__ = ["read", "write"]
 
-MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
 GERMAN = {"Mär": "Mar", "Mai": "May", "Okt": "Oct", "Dez": "Dec"}
 ASC_DATE = re.compile(r"^(?:date|begin\s+triggerblock)\s+\w+\s+(.+)$", re.IGNORECASE | re.MULTILINE)
 ASC_END = re.compile(r"^end\s+triggerblock", re.IGNORECASE | re.MULTILINE)
@@ -50,7 +49,7 @@ def read(path: Path, names: Mapping[str, str], dbc: Path) -> Raw:
         messages, start = _blf(path, notes)
     else:
         messages, start = _asc(path, notes)
-    with _listening(notes):
+    with _warnings_into(notes):
         found = _collect(messages, path, notes)
     groups, unknown = [], {}
     for (bus, identifier, extended), frames in found.items():
@@ -65,11 +64,11 @@ def read(path: Path, names: Mapping[str, str], dbc: Path) -> Raw:
     if not groups:
         what = "no frame that it knows" if found else "no frame"
         raise InputError(f"{path} holds {what} ({dbc.name})" + "".join(f"; {n}" for n in notes[:1]))
-    return Raw(_told_apart(groups), start, {}, notes)
+    return Raw(_uniquely_named(groups), start, {}, notes)
 
 
 @contextmanager
-def _listening(notes: list[str]) -> Iterator[None]:
+def _warnings_into(notes: list[str]) -> Iterator[None]:
     """What python-can warns of, once each."""
     said: dict[str, None] = {}
     handler, logger = logging.Handler(), logging.getLogger("can")
@@ -130,7 +129,7 @@ def _group(message: Any, bus: Any, frames: _Frames, notes: list[str]) -> list[tu
     return [(bus, Group(message.name, time, columns(message, array), "frame"))]
 
 
-def _told_apart(found: Iterable[tuple[Any, Group]]) -> list[Group]:
+def _uniquely_named(found: Iterable[tuple[Any, Group]]) -> list[Group]:
     """Groups by the message's name, and the bus's number where one message came on several."""
     found = list(found)
     names = [group.name for _, group in found]

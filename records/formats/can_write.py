@@ -14,10 +14,10 @@ import can
 import numpy as np
 
 from records.formats.dbc import Dbc, Field, data_id, fields, is_j1939, protect
-from records.formats.grid import clocks, finer
+from records.formats.tables import clocks, finer
 from records.formats.units import converted, spelled
 from records.measurement import Channel, Measurement
-from specs.errors import InputError
+from specs.errors import InputError, listed
 
 NEVER = datetime(1970, 1, 1, tzinfo=UTC)  # the date of a log without one
 BUS = 1  # number of the bus in the log
@@ -46,7 +46,7 @@ def write(measurement: Measurement, path: Path, dbc: Path) -> list[str]:
     if len(left) == len(measurement.channels):
         raise InputError(f"{measurement.source or 'the recording'} has no channel that {dbc.name} has")
     if left:
-        lost.append(f"channels without a place in {dbc.name}: {_shown(left)}")
+        lost.append(f"channels without a place in {dbc.name}: {listed(left, 8)}")
     sent = [frames for m in database.messages if (frames := _frames(m, measurement, lost)) is not None]
     form = path.suffix.lower()
     start = _start(measurement.start, lost)
@@ -57,10 +57,6 @@ def write(measurement: Measurement, path: Path, dbc: Path) -> list[str]:
     if measurement.meta:
         lost.append("metadata")
     return lost
-
-
-def _shown(names: list[str]) -> str:
-    return ", ".join(names[:8]) + (f" … ({len(names)} in all)" if len(names) > 8 else "")
 
 
 def _start(start: datetime | None, lost: list[str]) -> datetime | None:
@@ -104,7 +100,7 @@ def _say_what_is_made_up(
     names = {c.name for c in there}
     missing = [name for name in known if name not in names]
     if missing:
-        lost.append(f"{message.name}: start values stand for {_shown(missing)}, which is not recorded")
+        lost.append(f"{message.name}: start values stand for {listed(missing, 8)}, which is not recorded")
     if clocks_there > 1:
         lost.append(f"{message.name}: its signals get each other's times, values held")
 

@@ -19,8 +19,8 @@ import pyarrow as pa
 from pyarrow import csv
 
 from records.formats.csv_write import META, write
+from records.formats.metadata import from_ns, start_of
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import from_ns, start_of
 from records.formats.tables import Heading, check_twice, clock_of, heading
 from records.formats.units import seconds, spelled
 from records.recording import first_line
@@ -106,7 +106,8 @@ def _layout(lines: Sequence[str], source: str) -> Layout:
     if at < len(lines) and (units := _units(_cells(lines[at], delimiter), len(headings))):
         headings = [replace(h, unit=h.unit or u) for h, u in zip(headings, units, strict=True)]
         at += 1
-    comma = delimiter != "," and any(DECIMAL_COMMA.match(c) for c in _some_cells(lines[at:], delimiter))
+    some = [cell for line in lines[at : at + 20] for cell in _cells(line, delimiter)]
+    comma = delimiter != "," and any(DECIMAL_COMMA.match(cell) for cell in some)
     return Layout(headings, delimiter, "," if comma else ".", meta, at)
 
 
@@ -123,10 +124,6 @@ def _meta(key: str, value: str) -> dict[str, Any]:
 def _cells(line: str, delimiter: str) -> list[str]:
     cells = next(reader([line], delimiter=delimiter)) if '"' in line else line.split(delimiter)
     return [cell.strip() for cell in cells]
-
-
-def _some_cells(lines: Sequence[str], delimiter: str) -> list[str]:
-    return [cell for line in lines[:20] for cell in _cells(line, delimiter)]
 
 
 def _number(cell: str) -> bool:

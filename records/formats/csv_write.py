@@ -1,15 +1,14 @@
 """Writes CSV: one header line `name [unit]`, a row for each time, empty cells where there is no sample."""
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
-from records.formats.grid import cells, shared_clock
-from records.formats.start import START, as_json, meta_of
-from records.measurement import Channel, Measurement
+from records.formats.metadata import START, as_json, meta_of
+from records.formats.tables import cells, shared_clock
+from records.measurement import Measurement
 
 META = "slewright"  # key of the comment line that holds our metadata
 
@@ -34,13 +33,10 @@ def write(measurement: Measurement, path: Path) -> list[str]:
         heads = ["time [s]", *(f"{c.name} [{c.unit}]" for c in channels)]
         file.write((",".join(_quoted(head) for head in heads) + "\n").encode())
         csv.write_csv(pa.table(columns), file, csv.WriteOptions(include_header=False))
-    kinds = sorted({"b": "flags", "i": "whole numbers", "u": "whole numbers"}[k] for k in _kinds(channels))
-    lost = [f"types: {' and '.join(dict.fromkeys(kinds))} become floats"] if kinds else []
+    words = {"b": "flags", "i": "whole numbers", "u": "whole numbers"}
+    kinds = sorted({words[c.values.dtype.kind] for c in channels if c.values.dtype.kind in words})
+    lost = [f"types: {' and '.join(kinds)} become floats"] if kinds else []
     return lost + (["descriptions of channels"] if any(c.description for c in channels) else [])
-
-
-def _kinds(channels: Iterable[Channel]) -> set[str]:
-    return {c.values.dtype.kind for c in channels} - {"f"}
 
 
 def _quoted(cell: str) -> str:

@@ -24,9 +24,9 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, Writer
 
 from records.formats import mcap_protobuf
-from records.formats.grid import clocks, finer
+from records.formats.metadata import START, as_json, at_ns, meta_of, start_of, to_ns
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import START, as_json, at_ns, meta_of, start_of, to_ns
+from records.formats.tables import clocks, finer
 from records.measurement import Channel, Measurement
 from records.recording import first_line
 from specs.errors import InputError
@@ -53,11 +53,11 @@ class _Contents:
     _keys: dict[int, Key] = field(default_factory=dict)
     _schemas: dict[int, Schema] = field(default_factory=dict)
 
-    def begin(self) -> None:
+    def begin_file(self) -> None:
         """A file begins."""
         self._keys, self._schemas = {}, {}
 
-    def take(self, part: Any) -> None:
+    def add(self, part: Any) -> None:
         """A record of the file."""
         if isinstance(part, Message):
             self.messages.setdefault(self._keys[part.channel_id], []).append(part)
@@ -75,10 +75,11 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     """Read every topic of JSON and Protocol Buffers; raises InputError where there is none."""
     notes: list[str] = []
     found = _Contents()
-    for file in _files(path):
-        found.begin()
+    # The file, or all segments of the runtime's recorder in a folder, oldest first
+    for file in sorted(path.glob("*.mcap")) if path.is_dir() else [path]:
+        found.begin_file()
         for part in _parts(file, notes):
-            found.take(part)
+            found.add(part)
     meta = _our_meta(found.meta)
     stamps = [m.log_time for messages in found.messages.values() for m in messages]
     if not stamps:
@@ -91,17 +92,12 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     return Raw(groups, start, {k: v for k, v in meta.items() if k != START}, notes)
 
 
-def _files(path: Path) -> list[Path]:
-    """The file, or all segments of the runtime's recorder in a folder, oldest first."""
-    return sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-
-
 def _parts(path: Path, notes: list[str]) -> Iterator[Any]:
     """The records of the file, those of damaged chunks left out, until its end or where it was cut."""
     data = path.read_bytes()
     if not data.startswith(MCAP0_MAGIC):
         raise InputError(f"{path} is not MCAP")
-    end, closed = _whole(data)
+    end, closed = _last_whole_record(data)
     if not closed:
         notes.append("the file was not closed, it has no footer: read as far as it is whole")
     tail = MCAP0_MAGIC if closed else b""
@@ -114,10 +110,10 @@ def _parts(path: Path, notes: list[str]) -> Iterator[Any]:
         except (McapError, ValueError, OverflowError, struct.error) as error:
             notes.append(f"the file is damaged: read up to there ({first_line(error)})")
             return
-        yield from _broken_up(part, notes) if isinstance(part, Chunk) else (part,)
+        yield from _chunk_records(part, notes) if isinstance(part, Chunk) else (part,)
 
 
-def _whole(data: bytes) -> tuple[int, bool]:
+def _last_whole_record(data: bytes) -> tuple[int, bool]:
     """Where the last whole record ends, and whether that is the footer."""
     at = len(MCAP0_MAGIC)
     while at + 9 <= len(data):
@@ -130,7 +126,7 @@ def _whole(data: bytes) -> tuple[int, bool]:
     return at, False
 
 
-def _broken_up(chunk: Chunk, notes: list[str]) -> list[Any]:
+def _chunk_records(chunk: Chunk, notes: list[str]) -> list[Any]:
     try:
         return breakup_chunk(chunk, validate_crc=True)
     except BROKEN_CHUNK:

@@ -12,7 +12,7 @@ ENCODING = "protobuf"
 
 def rows(messages: Sequence[Message], schema: Schema, topic: str) -> list[dict[str, float | int | bool]]:
     """The numbers of each message by their path in it; raises InputError for what is not of the schema."""
-    try:
+    try:  # not in the extra `formats`: few files need it
         from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
         from google.protobuf.message import DecodeError
     except ImportError:

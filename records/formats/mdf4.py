@@ -19,9 +19,9 @@ from xml.sax.saxutils import escape
 import numpy as np
 from asammdf import MDF, Signal
 
-from records.formats.grid import clocks
+from records.formats.metadata import START, as_json, meta_of
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import START, as_json, meta_of
+from records.formats.tables import clocks
 from records.measurement import Channel, Measurement
 from records.recording import first_line
 from specs.errors import InputError
@@ -70,7 +70,9 @@ def _read(path: Path, notes: list[str]) -> Raw:
 def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
     """The channel groups that hold samples over time."""
     for number, group in enumerate(file.groups):
-        label = _label(group, number)
+        # What the file calls a group, else its number
+        block = group.channel_group
+        label = str(getattr(block, "acq_name", "") or f"group{number + 1}")
         master = file.masters_db.get(number)
         if not group.channel_group.cycles_nr:
             notes.append(f"{label}: left out, it has no samples")
@@ -78,12 +80,6 @@ def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
             notes.append(f"{label}: left out, its samples are not over time")
         else:
             yield _group(file, number, master, label, notes)
-
-
-def _label(group: Any, number: int) -> str:
-    """What the file calls a group, else its number."""
-    block = group.channel_group
-    return str(getattr(block, "acq_name", "") or f"group{number + 1}")
 
 
 def _group(file: Any, number: int, master: int, label: str, notes: list[str]) -> Group:

@@ -1,4 +1,4 @@
-"""Parquet: our own run records, and anybody's table with a time column."""
+"""Parquet: our own run records, and tables of other tools with a time column."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -9,10 +9,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from records import record
-from records.formats.grid import cells, shared_clock
+from records.formats.metadata import from_ns, meta_of, start_of
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.start import from_ns, meta_of, start_of
-from records.formats.tables import Heading, check_twice, clock_of, heading
+from records.formats.tables import Heading, cells, check_twice, clock_of, heading, shared_clock
 from records.formats.units import seconds
 from records.measurement import Measurement
 from records.recording import RecordWriter, first_line
@@ -27,8 +26,8 @@ PER_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}
 def read(path: Path, names: Mapping[str, str]) -> Raw:
     """Read a run record, or what is left of its recording, or another tool's table."""
     if path.suffix == ".recording" or not path.is_file() or META_KEY in (_schema(path).metadata or {}):
-        return _own(path)
-    return _foreign(path, names)
+        return _run_record(path)
+    return _table(path, names)
 
 
 def write(measurement: Measurement, path: Path) -> list[str]:
@@ -40,13 +39,15 @@ def write(measurement: Measurement, path: Path) -> list[str]:
     columns, made, lost = [Column("time", "s", "Time since the start")], [clock], []
     for channel in measurement.channels.values():
         held, absent = cells(channel, clock)
-        kind = _type(held)
+        kinds = {"b": "bool", "i": "int64", "u": "uint64" if held.dtype.itemsize == 8 else "int64"}
+        kind = kinds.get(held.dtype.kind, "float64")
         if absent.any() and kind != "float64":
             lost.append(f"{channel.name}: whole numbers become floats, since some are absent")
             kind = "float64"
         held = np.where(absent, np.nan, held) if absent.any() else held
         columns.append(Column(channel.name, channel.unit, channel.description, kind))
-        made.append(_cells_of(held, kind))
+        # Values as the record's cells of 8 bytes (records/schema.py)
+        made.append(held.astype(np.int64 if kind == "bool" else kind).view(np.float64))
     meta = {ABSENT: "NaN", **meta_of(measurement)}
     complete, reason = bool(meta.pop("complete", True)), str(meta.pop("reason", ""))
     writer = RecordWriter(path, columns, meta)
@@ -56,17 +57,6 @@ def write(measurement: Measurement, path: Path) -> list[str]:
     return lost
 
 
-def _type(held: np.ndarray) -> str:
-    """The record's type for values of this kind."""
-    kinds = {"b": "bool", "i": "int64", "u": "uint64" if held.dtype.itemsize == 8 else "int64"}
-    return kinds.get(held.dtype.kind, "float64")
-
-
-def _cells_of(held: np.ndarray, kind: str) -> np.ndarray:
-    """Values as the record's cells of 8 bytes (records/schema.py)."""
-    return held.astype(np.int64 if kind == "bool" else kind).view(np.float64)
-
-
 def _schema(path: Path) -> pa.Schema:
     try:
         return pq.read_schema(path)
@@ -74,7 +64,7 @@ def _schema(path: Path) -> pa.Schema:
         raise InputError(f"{path} is damaged or not Parquet: {first_line(error)}") from None
 
 
-def _own(path: Path) -> Raw:
+def _run_record(path: Path) -> Raw:
     """A run record; an incomplete one says so."""
     try:
         found = record.read(path)
@@ -91,7 +81,7 @@ def _own(path: Path) -> Raw:
     return Raw([Group("", found.time, columns)], start_of(found.meta), found.meta, notes)
 
 
-def _foreign(path: Path, names: Mapping[str, str]) -> Raw:
+def _table(path: Path, names: Mapping[str, str]) -> Raw:
     """A table that is no run record: nulls are no samples, text is left out."""
     try:
         with pq.ParquetFile(path) as file:

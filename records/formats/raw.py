@@ -1,11 +1,19 @@
-"""What a reader of a format hands over: columns as the file holds them, grouped by the clock they share."""
+"""What a reader of a format hands over: columns as the file holds them, grouped by the clock they share.
+
+Time stamps are mended here where that takes no guessing, and it is said; anything else is refused with its
+place.  Rows that came late by a few places are put in order where that leaves an even clock.  A clock that
+jumps back leaves stretches that overlap once sorted: two rows within less than a period, or two values at
+one time.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
 import numpy as np
+
+from specs.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -52,3 +60,115 @@ class Raw:
     start: datetime | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[str] = ()
+
+
+LATE = 16  # rows that a row may come late and still is put in its place
+EVEN = 0.6  # of a period: rows nearer than this are not those of one even clock
+
+
+def mend(group: Group, source: str) -> tuple[Group, list[str]]:
+    """Return the group with strictly ascending time and what was mended; raises InputError with the place."""
+    notes: list[str] = []
+    for step in (_drop_rows_without_time, _sort_late_rows, _merge_rows_of_one_time):
+        group, said = step(group, source)
+        notes += said
+    return group, notes
+
+
+def _drop_rows_without_time(group: Group, source: str) -> tuple[Group, list[str]]:
+    """Drop rows whose time is not a number."""
+    good = np.isfinite(group.time)
+    if good.all():
+        return group, []
+    first = int(np.flatnonzero(~good)[0])
+    note = f"dropped {rows(group, (~good).sum())} without a time; the first: {group.place(first)}"
+    return rows_at(group, np.flatnonzero(good)), [note]
+
+
+def _sort_late_rows(group: Group, source: str) -> tuple[Group, list[str]]:
+    """Sort rows that came late, where it is plain that they only did."""
+    steps = np.diff(group.time)
+    if not (steps < 0).any():
+        return group, []
+    order = np.argsort(group.time, kind="stable")
+    moved = order - np.arange(len(order))
+    back = int(np.flatnonzero(steps < 0)[0]) + 1
+    sorted_steps = np.diff(group.time[order])
+    period = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
+    touched = (moved[1:] != 0) | (moved[:-1] != 0)
+    uneven = touched & (sorted_steps > 0) & (sorted_steps < EVEN * period)
+    if np.abs(moved).max() > LATE or uneven.any():
+        raise InputError(
+            f"{source}: the clock jumps back by {group.time[back - 1] - group.time[back]:.6g} s at "
+            f"{group.place(back)}; cut the recording there"
+        )
+    late = int((steps < 0).sum())
+    note = f"put {late} late {rows(group, late, False)} in order; the first: {group.place(back)}"
+    return rows_at(group, order), [note]
+
+
+def _merge_rows_of_one_time(group: Group, source: str) -> tuple[Group, list[str]]:
+    """Make one row of those with one time; two values of a channel at one time are refused."""
+    again = np.flatnonzero(np.diff(group.time) == 0) + 1
+    if not len(again):
+        return group, []
+    first = np.searchsorted(group.time, group.time[again])
+    columns = []
+    for column in group.columns:
+        merged, differs = _merged(column, first, again)
+        if differs.any():
+            place = group.place(int(again[differs][0]))
+            raise InputError(
+                f"{source}: {column.name} has two values at one time: {place} and the {group.row} before it; "
+                "keep one of them"
+            )
+        columns.append(merged)
+    keep = np.ones(len(group.time), dtype=bool)
+    keep[again] = False
+    note = (
+        f"dropped {rows(group, len(again))} at a time already there, with no other value; "
+        f"the first: {group.place(int(again[0]))}"
+    )
+    return rows_at(replace(group, columns=columns), np.flatnonzero(keep)), [note]
+
+
+def _merged(column: RawColumn, first: np.ndarray, again: np.ndarray) -> tuple[RawColumn, np.ndarray]:
+    """The column with what rows `again` hold brought to rows `first`, and where they contradict."""
+    held, there = column.values, np.ones(len(column.values), dtype=bool)
+    if column.absent is not None:
+        there = ~column.absent
+    values, sure = held.copy(), there.copy()
+    given = there[again]
+    values[first[given]], sure[first[given]] = held[again[given]], True
+    differs = (given & ~_same(held[again], values[first])) | (
+        there[first] & ~_same(held[first], values[first])
+    )
+    absent = None if column.absent is None else ~sure
+    return replace(column, values=values, absent=absent), differs
+
+
+def _same(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Equal, or both not a number."""
+    same = one == two
+    return same | (np.isnan(one) & np.isnan(two)) if one.dtype.kind == "f" else same
+
+
+def rows_at(group: Group, index: np.ndarray) -> Group:
+    """The rows `index` of a group."""
+    numbers = np.arange(1, len(group.time) + 1) if group.numbers is None else group.numbers
+    columns = [
+        replace(
+            c,
+            values=c.values[index],
+            absent=None if c.absent is None else c.absent[index],
+            broken=None if c.broken is None else c.broken[index],
+        )
+        for c in group.columns
+    ]
+    return replace(group, time=group.time[index], columns=columns, numbers=numbers[index])
+
+
+def rows(group: Group, count: int, number: bool = True) -> str:
+    """`3 lines`, or `lines` without the number."""
+    word = group.row if count == 1 else f"{group.row}s"
+    return f"{count} {word}" if number else word

@@ -23,7 +23,7 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from records.formats.start import to_ns
+from records.formats.metadata import to_ns
 from records.measurement import Measurement
 from records.tool import joint_rates
 from specs.errors import InputError
@@ -55,7 +55,9 @@ def write(measurement: Measurement, path: Path) -> list[str]:
         )
     start = to_ns(measurement.start) if measurement.start else 0
     rows = [
-        (stamp, topic, k) for topic in there for k, stamp in enumerate(_stamps(measurement, topic, start))
+        (start + round(1e9 * time), topic, k)
+        for topic in there
+        for k, time in enumerate(measurement[topic.channels[0]].time.tolist())
     ]
     if min(stamp for stamp, *_ in rows) < 0:
         raise InputError(f"{path}: ROS 2 has no times before 1970")
@@ -73,10 +75,6 @@ def _lost(measurement: Measurement, there: Sequence[Topic]) -> list[str]:
     others = [name for name in measurement.channels if name not in used]
     found = [f"{len(others)} channels that no topic holds: {', '.join(others[:6])} …"] if others else []
     return found + ([] if measurement.start else ["start: not known, stamps count from 1970"])
-
-
-def _stamps(measurement: Measurement, topic: Topic, start: int) -> list[int]:
-    return [start + round(1e9 * t) for t in measurement[topic.channels[0]].time.tolist()]
 
 
 def _columns(measurement: Measurement, topic: Topic) -> Columns:
@@ -164,7 +162,7 @@ STATES = (
 )
 COMMANDS, REFERENCES = ("u_slew", "u_boom", "u_stick"), ("qd_boom_ref", "qd_stick_ref")
 JOYSTICK = tuple(f"joystick_{axis}" for axis in ("slew", "boom", "stick"))
-SEEN = tuple(f"seen_{name}" for name in JOYSTICK)  # of a recording in shadow mode (docs/shadow.md)
+SEEN = tuple(f"seen_{name}" for name in JOYSTICK)  # of a recording in shadow mode (docs/how-to/shadow.md)
 TARGET = ("target_x", "target_y", "target_z")
 TOPICS = (
     Topic("/joint_states", "sensor_msgs/msg/JointState", STATES, _joint_states),

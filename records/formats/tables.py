@@ -1,10 +1,16 @@
-"""Tables with one time column, as CSV and Parquet files are: their headers, and which column is the time."""
+"""Tables with one time column, as CSV and Parquet files are: headings, which column is the time, and one time
+for all channels, the one they share or a grid that is asked for.
+"""
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import timedelta
+
+import numpy as np
 
 from records.formats.units import PER_SECOND, spelled
+from records.measurement import MOST_ROWS, ROUNDING, Channel, Measurement
 from specs.errors import InputError, nearest
 from specs.units import UNITS
 
@@ -65,3 +71,99 @@ def check_twice(headings: Sequence[Heading], source: str) -> None:
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
         raise InputError(f"{source}: two columns are called {', '.join(twice)}")
+
+
+SAME_RATE = 0.01  # relative: periods that differ by less are one rate
+
+
+def clocks(channels: Iterable[Channel]) -> list[tuple[np.ndarray, list[Channel]]]:
+    """Channels by the times that they share to the last bit, in the order of the first of each."""
+    found: dict[bytes, tuple[np.ndarray, list[Channel]]] = {}
+    keys: dict[int, bytes] = {}
+    for channel in channels:
+        key = keys.setdefault(id(channel.time), channel.time.tobytes())
+        found.setdefault(key, (channel.time, []))[1].append(channel)
+    return list(found.values())
+
+
+def finer(times: Iterable[np.ndarray], resolution_s: float) -> bool:
+    """Whether a clock that counts in `resolution_s` changes some of these times (more than rounding does)."""
+    return any(
+        np.abs(np.round(time / resolution_s) * resolution_s - time).max(initial=0.0) > 1e-3 * resolution_s
+        for time in times
+    )
+
+
+def shared_clock(measurement: Measurement, kind: str) -> np.ndarray:
+    """The times of a table of all channels; a channel may lack some of them.
+
+    Raises InputError naming the rates where they differ: such a table would be mostly holes.
+    """
+    channels = [c for c in measurement.channels.values() if len(c.time)]
+    if not channels:
+        raise InputError(f"{measurement.source or 'the recording'} holds no samples")
+    if "time" in measurement:
+        raise InputError(
+            f"{measurement.source or 'the recording'}: {kind} needs the name 'time' for its time"
+        )
+    groups = clocks(channels)
+    union = np.unique(np.concatenate([time for time, _ in groups]))
+    period = float(np.median(np.diff(union))) if len(union) > 1 else 0.0
+    for _, (first, *_) in groups:
+        if abs(first.period_s - period) > SAME_RATE * period:  # not for a single sample
+            raise InputError(
+                f"{measurement.source or 'the recording'}: {kind} has one time for all channels, these have "
+                f"{_rates(groups)}; choose a step (--step S)"
+            )
+    return union
+
+
+def _rates(groups: Iterable[tuple[np.ndarray, list[Channel]]]) -> str:
+    """`50 Hz (12 channels: q_slew …), 10 Hz (target_x)`; clocks of one rate are told apart."""
+    shown = []
+    for _, channels in groups:
+        period = channels[0].period_s
+        rate = f"{1 / period:.4g} Hz" if period == period else "one sample"
+        names = channels[0].name if len(channels) == 1 else f"{len(channels)} channels: {channels[0].name} …"
+        shown.append(f"{rate} ({names})")
+    return ", ".join(shown[:4]) + (f" and {len(shown) - 4} more" if len(shown) > 4 else "")
+
+
+def cells(channel: Channel, clock: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values of a channel at the times of `clock` [n], and where it has none (its value there is 0)."""
+    if len(channel.time) == len(clock):
+        return channel.values, np.zeros(len(clock), dtype=bool)
+    values, absent = np.zeros(len(clock), dtype=channel.values.dtype), np.ones(len(clock), dtype=bool)
+    at = np.searchsorted(clock, channel.time)
+    values[at], absent[at] = channel.values, False
+    return values, absent
+
+
+def on_grid(measurement: Measurement, step_s: float) -> Measurement:
+    """All channels every `step_s` from the first sample on: the last one at or before, nothing interpolated.
+
+    A channel has no sample where it has none that is fresh (Channel.held): gaps stay gaps, and it ends a
+    period after its last one.  Raises InputError for a step that cannot be.
+    """
+    if not step_s > 0 or not np.isfinite(step_s):
+        raise InputError(f"the step must be more than 0 s, not {step_s:g}")
+    channels = [c for c in measurement.channels.values() if len(c.time)]
+    first, last = min(c.time[0] for c in channels), max(c.time[-1] for c in channels)
+    count = int(np.floor((last - first) / step_s + ROUNDING)) + 1
+    if count > MOST_ROWS:
+        raise InputError(f"{measurement.source}: {count} rows at {step_s:g} s; is its time in s?")
+    grid = step_s * np.arange(count)
+    made = [_gridded(c, grid, float(first), step_s) for c in channels]
+    start = measurement.start and measurement.start + timedelta(seconds=float(first))
+    said = f"put on a grid of {step_s:g} s: the last sample at or before each time"
+    repairs = (*measurement.repairs, said)
+    there = {c.name: c for c in made if len(c.time)}
+    return replace(measurement, channels=there, start=start, repairs=repairs)
+
+
+def _gridded(channel: Channel, grid: np.ndarray, first: float, step_s: float) -> Channel:
+    index, fresh = channel.held(first + grid, step_s)
+    period = np.fmax(channel.period_s, step_s)  # the last sample stands for one: then the channel has ended
+    fresh &= (index < len(channel.time) - 1) | (first + grid - channel.time[index] < (1 - ROUNDING) * period)
+    time = grid if fresh.all() else grid[fresh]
+    return replace(channel, time=time, values=channel.values[index[fresh]])

@@ -39,8 +39,7 @@ def slew_angle(scenario: str, pair: Pair) -> Figure:
     y = [round(target.slew * DEG, 2) for target in asked for _ in range(2)]
     for system, record in pair.items():
         look = style(system, pair)
-        line = {"color": look.color, "width": look.width}
-        data.append(series(record, record.column("true_q_slew") * DEG, 2, name=look.label, line=line))
+        data.append(series(record, record.column("true_q_slew") * DEG, 2, name=look.label, line=look.line))
     target_line = {"color": TARGET, "width": 1.2, "dash": "dash"}
     data.append({"type": "scatter", "mode": "lines", "x": x, "y": y, "name": "Target", "line": target_line})
     for left, right, at in zip(x[::2], x[1::2], y[::2], strict=True):
@@ -68,8 +67,7 @@ def tool_rate(scenario: str, pair: Pair) -> Figure | None:
     data = []
     for system, record in known.items():
         look, rate = style(system, pair), tool_rate_deg(record)
-        line = {"color": look.color, "width": look.width}
-        data.append(series(record, rate, 2, name=look.label, line=line))
+        data.append(series(record, rate, 2, name=look.label, line=look.line))
         spans = [t for t in targets(record) if t.whole]
         x = [v for t in spans for v in (t.start_s, t.start_s + t.duration_s, None)]
         y = [v for t in spans for m in [round(float(np.mean(rate[t.rows])), 3)] for v in (m, m, None)]

@@ -24,17 +24,24 @@ class Style:
     color: str
     width: float
 
+    @property
+    def line(self) -> dict[str, Any]:
+        """The look of its lines, as plotly has it."""
+        return {"color": self.color, "width": self.width}
+
 
 STYLES = {
     "nominal": Style("Nominal model", "#d9822b", 1.5),
     "reference": Style("Simulated reference machine", "#134a7c", 1.8),
+    "policy": Style("Policy", "#134a7c", 1.8),
+    "pi": Style("PI", "#d9822b", 1.5),
 }
 OTHERS = ("#2a8c82", "#7a5195", "#6b6b6b")
 TARGET = "#55606b"
 
 
 def style(system: str, pair: Pair) -> Style:
-    """Return the style of a system; one that is neither nominal nor reference gets a colour of its own."""
+    """Return the style of a system; one that is not in STYLES gets a colour of its own."""
     others = [name for name in pair if name not in STYLES]
     return STYLES.get(system) or Style(system, OTHERS[others.index(system) % len(OTHERS)], 1.5)
 
@@ -110,7 +117,8 @@ def over_time(
     if not panels:
         return None
     data = [trace for i, panel in enumerate(panels) for trace in _panel_traces(panel, i, pair)]
-    _once_in_legend(data)
+    for i, trace in enumerate(data):
+        trace["showlegend"] = all(trace["name"] != before["name"] for before in data[:i])
     layout = {**time_axis(len(panels)), **_value_axes(panels)}
     height = 80 + 150 * len(panels) if len(panels) > 1 else 320
     return Figure(name, title, caption, data, layout, **{"height": height, **more})
@@ -122,19 +130,12 @@ def _panel_traces(panel: Panel, index: int, pair: Pair) -> list[dict[str, Any]]:
         look = style(system, pair)
         for curve in panel.curves:
             if curve.column in record:
-                line = {"color": look.color, "width": look.width, "dash": curve.dash, "shape": curve.shape}
+                line = {**look.line, "dash": curve.dash, "shape": curve.shape}
                 values = record.column(curve.column) * curve.scale
                 label = f"{look.label}, {curve.label}" if curve.label else look.label
                 more = {"name": label, "legendgroup": label, "yaxis": axis("y", index), "line": line}
                 traces.append(series(record, values, panel.digits, **more, opacity=curve.opacity))
     return traces
-
-
-def _once_in_legend(data: Sequence[dict[str, Any]]) -> None:
-    seen: set[str] = set()
-    for trace in data:
-        trace["showlegend"] = trace["name"] not in seen
-        seen.add(trace["name"])
 
 
 def axis(letter: str, index: int) -> str:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from records.figures_file import write_text
 from specs.errors import InputError
 
 
@@ -12,9 +13,7 @@ def fill(path: Path, name: str, text: str) -> None:
     """
     head, tail = around(path, name)
     begin, end = _markers(name)
-    part = path.with_name(path.name + ".part")
-    part.write_text(f"{head}{begin}\n{text}{end}{tail}", encoding="utf-8")
-    part.replace(path)
+    write_text(path, f"{head}{begin}\n{text}{end}{tail}")
 
 
 def around(path: Path, name: str) -> tuple[str, str]:

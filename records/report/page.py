@@ -40,6 +40,8 @@ class Context:
     realtime_factor: Mapping[str, float] = field(default_factory=dict)  # system → simulated s / elapsed s
     versions: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()  # sentences under the results
+    beside: Mapping[str, tuple[Results, Sequence[Verdict]]] = field(default_factory=dict)  # by controller
+    comparison: Sequence[str] = ()  # a sentence for each controller beside it
     response: Pair | None = None  # a run for the arm and tool response; else the first scenario's is shown
 
 
@@ -61,6 +63,8 @@ def render(runs: Runs, verdicts: Sequence[Verdict], context: Context) -> str:
     body = [
         _head(verdicts, context),
         _results(results, verdicts, context),
+        *(_beside(name, *found) for name, found in context.beside.items()),
+        _paper(),
         _response(runs, context, drawn),
         *(_scenario(name, pair, results, drawn) for name, pair in runs.items()),
         _limits(verdicts),
@@ -97,10 +101,26 @@ def _facts(context: Context) -> list[tuple[str, str]]:
 def _results(results: Results, verdicts: Sequence[Verdict], context: Context) -> str:
     links = "".join(f"<a href='#{escape(n)}'>{escape(tables.readable(n))}</a>" for n in results)
     notes = "".join(f"<p class='soft'>{escape(note)}</p>" for note in context.notes)
+    said = "".join(f"<p>{escape(sentence)}</p>" for sentence in context.comparison)
     return (
         f"<nav>{links}<a href='#limits'>Limits</a></nav><h2 class='stay' id='results'>Results</h2>"
-        f"<p class='soft'>{METRICS}</p>"
+        f"{said}<p class='soft'>{METRICS}</p>"
         f"<div class='scroll'>{tables.results(results, verdicts)}</div>{notes}"
+    )
+
+
+def _beside(name: str, results: Results, verdicts: Sequence[Verdict]) -> str:
+    """The results of a controller for comparison, held to the same limits."""
+    missed = sum(not v.passed for v in verdicts)
+    word = f"not accepted: {missed} of {len(verdicts)} limits missed" if missed else "all limits met"
+    return (
+        f"<h3 style='margin-top:28px'>For comparison: {escape(name)} ({word})</h3>"
+        f"<div class='scroll'>{tables.results(results, verdicts)}</div>"
+    )
+
+
+def _paper() -> str:
+    return (
         "<h3 style='margin-top:28px'>The paper's results, for context</h3>"
         f"<p class='soft'>{PAPER}</p><div class='scroll'>{tables.paper()}</div>"
     )

@@ -1,6 +1,7 @@
 """One picture of a run for a README: the tool's path from above, the slew angle, the tool's rate.
 
-Plain SVG, drawn here: text and lines that any browser shows, small enough to keep beside the text.
+Plain SVG, drawn here: text and lines that any browser shows, small enough to keep beside the text.  It can
+move: the arm from above and a line at the present time, repeated without end (SMIL, which needs no script).
 """
 
 from collections.abc import Sequence
@@ -11,11 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from records.metrics import BAND_DEG, TOLERANCES_M, tool_rate_deg
+from records.record import Record
 from records.report.figures import DEG, TARGET, Pair, style, thin
 from records.report.views import TOLERANCE_STYLES
 from records.targets import Target, targets
 
 WIDTH, HEIGHT = 1000, 430  # px
+FRAME_S = 0.25  # of the run, between the frames of a moving picture; browsers fill in between
 INK, SOFT, GRID = "#1d2730", "#5b6772", "#e3e7eb"
 
 
@@ -44,24 +47,29 @@ class Panel:
         return f"<polyline points='{points}' fill='none' stroke-linejoin='round'{_attributes(look)}/>"
 
 
-def write_picture(path: Path | str, pair: Pair, title: str = "", height: bool = False) -> Path:
-    """Write the picture of one scenario (system → record) as SVG to `path`; return its path.
+def write_picture(
+    path: Path | str, pair: Pair, title: str = "", height: bool = False, loop_s: float = 0.0
+) -> Path:
+    """Write the picture of one scenario (system or controller → record) as SVG to `path`; return its path.
 
-    With `height` the tool's height over time stands in the place of the tool's rate.
+    With `height` the tool's height over time stands in the place of the tool's rate.  With `loop_s` the run
+    is played in so many seconds, again and again.
 
     Raises InputError when a record has no true slew angle, tool position or tool rate, or names no targets.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(picture(pair, title, height), encoding="utf-8")
+    path.write_text(picture(pair, title, height, loop_s), encoding="utf-8")
     return path
 
 
-def picture(pair: Pair, title: str = "", height: bool = False) -> str:
+def picture(pair: Pair, title: str = "", height: bool = False, loop_s: float = 0.0) -> str:
     """Return the picture as SVG."""
     asked = targets(next(iter(pair.values())))
     last = _height if height else _rate
-    parts = [_head(pair, title), _above(pair, asked), _slew(pair, asked), last(pair, asked)]
+    parts = [_head(pair, title), _above(pair, asked, loop_s), _slew(pair, asked), last(pair, asked)]
+    if loop_s:
+        parts.append(_present(pair, loop_s))
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {WIDTH} {HEIGHT}' width='{WIDTH}' "
         f"height='{HEIGHT}' font-family='Helvetica, Arial, sans-serif' font-size='12' fill='{INK}'>"
@@ -80,7 +88,7 @@ def _head(pair: Pair, title: str) -> str:
     return drawn
 
 
-def _above(pair: Pair, asked: Sequence[Target]) -> str:
+def _above(pair: Pair, asked: Sequence[Target], loop_s: float) -> str:
     paths = {s: (r.column("true_tool_x")[thin(r)], r.column("true_tool_y")[thin(r)]) for s, r in pair.items()}
     panel = _square(
         [*(x for x, _ in paths.values()), np.array([t.x for t in asked])],
@@ -91,10 +99,43 @@ def _above(pair: Pair, asked: Sequence[Target]) -> str:
     size = f"width='{panel.at_x(1.6) - left:.1f}' height='{panel.at_y(-1.5) - top:.1f}'"
     carriage = f"<rect x='{left:.1f}' y='{top:.1f}' {size} fill='#d5dae0'/>"
     circles = "".join(_tolerances(panel, t) for t in asked)
-    lines = "".join(panel.line(x, y, **_look(s, pair)) for s, (x, y) in paths.items())
+    faint = {"stroke_opacity": 0.3} if loop_s else {}
+    lines = "".join(panel.line(x, y, **_look(s, pair), **faint) for s, (x, y) in paths.items())
+    if loop_s:
+        lines += "".join(_arm(panel, r, style(s, pair).color, loop_s) for s, r in pair.items())
     start = next(iter(paths.values()))
     spots = [(float(start[0][0]), float(start[1][0])), *((t.x, t.y) for t in asked)]
     return grid + carriage + circles + lines + _numbered(panel, spots)
+
+
+def _arm(panel: Panel, record: Record, color: str, loop_s: float) -> str:
+    """The arm from above as it moves: a line from the slew axis to the tool, and the tool."""
+    every = max(1, round(FRAME_S / float(record.time[1] - record.time[0])))
+    x = [panel.at_x(v) for v in record.column("true_tool_x")[::every]]
+    y = [panel.at_y(v) for v in record.column("true_tool_y")[::every]]
+    origin = f"x1='{panel.at_x(0):.1f}' y1='{panel.at_y(0):.1f}' x2='{x[0]:.1f}' y2='{y[0]:.1f}'"
+    beam = {"stroke": color, "stroke_width": 3, "stroke_linecap": "round"}
+    return (
+        f"<line {origin}{_attributes(beam)}>{_moving('x2', x, loop_s)}{_moving('y2', y, loop_s)}</line>"
+        f"<circle cx='{x[0]:.1f}' cy='{y[0]:.1f}' r='5' fill='{color}'>"
+        f"{_moving('cx', x, loop_s)}{_moving('cy', y, loop_s)}</circle>"
+    )
+
+
+def _present(pair: Pair, loop_s: float) -> str:
+    """A line at the present time through both panels over time."""
+    panel = _over_time(pair, 72, 312, (0.0, 1.0))
+    ends = [panel.left, panel.left + panel.width]
+    moves = _moving("x1", ends, loop_s) + _moving("x2", ends, loop_s)
+    at = f"x1='{ends[0]}' x2='{ends[0]}' y1='{panel.top}' y2='{panel.top + panel.height}'"
+    return f"<line {at} stroke='{SOFT}' stroke-width='1'>{moves}</line>"
+
+
+def _moving(attribute: str, values: Sequence[float], loop_s: float) -> str:
+    listed = ";".join(f"{v:.1f}" for v in values)
+    return (
+        f"<animate attributeName='{attribute}' dur='{loop_s:g}s' repeatCount='indefinite' values='{listed}'/>"
+    )
 
 
 def _square(xs: Sequence[np.ndarray], ys: Sequence[np.ndarray]) -> Panel:

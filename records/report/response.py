@@ -85,7 +85,7 @@ def _swing_traces(system: str, record: Record, pair: Pair) -> list[dict[str, Any
             "legendgroup": look.label,
             "showlegend": i == 0,
             "yaxis": axis("y", i),
-            "line": {"color": look.color, "width": look.width},
+            "line": look.line,
         }
         for i, name in enumerate(("true_q_tool_y", "true_q_tool_x"))
     ]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from plotly.offline import get_plotlyjs
 
+from records.figures_file import write_text
 from records.report.figures import Figure
 
 # Nothing may be loaded from anywhere: the page is complete, and a reader's browser holds it to that.
@@ -57,9 +58,7 @@ def write_whole(path: Path | str, text: str) -> Path:
     """Write `text` so that a reader sees the old file or the new; makes the folder."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = Path(f"{path}.part")
-    unfinished.write_text(text, encoding="utf-8")
-    unfinished.replace(path)
+    write_text(path, text)
     return path
 
 

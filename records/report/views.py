@@ -10,6 +10,7 @@ from records.report.figures import TARGET, Figure, Pair, numbers, style, thin
 from records.targets import targets
 
 TOLERANCE_STYLES = (("#4c9a6a", "solid", 0.20), ("#c9a227", "dash", 0.0))
+TOLERANCES = "tolerances of 1 m (green) and 2 m (amber, dashed)"
 STILL = {"hovermode": "closest", "dragmode": "pan"}
 
 
@@ -32,9 +33,7 @@ def from_above(scenario: str, pair: Pair) -> Figure:
         "shapes": machine + tolerance_circles(spots),
         **_equal_axes("x, ahead at slew angle 0 [m]", "y, to the left [m]"),
     }
-    caption = (
-        f"Targets with {_tolerances()}; 0 is the start, the grey box the upper carriage at slew angle 0."
-    )
+    caption = f"Targets with {TOLERANCES}; 0 is the start, the grey box the upper carriage at slew angle 0."
     return Figure(f"{scenario}-above", "From above", caption, data, layout, height=520)
 
 
@@ -53,7 +52,7 @@ def from_the_side(scenario: str, pair: Pair) -> Figure:
         "shapes": [{**ground, "line": {"color": "#8a939c", "width": 1.5}}, *tolerance_circles(spots)],
         **_equal_axes("Distance from the slew axis [m]", "Height above ground [m]"),
     }
-    caption = f"The same path turned into one plane, with {_tolerances()}."
+    caption = f"The same path turned into one plane, with {TOLERANCES}."
     return Figure(f"{scenario}-side", "From the side", caption, data, layout, height=520)
 
 
@@ -61,9 +60,8 @@ def _path_traces(pair: Pair, paths: dict[str, tuple[np.ndarray, np.ndarray]]) ->
     traces = []
     for system, (across, up) in paths.items():
         look, rows = style(system, pair), thin(pair[system])
-        line = {"color": look.color, "width": look.width}
         points = {"x": numbers(across[rows], 2), "y": numbers(up[rows], 2)}
-        traces.append({"type": "scatter", "mode": "lines", "name": look.label, "line": line, **points})
+        traces.append({"type": "scatter", "mode": "lines", "name": look.label, "line": look.line, **points})
     return traces
 
 
@@ -106,10 +104,6 @@ def tolerance_circles(spots: Sequence[tuple[float, float]]) -> list[dict[str, An
 
 def _rgb(color: str) -> str:
     return ",".join(str(int(color[i : i + 2], 16)) for i in (1, 3, 5))
-
-
-def _tolerances() -> str:
-    return "tolerances of 1 m (green) and 2 m (amber, dashed)"
 
 
 def _equal_axes(across: str, up: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from runtime.archive import signed as form
+from runtime.archive import names as form
 from runtime.bundle import MANIFEST, digest
 from specs.errors import InputError
 

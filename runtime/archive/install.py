@@ -6,9 +6,11 @@ from pathlib import Path
 from runtime.archive import container, trust
 from runtime.archive.differences import Change, differences
 from runtime.archive.disk import StoreFolder
-from runtime.archive.signed import SHOWN, Signed, check_fit, verify
+from runtime.archive.names import SHOWN
+from runtime.archive.signed import Signed, check_fit, verify
 from runtime.archive.start import Place
 from runtime.archive.store import State, Store, held
+from runtime.policy import open_core
 from specs.errors import InputError
 
 
@@ -83,7 +85,6 @@ def roll_back(place: Place) -> Offer:
 def _try(place: Place, digest: str) -> Signed:
     """Read a bundle of the store as the runtime will, up to its core's first state."""
     from runtime.can.native import check
-    from runtime.policy import open_core
 
     signed = place.fit(digest)
     check(open_core(place.unpacked(digest)).library)

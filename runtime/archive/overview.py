@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from runtime.archive import trust
-from runtime.archive.signed import SHOWN
+from runtime.archive.names import SHOWN
 from runtime.archive.start import Place
 from runtime.archive.store import State
 from specs.errors import InputError

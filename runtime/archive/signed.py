@@ -18,20 +18,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from runtime import bundle as form
+from runtime.archive.differences import part
 from runtime.archive.keys import ARCHIVE, PrivateKey
+from runtime.archive.names import BUNDLE, DBC, MANIFEST, MAP, NEEDED, SHOWN, SIGNALS, SIGNATURE
 from runtime.archive.trust import Trust
 from specs.dbc import render
 from specs.errors import InputError
+from specs.schema import ROOT
 from specs.tables import modbus_csv
 
 FORMAT = 1
-MANIFEST, SIGNATURE = "release.json", "release.sig"
-BUNDLE, DBC, MAP, SIGNALS = "bundle/", "specs/slewright.dbc", "specs/modbus_map.csv", "specs/signals.toml"
-SBOM, CONFIGURATION = "sbom.cdx.json", "configuration/machine.toml"
-NEEDED = (BUNDLE + form.MANIFEST, BUNDLE + "parameters.json", DBC, MAP, SIGNALS, SBOM)
 RELEASE = re.compile(r"[A-Za-z0-9_.+-]{0,40}", re.ASCII)
 DIGEST = re.compile(r"[0-9a-f]{64}", re.ASCII)
-SHOWN = 12  # digits of a digest that are shown: enough to tell bundles apart
 
 
 @dataclass(frozen=True)
@@ -107,16 +105,12 @@ def check_fit(signed: Signed, where: str) -> None:
 
 def specs() -> dict[str, bytes]:
     """The specs of this version, by their names in an archive."""
-    from specs.schema import ROOT
-
     made = {DBC: render().encode(), MAP: modbus_csv().encode()}
     return {**made, SIGNALS: (ROOT / "signals.toml").read_bytes()}
 
 
 def _first(name: str, signed: Signed, here: bytes) -> str:
     """The first difference in words; "" where it is one of remarks only, or cannot be told."""
-    from runtime.archive.differences import part
-
     try:
         changes = part(name, {name: here}, signed.files)
     except InputError:

@@ -7,7 +7,8 @@ from runtime import bundle as form
 from runtime.archive import trust
 from runtime.archive.differences import part
 from runtime.archive.disk import StoreFolder
-from runtime.archive.signed import BUNDLE, CONFIGURATION, SHOWN, Signed, check_fit, verify
+from runtime.archive.names import BUNDLE, CONFIGURATION, SHOWN
+from runtime.archive.signed import Signed, check_fit, verify
 from runtime.archive.store import BUNDLES, Store, held
 from runtime.bundle import Bundle
 from runtime.configuration import Configuration

@@ -17,7 +17,8 @@ from pathlib import Path
 
 from runtime.archive.container import LARGEST
 from runtime.archive.disk import Disk
-from runtime.archive.signed import DIGEST, SHOWN, Signed
+from runtime.archive.names import SHOWN
+from runtime.archive.signed import DIGEST, Signed
 from runtime.retain import Retained
 from specs.errors import InputError
 

@@ -18,7 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from runtime.can.wire import PACKET, QUEUE_BYTES, Frame, Node, Spoiling, Wire, overflow
+from runtime.realtime import die_with_parent
 from specs.errors import InputError
+from specs.signals import definition
 
 BACKLOG = 64  # frames that a node may have waiting; then its socket is not read, and its sends fail
 AT_ONCE = 16  # frames read from a node before the others have their turn
@@ -154,8 +156,6 @@ def start_bus(path: Path, bit_rate: int | None = None) -> subprocess.Popen[bytes
     if len(str(path).encode()) > PATH_LIMIT:
         raise InputError(f"{path}: the name of a Unix socket has at most {PATH_LIMIT} bytes")
     if bit_rate is None:
-        from specs.signals import definition  # not needed by the process itself, which is to start fast
-
         bit_rate = definition().bus.bit_rate
     command = [sys.executable, "-m", "runtime.can.busd", str(path), "--bit-rate", str(bit_rate)]
     command.append("--with-parent")
@@ -187,8 +187,6 @@ def main() -> None:
     wanted = parser.parse_args()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if wanted.with_parent:
-        from runtime.realtime import die_with_parent  # what it needs takes a while to load
-
         die_with_parent(signal.SIGTERM)
     try:
         bus = BusProcess(wanted.socket, Wire(wanted.bit_rate))

@@ -15,10 +15,12 @@ import numpy as np
 from can.interfaces.socketcan import SocketcanBus
 
 from runtime.can import wire
+from runtime.can.any_bus import AnyBus
 from runtime.can.batch import FrameSource
 from runtime.can.codec import Codec, received_by, sent_by
 from runtime.can.localbus import LocalBus
 from runtime.can.receive import Receiver
+from runtime.can.socketcan import SocketCan
 from runtime.can.table import PERIOD_NS, TIMED_BY
 from runtime.can.transmit import Transmitter
 from runtime.image import INPUT, NODE, OUTPUT, Flag
@@ -76,42 +78,11 @@ def _opened(interface: str, channel: str, opened: Any) -> can.BusABC:
         raise InputError(f"CAN bus {interface} '{channel}' cannot be opened: {reason}") from None
 
 
-class AnyBus:
-    """Any of python-can's buses as a frame source.
-
-    Drivers tell when a frame came by the time of day, which can be set meanwhile; but it came after the queue
-    was seen empty, and before now.
-    """
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self._bus = bus
-        self._empty_ns = time.monotonic_ns()  # when nothing waited, as far as is known
-
-    def recv_raw(self) -> tuple[int, bytes, int] | None:
-        """The next frame; its time is the driver's, put on the monotonic clock."""
-        now = time.monotonic_ns()
-        message = self._bus.recv(timeout=0)
-        if message is None:
-            self._empty_ns = now
-            return None
-        flags = wire.EXTENDED * message.is_extended_id | wire.ERROR * message.is_error_frame
-        age = (time.time() - message.timestamp) * 1e9 if message.timestamp else 0.0
-        stamp = min(now, max(self._empty_ns, now - round(age)))
-        return message.arbitration_id | flags, bytes(message.data), stamp
-
-    def send_raw(self, identifier: int, data: bytes) -> None:
-        """Send a frame with a 29-bit identifier."""
-        frame = can.Message(arbitration_id=identifier & wire.IDENTIFIER, is_extended_id=True, data=data)
-        self._bus.send(frame, timeout=0)
-
-
 def frame_source(bus: can.BusABC | FrameSource) -> FrameSource:
     """A bus as a frame source: the local one is one already."""
     if isinstance(bus, LocalBus) or not isinstance(bus, can.BusABC):
         return bus
     if isinstance(bus, SocketcanBus):
-        from runtime.can.socketcan import SocketCan
-
         return SocketCan(bus)
     return AnyBus(bus)
 

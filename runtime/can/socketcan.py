@@ -12,8 +12,8 @@ import time
 import can
 import numpy as np
 
+from runtime.can.any_bus import AnyBus
 from runtime.can.batch import AGAIN, Batch, Head, Vector, receive_many
-from runtime.can.port import AnyBus
 from runtime.can.wire import PACKET
 
 FRAME_BYTES = 16  # struct can_frame

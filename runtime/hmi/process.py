@@ -7,6 +7,7 @@ has is written to the file `port`.
 import json
 import os
 import signal
+import ssl
 import threading
 import time
 from pathlib import Path
@@ -64,8 +65,6 @@ def open_site(told: dict[str, Any], routes: Any, hub: Hub | None) -> Site:
 
 def context(certificate: Path, key: Path) -> Any:
     """TLS 1.2 or newer with this certificate; InputError if the files are not that."""
-    import ssl
-
     made = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     made.minimum_version = ssl.TLSVersion.TLSv1_2
     try:

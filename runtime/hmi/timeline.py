@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
 
 from runtime.hmi.cells import WORK
 from runtime.hmi.frames import COUNT, values
@@ -115,9 +117,6 @@ def _recording(path: Path) -> Timeline:
 
 def _span(path: Path, notes: list[str]) -> Span | None:
     """Where a segment begins and ends, by its index; one that was not closed is read."""
-    from mcap.exceptions import McapError
-    from mcap.reader import make_reader
-
     try:
         with path.open("rb") as file:
             summary = make_reader(file).get_summary()

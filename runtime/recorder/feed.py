@@ -7,16 +7,13 @@ does is preceded by a snapshot, so that a replay goes on from there.
 import struct
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from runtime.image import Flag
+from runtime.protocols import Core
 from runtime.ring import Ring
 from runtime.shared import flat
-
-if TYPE_CHECKING:
-    from runtime.scan import Core
 
 TICK, SNAPSHOT = 1, 2  # kinds of entries
 TIMING = struct.Struct("<8q")  # see runtime.recorder.message.TIMING_FIELDS
@@ -57,7 +54,7 @@ class Feed:
         self._seen = self._sent = flat(self._inputs)
         self._count = 0  # ticks so far, lost ones too: a gap in a recording shows
 
-    def before(self, tick: int, core: "Core") -> None:
+    def before(self, tick: int, core: Core) -> None:
         """Before the step: keep the state if a snapshot is due."""
         if tick >= self._snapshot_due:
             self._before = core.snapshot()

@@ -1,4 +1,8 @@
-"""Parameters of machine, models and controllers: `specs/parameters/<file>.toml`, one table a parameter."""
+"""Parameters of machine, models and controllers, one table a parameter.
+
+Those of machine and models are in `specs/parameters/NAME.toml`, a controller's own in its folder,
+`baselines/NAME/parameters.toml`.
+"""
 
 from dataclasses import dataclass
 from functools import cache
@@ -6,10 +10,11 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from specs.errors import InputError, nearest
-from specs.schema import STRICT, read_toml, shown, validate
+from specs.schema import STRICT, read_toml, shown_path, validate
 from specs.units import unit as find_unit
 
 FOLDER = Path(__file__).parent
+CONTROLLERS = FOLDER.parents[1] / "baselines"
 Status = Literal["datasheet", "measured", "identified", "assumed"]
 FIRST_VR, LAST_VR = 1000, 2999  # signals have 1–999
 
@@ -50,8 +55,21 @@ class Parameter:
 
 
 def files() -> list[str]:
-    """Names of the parameter files, without their ending."""
-    return sorted(path.stem for path in FOLDER.glob("*.toml"))
+    """Names of the parameter files: of those in this folder without their ending, else of the controllers."""
+    return sorted(_paths())
+
+
+def _paths() -> dict[str, Path]:
+    own = {path.stem: path for path in FOLDER.glob("*.toml")}
+    return own | {path.parent.name: path for path in CONTROLLERS.glob("*/parameters.toml")}
+
+
+def path_of(name: str) -> Path:
+    """The parameter file of this name; InputError names the valid ones."""
+    known = _paths()
+    if name not in known:
+        raise InputError(f"no parameter file '{name}'; valid: {', '.join(sorted(known))}")
+    return known[name]
 
 
 def load(*names: str) -> dict[str, Parameter]:
@@ -63,8 +81,9 @@ def load(*names: str) -> dict[str, Parameter]:
     merged: dict[str, Parameter] = {}
     owners: dict[int, str] = {}
     for name in names:
-        for parameter in _read(_path(name)):
-            _claim(merged, owners, parameter, f"specs/parameters/{name}.toml: {parameter.name}")
+        path = path_of(name)
+        for parameter in _read(path):
+            _claim(merged, owners, parameter, f"{shown_path(path)}: {parameter.name}")
             merged[parameter.name] = parameter
     return merged
 
@@ -74,19 +93,13 @@ def check() -> dict[str, Parameter]:
     return load(*files())
 
 
-def _path(name: str) -> Path:
-    if name not in files():
-        raise InputError(f"no parameter file '{name}'; valid: {', '.join(files())}")
-    return FOLDER / f"{name}.toml"
-
-
 @cache
 def _read(path: Path) -> tuple[Parameter, ...]:
     return tuple(_parameter(path, name, entry) for name, entry in read_toml(path).items())
 
 
 def _parameter(path: Path, name: str, entry: Any) -> Parameter:
-    where = f"{shown(path)}: {name}"
+    where = f"{shown_path(path)}: {name}"
     if not isinstance(entry, dict):
         raise InputError(f"{where}: expected a table with value, unit, source and status")
     return validate(Parameter, {"name": name, **entry}, where)

@@ -82,7 +82,7 @@ def test_the_better_candidate_on_validation_is_kept(monkeypatch: pytest.MonkeyPa
 
 
 def _copy(folder: Path) -> Path:
-    text = (parameters.FOLDER / "pi.toml").read_text(encoding="utf-8")
+    text = parameters.path_of("pi").read_text(encoding="utf-8")
     (folder / "pi.toml").write_text(text, encoding="utf-8")
     return folder / "pi.toml"
 

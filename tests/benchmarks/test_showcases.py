@@ -50,7 +50,10 @@ def test_every_showcase_has_its_recordings_its_model_and_its_page():
         assert {r.split for r in plan.recordings if r.part == s.part} == {"train", "validation", "test"}
         assert set(s.lacks) <= {a.name for a in catalogue()}
         assert read_folder(s.model).model.name == s.name  # so that it takes its place in the system
-        assert "<!-- showcase:begin -->" in (ROOT / "docs" / "showcases" / f"{s.name}.md").read_text()
+        assert (
+            "<!-- showcase:begin -->"
+            in (ROOT / "docs" / "results" / "showcases" / f"{s.name}.md").read_text()
+        )
 
 
 def catalogue():
@@ -60,7 +63,7 @@ def catalogue():
 
 
 def test_the_plain_slew_moves_with_one_inertia_and_keeps_its_connectors():
-    folder = read_folder("docs/showcases/slew_one_pose")
+    folder = read_folder("docs/results/showcases/slew_one_pose")
     model = folder.model
     wired = {n for side in load("nominal").connectors("slew") for n in side}
     assert wired <= {v.name for v in (*model.inputs, *model.outputs)}

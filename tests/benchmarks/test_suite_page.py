@@ -30,7 +30,7 @@ def figures(*results: dict) -> dict:
 def test_the_page_says_what_was_asked_and_reached_and_what_was_taken_for_what():
     wrong = result(result="wrong", visible=["input_dead_zone"], named=[["input_backlash"]])
     text = page.page(figures(result(), wrong), 7)
-    assert "slewright reconcile-suite --cases 2 --noise low --seed 7" in text
+    assert "python -m benchmarks reconcile-suite --cases 2 --noise low --seed 7" in text
     assert "| `share_wrong` | ≤ 0.02 | 0.5 | **no** |" in text
     assert "| `gap_shrink_median` | ≥ 0.9 | 0.99 | yes |" in text
     assert "| `share_settled` | ≥ 0.7 | – | not measured |" in text

@@ -1,4 +1,4 @@
-"""The commands of docs/installation.md: what is on that page is what is executed here."""
+"""The commands of docs/how-to/installation.md: what is on that page is what is executed here."""
 
 import re
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.conftest import ROOT
 
-GUIDE = ROOT / "docs" / "installation.md"
+GUIDE = ROOT / "docs" / "how-to" / "installation.md"
 PLACES = ("workstation", "controller", "running")  # "" is shown only
 BLOCK = re.compile(r"^```sh *([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

@@ -1,4 +1,4 @@
-"""The guide (docs/installation.md) from a fresh Debian to a machine, with nothing but its own commands.
+"""The guide (docs/how-to/installation.md) from a fresh Debian to a machine, with its own commands only.
 
 Workstation and controller are fresh roots; the controller's is then started as a virtual machine, where its
 remaining commands are executed and the simulated machine joins it over the kernel's virtual CAN bus.

@@ -41,7 +41,7 @@ StandardOutput=journal+console
 [Install]
 WantedBy=multi-user.target
 """
-# A virtual bus has no bit rate (docs/installation.md).
+# A virtual bus has no bit rate (docs/how-to/installation.md).
 VIRTUAL_BUS = "[Service]\nExecStartPre=\n"
 BEGIN = """
 mkdir -p /srv/results && cd /srv/results

@@ -1,4 +1,4 @@
-"""What is written comes back: values, units, each channel's own times, start, as docs/recordings.md says."""
+"""What is written comes back, as docs/reference/recordings.md says: values, units, times, start."""
 
 from datetime import UTC
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from records.formats import FORMATS, READ_ONLY, WRITE_ONLY, read_measurement, write_measurement
-from records.formats.grid import on_grid
+from records.formats.tables import on_grid
 from records.measurement import Channel, Measurement
 from specs.errors import InputError, RunError
 from specs.signals import signals

@@ -9,7 +9,7 @@ from pathlib import Path
 from fmus.toolchain import compiler
 from fmus.toolchain.build import SHIM, pack
 from orchestrator.fmi.component import Component
-from orchestrator.fmi.type_codes import WIRE
+from orchestrator.fmi.variable import WIRE
 from orchestrator.system.single_fmu import system_of_fmu
 from orchestrator.system.system import System
 

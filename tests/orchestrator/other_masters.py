@@ -32,7 +32,7 @@ def seeded(system: System) -> list[str]:
 
 def outputs(system: System) -> list[tuple[str, str]]:
     """Component and variable of what the system shows."""
-    return sorted({(o.source.component, o.source.name) for o in system.outputs.values()})
+    return sorted({(o.link.source.owner, o.link.source.name) for o in system.outputs.values()})
 
 
 def case(system: System, fmi_version: int, folder: Path) -> Case:
@@ -45,11 +45,17 @@ def case(system: System, fmi_version: int, folder: Path) -> Case:
         folder=folder,
         files={c: build_fmu(c, fmi_version) for c in system.components},
         links=[
-            ((k.source.component, k.source.name), (k.component, k.name)) for k in links if k.source.component
+            ((k.source.owner, k.source.name), (k.target.owner, k.target.name))
+            for k in links
+            if k.source.owner
         ],
         outputs=outputs(system),
         vr={(c, n): v.vr for c, o in system.components.items() for n, v in o.model.variables.items()},
-        reals={(k.component, k.name): float(driven[k.source.name]) for k in links if not k.source.component},  # type: ignore[arg-type]
+        reals={
+            (k.target.owner, k.target.name): float(driven[k.source.name])  # type: ignore[arg-type]
+            for k in links
+            if not k.source.owner
+        },
         whole={(c, SEED): 0 for c in seeded(system)},
     )
 

@@ -22,7 +22,7 @@ from records.measurement import Channel, Measurement
 from specs.errors import InputError
 from tests.conftest import ROOT
 from tests.reconcile.reports import REPORT
-from verification.verify import replacement
+from verification.runs import replacement
 
 PERIOD = 0.02
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.fmi.trust import runs_here
+from orchestrator.fmi.component import runs_here
 from orchestrator.system.check import load_system
 from tests.conftest import Command
 from tests.orchestrator.systems import OSCILLATOR, connection, fmu, write_ssp

@@ -9,7 +9,8 @@ import pytest
 from deployment.bundling import archive as signing
 from runtime import configuration
 from runtime.archive import container, keys, start
-from runtime.archive.signed import BUNDLE, DBC, SIGNATURE, sign
+from runtime.archive.names import BUNDLE, DBC, SIGNATURE
+from runtime.archive.signed import sign
 from runtime.archive.start import Place
 from runtime.archive.store import BUNDLES
 from slewright import __main__ as entry

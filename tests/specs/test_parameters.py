@@ -23,6 +23,7 @@ vr = {vr}
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(parameters, "FOLDER", tmp_path)
+    monkeypatch.setattr(parameters, "CONTROLLERS", tmp_path / "controllers")
     return tmp_path
 
 
@@ -48,6 +49,13 @@ def test_unknown_file_lists_the_files(folder: Path) -> None:
     write(folder, "one", GOOD.format(name="a", vr=1001))
     with pytest.raises(InputError, match="no parameter file 'tow'; valid: one"):
         parameters.load("tow")
+
+
+def test_a_controllers_own_parameters_are_in_its_folder(folder: Path) -> None:
+    (folder / "controllers" / "mine").mkdir(parents=True)
+    write(folder / "controllers" / "mine", "parameters", GOOD.format(name="a_gain", vr=1001))
+    assert list(parameters.load("mine")) == ["a_gain"]
+    assert parameters.path_of("mine") == folder / "controllers" / "mine" / "parameters.toml"
 
 
 MISTAKES = {

@@ -89,8 +89,8 @@ def test_run_parameters_exist_in_the_geometry() -> None:
 @pytest.mark.parametrize("name", sorted(SIX))
 @pytest.mark.parametrize("system", ["nominal", "reference"])
 def test_limits_of_the_shipped_controller_have_reasons(name: str, system: str) -> None:
-    found = scenario.load(name).limits("pi", system)
-    assert {"speed", "overshoot", "slew_error", "error", "tool"} <= set(found)
+    found = scenario.load(name).limits("policy", system)
+    assert {"missed", "speed", "overshoot", "overshoot_max", "error", "tool"} <= set(found)
     for metric, limit in found.items():
         assert limit["reason"], metric
         assert "min" in limit or "max" in limit
@@ -98,7 +98,7 @@ def test_limits_of_the_shipped_controller_have_reasons(name: str, system: str) -
 
 def test_no_limits_for_a_controller_without_any() -> None:
     assert scenario.load("four_targets_empty").limits("nobody", "nominal") == {}
-    assert ("pi", "reference") in limits.pairs()
+    assert ("policy", "reference") in limits.pairs()
 
 
 def test_unknown_scenario_names_the_valid_ones() -> None:
@@ -160,7 +160,7 @@ def test_mistakes_in_limits(text: str, message: str, tmp_path: Any, monkeypatch:
     path.write_text(text)
     monkeypatch.setattr(limits, "PATH", path)
     with pytest.raises(InputError, match=message):
-        limits.load("pi", "nominal")
+        limits.load("policy", "nominal")
 
 
 def test_limits_may_differ_between_scenarios() -> None:

@@ -46,20 +46,26 @@ def test_writes_figures_records_and_report(verified: tuple[Path, subprocess.Comp
     out, done = verified
     assert done.returncode in (0, 1), done.stderr
     figures = json.loads((out / "figures.json").read_text())
-    pair = figures["scenarios"]["four_targets_empty"]
-    for system in ("nominal", "reference"):
-        for name in ("speed", "overshoot", "error", "tool"):
-            assert math.isfinite(pair[system][name])
-        assert pair[system]["missed"] in range(5)
-        assert figures["realtime_factor"][system] > 0
-        record = read(out / "records" / f"four_targets_empty-{system}.parquet")
-        assert record.complete
-        assert len(record.time) == 60 * 50 + 1
+    assert list(figures["controllers"]) == ["policy", "pi"]
+    for controller, folder in (("policy", out), ("pi", out / "pi")):
+        found = figures["controllers"][controller]
+        for system in ("nominal", "reference"):
+            metrics = found["scenarios"]["four_targets_empty"][system]
+            for name in ("speed", "overshoot", "error", "tool"):
+                assert math.isfinite(metrics[name])
+            assert metrics["missed"] in range(5)
+            assert found["realtime_factor"][system] > 0
+            record = read(folder / "records" / f"four_targets_empty-{system}.parquet")
+            assert record.complete
+            assert record.meta["controller"] == controller
+            assert len(record.time) == 60 * 50 + 1
     assert figures["accepted"] is (done.returncode == 0)
     assert figures["seed"] == 3
-    assert (out / "report.html").stat().st_size > 1e6
+    page = (out / "report.html").read_text()
+    assert len(page) > 1e6
+    assert "For comparison: pi (not accepted" in page
     stored = json.loads((out / "metrics.json").read_text())
-    assert stored["scenarios"] == figures["scenarios"]
+    assert stored["controllers"] == figures["controllers"]
 
 
 @pytest.mark.browser
@@ -74,13 +80,32 @@ def test_report_is_drawn_in_a_browser(
     assert "simulated reference machine" in shown
 
 
-def test_what_ships_is_accepted(slewright: Command, tmp_path: Path) -> None:
-    """The main job with its defaults: all six scenarios on both systems, every limit met."""
-    done = slewright("verify", "--out", tmp_path, "--json", tmp_path / "f.json")
+@pytest.mark.parametrize("seed", [1, 7])
+def test_what_ships_is_accepted_and_the_pi_beside_it_is_not(
+    slewright: Command, tmp_path: Path, seed: int
+) -> None:
+    """The main job with its defaults: all six scenarios on both systems, every limit met by the policy."""
+    done = slewright("verify", "--out", tmp_path, "--seed", str(seed), "--json", tmp_path / "f.json")
     assert done.returncode == 0, done.stdout + done.stderr
     figures = json.loads((tmp_path / "f.json").read_text())
-    assert len(figures["scenarios"]) == 6
-    assert figures["accepted"] is True
+    policy, pi = figures["controllers"]["policy"], figures["controllers"]["pi"]
+    assert len(policy["scenarios"]) == len(pi["scenarios"]) == 6
+    assert figures["accepted"] is policy["accepted"] is True
+    assert pi["accepted"] is False
+    assert {limit["metric"] for limit in policy["limits"]} >= {"missed", "error", "overshoot", "tool"}
+    (sentence,) = figures["comparison"]
+    assert sentence.startswith("policy misses 0 of 54 targets, pi ")
+    assert sentence.endswith("policy is better in all.")
+    assert sentence in done.stdout
+
+
+def test_a_controller_by_name_is_held_to_the_limits_of_what_ships(slewright: Command, tmp_path: Path) -> None:
+    done = slewright("verify", *ONE, "--controller", "pi", "--out", tmp_path, "--json", tmp_path / "f.json")
+    assert done.returncode == 1, done.stderr
+    figures = json.loads((tmp_path / "f.json").read_text())
+    assert list(figures["controllers"]) == ["pi"]
+    assert figures["comparison"] == []
+    assert "missed 4, limit ≤ 0 (every target is reached within its 15 s)" in done.stdout
 
 
 def test_unknown_scenario(slewright: Command, tmp_path: Path) -> None:
@@ -151,8 +176,11 @@ def test_readme_table_is_filled(slewright: Command, tmp_path: Path) -> None:
     text = readme.read_text()
     assert text.startswith("before\n")
     assert text.endswith("after\n")
-    assert "| Four targets, unknown load | nominal model |" in text
-    assert (tmp_path / "docs" / "run.svg").read_text().startswith("<svg")
+    assert "| nominal model | policy |" in text
+    assert "| nominal model | pi |" in text
+    picture = (tmp_path / "docs" / "run.svg").read_text()
+    assert picture.startswith("<svg")
+    assert "repeatCount='indefinite'" in picture  # it moves
 
 
 TARGET_FILE = """
@@ -176,7 +204,8 @@ def test_a_target_file_of_the_user_runs(slewright: Command, tmp_path: Path) -> N
     line = ("--scenario", tmp_path / "mine.toml", "--system", "nominal", "--out", tmp_path / "o")
     done = slewright("verify", *line, "--json", tmp_path / "f.json")
     assert done.returncode in (0, 1), done.stderr
-    assert list(json.loads((tmp_path / "f.json").read_text())["scenarios"]) == ["mine_empty"]
+    policy = json.loads((tmp_path / "f.json").read_text())["controllers"]["policy"]
+    assert list(policy["scenarios"]) == ["mine_empty"]
 
 
 PROVOKED = """
@@ -205,7 +234,7 @@ def test_faults_and_changed_parameters_of_a_target_file_are_in_the_run(
     assert bent.meta["faults"] == [{"target": "pi.q_slew", "kind": "bias", "start_s": 1.0, "value": 0.3}]
     assert bent.meta["changes"] == {"500": {"tool.load_mass": 0.0}}
     assert plain.column("u_slew")[:51].tolist() == bent.column("u_slew")[:51].tolist()
-    # the controller turns the slew to where its sensor tells the target, about 0.3 rad too far to the right
+    # The controller turns the slew to where its sensor tells the target, about 0.3 rad too far to the right.
     assert -0.5 < bent.column("q_slew")[-1] - plain.column("q_slew")[-1] < -0.2
     assert (
         "Fault: bias on pi.q_slew, 1 s to the end: value 0.3" in (tmp_path / "bent/report.html").read_text()

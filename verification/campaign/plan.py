@@ -1,7 +1,7 @@
 """A campaign's plan (TOML) and the runs that it stands for.
 
 The cross product of what `[runs]` lists, on the material handler's systems; and every `[[files]]`, a system
-of one's own, once for each seed and fault set.  docs/campaigns.md shows both.
+of one's own, once for each seed and fault set.  docs/how-to/campaigns.md shows both.
 """
 
 import hashlib
@@ -12,6 +12,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
+from fmus.toolchain.loader import load_model, model_folders
 from specs import draws, scenario as scenarios_spec, systems as systems_spec
 from specs.errors import InputError, nearest
 from specs.faults import read_faults
@@ -159,8 +160,6 @@ def _named_faults(names: Sequence[str], faults: Mapping[str, Any], where: str) -
 
 def _controllers(texts: Sequence[str], path: Path) -> dict[str, Path]:
     """Controllers by name: model folders, or names of the project's own."""
-    from fmus.toolchain.loader import load_model, model_folders
-
     known, found = model_folders(), {}
     for text in texts:
         folder = known.get(text, Path(text))

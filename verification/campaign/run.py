@@ -12,13 +12,14 @@ import pyarrow.parquet as pq
 from orchestrator.system.check import load_system
 from orchestrator.system.pack import pack_system
 from specs.errors import InputError, nearest
+from specs.progress import Report
 from specs.version import VERSION
 from verification.campaign import pool
 from verification.campaign.journal import Journal, content_hash
 from verification.campaign.plan import Plan, Run, content, digest
 from verification.campaign.summary import write_summary
 from verification.campaign.worker import Result, Task
-from verification.verify import Report, replacement
+from verification.runs import replacement
 
 JOURNAL = "results.jsonl"
 KEPT_WORST = 10  # records of the worst runs that `keep = "worst"` keeps

@@ -19,7 +19,7 @@ from specs import scenario as scenarios_spec
 from specs.errors import InputError, RunError
 from specs.faults import Fault
 from specs.scenario import Scenario
-from verification.verify import plant_parameters
+from verification.runs import plant_parameters
 
 METRICS = ("speed", "overshoot", "overshoot_max", "error", "slew_error", "tool", "missed")
 COUNTED = ("solves", "fallbacks")  # states in which a controller counts: figures of its runs

@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.stats import t
 
 from verification.campaign.plan import NOMINAL, Run
 from verification.campaign.worker import COUNTED, Result
@@ -129,8 +130,6 @@ def interval(values: Sequence[float]) -> list[float] | None:
     """95 % confidence interval of the mean over machines (Student's t); None for fewer than two."""
     if len(values) < 2 or None in values:
         return None
-    from scipy.stats import t
-
     half = float(t.ppf(0.975, len(values) - 1)) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
     middle = float(np.mean(values))
     return [middle - half, middle + half]

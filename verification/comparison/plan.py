@@ -15,6 +15,7 @@ from specs import draws, scenario as scenarios_spec
 from specs.errors import InputError, nearest
 from specs.schema import ROOT
 from verification.campaign.plan import NO_FAULT, NOMINAL, Plan, Run
+from verification.runs import check_reach
 
 TASKS = {"slew": ROOT / "tasks" / "slew.toml", "full": ROOT / "scenarios" / "four_targets.toml"}
 LOADS = ("empty", "2t", "unknown")
@@ -127,8 +128,6 @@ def _run(
 
 def check_targets() -> None:
     """InputError for the first target of a task that the arm cannot reach, before anything moves."""
-    from verification.verify import check_reach
-
     for path in TASKS.values():
         for scenario in scenarios_spec.find(str(path)):
             check_reach(scenario)

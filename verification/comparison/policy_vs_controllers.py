@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from specs.errors import InputError
+from verification.comparison.figures import interval
 
 METRICS = ("speed", "overshoot", "error", "tool")
 NEAR = 0.02  # of the policy's speed: a pace this near needs no interpolation
@@ -113,8 +114,6 @@ def _by_machine(rows: Sequence[Mapping[str, Any]], load: str) -> Machines:
 
 def _difference(pairs: Sequence[tuple[Figures, Figures]], metric: str) -> str:
     """Mean ± half the interval; bold where the interval is clear of zero."""
-    from verification.comparison.figures import interval
-
     values = [a[metric] - b[metric] for a, b in pairs]
     ends = interval(values) or [0.0, 0.0]
     text = f"{_mean(values):+.2f} ± {(ends[1] - ends[0]) / 2:.2f}".replace("-", "−")

@@ -7,6 +7,7 @@ from typing import Any
 
 from records.figures_file import versions
 from records.report import markers
+from verification.comparison.paper import rows as of_paper
 
 SHOWN_FROM = 5  # machines from which on an interval is shown
 METRICS = ("speed", "overshoot", "error", "tool")
@@ -83,8 +84,6 @@ def _singles(found: Mapping[str, Any]) -> Iterator[Table]:
 
 def _by_load(task: str, where: str, cells: Mapping[str, Mapping[str, Any]], block: str) -> Iterator[Table]:
     """One table a load, the paper's rows below."""
-    from verification.comparison.paper import rows as of_paper
-
     for load in dict.fromkeys(load for by_load in cells.values() for load in by_load):
         rows = [[name, *_metrics(by_load[load])] for name, by_load in cells.items() if load in by_load]
         for r in of_paper(task, load):

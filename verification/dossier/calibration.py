@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.models.slew import fit, score, traces
+from fmus.models.slew import assessment, fit, score, traces
 from fmus.models.slew.score import Run
 from fmus.models.slew.traces import Trace
 from records.report.picture import Panel
@@ -52,7 +52,7 @@ def section(report: Report) -> Section:
     """Score the shipped parameters on all traces."""
     report("scoring the slew drive on the traces")
     known = traces.load()
-    figures = fit.assess(known)
+    figures = assessment.assess(known)
     checks = _checks(figures)
     halves = {t.name: _half(known, t) for t in known.values()}
     pictures = {"traces.svg": _overlays(known)}
@@ -70,9 +70,9 @@ def section(report: Report) -> Section:
 
 
 def _checks(figures: Mapping[str, Any]) -> list[Check]:
-    speed, angle = fit.LIMITS["velocity_mae_deg_s"], fit.LIMITS["angle_mae_deg"]
+    speed, angle = assessment.LIMITS["velocity_mae_deg_s"], assessment.LIMITS["angle_mae_deg"]
     whole, sign = figures["angle_mae_whole_run_deg"], 100 * figures["pressure_sign"]
-    least = 100 * fit.LEAST_PRESSURE_SIGN
+    least = 100 * assessment.LEAST_PRESSURE_SIGN
     return [
         Check("speed, mean absolute error", figures["velocity_mae_deg_s"], speed, "°/s"),
         Check("angle, mean absolute error over windows of 10 s", figures["angle_mae_deg"], angle, "°"),
@@ -91,7 +91,7 @@ def _text(
     checks: Sequence[Check],
     halves: Mapping[str, float],
 ) -> str:
-    groups = [traces.fit_set(dict(known)), traces.held_out(dict(known)), traces.apart(dict(known))]
+    groups = [traces.fit_set(dict(known)), traces.held_out(dict(known)), traces.unphysical(dict(known))]
     sizes = [str(len(group)) for group in groups]
     uses = [[use, size, which] for (use, which), size in zip(USES, sizes, strict=True)]
     scores = {**figures["traces"], **figures["I700"]["traces"]}

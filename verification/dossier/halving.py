@@ -18,7 +18,7 @@ from specs.progress import Report
 from verification.dossier.machine import JOINTS
 from verification.dossier.markdown import number, table
 from verification.dossier.section import MET, MISSED, Check
-from verification.verify import CONTROLLER, Job, run
+from verification.runs import SLOT, Job, run
 
 SYSTEM, SEED = "reference", 1
 WORK = BUILD / "dossier"
@@ -87,7 +87,7 @@ def _half_folder() -> Path:
 
 
 def _record(scenario: str, ssp: Path, path: Path) -> Record:
-    run(Job(scenario_spec.load(scenario), SYSTEM, SEED, ssp, CONTROLLER, path))
+    run(Job(scenario_spec.load(scenario), SYSTEM, SEED, ssp, SLOT, path))
     return read(path)
 
 

@@ -119,7 +119,9 @@ def falling(steps: Sequence[Settled]) -> list[dict[str, float]]:
 
 def speed_map(known: Mapping[str, Trace]) -> list[dict[str, Any]]:
     """Half mirror difference and model error of the speed by |joystick| and |speed|, up to 550 t m2."""
-    pairs = [(t, known[t.partner]) for t in known.values() if t.partner > t.name and t.inertia < traces.APART]
+    pairs = [
+        (t, known[t.partner]) for t in known.values() if t.partner > t.name and t.inertia < traces.UNPHYSICAL
+    ]
     runs = fit.simulate([t for pair in pairs for t in pair])
     rows = [_samples(one, other, runs) for one, other in pairs]
     command, speed, half, error = (np.concatenate(c) for c in zip(*rows, strict=True))

@@ -116,8 +116,8 @@ def page(outs: Sequence[Path], asked: evaluation.Asked, words: str, results: Pat
     commands = "\n".join({f"{one['command']}  # at {one['commit']}": None for one in made})
     about = (
         f"Made by `python -m verification.evaluation.ablation {words}`: each at the pace with a mean speed "
-        f"of {asked.matched:g} °/s over the loads, or the nearest it has, on {asked.machines} machines of the "
-        f"{asked.draw_set} draws, simulated; means over machines and seeds."
+        f"of {asked.matched:g} °/s over the loads, or the nearest it has, on {asked.machines} machines of "
+        f"the {asked.draw_set} draws, simulated; means over machines and seeds."
     )
     return f"{about}\n\n{table(rows)}\nTrained by\n\n```sh\n{commands}\n```\n"
 

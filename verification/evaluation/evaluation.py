@@ -8,6 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from learning.policy.export import read
+from records.record import read as read_record
+from specs import parameters
+from verification.campaign.run import record_path, run_campaign
+from verification.comparison.figures import interval
+from verification.comparison.plan import make_plan
 from verification.evaluation import training_range
 from verification.evaluation.policies import LOADS, question, task_of
 
@@ -35,8 +43,6 @@ class Asked:
 
 def evaluate(paths: Sequence[Path], out: Path, asked: Asked, report: Any = None) -> dict[str, Any]:
     """Figures by load, machine and seed; several policies of one task are seeds of one recipe."""
-    from learning.policy.export import read
-
     contracts, task = [read(path).contract for path in paths], task_of(paths)
     rows: Rows = []
     paces, made = {}, {}
@@ -98,8 +104,6 @@ def _speed(rows: Rows) -> float:
 
 def planned_runs(path: Path, asked: Asked, pace: float) -> Any:
     """The runs of a policy at a pace, of which the records are kept."""
-    from verification.comparison.plan import make_plan
-
     paces = (1.0,) if pace == 1.0 else (1.0, pace)
     whole, _ = question(path, asked.draw_set, asked.machines, paces, asked.loads)
     plan = make_plan(whole, asked.opened)
@@ -118,8 +122,6 @@ def warnings(paths: Iterable[Path], asked: Asked) -> Iterator[str]:
 
 def _runner(path: Path, task: str, out: Path, asked: Asked, report: Any) -> Callable[[float], Rows]:
     """pace -> a row of figures for every machine and load."""
-    from records.record import read as read_record
-    from verification.campaign.run import record_path, run_campaign
 
     def run(pace: float) -> Rows:
         plan = planned_runs(path, asked, pace)
@@ -145,10 +147,6 @@ def _row(spec: Mapping[str, Any], result: Mapping[str, Any], task: str) -> dict[
 
 def terminated(record: Any) -> int:
     """1 if the grab came lower or nearer to the slew axis than is allowed, else 0."""
-    import numpy as np
-
-    from specs import parameters
-
     g = parameters.load("geometry")
     x, y, z = (record.column(f"true_tool_{axis}") for axis in "xyz")
     low = z < g["keepout_height"].value
@@ -182,8 +180,6 @@ def worst(rows: Rows) -> dict[str, float]:
 
 
 def _interval(rows: Sequence[Mapping[str, Any]], name: str) -> list[float] | None:
-    from verification.comparison.figures import interval
-
     ordered = sorted(rows, key=lambda r: r["draw"])
     by_machine = [[r[name] for r in group] for _, group in itertools.groupby(ordered, lambda r: r["draw"])]
     return interval([sum(values) / len(values) for values in by_machine])

@@ -5,8 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from records.metrics import compute
+from records.record import read
+from records.report.picture import write_picture
 from specs.schema import ROOT
 from verification.campaign.plan import NOMINAL, Run
+from verification.campaign.run import record_path, run_campaign
+from verification.comparison.plan import make_plan
 from verification.evaluation.policies import question
 
 SCENARIOS = ("four_targets", "five_targets")
@@ -15,11 +19,6 @@ LOAD = "unknown"
 
 def draw(path: Path, out: Path, pace: float, folder: Path, report: Any = None) -> list[Path]:
     """Run both scenarios on the reference machine, load not told; `folder`/policy-SCENARIO.svg."""
-    from records.record import read
-    from records.report.picture import write_picture
-    from verification.campaign.run import record_path, run_campaign
-    from verification.comparison.plan import make_plan
-
     asked, _ = question(path, "validation", 1, (1.0,), (LOAD,))
     plan = make_plan(replace(asked, singles=True))
     here = next(r for r in plan.runs if r.spec["system"] == "reference" and r.spec["draw"] == NOMINAL)

@@ -6,9 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from baselines import registry
+from fmus.paths import ROOT
+from fmus.toolchain.loader import model_folders
+from learning.policy.controller import write_folder
+from learning.policy.export import read
 from specs.errors import InputError
+from verification.comparison.plan import Question
 
 FOLDER = Path("build/policies")
+SHIPPED = ROOT / "learning" / "policies" / "full.onnx"  # drives slew, boom and stick
 LOADS = ("empty", "2t", "unknown")
 
 
@@ -16,10 +23,6 @@ def model_folder(path: Path) -> Path:
     """A model folder as it is, or the one that is made of an ONNX policy; InputError if it is neither."""
     if path.suffix != ".onnx":
         return path
-    from fmus.toolchain.loader import model_folders
-    from learning.policy.controller import write_folder
-    from learning.policy.export import read
-
     policy = read(path)
     name = _plain(path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
@@ -53,8 +56,6 @@ def _plain(path: Path) -> str:
 
 def task_of(paths: Sequence[Path]) -> str:
     """The task of ONNX policies; InputError if one is none of this contract, or they are of several tasks."""
-    from learning.policy.export import read
-
     tasks = sorted({read(path).contract.task for path in paths})
     if len(tasks) != 1:
         raise InputError(f"policies of several tasks: {', '.join(tasks)}; one at a time")
@@ -65,10 +66,6 @@ def question(
     path: Path, draw_set: str, machines: int, paces: Sequence[float], loads: Sequence[str]
 ) -> tuple[Any, Any]:
     """(what is asked, the policy): one policy on its task, on machines of a set."""
-    from baselines import registry
-    from learning.policy.export import read
-    from verification.comparison.plan import Question
-
     policy = read(path)
     folder = model_folder(path)
     name = f"policy_{folder.name.removeprefix('policy_')}"

@@ -22,6 +22,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from fmus.equations import kinematics
+from learning.policy.controller import FILE
+from learning.policy.export import read
 from specs import draws, parameters, policy as contract, scenario as scenarios
 from specs.scenario import Scenario
 from specs.signals import signal
@@ -98,8 +101,6 @@ def quantities(spec: Spec) -> dict[str, Sequence[float]]:
 
 
 def _of_machine(machine: Mapping[str, float], poses: Sequence[Pose]) -> dict[str, Sequence[float]]:
-    from fmus.equations import kinematics
-
     of, com = SimpleNamespace(**machine), machine["grab_com"]
     more = machine["slew_inertia_extra"] - _nominal()["slew_inertia_extra"]
     return {
@@ -123,8 +124,6 @@ def _of_task(task: Scenario) -> dict[str, Sequence[float]]:
 
 def _poses(task: Scenario) -> list[Pose]:
     """Of the start, and with the grab hanging on each target."""
-    from fmus.equations import kinematics
-
     there = [kinematics.inverse(*target.xyz, kinematics.geometry())[1:] for target in task.targets]
     return [(task.start.q_boom, task.start.q_stick), *((float(boom), float(stick)) for boom, stick in there)]
 
@@ -140,8 +139,5 @@ def _scenario(source: str, name: str) -> Scenario:
 
 
 def _ranges(path: Path) -> Ranges:
-    from learning.policy.controller import FILE
-    from learning.policy.export import read
-
     file = path if path.suffix == ".onnx" else path / FILE
     return read(file).contract.ranges if file.is_file() else {}

@@ -1,7 +1,7 @@
 """Two ways to stop a slow slew: the enabling switch let go, and a controller that falls silent.
 
-The second tests the machine's own watchdog (docs/hazards.md): commands stop for a moment, as if the
-controller had died, and the machine must centre its valves and say so.
+The second tests the machine's own watchdog (docs/explanation/hazards.md): commands stop for a moment, as if
+the controller had died, and the machine must centre its valves and say so.
 """
 
 import numpy as np

@@ -42,7 +42,7 @@ STATES = (
     Variable("stick_pressure_b", "Pa", "Stick cylinder, rod side", nominal=1e7),
     Variable("pump_pressure", "Pa", "Pump line", nominal=1e7),
 )
-STEP = 0.0005  # s: halving it moves the scenarios' metrics by less than 1 % (docs/dossier.md)
+STEP = 0.0005  # s: halving it moves the scenarios' metrics by less than 1 % (docs/results/dossier.md)
 COMMANDS = ("u_slew", "u_boom", "u_stick")
 DISTURBANCES = tuple(
     f"disturbance_{n}"

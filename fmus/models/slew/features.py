@@ -1,6 +1,6 @@
 """Features of a joystick step as engineers read them: speed reached, rise times, angle coasted.
 
-Used on the traces and on recordings of the reference machine alike: any sampled speed and angle will do.
+Used on the traces and on recordings of the reference machine alike: they need a sampled speed and angle.
 """
 
 from dataclasses import dataclass, fields

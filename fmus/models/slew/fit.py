@@ -1,4 +1,4 @@
-"""Fit of the slew drive to the step traces, and its score on the traces that were not used.
+"""Fit of the slew drive to the step traces.
 
 Simulation error (speed, angle, both pressures) on the 20 step traces at 250 and 550 t m2, free-running from
 1 s on, plus how far each parameter moved from its start in units of its spread (start.toml): a maximum a
@@ -13,14 +13,13 @@ all that lies between joystick and motion; a machine with sensors adds its encod
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from fmus.models.slew import features, score, traces
+from fmus.models.slew import score, traces
 from fmus.models.slew.score import Run, Score
 from fmus.models.slew.simulation import Simulator
 from fmus.models.slew.traces import Trace
@@ -34,8 +33,6 @@ SCALES = {"qd": np.radians(2.0), "q": np.radians(8.0), "p_a": 40e5, "p_b": 40e5}
 SIGNALS = len(SCALES)
 PRIOR_WEIGHT = 0.2  # of one spread, against the root mean square error of one trace and signal
 EVALUATIONS = 40
-LIMITS = {"velocity_mae_deg_s": 2.0, "angle_mae_deg": 8.0}
-LEAST_PRESSURE_SIGN = 0.95
 
 
 @dataclass(frozen=True)
@@ -188,71 +185,3 @@ def scores(chosen: Iterable[Trace], values: Mapping[str, float] | None = None) -
     chosen = list(chosen)
     runs = simulate(chosen, values)
     return {t.name: score.score(t, runs[t.name]) for t in chosen}
-
-
-def run(report: Report | None = None) -> dict[str, Any]:
-    """Fit, score with the fitted values, and say what the traces themselves leave open.
-
-    Returns the figures of `slewright fit slew`: means over the held-out traces, every trace, those at 700
-    t m2 apart, the steps' features, the traces' own mirror difference, and the parameters with how far the
-    traces identify each.
-    """
-    from fmus.models.slew import evidence  # which needs this module
-
-    known = traces.load()
-    result = fit(report=report)
-    figures = assess(known, result.values)
-    if report is not None:
-        report("scoring")
-    return figures | {
-        "parameters": evidence.parameters(result),
-        "evaluations": result.evaluations,
-        "fitted_on": [t.name for t in traces.fit_set(known)],
-    }
-
-
-def assess(known: Mapping[str, Trace], values: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """Scores of parameters `values` (default: the shipped ones) on all traces, and whether they will do."""
-    groups = {"fit": traces.fit_set(dict(known)), "held_out": traces.held_out(dict(known))}
-    each = {name: scores(group, values) for name, group in groups.items()}
-    far = scores(traces.apart(dict(known)), values)
-    held_out = score.mean(each["held_out"].values())
-    return held_out | {
-        "accepted": accepted(held_out),
-        "traces": {name: asdict(s) for name, s in each["held_out"].items()},
-        "fit": score.mean(each["fit"].values()),
-        "I700": score.mean(far.values()) | {"traces": {name: asdict(s) for name, s in far.items()}},
-        "mirror_difference": {
-            "held_out": score.mirror_difference(known, groups["held_out"]),
-            "all": score.mirror_difference(known, known.values()),
-        },
-        "steps": steps(known, values),
-    }
-
-
-def accepted(figures: Mapping[str, float]) -> bool:
-    """Whether held-out means are within the limits."""
-    small = all(figures[name] <= limit for name, limit in LIMITS.items())
-    return small and figures["pressure_sign"] >= LEAST_PRESSURE_SIGN
-
-
-def steps(known: Mapping[str, Trace], values: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """Features of every step, traces and model, both directions averaged; by the trace's name."""
-    pairs = {
-        t.name: [t, known[t.partner]] for t in known.values() if t.shape == "step" and t.partner > t.name
-    }
-    runs = simulate((t for pair in pairs.values() for t in pair), values)
-    table = {}
-    for name, pair in pairs.items():
-        wanted = features.mean([features.of_trace(t) for t in pair])
-        found = features.mean([_features(t, runs[t.name]) for t in pair])
-        table[name] = {
-            "traces": asdict(wanted),
-            "model": asdict(found),
-            "misses": features.misses(found, wanted),
-        }
-    return table
-
-
-def _features(trace: Trace, run: Run) -> features.Features:
-    return features.features(trace.time[trace.first :], run.qd, run.q)

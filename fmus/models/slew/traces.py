@@ -16,7 +16,7 @@ from specs.errors import InputError
 FOLDER = Path(__file__).resolve().parents[3] / "tests" / "data" / "slew_traces"
 PERIOD = 0.1  # s
 SETTLED = 1.0  # s: before, the networks' zero-filled history dies away; not machine behaviour
-FIT_INERTIAS, APART = (250e3, 550e3), 700e3  # kg m2
+FIT_INERTIAS, UNPHYSICAL = (250e3, 550e3), 700e3  # kg m2
 MIRROR = "_neg"
 
 
@@ -66,12 +66,12 @@ def fit_set(traces: dict[str, Trace]) -> list[Trace]:
 def held_out(traces: dict[str, Trace]) -> list[Trace]:
     """Traces that score the fit: every other one up to 550 t m2."""
     used = {t.name for t in fit_set(traces)}
-    return [t for t in traces.values() if t.name not in used and t.inertia < APART]
+    return [t for t in traces.values() if t.name not in used and t.inertia < UNPHYSICAL]
 
 
-def apart(traces: dict[str, Trace]) -> list[Trace]:
+def unphysical(traces: dict[str, Trace]) -> list[Trace]:
     """Traces at 700 t m2, where the networks are not physical: reported, not judged."""
-    return [t for t in traces.values() if t.inertia >= APART]
+    return [t for t in traces.values() if t.inertia >= UNPHYSICAL]
 
 
 def read(path: Path) -> Trace:

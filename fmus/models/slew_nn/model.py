@@ -73,7 +73,7 @@ def _next_state(tick: ca.Function, x: Namespace, u: Namespace, m: Namespace) -> 
     push = PERIOD_S * m.brake_is_released * u.disturbance_torque_slew / u.inertia
     after = dict(zip(CHANNELS, tick(x.phase < 0.5, x.phase, u.u_slew, u.inertia, push, *before), strict=True))
     phase = ca.if_else(x.phase > TICKS - 1.5, 0.0, x.phase + 1.0)
-    speeds = _between(before[-1], x.phase), _between(after["omega"], phase)
+    speeds = _interpolated(before[-1], x.phase), _interpolated(after["omega"], phase)
     return {
         "q": x.q + STEP * (speeds[0] + speeds[1]) / 2,
         "phase": phase,
@@ -100,14 +100,14 @@ def _tick(network: SlewNetwork) -> ca.Function:
 def _outputs(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
     return {
         "q_slew": x.q,
-        "qd_slew": _between(_history(x, "omega"), x.phase),
-        "p_slew_a": _between(_history(x, "p_r"), x.phase),
-        "p_slew_b": _between(_history(x, "p_l"), x.phase),
+        "qd_slew": _interpolated(_history(x, "omega"), x.phase),
+        "p_slew_a": _interpolated(_history(x, "p_r"), x.phase),
+        "p_slew_b": _interpolated(_history(x, "p_l"), x.phase),
         "brake_released": m.brake_is_released,
     }
 
 
-def _between(history: ca.MX, phase: ca.MX) -> ca.MX:
+def _interpolated(history: ca.MX, phase: ca.MX) -> ca.MX:
     """On the line from the last but one to the last value of a history, which is reached at phase 0."""
     share = ca.if_else(phase < 0.5, 1.0, phase / TICKS)
     return share * history[-1] + (1.0 - share) * history[-2]

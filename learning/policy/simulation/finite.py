@@ -6,15 +6,13 @@ Looked for where a training fails, and before anything is kept.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from learning.policy.simulation.plant import State
-
-if TYPE_CHECKING:
-    from learning.policy.trainer import Step
+from learning.policy.simulation.situation import Step
 
 SHOWN = 3  # names in a message
 

@@ -5,7 +5,7 @@ the FMUs have, the joystick can be changed on its way to the networks (`warp`): 
 stands for machines with other dead bands and delays.  Boom and stick can rest on the oil of their cylinders
 as on springs (`_ringing`) and lose small references in their valves' overlap, which the arm's FMU leaves out;
 and the tool can be the reference machine's spatial pendulum (`spatial_tool`), with the couplings that the
-paper's two plane ones leave out and `slewright reconcile` names (docs/showcases/tool.md).
+paper's two plane ones leave out and `slewright reconcile` names (docs/results/showcases/tool.md).
 """
 
 from functools import cache

@@ -93,3 +93,12 @@ class _Fade(torch.autograd.Function):
             size = sum(g.square().reshape(-1, g.shape[-1]).sum(0) for g in some).sqrt()  # type: ignore[union-attr]
             scale = ctx.share * (ctx.most * size.median() / size.clamp(min=1e-30)).clamp(max=1.0)
         return (None, None, *(g if g is None else g * scale for g in gradients))
+
+
+@dataclass(frozen=True)
+class Step:
+    """A period of control: the situations around it, and the commands [3, n] before they were limited."""
+
+    before: Situation
+    after: Situation
+    asked: Tensor

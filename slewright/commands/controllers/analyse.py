@@ -15,7 +15,7 @@ COLUMNS = (
 
 def analyse(
     controller: Annotated[
-        str, typer.Argument(metavar="CONTROLLER", help="The controller (docs/baselines.md).")
+        str, typer.Argument(metavar="CONTROLLER", help="The controller (docs/explanation/controllers.md).")
     ],
     gain: Annotated[
         list[str] | None, typer.Option("--gain", metavar="NAME=VALUE", help="Another gain (repeatable).")

@@ -10,7 +10,9 @@ from slewright.progress import progress
 
 
 def tune(
-    controller: Annotated[str, typer.Argument(metavar="NAME", help="The controller (docs/baselines.md).")],
+    controller: Annotated[
+        str, typer.Argument(metavar="NAME", help="The controller (docs/explanation/controllers.md).")
+    ],
     hours: Annotated[
         float | None,
         typer.Option(

@@ -1,4 +1,4 @@
-"""`slewright generate`: the files made from the specs (DBC, Modbus map, process image …)."""
+"""`slewright generate`: the files made from definitions (DBC, Modbus map, reference pages …)."""
 
 from typing import Annotated
 
@@ -10,12 +10,14 @@ def generate(
         bool, typer.Option("--check", help="Change nothing; exit 1 when a file is out of date.")
     ] = False,
 ) -> None:
-    """Regenerate the files made from the specs, or check that they are up to date."""
+    """Regenerate the files made from definitions (specs/generated, docs/reference …), or check them."""
     from runtime import image
     from runtime.can import table
+    from slewright import reference
     from specs.generate import main
 
     stale = main(check=check) + image.write(check=check) + table.write(check=check)
+    stale += reference.write(check=check)
     for path in stale:
         typer.echo(f"{'out of date' if check else 'written'}: {path}")
     if check and stale:

@@ -18,7 +18,7 @@ def fit() -> None:
 @app.command()
 def slew(json: JsonOption = None) -> None:
     """Fit the slew drive to the slew traces and score it on the traces that were not used."""
-    from fmus.models.slew.fit import run
+    from fmus.models.slew.assessment import run
 
     with progress("fit slew") as report:
         figures = run(report)

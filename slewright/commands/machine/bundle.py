@@ -14,7 +14,8 @@ def bundle(
     controller: Annotated[
         str,
         typer.Argument(
-            metavar="CONTROLLER", help="Which controller (docs/baselines.md), or a policy's ONNX file."
+            metavar="CONTROLLER",
+            help="Which controller (docs/explanation/controllers.md), or a policy's ONNX file.",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the bundle; it is replaced.")],
@@ -36,7 +37,9 @@ def bundle(
     ] = None,
     sign: Annotated[
         Path | None,
-        typer.Option("--sign", metavar="KEY.pem", help="Sign it: writes an archive (docs/bundles.md)."),
+        typer.Option(
+            "--sign", metavar="KEY.pem", help="Sign it: writes an archive (docs/how-to/bundles.md)."
+        ),
     ] = None,
     archive: Annotated[
         Path | None,

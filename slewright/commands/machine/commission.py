@@ -25,7 +25,9 @@ def commission(
     config: Annotated[
         Path | None,
         typer.Option(
-            "--config", metavar="FILE.toml", help="The machine: its bundle and bus (docs/runtime.md)."
+            "--config",
+            metavar="FILE.toml",
+            help="The machine: its bundle and bus (docs/reference/runtime.md).",
         ),
     ] = None,
     simulate: Annotated[
@@ -69,7 +71,7 @@ def commission(
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Commission a machine step by step, from its bus to its first motion (docs/commissioning.md)."""
+    """Commission a machine step by step, from its bus to its first motion (docs/how-to/commissioning.md)."""
     if simulate == bool(config):
         raise InputError(
             "slewright commission takes --config FILE.toml for a machine, or --simulate, and not both"

@@ -15,7 +15,7 @@ from slewright.tables import show
 if TYPE_CHECKING:
     from runtime.archive.install import Offer
 
-app = typer.Typer(help="Signed bundles on a machine (docs/bundles.md).", no_args_is_help=True)
+app = typer.Typer(help="Signed bundles on a machine (docs/how-to/bundles.md).", no_args_is_help=True)
 app.add_typer(deploy_keys.app, name="keys")
 
 StoreOption = Annotated[Path, typer.Option("--store", metavar="DIR", help="The machine's store.")]
@@ -24,7 +24,7 @@ SHORTEST = 8  # digits of a digest that are enough to accept it
 
 @app.callback()
 def deploy() -> None:
-    """Signed bundles on a machine (docs/bundles.md)."""
+    """Signed bundles on a machine (docs/how-to/bundles.md)."""
 
 
 @app.command()

@@ -19,7 +19,9 @@ def hil(
         float | None, typer.Option(metavar="S", min=1.0, help="Only its first seconds (default: all).")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the machine's noise.")] = 1,
-    hmi: Annotated[bool, typer.Option("--hmi", help="Show it on the operator's page (docs/hmi.md).")] = False,
+    hmi: Annotated[
+        bool, typer.Option("--hmi", help="Show it on the operator's page (docs/how-to/hmi.md).")
+    ] = False,
     drive: Annotated[
         bool,
         typer.Option(

@@ -21,7 +21,7 @@ def hmi(
         ),
     ] = None,
 ) -> None:
-    """Play a recording back in the operator's page (on this computer, until Ctrl-C). See docs/hmi.md."""
+    """Play a recording back in the operator's page (on this computer, until Ctrl-C): docs/how-to/hmi.md."""
     from specs.errors import InputError
 
     if (recording is None) == (new_tokens is None):

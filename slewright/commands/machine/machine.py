@@ -29,7 +29,10 @@ def machine(
         bool, typer.Option("--by-hand", help="No simulated operator: switches by lines on the input only.")
     ] = False,
 ) -> None:
-    """The simulated machine and its operator on a bus, for slewright run (docs/runtime.md)."""
+    """The simulated machine and its operator on a bus, for slewright run.
+
+    docs/tutorials/first-machine.md shows it.
+    """
     from deployment.hil.machine import Machine
     from deployment.hil.machine_node import MachineNode
     from deployment.hil.standalone_machine import Alone, Operator, drive

@@ -18,22 +18,31 @@ if TYPE_CHECKING:
 def run(
     config: Annotated[
         Path,
-        typer.Option("--config", metavar="FILE.toml", help="What runs on which wires (docs/runtime.md)."),
+        typer.Option(
+            "--config", metavar="FILE.toml", help="What runs on which wires (docs/reference/runtime.md)."
+        ),
     ],
     seconds: Annotated[
         float | None, typer.Option(metavar="S", min=0.02, help="End after so long (default: when told to).")
     ] = None,
     hmi: Annotated[
         bool,
-        typer.Option("--hmi", help="With the operator's page, also without [hmi] in the file (docs/hmi.md)."),
+        typer.Option(
+            "--hmi", help="With the operator's page, also without [hmi] in the file (docs/how-to/hmi.md)."
+        ),
     ] = False,
     shadow: Annotated[
         bool,
-        typer.Option("--shadow", help="Read and compute everything, command nothing (docs/shadow.md)."),
+        typer.Option(
+            "--shadow", help="Read and compute everything, command nothing (docs/how-to/shadow.md)."
+        ),
     ] = False,
     json: JsonOption = None,
 ) -> None:
-    """Run the cyclic controller on CAN and Modbus until Ctrl-C. No safety function (docs/hazards.md)."""
+    """Run the cyclic controller on CAN and Modbus until Ctrl-C.
+
+    It is no safety function: docs/explanation/hazards.md.
+    """
     from runtime.image import OUTPUT, TICK_S
     from runtime.supervisor import Counts, Supervisor
 

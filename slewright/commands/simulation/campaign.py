@@ -13,7 +13,7 @@ SHOWN = 10  # failed runs on the terminal; all are in campaign.json
 
 
 def campaign(
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="The plan (.toml; docs/campaigns.md).")],
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="The plan (.toml; docs/how-to/campaigns.md).")],
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of results (default: out/campaign/NAME).")
     ] = None,

@@ -57,7 +57,7 @@ def figures(system: "System") -> dict[str, Any]:
 
 
 def _component(component: "Component", step_s: float) -> dict[str, Any]:
-    from orchestrator.fmi.trust import runs_here
+    from orchestrator.fmi.component import runs_here
 
     variables = component.model.variables.values()
     causalities = Counter(v.causality for v in variables)

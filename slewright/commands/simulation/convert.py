@@ -40,7 +40,7 @@ def convert(
 ) -> None:
     """Convert a recording; what was mended and what the format does not keep is printed."""
     from records.formats import CAN_LOGS, WRITE_ONLY, check_format, read_measurement, write_measurement
-    from records.formats.grid import on_grid
+    from records.formats.tables import on_grid
     from slewright.progress import progress
 
     check_format(target)

@@ -1,15 +1,20 @@
 """`slewright verify`: the main job."""
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
 from slewright.progress import progress
-from specs.progress import Report as Progress
+from specs.errors import InputError
+from specs.progress import Report
+
+if TYPE_CHECKING:
+    from verification.verify import Controller
 
 
 class Systems(StrEnum):
@@ -41,7 +46,10 @@ def verify(
         ),
     ] = None,
     controller: Annotated[
-        str, typer.Option("--controller", metavar="NAME", help="Verify this controller (docs/baselines.md).")
+        str,
+        typer.Option(
+            "--controller", metavar="NAME", help="Verify this controller (docs/explanation/controllers.md)."
+        ),
     ] = "",
     bundle: Annotated[
         Path | None,
@@ -58,42 +66,34 @@ def verify(
         typer.Option("--readme", metavar="FILE", exists=True, help="Write the table into this README."),
     ] = None,
 ) -> None:
-    """Build the FMUs, run the verification scenarios, check their limits, write the report."""
+    """Build the FMUs, run the verification scenarios, check their limits, write the report.
+
+    Without --controller, --model or --bundle the policy that ships is verified, beside the paper's PI.
+    """
     from verification.verify import show, verify as run
 
     systems = ["nominal", "reference"] if system is Systems.both else [system.value]
-    chosen = _chosen(controller, model)
     with progress("verify") as report:
         if bundle is not None:
-            chosen = _bundled(bundle, controller or model, system, out, report)
-            systems = ["reference"]
-        verdict = run(
-            scenarios=scenario or None,
-            systems=systems,
-            seed=seed,
-            out=out,
-            model=chosen.get("model", model),
-            jobs=jobs,
-            settings=chosen.get("settings"),
-            name=chosen.get("name", controller),
-            progress=report,
-            packages=chosen.get("packages"),
-        )
-    show(verdict)
-    write(json, verdict.figures, seed)
+            chosen, systems = _bundled(bundle, controller or model, system, out, report), ["reference"]
+        else:
+            chosen = _chosen(controller, model, systems)
+        outcome = run(scenario or None, systems, seed, out, chosen[0], chosen[1:], jobs, report)
+    show(outcome)
+    write(json, outcome.figures, seed)
     if readme is not None:
         from slewright.readme import fill
 
-        fill(readme, verdict, f"slewright verify --seed {seed}")
-    if not verdict.accepted:
+        fill(readme, outcome, f"slewright verify --seed {seed}")
+    if not outcome.own.accepted:
         raise typer.Exit(1)
 
 
-def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Progress) -> dict[str, Any]:
+def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Report) -> "list[Controller]":
     """The reference system with the core of a bundle."""
     from deployment.bundling.fmu import system_of
     from runtime.bundle import load
-    from specs.errors import InputError
+    from verification.verify import Controller
 
     if other:
         raise InputError("--bundle excludes --controller and --model")
@@ -103,20 +103,28 @@ def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Pr
         )
     found = load(bundle)
     report(f"building the core of {found.controller}")
-    return {
-        "name": f"{found.controller} (bundle)",
-        "packages": {"reference": system_of(found, out / "systems")},
-    }
+    packages = {"reference": system_of(found, out / "systems")}
+    return [Controller(f"{found.controller} (bundle)", packages=packages)]
 
 
-def _chosen(controller: str, model: Path | None) -> dict[str, Any]:
-    """Model folder and settings of a controller by name; {} if none is named."""
-    if not controller:
-        return {}
+def _chosen(controller: str, model: Path | None, systems: Sequence[str]) -> "list[Controller]":
+    """The controller to verify, then those beside it: what was named, or else what ships.
+
+    A `model` of the machine is verified with the controller that ships.
+    """
     from baselines import registry
-    from specs.errors import InputError
+    from verification.evaluation.policies import SHIPPED, model_folder
+    from verification.runs import replacement
+    from verification.verify import PI, Controller
 
-    if model is not None:
+    if controller and model is not None:
         raise InputError("--controller and --model exclude each other")
-    found = registry.find(controller)
-    return {"model": found.models.get(registry.SLOT), "settings": found.parameters}
+    if controller:
+        found = registry.find(controller)
+        return [Controller(controller, tuple(found.models.values()), found.parameters)]
+    if model is None:
+        return [Controller("policy", (model_folder(SHIPPED),)), PI]
+    folder = model_folder(model)
+    if registry.SLOT in replacement(folder, systems):
+        return [Controller(folder.resolve().name, (folder,))]
+    return [Controller("policy", (model_folder(SHIPPED), folder))]

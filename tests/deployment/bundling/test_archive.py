@@ -11,7 +11,8 @@ import pytest
 
 from deployment.bundling import archive as signing, sbom
 from runtime.archive import container, keys
-from runtime.archive.signed import BUNDLE, CONFIGURATION, SBOM, Signed
+from runtime.archive.names import BUNDLE, CONFIGURATION, SBOM
+from runtime.archive.signed import Signed
 from runtime.bundle import digest
 from specs.errors import InputError
 from tests.runtime.archive.made import key

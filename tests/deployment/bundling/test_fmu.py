@@ -16,7 +16,7 @@ from orchestrator.system.stimuli import Stimuli
 from slewright import __main__ as entry
 from specs import scenario
 from tests.runtime.bundles import built, core
-from verification.verify import plant_parameters
+from verification.runs import plant_parameters
 
 TICKS, SEED = 300, 5
 

@@ -1,4 +1,4 @@
-"""The worked example of docs/runtime.md, as it stands there; and the simulated operator in it."""
+"""The worked example of docs/tutorials/first-machine.md as it stands there, and its simulated operator."""
 
 import os
 import re
@@ -27,7 +27,12 @@ from specs.errors import InputError
 from specs.scenario import TICK_S
 from tests.conftest import ROOT
 
-SECTION = (ROOT / "docs/runtime.md").read_text().partition("## A first drive\n")[2].partition("\n## ")[0]
+SECTION = (
+    (ROOT / "docs/tutorials/first-machine.md")
+    .read_text()
+    .partition("## A first drive\n")[2]
+    .partition("\n## ")[0]
+)
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", SECTION, re.DOTALL)
 PORT_SAID = "1502"
 STEP_S, PATIENCE_S = 0.05, 120.0

@@ -17,7 +17,7 @@ from records.record import Record
 from runtime.image import OUTPUT
 from specs import scenario
 from tests.runtime.bundles import NO_RATE_LIMIT, core
-from verification.verify import plant_parameters
+from verification.runs import plant_parameters
 
 TICKS = 500
 SEED = 3

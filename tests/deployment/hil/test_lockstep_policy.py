@@ -18,7 +18,7 @@ from runtime.policy import open_core
 from specs import scenario
 from tests.learning.policy.test_export import made
 from tests.runtime.bundles import NO_RATE_LIMIT
-from verification.verify import plant_parameters
+from verification.runs import plant_parameters
 
 TICKS, SEED = 300, 2
 

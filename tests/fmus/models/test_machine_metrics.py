@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from records.metrics import compute
-from verification.verify import verify
+from verification.verify import Controller, verify
 
 SCENARIO = "four_targets_2t"
 TOLERANCE = {"speed": 0.05, "overshoot": 0.05, "error": 0.01, "tool": 0.05}  # °/s, °, m, °/s; or 1 %
@@ -25,7 +25,8 @@ def test_halving_the_internal_step_does_not_move_the_metrics(tmp_path: Path) -> 
     (folder / "model.py").write_text(HALF)
     found = []
     for name, model in (("whole", None), ("half", folder)):
-        runs = verify([SCENARIO], ["reference"], out=tmp_path / name, model=model, jobs=1).runs
+        line = {"out": tmp_path / name, "controller": Controller(models=[model] if model else ()), "jobs": 1}
+        runs = verify([SCENARIO], ["reference"], **line).own.runs
         found.append(compute(runs[SCENARIO]["reference"]))
     for metric, absolute in TOLERANCE.items():
         whole, half = (getattr(f, metric) for f in found)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.models.slew import evidence, features, fit, score, traces
+from fmus.models.slew import assessment, evidence, features, fit, score, traces
 from fmus.models.slew.features import Features
 from fmus.models.slew.model import MODEL
 from fmus.models.slew.simulation import Simulator
@@ -23,11 +23,11 @@ def known():
 
 @pytest.fixture(scope="module")
 def shipped(known):
-    return fit.assess(known)
+    return assessment.assess(known)
 
 
 def test_sets_are_what_the_fit_promises(known):
-    used, judged, far = (f(known) for f in (traces.fit_set, traces.held_out, traces.apart))
+    used, judged, far = (f(known) for f in (traces.fit_set, traces.held_out, traces.unphysical))
     names = [{t.name for t in group} for group in (used, judged, far)]
     assert [len(n) for n in names] == [20, 26, 10]
     assert set.union(*names) == set(known)
@@ -140,7 +140,7 @@ def test_shipped_parameters_are_accepted(shipped):
 def test_whole_run_angles_are_out_of_reach_of_any_symmetric_model(shipped):
     """Why the angle is scored over windows: the traces' own asymmetry exceeds the limit over whole runs."""
     floor = shipped["mirror_difference"]["held_out"]
-    assert floor["angle_mae_whole_run_deg"] > fit.LIMITS["angle_mae_deg"]
+    assert floor["angle_mae_whole_run_deg"] > assessment.LIMITS["angle_mae_deg"]
     assert floor["angle_mae_deg"] < shipped["angle_mae_deg"]
     assert shipped["angle_mae_whole_run_deg"] < 1.3 * floor["angle_mae_whole_run_deg"]
 
@@ -203,4 +203,4 @@ def test_fit_finds_the_shipped_parameters_again(known):
     for found in (first, second):
         for name, (_, spread) in spreads.items():
             assert abs(found.values[name] - file[name]) < 0.5 * spread, name
-        assert fit.accepted(score.mean(fit.scores(traces.held_out(known), found.values).values()))
+        assert assessment.accepted(score.mean(fit.scores(traces.held_out(known), found.values).values()))

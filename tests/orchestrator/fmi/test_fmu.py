@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.fmi.instance import Instance, instantiate
+from orchestrator.fmi.instance import Instance
 from specs.errors import InputError, RunError
 from tests.orchestrator.systems import OSCILLATOR, load
 
@@ -15,7 +15,7 @@ from tests.orchestrator.systems import OSCILLATOR, load
 def speed(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Instance]:
     """An instance of v' = -rate² x in step mode, rate = 2."""
     system = load(tmp_path, OSCILLATOR, ["position", "speed"], request.param)
-    instance = instantiate(system.components["speed"])
+    instance = Instance(system.components["speed"])
     instance.set(rate=2.0)
     instance.enter_initialisation()
     instance.exit_initialisation()

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from orchestrator.core.fmu_binding import FUNCTIONS, MESSAGES, TYPES, EventResult, StepResult
-from orchestrator.fmi.instance import Instance, instantiate
+from orchestrator.fmi.instance import Instance
 from specs.errors import InputError, RunError
 from tests.orchestrator import every as tricks
 from tests.orchestrator.every import Every, every
@@ -128,7 +128,7 @@ def test_getting_has_a_status_too(instance: Instance) -> None:
 
 def test_a_warning_of_the_first_of_two_calls_is_kept(tmp_path: Path) -> None:
     built = every(2, tmp_path)
-    instance = instantiate(built.component)
+    instance = Instance(built.component)
     instance.set(trick=tricks.WARN_SETUP)
     assert entry(instance, "enter_initialisation")(instance.pointer, 0.0, False, 0.0, 0.0) == 1
     instance.free()
@@ -170,7 +170,7 @@ def test_a_run_leaves_an_fmu_alone_after_a_fatal_error(tmp_path: Path, version: 
 
 def test_instances_are_freed_once(built: Every) -> None:
     before = counter(built, "every_live")
-    with instantiate(built.component) as first, instantiate(built.component):
+    with Instance(built.component) as first, Instance(built.component):
         assert counter(built, "every_live") == before + 2
         first.free()
         first.free()

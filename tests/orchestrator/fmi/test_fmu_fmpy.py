@@ -13,7 +13,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from fmus.toolchain.build import FMI_VERSIONS, build_fmu
 from fmus.toolchain.loader import load_model, model_folders
-from orchestrator.fmi.instance import Instance, instantiate
+from orchestrator.fmi.instance import Instance
 from orchestrator.fmi.variable import Scalar, Value
 from orchestrator.system.single_fmu import system_of_fmu
 from tests.fmus.importer import STEP, Imported
@@ -40,7 +40,7 @@ def ours(path: Path, model: Any, step: float, ticks: int) -> list[list[float]]:
     system = system_of_fmu(path, step)
     (component,) = system.components.values()
     outputs, rows = [v.name for v in model.outputs], []
-    with instantiate(component) as instance:
+    with Instance(component) as instance:
         instance.enter_initialisation()
         instance.exit_initialisation()
         time = 0.0
@@ -141,7 +141,7 @@ def test_every_type(version: int, tmp_path: Path) -> None:
     stubs = tuple(n for n in names if n.startswith(f"fmi{version}"))
     built = every(version, tmp_path, modes=False, stubs=stubs)
     rng = random.Random(3)
-    with slave(built.path) as their, instantiate(built.component) as our:
+    with slave(built.path) as their, Instance(built.component) as our:
         our.enter_initialisation()
         our.exit_initialisation()
         for _ in range(20):

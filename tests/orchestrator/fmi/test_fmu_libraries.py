@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from orchestrator.fmi.component import Component
-from orchestrator.fmi.instance import instantiate
+from orchestrator.fmi.instance import Instance
 from specs.errors import InputError, RunError
 from tests.orchestrator.every import Every, every
 
@@ -18,7 +18,7 @@ def refused(built: Every, component: Component | None = None) -> str:
     """The reason for which an FMU is refused, or a component that is like it."""
     component = component or built.component
     with pytest.raises(InputError) as caught:
-        instantiate(component)
+        Instance(component)
     message = str(caught.value)
     assert message.isprintable()
     start = f"FMU of component every ({component.library.name}) cannot be instantiated: "
@@ -45,7 +45,7 @@ def test_a_library_without_a_needed_function_is_refused(version: int, tmp_path: 
 @VERSIONS
 def test_a_function_that_may_be_missing_is_named_when_it_is_called(version: int, tmp_path: Path) -> None:
     built = every(version, tmp_path, "-DNO_STRINGS")
-    with instantiate(built.component) as instance:
+    with Instance(built.component) as instance:
         for call in (lambda: instance.values(["String.in"]), lambda: instance.set_values({"String.in": "a"})):
             with pytest.raises(RunError, match=rf"lacks the function fmi{version}[GS]etString"):
                 call()
@@ -66,7 +66,7 @@ def test_a_library_whose_version_is_null_is_refused(version: int, tmp_path: Path
 @VERSIONS
 def test_a_library_that_does_not_tell_its_version_is_taken(version: int, tmp_path: Path) -> None:
     built = every(version, tmp_path, "-DNO_VERSION")
-    instantiate(built.component).free()
+    Instance(built.component).free()
 
 
 @pytest.mark.parametrize("platform", ['"special"', "0"])
@@ -101,4 +101,4 @@ def test_folders_with_unusual_names_are_no_obstacle(tmp_path: Path) -> None:
     built = every(2, folder)  # it checks that its resources are given as a URI
     copied = replace(built.component, folder=folder / "fmu", library=folder / "every.so")
     copied.library.write_bytes(built.component.library.read_bytes())
-    instantiate(copied).free()
+    Instance(copied).free()

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from orchestrator.core import native
-from orchestrator.fmi.instance import Instance, instantiate
+from orchestrator.fmi.instance import Instance
 from orchestrator.fmi.variable import RANGES, Scalar, Value
 from specs.errors import InputError, RunError
 from tests.orchestrator.every import Every, every, references
@@ -67,7 +67,7 @@ def started(built: Every, apart: bool = False, **start: int) -> Instance:
     """In step mode; `apart`: in a process of its own."""
     if apart and native.binaries().host is None:
         pytest.skip("FMUs in processes of their own are not supported here")
-    instance = instantiate(replace(built.component, start=start), isolated=apart, limit_s=20.0)
+    instance = Instance(replace(built.component, start=start), isolated=apart, limit_s=20.0)
     instance.set_values(start)
     instance.enter_initialisation()
     instance.exit_initialisation()

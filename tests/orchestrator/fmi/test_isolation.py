@@ -15,8 +15,8 @@ import pytest
 from fmus.toolchain import compiler
 from fmus.toolchain.build import SHIM, pack
 from orchestrator.core.native import binaries
-from orchestrator.fmi.instance import instantiate
-from orchestrator.fmi.trust import runs_here
+from orchestrator.fmi.component import runs_here
+from orchestrator.fmi.instance import Instance
 from orchestrator.run.simulate import simulate
 from orchestrator.system.system import System
 from records.record import read
@@ -164,7 +164,7 @@ def test_a_crash_is_seen_where_the_ends_of_children_are_ignored(tmp_path: Path) 
 
 def test_a_null_string_is_an_empty_one(tmp_path: Path) -> None:
     system = villain(tmp_path)
-    with instantiate(system.components["villain"], isolated=True, limit_s=LIMIT_S) as instance:
+    with Instance(system.components["villain"], isolated=True, limit_s=LIMIT_S) as instance:
         instance.enter_initialisation()
         assert instance.values(["text"]) == {"text": ""}
 
@@ -187,7 +187,7 @@ def test_one_that_hangs_when_it_is_freed_is_ended(tmp_path: Path) -> None:
 
 def test_after_its_end_every_call_says_the_same_at_once(tmp_path: Path) -> None:
     system = villain(tmp_path)
-    instance = instantiate(system.components["villain"], isolated=True, limit_s=LIMIT_S)
+    instance = Instance(system.components["villain"], isolated=True, limit_s=LIMIT_S)
     instance.set(trick=TRICKS.index("segfault"))
     instance.enter_initialisation()
     instance.exit_initialisation()
@@ -220,6 +220,6 @@ def test_many_processes_leave_nothing_behind(tmp_path: Path) -> None:
     system = villain(tmp_path)
     files = len(list(Path("/proc/self/fd").iterdir()))
     for _ in range(50):
-        instantiate(system.components["villain"], isolated=True, limit_s=10.0).free()
+        Instance(system.components["villain"], isolated=True, limit_s=10.0).free()
     assert len(list(Path("/proc/self/fd").iterdir())) == files
     assert hosts() == []

@@ -7,9 +7,10 @@ import pytest
 
 from orchestrator.run.simulate import simulate
 from orchestrator.ssp.conversion import UNCHANGED
+from orchestrator.ssp.description import Port
 from orchestrator.system.layout import lay_out
+from orchestrator.system.link import Link
 from orchestrator.system.order import dependency_order
-from orchestrator.system.system import Link, Source
 from specs.errors import InputError
 from tests.orchestrator.systems import OSCILLATOR, chain, load
 
@@ -48,7 +49,7 @@ def test_a_chain_is_stepped_in_order_of_dependency_whatever_the_declared_order(t
 
 def test_a_loop_is_opened_where_fewest_inputs_are_missing() -> None:
     def link(source: str, target: str) -> Link:
-        return Link(Source(source, "y"), target, "u", UNCHANGED)
+        return Link(Port(source, "y"), Port(target, "u"), UNCHANGED)
 
     names = ["controller", "drive", "tool", "source"]
     links = [link("drive", "controller"), link("tool", "controller"), link("controller", "drive")]

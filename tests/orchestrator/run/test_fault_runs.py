@@ -8,7 +8,7 @@ import pytest
 
 from orchestrator.run.master import Master, Options
 from orchestrator.run.simulate import simulate
-from orchestrator.ssp.settings import ALGORITHMS
+from orchestrator.ssp.description import ALGORITHMS
 from orchestrator.system.layout import lay_out
 from orchestrator.system.stimuli import Stimuli
 from orchestrator.system.system import System

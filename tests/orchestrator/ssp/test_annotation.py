@@ -6,7 +6,7 @@ import pytest
 
 from orchestrator.files import xml_file
 from orchestrator.ssp.annotation import read_simulation
-from orchestrator.ssp.settings import Settings
+from orchestrator.ssp.description import Settings
 from orchestrator.ssp.text import Text
 from orchestrator.system.system import System
 from specs.errors import InputError
@@ -191,10 +191,10 @@ def test_the_fixed_internal_step_is_respected(tmp_path: Path) -> None:
 
 
 def test_the_documented_annotation_is_read() -> None:
-    text = (ROOT / "docs" / "ssp.md").read_text()
+    text = (ROOT / "docs" / "reference" / "ssp.md").read_text()
     example = text.split("```xml\n")[1].split("```")[0]
-    root = xml_file.parse(f"<r {NAMESPACES}>{example}</r>".encode(), "docs/ssp.md")
-    found = read_simulation(Text("docs/ssp.md", "2.0", []), root)
+    root = xml_file.parse(f"<r {NAMESPACES}>{example}</r>".encode(), "docs/reference/ssp.md")
+    found = read_simulation(Text("docs/reference/ssp.md", "2.0", []), root)
     assert (found.step_s, found.settings) == (0.02, Settings("iterate", 1e-6, 50, 16))
     assert found.steps["plant.valve"][0] == 0.1
     assert [str(fault) for fault, _ in found.faults] == ["bias on plant.valve.u, 10 s to the end: value 0.05"]

@@ -96,7 +96,7 @@ def test_affine_maps_compose_in_order() -> None:
     double, shift = Affine(2.0, 0.0), Affine(1.0, 3.0)
     assert double.then(shift)(5.0) == 13.0
     assert shift.then(double)(5.0) == 16.0
-    assert double.then(shift).inverse(13.0) == 5.0
+    assert double.then(shift).inverse()(13.0) == 5.0
 
 
 def test_zero_exponents_and_unknown_units_fit() -> None:

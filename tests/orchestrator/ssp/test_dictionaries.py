@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from orchestrator.ssp.description import Port
 from orchestrator.system.check import load_system
-from orchestrator.system.system import Source
 from specs.errors import InputError
 from tests.orchestrator.ssp.test_bad_ssd import line_of
 from tests.orchestrator.ssp.test_nested import POSITION, SPEED, system
@@ -57,9 +57,9 @@ TEXT = ssd(OUTER, LINKS)
 
 def test_signals_are_looked_up_in_the_systems_around(tmp_path: Path) -> None:
     found = load(tmp_path, with_bus(TEXT), NAMES)
-    assert {(link.source, link.component, link.name) for link in found.links} == {
-        (Source("speed", "speed"), "cart.position", "v"),
-        (Source("cart.position", "position"), "speed", "x"),
+    assert {(link.source, link.target) for link in found.links} == {
+        (Port("speed", "speed"), Port("cart.position", "v")),
+        (Port("cart.position", "position"), Port("speed", "x")),
     }
     assert all(link.conversion.affine.scale == pytest.approx(1.0) for link in found.links)
 
@@ -138,4 +138,4 @@ def test_unspecified_connectors_of_an_fmu_are_what_its_variables_are(tmp_path: P
     speed = component("speed", "speed", connector("x", "unspecified"), connector("speed", "unspecified"))
     text = ssd([POSITION, speed], [connection("position.v", "speed.speed")], version="2.0")
     (link,) = load(tmp_path, text, NAMES).links
-    assert (link.source, link.component, link.name) == (Source("speed", "speed"), "position", "v")
+    assert (link.source, link.target) == (Port("speed", "speed"), Port("position", "v"))

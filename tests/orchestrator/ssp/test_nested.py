@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from orchestrator.run.simulate import simulate
+from orchestrator.ssp.description import Port
 from orchestrator.system.check import load_system
-from orchestrator.system.system import Source, System
+from orchestrator.system.system import System
 from specs.errors import InputError
 from tests.orchestrator.ssp.test_bad_ssd import line_of
 from tests.orchestrator.systems import OSCILLATOR, component, connection, connector, fmu, load, refused, ssd
@@ -56,9 +57,9 @@ def place(system: System) -> np.ndarray:
 def test_an_embedded_system_gives_what_the_flat_one_gives(tmp_path: Path) -> None:
     flat, nested = load(tmp_path, OSCILLATOR, NAMES), load(tmp_path, NESTED, NAMES)
     assert list(nested.components) == ["cart.position", "speed"]
-    assert [(link.source, link.component, link.name) for link in nested.links] == [
-        (Source("speed", "speed"), "cart.position", "v"),
-        (Source("cart.position", "position"), "speed", "x"),
+    assert [(link.source, link.target) for link in nested.links] == [
+        (Port("speed", "speed"), Port("cart.position", "v")),
+        (Port("cart.position", "position"), Port("speed", "x")),
     ]
     np.testing.assert_allclose(place(nested), place(flat), rtol=1e-12)
 
@@ -67,7 +68,7 @@ def test_units_of_connectors_on_the_way_count(tmp_path: Path) -> None:
     """Without conversion from mm back to m the place would be a thousand times what it is."""
     text = NESTED.replace(LINKS[2], connection("cart.where", "place", suppressUnitConversion="true"))
     nested = load(tmp_path, text, NAMES)
-    assert nested.outputs["place"].conversion.affine.scale == pytest.approx(1000.0)
+    assert nested.outputs["place"].link.conversion.affine.scale == pytest.approx(1000.0)
     assert nested.links[1].conversion.affine.scale == pytest.approx(1.0)
 
 

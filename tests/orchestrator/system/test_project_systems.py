@@ -45,26 +45,26 @@ def by_fmpy(system: System, fmi_version: FmiVersion, ticks: int) -> dict[str, np
     fmus: dict[str, Imported] = {}
     for name in system.components:
         starts = {
-            k.name: driven[k.source.name]
+            k.target.name: driven[k.source.name]
             for k in system.links
-            if k.component == name and not k.source.component
+            if k.target.owner == name and not k.source.owner
         }
         seed = 0 if f"{name}.noise_seed" in QUIET else None
         fmus[name] = Imported(build_fmu(name, fmi_version), seed, **starts)  # type: ignore[arg-type]
 
     def read() -> dict[tuple[str, str], float]:
-        names = {k.source for k in system.links} | {o.source for o in system.outputs.values()}
-        return {(s.component, s.name): fmus[s.component].get(s.name)[0] for s in names if s.component}
+        names = {k.source for k in system.links} | {o.link.source for o in system.outputs.values()}
+        return {(s.owner, s.name): fmus[s.owner].get(s.name)[0] for s in names if s.owner}
 
     rows = []
     for tick in range(ticks + 1):
         driven |= SECOND if tick == 75 else {}
         values = read()
-        rows.append([values[o.source.component, o.source.name] for o in system.outputs.values()])
+        rows.append([values[o.link.source.owner, o.link.source.name] for o in system.outputs.values()])
         for link in system.links:
             source = link.source
-            value = values[source.component, source.name] if source.component else driven[source.name]
-            fmus[link.component].set(**{link.name: value})  # type: ignore[arg-type]
+            value = values[source.owner, source.name] if source.owner else driven[source.name]
+            fmus[link.target.owner].set(**{link.target.name: value})  # type: ignore[arg-type]
         for fmu in fmus.values():
             fmu.step(system.step_s)
     for fmu in fmus.values():

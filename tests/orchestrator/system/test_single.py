@@ -37,7 +37,7 @@ def test_inputs_and_outputs_are_those_of_the_fmu(version: int) -> None:
     assert {n: (i.start, i.type, i.unit_name) for n, i in system.inputs.items()} == {
         "v": (0.25, "Real" if version == 2 else "Float64", "m/s")
     }
-    assert [(o.name, o.source.component, o.source.name) for o in system.outputs.values()] == [
+    assert [(o.name, o.link.source.owner, o.link.source.name) for o in system.outputs.values()] == [
         ("position", "position", "position")
     ]
     assert (system.step_s, system.stop_s) == (0.02, 10.0)  # of its default experiment

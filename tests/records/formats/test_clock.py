@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings, strategies as st
 
-from records.formats.clock import LATE, mend
-from records.formats.raw import Group, RawColumn
+from records.formats.raw import LATE, Group, RawColumn, mend
 from specs.errors import InputError
 
 PERIOD_S = 0.02

@@ -8,7 +8,7 @@ from pathlib import Path
 from runtime import bundle, image
 from runtime.archive import container, signed
 from runtime.archive.keys import PrivateKey
-from runtime.archive.signed import BUNDLE, DBC, MAP, SBOM, SIGNALS
+from runtime.archive.names import BUNDLE, DBC, MAP, SBOM, SIGNALS
 from runtime.archive.trust import Known, Trust
 from specs.version import VERSION
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from runtime.archive.differences import Change, differences
-from runtime.archive.signed import BUNDLE, CONFIGURATION, DBC, MAP, SBOM
+from runtime.archive.names import BUNDLE, CONFIGURATION, DBC, MAP, SBOM
 from specs.errors import InputError
 from tests.runtime.archive.made import contents
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from runtime.archive.disk import StoreFolder
-from runtime.archive.signed import SIGNATURE, Signed, verify
+from runtime.archive.names import SIGNATURE
+from runtime.archive.signed import Signed, verify
 from runtime.archive.store import BUNDLES, POINTERS, State, Store, held
 from specs.errors import InputError
 from tests.runtime.archive.disks import CutFolder, ForgetfulStore, PowerCutError

@@ -10,7 +10,8 @@ import pytest
 
 from runtime.archive import container, install
 from runtime.archive.keys import ARCHIVE, KEY
-from runtime.archive.signed import BUNDLE, DBC, MANIFEST, MAP, NEEDED, SBOM, SIGNALS, SIGNATURE, sign, verify
+from runtime.archive.names import BUNDLE, DBC, MANIFEST, MAP, NEEDED, SBOM, SIGNALS, SIGNATURE
+from runtime.archive.signed import sign, verify
 from runtime.archive.start import Place
 from runtime.archive.trust import Trust
 from runtime.bundle import MANIFEST as INNER

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 from statistics import median
 
+from runtime.can.any_bus import AnyBus
 from runtime.can.batch import Batch
-from runtime.can.port import AnyBus
 from runtime.can.socketcan import SocketCan
 from tests.runtime.can.test_socketcan import FRAMES, Line
 

@@ -155,7 +155,7 @@ def test_a_configuration_names_them(tmp_path) -> None:
 
 
 def test_the_page_shows_what_it_is_without_the_lines(tmp_path) -> None:
-    page = (ROOT / "docs" / "buses.md").read_text()
+    page = (ROOT / "docs" / "reference" / "buses.md").read_text()
     shown = "[can.joystick]\n" + page.partition("```toml\n[can.joystick]\n")[2].partition("```")[0]
     path = tmp_path / "machine.toml"
     path.write_text('bundle = "b"\n[can]\ninterface = "slewright"\nchannel = "bus"\n' + shown)

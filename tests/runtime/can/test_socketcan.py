@@ -8,10 +8,11 @@ import pytest
 from can.interfaces.socketcan import SocketcanBus
 
 from runtime.can import socketcan
+from runtime.can.any_bus import AnyBus
 from runtime.can.batch import Batch
 from runtime.can.codec import received_by
 from runtime.can.native import NativePort
-from runtime.can.port import AnyBus, CanPort, frame_source, mute
+from runtime.can.port import CanPort, frame_source, mute
 from runtime.can.socketcan import FRAME_BYTES, SO_TIMESTAMPNS, SocketCan
 from runtime.can.transmit import Transmitter
 from runtime.can.wire import EXTENDED, PACKET

@@ -11,7 +11,9 @@ from specs import scenario
 from tests.runtime.bench import MANUAL, Bench
 from tests.runtime.bundles import core
 
-STILL_KG = 150.0  # docs/load-estimate.md: without calibration, at rest, 95 % of errors are below 168 kg
+STILL_KG = (
+    150.0  # docs/explanation/load-estimate.md: without calibration, at rest, 95 % of errors are below 168 kg
+)
 PLACE = OUTPUT.at("load_estimate")
 
 

@@ -156,9 +156,11 @@ def test_again_gives_the_same_bytes(written: Written, tmp_path: Path) -> None:
 
 
 def test_the_page_in_docs_is_of_this_machine() -> None:
-    text = (ROOT / "docs" / "dossier.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "results" / "dossier.md").read_text(encoding="utf-8")
     prints = [parameters.fingerprint(), *(draws.fingerprint(name) for name in draws.OPEN)]
-    assert all(f"`{p}`" in text for p in prints), "machine or draws have changed: run `slewright dossier`"
+    assert all(f"`{p}`" in text for p in prints), (
+        "machine or draws have changed: run `python -m benchmarks dossier`"
+    )
 
 
 def test_the_step_pose_has_the_inertia_asked_for() -> None:

@@ -17,7 +17,7 @@ from tests.conftest import Command
 from tests.learning.policy.test_export import made
 from verification.comparison.plan import Question
 from verification.evaluation import evaluation, policies
-from verification.verify import replacement
+from verification.runs import replacement
 
 SHIPPED = Path("learning/policies")
 
