@@ -1,5 +1,5 @@
 # make verify   builds the FMUs, runs the verification scenarios, writes out/verify/report.html
-# make test     the tests, two processes, without the long ones
+# make test     the tests, two processes, without the long ones; at the end the twenty that took longest
 # make check    format, lint, types, import layers, generated files up to date
 # make long     tests of many seconds each, after the others in continuous integration
 # make soak     the longest tests (not part of the others)
@@ -32,10 +32,10 @@ verify: $(VENV)/.verify-ready
 	$(BIN)/slewright verify $(ARGS)
 
 test: $(VENV)/.test-ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile --durations 20 $(ARGS)
 
 long: $(VENV)/.test-ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "long and not soak" --timeout 1200 $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "long and not soak" --durations 20 --timeout 1200 $(ARGS)
 
 soak: $(VENV)/.test-ready
 	$(BIN)/python -m pytest -m soak --timeout 0 $(ARGS)

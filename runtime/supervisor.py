@@ -198,7 +198,7 @@ class Supervisor:
         wanted = self.wanted.retain
         if wanted is None:
             return {}
-        return Retained(Folder(wanted.folder), _layout(wanted.signals)).load()
+        return Retained(Folder(wanted.folder), retained_layout(wanted.signals)).load()
 
     def _prepare(self) -> None:
         if self.wanted.hmi:
@@ -266,7 +266,7 @@ class Supervisor:
         told = {
             "ring": str(ring.path),
             "folder": str(wanted.folder.resolve()),
-            "layout": _layout(wanted.signals),
+            "layout": retained_layout(wanted.signals),
             "names": [TICKS, *wanted.signals],
             "base": {TICKS: self.retained.get(TICKS, 0.0)},
             "every_s": wanted.every_s,
@@ -309,6 +309,6 @@ def lock(folder: Path) -> IO[str]:
     return held
 
 
-def _layout(names: tuple[str, ...]) -> str:
+def retained_layout(names: tuple[str, ...]) -> str:
     """What the retained values mean, in 16 characters."""
     return bundle.digest(",".join(names).encode())[:16]

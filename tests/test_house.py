@@ -3,14 +3,11 @@
 import re
 import shutil
 import subprocess
-import sys
 import tomllib
-import zipfile
 from pathlib import Path
 
 import pytest
 
-from slewright.app import ROOMS
 from tests.conftest import ROOT
 
 README = (ROOT / "README.md").read_text()
@@ -41,23 +38,9 @@ def test_readme_names_the_two_commands_and_the_makefile_has_them():
         assert re.search(rf"^{command}:", makefile, re.MULTILINE)
 
 
-def test_readme_opens_with_one_sentence_and_both_commands_on_the_first_screen():
-    lines = README.splitlines()
-    assert lines[0] == "# Slewright"
-    assert lines[2].endswith(".")
-    assert lines[2].count(". ") == 0
-    assert {"make verify", "make test"} <= {line.split("  ")[0] for line in lines[:40]}
-
-
-def test_readme_has_a_line_for_every_folder_and_every_folder_exists():
-    named = set(re.findall(r"^\| `([a-z]+)/` \|", README, re.MULTILINE))
+def test_folders_in_the_readme_exist():
+    named = set(re.findall(r"`([a-z]+)/`", README))
     assert {name for name in named if not (ROOT / name).is_dir()} == set()
-    tracked = {path.relative_to(ROOT).parts[0] for path in tracked_files() if path.parent != ROOT}
-    assert {name for name in tracked if not name.startswith(".")} == named
-
-
-def test_readme_keeps_the_place_of_the_results_table():
-    assert README.index("<!-- results:begin -->") < README.index("<!-- results:end -->")
 
 
 def test_links_in_the_readme_lead_somewhere():
@@ -111,17 +94,6 @@ def test_the_runtime_install_is_light():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = " ".join(project["dependencies"] + project["optional-dependencies"]["runtime"])
     assert not re.search(r"\b(torch|casadi|fmpy)\b", wanted)
-
-
-def test_the_wheel_holds_every_file_of_the_rooms(tmp_path):
-    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", tmp_path]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("*.whl")
-    packed = set(zipfile.ZipFile(wheel).namelist())
-    rooms = {str(f.relative_to(ROOT)) for f in tracked_files() if f.relative_to(ROOT).parts[0] in ROOMS}
-    assert {"specs/signals.toml", "slewright/__main__.py"} <= rooms
-    assert rooms - packed == set()
-    assert not any(name.startswith("tests/") for name in packed)
 
 
 def test_nothing_tracked_names_a_path_of_a_machine_or_a_package_registry():

@@ -11,7 +11,9 @@ import pytest
 
 from benchmarks.orchestrator import chain
 from records.record import read
+from slewright.app import ROOMS
 from tests.conftest import ROOT
+from tests.test_house import tracked_files
 
 # What an environment that cannot compile has not, and what would find this checkout.
 HIDDEN = ("ziglang", "slewright", "__editable__", "_editable", "casadi")
@@ -69,6 +71,14 @@ def test_the_wheel_is_of_one_platform_and_names_no_python(wheel: Path):
     machine = sysconfig.get_platform().rpartition("-")[2]
     assert platform.endswith(machine)
     assert platform != "any"
+
+
+def test_it_holds_every_file_of_the_rooms(wheel: Path):
+    packed = set(zipfile.ZipFile(wheel).namelist())
+    rooms = {str(f.relative_to(ROOT)) for f in tracked_files() if f.relative_to(ROOT).parts[0] in ROOMS}
+    assert {"specs/signals.toml", "slewright/__main__.py"} <= rooms
+    assert rooms - packed == set()
+    assert not any(name.startswith("tests/") for name in packed)
 
 
 @pytest.mark.parametrize("folder", ["runtime/hmi/page", "runtime/systemd", "specs/scenarios"])

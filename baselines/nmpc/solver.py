@@ -65,7 +65,7 @@ def solver() -> ca.Function:
     """
     own, x0 = stage(), ca.MX.sym("x0", NX)  # type: ignore[call-arg]
     plan, given, task = ca.MX.sym("plan", SIZE), ca.MX.sym("given", NU), ca.MX.sym("task", len(cost.TASK))  # type: ignore[call-arg]
-    iteration, value = _iteration(own), _value(own)
+    iteration, value = _iteration(own), plan_cost(own)
     z, before = plan, value(x0, plan, given, task)
     gain: Any = ca.MX(1)
     for _ in range(ITERATIONS):
@@ -102,7 +102,7 @@ def shifted(plan: Any) -> Any:
 def _iteration(own: Stage) -> ca.Function:
     """(x_0, plan, given, task) -> (plan, V): one Gauss-Newton step, never uphill."""
     x0, plan, given, task = _arguments()
-    residual, value = cost.residual(), _value(own)
+    residual, value = cost.residual(), plan_cost(own)
     steps, wanted = _steps(task)
     miss = steps @ plan - wanted(given)
     hessian, gradient = steps.T @ steps, steps.T @ miss
@@ -124,7 +124,7 @@ def _iteration(own: Stage) -> ca.Function:
     return ca.Function("nmpc_iteration", [x0, plan, given, task], [best, least])
 
 
-def _value(own: Stage) -> ca.Function:
+def plan_cost(own: Stage) -> ca.Function:
     """(x_0, plan, given, task) -> V by roll-out."""
     x0, plan, given, task = _arguments()
     residual = cost.value()

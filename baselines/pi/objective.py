@@ -94,11 +94,11 @@ def _run_cost(system: System, gains: Mapping[str, float], trial: Trial) -> float
     record = simulate(system, TARGETS * INTERVAL, stimuli, overrides, seed=trial.seed, record=list(RECORDED))
     q = np.array([record.column(name)[1:] for name in RECORDED]).reshape(3, TARGETS, INTERVAL)
     before = np.vstack([(trial.start[0], *_hanging(*trial.start[1:])), trial.targets[:-1]])
-    costs = [_target_cost(q[:, i], trial.targets[i], before[i]) for i in range(TARGETS)]
+    costs = [target_cost(q[:, i], trial.targets[i], before[i]) for i in range(TARGETS)]
     return float(np.mean(costs))
 
 
-def _target_cost(q: np.ndarray, target: np.ndarray, before: np.ndarray) -> float:
+def target_cost(q: np.ndarray, target: np.ndarray, before: np.ndarray) -> float:
     """Cost of one target from joint angles [3, ticks], the target and the one before it."""
     tip = np.array(_hanging(q[1], q[2]))
     slew_error = np.abs(q[0] - target[0]) / abs(target[0] - before[0])

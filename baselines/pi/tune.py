@@ -105,12 +105,12 @@ def search(
     cache = _Cache(CACHE, system, draws)
 
     def evaluate(x: np.ndarray) -> float:
-        gains = _gains(x)
+        gains = from_cube(x)
         say(cache.used)
         return cache.get(gains, lambda: objective.cost(system, gains, runs))
 
     corners = [{**start, "pi_slew_gain": gain, "pi_slew_limit": limit} for gain, limit in GRID]
-    grid = [_scaled(np.array([point[name] for name in NAMES])) for point in (start, *corners)]
+    grid = [to_cube(np.array([point[name] for name in NAMES])) for point in (start, *corners)]
     middle = min(grid[:evaluations], key=evaluate)
     simplex = np.clip(np.vstack([middle, *(middle + step for step in np.diag([0.1, 0.1, -0.1, -0.1]))]), 0, 1)
     left = max(evaluations - len(grid), 1)
@@ -170,7 +170,7 @@ class _Cache:
         return json.loads(min(self.seen, key=lambda name: self.seen[name]))
 
 
-def _gains(x: np.ndarray) -> dict[str, float]:
+def from_cube(x: np.ndarray) -> dict[str, float]:
     """Gains at a point of the unit cube: gains on a logarithmic scale, the others on a linear one."""
     linear = LOW + x * (HIGH - LOW)
     power = LOW * (HIGH / np.where(LOW > 0, LOW, 1.0)) ** x
@@ -178,7 +178,7 @@ def _gains(x: np.ndarray) -> dict[str, float]:
     return {name: float(f"{value:.3g}") for name, value in zip(NAMES, values, strict=True)}
 
 
-def _scaled(values: np.ndarray) -> np.ndarray:
+def to_cube(values: np.ndarray) -> np.ndarray:
     linear = (values - LOW) / (HIGH - LOW)
     logarithmic = np.log(values / np.where(LOW > 0, LOW, 1.0)) / np.log(HIGH / np.where(LOW > 0, LOW, 0.1))
     return np.where([name.endswith("gain") for name in NAMES], logarithmic, linear)

@@ -31,7 +31,7 @@ def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[
         "started": 1.0,
         **move,
         **control.weighed(x, u, speed, p),
-        **shaping.track(x, u, _reference(move), move["goal"], speed, moment, radius, gains, p),
+        **shaping.track(x, u, reference(move), move["goal"], speed, moment, radius, gains, p),
         **_arm(move, u, p),
     }
 
@@ -103,7 +103,7 @@ def step(time: Any, length: Any) -> tuple[Any, Any, Any, Any, Any]:
     return area, value, first / length, second / length**2, third / length**3
 
 
-def _reference(move: dict[str, Any]) -> tuple[Any, Any, Any]:
+def reference(move: dict[str, Any]) -> tuple[Any, Any, Any]:
     """Angle, speed and acceleration of the slew: q = z + l/g z'', z the sum of both moves."""
     r, v, a = move["begin"], 0.0, 0.0
     for slot in SLOTS:

@@ -41,7 +41,7 @@ def outcomes(cases: Iterable[Case], progress: Progress = lambda _: None) -> dict
         write(Path(folder), chosen)
         for key in MASTERS:
             progress(key)
-            found[key] = _of_master(key, chosen, Path(folder))
+            found[key] = of_master(key, chosen, Path(folder))
     return found
 
 
@@ -67,7 +67,7 @@ def _ours(case: Case) -> Row:
     return {"verdict": REFUSED if refused else WRONG, "message": problem}
 
 
-def _of_master(key: str, cases: list[Case], folder: Path) -> dict[str, Row]:
+def of_master(key: str, cases: list[Case], folder: Path) -> dict[str, Row]:
     if not _version(PACKAGES[key]):
         return {case.name: {"verdict": MISSING, "message": ""} for case in cases}
     asked = [case for case in cases if not _idle(case)]

@@ -26,6 +26,7 @@ from deployment.bundling.content import Content
 from fmus.definition import Model
 from fmus.paths import BUILD, SHIM
 from fmus.toolchain import compiler
+from fmus.toolchain.build import compile_generated
 from fmus.toolchain.loader import load_model
 from runtime import bundle as form, image
 from specs import parameters
@@ -192,10 +193,12 @@ def objects_of(
     ]
     for own in sorted((sources / "blocks").iterdir()):
         more = [*flags, "-I", str(own), *include]
-        objects += [
-            compiler.compile_object(own / n, folder / f"{own.name}_{n}.o", target, more, n in UNCHECKED)
-            for n in COMPILED
-        ]
+        for name in COMPILED:
+            out = folder / f"{own.name}_{name}.o"
+            if name == "model.c" and not extra:
+                objects.append(compile_generated(own / name, out, target, UNUSED_OUT))
+            else:
+                objects.append(compiler.compile_object(own / name, out, target, more, name in UNCHECKED))
     return objects
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 
 from baselines.arm_velocity.model import JOINTS, MODEL, POINTS, STEP, table
 from fmus.toolchain.discrete import DiscreteStepper
-from tests.fmus.roll_out import check_reference, feeds_through, unused_parameters
+from tests.fmus.models.roll_out import check_reference, feeds_through, unused_parameters
 
 P = {v.name: v.start for v in MODEL.parameters}
 GRID = np.linspace(-0.2, 0.2, POINTS)

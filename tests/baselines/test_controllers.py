@@ -23,7 +23,7 @@ from specs import parameters, systems
 from specs.errors import InputError
 from specs.signals import signal
 from tests.fmus.importer import Imported
-from tests.fmus.roll_out import check_reference, feeds_through, unused_parameters
+from tests.fmus.models.roll_out import check_reference, feeds_through, unused_parameters
 
 OWN = [c for c in registry.select() if c.folder != "pi"]  # the PI has tests of its own
 FOLDERS = sorted({c.folder for c in OWN})

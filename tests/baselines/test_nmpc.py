@@ -34,7 +34,7 @@ def _before(degrees: float) -> np.ndarray:
     return x
 
 
-def _inputs(degrees: float, **changes: float) -> dict[str, float]:
+def inputs(degrees: float, **changes: float) -> dict[str, float]:
     x, y, z = kinematics.grab_point(np.radians(degrees), *kinematics.arm_tip(*POSE, G), G)
     values = {"target_x": x, "target_y": y, "target_z": z, "pace": 1.0, "q_boom": POSE[0], "q_stick": POSE[1]}
     return values | {"p_slew_a": 1.6e6, "p_slew_b": 1.6e6, **changes}
@@ -74,7 +74,7 @@ def test_solver_ends_where_a_general_one_does() -> None:
     for _ in range(4):
         plan, gain, own = solve(start, plan, STILL, task)
     z = ca.MX.sym("z", solver.SIZE)  # type: ignore[call-arg]
-    value = solver._value(solver.stage())(start, z, STILL, task)
+    value = solver.plan_cost(solver.stage())(start, z, STILL, task)
     low, high = solver.bounds()
     options = {"ipopt.print_level": 0, "print_time": False, "ipopt.hessian_approximation": "limited-memory"}
     options["ipopt.max_iter"] = 30
@@ -84,35 +84,31 @@ def test_solver_ends_where_a_general_one_does() -> None:
     assert np.all(np.array(plan).ravel() <= high + 1e-9)
 
 
-def test_the_box_is_met_and_pays() -> None:
-    """Projected Newton on a quadratic with a known corner solution."""
-    hessian, low_high = np.diag(np.linspace(1.0, 9.0, solver.SIZE)), solver.bounds()
-    gradient = np.linspace(-6.0, 6.0, solver.SIZE)
-    step = np.array(solver._box_newton()(hessian, gradient, np.zeros(solver.SIZE))).ravel()
-    wanted = np.clip(-gradient / np.diag(hessian), *low_high)
-    np.testing.assert_allclose(step, wanted, atol=1e-5)
-
-
-def test_no_iteration_goes_uphill() -> None:
-    iterate, x0 = solver._iteration(solver.stage()), _before(100.0)
+def test_a_far_target_is_planned_with_full_commands_and_never_more() -> None:
+    """Each solve goes on where the last one ended, and none makes the plan worse."""
+    solve, x0 = solver.solver(), _before(100.0)
     plan, last = np.full(solver.SIZE, 0.1), np.inf
-    for _ in range(5):
-        plan, value = iterate(x0, plan, STILL, _task())
+    low, high = solver.bounds()
+    for _ in range(3):
+        plan, _, value = solve(x0, plan, STILL, _task(speed_limit=5.0))
         assert float(value) <= last
         last = float(value)
+    plan = np.array(plan).ravel()
+    assert np.all((plan >= low - 1e-9) & (plan <= high + 1e-9))
+    assert plan.max() == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_plan_that_is_not_good_enough_is_counted_and_not_used() -> None:
     """With a tolerance that nothing meets, every solve falls back: slowly to the target, the arm at rest."""
     model = load_model("nmpc")
     stepper = DiscreteStepper(model, {"nmpc_tolerance": 1e-6})
-    stepper.set(**_inputs(80.0, q_boom=1.0))
+    stepper.set(**inputs(80.0, q_boom=1.0))
     stepper.advance(1)
     assert stepper.state("fallbacks") == stepper.state("solves") == 1.0
     assert stepper.state("boom_reference") == 0.0
     assert 0.1 < stepper.state("slew_command") < 0.5
     own = DiscreteStepper(model)
-    own.set(**_inputs(80.0, q_boom=1.0))
+    own.set(**inputs(80.0, q_boom=1.0))
     own.advance(2 * PERIOD + 1)
     assert own.state("solves") == 3.0
     assert own.state("fallbacks") < 3.0
@@ -130,7 +126,7 @@ def test_fmu_gives_the_equations_numbers() -> None:
     outputs = [v.name for v in MODEL.outputs]
     with Imported(build_fmu("nmpc", 2)) as instance:
         for tick in range(2 * PERIOD + 1):
-            values = _inputs(60.0, q_slew=0.002 * tick, imu_tool_roll=0.05 * np.sin(0.1 * tick))
+            values = inputs(60.0, q_slew=0.002 * tick, imu_tool_roll=0.05 * np.sin(0.1 * tick))
             stepper.set(**values)
             instance.set(**{n: values[n] for n in names if n in values})
             stepper.advance()

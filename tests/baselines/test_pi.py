@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 from baselines.pi.model import MODEL, STEP
 from fmus.equations import kinematics
 from fmus.toolchain.discrete import DiscreteStepper
-from tests.fmus.roll_out import check_reference, feeds_through, unused_parameters
+from tests.fmus.models.roll_out import check_reference, feeds_through, unused_parameters
 
 P = {v.name: v.start for v in MODEL.parameters}
 G = kinematics.geometry()

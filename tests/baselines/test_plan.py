@@ -31,7 +31,7 @@ def _aim(stepper: DiscreteStepper, slew: float, pose: tuple[float, float] = POSE
 def _reference(stepper: DiscreteStepper) -> list[float]:
     """Angle, speed and acceleration that the plan asks for now."""
     names = ("begin", *(f"{name}_{slot}" for slot in plan.SLOTS for name in PAIR))
-    return [float(v) for v in plan._reference({n: stepper.state(n) for n in names})]
+    return [float(v) for v in plan.reference({n: stepper.state(n) for n in names})]
 
 
 def _moved(stepper: DiscreteStepper, ticks: int) -> np.ndarray:

@@ -21,8 +21,8 @@ def _joints(slew: float, radius: float, height: float) -> np.ndarray:
 
 
 def test_cost_is_zero_at_the_target_and_three_where_nothing_moves() -> None:
-    assert objective._target_cost(_joints(*TARGET), TARGET, BEFORE) == pytest.approx(0.0, abs=1e-6)
-    assert objective._target_cost(_joints(*BEFORE), TARGET, BEFORE) == pytest.approx(3.0, rel=2e-3)
+    assert objective.target_cost(_joints(*TARGET), TARGET, BEFORE) == pytest.approx(0.0, abs=1e-6)
+    assert objective.target_cost(_joints(*BEFORE), TARGET, BEFORE) == pytest.approx(3.0, rel=2e-3)
 
 
 def test_late_errors_cost_more() -> None:
@@ -30,7 +30,7 @@ def test_late_errors_cost_more() -> None:
     half = objective.INTERVAL // 2
     early = np.hstack([away[:, :half], there[:, half:]])
     late = np.hstack([there[:, :half], away[:, half:]])
-    costs = [objective._target_cost(q, TARGET, BEFORE) for q in (early, late)]
+    costs = [objective.target_cost(q, TARGET, BEFORE) for q in (early, late)]
     assert costs[1] > 2.0 * costs[0] > 0
 
 
@@ -56,9 +56,9 @@ def test_tuning_never_opens_the_test_set() -> None:
 
 def test_scaling_to_the_unit_cube_goes_both_ways() -> None:
     gains = dict(zip(tune.NAMES, (1.25, 0.05, 0.6, 1.1), strict=True))
-    assert tune._gains(tune._scaled(np.array(list(gains.values())))) == pytest.approx(gains, rel=5e-3)
-    assert tune._gains(np.zeros(4)) == pytest.approx(dict(zip(tune.NAMES, tune.LOW, strict=True)))
-    assert tune._gains(np.ones(4)) == pytest.approx(dict(zip(tune.NAMES, tune.HIGH, strict=True)))
+    assert tune.from_cube(tune.to_cube(np.array(list(gains.values())))) == pytest.approx(gains, rel=5e-3)
+    assert tune.from_cube(np.zeros(4)) == pytest.approx(dict(zip(tune.NAMES, tune.LOW, strict=True)))
+    assert tune.from_cube(np.ones(4)) == pytest.approx(dict(zip(tune.NAMES, tune.HIGH, strict=True)))
 
 
 def test_search_improves_and_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,11 +66,11 @@ def test_search_improves_and_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(tune, "CACHE", tmp_path / "pi.json")
     system = objective.reference_system()
     start = dict(zip(tune.NAMES, (0.25, 0.02, 0.6, 1.0), strict=True))
-    best = tune.search(system, start, 6, 1, lambda n: None)
+    best = tune.search(system, start, 4, 1, lambda n: None)
     runs = objective.trials("tuning", 1)
     assert objective.cost(system, best, runs) < objective.cost(system, start, runs)
     monkeypatch.setattr(objective, "cost", lambda *_: pytest.fail("the search does not resume"))
-    assert tune.search(system, start, 6, 1, lambda n: None) == best
+    assert tune.search(system, start, 4, 1, lambda n: None) == best
 
 
 def test_the_better_candidate_on_validation_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,8 +16,9 @@ from benchmarks.suite.summary import AMBIGUOUS, NOTHING, confusion, summarise
 from blindtest import case, folder
 from blindtest.score import Truth, score
 from blindtest.systems.kit import KITS
-from slewright import __main__ as entry
 from specs.errors import InputError
+from tests.benchmarks.command import benchmarks
+from verification.campaign import pool
 
 KEYS = {
     *("cases", "exact", "ambiguous_ok", "wrong", "abstained", "redrawn", "false_positive", "confusion"),
@@ -27,7 +28,7 @@ SEEN = {"exact", "ambiguous_ok", "right", "wrong", "abstained"}
 
 
 def command(*arguments: object) -> int:
-    return entry.run(["reconcile-suite", *map(str, arguments)])
+    return benchmarks("reconcile-suite", *arguments)
 
 
 # ---------------------------------------------------------------- which cases
@@ -490,14 +491,14 @@ def test_a_plain_way_answers_a_case(loaded, tmp_path):
     assert work.scored(sealed_of(loaded), found | {"core_seconds": 1.0})["result"] in SEEN
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize(
     ("system", "seed", "hidden"),
     [
         ("arm", 502, ["sensor_bias"]),
         ("tool", 503, ["cubic_stiffness"]),
-        pytest.param("servo", 501, ["input_rate_limit", "torque_ripple"], marks=pytest.mark.long),
+        ("servo", 501, ["input_rate_limit", "torque_ripple"]),
     ],
 )
 def test_a_fixed_case_is_named_exactly(system, seed, hidden, tmp_path):
@@ -528,8 +529,9 @@ def test_cases_on_a_dask_cluster_give_results_in_order(answers, tmp_path):
     assert len(answers.calls) == 2
 
 
-def test_a_scheduler_that_is_not_there_is_said_before_anything_is_written(tmp_path, capsys):
+def test_a_scheduler_that_is_not_there_is_said_before_anything_is_written(tmp_path, capsys, monkeypatch):
     pytest.importorskip("distributed")
+    monkeypatch.setattr(pool, "SCHEDULER_S", 1.0)
     out, figures = tmp_path / "suite", tmp_path / "figures.json"
     wrong = ("--dask", "tcp://127.0.0.1:1", "--no-baselines")
     assert command("--cases", 1, *wrong, "--out", out, "--json", figures) == 2

@@ -17,10 +17,10 @@ from reconcile.extend import extend
 from reconcile.model import read_folder
 from records.metrics import compute
 from records.record import Record
-from slewright.__main__ import run
 from specs import scenario as scenarios_spec
 from specs.errors import RunError
 from specs.systems import load
+from tests.benchmarks.command import benchmarks
 from tests.conftest import ROOT
 
 
@@ -296,7 +296,7 @@ def test_a_slew_that_is_moved_feels_the_pose_and_begins_anew_with_every_target()
 
 
 def test_a_showcase_that_is_none_is_wrong_input(capsys):
-    assert run(["bench", "showcases", "--only", "crane"]) == 2
+    assert benchmarks("showcases", "--only", "crane") == 2
     assert "tool" in capsys.readouterr().err
 
 

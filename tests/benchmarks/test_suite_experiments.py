@@ -9,7 +9,7 @@ from benchmarks.suite import child
 from benchmarks.suite.experiments import of_experiments
 from benchmarks.suite.run import there
 from records.formats import read_measurement
-from slewright import __main__ as entry
+from tests.benchmarks.command import benchmarks
 
 QUIET = ("--system", "servo", "--visible", "none", "--no-baselines", "--workers", "1")
 PAIR = {"one": ["input_lag"], "other": ["input_delay"], "predicted_margin": 40.0}
@@ -17,7 +17,7 @@ SECONDS = 4.0
 
 
 def command(*arguments: object) -> int:
-    return entry.run(["reconcile-suite", *map(str, arguments)])
+    return benchmarks("reconcile-suite", *arguments)
 
 
 def proposed() -> dict:

@@ -144,6 +144,7 @@ def test_the_readme_lists_all_cases() -> None:
     assert all(f"| {case.name} " in text for case in CASES)
 
 
+@pytest.mark.long
 def test_fmus_for_other_platforms(tmp_path: Path) -> None:
     path = kit.build("gain", 2, ("x86_64-linux", "x86_64-windows"))
     names = zipfile.ZipFile(path).namelist()
@@ -212,7 +213,7 @@ def test_other_masters_do_a_plain_connection(key: str) -> None:
     if not compare.versions()[key]:
         pytest.skip(f"{key} is not installed")
     chosen = [BY_NAME["plain-fmi2"], BY_NAME["type-integer-fmi2"], BY_NAME["counter-fmi2"]]
-    found = compare._of_master(key, chosen, _written(chosen))
+    found = compare.of_master(key, chosen, _written(chosen))
     assert {row["verdict"] for row in found.values()} == {"right"}, found
 
 
@@ -240,7 +241,7 @@ def test_the_committed_page_is_of_these_cases() -> None:
 
 
 def test_the_command(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "slewright", "testpack"]
+    command = [sys.executable, "-m", "benchmarks", "testpack"]
     done = subprocess.run(
         [*command, str(tmp_path / "pack")], cwd=ROOT, capture_output=True, text=True, check=False
     )

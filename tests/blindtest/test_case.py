@@ -110,7 +110,7 @@ def test_a_case_of_a_project_model_names_it_and_is_wrong_by_10_to_30_percent(sys
     assert folder.truth(found)["equivalents"] == [[]]
     folder.write(found, tmp_path / "given", tmp_path / "sealed")
     told = json.loads((tmp_path / "given" / "case.json").read_text())
-    assert told["model"] == f"fmus/{system}"
+    assert told["model"] == f"fmus/models/{system}"
     columns = read(tmp_path / "given" / told["runs"][0]).names
     assert columns == ["time", *(s.name for s in (*found.system.inputs, *found.system.outputs))]
     for base in found.system.base:
@@ -158,6 +158,7 @@ def test_a_biased_angle_stands_for_an_offset_where_a_spring_has_its_zero():
     assert {"sensor_bias"} in [set(names) for names in equivalents(offset)]
 
 
+@pytest.mark.long
 def test_a_stop_that_the_disturbed_machine_never_meets_is_drawn_again():
     met = case.draw(UNTOUCHED_STOP, "low", "servo")
     assert met.redrawn > 0

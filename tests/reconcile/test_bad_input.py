@@ -475,7 +475,7 @@ def test_a_failure_while_writing_leaves_what_was_there(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_what_cannot_be_seen_is_said_with_what_to_drive(tmp_path):
     still = {n: v if n == "force" else 0.0 * v + 1e-4 * np.sin(40 * TIME) for n, v in COLUMNS.items()}
     run = csv(tmp_path / "a.csv", still | {"force": 0.0 * TIME}, UNITS)

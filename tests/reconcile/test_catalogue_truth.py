@@ -29,6 +29,7 @@ AT_FLOOR = 1.1  # mean square of what is left over that of the noise
 CLOSE = 0.1  # of a parameter
 CLOSE_OF = {"vs": 0.2}  # told by the few samples near standstill only
 QUICK = ("coulomb_friction", "input_dead_zone")
+SAMPLE = ("gravity_load", "input_lag", "sensor_bias/all", "structural_compliance")
 SEEDS = {"structural_compliance": 7010}  # elsewhere the largest that is drawn is too small to be told exactly
 LEFT_OUT = {
     # what the model makes up for by parameters of its own, so that it is not there to be told
@@ -54,8 +55,14 @@ def _drawn() -> list[tuple[str, str]]:
 
 
 def _marked(system: str, key: str):
-    slow = [] if system == "servo" and key in QUICK else [pytest.mark.slow, pytest.mark.soak]
-    return pytest.param(system, key, id=f"{system}-{key}", marks=slow)
+    often = [] if system == "servo" and key in QUICK else [pytest.mark.slow, pytest.mark.long]
+    rare = [pytest.mark.slow, pytest.mark.soak]
+    return pytest.param(system, key, id=f"{system}-{key}", marks=often if _sampled(key) else rare)
+
+
+def _sampled(key: str) -> bool:
+    """Whether an entry is among those that the long tests have; the soak has all others."""
+    return key in QUICK or key in SAMPLE
 
 
 def _case(system: str, key: str) -> cases.Case:

@@ -27,7 +27,7 @@ from tests.reconcile.test_bad_input import csv
 from tests.reconcile.truth import Truth, coulomb, record
 
 SECONDS = 14.0
-SLOW = [pytest.mark.slow, pytest.mark.soak]
+SLOW = [pytest.mark.slow, pytest.mark.long]
 PUSHED = (
     ('inputs=(Variable("force"', 'inputs=(Variable("load", "N", "Load"), Variable("force"'),
     ("(u.force - p.drag", "(u.force + u.load - p.drag"),
@@ -79,7 +79,7 @@ def rms(path: Path, measured: Measurement) -> dict[str, float]:
     [
         (Truth(inputs=dead_zone(1.0)), "input_dead_zone", "half_width", 1.0),
         pytest.param(Truth(inputs=delay(0.06)), "input_delay", "delay", 0.06, marks=SLOW),
-        (Truth(velocity=lambda v: 1.08 * v), "sensor_scale", "error", 0.08),
+        pytest.param(Truth(velocity=lambda v: 1.08 * v), "sensor_scale", "error", 0.08, marks=SLOW),
     ],
 )
 def test_an_effect_at_a_port_is_named_and_the_wrapped_fmu_has_it(
@@ -116,7 +116,7 @@ def test_nothing_is_named_where_nothing_is_missing_and_wrong_parameters_are_rees
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_a_late_input_and_late_sensors_are_alike_where_the_recording_begins_at_rest(fmu):
     command = np.concatenate([np.zeros(25), rig.excitation(SECONDS, 4)])
     measured = record(Truth(), SECONDS + 0.5, 4)
@@ -137,7 +137,7 @@ def test_a_late_input_and_late_sensors_are_alike_where_the_recording_begins_at_r
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_a_force_on_a_named_disturbance_input_is_named_and_fed_back(pushed, tmp_path):
     truth = Truth(**coulomb(1.5))
     run = table(truth, tmp_path / "a.csv")

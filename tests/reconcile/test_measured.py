@@ -13,7 +13,7 @@ from reconcile.model import Folder, read_folder
 from reconcile.search import Search
 from reconcile.strong import Strong
 from reconcile.study import Study
-from slewright.__main__ import run
+from tests.benchmarks.command import benchmarks
 from tests.conftest import ROOT
 
 DATA = ROOT / "tests" / "data" / "dfki_simple_pendulum"
@@ -102,7 +102,7 @@ def test_nothing_that_is_wanted_is_missed(answer: dict):
 
 
 def test_a_folder_without_the_recordings_is_refused(tmp_path: Path, capsys):
-    assert run(["bench", "pendulum", "--data", str(tmp_path)]) == 2
+    assert benchmarks("pendulum", "--data", tmp_path) == 2
     assert "has no model/model.py" in capsys.readouterr().err
 
 

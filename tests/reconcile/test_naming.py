@@ -37,7 +37,7 @@ def test_an_effect_alone_is_named_with_its_parameters(examined, name):
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(set(SINGLE) - {QUICK, *OFTEN}))
 def test_every_other_effect_alone_is_named_with_its_parameters(examined, name):
     check_single(examined, name)
@@ -53,7 +53,7 @@ def test_nothing_is_named_when_nothing_is_missing(examined, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_what_no_effect_is_like_is_not_named(examined):
     waves = Truth(force=lambda x, v, t: -0.05 * np.cos(6.0 * x) * np.sign(v))  # friction by place
     figures = examined(waves, seconds=25.0, seed=6)
@@ -72,14 +72,14 @@ def test_a_wrong_parameter_is_reestimated_and_no_effect(examined):
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_friction_and_dead_zone_are_told_apart(examined):
     figures = examined(Truth(inputs=dead_zone(1.0), **coulomb(0.8)), seconds=40.0, seed=3)
     assert named(figures) == ["coulomb_friction", "input_dead_zone"]
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_a_late_input_and_late_sensors_cannot_be_told_apart_and_that_is_said(examined):
     figures = examined(Truth(inputs=delay(0.06)), seconds=20.0, seed=2)
     assert figures["verdict"] == "ambiguous"

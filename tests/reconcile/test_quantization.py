@@ -17,7 +17,7 @@ from reconcile.quantization import examine, named
 from tests.reconcile.answers import RIG
 from tests.reconcile.reports import REPORT
 
-SLOW = [pytest.mark.slow, pytest.mark.soak]
+SLOW = [pytest.mark.slow, pytest.mark.long]
 
 
 def run(rig, step: float, noise: float, seed: int = 1) -> Run:

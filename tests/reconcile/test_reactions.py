@@ -74,7 +74,7 @@ def test_it_gains_most_of_what_a_force_may_be_and_its_mass_is_right(hung, runs):
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_it_is_named(hung, runs):
     figures = examine(hung, runs)[0]
     assert figures["verdict"] == "named"

@@ -169,7 +169,7 @@ HYDRAULIC = {
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_the_fmu_of_an_extended_drive_is_what_the_fit_simulates(tmp_path: Path) -> None:
     n = 250
     u = np.where(np.arange(n) < 10, 0.0, np.where(np.arange(n) < 120, 0.9, -0.5))

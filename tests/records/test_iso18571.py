@@ -26,8 +26,6 @@ def test_the_rating_is_that_of_the_public_implementation(case):
     assert rating(*pair(*case)) == pytest.approx(FROM_THE_PACKAGE[case], abs=1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.soak
 def test_the_public_implementation_itself_where_it_is_installed():
     metrics = pytest.importorskip("objective_rating_metrics.rating")
     a, b = pair(100, 4, 1.1, -0.2)

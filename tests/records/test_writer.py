@@ -170,20 +170,26 @@ def test_an_interrupt_while_closing_waits_for_the_thread(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else the rows' memory could be freed under it."""
-    ring, waits = Ring(), []
+    waits, closing = [], []
+
+    class Interrupted(threading.Event):
+        """Ctrl-C comes during the first two waits of the main thread."""
+
+        def wait(self, timeout: float | None = None) -> bool:
+            if closing and threading.current_thread() is threading.main_thread():
+                waits.append(1)
+                if len(waits) <= 2:
+                    raise KeyboardInterrupt
+            return super().wait(timeout)
+
+    ring = Ring()
+    monkeypatch.setattr("records.writer.threading.Event", Interrupted)
     writer = ThreadedWriter(tmp_path / "run.parquet", COLUMNS, META, ring.take)
+    monkeypatch.undo()
     writer.start()
     ring.blocks.put(rows(777))
-    wait = writer._ended.wait
-
-    def interrupted(timeout: float) -> None:
-        waits.append(1)
-        if len(waits) <= 2:
-            raise KeyboardInterrupt
-        wait(timeout)
-
-    monkeypatch.setattr(writer._ended, "wait", interrupted)
+    closing.append(True)
     with pytest.raises(KeyboardInterrupt):
         writer.close()
-    assert not writer._thread.is_alive()
+    assert "record writer" not in [thread.name for thread in threading.enumerate()]
     assert (len(read(tmp_path / "run.parquet")), read(tmp_path / "run.parquet").complete) == (777, True)

@@ -41,11 +41,12 @@ class Bench:
     def tick(self, count: int = 1) -> "Bench":
         for _ in range(count):
             self.now += 1
-            self._fill()
+            self.fill()
             self.seen.append(self.core.step(self.image, self.now).copy())
         return self
 
-    def _fill(self) -> None:
+    def fill(self) -> None:
+        """Put sensors, switches and targets into the image of the tick."""
         image = self.image
         image["age"], image["status"], image["tick"] = 0, Status.OK, self.now
         beat = {n: float(self.now // 5 % 251 if n != ALIVE[1] else self.now % 251) for n in ALIVE}

@@ -2,6 +2,7 @@
 
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from runtime.image import INPUT
 from runtime.modbus.cells import create
 from runtime.modbus.port import ModbusPort
 from runtime.rehearsal import Rehearsal
+from runtime.ring import Ring
+from runtime.shared import Cell
 from runtime.statistics import Statistics
 from specs.signals import definition
 from tests.runtime.bench import NOISY, POSE, READY, TARGET
@@ -42,7 +45,8 @@ def drive(folder: Path, rehearsed: bool) -> tuple[list[bytes], list[tuple[int, b
     control, source = core(), Source()
     folder.mkdir()
     port, modbus = NativePort(source, control.library), ModbusPort(*create(folder))
-    hmi = HmiPort(create_hmi(folder), Statistics())
+    cells = create_hmi(folder)
+    hmi = HmiPort(cells, Statistics())
     twin = Rehearsal(control, [port, modbus, hmi], folder / "twin", recorder=True)
     senders = [
         Transmitter(n, INDEX) for n in definition().bus.nodes if n in ("Machine", "Operator", "Planner")
@@ -63,10 +67,11 @@ def drive(folder: Path, rehearsed: bool) -> tuple[list[bytes], list[tuple[int, b
         for each in (port, hmi):
             each.receive(image, tick)
         image["flags"] = hmi.flags()
-        outputs.append(control.step(image, tick).tobytes())
+        answer = control.step(image, tick)
+        outputs.append(answer.tobytes())
         for each in (port, hmi):
-            each.send(control._outputs, tick)
-    return outputs, [*source.sent, told(hmi)], control.snapshot(), twin
+            each.send(answer, tick)
+    return outputs, [*source.sent, told(cells)], control.snapshot(), twin
 
 
 def force(hmi: HmiPort, name: str) -> None:
@@ -77,12 +82,12 @@ def force(hmi: HmiPort, name: str) -> None:
     hmi.asked.write(asked)
 
 
-def told(hmi: HmiPort) -> tuple[int, bytes]:
+def told(cells: tuple[Cell, Cell, Cell]) -> tuple[int, bytes]:
     """What pages are shown, and who was granted what."""
-    seen, granted = state_of(hmi.seen, SEEN), state_of(hmi._grant, GRANT)
+    seen, granted = state_of(cells[0], SEEN), state_of(cells[1], GRANT)
     assert seen is not None and granted is not None  # noqa: PT018
     assert granted["force_ended"] == 7
-    return hmi.seen.number, seen["inputs"].tobytes() + seen["work"]["heard"].tobytes() + granted.tobytes()
+    return cells[0].number, seen["inputs"].tobytes() + seen["work"]["heard"].tobytes() + granted.tobytes()
 
 
 def test_nothing_of_it_reaches_the_real_cycle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,13 +111,33 @@ def test_a_late_one_is_left_out(tmp_path: Path) -> None:
     twin.close()
 
 
-@pytest.mark.parametrize("ends", [0, 1])
-def test_a_twin_that_hears_itself_goes_on(ends: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("recorder", [False, True])
+def test_a_twin_that_hears_itself_goes_on(
+    recorder: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For more ticks than a ring or a socket holds, unless it is emptied."""
+    ports: list[NativePort] = []
+    rings: list[Ring] = []
+
+    class Port(NativePort):
+        def __init__(self, *given: Any) -> None:
+            super().__init__(*given)
+            ports.append(self)
+
+    class Rings:
+        @staticmethod
+        def create(path: Path, size: int) -> Ring:
+            rings.append(Ring.create(path, size))
+            return rings[-1]
+
+    monkeypatch.setattr(rehearsal, "sleep_until", lambda deadline: None)
+    monkeypatch.setattr(rehearsal, "NativePort", Port)
+    monkeypatch.setattr(rehearsal, "Ring", Rings)
     control = core()
-    twin = Rehearsal(control, [NativePort(Source(), control.library)], tmp_path / "t", recorder=bool(ends))
-    for tick in range(700):  # more than a ring or a socket holds, unless it is emptied
-        twin._twin.cycle(tick, time.monotonic_ns())
-        twin._empty()
-    assert twin._twin_can.unsent == 0
-    assert twin._ring is None or twin._ring.lost == 0
+    twin = Rehearsal(control, [Port(Source(), control.library)], tmp_path / "t", recorder)
+    for tick in range(700):
+        twin(tick, time.monotonic_ns() + 3600 * 10**9)
+    assert twin.ticks == 700
+    assert [port.unsent for port in ports] == [0, 0]
+    assert [ring.lost for ring in rings] == [0] * recorder
     twin.close()

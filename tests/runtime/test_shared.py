@@ -48,11 +48,18 @@ def test_no_torn_state_while_another_process_writes(tmp_path):
     assert len(seen) >= 300
 
 
+def overwrite(path: Path, at: int, data: bytes) -> None:
+    """What another process does to a cell's memory."""
+    with path.open("r+b") as file:
+        file.seek(at)
+        file.write(data)
+
+
 def test_a_writer_that_died_half_way_leaves_the_last_state(tmp_path):
     cell = Cell.create(tmp_path / "cell", 5, "test")
     cell.write(b"whole")
     half = HEAD.size + 2 % SLOTS * 64 + SLOT.size
-    cell._memory[half : half + 3] = b"bro"  # of the next state, which never becomes current
+    overwrite(tmp_path / "cell", half, b"bro")  # of the next state, which never becomes current
     assert cell.read() == (1, b"whole")
 
 
@@ -60,7 +67,7 @@ def test_a_damaged_state_is_not_given_out(tmp_path):
     cell = Cell.create(tmp_path / "cell", 5, "test")
     cell.write(b"whole")
     at = HEAD.size + 1 % SLOTS * 64 + SLOT.size
-    cell._memory[at] ^= 1
+    overwrite(tmp_path / "cell", at, b"W")
     assert cell.read() is None
 
 

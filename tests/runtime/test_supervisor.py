@@ -17,7 +17,7 @@ from runtime.image import Flag
 from runtime.recorder.reader import Recording
 from runtime.retain import COPIES, Folder, Retained
 from runtime.shared import private_folder
-from runtime.supervisor import Counts, Supervisor, _layout
+from runtime.supervisor import Counts, Supervisor, retained_layout
 from specs.errors import InputError, RunError
 from tests.runtime.bench import FAULT
 from tests.runtime.bundles import built
@@ -76,13 +76,13 @@ def test_a_killed_helper_comes_back_and_a_killed_control_process_does_not(machin
 def test_a_fault_that_was_kept_is_latched_from_the_first_cycle_on(machine: Path):
     names = Retaining(folder=machine.parent / "kept").signals
     (machine.parent / "kept").mkdir()
-    kept = Retained(Folder(machine.parent / "kept"), _layout(names))
+    kept = Retained(Folder(machine.parent / "kept"), retained_layout(names))
     kept.save({"ticks": 0.0, "fault_code": 7.0, "fault_signal": 101.0})
     seen: list[Counts] = []
     with Supervisor(machine, ticks=80) as supervisor:
         supervisor.run(seen.append)
     assert {(c.mode, c.fault) for c in seen if c.ticks} == {(FAULT, 7)}
-    values = Retained(Folder(machine.parent / "kept"), _layout(names)).load()
+    values = Retained(Folder(machine.parent / "kept"), retained_layout(names)).load()
     assert (values["fault_code"], values["fault_signal"]) == (7.0, 101.0)
     assert "load_estimate" not in values
 

@@ -1,4 +1,4 @@
-"""`slewright campaign` and `python -m benchmarks campaign` as a user calls them."""
+"""`slewright campaign` as a user calls it."""
 
 import json
 from collections.abc import Callable
@@ -73,13 +73,3 @@ def test_the_page_loads_nothing_and_shows_every_run(
     assert 'src="http' not in dom
     assert dom.count("boxlayer") > 0  # drawn
     assert "test/broken/1" in dom
-
-
-@pytest.mark.long
-def test_bench_campaign(tmp_path: Path, slewright: Slewright) -> None:
-    figures = tmp_path / "f.json"
-    done = slewright("bench", "campaign", "--blocks", "1", "--runs", "32", "--json", figures)
-    assert done.returncode in (0, 1), done.stderr  # how fast it is is not this test's matter
-    found = json.loads(figures.read_text())
-    assert {"scaling", "scaling_independent", "scaling_ratio", "overhead_ms"} <= set(found)
-    assert all(found["runs_per_second"][way] > 0.0 for way in ("campaign_1", "independent_2"))

@@ -14,46 +14,9 @@ import pytest
 
 from orchestrator.system.pack import pack_system
 from slewright import __main__ as entry
-from slewright.app import ROOMS, app
+from slewright.app import COMMANDS, MOVED, PANELS, ROOMS
 from specs.errors import InputError, RunError
 from tests.conftest import ROOT, Command
-
-COMMANDS = (
-    "verify",
-    "simulate",
-    "campaign",
-    "collect",
-    "compare",
-    "convert",
-    "check",
-    "build",
-    "bundle",
-    "deploy",
-    "generate",
-    "dossier",
-    "fit",
-    "train",
-    "tune",
-    "analyse",
-    "calibrate",
-    "estimate",
-    "evaluate",
-    "import",
-    "optimum",
-    "commission",
-    "run",
-    "hil",
-    "machine",
-    "hmi",
-    "faults",
-    "replay",
-    "shadow",
-    "reconcile",
-    "reconcile-suite",
-    "effects",
-    "bench",
-    "testpack",
-)
 
 
 @pytest.fixture
@@ -143,13 +106,19 @@ def test_figures_that_could_not_be_written_are_refused_first(capsys, monkeypatch
     assert list(tmp_path.iterdir()) == []
 
 
-def test_help_lists_every_command(slewright: Command):
+def test_help_lists_every_command_in_its_panel(slewright: Command):
     shown = slewright("--help")
     assert shown.returncode == 0
-    assert [name for name in COMMANDS if name not in shown.stdout] == []
-    assert {*COMMANDS} == {c.name or c.callback.__name__ for c in app.registered_commands if c.callback} | {
-        group.name for group in app.registered_groups
-    }
+    panels = shown.stdout.split("╭─ ")[1:]
+    listed = {panel.split(" ─")[0]: panel for panel in panels}
+    for panel, (_, names) in PANELS.items():
+        assert [name for name in names if f"│ {name} " not in listed[panel]] == []
+
+
+@pytest.mark.parametrize("command", MOVED)
+def test_a_command_that_moved_answers_with_its_new_name(command, capsys):
+    assert entry.run([command, "--help"]) == 2
+    assert f"python -m benchmarks {command}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", COMMANDS)

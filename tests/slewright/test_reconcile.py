@@ -1,7 +1,7 @@
 """What `slewright reconcile` says on the console beside the tables."""
 
 from slewright import __main__ as entry
-from slewright.commands.reconciling.reconcile import _of_recordings
+from slewright.commands.reconciling.reconcile import recording_notes
 
 
 def test_the_help_spells_the_table_of_a_map(capsys):
@@ -20,7 +20,7 @@ def test_what_was_left_out_of_a_recording_and_what_it_hides_is_said():
             {"effect": "gravity_load", "because": "no axis of the model turns by an angle"},
         ],
     }
-    assert _of_recordings(figures) == [
+    assert recording_notes(figures) == [
         "first: speed: left out, it has no sample",
         f"{missing}, so these cannot be told: sensor_bias, sensor_lag",
     ]

@@ -16,7 +16,7 @@ from specs.errors import InputError
 from specs.version import VERSION
 from tests.conftest import Command
 from tests.runtime.bundles import built, core
-from tests.runtime.test_replay_core import Wild
+from tests.runtime.core.test_replay_core import Wild
 
 
 def recording(folder: Path, core_identity: str, spoil: bool = False, **more: str) -> Path:

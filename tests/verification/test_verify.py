@@ -80,19 +80,6 @@ def test_report_is_drawn_in_a_browser(
     assert "simulated reference machine" in shown
 
 
-def test_same_seed_same_bytes_whatever_the_number_of_jobs(slewright: Command, tmp_path: Path) -> None:
-    for name, jobs in (("a", "1"), ("b", "2")):
-        done = slewright("verify", *ONE[:2], "--out", tmp_path / name, "--jobs", jobs)
-        assert done.returncode in (0, 1), done.stderr
-    for system in ("nominal", "reference"):
-        file = f"records/four_targets_unknown-{system}.parquet"
-        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
-    other = slewright("verify", *ONE, "--out", tmp_path / "c", "--seed", "2")
-    assert other.returncode in (0, 1)
-    file = "records/four_targets_unknown-nominal.parquet"
-    assert (tmp_path / "a" / file).read_bytes() != (tmp_path / "c" / file).read_bytes()
-
-
 @pytest.mark.parametrize("seed", [1, 7])
 def test_what_ships_is_accepted_and_the_pi_beside_it_is_not(
     slewright: Command, tmp_path: Path, seed: int
@@ -294,34 +281,3 @@ def test_a_broken_model_file_is_named(slewright: Command, tmp_path: Path) -> Non
     assert done.returncode == 2
     assert "model.py cannot be imported: SyntaxError" in done.stderr
     assert len(done.stderr.splitlines()) <= 2
-
-
-def test_a_log_that_knows_ascii_only_gets_the_table(root: Path, tmp_path: Path) -> None:
-    line = [sys.executable, "-m", "slewright", "verify", *ONE, "--out", str(tmp_path)]
-    environment = {**os.environ, "PYTHONPATH": str(root), "PYTHONIOENCODING": "ascii"}
-    done = subprocess.run(line, cwd=root, env=environment, capture_output=True, check=False)
-    assert done.returncode in (0, 1), done.stderr.decode()
-    assert b"four_targets_unknown" in done.stdout
-
-
-@pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
-@pytest.mark.parametrize("wait_s", [0.0, 0.3, 0.6])
-def test_ctrl_c_while_the_processes_start_shows_no_traceback(
-    root: Path, tmp_path: Path, wait_s: float
-) -> None:
-    """Ctrl-C reaches the whole process group, also processes that are still importing."""
-    line = [sys.executable, "-m", "slewright", "verify", "--out", str(tmp_path)]
-    environment = {**os.environ, "PYTHONPATH": str(root)}
-    with subprocess.Popen(
-        line, cwd=root, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as process:
-        assert process.stderr is not None
-        while "building reference" not in process.stderr.readline():
-            assert process.poll() is None
-        time.sleep(wait_s)
-        os.killpg(process.pid, signal.SIGINT)
-        said = process.stderr.read()
-    assert process.returncode == 130
-    assert "Traceback" not in said
-    for path in (tmp_path / "records").glob("*.parquet"):
-        read(path)

@@ -41,7 +41,7 @@ def text(figures: Mapping[str, Any], spreads: Mapping[str, Spread], known: Mappi
         summary=_summary_table(steps, open_sets),
         inside=sum(_inside(r, open_sets[0]) for r in steps),
         count=len(steps),
-        bias=_bias(figures["bias"]),
+        bias=bias_sentence(figures["bias"]),
         centre=_centre_table(figures["centre"], known),
         picture=picture("draws.svg", CAPTION),
     )
@@ -132,7 +132,7 @@ def _centre_table(rows: Sequence[Mapping[str, Any]], known: Mapping[str, Paramet
     return table(("parameter", "nominal", "middle of its spread", "unit", "speed"), cells, right=(1, 2, 4))
 
 
-def _bias(shares: Mapping[str, float]) -> str:
+def bias_sentence(shares: Mapping[str, float]) -> str:
     parts = " and ".join(f"{number(100 * s, 1)} % ({name})" for name, s in shares.items())
     if max(abs(s) for s in shares.values()) <= CENTRED:
         return f"The mean speed of the drawn machines is off the nominal machine's by {parts}."

@@ -49,15 +49,16 @@ def evaluate(paths: Sequence[Path], out: Path, asked: Asked, report: Any = None)
     for path, contract in zip(paths, contracts, strict=True):
         run = _runner(path, task, _folder(out, path), asked, report)
         seed = _name(contract.made.get("seed", ""), paces)
-        found, paces[seed] = _at_speed(run, asked, contract.ranges.get("pace", (0.0, 2.0)))
+        found, paces[seed] = at_speed(run, asked, contract.ranges.get("pace", (0.0, 2.0)))
         made[seed] = {name: contract.made.get(name, "") for name in ("command", "commit")}
         rows += [{**row, "seed": seed} for row in found]
     return {
         "task": task, "policy": str(paths[0]), "draw_set": asked.draw_set,
         "machines": asked.machines, "pace": next(iter(paces.values())), "matched": asked.matched,
-        "made": dict(contracts[0].made), "loads": {load: _mean(rows, load=load) for load in asked.loads},
-        "draws": {d: _mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}},
-        "seeds": {s: {"pace": pace, **made[s], **_mean(rows, seed=s)} for s, pace in paces.items()},
+        "made": dict(contracts[0].made),
+        "loads": {load: mean_figures(rows, load=load) for load in asked.loads},
+        "draws": {d: mean_figures(rows, draw=d) for d in {r["draw"]: 0 for r in rows}},
+        "seeds": {s: {"pace": pace, **made[s], **mean_figures(rows, seed=s)} for s, pace in paces.items()},
         "worst": worst(rows),
         "runs": rows, "failed": {f"{r['load']}/{r['draw']}": r["failed"] for r in rows if r["failed"]},
     }  # fmt: skip
@@ -74,7 +75,7 @@ def _folder(out: Path, path: Path) -> Path:
     return out / hashlib.sha256(path.read_bytes()).hexdigest()[:8]
 
 
-def _at_speed(run: Callable[[float], Rows], asked: Asked, paces: tuple[float, float]) -> tuple[Rows, float]:
+def at_speed(run: Callable[[float], Rows], asked: Asked, paces: tuple[float, float]) -> tuple[Rows, float]:
     """(rows, pace): at the pace told, or at the one whose mean speed is the one asked for (secant)."""
     if asked.matched is None:
         return run(asked.pace), asked.pace
@@ -101,7 +102,7 @@ def _speed(rows: Rows) -> float:
     return sum(good) / len(good) if good else 0.0
 
 
-def _plan(path: Path, asked: Asked, pace: float) -> Any:
+def planned_runs(path: Path, asked: Asked, pace: float) -> Any:
     """The runs of a policy at a pace, of which the records are kept."""
     paces = (1.0,) if pace == 1.0 else (1.0, pace)
     whole, _ = question(path, asked.draw_set, asked.machines, paces, asked.loads)
@@ -115,7 +116,7 @@ def warnings(paths: Iterable[Path], asked: Asked) -> Iterator[str]:
     The pace of a speed asked for is searched within the trained ones.
     """
     for path in paths:
-        specs = [run.spec for run in _plan(path, asked, asked.pace).runs]
+        specs = [run.spec for run in planned_runs(path, asked, asked.pace).runs]
         yield from training_range.warnings(path, specs, () if asked.matched is None else ("pace",))
 
 
@@ -123,7 +124,7 @@ def _runner(path: Path, task: str, out: Path, asked: Asked, report: Any) -> Call
     """pace -> a row of figures for every machine and load."""
 
     def run(pace: float) -> Rows:
-        plan = _plan(path, asked, pace)
+        plan = planned_runs(path, asked, pace)
         done = run_campaign(plan, out, asked.jobs, None, progress=report)
         rows = []
         for one in plan.runs:
@@ -152,7 +153,7 @@ def terminated(record: Any) -> int:
     return int(np.any(low | (np.hypot(x, y) < g["keepout_radius"].value)))
 
 
-def _mean(rows: Iterable[Mapping[str, Any]], **where: str) -> dict[str, Any]:
+def mean_figures(rows: Iterable[Mapping[str, Any]], **where: str) -> dict[str, Any]:
     """Figures over the runs of `where`, with 95 % intervals over machines (means of seeds and loads)."""
     chosen = [r for r in rows if not r["failed"] and all(r[k] == v for k, v in where.items())]
     found: dict[str, Any] = {"n": len(chosen)}
@@ -169,7 +170,7 @@ def _mean(rows: Iterable[Mapping[str, Any]], **where: str) -> dict[str, Any]:
 
 def worst(rows: Rows) -> dict[str, float]:
     """A metric on its worst machine over the mean of machines, loads averaged (speed: mean over slowest)."""
-    machines = [_mean(rows, draw=d) for d in {r["draw"]: 0 for r in rows}]
+    machines = [mean_figures(rows, draw=d) for d in {r["draw"]: 0 for r in rows}]
     machines = [m for m in machines if m["n"]]
     if not machines:
         return {}

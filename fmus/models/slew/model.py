@@ -9,7 +9,9 @@ from typing import Any
 from fmus.definition import Model, Namespace, Variable, from_parameters, from_signals
 from fmus.equations import slew_drive
 
-STEP = 0.002  # s: halving it moves a full-joystick run by less than 0.001 °/s (tests/fmus/test_slew.py)
+STEP = (
+    0.002  # s: halving it moves a full-joystick run by less than 0.001 °/s (tests/fmus/models/test_slew.py)
+)
 NOMINAL_PRESSURE = 1e7  # Pa
 
 

@@ -124,7 +124,7 @@ def compare(
     _show(found)
     write(json, found, seed=1)
     if page is not None:
-        tables.fill(page, found, _command(question, list(own), gains or ()))
+        tables.fill(page, found, command_line(question, list(own), gains or ()))
     if found["failed"]:
         raise typer.Exit(3)
 
@@ -158,7 +158,7 @@ def _warn(own: Mapping[Path, Any], runs: Sequence[Any]) -> None:
             typer.echo(f"warning: {text}", err=True)
 
 
-def _command(question: Any, policies: Sequence[Path] = (), gains: Sequence[str] = ()) -> str:
+def command_line(question: Any, policies: Sequence[Path] = (), gains: Sequence[str] = ()) -> str:
     """The command that asks this question, as a page says it."""
     from baselines import registry
     from verification.comparison.plan import LOADS, TASKS

@@ -91,14 +91,14 @@ def _print(figures: dict[str, Any]) -> None:
     ]
     columns = ["signal", "unit", "floor", "nominal", "re-estimated", "after", "closed"]
     show("Gap above the floor, held out", columns, gaps)
-    for line in _of_recordings(figures):
+    for line in recording_notes(figures):
         typer.echo(line)
     for w in figures["where"][:MOST]:
         typer.echo(f"where: {w['signal']}, {w['regime']} ({w['share']:.0%} of the gap)")
     typer.echo(f"{figures['verdict']}: {figures['sentence']}")
 
 
-def _of_recordings(figures: dict[str, Any]) -> list[str]:
+def recording_notes(figures: dict[str, Any]) -> list[str]:
     """What reading the recordings mended or left out, and which effects hide for lack of channels."""
     found = [f"{run}: {note}" for run, n in figures["nuisances"].items() for note in n.get("mended", ())]
     lacking: dict[str, list[str]] = {}

@@ -68,12 +68,11 @@ def test_a_calibration_of_the_load_estimate_goes_into_the_code(tmp_path: Path) -
     told["unknowns"]["tool_mass"] *= 1.2
     path = tmp_path / "machine.json"
     path.write_text(json.dumps(told))
-    content = build._calibrated(build._content("pi", form.NATIVE), path)
-    assert content.files["load-calibration.json"] == path.read_bytes()
-    for name, calibration in (("nominal", {}), ("own", content.calibration)):
-        build.write_sources(content.controller, tmp_path / name, build.config.constants({}), calibration)
-    models = [(tmp_path / n / "blocks" / "load" / "model.c").read_text() for n in ("nominal", "own")]
-    assert models[0] != models[1]
+    own = build.bundle("pi", tmp_path / "own", calibration=path)
+    assert (own.folder / "load-calibration.json").read_bytes() == path.read_bytes()
+    assert own.identity != built("pi").identity
+    cores = [next(b.folder.rglob("*.so")).read_bytes() for b in (own, built("pi"))]
+    assert cores[0] != cores[1]
     path.write_text("{}")
     with pytest.raises(InputError, match="not a load calibration"):
         build.bundle("pi", tmp_path / "b", calibration=path)

@@ -127,8 +127,15 @@ def test_an_operator_who_takes_the_joystick_ends_the_motion(machine: SimulatedMa
 
 
 @pytest.mark.slow
-@pytest.mark.soak
-@pytest.mark.parametrize("which", ["nominal", "tuning:1", "tuning:3", "validation:2", "validation:5"])
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "which",
+    [
+        "nominal",
+        *(pytest.param(n, marks=pytest.mark.soak) for n in ("tuning:1", "tuning:3", "validation:2")),
+        "validation:5",
+    ],
+)
 def test_a_machine_that_is_wired_right_passes_every_step(which: str, tmp_path: Path) -> None:
     """Draws in which a limit that was made for the nominal machine failed, and one more."""
     kept = session(tmp_path / "s")

@@ -82,16 +82,16 @@ def test_a_wrong_wire_is_found_by_its_step(bundle: Path, name: str, step: str) -
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     [
         "q_boom+qd_boom late 0.5",
-        "u_slew late 0.5",
+        pytest.param("u_slew late 0.5", marks=pytest.mark.soak),
         "u_boom swapped u_stick",
-        "p_stick_b scale 2",
-        "q_slew+qd_slew scale 0.5",
-        "machine no watchdog",
+        pytest.param("p_stick_b scale 2", marks=pytest.mark.soak),
+        pytest.param("q_slew+qd_slew scale 0.5", marks=pytest.mark.soak),
+        pytest.param("machine no watchdog", marks=pytest.mark.soak),
     ],
 )
 def test_one_that_shows_in_motion_is_found_by_a_machine_that_moves(bundle: Path, name: str) -> None:

@@ -18,7 +18,11 @@ AUTOMATIC = 3.0
 PUSHES = {"boom": (0.0, -0.2, 0.0), "all": (1.0, -0.2, -0.2)}  # u_slew, qd_boom_ref, qd_stick_ref
 MACHINES = ("nominal", "tuning:0", "tuning:1", "tuning:2", "tuning:3")
 CASES = [(push, load, which) for push in PUSHES for load in ("empty", "2t") for which in MACHINES]
-OFTEN = (("boom", "2t", "nominal"), ("all", "2t", "tuning:2"))
+MARKS = {
+    ("all", "2t", "tuning:2"): (),
+    ("boom", "2t", "nominal"): pytest.mark.long,
+    ("all", "empty", "nominal"): pytest.mark.long,
+}
 
 
 @cache
@@ -29,7 +33,7 @@ def pushing(push: str) -> ControlCore:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("push", "load", "which"),
-    [pytest.param(*case, marks=() if case in OFTEN else pytest.mark.soak) for case in CASES],
+    [pytest.param(*case, marks=MARKS.get(case, pytest.mark.soak)) for case in CASES],
 )
 def test_pushed_with_all_it_has_the_arm_stops_before_the_keep_out(push: str, load: str, which: str) -> None:
     found = lockstep(pushing(push), scenario.load(f"four_targets_{load}"), 1, 600, which=which)

@@ -44,7 +44,7 @@ def test_without_a_rate_limit_it_is_the_simulated_system_bit_for_bit(verified: R
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_predictive_control_is_the_same_bit_for_bit_in_a_core(tmp_path: Path) -> None:
     """Its solver is C code like the rest."""
     chosen = scenario.load("four_targets_empty")
@@ -58,7 +58,7 @@ def test_predictive_control_is_the_same_bit_for_bit_in_a_core(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_metrics_are_those_of_verification() -> None:
     """The gate's rate limit is the only difference: 60 ms in a start or stop."""
     chosen = scenario.load("four_targets_empty")

@@ -24,7 +24,7 @@ TICKS, SEED = 300, 2
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_what_was_simulated_is_what_runs(tmp_path: Path) -> None:
     policy, chosen = made("full"), scenario.load("four_targets_empty")
     folder = controller.write_folder(policy, "random_policy", tmp_path)

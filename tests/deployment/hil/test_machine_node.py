@@ -124,7 +124,7 @@ def test_sensors_come_with_the_start_not_before() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.soak
+@pytest.mark.long
 def test_metrics_over_can_are_those_of_lock_step() -> None:
     chosen = scenarios.load("four_targets_empty")
     with Machine(chosen, 1) as machine:

@@ -46,7 +46,7 @@ def test_the_closed_loop_is_tuned_on_a_model_of_the_other_parts(collected, plan,
     found = controller.find(free, tmp_path)
     assert found["from"] == "tuned on a model of 5 recordings"
     assert Gains.of(found["gains"])
-    monkeypatch.setattr(controller, "_tuned", None)  # a second time nothing is tuned
+    monkeypatch.setattr(tuning, "tune", None)  # a second time nothing is tuned
     assert controller.find(free, tmp_path) == found
 
 

@@ -117,8 +117,8 @@ def test_what_was_trained_before_an_interruption_is_not_trained_again(tmp_path: 
     kept = outcome("proposed", 1, [1.0, 2.0, 3.0])
     path = tmp_path / "proposed-1.pickle"
     path.write_bytes(pickle.dumps(kept))
-    found = ablation._one("proposed", 1, True, tmp_path)  # there are no data here to train on
+    (found,) = ablation.run(DATA, ["proposed"], [1], 1, tmp_path, tiny=True)  # DATA cannot be trained on
     assert found.scores["test"].velocity_mae == 2.0
     path.write_bytes(path.read_bytes()[:40])
-    with pytest.raises(KeyError, match="data"):
-        ablation._one("proposed", 1, True, tmp_path)
+    with pytest.raises(InputError, match="no recording is long enough"):  # what is damaged is made anew
+        list(ablation.run(DATA, ["proposed"], [1], 1, tmp_path, tiny=True))

@@ -17,7 +17,7 @@ from orchestrator.fmi.instance import Instance
 from orchestrator.fmi.variable import Scalar, Value
 from orchestrator.system.single_fmu import system_of_fmu
 from tests.fmus.importer import STEP, Imported
-from tests.fmus.test_project_fmus import spread
+from tests.fmus.toolchain.test_project_fmus import spread
 from tests.orchestrator.every import every, references
 from tests.orchestrator.fmi.test_fmu_values import samples
 from tests.orchestrator.systems import HERE, fmu

@@ -90,7 +90,7 @@ def read_corpus(path: Path = CORPUS) -> list[Case]:
     """The kept cases."""
     if not path.exists():
         return []
-    return [_case(entry) for entry in json.loads(gzip.decompress(path.read_bytes()))]
+    return [case_of(entry) for entry in json.loads(gzip.decompress(path.read_bytes()))]
 
 
 def write_corpus(cases: Iterable[Case], path: Path = CORPUS) -> None:
@@ -125,7 +125,7 @@ def sponge(version: str) -> Path:
     return library
 
 
-def _case(entry: dict[str, Any]) -> Case:
+def case_of(entry: dict[str, Any]) -> Case:
     lists = {key: tuple(tuple(item) for item in entry[key]) for key in ("entries", "patches", "cuts")}
     return Case(**{**entry, **lists})
 

@@ -20,7 +20,7 @@ from fmus.toolchain import compiler
 from fmus.toolchain.build import BUILD
 from orchestrator.core import native
 from specs.errors import InputError, RunError
-from tests.orchestrator.fuzz.case import Case, _case
+from tests.orchestrator.fuzz.case import Case, case_of
 
 SANITIZED = BUILD / "fuzz" / "core"
 FLAGS = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
@@ -156,7 +156,7 @@ def main() -> None:
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # an FMU that prints does not disturb the answers
     for line in sys.stdin:
-        problem = _step(_case(json.loads(line)))
+        problem = _step(case_of(json.loads(line)))
         count = cover.cover_take(edges, ctypes.c_size_t(len(edges)))
         out.write(json.dumps({"problem": problem, "edges": list(edges[:count])}) + "\n")
         out.flush()

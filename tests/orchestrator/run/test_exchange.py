@@ -12,7 +12,7 @@ from orchestrator.run.simulate import simulate
 from tests.orchestrator.ssp.test_bindings import bindings, inline, value
 from tests.orchestrator.ssp.test_transformations import mapping
 from tests.orchestrator.systems import HERE, component, connection, connector, load, refused, ssd
-from tests.verification.paper import paper
+from tests.verification.comparison.paper import paper
 
 TYPES = [t for t in FMI3_TYPES if t not in ("Clock", "Enumeration")]
 NUMBERS = [t for t in TYPES if t not in ("String", "Binary")]

@@ -15,7 +15,7 @@ from orchestrator.system.system import System
 from records.record import Record, read
 from specs.errors import InputError, RunError
 from specs.faults import Fault, seed_of
-from tests.orchestrator.core_probe import CFault
+from tests.orchestrator.core.core_probe import CFault
 from tests.orchestrator.systems import component, connection, connector, load, ssd
 
 STEP, N, SEED = 0.02, 300, 5

@@ -57,13 +57,6 @@ def error(folder: Path, step_s: float, algorithm: str, **settings: Any) -> tuple
     return math.hypot(x - math.cos(END_S), v + math.sin(END_S)), statistics
 
 
-@pytest.mark.parametrize(("algorithm", "order"), [("jacobi", 1.0), ("iterate", 2.0)])
-def test_observed_order_of_convergence(tmp_path: Path, algorithm: str, order: float) -> None:
-    errors = [error(tmp_path, 2.0**-k, algorithm, tolerance=1e-12)[0] for k in (4, 5, 6, 7)]
-    observed = [math.log2(a / b) for a, b in pairwise(errors)]
-    assert observed == pytest.approx([order] * 3, abs=0.07)
-
-
 def test_iteration_is_the_trapezoidal_rule(tmp_path: Path) -> None:
     system = oscillator(tmp_path, 0.125)
     settings = replace(system.settings, algorithm="iterate", tolerance=1e-13)

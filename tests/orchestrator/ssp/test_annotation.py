@@ -13,7 +13,7 @@ from specs.errors import InputError
 from specs.faults import Fault
 from tests.conftest import ROOT
 from tests.orchestrator.systems import NAMESPACES, component, connection, connector, load, refused, ssd
-from tests.verification.paper import paper, scalar
+from tests.verification.comparison.paper import paper, scalar
 
 STATE = 'canGetAndSetFMUState="true" canHandleVariableCommunicationStepSize="true"'
 REAL = scalar("u", 1, "input", '<Real start="0"/>') + scalar("y", 2, "output", "<Real/>")

@@ -11,7 +11,7 @@ from specs.errors import InputError
 from tests.orchestrator.ssp.test_nested import system
 from tests.orchestrator.ssp.test_transformations import mapping
 from tests.orchestrator.systems import component, connection, connector, ssd
-from tests.verification.paper import load_package, package, paper
+from tests.verification.comparison.paper import load_package, package, paper
 
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 SSM = "http://ssp-standard.org/SSP1/SystemStructureParameterMapping"

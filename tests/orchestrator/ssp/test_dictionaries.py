@@ -10,7 +10,7 @@ from specs.errors import InputError
 from tests.orchestrator.ssp.test_bad_ssd import line_of
 from tests.orchestrator.ssp.test_nested import POSITION, SPEED, system
 from tests.orchestrator.systems import component, connection, connector, fmu, load, refused, ssd
-from tests.verification.paper import load_package, package
+from tests.verification.comparison.paper import load_package, package
 
 NAMES = ["position", "speed"]
 SSB = "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary"

@@ -10,7 +10,7 @@ from lxml import etree
 from orchestrator.ssp.element_forms import FORMS
 from tests.orchestrator.ssp.test_bad_ssd import line_of
 from tests.orchestrator.systems import OSCILLATOR, UNITS, component, connector, fmu, load, refused, ssd
-from tests.verification.paper import load_package, paper
+from tests.verification.comparison.paper import load_package, paper
 
 NAMES = ["position", "speed"]
 XS = "{http://www.w3.org/2001/XMLSchema}"

@@ -13,7 +13,7 @@ from orchestrator.system.system import System
 from specs.errors import InputError
 from tests.orchestrator.ssp.test_bad_ssd import line_of
 from tests.orchestrator.systems import OSCILLATOR, component, connection, connector, fmu, load, refused, ssd
-from tests.verification.paper import load_package, package
+from tests.verification.comparison.paper import load_package, package
 
 NAMES = ["position", "speed"]
 FMUS = {name: fmu(name) for name in NAMES}

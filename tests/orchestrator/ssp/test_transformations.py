@@ -8,7 +8,7 @@ from orchestrator.fmi.units import Affine
 from orchestrator.ssp.conversion import Conversion, apply, undo
 from orchestrator.system.system import System
 from tests.orchestrator.systems import component, connection, connector, load, refused, ssd
-from tests.verification.paper import paper, scalar
+from tests.verification.comparison.paper import paper, scalar
 
 GIVER = "".join((
     scalar("gear", 1, "output", '<Enumeration declaredType="Gear"/>'),

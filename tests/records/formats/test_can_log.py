@@ -174,7 +174,8 @@ def test_one_message_on_two_buses_gives_channels_of_each(tmp_path, other):
 
 
 def test_j1939s_errors_are_dropped_and_said_and_what_is_not_available_is_absent(tmp_path):
-    message = Dbc(DBC)._exact[load(DBC).get_message_by_name("PressureB").frame_id, True]
+    message = Dbc(DBC).message(load(DBC).get_message_by_name("PressureB").frame_id, True)
+    assert message is not None
     one = {f.signal.name: f for f in fields(message)}
     bits = np.ones((10, 64), dtype=np.uint8)
     raw = np.full(10, 1000, dtype=np.uint64)

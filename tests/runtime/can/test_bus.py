@@ -12,6 +12,7 @@ from pathlib import Path
 import can
 import pytest
 
+from runtime.can.batch import Batch
 from runtime.can.busd import ask, start_bus
 from runtime.can.codec import codecs
 from runtime.can.localbus import LocalBus
@@ -104,7 +105,7 @@ def test_machine_and_controller_talk(path: Path) -> None:
 
 def test_one_tick_takes_a_bounded_number_of_frames(path: Path) -> None:
     babbler, bus = LocalBus(str(path), node="babbler"), open_bus("slewright", str(path), 250_000)
-    port, sent = NativePort(bus, core().library), 0
+    batch, sent = Batch(FRAMES_A_TICK), 0
     while sent < FRAMES_A_TICK + 20:
         try:
             babbler.send_raw(0x8000_0001, bytes(8))
@@ -115,8 +116,8 @@ def test_one_tick_takes_a_bounded_number_of_frames(path: Path) -> None:
             settled(path, 60)
     time.sleep(0.1)
     assert isinstance(bus, LocalBus)
-    assert bus.recv_batch(port._came) == FRAMES_A_TICK
-    assert 0 < bus.recv_batch(port._came) <= 20
+    assert bus.recv_batch(batch) == FRAMES_A_TICK
+    assert 0 < bus.recv_batch(batch) <= 20
     babbler.shutdown()
     bus.shutdown()
 

@@ -73,7 +73,7 @@ class _Source:
 
 
 def as_bytes(case: Case) -> bytes:
-    """A case as tests/runtime/wire_runner.c reads it."""
+    """A case as tests/runtime/core/wire_runner.c reads it."""
     found = struct.pack("<q", TICKS)
     for tick in range(TICKS):
         now = [(identifier, bytes.fromhex(data)) for at, identifier, data in case if at == tick]

@@ -13,7 +13,7 @@ from fmus.toolchain import compiler
 from specs.errors import RunError
 from tests.edges import Edge
 from tests.runtime.bundles import built
-from tests.runtime.test_platforms import CHECKED, RUNNER, runner
+from tests.runtime.core.test_platforms import CHECKED, RUNNER, runner
 
 EDGE_RUNNER = RUNNER.with_name("edge_runner.c")
 TRACED = [*CHECKED, "-fsanitize-coverage=trace-pc"]

@@ -102,7 +102,7 @@ async def _play(case: Case) -> None:
             connection, transport = ends[who % CONNECTIONS]
             if transport.open:
                 connection.data_received(bytes.fromhex(data))
-                await _settle(connection)
+                await _settle()
                 _judge(targets)
         for connection, transport in ends:
             _whole(transport.sent)
@@ -126,12 +126,10 @@ def _connected(plain: Any) -> tuple[Any, _Transport]:
     return connection, transport
 
 
-async def _settle(connection: Any) -> None:
-    task = connection._serving
-    if task is not None and not task.done():
+async def _settle() -> None:
+    """Wait for whatever the server still does."""
+    for task in asyncio.all_tasks() - {asyncio.current_task()}:
         await task
-    if task is not None:
-        task.result()
 
 
 def _judge(targets: _Cell) -> None:

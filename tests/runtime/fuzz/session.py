@@ -75,7 +75,7 @@ class Session:
 
     def sanitize(self) -> None:
         """The images seen, and all frames of the cases kept, once more through a library with sanitizers."""
-        from tests.runtime.test_platforms import CHECKED, WIRE_RUNNER, compiled, runner
+        from tests.runtime.core.test_platforms import CHECKED, WIRE_RUNNER, compiled, runner
 
         host = compiler.host().name
         with tempfile.TemporaryDirectory() as folder:

@@ -115,7 +115,7 @@ class Served:
         """One tick, as the scan does it."""
         bench = self.bench
         bench.now += 1
-        bench._fill()
+        bench.fill()
         if not self.planner:
             places = [INPUT.at(name) for name in PLANNER]
             bench.image["status"][places], bench.image["age"][places] = 1, -1

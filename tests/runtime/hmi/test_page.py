@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from runtime.hmi import desk as desks
+from runtime.hmi import desk as desks, watch
 from runtime.hmi.alarms import Condition, Level
 from runtime.shared import private_folder
 from tests.runtime.bench import STANDBY
@@ -31,9 +31,9 @@ def served() -> Iterator[Served]:
     """One for all tests; rights do not lapse here, since a test's computer may be slow."""
     folder, patch = private_folder("slewright-test-"), pytest.MonkeyPatch()
     patch.setattr(desks, "LAPSE_NS", LONG)
+    patch.setattr("runtime.hmi.port.timeout_ticks", lambda signal: LONG)
     patch.setattr("runtime.hmi.watch.STALE_NS", LONG)
     with Served(core("pd"), folder) as found:
-        found.port._late = LONG
         yield found
     patch.undo()
     shutil.rmtree(folder, ignore_errors=True)
@@ -175,11 +175,11 @@ def test_service_forces_in_standby_and_every_page_says_so(page: Browser, served:
     page.run("location.hash = '#machine'")
 
 
-def test_texts_from_outside_stay_texts(page: Browser, served: Served):
+def test_texts_from_outside_stay_texts(page: Browser, served: Served, monkeypatch: pytest.MonkeyPatch):
     sign_in(page, served, "operator", EVIL)
     extra = [Condition("evil", Level.CRITICAL, EVIL, EVIL)]
-    update = served.watch._update
-    served.watch._update = lambda found, wrong, when: update([*found, *extra], wrong, when)  # type: ignore[method-assign]
+    found = watch.conditions
+    monkeypatch.setattr(watch, "conditions", lambda *seen: [*found(*seen), *extra])
     page.wait("document.querySelector('#banner').className.includes('critical')")
     assert text(page, "#banner-text").startswith(EVIL)
     page.run("location.hash = '#alarms'")
@@ -188,7 +188,7 @@ def test_texts_from_outside_stay_texts(page: Browser, served: Served):
     page.wait("document.querySelector('#audit-list').textContent.includes('onerror')")
     page.click("#acknowledge-all")
     page.wait("document.querySelector('#alarm-list').textContent.includes('seen by')")
-    served.watch._update = update  # type: ignore[method-assign]
+    monkeypatch.undo()
     page.wait("!document.querySelector('#banner').className.includes('critical')")
     assert page.run("document.querySelectorAll('img').length") == 0
     assert page.run("document.title") == "Slewright"

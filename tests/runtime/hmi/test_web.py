@@ -27,8 +27,8 @@ def served() -> Iterator[Served]:
     folder = private_folder("slewright-test-")
     patch = pytest.MonkeyPatch()
     patch.setattr(desks, "LAPSE_NS", LONG)
+    patch.setattr("runtime.hmi.port.timeout_ticks", lambda signal: LONG)
     with Served(core("pd"), folder) as found:
-        found.port._late = LONG
         yield found
     patch.undo()
     shutil.rmtree(folder, ignore_errors=True)
