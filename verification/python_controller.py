@@ -36,9 +36,8 @@ class Controller(Protocol):
     def step(self, sensors: Mapping[str, float]) -> Mapping[str, float]:
         """Commands after 0.02 s more: `u_slew` (-1 to 1), `qd_boom_ref` and `qd_stick_ref` [rad/s].
 
-        `sensors` has, in SI and by the names of specs/signals.toml, the sensors that the system offers a
-        controller (`q_slew`, `imu_cabin_rate_z` …), the target (`target_x`, `target_y`, `target_z`), `load_told`
-        and `pace`.
+        `sensors` has, in SI and by the names of specs/signals.toml, what the system offers its controller:
+        `q_slew`, `imu_cabin_rate_z` …, the target (`target_x`, `target_y`, `target_z`), `load_told`, `pace`.
         """
         ...
 
@@ -80,8 +79,8 @@ def drive(
     changes = check_changes(system, scenario.parameter_changes())
     options = Options(settings=system.settings, faults=scenario.faults, parameters=changes, seed=seed)
     stimuli, told = scenario.stimuli(), dict[str, float]()
-    columns = [column.name for column in layout.columns]
-    rows = []
+    offered, rows = _offered(which), []
+    places = [(k, column.name) for k, column in enumerate(layout.columns) if column.name in offered]
     with Master(system, layout, start, options) as master:
         master.plan.log(64)
         master.initialise()
@@ -93,7 +92,7 @@ def drive(
                 master.log_last()
             row = master.take(1, 1, 0)[0, 1:]
             rows.append([tick * system.step_s, *row, *told.values()])
-            commands = controller.step({**dict(zip(columns, row.tolist(), strict=True)), **told})
+            commands = controller.step({**{name: float(row[k]) for k, name in places}, **told})
             for command, value in _checked(commands, name).items():
                 master.set_input(command, value)
         master.log_finish()
@@ -109,6 +108,12 @@ def drive(
         "load_told_kg": scenario.load.told_kg,
     }
     return Record.from_rows([TIME, *layout.columns, *told], np.array(rows), meta)
+
+
+def _offered(which: str) -> set[str]:
+    """The names under which a controller may read what the system `which` measures."""
+    spec = systems_spec.load(which)
+    return {c.target.name for c in (*spec.connections, *spec.offered) if c.target.component == SLOT}
 
 
 def _checked(commands: Mapping[str, float], name: str) -> dict[str, float]:

@@ -24,7 +24,7 @@ STATED = re.compile(r"^(READS|WRITES) = (\(.*\))$", re.MULTILINE)
 
 
 def _stated() -> dict[str, dict[str, tuple[str, ...]]]:
-    """{module: {"READS": suffixes, "WRITES": suffixes}} of every module here that states both, on a line each.
+    """{module: {"READS": suffixes, "WRITES": suffixes}} of every module that states both, on a line each.
 
     Modules are imported when a file of theirs comes: most need a package that few commands have.
     """
@@ -40,9 +40,7 @@ def _place(module: str) -> tuple[int, str]:
 
 _FOUND = _stated()
 FORMATS = {
-    suffix: module
-    for module, of in _FOUND.items()
-    for suffix in dict.fromkeys((*of["READS"], *of["WRITES"]))
+    suffix: module for module, of in _FOUND.items() for suffix in dict.fromkeys((*of["READS"], *of["WRITES"]))
 }
 READ_ONLY = tuple(s for of in _FOUND.values() for s in of["READS"] if s not in of["WRITES"])
 WRITE_ONLY = tuple(s for of in _FOUND.values() for s in of["WRITES"] if s not in of["READS"])
