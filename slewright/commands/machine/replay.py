@@ -28,7 +28,7 @@ def replay(
     from runtime.bundle import load
     from runtime.policy import open_core
     from runtime.recorder.reader import Recording
-    from runtime.replay import bundle_of, check_identity, identity, replay as repeat
+    from runtime.recorder.replay import bundle_of, check_identity, identity, replay as repeat
     from specs.version import VERSION
 
     recording = Recording(file)

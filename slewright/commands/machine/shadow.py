@@ -59,7 +59,7 @@ def shadow(
     from deployment.shadow import report as reports
     from runtime.bundle import load as load_bundle
     from runtime.recorder.reader import Recording
-    from runtime.replay import bundle_of
+    from runtime.recorder.replay import bundle_of
 
     if bundle is None and simulate is not None:
         raise InputError("--simulate needs --bundle: what is to run (slewright bundle pd --out pd.bundle)")
