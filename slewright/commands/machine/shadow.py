@@ -8,6 +8,7 @@ import typer
 from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
 from specs.errors import InputError
 
 
@@ -94,7 +95,6 @@ def _simulate(asked, simulate: str, scenario: str, seconds: float | None, seed: 
 
 def _show(found: dict) -> None:
     from deployment.shadow.rows import sentences, tables
-    from slewright.tables import show
 
     for title, columns, rows in tables(found):
         show(title, columns, rows)
