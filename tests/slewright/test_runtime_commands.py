@@ -8,8 +8,8 @@ import pytest
 
 from runtime.recorder.feed import Feed
 from runtime.recorder.recorder import Recorder
+from runtime.recorder.replay import bundle_of, identity
 from runtime.recorder.segments import Disk, Folder
-from runtime.replay import bundle_of, identity
 from runtime.ring import Ring
 from runtime.supervisor import Supervisor
 from specs.errors import InputError
