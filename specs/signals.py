@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal
 from specs.errors import InputError, nearest
 from specs.schema import ROOT, STRICT, read_toml, shown_path, validate
 from specs.units import UNITS
-from specs.wire import Bus, CanPlace, Message, ModbusMap, ModbusPlace, check_frames, check_registers
+from specs.wire import Bus, CanPlace, Message, ModbusMap, ModbusPlace, check_frames, check_registers, sized
 
 PATH = ROOT / "signals.toml"
 Kind = Literal["command", "target", "sensor", "status", "estimate", "internal", "true", "disturbance"]
@@ -112,11 +112,12 @@ def definition(path: Path = PATH) -> Definition:
     for s in found:
         _check_signal(s, bus, f"{where}: signal.{s.name}")
     check_frames([(s.name, s.can) for s in found if s.can], bus, where)
-    check_registers(
-        [*((f"signal.{s.name}.modbus", s.modbus) for s in found if s.modbus), *modbus.services.items()],
-        modbus,
-        where,
-    )
+    registers = [
+        *((f"signal.{s.name}.modbus", s.modbus) for s in found if s.modbus),
+        *modbus.services.items(),
+    ]
+    modbus = sized(modbus, [place for _, place in registers])
+    check_registers(registers, modbus, where)
     return Definition(signals={s.name: s for s in found}, retired=retired, bus=bus, modbus=modbus)
 
 

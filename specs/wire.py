@@ -1,7 +1,7 @@
 """What crosses the machine's wires: CAN frames as J1939 lays them out, and Modbus registers."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
 from specs.e2e import COUNTER_BITS
@@ -128,8 +128,8 @@ class ModbusTable:
     __pydantic_config__: ClassVar[Any] = STRICT
 
     model_id: int
-    length: int  # registers after the header
     description: str
+    length: int = 0  # registers after the header: `sized` counts them
 
     @property
     def body(self) -> range:
@@ -196,6 +196,17 @@ def check_frames(places: Iterable[tuple[str, CanPlace]], bus: Bus, where: str) -
             other = taken.setdefault((place.message, bit), name)
             if other != name:
                 raise InputError(f"{where}: signal.{name}.can: bit {bit} of {place.message} is {other}'s")
+
+
+def sized(modbus: ModbusMap, places: Sequence[ModbusPlace | ServiceRegister]) -> ModbusMap:
+    """The map with each table as long as the last of its `places` asks for."""
+    ends = {name: [p.registers.stop for p in places if p.table == name] for name in modbus.tables}
+    header = len(MODBUS_HEADER)
+    tables = {
+        name: replace(table, length=max([header, *ends[name]]) - header)
+        for name, table in modbus.tables.items()
+    }
+    return replace(modbus, tables=tables)
 
 
 def check_registers(

@@ -121,7 +121,7 @@ def verify(
     rates = run_all([job for made in planned.values() for job in made], jobs, report)
     report("writing the report")
     found = [_verified(name, made, rates) for name, made in planned.items()]
-    return _write(found, seed, out)
+    return write(found, seed, out, "slewright verify" + (f" --seed {seed}" if seed != 1 else ""))
 
 
 def _jobs(
@@ -160,17 +160,6 @@ def _verified(name: str, jobs: Sequence[Job], rates: Mapping[Path, float]) -> Ve
     runs: dict[str, dict[str, Record]] = {}
     for job in jobs:
         runs.setdefault(job.scenario.name, {})[job.system] = read(job.record)
-    metrics = results.evaluate(runs)
-    verdicts = [
-        verdict
-        for job in jobs
-        for verdict in check_limits(
-            metrics[job.scenario.name][job.system],
-            job.scenario.limits(SHIPPED, job.system),
-            job.scenario.name,
-            job.system,
-        )
-    ]
     by_system: dict[str, list[float]] = {}
     for job in jobs:
         by_system.setdefault(job.system, []).append(rates[job.record])
@@ -179,16 +168,37 @@ def _verified(name: str, jobs: Sequence[Job], rates: Mapping[Path, float]) -> Ve
         system: len(found) / sum(1.0 / max(rate, MIN_SIMULATED_RATE) for rate in found)
         for system, found in sorted(by_system.items())
     }
+    return judge(name, runs, [job.scenario for job in jobs], factors)
+
+
+def judge(
+    name: str,
+    runs: Mapping[str, Mapping[str, Record]],
+    chosen: Sequence[Scenario],
+    factors: Mapping[str, float],
+) -> Verification:
+    """Hold the records `runs` (scenario -> system) of a controller to the limits of their scenarios."""
+    metrics = results.evaluate(runs)
+    verdicts = [
+        verdict
+        for s in {s.name: s for s in chosen}.values()
+        for system, found in metrics[s.name].items()
+        for verdict in check_limits(found, s.limits(SHIPPED, system), s.name, system)
+    ]
     return Verification(name, runs, verdicts, factors)
 
 
-def _write(found: Sequence[Verification], seed: int, out: Path) -> Outcome:
+def write(found: Sequence[Verification], seed: int, out: Path, command: str) -> Outcome:
+    """Write report.html and metrics.json of the first controller, with the others beside it.
+
+    `command` is what the report says it was made by.
+    """
     own, *beside = found
     outcome = Outcome(own, beside, out / "report.html")
     versions = {"slewright": VERSION}
     context = Context(
         controller=own.controller,
-        command="slewright verify" + (f" --seed {seed}" if seed != 1 else ""),
+        command=command,
         seed=seed,
         realtime_factor=own.realtime_factor,
         versions=versions,

@@ -3,6 +3,8 @@
 One module a format; `docs/reference/recordings.md` says what each keeps and what is mended how.
 """
 
+import ast
+import re
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
@@ -16,23 +18,32 @@ from records.recording import first_line
 from specs.errors import InputError, RunError
 from specs.schema import ROOT
 
-# Modules are imported when a file of theirs comes: most need a package that few commands have.
+FOLDER = Path(__file__).parent
+FIRST = ("parquet_file", "csv_file", "mdf4", "mcap_file", "can_log", "ros2_bag")  # others come after them
+STATED = re.compile(r"^(READS|WRITES) = (\(.*\))$", re.MULTILINE)
+
+
+def _stated() -> dict[str, dict[str, tuple[str, ...]]]:
+    """{module: {"READS": suffixes, "WRITES": suffixes}} of every module that states both, on a line each.
+
+    Modules are imported when a file of theirs comes: most need a package that few commands have.
+    """
+    modules = sorted({*FIRST, *(path.stem for path in FOLDER.glob("*.py"))}, key=_place)
+    texts = {m: (FOLDER / f"{m}.py").read_text(encoding="utf-8") for m in modules if m != "__init__"}
+    found = {m: {k: ast.literal_eval(v) for k, v in STATED.findall(text)} for m, text in texts.items()}
+    return {m: stated for m, stated in found.items() if len(stated) == 2}
+
+
+def _place(module: str) -> tuple[int, str]:
+    return (FIRST.index(module) if module in FIRST else len(FIRST), module)
+
+
+_FOUND = _stated()
 FORMATS = {
-    ".parquet": "parquet_file",
-    ".recording": "parquet_file",
-    ".csv": "csv_file",
-    ".tsv": "csv_file",
-    ".txt": "csv_file",
-    ".mf4": "mdf4",
-    ".mdf": "mdf4",
-    ".mcap": "mcap_file",
-    ".blf": "can_log",
-    ".asc": "can_log",
-    ".rosbag2": "ros2_bag",
+    suffix: module for module, of in _FOUND.items() for suffix in dict.fromkeys((*of["READS"], *of["WRITES"]))
 }
-READ_ONLY = (".recording", ".tsv", ".txt", ".mdf")
-WRITE_ONLY = (".rosbag2",)
-TABLES = ("parquet_file", "csv_file")  # modules of files whose time is a column like others
+READ_ONLY = tuple(s for of in _FOUND.values() for s in of["READS"] if s not in of["WRITES"])
+WRITE_ONLY = tuple(s for of in _FOUND.values() for s in of["WRITES"] if s not in of["READS"])
 CAN_LOGS = (".blf", ".asc")
 DBC = ROOT / "generated" / "slewright.dbc"
 
@@ -59,7 +70,7 @@ def read_measurement(
     if path.is_file() and not path.stat().st_size:
         raise InputError(f"{path} is empty")
     clocks = [theirs for theirs, ours in (names or {}).items() if is_clock(ours)]
-    if clocks and module.__name__.rpartition(".")[2] not in TABLES:
+    if clocks and not getattr(module, "TIME_COLUMN", False):
         raise InputError(f"{path} has times of its own; '{clocks[0]}' cannot be its time")
     return assemble(module.read(path, names or {}, **options), str(path), names)
 

@@ -25,6 +25,8 @@ from specs.errors import InputError
 
 __all__ = ["read", "write"]
 
+READS = (".blf", ".asc")
+WRITES = (".blf", ".asc")
 GERMAN = {"Mär": "Mar", "Mai": "May", "Okt": "Oct", "Dez": "Dec"}
 ASC_DATE = re.compile(r"^(?:date|begin\s+triggerblock)\s+\w+\s+(.+)$", re.IGNORECASE | re.MULTILINE)
 ASC_END = re.compile(r"^end\s+triggerblock", re.IGNORECASE | re.MULTILINE)

@@ -30,6 +30,9 @@ from specs.units import UNITS
 
 __all__ = ["read", "write"]
 
+READS = (".csv", ".tsv", ".txt")
+WRITES = (".csv",)
+TIME_COLUMN = True  # its time is a column like others
 DELIMITERS = (";", "\t", ",")
 DECIMAL_COMMA = re.compile(r"^\s*[-+]?\d+,\d+(e[-+]?\d+)?\s*$", re.IGNORECASE)
 WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}

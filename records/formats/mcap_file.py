@@ -31,6 +31,8 @@ from records.measurement import Channel, Measurement
 from records.recording import first_line
 from specs.errors import InputError
 
+READS = (".mcap",)
+WRITES = (".mcap",)
 OURS = "slewright"  # name of our metadata, key of our topics' metadata
 JSON = "json"
 STATE = "state"  # under OURS in a topic's metadata: what a program goes on from, no channels

@@ -26,6 +26,8 @@ from records.measurement import Channel, Measurement
 from records.recording import first_line
 from specs.errors import InputError
 
+READS = (".mf4", ".mdf")
+WRITES = (".mf4",)
 VERSION = "4.11"
 META = "slewright"  # property of the header's comment that holds our metadata
 TIME = 1  # MDF4's synchronisation type; MDF3 knows no other

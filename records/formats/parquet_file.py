@@ -18,6 +18,9 @@ from records.recording import RecordWriter, first_line
 from records.schema import META_KEY, Column, columns_of, values
 from specs.errors import InputError
 
+READS = (".parquet", ".recording")
+WRITES = (".parquet",)
+TIME_COLUMN = True  # its time is a column like others
 BLOCK_ROWS = 32_000  # written at once
 ABSENT = "absent"  # in the metadata: "NaN" where that stands for no sample
 PER_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}

@@ -28,6 +28,8 @@ from records.measurement import Measurement
 from records.tool import joint_rates
 from specs.errors import InputError
 
+READS = ()
+WRITES = (".rosbag2",)
 VERSION = 9  # of the bag's metadata: ROS 2 Iron and newer, and Humble with its MCAP plugin
 JOINTS = ("slew", "boom", "stick", "tool_roll", "tool_pitch")
 BASE = "base"

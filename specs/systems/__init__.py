@@ -87,6 +87,31 @@ class SystemSpec:
         wanted = [c for c in self.offered if c.target.component == component and c.target.name in inputs]
         return replace(self, connections=(*self.connections, *wanted)) if wanted else self
 
+    def without(self, component: str) -> "SystemSpec":
+        """The system with `component` taken out: it is to be driven from outside.
+
+        The component's outputs become inputs of the system, and what it reads or may read outputs.
+        """
+        kept = [
+            replace(c, source=Connector("", c.source.name)) if c.source.component == component else c
+            for c in self.connections
+            if c.target.component != component
+        ]
+        inner = [c for c in kept if c.source.component or c.target.component]
+        shown = {c.target.name for c in inner if not c.target.component}
+        read = [c for c in (*self.connections, *self.offered) if c.target.component == component]
+        more = [
+            Connection(c.source, Connector("", c.target.name))
+            for c in read
+            if c.source.component and c.target.name not in shown
+        ]
+        return replace(
+            self,
+            components=tuple(c for c in self.components if c.name != component),
+            connections=(*inner, *more),
+            offered=(),
+        )
+
 
 def names() -> tuple[str, ...]:
     """Names of all defined systems."""
