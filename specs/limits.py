@@ -48,9 +48,7 @@ class Limit:
         found: dict[str, Any] = {"reason": self.reason}
         for side, bound in (("min", self.min), ("max", self.max)):
             if isinstance(bound, dict) and scenario not in bound:
-                raise InputError(
-                    f"{shown_path(PATH)}: a {side} names no number for {scenario} ({self.reason})"
-                )
+                raise InputError(f"{shown_path(PATH)}: a {side} names no number for {scenario} ({self.reason})")
             if bound is not None:
                 found[side] = bound[scenario] if isinstance(bound, dict) else bound
         return found

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reconcile import workflow
 from reconcile.experiment import achieved, plan
 from records.formats import read_measurement
 from slewright import __main__ as entry, drive
@@ -58,7 +57,7 @@ def test_the_experiment_is_driven_and_answered_again_with_its_recording_first(tm
         return first
 
     first: dict = {}
-    monkeypatch.setattr(workflow, "reconcile", answer)
+    monkeypatch.setattr(drive, "reconcile", answer)
     figures = drive.drive([Path("old.parquet")], "slew", out)
     new = tmp_path / "out-experiment" / "000_experiment.parquet"
     assert asked == [[Path("old.parquet")], [new, Path("old.parquet")]]
@@ -72,7 +71,7 @@ def test_the_experiment_is_driven_and_answered_again_with_its_recording_first(tm
 
 def test_nothing_is_driven_where_nothing_is_proposed(tmp_path, monkeypatch):
     only = {"verdict": "named", "next_experiment": None}
-    monkeypatch.setattr(workflow, "reconcile", lambda *a, **k: only)
+    monkeypatch.setattr(drive, "reconcile", lambda *a, **k: only)
     assert drive.drive([Path("old.parquet")], "slew", tmp_path / "out") is only
 
 

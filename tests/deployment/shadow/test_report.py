@@ -130,7 +130,8 @@ def test_the_report_is_written_whole(tmp_path: Path):
     page = (asked.out / "report.html").read_text()
     assert "simulated reference machine" in page
     assert "://" not in page.split("<script>")[0]
-    assert [c.split()[1] for c in figures["next"]] == ["reconcile", "reconcile", "dossier"]
+    starts = ("slewright reconcile ", "slewright reconcile ", "python -m benchmarks dossier ")
+    assert all(command.startswith(start) for command, start in zip(figures["next"], starts, strict=True))
 
 
 def test_what_is_no_recording_of_shadow_mode_is_refused(tmp_path: Path):
