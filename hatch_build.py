@@ -16,9 +16,6 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-from fmus.toolchain import compiler
-from orchestrator.core import native
-
 TARGET = "orchestrator/core/bin"
 OTHER = "SLEWRIGHT_WHEEL_TARGET"  # environment variable: a platform of fmus.toolchain.compiler.TARGETS
 
@@ -38,6 +35,10 @@ class CoreHook(BuildHookInterface):
             return
         sys.path.insert(0, self.root)
         portable = importlib.util.find_spec("ziglang") is not None
+        # Only now: the project is not on the path when the hook is loaded.
+        from fmus.toolchain import compiler
+        from orchestrator.core import native
+
         if portable:
             os.environ[compiler.ALWAYS_ZIG] = "1"
         self.scratch = tempfile.TemporaryDirectory()

@@ -48,7 +48,8 @@ class Limit:
         found: dict[str, Any] = {"reason": self.reason}
         for side, bound in (("min", self.min), ("max", self.max)):
             if isinstance(bound, dict) and scenario not in bound:
-                raise InputError(f"{shown_path(PATH)}: a {side} names no number for {scenario} ({self.reason})")
+                why = f"a {side} names no number for {scenario} ({self.reason})"
+                raise InputError(f"{shown_path(PATH)}: {why}")
             if bound is not None:
                 found[side] = bound[scenario] if isinstance(bound, dict) else bound
         return found

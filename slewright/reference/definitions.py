@@ -26,14 +26,8 @@ def signals() -> str:
 
 def parameters() -> str:
     """Every parameter, file by file."""
-<<<<<<< HEAD
-    text = [
-        markdown.head("Parameters", "specs/parameters/*.toml and baselines/*/parameters.toml", PARAMETERS)
-    ]
-=======
     source = "specs/parameters/*.toml and baselines/*/parameters.toml"
     text = [markdown.head("Parameters", source, PARAMETERS)]
->>>>>>> docs
     headings = ["name", "value", "unit", "range", "meaning", "status", "source", "vr"]
     for name in parameter_files.files():
         rows = [
