@@ -95,7 +95,7 @@ def slewright() -> Command:
 
 @pytest.fixture
 def slewright_here(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Command:
-    """As `slewright`, within this process, for what is refused before anything runs: it imports nothing anew."""
+    """As `slewright`, within this process: quick, for what is refused before anything runs."""
     from slewright.__main__ import run as command
 
     def run(*arguments: str | Path, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:

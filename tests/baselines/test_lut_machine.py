@@ -14,7 +14,7 @@ from fmus.equations import kinematics
 from records.formats import read_measurement
 from specs.errors import InputError
 
-LEVELS = (0.08, 0.15, 0.19, 0.26, 0.34, 0.46, 0.58, 0.7, 0.88)
+LEVELS = (0.08, 0.15, 0.19, 0.26, 0.34, 0.42, 0.5, 0.56, 0.62, 0.68, 0.74, 0.8, 0.88)
 CONDITIONS = sweep.CONDITIONS[1:3]
 DRAWN = "tuning:3"
 
