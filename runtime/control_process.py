@@ -30,7 +30,7 @@ from runtime.policy import open_core
 from runtime.protocols import Port
 from runtime.recorder.feed import Feed, Watch
 from runtime.rehearsal import Rehearsal
-from runtime.retain_process import FAILED, VALUES
+from runtime.retain.process import FAILED, VALUES
 from runtime.ring import Ring
 from runtime.scan import Scan
 from runtime.shadow import Overheard, StandIn, silent

@@ -30,9 +30,9 @@ from runtime.image import OUTPUT, TICK_S
 from runtime.modbus.cells import create
 from runtime.notify import Notifier
 from runtime.policy import open_core
+from runtime.recorder.replay import identity
 from runtime.recorder.seen import SHADOW, SHADOWED
-from runtime.replay import identity
-from runtime.retain import Folder, Retained
+from runtime.retain.copies import Folder, Retained
 from runtime.ring import Ring
 from runtime.shared import Cell, private_folder
 from specs.errors import InputError, RunError
@@ -271,7 +271,7 @@ class Supervisor:
             "base": {TICKS: self.retained.get(TICKS, 0.0)},
             "every_s": wanted.every_s,
         }
-        self.helpers.append(Helper("retain", "runtime.retain_process", told))
+        self.helpers.append(Helper("retain", "runtime.retain.process", told))
 
     def _ring(self, name: str, size: int) -> Ring:
         self.rings.append(Ring.create(self.folder / name, size))

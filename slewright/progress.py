@@ -5,16 +5,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-
 from specs.progress import Report
 
 if TYPE_CHECKING:
@@ -26,19 +16,22 @@ LINE_S = 15.0  # between lines on the same thing
 @contextmanager
 def progress(title: str) -> Iterator[Report]:
     """Show a bar on a terminal; elsewhere a line for each new thing, and now and then how far it is."""
-    # Rich is imported when something runs: a wrong argument is answered without it, in half the time.
+    # Imported when something runs: a wrong argument is answered without it, in half the time.
+    from rich import progress as bars
+    from rich.console import Console
+
     console = Console(stderr=True)
     if not console.is_terminal:
         yield _lines(console, title)
         return
     columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
+        bars.SpinnerColumn(),
+        bars.TextColumn("{task.description}"),
+        bars.BarColumn(),
+        bars.TimeElapsedColumn(),
+        bars.TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, transient=True) as bar:
+    with bars.Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(title, total=None)
 
         def report(what: str, done: float | None = None, total: float | None = None) -> None:

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 
-from rich.console import Console
-from rich.table import Table
-
 
 def show(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Print a table; numbers are right-aligned, floats with three figures after the point."""
+    # Imported when there is something to show: a wrong argument is answered without it.
+    from rich.console import Console
+    from rich.table import Table
+
     rows = [list(row) for row in rows]
     table = Table(title=title, title_justify="left")
     for i, column in enumerate(columns):

@@ -10,6 +10,8 @@ from records.figures_file import check_target, write, write_text
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
+from specs.errors import InputError, nearest
+from specs.version import VERSION
 
 if TYPE_CHECKING:
     from benchmarks.orchestrator.blocks import Spread
@@ -116,7 +118,6 @@ def pendulum(
     """Reconcile recordings of a real pendulum with a model without gravity, and predict held-out runs."""
     from reconcile.measured import limits, measure, page
     from records.report import markers
-    from specs.version import VERSION
 
     with progress("bench pendulum") as report:
         figures = measure(data, report)
@@ -155,7 +156,6 @@ def showcases(
     """Record the reference machine, reconcile a model that lacks something, verify the extended model."""
     from benchmarks.showcases.page import pages
     from benchmarks.showcases.showcases import SHOWCASES, measure, missed
-    from specs.errors import InputError, nearest
 
     for name in only or ():
         if name not in SHOWCASES:

@@ -36,7 +36,7 @@ class PowerCutError(Exception):
 
 
 class Forgetful:
-    """A disk (runtime.retain.Files) that keeps only what was synced: names and contents each on their own.
+    """A disk (runtime.retain.copies.Files) that keeps only what was synced, names and contents apart.
 
     `left`: operations until the power goes, None for never; `half`: the share of contents in flight that
     reaches the disk all the same.

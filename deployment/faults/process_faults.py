@@ -19,9 +19,9 @@ from runtime.modbus.holding import COMMIT, Holding
 from runtime.recorder.feed import SNAPSHOT_TICKS, TICK, TIMING, Feed
 from runtime.recorder.reader import Recording
 from runtime.recorder.recorder import POLL_S, Recorder
+from runtime.recorder.replay import replay
 from runtime.recorder.segments import Disk, Folder
-from runtime.replay import replay
-from runtime.retain import Retained
+from runtime.retain.copies import Retained
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS, Scan
 from specs import policy

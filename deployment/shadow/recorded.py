@@ -12,8 +12,8 @@ from runtime.image import INPUT, OUTPUT, TICK_S, Status
 from runtime.policy import open_core
 from runtime.recorder.feed import TIMING
 from runtime.recorder.reader import Recording, Seen, Snapshot, Tick
+from runtime.recorder.replay import INPUT_END, check_identity, difference, identity
 from runtime.recorder.seen import DTYPE, JOYSTICK, NAMES, SHADOWED, VALVES
-from runtime.replay import INPUT_END, check_identity, difference, identity
 from specs.errors import InputError
 from specs.progress import Report
 from specs.version import VERSION

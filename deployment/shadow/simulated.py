@@ -22,9 +22,9 @@ from runtime.modbus.port import ModbusPort
 from runtime.policy import open_core
 from runtime.recorder.feed import Feed
 from runtime.recorder.recorder import Recorder
+from runtime.recorder.replay import identity
 from runtime.recorder.seen import SHADOWED
 from runtime.recorder.segments import Folder
-from runtime.replay import identity
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS, Scan
 from runtime.shadow import Overheard, StandIn, silent

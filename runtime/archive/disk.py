@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 from runtime.archive.container import LARGEST
-from runtime.retain import Files, Folder
+from runtime.retain.copies import Files, Folder
 
 
 class Disk(Files, Protocol):

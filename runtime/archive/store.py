@@ -1,7 +1,7 @@
 """The bundles of a machine, and which of them runs: always one that is whole, whenever the power goes.
 
 bundles/DIGEST/      one folder a bundle, all of its archive's files
-pointer.a, .b        which one is active, which one to go back to: two copies, as runtime/retain.py keeps them
+pointer.a, .b        which one is active, which one to go back to: two copies (runtime/retain/copies.py)
 keys/                the trusted keys (runtime/archive/trust.py), unless they are kept elsewhere
 
 A bundle is written file by file (temporary file, sync, rename), then the folders are synced, and only then
@@ -19,7 +19,7 @@ from runtime.archive.container import LARGEST
 from runtime.archive.disk import Disk
 from runtime.archive.names import SHOWN
 from runtime.archive.signed import DIGEST, Signed
-from runtime.retain import Retained
+from runtime.retain.copies import Retained
 from specs.errors import InputError
 
 BUNDLES = "bundles/"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.archive.keys import ARCHIVE, KEY, PrivateKey, PublicKey, read_public
-from runtime.retain import Folder
+from runtime.retain.copies import Folder
 from specs.errors import InputError, nearest
 
 TRUSTED, RETIRED, ENDORSED = ".pem", ".retired", ".endorsed"

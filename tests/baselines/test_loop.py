@@ -65,8 +65,8 @@ def test_an_unstable_loop_is_said_with_its_margin(slewright: Command, tmp_path: 
         (["nosuch"], "no controller 'nosuch'; valid: pi, pd, "),
     ],
 )
-def test_wrong_input_is_named(slewright: Command, arguments: list[str], message: str) -> None:
-    done = slewright("analyse", *arguments)
+def test_wrong_input_is_named(slewright_here: Command, arguments: list[str], message: str) -> None:
+    done = slewright_here("analyse", *arguments)
     assert done.returncode == 2
     assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) <= 2

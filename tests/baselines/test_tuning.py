@@ -180,8 +180,8 @@ def test_a_gain_file_for_something_else_is_refused(tmp_path: Path, content: dict
         gains.apply(PARABOLA, _file(tmp_path, **content))
 
 
-def test_the_command_names_a_wrong_gain_file(slewright: Command, tmp_path: Path) -> None:
+def test_the_command_names_a_wrong_gain_file(slewright_here: Command, tmp_path: Path) -> None:
     path = _file(tmp_path, controller="pd")
-    done = slewright("compare", "--quick", "--controller", "parabola", "--gains", f"parabola={path}")
+    done = slewright_here("compare", "--quick", "--controller", "parabola", "--gains", f"parabola={path}")
     assert done.returncode == 2
     assert "gains of controller pd, not of parabola" in done.stderr

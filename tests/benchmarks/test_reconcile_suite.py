@@ -542,7 +542,8 @@ def test_a_scheduler_that_is_not_there_is_said_before_anything_is_written(tmp_pa
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)  # seconds of core time, but on a machine that others use too
-@pytest.mark.parametrize("visible", ["none", pytest.param("drawn", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("visible", ["none", "drawn"])
 def test_a_fresh_case_is_answered_and_scored_whatever_comes_out(visible, tmp_path):
     seed, out, figures = secrets.randbelow(2**31), tmp_path / "suite", tmp_path / "figures.json"
     quick = ("--system", "servo", "--visible", visible, "--workers", 1, "--no-baselines")

@@ -12,8 +12,8 @@ from runtime.bundle import Bundle
 from runtime.control import ControlCore
 from runtime.recorder.feed import Feed
 from runtime.recorder.recorder import Recorder
+from runtime.recorder.replay import identity
 from runtime.recorder.segments import Disk, Folder
-from runtime.replay import identity
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS
 from specs.scenario import load

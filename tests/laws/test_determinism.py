@@ -22,14 +22,17 @@ def test_the_same_results_whoever_does_them_in_whatever_order(tmp_path: Path) ->
     assert content_hash(results) != one.content_hash
 
 
+PD = ("--controller", "pd")
+
+
 def test_same_seed_same_bytes_whatever_the_number_of_jobs(slewright: Command, tmp_path: Path) -> None:
     for name, jobs in (("a", "1"), ("b", "2")):
-        done = slewright("verify", *ONE[:2], "--out", tmp_path / name, "--jobs", jobs)
+        done = slewright("verify", *ONE[:2], *PD, "--out", tmp_path / name, "--jobs", jobs)
         assert done.returncode in (0, 1), done.stderr
     for system in ("nominal", "reference"):
         file = f"records/four_targets_unknown-{system}.parquet"
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
-    other = slewright("verify", *ONE, "--out", tmp_path / "c", "--seed", "2")
+    other = slewright("verify", *ONE, *PD, "--out", tmp_path / "c", "--seed", "2")
     assert other.returncode in (0, 1)
     file = "records/four_targets_unknown-nominal.parquet"
     assert (tmp_path / "a" / file).read_bytes() != (tmp_path / "c" / file).read_bytes()

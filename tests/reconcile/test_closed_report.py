@@ -74,10 +74,11 @@ def located(fmu: Path, measured: Measurement) -> list[dict]:
         (record_driven(Truth(), excitation(SHORT, 4), 4, start=1.0), "agrees", []),
         (later(record(Truth(), SHORT + 3.0, 4), 3.0), "agrees", []),
         (later(record(Truth(mass=2.4, drag=1.1), SHORT + 3.0, 4), 3.0), "reestimated", []),
-        (
+        pytest.param(
             record_driven(Truth(inputs=dead_zone(1.0)), excitation(SHORT, 4), 4, start=1.0),
             "named",
             ["input_dead_zone"],
+            marks=pytest.mark.long,
         ),
         (record(Truth(velocity=lambda v: v + 0.05), SHORT, 4), "named", ["sensor_bias"]),
     ],

@@ -11,9 +11,9 @@ import pytest
 
 from runtime.helpers import Helper
 from runtime.recorder.reader import Recording
-from runtime.replay import replay
-from runtime.retain import Files, Folder, Retained
-from runtime.retain_process import FAILED, VALUES, Keeper
+from runtime.recorder.replay import replay
+from runtime.retain.copies import Files, Folder, Retained
+from runtime.retain.process import FAILED, VALUES, Keeper
 from runtime.ring import Ring
 from tests.runtime.stand_in import Lockstep, StandIn
 
@@ -125,7 +125,7 @@ def test_a_disk_that_refuses_shows_in_the_note(tmp_path: Path):
 def test_the_retain_process_saves_when_told_to_end(tmp_path: Path):
     ring = Ring.create(tmp_path / "ring", 1 << 12)
     told = {"ring": str(ring.path), "folder": str(tmp_path), "layout": LAYOUT, "names": ["ticks"]}
-    helper = Helper("retain", "runtime.retain_process", {**told, "base": {}, "every_s": 3600.0})
+    helper = Helper("retain", "runtime.retain.process", {**told, "base": {}, "every_s": 3600.0})
     helper.start()
     until(lambda: ring.beat > 0)
     for number in range(3):
@@ -134,7 +134,7 @@ def test_the_retain_process_saves_when_told_to_end(tmp_path: Path):
     assert Retained(Folder(tmp_path), LAYOUT).load() == {"ticks": 2.0}
 
 
-@pytest.mark.parametrize("module", ["runtime.recorder", "runtime.retain_process"])
+@pytest.mark.parametrize("module", ["runtime.recorder", "runtime.retain.process"])
 def test_a_queue_of_another_version_ends_the_process(
     tmp_path: Path, module: str, capfd: pytest.CaptureFixture
 ):

@@ -15,7 +15,7 @@ from runtime.can.wire import EXTENDED
 from runtime.configuration import Retaining
 from runtime.image import Flag
 from runtime.recorder.reader import Recording
-from runtime.retain import COPIES, Folder, Retained
+from runtime.retain.copies import COPIES, Folder, Retained
 from runtime.shared import private_folder
 from runtime.supervisor import Counts, Supervisor, retained_layout
 from specs.errors import InputError, RunError

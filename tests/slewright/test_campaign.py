@@ -42,10 +42,10 @@ def test_a_campaign_from_plan_to_page(tmp_path: Path, slewright: Slewright) -> N
     assert json.loads((out / "campaign.json").read_text())["content_hash"] == found["content_hash"]
 
 
-def test_wrong_input_ends_with_2(tmp_path: Path, slewright: Slewright) -> None:
+def test_wrong_input_ends_with_2(tmp_path: Path, slewright_here: Slewright) -> None:
     plan = tmp_path / "p.toml"
     plan.write_text(PLAN)
-    done = slewright("campaign", plan, "--out", tmp_path / "out")
+    done = slewright_here("campaign", plan, "--out", tmp_path / "out")
     assert (done.returncode, done.stdout) == (2, "")
     assert "files.1: there is no file test.ssp" in done.stderr
     assert not (tmp_path / "out").exists()

@@ -51,9 +51,9 @@ def test_warnings_are_shown_and_counted(tmp_path: Path, slewright: Command) -> N
     assert f"can be simulated; {len(found)} warning" in done.stdout
 
 
-def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, slewright: Command) -> None:
+def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, slewright_here: Command) -> None:
     text = OSCILLATOR.replace('startElement="speed"', 'startElement="sped"', 1)
-    done = slewright("check", write_ssp(tmp_path, text, NAMES), "--json", tmp_path / "c.json")
+    done = slewright_here("check", write_ssp(tmp_path, text, NAMES), "--json", tmp_path / "c.json")
     assert done.returncode == 2
     assert "line " in done.stderr
     assert "unknown element 'sped'; did you mean speed?" in done.stderr

@@ -171,8 +171,8 @@ def test_a_target_that_does_not_exist_is_refused_with_the_valid_ones(capsys):
     assert "aarch64-linux" in printed
 
 
-def test_simulate_needs_a_finite_stop(slewright: Command, tmp_path: Path) -> None:
-    done = slewright(
+def test_simulate_needs_a_finite_stop(slewright_here: Command, tmp_path: Path) -> None:
+    done = slewright_here(
         "simulate", pack_system("nominal", 2, tmp_path), "--out", tmp_path / "r.parquet", "--stop", "inf"
     )
     assert done.returncode == 2

@@ -8,8 +8,8 @@ import pytest
 
 from runtime.recorder.feed import Feed
 from runtime.recorder.recorder import Recorder
+from runtime.recorder.replay import bundle_of, identity
 from runtime.recorder.segments import Disk, Folder
-from runtime.replay import bundle_of, identity
 from runtime.ring import Ring
 from runtime.supervisor import Supervisor
 from specs.errors import InputError
@@ -52,8 +52,8 @@ def test_replay_names_the_first_tick_that_differs(slewright: Command, tmp_path: 
     assert "differs at tick 432: u_boom was" in done.stderr
 
 
-def test_replay_refuses_a_recording_of_another_version(slewright: Command, tmp_path: Path):
-    done = slewright("replay", recording(tmp_path, "another core"), "--bundle", built("pd").folder)
+def test_replay_refuses_a_recording_of_another_version(slewright_here: Command, tmp_path: Path):
+    done = slewright_here("replay", recording(tmp_path, "another core"), "--bundle", built("pd").folder)
     assert done.returncode == 2
     assert "the recording was made with another control core: another core" in done.stderr
 
@@ -93,9 +93,9 @@ def test_run_refuses_at_the_start(tmp_path: Path, text: str, said: str):
     assert [p.name for p in tmp_path.iterdir()] == ["machine.toml"]
 
 
-def test_run_says_it_in_a_line_and_exits_with_2(slewright: Command, tmp_path: Path):
+def test_run_says_it_in_a_line_and_exits_with_2(slewright_here: Command, tmp_path: Path):
     (tmp_path / "machine.toml").write_text('[can]\ninterface = "slewright"\nchannel = "bus"\n')
-    done = slewright("run", "--config", tmp_path / "machine.toml")
+    done = slewright_here("run", "--config", tmp_path / "machine.toml")
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "missing bundle" in done.stderr

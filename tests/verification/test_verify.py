@@ -80,7 +80,7 @@ def test_report_is_drawn_in_a_browser(
     assert "simulated reference machine" in shown
 
 
-@pytest.mark.parametrize("seed", [1, 7])
+@pytest.mark.parametrize("seed", [1, pytest.param(7, marks=pytest.mark.long)])
 def test_what_ships_is_accepted_and_the_pi_beside_it_is_not(
     slewright: Command, tmp_path: Path, seed: int
 ) -> None:
@@ -108,19 +108,19 @@ def test_a_controller_by_name_is_held_to_the_limits_of_what_ships(slewright: Com
     assert "missed 4, limit ≤ 0 (every target is reached within its 15 s)" in done.stdout
 
 
-def test_unknown_scenario(slewright: Command, tmp_path: Path) -> None:
-    done = slewright("verify", "--scenario", "four_target_empty", "--out", tmp_path / "o")
+def test_unknown_scenario(slewright_here: Command, tmp_path: Path) -> None:
+    done = slewright_here("verify", "--scenario", "four_target_empty", "--out", tmp_path / "o")
     assert done.returncode == 2
     assert "unknown scenario 'four_target_empty'" in done.stderr
     assert "four_targets_empty" in done.stderr
     assert not (tmp_path / "o").exists()
-    far = slewright("verify", "--scenario", "x", "--out", tmp_path / "o").stderr
+    far = slewright_here("verify", "--scenario", "x", "--out", tmp_path / "o").stderr
     assert far.count("five_targets_unknown") == 1
 
 
-def test_model_without_the_connectors(slewright: Command, tmp_path: Path, root: Path) -> None:
+def test_model_without_the_connectors(slewright_here: Command, tmp_path: Path, root: Path) -> None:
     folder = root / "tests" / "fmus" / "samples" / "oscillator"
-    done = slewright("verify", *ONE, "--model", folder, "--out", tmp_path / "o")
+    done = slewright_here("verify", *ONE, "--model", folder, "--out", tmp_path / "o")
     assert done.returncode == 2
     assert "replaces nothing" in done.stderr
     assert "qd_boom_ref" in done.stderr
@@ -242,21 +242,21 @@ def test_faults_and_changed_parameters_of_a_target_file_are_in_the_run(
 
 
 def test_a_fault_on_what_a_system_lacks_is_refused_before_anything_runs(
-    slewright: Command, tmp_path: Path
+    slewright_here: Command, tmp_path: Path
 ) -> None:
     text = TARGET_FILE.replace("RADIUS", "10.0") + PROVOKED.replace("TARGET", "pi.q_slow")
     (tmp_path / "bent.toml").write_text(text)
     line = ("--scenario", tmp_path / "bent.toml", "--system", "nominal", "--out", tmp_path / "o")
-    done = slewright("verify", *line)
+    done = slewright_here("verify", *line)
     assert done.returncode == 2
     assert "scenario bent_empty, system nominal: fault 'bias' on pi.q_slow" in done.stderr
     assert "did you mean" in done.stderr
     assert not list((tmp_path / "o" / "records").iterdir())
 
 
-def test_target_out_of_reach(slewright: Command, tmp_path: Path) -> None:
+def test_target_out_of_reach(slewright_here: Command, tmp_path: Path) -> None:
     (tmp_path / "far.toml").write_text(TARGET_FILE.replace("RADIUS", "25.0"))
-    done = slewright("verify", "--scenario", tmp_path / "far.toml", "--out", tmp_path / "o")
+    done = slewright_here("verify", "--scenario", tmp_path / "far.toml", "--out", tmp_path / "o")
     assert done.returncode == 2
     assert "scenario far_empty, target 1: target out of reach" in done.stderr
     assert not (tmp_path / "o").exists()
@@ -264,20 +264,20 @@ def test_target_out_of_reach(slewright: Command, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("below", ["", "o"])
 def test_an_unusable_folder_is_refused_before_anything_runs(
-    slewright: Command, tmp_path: Path, below: str
+    slewright_here: Command, tmp_path: Path, below: str
 ) -> None:
     (tmp_path / "file").write_text("")
-    done = slewright("verify", *ONE, "--out", tmp_path / "file" / below)
+    done = slewright_here("verify", *ONE, "--out", tmp_path / "file" / below)
     assert done.returncode == 2
     assert "cannot be made" in done.stderr
     assert "building" not in done.stderr
     assert (tmp_path / "file").read_text() == ""
 
 
-def test_a_broken_model_file_is_named(slewright: Command, tmp_path: Path) -> None:
+def test_a_broken_model_file_is_named(slewright_here: Command, tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "model.py").write_text("x = (\n")
-    done = slewright("verify", *ONE, "--model", tmp_path / "mine", "--out", tmp_path / "o")
+    done = slewright_here("verify", *ONE, "--model", tmp_path / "mine", "--out", tmp_path / "o")
     assert done.returncode == 2
     assert "model.py cannot be imported: SyntaxError" in done.stderr
     assert len(done.stderr.splitlines()) <= 2

@@ -7,6 +7,8 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
+from slewright.tables import show
+from specs.errors import InputError
 
 COLUMNS = (
     *("pose", "inertia t m²", "gain dB", "phase °", "delay s", "crossover rad/s", "sensitivity", "stable"),
@@ -29,7 +31,6 @@ def analyse(
     from baselines import registry
     from baselines.gains import apply
     from baselines.loop import analyse as run
-    from slewright.tables import show
 
     chosen = registry.find(controller)
     chosen = chosen if gains is None else apply(chosen, gains)
@@ -51,7 +52,6 @@ def analyse(
 
 
 def _gain(text: str) -> tuple[str, float]:
-    from specs.errors import InputError
 
     name, equals, value = text.partition("=")
     try:

@@ -11,6 +11,8 @@ import typer
 from records.figures_file import write
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
+from specs.errors import InputError
 
 QUICK_MACHINES = 2
 PACES = (0.4, 0.55, 0.7, 0.85, 1.0, 1.25)
@@ -90,7 +92,6 @@ def compare(
     """Compare controllers on both tasks and all loads, on re-drawn machines; four metrics, intervals."""
     from baselines import registry
     from specs import draws
-    from specs.errors import InputError
     from verification.campaign.run import run_campaign
     from verification.comparison import tables
     from verification.comparison.figures import figures
@@ -130,7 +131,6 @@ def compare(
 
 
 def _show(found: dict[str, Any]) -> None:
-    from slewright.tables import show
     from verification.comparison.tables import tables
 
     for table in tables(found):
@@ -183,7 +183,6 @@ def _shown(path: Path) -> str:
 def _with_gains(controllers: list[Any], texts: Sequence[str]) -> list[Any]:
     """The controllers, some with gains of a file."""
     from baselines.gains import apply
-    from specs.errors import InputError
 
     for text in texts:
         if "=" not in text:

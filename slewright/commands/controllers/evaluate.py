@@ -8,6 +8,8 @@ import typer
 from records.figures_file import write
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
+from specs.errors import InputError
 
 
 def evaluate(
@@ -56,7 +58,6 @@ def evaluate(
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
     from specs import draws
-    from specs.errors import InputError
     from verification.evaluation import evaluation, policies
 
     if draw_set == draws.SEALED:
@@ -93,7 +94,6 @@ def evaluate(
 
 def _show(found: dict, name: str, where: str) -> None:
     """The figures by load, and by seed where there are several."""
-    from slewright.tables import show
     from verification.evaluation import evaluation
 
     unit = "deg" if found["task"] == "slew" else "m"
@@ -108,7 +108,6 @@ def _show(found: dict, name: str, where: str) -> None:
 def _checked(task: str, page: Path | None, mark: str, beside: Path | None) -> dict:
     """The runs of --beside; what is wrong with it or --page is refused now, not after the runs."""
     from records.report import markers
-    from specs.errors import InputError
     from verification.comparison.policy_vs_controllers import known
 
     if beside and page is None:

@@ -7,6 +7,8 @@ import typer
 from records.figures_file import write
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
+from specs.errors import InputError
 
 
 def tune(
@@ -26,7 +28,6 @@ def tune(
 ) -> None:
     """Tune a controller on the tuning draws; write its gains, how they were found and what they reach."""
     from baselines import registry
-    from specs.errors import InputError
 
     chosen = registry.find(controller)
     if chosen.name == "pi" and hours is not None:
@@ -47,7 +48,6 @@ def tune(
 
 
 def _show(figures: dict) -> None:
-    from slewright.tables import show
 
     columns = ("gains", "cost", "time s", "speed °/s", "overshoot °", "error °", "tool °/s")
     names = ("cost", "time", "speed", "overshoot", "slew_error", "tool")

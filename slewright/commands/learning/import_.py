@@ -9,6 +9,7 @@ from records.figures_file import check_target, write
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
+from specs.errors import InputError
 
 if TYPE_CHECKING:
     from fmus.models.slew_nn.network import SlewNetwork
@@ -64,7 +65,6 @@ def slew(
 
 
 def _check_out(out: Path) -> None:
-    from specs.errors import InputError
 
     if out.suffix == ".npz":
         check_target(out)

@@ -1,5 +1,6 @@
 """`slewright train`: models from recordings."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -112,7 +113,6 @@ def policy(
     json: JsonOption = None,
 ) -> None:
     """Train a policy in the mixed simulation and write it as ONNX; one thread, goes on where it was ended."""
-    import os
 
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     from learning.policy import session

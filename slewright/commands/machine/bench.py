@@ -10,6 +10,7 @@ from records.figures_file import write
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
+from specs.errors import InputError, nearest
 
 WORK = {
     "policy tick": "policy_tick_us",
@@ -41,7 +42,6 @@ def runtime(
     """Lateness of the control cycle against cyclictest: idle, with Modbus clients, stress-ng, three pages."""
     from deployment.bundling.default import ready
     from deployment.hil.bench import LOADS, MORE, run
-    from specs.errors import InputError, nearest
 
     for name in load or ():
         if name not in (*LOADS, *MORE):

@@ -6,8 +6,10 @@ from typing import Annotated
 import typer
 
 from records.figures_file import write
+from slewright.commands.machine.deploy_keys import passphrase
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from specs.errors import InputError
 
 
 def bundle(
@@ -55,8 +57,6 @@ def bundle(
     """Compile a controller and the control core into a folder that `slewright run` loads."""
     from deployment.bundling import archive as signing
     from deployment.bundling.build import bundle as build
-    from slewright.commands.machine.deploy_keys import passphrase
-    from specs.errors import InputError
     from verification.evaluation import training_range
 
     if sign is None and (archive or release or config):

@@ -1,6 +1,7 @@
 """`slewright commission`: guided commissioning of a machine, or its rehearsal on the simulated one."""
 
 import getpass
+import json
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +11,9 @@ import typer
 from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
 from specs.errors import InputError
+from specs.version import VERSION
 
 if TYPE_CHECKING:
     from deployment.commissioning.matrix import Case
@@ -148,7 +151,6 @@ def _rehearse(
     from deployment.commissioning import matrix, wiring as faults
     from records.report.markers import around
     from specs import draws
-    from specs.version import VERSION
 
     draws.named(machine)
     chosen = [] if wiring == "none" or inject else faults.cases() if wiring == "all" else faults.find(wiring)
@@ -200,7 +202,6 @@ def _simulated(
 
 def _clear(folder: Path) -> None:
     """Remove an earlier rehearsal from the default folder; a machine's records stay."""
-    import json
 
     head = folder / "session.json"
     if head.is_file() and "simulated" in json.loads(head.read_text()).get("machine", ""):
@@ -249,7 +250,6 @@ def _show(outcome: "Outcome", path: Path) -> None:
 
 def _show_cases(cases: "list[Case]") -> None:
     from deployment.commissioning.matrix import by_group, steps_of
-    from slewright.tables import show
 
     rows = [(g, row["injected"], row["found"], steps_of(row)) for g, row in by_group(cases).items()]
     show("wiring faults (simulated reference machine)", ["wired wrong", "injected", "found", "by step"], rows)

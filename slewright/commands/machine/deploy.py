@@ -1,5 +1,6 @@
 """`slewright deploy`: signed bundles on a machine: install, list, go back."""
 
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +12,7 @@ from slewright.commands.machine import deploy_keys
 from slewright.commands.machine.deploy_keys import KeysOption
 from slewright.figures import JsonOption
 from slewright.tables import show
+from specs.errors import InputError
 
 if TYPE_CHECKING:
     from runtime.archive.install import Offer
@@ -84,11 +86,8 @@ def list_(store: StoreOption, keys: KeysOption = None, json: JsonOption = None) 
 
 
 def _accepted(digest: str, given: str | None) -> bool:
-    from specs.errors import InputError
 
     if given is None:
-        import sys
-
         return sys.stdin.isatty() and typer.confirm("Is this what you want to run?")
     if len(given) < SHORTEST or not digest.startswith(given.lower()):
         raise InputError(

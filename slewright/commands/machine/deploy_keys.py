@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from records.figures_file import write
+from records.figures_file import write, write_text
 from slewright.figures import JsonOption
 from slewright.tables import show
+from specs.errors import InputError
 
 if TYPE_CHECKING:
     from runtime.archive.keys import PrivateKey
@@ -44,8 +45,6 @@ def new(
     from runtime.archive import keys
 
     if file.suffix != ".pem":
-        from specs.errors import InputError
-
         raise InputError(f"{file}: a key's file ends in .pem")
     old = keys.read_private(by, passphrase) if by else None
     secret = _asked("passphrase of the new key", twice=True) if encrypt else ""
@@ -98,7 +97,6 @@ def retire(
     from runtime.archive import trust
     from runtime.archive.overview import check_retirement
     from runtime.archive.start import Place
-    from specs.errors import InputError
 
     folder = _folder(store, keys)
     if not now:
@@ -113,7 +111,6 @@ def retire(
 def list_(store: StoreOption = None, keys: KeysOption = None, json: JsonOption = None) -> None:
     """The keys of a machine."""
     from runtime.archive import trust
-    from specs.errors import InputError
 
     folder = _folder(store, keys)
     if not folder.is_dir():
@@ -130,7 +127,6 @@ def endorsement(public: Path) -> Path:
 
 
 def _endorse(public: Path, by: "PrivateKey") -> None:
-    from records.figures_file import write_text
     from runtime.archive import keys, trust
 
     key = keys.read_public(public)
@@ -140,7 +136,6 @@ def _endorse(public: Path, by: "PrivateKey") -> None:
 
 def _folder(store: Path | None, keys: Path | None) -> Path:
     from runtime.archive.start import Place
-    from specs.errors import InputError
 
     if store is None and keys is None:
         raise InputError("which machine's keys? --store DIR, or --keys DIR")
@@ -148,7 +143,6 @@ def _folder(store: Path | None, keys: Path | None) -> Path:
 
 
 def _asked(what: str, twice: bool = False) -> str:
-    from specs.errors import InputError
 
     if given := os.environ.get(VARIABLE):
         return given

@@ -8,6 +8,7 @@ import typer
 from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
 
 
 def faults(
@@ -41,7 +42,6 @@ def faults(
 
 
 def _show(outcomes: list) -> None:
-    from slewright.tables import show
 
     show(
         "faults (simulated reference machine)",

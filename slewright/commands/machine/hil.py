@@ -6,8 +6,11 @@ from typing import Annotated
 import typer
 
 from records import figures_file
+from slewright.commands.machine.run import show_page
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
+from specs.errors import InputError
 
 
 def hil(
@@ -35,9 +38,6 @@ def hil(
     from deployment.bundling.default import ready
     from deployment.hil.hil import SLEW_DEG, TOLERANCES, on_page, run
     from deployment.hil.rig import Setting
-    from slewright.commands.machine.run import show_page
-    from slewright.tables import show
-    from specs.errors import InputError
     from specs.scenario import TICK_S, load
 
     if drive and not hmi:

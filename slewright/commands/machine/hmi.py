@@ -1,9 +1,13 @@
 """`slewright hmi`: the operator's page over a recording, and the tokens of the live one."""
 
+import signal
+import threading
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from specs.errors import InputError
 
 
 def hmi(
@@ -22,7 +26,6 @@ def hmi(
     ] = None,
 ) -> None:
     """Play a recording back in the operator's page (on this computer, until Ctrl-C): docs/how-to/hmi.md."""
-    from specs.errors import InputError
 
     if (recording is None) == (new_tokens is None):
         raise InputError("either RECORDING to play back, or --new-tokens FILE")
@@ -42,8 +45,6 @@ def show_tokens(made: dict[str, str], path: Path) -> None:
 
 
 def _play(recording: Path, port: int) -> None:
-    import signal
-    import threading
 
     from runtime.hmi.playback import Playback, checked
     from runtime.hmi.process import open_site

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from slewright.progress import progress
+
 
 def machine(
     channel: Annotated[
@@ -37,7 +39,6 @@ def machine(
     from deployment.hil.machine_node import MachineNode
     from deployment.hil.standalone_machine import Alone, Operator, drive
     from runtime.configuration import LOCAL_BUS
-    from slewright.progress import progress
     from specs.scenario import TICK_S, load
 
     found, ticks = load(scenario), None if seconds is None else round(seconds / TICK_S)

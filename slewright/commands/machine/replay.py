@@ -8,6 +8,7 @@ import typer
 from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from specs.version import VERSION
 
 
 def replay(
@@ -28,8 +29,7 @@ def replay(
     from runtime.bundle import load
     from runtime.policy import open_core
     from runtime.recorder.reader import Recording
-    from runtime.replay import bundle_of, check_identity, identity, replay as repeat
-    from specs.version import VERSION
+    from runtime.recorder.replay import bundle_of, check_identity, identity, replay as repeat
 
     recording = Recording(file)
     metadata = recording.metadata()

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from records import figures_file
+from slewright.commands.machine.hmi import show_tokens
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
 
 if TYPE_CHECKING:
     from runtime.supervisor import Supervisor
@@ -77,7 +79,6 @@ def show_page(supervisor: "Supervisor") -> None:
     Those of a machine go to a terminal only, not into a service's log.
     """
     from runtime.configuration import LOCAL_BUS
-    from slewright.commands.machine.hmi import show_tokens
 
     wanted = supervisor.wanted.hmi
     if wanted is None:
@@ -93,7 +94,6 @@ def show_page(supervisor: "Supervisor") -> None:
 
 
 def _show(found: dict) -> None:
-    from slewright.tables import show
 
     names = ("lateness_us", "policy_tick_us", "other_tick_us", "policy_step_us", "latency_us")
     columns = ("p50", "p99", "p999", "max")

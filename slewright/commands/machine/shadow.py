@@ -8,6 +8,7 @@ import typer
 from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
 from specs.errors import InputError
 
 
@@ -59,7 +60,7 @@ def shadow(
     from deployment.shadow import report as reports
     from runtime.bundle import load as load_bundle
     from runtime.recorder.reader import Recording
-    from runtime.replay import bundle_of
+    from runtime.recorder.replay import bundle_of
 
     if bundle is None and simulate is not None:
         raise InputError("--simulate needs --bundle: what is to run (slewright bundle pd --out pd.bundle)")
@@ -94,7 +95,6 @@ def _simulate(asked, simulate: str, scenario: str, seconds: float | None, seed: 
 
 def _show(found: dict) -> None:
     from deployment.shadow.rows import sentences, tables
-    from slewright.tables import show
 
     for title, columns, rows in tables(found):
         show(title, columns, rows)

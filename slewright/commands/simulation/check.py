@@ -8,6 +8,7 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
+from slewright.tables import show
 
 if TYPE_CHECKING:
     from orchestrator.fmi.component import Component
@@ -23,7 +24,6 @@ def check(
     Exit code 2, with element and line, where it could not be simulated as described.
     """
     from orchestrator.system.check import load_system
-    from slewright.tables import show
 
     system = load_system(file)
     found = figures(system)

@@ -8,6 +8,7 @@ import typer
 from records import figures_file
 from records.figures_file import check_target
 from slewright.figures import JsonOption
+from slewright.progress import progress
 from specs.errors import InputError
 
 
@@ -41,7 +42,6 @@ def convert(
     """Convert a recording; what was mended and what the format does not keep is printed."""
     from records.formats import CAN_LOGS, WRITE_ONLY, check_format, read_measurement, write_measurement
     from records.formats.tables import on_grid
-    from slewright.progress import progress
 
     check_format(target)
     if target.suffix.lower() in WRITE_ONLY and target.exists():

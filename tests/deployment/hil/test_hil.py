@@ -12,7 +12,7 @@ from deployment.hil.rig import Rig, Setting
 from runtime.bundle import load
 from runtime.control import ControlCore
 from runtime.recorder.reader import Recording
-from runtime.replay import check_identity, identity, replay
+from runtime.recorder.replay import check_identity, identity, replay
 from specs.scenario import TICK_S, load as load_scenario
 from specs.version import VERSION
 from tests.conftest import Command

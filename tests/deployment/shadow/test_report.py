@@ -17,7 +17,7 @@ from records.formats import read_measurement, write_measurement
 from runtime.control import AXES
 from runtime.image import OUTPUT
 from runtime.recorder.reader import Recording
-from runtime.replay import replay
+from runtime.recorder.replay import replay
 from specs.errors import InputError
 from tests.conftest import ROOT
 from tests.deployment.shadow.runs import TICKS, recorded, repeated

@@ -27,7 +27,7 @@ DRIVEN = {
     "pi": ["q_slew", "q_boom"],
     "arm_velocity": ["qd_boom_ref", "qd_stick_ref"],
 }
-LARGE = ("machine", "slew_nn")  # take many seconds to compile
+LARGE = ("machine", "slew_nn", "arm_velocity")  # take many seconds to compile
 WITH_LONG = [pytest.param(n, marks=pytest.mark.long) if n in LARGE else n for n in DRIVEN]
 
 

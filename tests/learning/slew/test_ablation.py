@@ -114,11 +114,11 @@ def test_without_closed_loop_leaves_those_recordings_out() -> None:
 
 
 def test_what_was_trained_before_an_interruption_is_not_trained_again(tmp_path: Path) -> None:
-    kept = outcome("proposed", 1, [1.0, 2.0, 3.0])
-    path = tmp_path / "proposed-1.pickle"
-    path.write_bytes(pickle.dumps(kept))
-    (found,) = ablation.run(DATA, ["proposed"], [1], 1, tmp_path, tiny=True)  # DATA cannot be trained on
-    assert found.scores["test"].velocity_mae == 2.0
-    path.write_bytes(path.read_bytes()[:40])
-    with pytest.raises(InputError, match="no recording is long enough"):  # what is damaged is made anew
-        list(ablation.run(DATA, ["proposed"], [1], 1, tmp_path, tiny=True))
+    """What was kept is taken, also where DATA cannot be trained on; what is damaged is made anew."""
+    kept = pickle.dumps(outcome("proposed", 1, [1.0, 2.0, 3.0]))
+    (tmp_path / "proposed-1.pickle").write_bytes(kept)
+    (tmp_path / "proposed-2.pickle").write_bytes(kept[:40])
+    found = ablation.run(DATA, ["proposed"], [1, 2], 1, tmp_path, tiny=True)
+    assert next(found).scores["test"].velocity_mae == 2.0
+    with pytest.raises(InputError, match="no recording is long enough"):
+        next(found)

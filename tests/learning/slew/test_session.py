@@ -83,9 +83,9 @@ def test_recordings_of_ones_own_are_asked_for(tmp_path: Path) -> None:
     ],
 )
 def test_bad_input_is_named(
-    tmp_path: Path, slewright: Command, arguments: tuple[str, ...], message: str
+    tmp_path: Path, slewright_here: Command, arguments: tuple[str, ...], message: str
 ) -> None:
-    done = slewright("train", "slew", *arguments, cwd=tmp_path)
+    done = slewright_here("train", "slew", *arguments, cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert message in done.stderr
     assert os.listdir(tmp_path) in ([], ["out"])  # noqa: PTH208

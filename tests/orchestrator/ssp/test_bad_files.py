@@ -282,10 +282,10 @@ def test_names_that_no_file_can_have(tmp_path: Path) -> None:
 # ---- through the command ----
 
 
-def test_the_command_says_it_in_one_line_with_exit_code_2(tmp_path: Path, slewright: Command) -> None:
+def test_the_command_says_it_in_one_line_with_exit_code_2(tmp_path: Path, slewright_here: Command) -> None:
     path = write_ssp(tmp_path, OSCILLATOR.replace('startElement="speed"', 'startElement="sped"', 1), NAMES)
     out = tmp_path / "r.parquet"
-    done = slewright("simulate", path, "--out", out, "--stop", "1")
+    done = slewright_here("simulate", path, "--out", out, "--stop", "1")
     assert done.returncode == 2
     assert "unknown element 'sped'; did you mean speed?" in done.stderr
     assert "Traceback" not in done.stderr
@@ -353,18 +353,18 @@ def test_no_room_to_unpack_is_no_damage(tmp_path: Path, monkeypatch: pytest.Monk
         load_system(path)
 
 
-def test_results_do_not_replace_what_is_read_nor_devices(tmp_path: Path, slewright: Command) -> None:
+def test_results_do_not_replace_what_is_read_nor_devices(tmp_path: Path, slewright_here: Command) -> None:
     path, out = write_ssp(tmp_path, OSCILLATOR, NAMES), tmp_path / "r.parquet"
     before = path.read_bytes()
     for options in (("--out", path), ("--out", out, "--json", path)):
-        done = slewright("simulate", path, *options, "--stop", "0.1")
+        done = slewright_here("simulate", path, *options, "--stop", "0.1")
         assert (done.returncode, path.read_bytes()) == (2, before)
         assert "is to be read" in done.stderr
     os.mkfifo(tmp_path / "pipe")
-    done = slewright("simulate", path, "--out", tmp_path / "pipe", "--stop", "0.1")
+    done = slewright_here("simulate", path, "--out", tmp_path / "pipe", "--stop", "0.1")
     assert done.returncode == 2
     assert "device or pipe" in done.stderr
-    done = slewright("simulate", path, "--out", out)
+    done = slewright_here("simulate", path, "--out", out)
     assert done.returncode == 2
     assert "states no stop time; give one with --stop" in done.stderr
 

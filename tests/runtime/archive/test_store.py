@@ -267,7 +267,7 @@ def test_two_at_once_are_refused(tmp_path: Path):
 
 
 def test_a_pointer_of_another_version(tmp_path: Path):
-    from runtime.retain import Folder, Retained
+    from runtime.retain.copies import Folder, Retained
 
     Retained(Folder(tmp_path), "slewright-store9", POINTERS).save({"active": "", "proven": 0, "fallback": ""})
     with pytest.raises(InputError, match="of another version"):

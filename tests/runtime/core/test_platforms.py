@@ -18,8 +18,8 @@ from runtime.control import ControlCore
 from runtime.image import OUTPUT
 from runtime.recorder.feed import SNAPSHOT_TICKS, Feed
 from runtime.recorder.recorder import Recorder
+from runtime.recorder.replay import identity
 from runtime.recorder.segments import Disk, Folder
-from runtime.replay import identity
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS
 from slewright.app import app

@@ -12,8 +12,8 @@ from runtime.image import INPUT, OUTPUT, Status
 from runtime.recorder.feed import Feed
 from runtime.recorder.reader import Recording
 from runtime.recorder.recorder import Recorder
+from runtime.recorder.replay import Result, replay
 from runtime.recorder.segments import Disk, Folder
-from runtime.replay import Result, replay
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS
 from specs.scenario import load

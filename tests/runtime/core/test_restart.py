@@ -9,8 +9,8 @@ from runtime.image import OUTPUT, Status
 from runtime.recorder.feed import Feed
 from runtime.recorder.reader import Recording
 from runtime.recorder.recorder import Recorder
+from runtime.recorder.replay import replay
 from runtime.recorder.segments import Disk, Folder
-from runtime.replay import replay
 from runtime.ring import Ring
 from specs.errors import InputError
 from tests.runtime.bench import ARMED, FAULT, FAULTS, STANDBY, Bench

@@ -16,8 +16,8 @@ from runtime.hmi.timeline import EVERY, open_timeline
 from runtime.hmi.web import Site
 from runtime.image import INPUT, OUTPUT, Status
 from runtime.recorder.recorder import Recorder
+from runtime.recorder.replay import identity
 from runtime.recorder.segments import Folder
-from runtime.replay import identity
 from runtime.ring import Ring
 from specs.errors import InputError
 from tests.runtime.hmi.browser import Browser

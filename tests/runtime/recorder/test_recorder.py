@@ -17,8 +17,8 @@ from runtime.recorder.mend import mend
 from runtime.recorder.message import places, schema
 from runtime.recorder.reader import Recording, Tick
 from runtime.recorder.recorder import Recorder
+from runtime.recorder.replay import check_identity, identity, replay
 from runtime.recorder.segments import Disk, Folder
-from runtime.replay import check_identity, identity, replay
 from runtime.ring import Ring
 from specs.errors import InputError
 from tests.runtime.stand_in import Lockstep, StandIn

@@ -224,8 +224,8 @@ def test_the_sealed_set_needs_leave() -> None:
         (["--policy", "baselines/pd"], "a controller 'pd' is there already"),
     ],
 )
-def test_wrong_input_is_named(slewright: Command, arguments: list[str], message: str) -> None:
-    done = slewright("compare", *arguments)
+def test_wrong_input_is_named(slewright_here: Command, arguments: list[str], message: str) -> None:
+    done = slewright_here("compare", *arguments)
     assert done.returncode == 2
     assert message in done.stderr
     assert len(done.stderr.strip().splitlines()) <= 2

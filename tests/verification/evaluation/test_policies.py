@@ -156,9 +156,9 @@ def test_evaluate_refuses_before_anything_moves(
     assert not (tmp_path / "none").exists()
 
 
-def test_train_refuses_wrong_words(slewright: Command) -> None:
+def test_train_refuses_wrong_words(slewright_here: Command) -> None:
     """One or two lines, exit code 2, what is valid."""
-    failed = slewright("train", "policy", "--task", "boom")
+    failed = slewright_here("train", "policy", "--task", "boom")
     assert failed.returncode == 2
     assert "no task 'boom'; valid: slew, full" in failed.stderr
     assert len(failed.stderr.strip().splitlines()) <= 2

@@ -1,4 +1,4 @@
-"""The retain process: `python -m runtime.retain_process '{"ring": …, "folder": …, …}'` saves what comes, in
+"""The retain process: `python -m runtime.retain.process '{"ring": …, "folder": …, …}'` saves what comes, in
 turn.
 
 The control process puts the values into a queue once a second; only the newest is saved, at most every
@@ -15,7 +15,7 @@ from math import isfinite
 from pathlib import Path
 
 from runtime.helpers import end_with, run, told_to_end
-from runtime.retain import Folder, Retained
+from runtime.retain.copies import Folder, Retained
 from runtime.ring import Ring
 
 POLL_S = 0.2

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from deployment.faults.disks import Forgetful, PowerCutError
-from runtime.retain import COPIES, Folder, Retained
+from runtime.retain.copies import COPIES, Folder, Retained
 from specs.errors import InputError
 
 LAYOUT = "0123456789abcdef"

@@ -1,0 +1,1 @@
+"""Values that outlive a power cut, saved by a process of its own."""
