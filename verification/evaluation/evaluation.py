@@ -259,6 +259,17 @@ def _by_seed(found: Mapping[str, Any], unit: str) -> list[str]:
     return lines
 
 
+def tables(found: Mapping[str, Any], title: str) -> Iterator[tuple[str, Sequence[str], list[list[str]]]]:
+    """Title, columns and rows: the figures by load, and by seed where there are several."""
+    unit = "deg" if found["task"] == "slew" else "m"
+    columns = ("speed °/s", "overshoot °", "largest °", f"error {unit}", "tool °/s", "missed", "ended", "n")
+    rows = [[load, *cells(cell)] for load, cell in found["loads"].items()]
+    yield f"{title}, pace {found['pace']:g}", ("load", *columns), rows
+    if len(found["seeds"]) > 1:
+        rows = [[seed, f"{c['pace']:g}", *cells(c)] for seed, c in found["seeds"].items()]
+        yield "By seed, all loads", ("seed", "pace", *columns), rows
+
+
 def cells(cell: Mapping[str, Any]) -> list[str]:
     """Speed, overshoot, largest, error, tool, missed, ended, runs; a dash for what there is not."""
     if not cell["n"]:

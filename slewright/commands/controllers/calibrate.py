@@ -11,6 +11,8 @@ from slewright.progress import progress
 from slewright.tables import show
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from baselines.arm_velocity.lut import Table
     from baselines.arm_velocity.session import Outcome
 
@@ -52,7 +54,7 @@ def lut(
     json: JsonOption = None,
 ) -> None:
     """Make the arm's 25-point feed-forward tables from recorded sweeps."""
-    from baselines.arm_velocity import page, session, table_file
+    from baselines.arm_velocity import lut as tables, page, session, table_file
 
     joints = session.check_joints(joint or [])
     session.check_request(recordings or [], machine, write_specs)
@@ -65,7 +67,7 @@ def lut(
         )
         shown = page.write_page(folder / "lut.html", outcome, seed)
     figures = session.figures(outcome)
-    _show(outcome, figures)
+    _show(outcome, figures, tables.GRID)
     typer.echo(f"page: {shown}")
     if write_specs:
         session.check_writable(outcome)  # before anything else is written
@@ -80,10 +82,10 @@ def lut(
         raise typer.Exit(1)
 
 
-def _show(outcome: "Outcome", figures: dict[str, Any]) -> None:
+def _show(outcome: "Outcome", figures: dict[str, Any], grid: "np.ndarray") -> None:
     """Tables with what is to be known of them, and tracking."""
     for table in outcome.tables.values():
-        _show_table(table)
+        _show_table(table, grid)
     rows = [
         (joint, name, f"{entry[name]['rms_ff']:.4f}", f"{entry[name]['rms_ff_pi']:.4f}")
         for joint, entry in figures["joints"].items()
@@ -95,10 +97,8 @@ def _show(outcome: "Outcome", figures: dict[str, Any]) -> None:
         show(title, ["joint", "tables", "feed-forward alone", "with PI"], rows)
 
 
-def _show_table(table: "Table") -> None:
-    from baselines.arm_velocity.lut import GRID
-
-    columns = (GRID, table.command, table.low, table.high, table.error)
+def _show_table(table: "Table", grid: "np.ndarray") -> None:
+    columns = (grid, table.command, table.low, table.high, table.error)
     rows = [
         (f"{v:+.4f}", f"{command:+.4f}", f"{low:+.4f} … {high:+.4f}", f"{error:.4f}")
         for v, command, low, high, error in zip(*columns, strict=True)

@@ -63,9 +63,7 @@ def calibrate(
     json: JsonOption = None,
 ) -> None:
     """Fit a machine's own figures to recordings with a known load (default: an empty grab)."""
-    from baselines.load.calibration import calibrate as fit, uncalibrated
-    from baselines.load.calibration_file import as_dict
-    from baselines.load.influence import influence
+    from baselines.load import calibration, calibration_file, influence
     from records.formats import read_measurement
 
     known = _known_loads(loads or [0.0], len(recordings))
@@ -73,9 +71,10 @@ def calibrate(
         report("reading")
         found = [read_measurement(path) for path in recordings]
         report("fitting")
-        machine = fit(found, known)
-    before, figures = as_dict(uncalibrated()), as_dict(machine)
-    was, now = influence(uncalibrated()), influence(machine)
+        machine = calibration.calibrate(found, known)
+    nominal = calibration.uncalibrated()
+    before, figures = calibration_file.as_dict(nominal), calibration_file.as_dict(machine)
+    was, now = influence.influence(nominal), influence.influence(machine)
     rows = [
         (n, before["unknowns"][n], before["sd"][n], v, figures["sd"][n], was[n], now[n])
         for n, v in figures["unknowns"].items()
@@ -103,17 +102,15 @@ def _known_loads(loads: list[float], count: int) -> list[float]:
 
 
 def _load(recordings: list[Path], calibration: Path | None, json: Path | None) -> None:
-    from baselines.load.calibration import uncalibrated
-    from baselines.load.calibration_file import read
-    from baselines.load.estimate import estimate as run
+    from baselines.load import calibration as nominal, calibration_file, estimate as estimating
     from records.formats import read_measurement
 
-    machine = read(calibration) if calibration else uncalibrated()
+    machine = calibration_file.read(calibration) if calibration else nominal.uncalibrated()
     found: dict[str, Any] = {}
     with progress("estimate load") as report:
         for number, path in enumerate(recordings):
             report(str(path), number, len(recordings))
-            found[str(path)] = run(read_measurement(path), machine).as_dict()
+            found[str(path)] = estimating.estimate(read_measurement(path), machine).as_dict()
     rows = [row for path, result in found.items() for row in _summary(path, result)]
     show("Load in the grab", ["recording", "motion", "windows", "load kg", "from", "to"], rows)
     for path, result in found.items():

@@ -1,13 +1,12 @@
 """`slewright bench`: how late a cycle of the runtime is on this computer, against cyclictest."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from records.figures_file import write
-from slewright.figures import JsonOption
+from slewright.figures import BundleOption, JsonOption, exit_if_missed
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError, nearest
@@ -28,9 +27,7 @@ def bench() -> None:
 
 @app.command()
 def runtime(
-    bundle: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="The bundle that runs (default: one of pd, built now).")
-    ] = None,
+    bundle: BundleOption = None,
     blocks: Annotated[int, typer.Option(min=1, help="Interleaved pairs of runs for each load.")] = 5,
     seconds: Annotated[float, typer.Option(min=2.0, metavar="S", help="Length of each run.")] = 30.0,
     load: Annotated[
@@ -58,10 +55,7 @@ def runtime(
         columns = ("smallest", "median", "largest", "idle_varies")
         rows = [(name, *(f"{row[c]:+.0f}" for c in columns)) for name, row in cost.items()]
         show(f"what three open pages add, µs: {load_} less idle, within a block", ["", *columns], rows)
-    for miss in (missed := result.misses()):
-        typer.echo(f"slewright: missed: {miss}", err=True)
-    if missed:
-        raise typer.Exit(1)
+    exit_if_missed(result.misses())
 
 
 def _show_runtime(figures: Mapping[str, Any]) -> None:

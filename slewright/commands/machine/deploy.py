@@ -41,15 +41,14 @@ def install(
     json: JsonOption = None,
 ) -> None:
     """Check an archive, show what it changes, and, if that is accepted, let it run from the next start on."""
-    from runtime.archive.install import install as put, offer
-    from runtime.archive.start import Place
+    from runtime.archive import install as installing, start
 
-    place = Place(store, keys)
-    offered = offer(place, archive)
+    place = start.Place(store, keys)
+    offered = installing.offer(place, archive)
     _show(offered)
     accepted = _accepted(offered.signed.digest, accept)
     if accepted:
-        put(place, offered)
+        installing.install(place, offered)
         typer.echo(f"{offered.signed.name} runs from the next start on")
     write(json, {**_figures(offered), "installed": accepted})
     if not accepted:
@@ -60,10 +59,9 @@ def install(
 @app.command()
 def rollback(store: StoreOption, keys: KeysOption = None, json: JsonOption = None) -> None:
     """Let the last good bundle, one that has run, be the active one again, from the next start on."""
-    from runtime.archive.install import roll_back
-    from runtime.archive.start import Place
+    from runtime.archive import install as installing, start
 
-    done = roll_back(Place(store, keys))
+    done = installing.roll_back(start.Place(store, keys))
     _show(done)
     typer.echo(f"back to {done.signed.name}, from the next start on")
     write(json, _figures(done))
@@ -72,10 +70,9 @@ def rollback(store: StoreOption, keys: KeysOption = None, json: JsonOption = Non
 @app.command("list")
 def list_(store: StoreOption, keys: KeysOption = None, json: JsonOption = None) -> None:
     """The bundles of a store, each checked as at a start; exit code 1 if the active one would not run."""
-    from runtime.archive.overview import overview
-    from runtime.archive.start import Place
+    from runtime.archive import overview, start
 
-    found = overview(Place(store, keys))
+    found = overview.overview(start.Place(store, keys))
     columns = ["", "controller", "release", "digest", "signed by", "has run", "state"]
     show(f"store {store}", columns, [e.row() for e in found.entries])
     for name in found.damaged:

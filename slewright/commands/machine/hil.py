@@ -1,22 +1,19 @@
 """`slewright hil`: the controller against the simulated machine, in real time over CAN and Modbus."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from records import figures_file
 from slewright.commands.machine.run import show_page
-from slewright.figures import JsonOption
+from slewright.figures import BundleOption, JsonOption, exit_if_missed
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
 
 
 def hil(
-    bundle: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="The bundle that runs (default: one of pd, built now).")
-    ] = None,
+    bundle: BundleOption = None,
     scenario: Annotated[str, typer.Option(metavar="NAME", help="Which scenario.")] = "four_targets_empty",
     seconds: Annotated[
         float | None, typer.Option(metavar="S", min=1.0, help="Only its first seconds (default: all).")
@@ -81,7 +78,4 @@ def hil(
         },
         seed,
     )
-    for miss in misses:
-        typer.echo(f"slewright: missed: {miss}", err=True)
-    if misses:
-        raise typer.Exit(1)
+    exit_if_missed(misses)

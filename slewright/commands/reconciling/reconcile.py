@@ -56,13 +56,14 @@ def reconcile(
 
     Every verdict is an answer and ends with 0: there is no limit here that could be missed.
     """
+    from reconcile.experiment import drive
     from reconcile.workflow import reconcile as run
-    from slewright import drive
+    from specs import draws
 
     given = (confirm or [], holdout or [], names)
     if driven and before:
         raise InputError("--drive and --before: one or the other")
-    machine = drive.which(driven) if driven else None
+    machine = draws.asked(driven, "--drive") if driven else None
     then = drive.compare(drive.before(before), runs[0]) if before else None
     with progress("reconcile") as report:
         if machine is None:

@@ -10,12 +10,12 @@ import pytest
 from baselines import registry
 from learning.policy import export
 from learning.policy.controller import write_folder
-from slewright.commands.controllers.compare import command_line
 from slewright.commands.controllers.evaluate import evaluate
 from specs.errors import InputError
 from tests.conftest import Command
 from tests.learning.policy.test_export import made
 from verification.comparison.plan import Question
+from verification.comparison.tables import command_line
 from verification.evaluation import evaluation, policies
 from verification.runs import replacement
 
