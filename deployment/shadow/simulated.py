@@ -70,7 +70,7 @@ class _MachinesEnd:
         self._frames.append((identifier, data, JUST_NOW))
 
 
-class Hands:
+class OperatedValves:
     """The operator in the valves' place of a MachineNode: what moves the machine is the joystick."""
 
     lost = False
@@ -101,7 +101,7 @@ class Simulated:
     ) -> None:
         """Record into `folder`; `valves`: somebody else sends the operator's valve commands on the bus."""
         self.scenario, self.folder, self.wire = scenario, folder, Wire()
-        self.driver, self.hands = Driver(scenario, seed), Hands()
+        self.driver, self.hands = Driver(scenario, seed), OperatedValves()
         core = open_core(bundle)
         self.machine = Machine(scenario, seed, which)
         self.node = MachineNode(self.wire.machine, scenario, self.machine, planner=True)

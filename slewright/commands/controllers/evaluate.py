@@ -75,7 +75,7 @@ def evaluate(
     task = policies.task_of(policy)
     filled = pages.checked(page, task, mark, beside)
     opened = draws.open_test_set(sealed) if sealed else None
-    asked = evaluation.Asked(chosen, count, loads, 1.0 if pace is None else pace, matched, jobs, opened)
+    asked = evaluation.Request(chosen, count, loads, 1.0 if pace is None else pace, matched, jobs, opened)
     for text in evaluation.warnings(policy, asked):
         typer.echo(f"warning: {text}", err=True)
     with progress("evaluate") as report:

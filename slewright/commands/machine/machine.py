@@ -44,7 +44,7 @@ def machine(
     with progress("machine") as report:
         report("starting")
         plant = plants.Machine(found, seed, draw)
-    with plant, standalone_machine.Alone(interface, channel) as end:
+    with plant, standalone_machine.MachineOnBus(interface, channel) as end:
         where = Path(channel).resolve() if interface == standalone_machine.LOCAL_BUS else channel
         typer.echo(f"simulated machine on {interface} {where}; Ctrl-C ends it")
         with suppress(KeyboardInterrupt):

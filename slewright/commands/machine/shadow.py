@@ -64,7 +64,7 @@ def shadow(
     if bundle is None and simulate is not None:
         raise InputError("--simulate needs --bundle: what is to run (slewright bundle pd --out pd.bundle)")
     checked = bundles.load(bundle) if bundle else replay.bundle_of(reader.Recording(recording).metadata())
-    asked = reports.Asked(recording, checked, out, operator, load, machine)
+    asked = reports.Request(recording, checked, out, operator, load, machine)
     reports.check(asked)
     with progress("shadow") as report:
         if simulate is not None:
