@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,19 @@ def apply(controller: Controller, path: Path) -> Controller:
         if not isinstance(value, int | float) or not low <= value <= high:
             raise InputError(f"{path}: {name} = {value} outside {low:g} … {high:g}")
     return replace(controller, settings={**controller.settings, **content["gains"]})
+
+
+def apply_all(controllers: Sequence[Controller], texts: Sequence[str]) -> list[Controller]:
+    """The controllers, some with gains of a file: `texts` are NAME=FILE."""
+    for text in texts:
+        if "=" not in text:
+            raise InputError(f"--gains {text}: needs NAME=FILE, with =")
+    files = {name: Path(file) for name, _, file in (text.partition("=") for text in texts)}
+    names = [c.name for c in controllers]
+    for name in files:
+        if name not in names:
+            raise InputError(f"--gains {name}=…: no such controller in this comparison ({', '.join(names)})")
+    return [apply(c, files[c.name]) if c.name in files else c for c in controllers]
 
 
 def _read(path: Path) -> dict[str, Any]:

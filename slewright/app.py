@@ -5,8 +5,9 @@ and a wrong word answer at once, and a command works without the packages that o
 """
 
 import os
+from collections.abc import Mapping
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import typer
 from typer.core import TyperGroup
@@ -41,32 +42,47 @@ PANELS = {
     ),
     "Develop": ("developing", ("generate",)),
 }
-COMMANDS = {name: (panel, folder) for panel, (folder, names) in PANELS.items() for name in names}
+COMMANDS = {  # name -> its module; `import` is Python's
+    name: f"slewright.commands.{folder}.{'import_' if name == 'import' else name}"
+    for folder, names in PANELS.values()
+    for name in names
+}
+PANEL_OF = {name: panel for panel, (_, names) in PANELS.items() for name in names}
 # Commands of developers that have moved: what was typed -> what to type.
 MOVED = {name: f"python -m benchmarks {name}" for name in ("dossier", "testpack", "reconcile-suite")}
 
 
 class CommandGroup(TyperGroup):
-    """Finds commands by name and imports only the one that is asked for."""
+    """Finds commands by name and imports only the module of the one that is asked for."""
+
+    modules: ClassVar[Mapping[str, str]] = {}
+    panels: ClassVar[Mapping[str, str]] = {}
+    moved: ClassVar[Mapping[str, str]] = {}
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands = dict.fromkeys(COMMANDS)  # type: ignore[assignment]  # names, for suggestions
+        self.commands = dict.fromkeys(self.modules)  # type: ignore[assignment]  # names, for suggestions
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command `cmd_name`, None if there is none; InputError for one that has moved."""
-        if cmd_name in MOVED:
-            raise InputError(f"'{cmd_name}' is a command for developers: {MOVED[cmd_name]}")
-        if cmd_name not in COMMANDS:
+        if cmd_name in self.moved:
+            raise InputError(f"'{cmd_name}' is a command for developers: {self.moved[cmd_name]}")
+        if cmd_name not in self.modules:
             return None
-        return load_command(cmd_name)
+        return load(self.modules[cmd_name], cmd_name, self.panels.get(cmd_name))
+
+
+class Commands(CommandGroup):
+    """The commands of `slewright`."""
+
+    modules = COMMANDS
+    panels = PANEL_OF
+    moved = MOVED
 
 
 def load_command(name: str) -> Any:
     """The command `name` of the table above."""
-    panel, folder = COMMANDS[name]
-    module = "import_" if name == "import" else name  # `import` is Python's
-    return load(f"slewright.commands.{folder}.{module}", name, panel)
+    return load(COMMANDS[name], name, PANEL_OF[name])
 
 
 def load(module: str, name: str, panel: str | None = None) -> Any:
@@ -83,7 +99,7 @@ def load(module: str, name: str, panel: str | None = None) -> Any:
 
 app = typer.Typer(
     name="slewright",
-    cls=CommandGroup,
+    cls=Commands,
     help="Co-simulate, control and verify a hydraulic material handler with a free-swinging tool.",
     no_args_is_help=True,
     add_completion=False,

@@ -130,6 +130,14 @@ def named(which: str) -> dict[str, float]:
     return draw(name, int(index))
 
 
+def asked(text: str, option: str) -> str:
+    """The machine that `machine[:DRAW]` of a command line names; InputError for another text."""
+    what, _, draw = text.partition(":")
+    if what != "machine":
+        raise InputError(f"{option} {text}: valid: machine, machine:tuning:K, machine:validation:K")
+    return draw or NOMINAL
+
+
 def open_test_set(purpose: str, log: Path = LOG) -> Opened:
     """Log purpose, version and state of the sources, and give leave to draw from the test set."""
     if not purpose.strip() or "\n" in purpose or "\t" in purpose:

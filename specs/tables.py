@@ -5,6 +5,7 @@ import io
 import json
 from collections.abc import Iterable, Iterator
 
+from specs.markdown import number
 from specs.signals import Kind, Signal, definition, select
 from specs.units import unit
 from specs.wire import MODBUS_HEADER, REGISTERS, ModbusPlace, ModbusTable, ServiceRegister
@@ -65,14 +66,14 @@ def _signal_row(s: Signal, place: ModbusPlace) -> dict[str, object]:
         "registers": REGISTERS[place.type],
         "type": place.type,
         "word_order": place.word_order if REGISTERS[place.type] > 1 else "",
-        "scale": _number(place.scale),
+        "scale": number(place.scale),
         "name": s.name,
         "unit": s.unit,
-        "min": _number(s.min),
-        "max": _number(s.max),
-        "start": _number(s.start),
-        "rate_hz": _number(s.rate_hz),
-        "timeout_s": _number(s.timeout_s),
+        "min": number(s.min),
+        "max": number(s.max),
+        "start": number(s.start),
+        "rate_hz": number(s.rate_hz),
+        "timeout_s": number(s.timeout_s),
         "access": "rw" if place.table == "holding" else "r",
         "values": " ".join(f"{number}={text}" for number, text in s.values.items()),
         "description": s.description,
@@ -130,15 +131,11 @@ def _markdown_table(found: Iterable[Signal]) -> Iterator[str]:
         can = s.can
         frame = ""
         if can:
-            frame = f"{can.message} {can.start}+{can.length}, {_number(can.scale)}, {_number(can.offset)}"
+            frame = f"{can.message} {can.start}+{can.length}, {number(can.scale)}, {number(can.offset)}"
         register = f"{s.modbus.table} {s.modbus.address} {s.modbus.type}" if s.modbus else ""
-        spread = f"{_number(s.min)} … {_number(s.max)}"
-        cells = (f"`{s.name}`", s.unit, spread, _number(s.rate_hz), s.vr, frame, register, s.description)
+        spread = f"{number(s.min)} … {number(s.max)}"
+        cells = (f"`{s.name}`", s.unit, spread, number(s.rate_hz), s.vr, frame, register, s.description)
         yield f"| {' | '.join(map(str, cells))} |"
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.12g}"
 
 
 def _key(text: str) -> str:

@@ -1,5 +1,6 @@
 """The house itself: commands, locks and papers say the same, and nothing ties it to one machine."""
 
+import ast
 import re
 import shutil
 import subprocess
@@ -116,3 +117,36 @@ def test_no_module_shadows_the_standard_library():
 def test_every_test_folder_is_a_package():
     folders = {path.parent for path in (ROOT / "tests").rglob("test_*.py")}
     assert [str(folder) for folder in folders if not (folder / "__init__.py").is_file()] == []
+
+
+ROOMS = (
+    *("specs", "records", "fmus", "orchestrator", "runtime", "baselines", "learning"),
+    *("verification", "deployment", "benchmarks", "slewright"),
+)
+
+
+def imports() -> dict[str, set[str]]:
+    """Module -> the modules of the rooms that it imports anywhere, for types too."""
+    paths = [p for room in ROOMS for p in (ROOT / room).rglob("*.py")]
+    known = {".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): p for p in paths}
+    graph = {}
+    for name, path in known.items():
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                names = {f"{node.module}.{alias.name}" for alias in node.names}
+                found |= names | ({node.module or ""} if names - known.keys() else set())
+        graph[name] = found & known.keys() - {name}
+    return graph
+
+
+def test_no_import_circle():
+    left = imports()
+    assert len(left) > 500
+    while ready := {name for name, needs in left.items() if not needs & left.keys()}:
+        left = {name: needs for name, needs in left.items() if name not in ready}
+    while unused := left.keys() - {need for needs in left.values() for need in needs}:
+        left = {name: needs for name, needs in left.items() if name not in unused}
+    assert left == {}, "these modules import each other"

@@ -126,3 +126,15 @@ def _scatter(errors: np.ndarray, moving: np.ndarray, start: Calibration) -> tupl
         residual[:, kind] = np.sqrt(total / (PRIOR_WINDOWS + n))
         freedom[kind] = PRIOR_WINDOWS + len(chosen) / ALIKE
     return residual, freedom
+
+
+def known_loads(loads: list[float], count: int) -> list[float]:
+    """The load of each of `count` recordings in kg, from one for all or one for each."""
+    if len(loads) == 1:
+        loads = loads * count
+    if len(loads) != count:
+        raise InputError(f"{len(loads)} loads for {count} recordings; give --load once, or once a recording")
+    for value in loads:
+        if not 0.0 <= value <= 20000.0:
+            raise InputError(f"--load {value:g}: a load is 0 to 20000 kg")
+    return loads

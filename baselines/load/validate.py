@@ -4,7 +4,7 @@ Each machine is calibrated by its own trials, then driven through other ones wit
 load that was in the grab is used for calibration (known loads) and for the score, by nothing else.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,10 @@ KNOWN = 1500.0  # kg, of the calibration with a known load
 LIMITS = {"still": 100.0, "moving": 200.0}  # kg, that 95 % are to stay within
 SHARE = 0.95
 CALIBRATIONS = ("none", "empty", "empty_and_known")
+COLUMNS = (
+    *("calibration", "motion", "estimates", "within limit", "covered"),
+    *("95 % kg", "largest kg", "+- kg"),
+)
 SHIPPED = "empty"  # what the limits apply to
 
 
@@ -137,3 +141,13 @@ def accepted(figures: dict[str, Any]) -> bool:
     """95 % within the limits and 95 % covered, at rest and in motion."""
     parts = [figures.get(name, {"within_limit": 0.0, "covered": 0.0}) for name in LIMITS]
     return all(p["within_limit"] >= SHARE and p["covered"] >= SHARE for p in parts)
+
+
+def rows(figures: Mapping[str, Any]) -> list[tuple[object, ...]]:
+    """The table of a score: a row for each calibration and motion, under COLUMNS."""
+    keys = ("estimates", "within_limit", "covered", "p95_kg", "largest_kg", "half_width_kg")
+    return [
+        (name, motion, *(score[k] for k in keys))
+        for name, parts in figures["calibrations"].items()
+        for motion, score in parts.items()
+    ]

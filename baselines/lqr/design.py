@@ -11,8 +11,10 @@ Weights by Bryson's rule: one over the square of what is still acceptable.  Gain
 
 from pathlib import Path
 
+import control
 import numpy as np
 
+from baselines.analysis import slew_plant
 from specs import parameters
 
 STEP = 0.02  # s
@@ -31,8 +33,6 @@ GAINS = Path(__file__).with_name("gains.toml")
 
 def time_constants() -> list[float]:
     """Slow pole of the linearised drive at each inertia, as a time constant (s)."""
-    from baselines.analysis import slew_plant
-
     found = []
     for inertia in INERTIAS:
         poles = slew_plant(inertia, JOYSTICK).system.poles()
@@ -59,8 +59,6 @@ def matrices(time_constant: float) -> tuple[np.ndarray, np.ndarray]:
 
 def sampled(time_constant: float) -> tuple[np.ndarray, np.ndarray]:
     """The same over a step with v held."""
-    import control
-
     a, b = matrices(time_constant)
     system = control.c2d(control.ss(a, b, np.eye(6), 0.0), STEP)
     return np.asarray(system.A), np.asarray(system.B)
@@ -68,8 +66,6 @@ def sampled(time_constant: float) -> tuple[np.ndarray, np.ndarray]:
 
 def regulator(time_constant: float) -> np.ndarray:
     """LQR gains [6] of v on the states' deviations."""
-    import control
-
     a, b = sampled(time_constant)
     weights = np.diag([1.0 / ACCEPTED[name] ** 2 for name in STATES])
     gain, _, _ = control.dlqr(a, b, weights, [[1.0 / EFFORT**2]])
@@ -78,8 +74,6 @@ def regulator(time_constant: float) -> np.ndarray:
 
 def estimator(time_constant: float) -> np.ndarray:
     """Kalman gains [6, 4] of the states on what q, w, psi and psi_rate show beside their prediction."""
-    import control
-
     a, _ = sampled(time_constant)
     process = np.diag([(DISTURBED.get(name, 1e-6) * STEP) ** 2 for name in STATES])
     sensors = np.eye(6)[[0, 1, 4, 5]]

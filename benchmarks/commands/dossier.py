@@ -9,6 +9,7 @@ from records.figures_file import check_target, write
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
+from verification.dossier import run
 
 
 def dossier(
@@ -38,7 +39,6 @@ def dossier(
 
     Exits with 1 when the machine misses one of the limits.
     """
-    from verification.dossier import run
 
     with progress("dossier") as report:
         figures = run(out, report, html, against=recorded)

@@ -1,15 +1,23 @@
 """`python -m benchmarks reconcile-suite`: hidden-effect cases, answered without knowing the truth, scored."""
 
+import secrets
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from benchmarks.suite import page
+from benchmarks.suite.ledger import Ledger, seed_of
+from benchmarks.suite.plan import Settings, settle
+from benchmarks.suite.run import check_packages, run_suite, there
+from benchmarks.suite.summary import missed, summarise
 from records.figures_file import write
+from records.report import markers
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
+from verification.campaign import pool
 
 
 def reconcile_suite(
@@ -48,15 +56,6 @@ def reconcile_suite(
     json: JsonOption = None,
 ) -> None:
     """Draw machines with hidden effects, reconcile them, and score what is named against the sealed truth."""
-    import secrets
-
-    from benchmarks.suite import page
-    from benchmarks.suite.ledger import Ledger, seed_of
-    from benchmarks.suite.plan import Settings, settle
-    from benchmarks.suite.run import check_packages, run_suite, there
-    from benchmarks.suite.summary import missed, summarise
-    from records.report import markers
-    from verification.campaign import pool
 
     if cases < 1 or workers < 1:
         raise InputError(f"--cases {cases}, --workers {workers}: both are at least 1")

@@ -5,12 +5,18 @@ from typing import Annotated
 
 import typer
 
+from benchmarks.testpack import pack, page
+from benchmarks.testpack.cases import CASES
+from benchmarks.testpack.compare import outcomes
 from records.figures_file import check_target, write, write_text
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from specs.errors import InputError
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
+
+@app.command()
 def write_pack(
     folder: Annotated[
         Path | None, typer.Argument(metavar="DIR", help="Write the pack here: a folder for each case.")
@@ -29,8 +35,6 @@ def write_pack(
     json: JsonOption = None,
 ) -> None:
     """Write the test pack for SSP importers, or compare masters on it."""
-    from benchmarks.testpack import pack
-    from benchmarks.testpack.cases import CASES
 
     if folder is None and not compare:
         raise InputError("name a folder to write the pack to, or --compare")
@@ -46,9 +50,6 @@ def write_pack(
 
 
 def _compared(out: Path | None) -> dict[str, dict[str, dict[str, str]]]:
-    from benchmarks.testpack import page
-    from benchmarks.testpack.cases import CASES
-    from benchmarks.testpack.compare import outcomes
 
     with progress("testpack") as report:
         found = outcomes(CASES, report)

@@ -36,7 +36,7 @@ class _Client:
     writes = True
 
 
-class Lost:
+class LostClient:
     """A twist of the image: at tick 0 a client that was well is lost, by its heartbeat or its connection."""
 
     def __init__(self, random: Random) -> None:

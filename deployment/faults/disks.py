@@ -14,10 +14,10 @@ class FullDisk(Disk):
 
     def open(self, path: Path) -> BinaryIO:
         """A new file that asks the disk before each write."""
-        return _Asking(self, super().open(path))  # type: ignore[return-value]
+        return _FileOnFullDisk(self, super().open(path))  # type: ignore[return-value]
 
 
-class _Asking:
+class _FileOnFullDisk:
     def __init__(self, disk: FullDisk, file: BinaryIO) -> None:
         self._disk, self._file = disk, file
 
@@ -35,7 +35,7 @@ class PowerCutError(Exception):
     """The power is gone."""
 
 
-class Forgetful:
+class ForgettingDisk:
     """A disk (runtime.retain.copies.Files) that keeps only what was synced, names and contents apart.
 
     `left`: operations until the power goes, None for never; `half`: the share of contents in flight that
@@ -76,9 +76,9 @@ class Forgetful:
         self._spend()
         self.kept_names = dict(self.names)
 
-    def after_cut(self, names_arrived: bool) -> "Forgetful":
+    def after_cut(self, names_arrived: bool) -> "ForgettingDisk":
         """The disk when the power is back; names in flight may have arrived by themselves, or not."""
-        disk = Forgetful()
+        disk = ForgettingDisk()
         disk.names = dict(self.names if names_arrived else self.kept_names)
         disk.contents = {node: self.kept.get(node, b"") for node in disk.names.values()}
         disk.kept_names, disk.kept = dict(disk.names), dict(disk.contents)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deployment.faults.client import Lost
+from deployment.faults.client import LostClient
 from deployment.faults.drive import Drive, Frame, Moment, Run, mode_number
 from deployment.faults.table import TICK_MS, Fault, Outcome
 from runtime.can.codec import Codec, Field, codecs
@@ -254,7 +254,7 @@ MAKERS: dict[str, Callable[[Random], Disturbance]] = {
     "planner_lost": lambda random: _without(*_messages_of("Planner")),
     "emergency_stop": _pressed,
     "sensor_nan": _nan,
-    "modbus_client_lost": lambda random: Disturbance(twist=Lost(random)),
+    "modbus_client_lost": lambda random: Disturbance(twist=LostClient(random)),
     "policy_nan": _nan_state,
     "task_overrun": _overrun,
 }

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from deployment.faults.clock import Clock
-from deployment.faults.disks import Forgetful, FullDisk, PowerCutError
+from deployment.faults.disks import ForgettingDisk, FullDisk, PowerCutError
 from deployment.faults.drive import Drive, Moment, Run
 from deployment.faults.table import TICK_MS, Fault, Outcome
 from runtime.bundle import load
@@ -170,7 +170,7 @@ def policy_overrun(fault: Fault, drive: Drive, moment: Moment, random: Random, o
 
 def power_cut(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
     """Power goes in one of the operations of a few saves; what is read then was saved last or before."""
-    disk, done = Forgetful(int(random.integers(0, 40)), float(random.random())), 0
+    disk, done = ForgettingDisk(int(random.integers(0, 40)), float(random.random())), 0
     kept = Retained(disk, LAYOUT)
     try:
         for number in range(1, 12):
@@ -200,7 +200,7 @@ def policy_wrong_shape(fault: Fault, drive: Drive, moment: Moment, random: Rando
         outcome.add(moment.tick, None, f"{name} {spoilt[name]} was taken")
 
 
-class _Anyone:
+class _WritingClient:
     """A client that may write."""
 
     writes = True
@@ -215,7 +215,7 @@ def modbus_nonsense(fault: Fault, drive: Drive, moment: Moment, random: Random, 
             if not (s.min or 0.0) <= value <= (s.max or 0.0):
                 wrong.append(f"{s.name} = {value}")
 
-    table, client = Holding(publish), _Anyone()
+    table, client = Holding(publish), _WritingClient()
     for k in range(30):
         values = random.integers(0, 65536, int(random.integers(1, 20))).tolist()
         table.write(client, int(random.integers(0, 30)), values, k)

@@ -8,6 +8,7 @@ import numpy as np
 
 from deployment.faults import injected, process_faults
 from deployment.faults.drive import Drive
+from deployment.faults.processes import run_all
 from deployment.faults.table import BUS, IMAGE, INSIDE, PROCESS, Fault, Outcome
 from runtime.bundle import load
 from runtime.control import ControlCore
@@ -42,8 +43,6 @@ def run(
         outcomes += _lockstep(drive, single, count, seed, report)
     several = [f for f in wanted if f.level == "process"]
     if several:
-        from deployment.faults.processes import run_all
-
         outcomes += run_all(bundle, several, count, seed, report)
     return outcomes
 

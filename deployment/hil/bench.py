@@ -11,7 +11,7 @@ import os
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,6 +37,11 @@ RESOLUTION_US = 1.0  # of the histograms
 COSTS = (("ours", "p50"), ("ours", "p99"), ("policy_tick", "p50"), ("other_tick", "p50"), ("latency", "p99"))
 QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
 SCENARIO = "four_targets_empty"
+WORK = {
+    "policy tick": "policy_tick_us",
+    "other tick": "other_tick_us",
+    "core in policy tick": "policy_step_us",
+}
 
 
 @dataclass
@@ -246,3 +251,36 @@ def _medians(blocks: Sequence[Block]) -> dict[str, Any]:
         "ticks": sum(b.ticks for b in blocks),
         "blocks": len(blocks),
     }
+
+
+def tables(figures: Mapping[str, Any]) -> Iterator[tuple[str, Sequence[str], Sequence[Sequence[object]]]]:
+    """Title, columns and rows: lateness against cyclictest; work of a tick, and what was missed."""
+    late = ("p50", "p99", "p999")
+    yield (
+        "lateness in µs, medians of the blocks",
+        ["load", *(f"ours {q}" for q in late), *(f"cyclictest {q}" for q in late), "ratio p99", "requests/s"],
+        [
+            (
+                name,
+                *(f"{row['ours'][q]:.0f}" for q in late),
+                *(f"{row['cyclictest'][q]:.0f}" for q in late),
+                f"{row['ratio_p99']:.2f}",
+                "—" if row["modbus_rps"] is None else f"{row['modbus_rps']:.0f}",
+            )
+            for name, row in figures.items()
+        ],
+    )
+    yield (
+        "work of a tick in µs, and what was missed",
+        ["load", *(f"{kind} {q}" for kind in WORK for q in ("p50", "p99")), "ticks", "stolen", "overruns"],
+        [
+            (
+                name,
+                *(f"{row[key][q]:.0f}" for key in WORK.values() for q in ("p50", "p99")),
+                row["ticks"],
+                row["stolen_ticks"],
+                row["overruns"],
+            )
+            for name, row in figures.items()
+        ],
+    )

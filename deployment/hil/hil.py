@@ -47,6 +47,28 @@ class Compared:
     statistics: dict[str, Any]
     late_ticks: int  # of the machine, which stands in for hardware
 
+    def rows(self) -> list[tuple[str, float, float, float]]:
+        """What is compared, in real time and in lock-step, and the tolerance."""
+        metrics = [
+            (f"{name} in {unit}", self.real[name], self.simulated[name], limit)
+            for name, (unit, limit) in TOLERANCES.items()
+            if name in self.real
+        ]
+        return [*metrics, ("slew angles apart in °", self.slew_deg, 0.0, SLEW_DEG)]
+
+    def figures(self) -> dict[str, Any]:
+        """Everything for JSON."""
+        tolerances = {name: limit for name, (_, limit) in TOLERANCES.items()}
+        return {
+            "real_time": self.real,
+            "lock_step": self.simulated,
+            "slew_apart_deg": self.slew_deg,
+            "tolerance": {**tolerances, "slew_apart_deg": SLEW_DEG},
+            "within_tolerance": not self.misses(),
+            "statistics": self.statistics,
+            "machine_late_ticks": self.late_ticks,
+        }
+
     def misses(self) -> list[str]:
         """What is beyond its tolerance."""
         found = [

@@ -86,7 +86,7 @@ def sender(name: str) -> str:
     return definition().bus.messages[place.message].sender if place else ""
 
 
-class Alone:
+class MachineOnBus:
     """The machine on its bus; a context, which ends the bus if it made it."""
 
     def __init__(self, interface: str, channel: str) -> None:
@@ -99,7 +99,7 @@ class Alone:
             prefer(self._made.pid, BUS_PRIORITY)
         self.bus: can.BusABC = open_bus(interface, channel, rate, "Machine")
 
-    def __enter__(self) -> "Alone":
+    def __enter__(self) -> "MachineOnBus":
         prefer(os.getpid(), MACHINE_PRIORITY)
         return self
 

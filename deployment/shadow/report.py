@@ -21,8 +21,8 @@ OURS = (PAGE, FIGURES, handover.FILE)
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is asked of a recording."""
+class Request:
+    """A recording, the bundle that made it, and what it is compared with."""
 
     recording: Path
     bundle: Bundle
@@ -32,11 +32,11 @@ class Asked:
     machine: str = draws.NOMINAL  # the reference machine that it is compared with
 
 
-def check(asked: Asked) -> None:
-    """InputError for what cannot be asked: before anything takes time."""
-    check_source(asked.source)
-    closeness.check_machine(asked.machine)
-    _check_folder(asked.out)
+def check(request: Request) -> None:
+    """InputError for what cannot be done, before anything takes time."""
+    check_source(request.source)
+    closeness.check_machine(request.machine)
+    _check_folder(request.out)
 
 
 def _check_folder(out: Path) -> None:
@@ -53,14 +53,14 @@ def _check_folder(out: Path) -> None:
         raise InputError(f"{out}: {above} is a file")
 
 
-def run(asked: Asked, report: Report) -> dict[str, Any]:
+def run(request: Request, report: Report) -> dict[str, Any]:
     """Compute and write; the figures. InputError for a recording or machine that is none."""
-    check(asked)
+    check(request)
     report("repeating the recording")
-    found = read(asked.recording, asked.bundle, asked.source, report)
-    near, pieces = closeness.compare(found, asked.load, asked.machine, report)
+    found = read(request.recording, request.bundle, request.source, report)
+    near, pieces = closeness.compare(found, request.load, request.machine, report)
     figures = {
-        "recording": str(asked.recording),
+        "recording": str(request.recording),
         "controller": found.metadata.get("controller"),
         "label": found.metadata.get("label"),
         "operator": found.source,
@@ -71,29 +71,29 @@ def run(asked: Asked, report: Report) -> dict[str, Any]:
         "commands": agreement.commands(found),
         "gate": agreement.gate(found),
         "faults": agreement.faults(found),
-        "ranges": ranges.compare(found, asked.bundle),
+        "ranges": ranges.compare(found, request.bundle),
         "pendulum": ranges.pendulum(found),
         "closeness": near,
     }
-    recording, told = asked.out / handover.FILE, asked.out / FIGURES
-    figures["next"] = handover.next_commands(recording, asked.out, told)
+    recording, told = request.out / handover.FILE, request.out / FIGURES
+    figures["next"] = handover.next_commands(recording, request.out, told)
     report("writing the report")
-    _write(asked, found, figures, pieces)
+    _write(request, found, figures, pieces)
     return figures
 
 
-def _write(asked: Asked, found: Shadowed, figures: dict[str, Any], pieces: list[Piece]) -> None:
+def _write(request: Request, found: Shadowed, figures: dict[str, Any], pieces: list[Piece]) -> None:
     """All files or none: they are made beside the folder first."""
     try:
-        asked.out.absolute().parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".shadow-", dir=asked.out.absolute().parent) as scratch:
+        request.out.absolute().parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".shadow-", dir=request.out.absolute().parent) as scratch:
             part = Path(scratch)
-            handover.write(found, asked.recording, figures["closeness"]["load_kg"], part)
+            handover.write(found, request.recording, figures["closeness"]["load_kg"], part)
             written.write(part / FIGURES, figures)
             plain = json.loads((part / FIGURES).read_text())
             (part / PAGE).write_text(page(found, plain, pieces), encoding="utf-8")
-            asked.out.mkdir(exist_ok=True)
+            request.out.mkdir(exist_ok=True)
             for name in OURS:
-                shutil.move(part / name, asked.out / name)
+                shutil.move(part / name, request.out / name)
     except OSError as error:
-        raise RunError(f"cannot write {asked.out}: {error.strerror or error}") from error
+        raise RunError(f"cannot write {request.out}: {error.strerror or error}") from error

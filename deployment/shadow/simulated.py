@@ -28,7 +28,8 @@ from runtime.recorder.segments import Folder
 from runtime.ring import Ring
 from runtime.scan import PERIOD_NS, Scan
 from runtime.shadow import Overheard, StandIn, silent
-from specs import draws
+from specs import draws, scenario as scenarios
+from specs.errors import InputError
 from specs.progress import Report
 from specs.scenario import Scenario
 from specs.version import VERSION
@@ -69,7 +70,7 @@ class _MachinesEnd:
         self._frames.append((identifier, data, JUST_NOW))
 
 
-class Hands:
+class OperatedValves:
     """The operator in the valves' place of a MachineNode: what moves the machine is the joystick."""
 
     lost = False
@@ -100,7 +101,7 @@ class Simulated:
     ) -> None:
         """Record into `folder`; `valves`: somebody else sends the operator's valve commands on the bus."""
         self.scenario, self.folder, self.wire = scenario, folder, Wire()
-        self.driver, self.hands = Driver(scenario, seed), Hands()
+        self.driver, self.hands = Driver(scenario, seed), OperatedValves()
         core = open_core(bundle)
         self.machine = Machine(scenario, seed, which)
         self.node = MachineNode(self.wire.machine, scenario, self.machine, planner=True)
@@ -152,6 +153,26 @@ class Simulated:
         self.machine.__exit__(None, None, None)
         self._ring.close()
         (self.folder / "ring").unlink(missing_ok=True)
+
+
+def record(
+    bundle: Bundle,
+    folder: Path,
+    machine: str,
+    scenario: str,
+    seconds: float | None,
+    seed: int,
+    report: Report,
+) -> None:
+    """Record the scenario, or its first `seconds`, in a new or empty folder; `machine`: machine[:DRAW]."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(
+            f"--simulate: {folder} is there already; name a new or empty folder for the recording"
+        )
+    chosen = scenarios.load(scenario)
+    ticks = None if seconds is None else min(round(seconds / TICK_S), chosen.duration_ticks)
+    with Simulated(bundle, chosen, folder, seed, draws.asked(machine, "--simulate")) as run:
+        run.run(ticks, report)
 
 
 def _about(bundle: Bundle, which: str) -> dict[str, str]:

@@ -24,7 +24,6 @@ FOLDER = ROOT / "collections"
 PERIOD_S = 0.1  # commands are held so long: the policy's rate
 Kind = Literal["steps", "sines", "trapezoids", "random_references", "driving", "closed_loop", "replay"]
 KINDS: tuple[str, ...] = get_args(Kind)
-PERIODIC = ("steps", "sines", "trapezoids")  # with the arm at rest
 SPLITS = ("train", "validation", "test")
 PLAN_COMMANDS = ("u_slew", "qd_boom_ref", "qd_stick_ref")  # what a replay may state
 ATTEMPTS = 5000

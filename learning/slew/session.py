@@ -64,6 +64,12 @@ class Options:
         return tuple(group for group in GROUPS if alone and not getattr(RECIPES[self.recipe], group))
 
     @property
+    def marker(self) -> str:
+        """The name of its table in a document: of the ablation, the traces, or the machine."""
+        machine = "ablation" if self.machine == "nominal" else self.machine.replace(":", "-")
+        return f"slew-{'traces' if self.traces else machine}"
+
+    @property
     def command(self) -> str:
         """What makes it again."""
         where = " --traces" if self.traces else "".join(f" {p}" for p in self.data)

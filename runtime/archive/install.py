@@ -1,7 +1,10 @@
 """Bringing a bundle into a machine's store, and going back: every check before anything takes effect."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from runtime.archive import container, trust
 from runtime.archive.differences import Change, differences
@@ -27,6 +30,25 @@ class Offer:
     def first(self) -> bool:
         """Whether nothing is there to compare with."""
         return not self.before.active
+
+    def lines(self) -> Iterator[str]:
+        """What it is, and what it would change, section by section."""
+        yield f"{self.signed.name}, signed by {self.signed.signer}, digest {self.signed.digest}"
+        if self.first:
+            yield "the first bundle of this store: nothing to compare with"
+        elif self.unknown:
+            yield f"what it changes cannot be told: {self.unknown}"
+        elif not self.changes:
+            yield "nothing is different from the active bundle"
+        for section, changes in groupby(self.changes, lambda change: change.section):
+            yield f"{section}:"
+            yield from (f"  {change}" for change in changes)
+
+    def figures(self) -> dict[str, Any]:
+        """The same for JSON."""
+        changes = [vars(change) for change in self.changes]
+        signed = self.signed
+        return {"digest": signed.digest, "name": signed.name, "signed_by": signed.signer, "changes": changes}
 
 
 def offer(place: Place, archive: Path) -> Offer:

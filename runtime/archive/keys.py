@@ -8,7 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+from cryptography.hazmat.primitives import serialization as form
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 from runtime.archive import bounded
 from specs.errors import InputError
@@ -32,9 +35,6 @@ class PublicKey:
 
     def signed(self, purpose: bytes, message: bytes, signature: bytes) -> bool:
         """Whether `signature` is this key's, of `message` for `purpose`."""
-        from cryptography.exceptions import InvalidSignature
-        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-
         try:
             Ed25519PublicKey.from_public_bytes(self.raw).verify(signature, purpose + message)
         except (InvalidSignature, ValueError):
@@ -43,17 +43,15 @@ class PublicKey:
 
     def pem(self) -> bytes:
         """The contents of its file."""
-        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-        from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
         key = Ed25519PublicKey.from_public_bytes(self.raw)
-        return key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+        return key.public_bytes(form.Encoding.PEM, form.PublicFormat.SubjectPublicKeyInfo)
 
 
 class PrivateKey:
     """A key that signs."""
 
-    def __init__(self, key: Any) -> None:
+    def __init__(self, key: Ed25519PrivateKey) -> None:
         self._key = key
         self.public = PublicKey(key.public_key().public_bytes_raw())
 
@@ -67,8 +65,6 @@ def new(path: Path, passphrase: str = "") -> PrivateKey:
 
     Raises InputError where one of the files is there already, or the folder is not.
     """
-    from cryptography.hazmat.primitives import serialization as form
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
     key = Ed25519PrivateKey.generate()
     lock = form.BestAvailableEncryption(passphrase.encode()) if passphrase else form.NoEncryption()
@@ -91,16 +87,13 @@ def read_private(path: Path, passphrase: Callable[[], str] = str) -> PrivateKey:
 
     Raises InputError for a file that holds none, or a wrong passphrase.
     """
-    from cryptography.exceptions import UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-    from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
     data = read(path)
     if PRIVATE not in data:
         raise InputError(f"{path} holds no private key (PEM); slewright deploy keys new makes one")
     secret = passphrase().encode() if b"ENCRYPTED" in data else b""
     try:
-        key = load_pem_private_key(data, secret or None)
+        key = form.load_pem_private_key(data, secret or None)
     except (ValueError, TypeError, UnsupportedAlgorithm):
         said = "the passphrase is wrong" if b"ENCRYPTED" in data else "it cannot be read as a private key"
         raise InputError(f"{path}: {said}") from None
@@ -111,15 +104,12 @@ def read_private(path: Path, passphrase: Callable[[], str] = str) -> PrivateKey:
 
 def read_public(path: Path) -> PublicKey:
     """The public key in a PEM file; InputError if it is none."""
-    from cryptography.exceptions import UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-    from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
     data = read(path)
     if PRIVATE in data:
         raise InputError(f"{path} is a private key: it stays where bundles are signed; give *{PUBLIC}")
     try:
-        key = load_pem_public_key(data)
+        key = form.load_pem_public_key(data)
     except (ValueError, UnsupportedAlgorithm):
         raise InputError(f"{path} cannot be read as a public key (PEM)") from None
     if not isinstance(key, Ed25519PublicKey):

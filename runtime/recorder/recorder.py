@@ -9,8 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from runtime.image import INPUT
-from runtime.recorder.feed import DISK_FULL, SNAPSHOT, SNAPSHOT_HEAD, TICK, TIMING
+from runtime.recorder.feed import DISK_FULL, SNAPSHOT, SNAPSHOT_HEAD, TICK
 from runtime.recorder.mend import mend
 from runtime.recorder.seen import SEEN
 from runtime.recorder.segments import Disk, Folder, Segment
@@ -19,7 +18,6 @@ from runtime.ring import Ring
 SYNC_S = 0.5  # between waits for the disk: with half a second of chunk, less than 1 s is lost
 POLL_S = 0.05
 SPARE = 1 << 20  # bytes kept free below the limit for what is written between two looks
-TICK_AT = TIMING.size + (INPUT.dtype.fields or {})["tick"][1]
 
 
 @dataclass

@@ -3,7 +3,10 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from slewright.reference import command_line, definitions
+from reconcile.catalogue import table as effects
+from records.formats import page as formats
+from slewright.reference import command_line
+from specs import pages, tables
 
 FOLDER = Path(__file__).parents[2] / "docs" / "reference"
 
@@ -11,10 +14,10 @@ FOLDER = Path(__file__).parents[2] / "docs" / "reference"
 PAGES: dict[str, Callable[[], str]] = {
     "command-line.md": command_line.commands,
     "json-outputs.md": command_line.json_outputs,
-    "signals.md": definitions.signals,
-    "parameters.md": definitions.parameters,
-    "effects.md": definitions.effects,
-    "file-formats.md": definitions.file_formats,
+    "signals.md": tables.signals_markdown,
+    "parameters.md": pages.parameters,
+    "effects.md": effects.page,
+    "file-formats.md": formats.page,
 }
 
 

@@ -10,7 +10,7 @@ from typer.core import TyperArgument, TyperGroup, TyperOption
 from records import figures_file
 from slewright import __main__ as entry
 from slewright.app import COMMANDS, PANELS, load_command
-from slewright.reference import markdown
+from specs import markdown
 
 SOURCE = "the commands in slewright/commands"
 INTRODUCTION = """Every command prints what `--help` says here. `slewright --version` prints the version;

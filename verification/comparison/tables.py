@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from baselines import registry
 from records.figures_file import versions
 from records.report import markers
 from verification.comparison.paper import rows as of_paper
+from verification.comparison.plan import LOADS, TASKS, Question
 
 SHOWN_FROM = 5  # machines from which on an interval is shown
 METRICS = ("speed", "overshoot", "error", "tool")
@@ -174,3 +176,22 @@ def _unit(task: str) -> str:
 
 def _number(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
+
+
+def command_line(question: Question, policies: Sequence[Path] = (), gains: Sequence[str] = ()) -> str:
+    """The command that asks this question, as a page says it."""
+    parts = [f"slewright compare --draws {question.draw_set} --machines {question.machines}"]
+    parts += ["--sweeps"] if question.sweeps else []
+    parts += [f"--pace {p:g}" for p in question.paces if p != 1] or ["--no-sweep"]
+    names = [c.name for c in question.controllers if c.place is None]
+    chosen = {"controller": (names, registry.names()), "task": (question.tasks, TASKS)}
+    for option, (own, known) in {**chosen, "load": (question.loads, LOADS)}.items():
+        parts += [f"--{option} {name}" for name in own] if list(own) != list(known) else []
+    parts += [f"--policy {_from_here(path)}" for path in policies] + [f"--gains {text}" for text in gains]
+    return " ".join(parts)
+
+
+def _from_here(path: Path) -> str:
+    """A path as anyone may type it: from here on, if it lies here."""
+    whole = path.resolve()
+    return (whole.relative_to(Path.cwd()) if whole.is_relative_to(Path.cwd()) else path).as_posix()

@@ -106,7 +106,7 @@ def _line(what: str, cost: str, found: Sequence[Found]) -> str:
     return f"| {what} | {cost} | {' | '.join(cells)} |"
 
 
-def page(outs: Sequence[Path], asked: evaluation.Asked, words: str, results: Path) -> str:
+def page(outs: Sequence[Path], asked: evaluation.Request, words: str, results: Path) -> str:
     """The table with what it is and what made each of its trainings."""
     files = [policy_of(out) for out in outs]
     rows: dict[tuple[str, str], list[Found]] = {}
@@ -133,7 +133,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--page", type=Path)
     parser.add_argument("--mark", default=MARK)
     told = parser.parse_args(words)
-    asked = evaluation.Asked(machines=told.machines, matched=told.matched, jobs=told.jobs)
+    asked = evaluation.Request(machines=told.machines, matched=told.matched, jobs=told.jobs)
     text = page(told.outs, asked, " ".join(words or sys.argv[1:]), told.results)
     if told.page:
         fill(told.page, told.mark, text)

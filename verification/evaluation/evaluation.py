@@ -29,7 +29,7 @@ Rows = list[dict[str, Any]]
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """On which machines with which loads, and at which pace or (`matched`) mean speed in °/s."""
 
     draw_set: str = "validation"
@@ -41,7 +41,7 @@ class Asked:
     opened: Any = None
 
 
-def evaluate(paths: Sequence[Path], out: Path, asked: Asked, report: Any = None) -> dict[str, Any]:
+def evaluate(paths: Sequence[Path], out: Path, asked: Request, report: Any = None) -> dict[str, Any]:
     """Figures by load, machine and seed; several policies of one task are seeds of one recipe."""
     contracts, task = [read(path).contract for path in paths], task_of(paths)
     rows: Rows = []
@@ -75,7 +75,7 @@ def _folder(out: Path, path: Path) -> Path:
     return out / hashlib.sha256(path.read_bytes()).hexdigest()[:8]
 
 
-def at_speed(run: Callable[[float], Rows], asked: Asked, paces: tuple[float, float]) -> tuple[Rows, float]:
+def at_speed(run: Callable[[float], Rows], asked: Request, paces: tuple[float, float]) -> tuple[Rows, float]:
     """(rows, pace): at the pace told, or at the one whose mean speed is the one asked for (secant)."""
     if asked.matched is None:
         return run(asked.pace), asked.pace
@@ -102,7 +102,7 @@ def _speed(rows: Rows) -> float:
     return sum(good) / len(good) if good else 0.0
 
 
-def planned_runs(path: Path, asked: Asked, pace: float) -> Any:
+def planned_runs(path: Path, asked: Request, pace: float) -> Any:
     """The runs of a policy at a pace, of which the records are kept."""
     paces = (1.0,) if pace == 1.0 else (1.0, pace)
     whole, _ = question(path, asked.draw_set, asked.machines, paces, asked.loads)
@@ -110,7 +110,7 @@ def planned_runs(path: Path, asked: Asked, pace: float) -> Any:
     return replace(plan, runs=tuple(r for r in plan.runs if r.spec["pace"] == pace), keep="all")
 
 
-def warnings(paths: Iterable[Path], asked: Asked) -> Iterator[str]:
+def warnings(paths: Iterable[Path], asked: Request) -> Iterator[str]:
     """What of the machines, loads and pace lies outside the policies' trained ranges; before they run.
 
     The pace of a speed asked for is searched within the trained ones.
@@ -120,7 +120,7 @@ def warnings(paths: Iterable[Path], asked: Asked) -> Iterator[str]:
         yield from training_range.warnings(path, specs, () if asked.matched is None else ("pace",))
 
 
-def _runner(path: Path, task: str, out: Path, asked: Asked, report: Any) -> Callable[[float], Rows]:
+def _runner(path: Path, task: str, out: Path, asked: Request, report: Any) -> Callable[[float], Rows]:
     """pace -> a row of figures for every machine and load."""
 
     def run(pace: float) -> Rows:
@@ -257,6 +257,17 @@ def _by_seed(found: Mapping[str, Any], unit: str) -> list[str]:
     for seed, cell in found["seeds"].items():
         lines.append(f"| {' | '.join([seed, str(cell['pace']), *cells(cell)])} |")
     return lines
+
+
+def tables(found: Mapping[str, Any], title: str) -> Iterator[tuple[str, Sequence[str], list[list[str]]]]:
+    """Title, columns and rows: the figures by load, and by seed where there are several."""
+    unit = "deg" if found["task"] == "slew" else "m"
+    columns = ("speed °/s", "overshoot °", "largest °", f"error {unit}", "tool °/s", "missed", "ended", "n")
+    rows = [[load, *cells(cell)] for load, cell in found["loads"].items()]
+    yield f"{title}, pace {found['pace']:g}", ("load", *columns), rows
+    if len(found["seeds"]) > 1:
+        rows = [[seed, f"{c['pace']:g}", *cells(c)] for seed, c in found["seeds"].items()]
+        yield "By seed, all loads", ("seed", "pace", *columns), rows
 
 
 def cells(cell: Mapping[str, Any]) -> list[str]:

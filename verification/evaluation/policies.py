@@ -49,6 +49,12 @@ def short_names(paths: Sequence[Path]) -> list[str]:
     return found
 
 
+def controllers(paths: Sequence[Path]) -> dict[Path, registry.Controller]:
+    """Policies and model folders as controllers, by their path."""
+    names = dict(zip(paths, short_names(paths), strict=True))
+    return {path: registry.foreign(model_folder(path), n, f"policy {n}") for path, n in names.items()}
+
+
 def _plain(path: Path) -> str:
     """A file's or folder's name in letters, digits and underscores."""
     return re.sub(r"\W", "_", path.absolute().stem)
@@ -75,9 +81,3 @@ def question(
         machines=machines, paces=list(paces), singles=False,
     )  # fmt: skip
     return asked, policy
-
-
-def check_machines(machines: int) -> None:
-    """InputError for a number that is none."""
-    if machines < 1:
-        raise InputError(f"--machines {machines}: valid are 1 and more")

@@ -28,13 +28,11 @@ def analyse(
     json: JsonOption = None,
 ) -> None:
     """Linearise a controller's slew loop: gain, phase and delay margin, sensitivity, whether it is stable."""
-    from baselines import registry
-    from baselines.gains import apply
-    from baselines.loop import analyse as run
+    from baselines import gains as from_file, loop as slew_loop, registry
 
     chosen = registry.find(controller)
-    chosen = chosen if gains is None else apply(chosen, gains)
-    loops = run(chosen, dict(_gain(text) for text in gain or ()))
+    chosen = chosen if gains is None else from_file.apply(chosen, gains)
+    loops = slew_loop.analyse(chosen, dict(_gain(text) for text in gain or ()))
     rows = []
     for name, loop in loops.items():
         m = loop.margins

@@ -1,7 +1,7 @@
 """`slewright calibrate`: tables from recorded sweeps, the nominal arm from steps."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -9,10 +9,6 @@ from records.figures_file import check_target, write, write_text
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
-
-if TYPE_CHECKING:
-    from baselines.arm_velocity.lut import Table
-    from baselines.arm_velocity.session import Outcome
 
 app = typer.Typer(help="Calibrate a controller's tables from recordings.", no_args_is_help=True)
 
@@ -52,7 +48,7 @@ def lut(
     json: JsonOption = None,
 ) -> None:
     """Make the arm's 25-point feed-forward tables from recorded sweeps."""
-    from baselines.arm_velocity import page, session, table_file
+    from baselines.arm_velocity import page, session, table_file, terminal
 
     joints = session.check_joints(joint or [])
     session.check_request(recordings or [], machine, write_specs)
@@ -65,7 +61,10 @@ def lut(
         )
         shown = page.write_page(folder / "lut.html", outcome, seed)
     figures = session.figures(outcome)
-    _show(outcome, figures)
+    for title, columns, rows, notes in terminal.tables(outcome, figures):
+        show(title, columns, rows)
+        for note in notes:
+            typer.echo(note)
     typer.echo(f"page: {shown}")
     if write_specs:
         session.check_writable(outcome)  # before anything else is written
@@ -78,44 +77,6 @@ def lut(
         typer.echo(shortfall)
     if session.shortfalls(outcome) or any(table.lacking for table in outcome.tables.values()):
         raise typer.Exit(1)
-
-
-def _show(outcome: "Outcome", figures: dict[str, Any]) -> None:
-    """Tables with what is to be known of them, and tracking."""
-    for table in outcome.tables.values():
-        _show_table(table)
-    rows = [
-        (joint, name, f"{entry[name]['rms_ff']:.4f}", f"{entry[name]['rms_ff_pi']:.4f}")
-        for joint, entry in figures["joints"].items()
-        for name in ("before", "after")
-        if name in entry
-    ]
-    if rows:
-        title = f"RMS error at steady speed, rad/s: {outcome.origin}"
-        show(title, ["joint", "tables", "feed-forward alone", "with PI"], rows)
-
-
-def _show_table(table: "Table") -> None:
-    from baselines.arm_velocity.lut import GRID
-
-    columns = (GRID, table.command, table.low, table.high, table.error)
-    rows = [
-        (f"{v:+.4f}", f"{command:+.4f}", f"{low:+.4f} … {high:+.4f}", f"{error:.4f}")
-        for v, command, low, high, error in zip(*columns, strict=True)
-    ]
-    title = f"{table.joint}: {len(table.segments)} steady segments, {table.unsteady} unsteady left out"
-    show(title, ["velocity rad/s", "joystick", "95 %", "standard error"], rows)
-    for way, band in table.dead_band.items():
-        typer.echo(
-            f"{table.joint} {way}: dead band {band.value:.3f} ({band.low:.3f} … {band.high:.3f}); "
-            f"pose and load move the speed by {table.spread[way]:.1%}"
-        )
-    for point in table.lacking:
-        typer.echo(f"{table.joint} {point.velocity:+.4f} rad/s lacks data, {point.why}: {point.drive}")
-    for speed in table.out_of_reach:
-        typer.echo(f"{table.joint} {speed:+.4f} rad/s is not reached at full joystick")
-    for note in table.notes:
-        typer.echo(note)
 
 
 def _noise_free(joints: list[str], write_specs: bool, json: Path | None) -> None:

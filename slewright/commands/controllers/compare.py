@@ -1,10 +1,9 @@
 """`slewright compare`: the controllers held against one another and against the paper's."""
 
 import os
-from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -90,20 +89,19 @@ def compare(
     json: JsonOption = None,
 ) -> None:
     """Compare controllers on both tasks and all loads, on re-drawn machines; four metrics, intervals."""
-    from baselines import registry
+    from baselines import gains as from_files, registry
     from specs import draws
     from verification.campaign.run import run_campaign
-    from verification.comparison import tables
-    from verification.comparison.figures import figures
-    from verification.comparison.plan import SEALED, Question, check_targets, make_plan
+    from verification.comparison import figures, plan as planning, tables
+    from verification.evaluation import policies, training_range
 
-    if draw_set == SEALED:
+    if draw_set == draws.SEALED:
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
-    chosen = SEALED if sealed else draw_set
+    chosen = draws.SEALED if sealed else draw_set
     swept = sorted({1.0, *(pace or PACES)}) if sweep and not quick else (1.0,)
-    own = _own(policy or ())
-    question = Question(
-        controllers=[*_with_gains(registry.select(controller or ()), gains or ()), *own.values()],
+    own = policies.controllers(policy or ())
+    question = planning.Question(
+        controllers=[*from_files.apply_all(registry.select(controller or ()), gains or ()), *own.values()],
         tasks=[t.value for t in task or Task],
         loads=[entry.value for entry in load or Load],
         draw_set=chosen,
@@ -111,85 +109,26 @@ def compare(
         paces=swept,
         sweeps=sweeps,
     )
-    check_targets()
+    planning.check_targets()
     if page is not None:
         tables.check_page(page)
     opened = draws.open_test_set(sealed) if sealed else None
-    plan = make_plan(question, opened)
-    _warn(own, plan.runs)
+    plan = planning.make_plan(question, opened)
+    for path, one in own.items():
+        specs = [run.spec for run in plan.runs if run.spec["controller"] == one.name]
+        for text in training_range.warnings(path, specs):
+            typer.echo(f"warning: {text}", err=True)
     with progress("compare") as report:
         done = run_campaign(
             plan, out, jobs or os.cpu_count() or 1, scheduler, retry_failed=True, progress=report
         )
-    found = figures(question, plan.runs, done.results)
-    _show(found)
-    write(json, found, seed=1)
-    if page is not None:
-        tables.fill(page, found, command_line(question, list(own), gains or ()))
-    if found["failed"]:
-        raise typer.Exit(3)
-
-
-def _show(found: dict[str, Any]) -> None:
-    from verification.comparison.tables import tables
-
-    for table in tables(found):
+    found = figures.figures(question, plan.runs, done.results)
+    for table in tables.tables(found):
         show(table.title, table.columns, table.rows)
     for key, reason in list(found["failed"].items())[:FAILURES_SHOWN]:
         typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
-
-
-def _own(paths: Sequence[Path]) -> dict[Path, Any]:
-    """Policies and model folders as controllers, by the path that was told."""
-    from baselines import registry
-    from verification.evaluation.policies import model_folder, short_names
-
-    names = dict(zip(paths, short_names(paths), strict=True))
-    return {path: registry.foreign(model_folder(path), n, f"policy {n}") for path, n in names.items()}
-
-
-def _warn(own: Mapping[Path, Any], runs: Sequence[Any]) -> None:
-    """Of each policy what its runs ask beyond its training."""
-    from verification.evaluation import training_range
-
-    for path, controller in own.items():
-        specs = [run.spec for run in runs if run.spec["controller"] == controller.name]
-        for text in training_range.warnings(path, specs):
-            typer.echo(f"warning: {text}", err=True)
-
-
-def command_line(question: Any, policies: Sequence[Path] = (), gains: Sequence[str] = ()) -> str:
-    """The command that asks this question, as a page says it."""
-    from baselines import registry
-    from verification.comparison.plan import LOADS, TASKS
-
-    parts = [f"slewright compare --draws {question.draw_set} --machines {question.machines}"]
-    parts += ["--sweeps"] if question.sweeps else []
-    parts += [f"--pace {p:g}" for p in question.paces if p != 1] or ["--no-sweep"]
-    names = [c.name for c in question.controllers if c.place is None]
-    chosen = {"controller": (names, registry.names()), "task": (question.tasks, TASKS)}
-    for option, (own, known) in {**chosen, "load": (question.loads, LOADS)}.items():
-        parts += [f"--{option} {name}" for name in own] if list(own) != list(known) else []
-    parts += [f"--policy {_shown(path)}" for path in policies] + [f"--gains {text}" for text in gains]
-    return " ".join(parts)
-
-
-def _shown(path: Path) -> str:
-    """A path as anyone may type it: from here on, if it lies here."""
-    whole = path.resolve()
-    return (whole.relative_to(Path.cwd()) if whole.is_relative_to(Path.cwd()) else path).as_posix()
-
-
-def _with_gains(controllers: list[Any], texts: Sequence[str]) -> list[Any]:
-    """The controllers, some with gains of a file."""
-    from baselines.gains import apply
-
-    for text in texts:
-        if "=" not in text:
-            raise InputError(f"--gains {text}: needs NAME=FILE, with =")
-    files = {name: Path(file) for name, _, file in (text.partition("=") for text in texts)}
-    names = [c.name for c in controllers]
-    for name in files:
-        if name not in names:
-            raise InputError(f"--gains {name}=…: no such controller in this comparison ({', '.join(names)})")
-    return [apply(c, files[c.name]) if c.name in files else c for c in controllers]
+    write(json, found, seed=1)
+    if page is not None:
+        tables.fill(page, found, tables.command_line(question, list(own), gains or ()))
+    if found["failed"]:
+        raise typer.Exit(3)

@@ -63,19 +63,18 @@ def calibrate(
     json: JsonOption = None,
 ) -> None:
     """Fit a machine's own figures to recordings with a known load (default: an empty grab)."""
-    from baselines.load.calibration import calibrate as fit, uncalibrated
-    from baselines.load.calibration_file import as_dict
-    from baselines.load.influence import influence
+    from baselines.load import calibration, calibration_file, influence
     from records.formats import read_measurement
 
-    known = _known_loads(loads or [0.0], len(recordings))
+    known = calibration.known_loads(loads or [0.0], len(recordings))
     with progress("calibrate load") as report:
         report("reading")
         found = [read_measurement(path) for path in recordings]
         report("fitting")
-        machine = fit(found, known)
-    before, figures = as_dict(uncalibrated()), as_dict(machine)
-    was, now = influence(uncalibrated()), influence(machine)
+        machine = calibration.calibrate(found, known)
+    nominal = calibration.uncalibrated()
+    before, figures = calibration_file.as_dict(nominal), calibration_file.as_dict(machine)
+    was, now = influence.influence(nominal), influence.influence(machine)
     rows = [
         (n, before["unknowns"][n], before["sd"][n], v, figures["sd"][n], was[n], now[n])
         for n, v in figures["unknowns"].items()
@@ -91,29 +90,16 @@ def calibrate(
     write(json, figures)
 
 
-def _known_loads(loads: list[float], count: int) -> list[float]:
-    if len(loads) == 1:
-        loads = loads * count
-    if len(loads) != count:
-        raise InputError(f"{len(loads)} loads for {count} recordings; give --load once, or once a recording")
-    for value in loads:
-        if not 0.0 <= value <= 20000.0:
-            raise InputError(f"--load {value:g}: a load is 0 to 20000 kg")
-    return loads
-
-
 def _load(recordings: list[Path], calibration: Path | None, json: Path | None) -> None:
-    from baselines.load.calibration import uncalibrated
-    from baselines.load.calibration_file import read
-    from baselines.load.estimate import estimate as run
+    from baselines.load import calibration as nominal, calibration_file, estimate as estimating
     from records.formats import read_measurement
 
-    machine = read(calibration) if calibration else uncalibrated()
+    machine = calibration_file.read(calibration) if calibration else nominal.uncalibrated()
     found: dict[str, Any] = {}
     with progress("estimate load") as report:
         for number, path in enumerate(recordings):
             report(str(path), number, len(recordings))
-            found[str(path)] = run(read_measurement(path), machine).as_dict()
+            found[str(path)] = estimating.estimate(read_measurement(path), machine).as_dict()
     rows = [row for path, result in found.items() for row in _summary(path, result)]
     show("Load in the grab", ["recording", "motion", "windows", "load kg", "from", "to"], rows)
     for path, result in found.items():
@@ -130,31 +116,15 @@ def _summary(path: str, result: dict[str, Any]) -> list[tuple[object, ...]]:
 
 
 def _simulate(draws: int, retained: tuple[float, float], json: Path | None) -> None:
-    from baselines.load.validate import machines, validate
+    from baselines.load import validate
 
     if not -1.0 <= retained[0] <= retained[1] <= 1.0:
         raise InputError(
             f"--retained {retained[0]:g} {retained[1]:g}: two shares, -1 to 1, the lower one first"
         )
     with progress("estimate load") as report:
-        figures = validate(machines(draws), retained=retained, report=report)
-    columns = [
-        "calibration",
-        "motion",
-        "estimates",
-        "within limit",
-        "covered",
-        "95 % kg",
-        "largest kg",
-        "+- kg",
-    ]
-    keys = ("estimates", "within_limit", "covered", "p95_kg", "largest_kg", "half_width_kg")
-    rows = [
-        (name, motion, *(score[k] for k in keys))
-        for name, parts in figures["calibrations"].items()
-        for motion, score in parts.items()
-    ]
-    show("Load estimate, simulated reference machine", columns, rows)
+        figures = validate.validate(validate.machines(draws), retained=retained, report=report)
+    show("Load estimate, simulated reference machine", validate.COLUMNS, validate.rows(figures))
     write(json, figures)
     if not figures["accepted"]:
         raise typer.Exit(1)

@@ -1,5 +1,6 @@
 """`slewright evaluate`: a policy on re-drawn reference machines."""
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,8 @@ from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
+
+FAILURES_SHOWN = 5
 
 
 def evaluate(
@@ -58,7 +61,7 @@ def evaluate(
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
     from specs import draws
-    from verification.evaluation import evaluation, policies
+    from verification.evaluation import evaluation, page as pages, pictures, policies
 
     if draw_set == draws.SEALED:
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
@@ -70,72 +73,31 @@ def evaluate(
     for one in policy:
         policies.question(one, chosen, count, (1.0,), loads)  # refused now, before anything is logged
     task = policies.task_of(policy)
-    mark = mark or f"policy-{task}"
-    others = _checked(task, page, mark, beside)
+    filled = pages.checked(page, task, mark, beside)
     opened = draws.open_test_set(sealed) if sealed else None
-    asked = evaluation.Asked(chosen, count, loads, 1.0 if pace is None else pace, matched, jobs, opened)
+    asked = evaluation.Request(chosen, count, loads, 1.0 if pace is None else pace, matched, jobs, opened)
     for text in evaluation.warnings(policy, asked):
         typer.echo(f"warning: {text}", err=True)
     with progress("evaluate") as report:
         found = evaluation.evaluate(policy, out, asked, report)
-    _show(found, policy[0].name, f"{count} machines of the {chosen} draws, simulated")
-    for key, reason in list(found["failed"].items())[:5]:
-        typer.echo(f"failed: {key}: {reason.splitlines()[0]}")
+    title = f"{policy[0].name}, {task}: {count} machines of the {chosen} draws, simulated"
+    _show(evaluation.tables(found, title), found["failed"])
     for seed, speed in evaluation.unreached(found).items():
         typer.echo(f"warning: seed {seed}: {speed:.1f} °/s is the nearest to {matched:g}", err=True)
     write(json, found, seed=1)
-    if page is not None:
-        _fill(found, policy[0], page, mark, others)
+    if filled:
+        filled.fill(found, policy[0].stem)
     if figures is not None and task == "full":
-        _draw(policy[0], out, found["pace"], figures)
+        for path in pictures.draw(policy[0], out / "figures", found["pace"], figures):
+            typer.echo(f"written: {path}")
     if found["failed"]:
         raise typer.Exit(3)
 
 
-def _show(found: dict, name: str, where: str) -> None:
-    """The figures by load, and by seed where there are several."""
-    from verification.evaluation import evaluation
-
-    unit = "deg" if found["task"] == "slew" else "m"
-    columns = ("speed °/s", "overshoot °", "largest °", f"error {unit}", "tool °/s", "missed", "ended", "n")
-    rows = [(load, *evaluation.cells(cell)) for load, cell in found["loads"].items()]
-    show(f"{name}, {found['task']}: {where}, pace {found['pace']:g}", ("load", *columns), rows)
-    if len(found["seeds"]) > 1:
-        rows = [(seed, f"{c['pace']:g}", *evaluation.cells(c)) for seed, c in found["seeds"].items()]
-        show("By seed, all loads", ("seed", "pace", *columns), rows)
-
-
-def _checked(task: str, page: Path | None, mark: str, beside: Path | None) -> dict:
-    """The runs of --beside; what is wrong with it or --page is refused now, not after the runs."""
-    from records.report import markers
-    from verification.comparison.policy_vs_controllers import known
-
-    if beside and page is None:
-        raise InputError("--beside fills in a page's table: it needs --page")
-    others = known(beside, task) if beside else {}
-    if page is not None:
-        markers.around(page, mark)
-        if others:
-            markers.around(page, f"policy-beside-{task}")
-    return others
-
-
-def _fill(found: dict, policy: Path, page: Path, mark: str, others: dict) -> None:
-    """The page's tables."""
-    from records.report.markers import fill
-    from verification.comparison.policy_vs_controllers import table
-    from verification.evaluation import evaluation
-
-    fill(page, mark, evaluation.markdown(found))
-    if others:
-        unit = "°" if found["task"] == "slew" else "m"
-        text = table(found["runs"], list(found["loads"]), others, unit, policy.stem)
-        fill(page, f"policy-beside-{found['task']}", text)
-
-
-def _draw(policy: Path, out: Path, pace: float, figures: Path) -> None:
-    """The two pictures of a policy of the full task."""
-    from verification.evaluation import pictures
-
-    for path in pictures.draw(policy, out / "figures", pace, figures):
-        typer.echo(f"written: {path}")
+def _show(
+    tables: Iterable[tuple[str, Sequence[str], Sequence[Sequence[str]]]], failed: dict[str, str]
+) -> None:
+    for table in tables:
+        show(*table)
+    for key, reason in list(failed.items())[:FAILURES_SHOWN]:
+        typer.echo(f"failed: {key}: {reason.splitlines()[0]}")

@@ -9,6 +9,7 @@ from records.figures_file import write
 from slewright.commands.controllers.compare import Task
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.tables import show
 from specs.errors import InputError
 
 
@@ -40,7 +41,6 @@ def optimum(
     What is known is not searched for again, so that an interrupted search goes on where it was.
     """
     from baselines.optima import search, store
-    from slewright import tables
 
     machines, loads = machine or ["nominal"], load or search.LOADS
     if task is Task.full and travel:
@@ -61,7 +61,5 @@ def optimum(
         )
         for e in found
     ]
-    tables.show(
-        "Local optima, run on the simulated reference machine", (*columns, "error [°]", "counts"), rows
-    )
+    show("Local optima, run on the simulated reference machine", (*columns, "error [°]", "counts"), rows)
     write(json, search.figures(found))

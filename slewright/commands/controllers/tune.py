@@ -28,6 +28,8 @@ def tune(
 ) -> None:
     """Tune a controller on the tuning draws; write its gains, how they were found and what they reach."""
     from baselines import registry
+    from baselines.pi import tune as of_pi
+    from baselines.tuning import search
 
     chosen = registry.find(controller)
     if chosen.name == "pi" and hours is not None:
@@ -36,13 +38,9 @@ def tune(
         )
     with progress(f"tune {controller}") as report:
         if chosen.name == "pi":
-            from baselines.pi.tune import run as run_pi
-
-            figures = run_pi(report)
+            figures = of_pi.run(report)
         else:
-            from baselines.tuning.search import BUDGET_H, run
-
-            figures = run(chosen, report, BUDGET_H if hours is None else hours)
+            figures = search.run(chosen, report, search.BUDGET_H if hours is None else hours)
             _show(figures)
     write(json, figures, figures.get("seed"))
 

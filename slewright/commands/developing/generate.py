@@ -14,9 +14,9 @@ def generate(
     from runtime import image
     from runtime.can import table
     from slewright import reference
-    from specs.generate import main
+    from specs import generate as specs_files
 
-    stale = main(check=check) + image.write(check=check) + table.write(check=check)
+    stale = specs_files.main(check=check) + image.write(check=check) + table.write(check=check)
     stale += reference.write(check=check)
     for path in stale:
         typer.echo(f"{'out of date' if check else 'written'}: {path}")

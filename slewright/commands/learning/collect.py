@@ -28,13 +28,12 @@ def collect(
     json: JsonOption = None,
 ) -> None:
     """Make the recordings of a plan that are not there yet; write manifest and coverage page."""
-    from learning.collection.collect import collect as run
-    from learning.collection.plan import load_plan
+    from learning.collection import collect as collecting, plan as plans
 
-    checked = load_plan(plan)
+    checked = plans.load_plan(plan)
     folder = out or Path("out/collect") / f"{checked.name}-{machine.replace(':', '-')}"
     with progress("collect") as report:
-        manifest = run(checked, folder, machine, parts or (), report)
+        manifest = collecting.collect(checked, folder, machine, parts or (), report)
     rows = [(split, minutes) for split, minutes in manifest["minutes"].items()]
     tables.show(f"{checked.name}, {manifest['origin']}", ["split", "minutes"], rows)
     covered = manifest["coverage"].get("covered", {})

@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -10,9 +10,6 @@ from records.figures_file import write
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
-
-if TYPE_CHECKING:
-    from learning.slew.session import Options
 
 app = typer.Typer(help="Train models on recordings.", no_args_is_help=True)
 
@@ -53,15 +50,14 @@ def slew(
 ) -> None:
     """Train the paper's slew networks, or all variants of them, and judge them on held-out recordings."""
     from learning.slew import session
+    from records.report import markers
 
     options = session.Options(
         data=tuple(data or ()), recipe=recipe, ablation=ablation, traces=traces, machine=machine, jobs=jobs,
         seeds=tuple(range(first_seed, first_seed + seeds)), budget=budget, out=out,
     )  # fmt: skip
     if doc is not None:
-        from records.report import markers
-
-        markers.around(doc, f"slew-{_kind(options)}")  # refused now, not after the training
+        markers.around(doc, options.marker)  # refused now, not after the training
     with progress("train slew") as report:
         figures = session.reproduce(reproduce, options, report) if reproduce else session.run(options, report)
     rows = [
@@ -73,9 +69,7 @@ def slew(
     for line in figures["notes"]:
         typer.echo(line)
     if doc is not None:
-        from records.report.markers import fill
-
-        fill(doc, f"slew-{_kind(options)}", session.markdown(figures))
+        markers.fill(doc, options.marker, session.markdown(figures))
     write(json, {**figures, **figures["variants"]}, first_seed)
     if not figures["accepted"]:
         raise typer.Exit(1)
@@ -129,13 +123,6 @@ def policy(
         typer.echo("no policy is written: a teacher (privileged) is for its students")
     typer.echo(f"written: {figures['policy'] or figures['checkpoint']}")
     write(json, figures, seed)
-
-
-def _kind(options: "Options") -> str:
-    """Which table of a document it is: `ablation`, `traces`, or the machine's name."""
-    if options.traces:
-        return "traces"
-    return "ablation" if options.machine == "nominal" else options.machine.replace(":", "-")
 
 
 def _interval(entry: dict) -> tuple[str, str]:

@@ -55,14 +55,17 @@ def bundle(
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
-    from deployment.bundling import archive as signing
     from deployment.bundling.build import bundle as build
     from verification.evaluation import training_range
 
     if sign is None and (archive or release or config):
         raise InputError("--archive, --release and --config are of a signed archive: add --sign KEY.pem")
-    target = archive or signing.default_path(out)
-    key = signing.check(target, sign, release, config, passphrase) if sign else None
+    key, target = None, archive or out
+    if sign:
+        from deployment.bundling import archive as signing  # needs cryptography, which a bundle does not
+
+        target = archive or signing.default_path(out)
+        key = signing.check(target, sign, release, config, passphrase)
     with progress("bundle") as report:
         report(f"compiling {controller}")
         made = build(
@@ -79,6 +82,8 @@ def bundle(
     figures = {"controller": made.controller, "platforms": list(made.platforms), "sha256": made.digest}
     figures |= {"identity": made.identity}
     if key:
+        from deployment.bundling import archive as signing
+
         signed = signing.write(made, target, key, release, config)
         typer.echo(f"{target}: {len(signed.files)} files, digest {signed.digest}, signed by {key.public.id}")
         figures |= {"archive": str(target), "digest": signed.digest, "key": key.public.id}

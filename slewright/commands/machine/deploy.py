@@ -1,9 +1,8 @@
 """`slewright deploy`: signed bundles on a machine: install, list, go back."""
 
 import sys
-from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -13,9 +12,6 @@ from slewright.commands.machine.deploy_keys import KeysOption
 from slewright.figures import JsonOption
 from slewright.tables import show
 from specs.errors import InputError
-
-if TYPE_CHECKING:
-    from runtime.archive.install import Offer
 
 app = typer.Typer(help="Signed bundles on a machine (docs/how-to/bundles.md).", no_args_is_help=True)
 app.add_typer(deploy_keys.app, name="keys")
@@ -41,17 +37,17 @@ def install(
     json: JsonOption = None,
 ) -> None:
     """Check an archive, show what it changes, and, if that is accepted, let it run from the next start on."""
-    from runtime.archive.install import install as put, offer
-    from runtime.archive.start import Place
+    from runtime.archive import install as installing, start
 
-    place = Place(store, keys)
-    offered = offer(place, archive)
-    _show(offered)
+    place = start.Place(store, keys)
+    offered = installing.offer(place, archive)
+    for line in offered.lines():
+        typer.echo(line)
     accepted = _accepted(offered.signed.digest, accept)
     if accepted:
-        put(place, offered)
+        installing.install(place, offered)
         typer.echo(f"{offered.signed.name} runs from the next start on")
-    write(json, {**_figures(offered), "installed": accepted})
+    write(json, {**offered.figures(), "installed": accepted})
     if not accepted:
         typer.echo(f"not installed; accept it with --accept {offered.signed.digest[:SHORTEST]}", err=True)
         raise typer.Exit(1)
@@ -60,22 +56,21 @@ def install(
 @app.command()
 def rollback(store: StoreOption, keys: KeysOption = None, json: JsonOption = None) -> None:
     """Let the last good bundle, one that has run, be the active one again, from the next start on."""
-    from runtime.archive.install import roll_back
-    from runtime.archive.start import Place
+    from runtime.archive import install as installing, start
 
-    done = roll_back(Place(store, keys))
-    _show(done)
+    done = installing.roll_back(start.Place(store, keys))
+    for line in done.lines():
+        typer.echo(line)
     typer.echo(f"back to {done.signed.name}, from the next start on")
-    write(json, _figures(done))
+    write(json, done.figures())
 
 
 @app.command("list")
 def list_(store: StoreOption, keys: KeysOption = None, json: JsonOption = None) -> None:
     """The bundles of a store, each checked as at a start; exit code 1 if the active one would not run."""
-    from runtime.archive.overview import overview
-    from runtime.archive.start import Place
+    from runtime.archive import overview, start
 
-    found = overview(Place(store, keys))
+    found = overview.overview(start.Place(store, keys))
     columns = ["", "controller", "release", "digest", "signed by", "has run", "state"]
     show(f"store {store}", columns, [e.row() for e in found.entries])
     for name in found.damaged:
@@ -95,30 +90,3 @@ def _accepted(digest: str, given: str | None) -> bool:
             "nothing was installed"
         )
     return True
-
-
-def _show(offered: "Offer") -> None:
-    signed = offered.signed
-    typer.echo(f"{signed.name}, signed by {signed.signer}, digest {signed.digest}")
-    if offered.first:
-        typer.echo("the first bundle of this store: nothing to compare with")
-    elif offered.unknown:
-        typer.echo(f"what it changes cannot be told: {offered.unknown}")
-    elif not offered.changes:
-        typer.echo("nothing is different from the active bundle")
-    _sections(offered.changes)
-
-
-def _sections(changes: Iterable[Any]) -> None:
-    section = ""
-    for change in changes:
-        if change.section != section:
-            section = change.section
-            typer.echo(f"{section}:")
-        typer.echo(f"  {change}")
-
-
-def _figures(offered: "Offer") -> dict[str, Any]:
-    changes = [vars(change) for change in offered.changes]
-    signed = offered.signed
-    return {"digest": signed.digest, "name": signed.name, "signed_by": signed.signer, "changes": changes}

@@ -94,15 +94,13 @@ def retire(
     ] = False,
 ) -> None:
     """Trust a key no more; bundles that it signed are refused from the next start on."""
-    from runtime.archive import trust
-    from runtime.archive.overview import check_retirement
-    from runtime.archive.start import Place
+    from runtime.archive import overview, start, trust
 
     folder = _folder(store, keys)
     if not now:
         if store is None:
             raise InputError("which store's active bundle may need the key? --store DIR, or --now")
-        check_retirement(Place(store, keys), name)
+        overview.check_retirement(start.Place(store, keys), name)
     found = trust.retire(folder, name)
     typer.echo(f"{folder}: {found.name} ({found.key.id}) is retired")
 

@@ -1,12 +1,11 @@
 """`slewright faults`: every fault injected at random moments, each with its reaction and its time limit."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from records import figures_file
-from slewright.figures import JsonOption
+from slewright.figures import BundleOption, JsonOption
 from slewright.progress import progress
 from slewright.tables import show
 
@@ -15,9 +14,7 @@ def faults(
     names: Annotated[
         list[str] | None, typer.Argument(metavar="FAULT", help="Only these (default: all).")
     ] = None,
-    bundle: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="The bundle that runs (default: one of pd, built now).")
-    ] = None,
+    bundle: BundleOption = None,
     count: Annotated[int, typer.Option(min=1, help="Injections of each, at random moments.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the moments and of the machine's noise.")] = 1,
     json: JsonOption = None,

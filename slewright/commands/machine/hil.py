@@ -1,22 +1,19 @@
 """`slewright hil`: the controller against the simulated machine, in real time over CAN and Modbus."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from records import figures_file
 from slewright.commands.machine.run import show_page
-from slewright.figures import JsonOption
+from slewright.figures import BundleOption, JsonOption, exit_if_missed
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
 
 
 def hil(
-    bundle: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="The bundle that runs (default: one of pd, built now).")
-    ] = None,
+    bundle: BundleOption = None,
     scenario: Annotated[str, typer.Option(metavar="NAME", help="Which scenario.")] = "four_targets_empty",
     seconds: Annotated[
         float | None, typer.Option(metavar="S", min=1.0, help="Only its first seconds (default: all).")
@@ -36,7 +33,7 @@ def hil(
 ) -> None:
     """Run a scenario in real time on one computer; metrics must be those of lock-step within tolerance."""
     from deployment.bundling.default import ready
-    from deployment.hil.hil import SLEW_DEG, TOLERANCES, on_page, run
+    from deployment.hil.hil import on_page, run
     from deployment.hil.rig import Setting
     from specs.scenario import TICK_S, load
 
@@ -51,13 +48,8 @@ def hil(
             on_page(setting, show_page, report)
             return
         result = run(setting, report, show_page)
-    rows = [
-        (f"{name} in {unit}", result.real[name], result.simulated[name], limit)
-        for name, (unit, limit) in TOLERANCES.items()
-        if name in result.real
-    ]
-    rows.append(("slew angles apart in °", result.slew_deg, 0.0, SLEW_DEG))
-    show("four metrics (simulated reference machine)", ["", "real time", "lock-step", "tolerance"], rows)
+    columns = ["", "real time", "lock-step", "tolerance"]
+    show("four metrics (simulated reference machine)", columns, result.rows())
     if not result.real:
         typer.echo("no target was finished in this time: of the metrics none is compared")
     timing = result.statistics
@@ -66,22 +58,5 @@ def hil(
         f"lateness p99 {timing['lateness_us']['p99']:.0f} µs, sensor to command p99 "
         f"{timing['latency_us']['p99'] / 1000:.1f} ms; the machine was {result.late_ticks} times late"
     )
-    misses = result.misses()
-    tolerances = {name: limit for name, (_, limit) in TOLERANCES.items()}
-    figures_file.write(
-        json,
-        {
-            "real_time": result.real,
-            "lock_step": result.simulated,
-            "slew_apart_deg": result.slew_deg,
-            "tolerance": {**tolerances, "slew_apart_deg": SLEW_DEG},
-            "within_tolerance": not misses,
-            "statistics": timing,
-            "machine_late_ticks": result.late_ticks,
-        },
-        seed,
-    )
-    for miss in misses:
-        typer.echo(f"slewright: missed: {miss}", err=True)
-    if misses:
-        raise typer.Exit(1)
+    figures_file.write(json, result.figures(), seed)
+    exit_if_missed(result.misses())

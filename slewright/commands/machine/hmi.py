@@ -29,12 +29,26 @@ def hmi(
 
     if (recording is None) == (new_tokens is None):
         raise InputError("either RECORDING to play back, or --new-tokens FILE")
-    if new_tokens:
-        from runtime.hmi.tokens import make
+    from runtime.hmi import playback, process, timeline, tokens
 
-        show_tokens(make(new_tokens), new_tokens)
+    if new_tokens:
+        show_tokens(tokens.make(new_tokens), new_tokens)
         return
-    _play(recording or Path(), port)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    moments = playback.checked(timeline.open_timeline(recording or Path()))
+    player = playback.Playback(moments)
+    site = process.open_site({"host": "127.0.0.1", "port": port}, player.routes(), None)
+    for note in moments.notes:
+        typer.echo(f"slewright: {note}", err=True)
+    typer.echo(f"{moments.duration:.1f} s of {recording}: http://127.0.0.1:{site.port}/ (Ctrl-C ends)")
+    threading.Thread(target=player.read, daemon=True).start()
+    try:
+        site.serve_forever()
+    except KeyboardInterrupt:
+        typer.echo("ended")
+    finally:
+        player.stop()
+        site.server_close()
 
 
 def show_tokens(made: dict[str, str], path: Path) -> None:
@@ -42,27 +56,3 @@ def show_tokens(made: dict[str, str], path: Path) -> None:
     for role, token in made.items():
         typer.echo(f"token of {role}: {token}")
     typer.echo(f"shown this once; {path} holds only their SHA-256")
-
-
-def _play(recording: Path, port: int) -> None:
-
-    from runtime.hmi.playback import Playback, checked
-    from runtime.hmi.process import open_site
-    from runtime.hmi.timeline import open_timeline
-
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    timeline = checked(open_timeline(recording))
-    playback = Playback(timeline)
-    site = open_site({"host": "127.0.0.1", "port": port}, playback.routes(), None)
-    for note in timeline.notes:
-        typer.echo(f"slewright: {note}", err=True)
-    typer.echo(f"{timeline.duration:.1f} s of {recording}: http://127.0.0.1:{site.port}/ (Ctrl-C ends)")
-    reading = threading.Thread(target=playback.read, daemon=True)
-    reading.start()
-    try:
-        site.serve_forever()
-    except KeyboardInterrupt:
-        typer.echo("ended")
-    finally:
-        playback.stop()
-        site.server_close()

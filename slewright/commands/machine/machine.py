@@ -35,19 +35,18 @@ def machine(
 
     docs/tutorials/first-machine.md shows it.
     """
-    from deployment.hil.machine import Machine
+    from deployment.hil import machine as plants, standalone_machine
     from deployment.hil.machine_node import MachineNode
-    from deployment.hil.standalone_machine import Alone, Operator, drive
-    from runtime.configuration import LOCAL_BUS
     from specs.scenario import TICK_S, load
 
     found, ticks = load(scenario), None if seconds is None else round(seconds / TICK_S)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the bus goes, too
     with progress("machine") as report:
         report("starting")
-        plant = Machine(found, seed, draw)
-    with plant, Alone(interface, channel) as end:
-        where = Path(channel).resolve() if interface == LOCAL_BUS else channel
+        plant = plants.Machine(found, seed, draw)
+    with plant, standalone_machine.MachineOnBus(interface, channel) as end:
+        where = Path(channel).resolve() if interface == standalone_machine.LOCAL_BUS else channel
         typer.echo(f"simulated machine on {interface} {where}; Ctrl-C ends it")
         with suppress(KeyboardInterrupt):
-            drive(MachineNode(end.bus, found, plant), ticks, typer.echo, None if by_hand else Operator())
+            operator = None if by_hand else standalone_machine.Operator()
+            standalone_machine.drive(MachineNode(end.bus, found, plant), ticks, typer.echo, operator)

@@ -26,17 +26,15 @@ def replay(
     json: JsonOption = None,
 ) -> None:
     """Repeat a recording with the same control core; name the first tick that comes out differently."""
-    from runtime.bundle import load
-    from runtime.policy import open_core
-    from runtime.recorder.reader import Recording
-    from runtime.recorder.replay import bundle_of, check_identity, identity, replay as repeat
+    from runtime import bundle as bundles, policy
+    from runtime.recorder import reader, replay as repeating
 
-    recording = Recording(file)
+    recording = reader.Recording(file)
     metadata = recording.metadata()
-    checked = load(bundle) if bundle else bundle_of(metadata)
-    check_identity(metadata, identity(checked.identity, VERSION))
+    checked = bundles.load(bundle) if bundle else repeating.bundle_of(metadata)
+    repeating.check_identity(metadata, repeating.identity(checked.identity, VERSION))
     with progress("replay") as report:
-        result = repeat(recording, open_core(checked), lambda ticks: report("ticks", ticks))
+        result = repeating.replay(recording, policy.open_core(checked), lambda ticks: report("ticks", ticks))
     for note in result.notes:
         typer.echo(f"slewright: {note}", err=True)
     figures_file.write(

@@ -57,49 +57,22 @@ def shadow(
     json: JsonOption = None,
 ) -> None:
     """What the controller would have done while an operator drove, and how close the reference machine is."""
-    from deployment.shadow import report as reports
-    from runtime.bundle import load as load_bundle
-    from runtime.recorder.reader import Recording
-    from runtime.recorder.replay import bundle_of
+    from deployment.shadow import report as reports, rows, simulated
+    from runtime import bundle as bundles
+    from runtime.recorder import reader, replay
 
     if bundle is None and simulate is not None:
         raise InputError("--simulate needs --bundle: what is to run (slewright bundle pd --out pd.bundle)")
-    checked = load_bundle(bundle) if bundle else bundle_of(Recording(recording).metadata())
-    asked = reports.Asked(recording, checked, out, operator, load, machine)
+    checked = bundles.load(bundle) if bundle else replay.bundle_of(reader.Recording(recording).metadata())
+    asked = reports.Request(recording, checked, out, operator, load, machine)
     reports.check(asked)
     with progress("shadow") as report:
         if simulate is not None:
-            _simulate(asked, simulate, scenario, seconds, seed, report)
+            simulated.record(checked, recording, simulate, scenario, seconds, seed, report)
         found = reports.run(asked, report)
-    _show(found)
+    for table in rows.tables(found):
+        show(*table)
+    for line in (*rows.sentences(found), "next:", *(f"  {command}" for command in found["next"])):
+        typer.echo(line)
     typer.echo(f"report: {out / reports.PAGE}")
     figures_file.write(json, found, seed if simulate is not None else None)
-
-
-def _simulate(asked, simulate: str, scenario: str, seconds: float | None, seed: int, report) -> None:
-    from deployment.shadow.simulated import Simulated
-    from slewright.drive import which
-    from specs import scenario as scenarios
-    from specs.scenario import TICK_S
-
-    folder = asked.recording
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(
-            f"--simulate: {folder} is there already; name a new or empty folder for the recording"
-        )
-    chosen = scenarios.load(scenario)
-    ticks = None if seconds is None else min(round(seconds / TICK_S), chosen.duration_ticks)
-    with Simulated(asked.bundle, chosen, folder, seed, which(simulate, "--simulate")) as run:
-        run.run(ticks, report)
-
-
-def _show(found: dict) -> None:
-    from deployment.shadow.rows import sentences, tables
-
-    for title, columns, rows in tables(found):
-        show(title, columns, rows)
-    for line in sentences(found):
-        typer.echo(line)
-    typer.echo("next:")
-    for line in found["next"]:
-        typer.echo(f"  {line}")

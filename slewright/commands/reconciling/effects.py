@@ -24,8 +24,8 @@ def effects(
     """List the effects that reconcile can name: equation, parameters and where each is from."""
     from rich.markup import escape
 
+    from reconcile.catalogue import table as catalogue
     from records.report import markers
-    from slewright import catalogue
 
     rows = catalogue.rows()
     columns = catalogue.HEADINGS

@@ -9,7 +9,6 @@ from records.figures_file import write
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
-from specs.progress import Report
 
 
 def build(
@@ -22,16 +21,18 @@ def build(
     json: JsonOption = None,
 ) -> None:
     """Build all FMUs (unchanged ones come from the cache), validate them, and pack the systems."""
-    from fmus.toolchain import compiler
-    from fmus.toolchain.build import build_all
+    from fmpy.validation import validate_fmu
+
+    from fmus.toolchain import build as toolchain, compiler
     from orchestrator.system.pack import pack_system
     from specs import systems
 
     names = [compiler.host().name, *(compiler.target(name).name for name in target or [])]
     with progress("build") as report:
-        built = build_all(list(dict.fromkeys(names)), report)
+        built = toolchain.build_all(list(dict.fromkeys(names)), report)
         for fmu in built:
-            fmu["problems"] = _problems(fmu, report)
+            report(f"validating {fmu['model']} (FMI {fmu['fmi']})")
+            fmu["problems"] = validate_fmu(str(fmu["path"]))
         report("packing the systems")
         packed = [str(pack_system(name, version)) for name in systems.names() for version in (2, 3)]
     show("FMUs", ["model", "FMI", "targets", "file", "problems"], [_row(fmu) for fmu in built])
@@ -39,14 +40,6 @@ def build(
     write(json, {"fmus": built, "systems": packed})
     if any(fmu["problems"] for fmu in built):
         raise typer.Exit(1)
-
-
-def _problems(fmu: dict[str, Any], report: Report) -> list[str]:
-    """What FMPy's validation finds wrong with an FMU."""
-    from fmpy.validation import validate_fmu
-
-    report(f"validating {fmu['model']} (FMI {fmu['fmi']})")
-    return validate_fmu(fmu["path"])
 
 
 def _row(fmu: dict[str, Any]) -> list[object]:

@@ -30,13 +30,12 @@ def campaign(
     json: JsonOption = None,
 ) -> None:
     """Do the runs of a plan that are not done yet; write results and a summary page."""
-    from verification.campaign.plan import load_plan
-    from verification.campaign.run import run_campaign
+    from verification.campaign import plan as plans, run
 
-    checked = load_plan(plan, open_test_set)
+    checked = plans.load_plan(plan, open_test_set)
     folder = out or Path("out/campaign") / checked.name
     with progress("campaign") as report:
-        found = run_campaign(checked, folder, jobs, scheduler, only or (), retry_failed, record, report)
+        found = run.run_campaign(checked, folder, jobs, scheduler, only or (), retry_failed, record, report)
     typer.echo(
         f"{len(found.results)} of {len(checked.runs)} runs finished ({found.done} now), "
         f"{len(found.failed)} failed, {len(found.missed)} miss a limit"

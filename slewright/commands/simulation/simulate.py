@@ -57,15 +57,14 @@ def simulate(
     json: JsonOption = None,
 ) -> None:
     """Run a system with its start values and record it."""
-    from orchestrator.run.simulate import simulate as run
-    from orchestrator.system.check import load_system
-    from orchestrator.system.single_fmu import system_of_fmu
+    from orchestrator.run import simulate as running
+    from orchestrator.system import check, single_fmu
 
     if step is not None and system.suffix != ".fmu":
         raise InputError(f"--step is for a bare .fmu; {system} states its step itself")
     if system.resolve() in (path.resolve() for path in (out, json) if path):
         raise InputError(f"{system} is to be read; the results need a file of another name")
-    loaded = load_system(system) if step is None else system_of_fmu(system, step)
+    loaded = check.load_system(system) if step is None else single_fmu.system_of_fmu(system, step)
     for warning in loaded.warnings:
         typer.echo(f"slewright: warning: {warning}", err=True)
     stop = loaded.stop_s if stop is None else stop
@@ -81,7 +80,7 @@ def simulate(
             err=True,
         )
     with progress("simulate") as report:
-        found = run(
+        found = running.simulate(
             loaded,
             ticks,
             record_path=out,

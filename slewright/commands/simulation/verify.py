@@ -1,9 +1,8 @@
 """`slewright verify`: the main job."""
 
-from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,9 +11,6 @@ from slewright.figures import JsonOption
 from slewright.progress import progress
 from specs.errors import InputError
 from specs.progress import Report
-
-if TYPE_CHECKING:
-    from verification.verify import Controller
 
 
 class Systems(StrEnum):
@@ -70,26 +66,26 @@ def verify(
 
     Without --controller, --model or --bundle the policy that ships is verified, beside the paper's PI.
     """
-    from verification.verify import show, verify as run
+    from verification import choice, readme as results, verify as verification
 
     systems = ["nominal", "reference"] if system is Systems.both else [system.value]
     with progress("verify") as report:
         if bundle is not None:
             chosen, systems = _bundled(bundle, controller or model, system, out, report), ["reference"]
         else:
-            chosen = _chosen(controller, model, systems)
-        outcome = run(scenario or None, systems, seed, out, chosen[0], chosen[1:], jobs, report)
-    show(outcome)
+            chosen = choice.choose(controller, model, systems)
+        outcome = verification.verify(
+            scenario or None, systems, seed, out, chosen[0], chosen[1:], jobs, report
+        )
+    verification.show(outcome)
     write(json, outcome.figures, seed)
     if readme is not None:
-        from slewright.readme import fill
-
-        fill(readme, outcome, f"slewright verify --seed {seed}")
+        results.fill(readme, outcome, f"slewright verify --seed {seed}")
     if not outcome.own.accepted:
         raise typer.Exit(1)
 
 
-def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Report) -> "list[Controller]":
+def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Report) -> list[Any]:
     """The reference system with the core of a bundle."""
     from deployment.bundling.fmu import system_of
     from runtime.bundle import load
@@ -105,26 +101,3 @@ def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Re
     report(f"building the core of {found.controller}")
     packages = {"reference": system_of(found, out / "systems")}
     return [Controller(f"{found.controller} (bundle)", packages=packages)]
-
-
-def _chosen(controller: str, model: Path | None, systems: Sequence[str]) -> "list[Controller]":
-    """The controller to verify, then those beside it: what was named, or else what ships.
-
-    A `model` of the machine is verified with the controller that ships.
-    """
-    from baselines import registry
-    from verification.evaluation.policies import SHIPPED, model_folder
-    from verification.runs import replacement
-    from verification.verify import PI, Controller
-
-    if controller and model is not None:
-        raise InputError("--controller and --model exclude each other")
-    if controller:
-        found = registry.find(controller)
-        return [Controller(controller, tuple(found.models.values()), found.parameters)]
-    if model is None:
-        return [Controller("policy", (model_folder(SHIPPED),)), PI]
-    folder = model_folder(model)
-    if registry.SLOT in replacement(folder, systems):
-        return [Controller(folder.resolve().name, (folder,))]
-    return [Controller("policy", (model_folder(SHIPPED), folder))]

@@ -18,9 +18,9 @@ from deployment.hil.standalone_machine import (
     DRIVING,
     MODES,
     PRESS_S,
-    Alone,
     ByHand,
     Lines,
+    MachineOnBus,
     Operator,
 )
 from specs.errors import InputError
@@ -221,14 +221,14 @@ def test_lines_come_whole_and_their_end_is_no_line() -> None:
 
 def test_a_bus_is_made_joined_or_refused(tmp_path: Path) -> None:
     path = tmp_path / "bus"
-    with Alone("slewright", str(path)):
-        with Alone("slewright", str(path)) as second:
+    with MachineOnBus("slewright", str(path)):
+        with MachineOnBus("slewright", str(path)) as second:
             assert second.bus is not None
         assert path.is_socket(), "who joined it does not end it"
     assert not path.exists()
     path.write_text("precious")
     with pytest.raises(InputError, match="is there already, and no local bus"):
-        Alone("slewright", str(path))
+        MachineOnBus("slewright", str(path))
     assert path.read_text() == "precious"
     with pytest.raises(InputError, match="unknown CAN interface 'sockets'"):
-        Alone("sockets", "can0")
+        MachineOnBus("sockets", "can0")

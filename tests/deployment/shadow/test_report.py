@@ -10,7 +10,7 @@ import pytest
 
 from deployment.shadow import agreement, closeness, handover, ranges
 from deployment.shadow.recorded import Shadowed, read
-from deployment.shadow.report import Asked, run
+from deployment.shadow.report import Request, run
 from reconcile.data import read_run
 from reconcile.model import read_folder
 from records.formats import read_measurement, write_measurement
@@ -122,7 +122,7 @@ def test_reconcile_reads_what_is_handed_over(tmp_path: Path):
 
 
 def test_the_report_is_written_whole(tmp_path: Path):
-    asked = Asked(recorded()[0], built("pd"), tmp_path / "out")
+    asked = Request(recorded()[0], built("pd"), tmp_path / "out")
     figures = run(asked, lambda *_: None)
     assert sorted(p.name for p in asked.out.iterdir()) == ["operator.parquet", "report.html", "report.json"]
     told = json.loads((asked.out / "report.json").read_text())
@@ -142,7 +142,7 @@ def test_what_is_no_recording_of_shadow_mode_is_refused(tmp_path: Path):
     with pytest.raises(InputError, match="control core"):
         read(recorded()[0], built("pi"))
     with pytest.raises(InputError, match="--machine"):
-        run(Asked(recorded()[0], built("pd"), tmp_path / "out", machine="mine"), lambda *_: None)
+        run(Request(recorded()[0], built("pd"), tmp_path / "out", machine="mine"), lambda *_: None)
 
 
 def test_the_dossier_takes_its_figures(tmp_path: Path):

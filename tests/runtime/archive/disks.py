@@ -3,11 +3,11 @@
 import random
 from typing import Self
 
-from deployment.faults.disks import Forgetful, PowerCutError
+from deployment.faults.disks import ForgettingDisk, PowerCutError
 from runtime.archive.disk import StoreFolder
 
 
-class ForgetfulStore(Forgetful):
+class ForgetfulStore(ForgettingDisk):
     """runtime.archive.disk.Disk that keeps only what was synced."""
 
     def below(self, folder: str) -> list[str]:

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from deployment.faults.disks import Forgetful, PowerCutError
+from deployment.faults.disks import ForgettingDisk, PowerCutError
 from runtime.retain.copies import COPIES, Folder, Retained
 from specs.errors import InputError
 
 LAYOUT = "0123456789abcdef"
 
 
-def save_until_cut(disk: Forgetful) -> int:
+def save_until_cut(disk: ForgettingDisk) -> int:
     """How many saves came back before the power went."""
     kept = Retained(disk, LAYOUT)
     for number in itertools.count(1):
@@ -31,7 +31,7 @@ OPERATIONS = 4  # of one save: write, sync, rename, sync of the folder
 @pytest.mark.parametrize("saves", [1, 2, 3, 5])
 def test_power_cut_at_every_operation(saves: int, names_arrived: bool, half: float):
     for cut in range(OPERATIONS * saves):
-        disk = Forgetful(cut, half)
+        disk = ForgettingDisk(cut, half)
         done = save_until_cut(disk)
         after = Retained(disk.after_cut(names_arrived), LAYOUT).load()
         assert after in ([{}, {"value": 1}] if done == 0 else [{"value": done}, {"value": done + 1}])
@@ -39,7 +39,7 @@ def test_power_cut_at_every_operation(saves: int, names_arrived: bool, half: flo
 
 def test_a_second_power_cut_before_the_first_save_is_over():
     for first, second in itertools.product(range(3 * OPERATIONS), range(OPERATIONS)):
-        disk = Forgetful(first, 0.5)
+        disk = ForgettingDisk(first, 0.5)
         save_until_cut(disk)
         again = disk.after_cut(names_arrived=True)
         before = Retained(again, LAYOUT).load()
@@ -51,7 +51,7 @@ def test_a_second_power_cut_before_the_first_save_is_over():
 
 def test_a_disk_that_forgets_everything_not_synced_loses_it():
     """The test's disk can fail: without syncs a save is lost, whole or in part."""
-    disk = Forgetful(half=0.5)
+    disk = ForgettingDisk(half=0.5)
     disk.write("retain.a", b"12345678")
     assert disk.after_cut(names_arrived=False).read("retain.a") is None
     assert disk.after_cut(names_arrived=True).read("retain.a") == b"1234"

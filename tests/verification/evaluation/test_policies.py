@@ -10,12 +10,12 @@ import pytest
 from baselines import registry
 from learning.policy import export
 from learning.policy.controller import write_folder
-from slewright.commands.controllers.compare import command_line
 from slewright.commands.controllers.evaluate import evaluate
 from specs.errors import InputError
 from tests.conftest import Command
 from tests.learning.policy.test_export import made
 from verification.comparison.plan import Question
+from verification.comparison.tables import command_line
 from verification.evaluation import evaluation, policies
 from verification.runs import replacement
 
@@ -218,10 +218,10 @@ def rows_at(pace: float) -> evaluation.Rows:
 
 def test_the_pace_of_a_speed_is_searched_within_the_trained_ones() -> None:
     """By secant to 0.1 °/s; the nearest where the trained paces do not reach it."""
-    rows, pace = evaluation.at_speed(rows_at, evaluation.Asked(matched=14.0), (0.5, 1.4))
+    rows, pace = evaluation.at_speed(rows_at, evaluation.Request(matched=14.0), (0.5, 1.4))
     assert np.mean([r["speed"] for r in rows]) == pytest.approx(14.0, abs=evaluation.NEAR)
     assert pace == pytest.approx(np.sqrt(1.35), abs=0.01)
-    assert evaluation.at_speed(rows_at, evaluation.Asked(matched=30.0), (0.5, 1.4))[1] == 1.4
+    assert evaluation.at_speed(rows_at, evaluation.Request(matched=30.0), (0.5, 1.4))[1] == 1.4
 
 
 def test_the_search_for_a_speed_begins_within_the_trained_paces() -> None:
@@ -232,7 +232,7 @@ def test_the_search_for_a_speed_begins_within_the_trained_paces() -> None:
         tried.append(pace)
         return rows_at(pace)
 
-    evaluation.at_speed(run, evaluation.Asked(matched=30.0), (0.3, 0.8))
+    evaluation.at_speed(run, evaluation.Request(matched=30.0), (0.3, 0.8))
     assert max(tried) == 0.8
 
 

@@ -15,7 +15,7 @@ from specs.errors import RunError
 from tests.conftest import ROOT
 from tests.learning.policy.test_export import made
 from verification.evaluation import evaluation, training_range
-from verification.evaluation.evaluation import Asked
+from verification.evaluation.evaluation import Request
 
 SHIPPED = tuple(ROOT / "learning" / "policies" / f"{task}.onnx" for task in ("full", "slew"))
 NARROW = {  # too narrow for the first two validation machines, unless said otherwise
@@ -51,7 +51,7 @@ def test_every_quantity_that_is_too_narrow_is_warned_about(name: str, tmp_path: 
     """And that one alone, with its range."""
     wide = dict.fromkeys(NARROW, (-1e9, 1e9))
     path = narrowed(tmp_path, {**wide, name: NARROW[name]})
-    (text,) = evaluation.warnings([path], Asked(machines=2))
+    (text,) = evaluation.warnings([path], Request(machines=2))
     low, high = NARROW[name]
     assert text.startswith(f"{path}: {name} is outside the trained {low:g} … {high:g}: ")
 
@@ -62,7 +62,7 @@ def test_every_machine_and_load_outside_is_named(tmp_path: Path) -> None:
     bands = [draws.draw("validation", i)["slew_dead_band"] for i in range(8)]
     beyond = [f"{band:g} (validation-{i})" for i, band in enumerate(bands) if band > 0.15]
     assert 1 < len(beyond) < 8
-    texts = list(evaluation.warnings([path], Asked(machines=8, loads=["empty", "2t"])))
+    texts = list(evaluation.warnings([path], Request(machines=8, loads=["empty", "2t"])))
     assert texts[0] == f"{path}: slew_dead_band is outside the trained 0.09 … 0.15: {', '.join(beyond)}"
     assert texts[1].endswith(": " + ", ".join(f"2000 (validation-{i}, 2t)" for i in range(8)))
 
@@ -70,9 +70,9 @@ def test_every_machine_and_load_outside_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("path", SHIPPED)
 def test_the_shipped_policies_ranges_are_all_known(path: Path) -> None:
     """None of them goes unlooked at; one validation machine has too long a pendulum."""
-    (run, *_) = evaluation.planned_runs(path, Asked(machines=1), 1.0).runs
+    (run, *_) = evaluation.planned_runs(path, Request(machines=1), 1.0).runs
     assert set(export.read(path).contract.ranges) <= set(training_range.quantities(run.spec))
-    texts = list(evaluation.warnings([path], Asked(machines=24)))
+    texts = list(evaluation.warnings([path], Request(machines=24)))
     assert texts == [f"{path}: pendulum_length is outside the trained 1.2 … 2.3: 2.32445 (validation-13)"]
 
 
@@ -80,15 +80,15 @@ def test_each_policy_is_looked_at_and_a_pace_that_is_searched_is_not(tmp_path: P
     """Not the first one alone."""
     wide = narrowed(tmp_path / "wide", {"pace": (0.5, 1.5)})
     slow = narrowed(tmp_path / "slow", {"pace": (0.5, 0.9)})
-    texts = list(evaluation.warnings([wide, slow], Asked(machines=1, pace=2.0)))
+    texts = list(evaluation.warnings([wide, slow], Request(machines=1, pace=2.0)))
     assert [text.split(": ")[0] for text in texts] == [str(wide), str(slow)]
     assert texts[1].endswith("pace is outside the trained 0.5 … 0.9: 2")
-    assert not list(evaluation.warnings([wide, slow], Asked(machines=1, matched=11.2)))
+    assert not list(evaluation.warnings([wide, slow], Request(machines=1, matched=11.2)))
 
 
 def test_sealed_machines_are_not_told() -> None:
     """But that there are some, and in which quantity; the pace is no secret."""
-    spec = evaluation.planned_runs(SHIPPED[0], Asked(machines=1), 1.0).runs[0].spec
+    spec = evaluation.planned_runs(SHIPPED[0], Request(machines=1), 1.0).runs[0].spec
     machine = {**spec["machine"], "grab_com": 1.5, "grab_gyration": 1.2}
     odd = {**spec, "draw": f"{draws.SEALED}-7", "machine": machine, "pace": 1.75}
     pace, length = training_range.warnings(SHIPPED[0], [odd])

@@ -1,7 +1,7 @@
 """What `slewright reconcile` says on the console beside the tables."""
 
+from reconcile.terminal import recording_notes
 from slewright import __main__ as entry
-from slewright.commands.reconciling.reconcile import recording_notes
 
 
 def test_the_help_spells_the_table_of_a_map(capsys):

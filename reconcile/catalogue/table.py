@@ -1,11 +1,15 @@
-"""The catalogue of effects as a table."""
+"""The catalogue of effects as a table, and as a page of docs/reference."""
 
 from collections.abc import Sequence
 
 from reconcile import quantization
 from reconcile.catalogue import ALL
 from reconcile.catalogue.effect import Parameter
+from specs import markdown
 
+PAGE = """The physical effects that `slewright reconcile` can name, where they act and where their
+equations are from. Units: u an input, y an output, v and q speed and position of an axis, F its force or
+torque, J its inertia. {names} names in {forms} forms."""
 HEADINGS = ("effect", "place", "equation", "parameters", "source")
 UNITS = {"f": "F", "v": "v", "q": "q", "u": "u", "y": "y", "other": "y₂", "inertia": "J"}
 
@@ -55,6 +59,22 @@ def table(entries: Sequence[dict[str, str]]) -> str:
         cells = [entry[h].replace("|", "\\|") for h in HEADINGS]
         lines.append(f"| `{cells[0]}` | " + " | ".join(cells[1:]) + " |")
     return "\n".join(lines) + "\n"
+
+
+def page() -> str:
+    """The catalogue of effects, place by place."""
+    entries = rows()
+    about = PAGE.format(names=names(), forms=len(entries))
+    text = [markdown.head("Effects", "reconcile/catalogue", about)]
+    columns = ("effect", "equation", "parameters", "bounds", "limits", "source")
+    for place in dict.fromkeys(row["place"] for row in entries):
+        found = [_effect(row, columns) for row in entries if row["place"] == place]
+        text += [f"## {place}\n", markdown.table(columns, found)]
+    return "\n".join(text)
+
+
+def _effect(row: dict[str, str], columns: tuple[str, ...]) -> list[str]:
+    return [f"`{row[c]}`" if c == "effect" else row[c] for c in columns]
 
 
 def names() -> int:

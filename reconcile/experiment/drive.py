@@ -22,16 +22,6 @@ from reconcile.workflow import reconcile
 from specs.errors import InputError, RunError
 from specs.progress import Report
 
-MACHINE = "machine"
-
-
-def which(text: str, option: str = "--drive") -> str:
-    """The machine draw of `machine[:draw]`: "nominal", "tuning:K" or "validation:K"."""
-    name, _, draw = text.partition(":")
-    if name != MACHINE:
-        raise InputError(f"{option} {text}: valid: machine, machine:tuning:K, machine:validation:K")
-    return draw or "nominal"
-
 
 def drive(
     runs: Sequence[Path],

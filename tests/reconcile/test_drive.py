@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reconcile.experiment import achieved, plan
+from reconcile.experiment import achieved, drive, plan
 from records.formats import read_measurement
-from slewright import __main__ as entry, drive
+from slewright import __main__ as entry
+from specs import draws
 from specs.errors import InputError
 
 SENTENCE = "To tell a and b apart, drive u_slew."
@@ -25,14 +26,14 @@ def proposal(out: Path) -> dict:
 
 
 def test_the_machine_is_named_or_the_valid_ones_are():
-    assert drive.which("machine") == "nominal"
-    assert drive.which("machine:tuning:3") == "tuning:3"
+    assert draws.asked("machine", "--drive") == "nominal"
+    assert draws.asked("machine:tuning:3", "--drive") == "tuning:3"
     with pytest.raises(InputError, match="--drive rig: valid: machine"):
-        drive.which("rig")
+        draws.asked("rig", "--drive")
 
 
 def test_a_model_that_the_machine_cannot_drive_is_refused_before_anything_is_computed(tmp_path, capsys):
-    rig = Path(__file__).parents[1] / "reconcile" / "rig"
+    rig = Path(__file__).parent / "rig"
     run = tmp_path / "run.csv"
     run.write_text("time [s],force [N],position [m],velocity [m/s]\n0,0,0,0\n")
     code = entry.run(
