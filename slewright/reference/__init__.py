@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from reconcile.catalogue import table as effects
+from reconcile.page import catalogue_table as effects
 from records.formats import page as formats
 from slewright.reference import command_line
 from specs import pages, tables

@@ -121,6 +121,11 @@ def test_a_command_that_moved_answers_with_its_new_name(command, capsys):
     assert f"python -m benchmarks {command}" in capsys.readouterr().err
 
 
+def test_a_benchmark_that_moved_answers_with_its_new_name(capsys):
+    assert entry.run(["bench", "orchestrator", "--json", "x"]) == 2
+    assert "python -m benchmarks orchestrator" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_explains_itself(command, capsys):
     assert entry.run([command, "--help"]) == 0

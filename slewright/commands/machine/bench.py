@@ -1,8 +1,9 @@
 """`slewright bench`: how late a cycle of the runtime is on this computer, against cyclictest."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from records.figures_file import write
 from slewright.figures import BundleOption, JsonOption, exit_if_missed
@@ -10,7 +11,24 @@ from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError, nearest
 
-app = typer.Typer(help="Measure how late a cycle of the runtime is on this computer.", no_args_is_help=True)
+MOVED = ("orchestrator", "campaign", "slew_nn", "nmpc", "training", "pendulum", "showcases")
+
+
+class Benches(TyperGroup):
+    """`bench runtime`; the others are for developers."""
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of this name; InputError for one that has moved."""
+        if cmd_name in MOVED:
+            raise InputError(
+                f"'bench {cmd_name}' is a command for developers: python -m benchmarks {cmd_name}"
+            )
+        return super().get_command(ctx, cmd_name)
+
+
+app = typer.Typer(
+    cls=Benches, help="Measure how late a cycle of the runtime is on this computer.", no_args_is_help=True
+)
 
 
 @app.callback()

@@ -24,7 +24,7 @@ def effects(
     """List the effects that reconcile can name: equation, parameters and where each is from."""
     from rich.markup import escape
 
-    from reconcile.catalogue import table as catalogue
+    from reconcile.page import catalogue_table as catalogue
     from records.report import markers
 
     rows = catalogue.rows()
