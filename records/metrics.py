@@ -27,8 +27,8 @@ from records.figures_file import plain
 from records.record import Record
 from records.targets import Target, targets
 
-BAND_DEG = 3.0
-LAST_S = 1.0
+BAND_DEG = 3.0  # a target is reached when the slew angle stays this close to it
+LAST_S = 1.0  # the part of a target's time over which the error is averaged
 TOLERANCES_M = (1.0, 2.0)
 OF_MOVES = ("speed", "overshoot")  # have no value for a target that does not move
 

@@ -46,19 +46,21 @@ def run(arguments: Sequence[str] | None = None, commands: typer.Typer = app, nam
     except Exception as error:  # the outermost frame: nothing above could report it
         if os.environ.get(TRACEBACK):
             raise
-        code, message = _verdict(error)
-        print(f"slewright: {message}", file=sys.stderr)
+        code, message = _verdict(error, name)
+        if message:
+            print(f"{name}: {message}", file=sys.stderr)
     if code == INTERRUPTED:
-        print("slewright: interrupted", file=sys.stderr)
+        print(f"{name}: interrupted", file=sys.stderr)
     return code if isinstance(code, int) else 0
 
 
-def _verdict(error: Exception) -> tuple[int, str]:
-    """Exit code and message of a failure."""
+def _verdict(error: Exception, name: str) -> tuple[int, str]:
+    """Exit code and message of a failure; no message where the help page is the answer."""
     if isinstance(error, InputError):
         return WRONG_INPUT, str(error)
     if isinstance(error, typer.TyperException):
-        return WRONG_INPUT, " ".join(error.format_message().split()) + " (see slewright --help)"
+        text = " ".join(error.format_message().split())
+        return WRONG_INPUT, text and f"{text} (see {name} --help)"
     if isinstance(error, RunError):
         return FAILED, str(error)
     if isinstance(error, ModuleNotFoundError) and error.name:

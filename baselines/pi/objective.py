@@ -23,13 +23,14 @@ from orchestrator.run.simulate import simulate
 from orchestrator.system.assembly import assemble
 from orchestrator.system.stimuli import Stimuli
 from orchestrator.system.system import System
+from records.metrics import BAND_DEG
 from specs import draws, keys, systems
 
 TARGETS = 4
 INTERVAL = round(15.0 / STEP_S)  # ticks
 RECORDED = ("true_q_slew", "true_q_boom", "true_q_stick")
 SEED = 1
-BAND = np.radians(3.0)
+BAND = np.radians(BAND_DEG)
 MARGIN = 0.05  # rad that the arm stays off its limits at a target
 
 

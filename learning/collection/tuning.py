@@ -16,11 +16,12 @@ from fmus.models.slew_nn.network import HISTORY, PERIOD_S, SlewNetwork
 from learning.collection.draws import Draws
 from learning.collection.slew_control import RANGES, Gains, joystick
 from learning.slew.trajectory import Trajectory
+from records.metrics import BAND_DEG
 from specs.errors import InputError
 from specs.parameters import parameter
 from specs.progress import Report
 
-BAND_RAD = radians(3.0)
+BAND_RAD = radians(BAND_DEG)
 PER_RAD = 20.0  # s/rad: a degree of overshoot costs 0.35 s
 TRAVEL_DEG = (45.0, 90.0, 135.0)
 SECONDS = 12.0

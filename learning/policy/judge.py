@@ -24,9 +24,10 @@ from learning.policy.network import Interface, perceptron, set_weights
 from learning.policy.recipe import RECIPES, Randomisation, Recipe
 from learning.policy.session import NETWORKS
 from learning.policy.simulation.environment import Environment, load_networks
+from records.metrics import BAND_DEG, LAST_S
 from specs.policy import SPACING_S
 
-DURATION_S, BAND_DEG, LAST_S = 15.0, 3.0, 1.0
+DURATION_S = 15.0
 TRAVEL = (math.radians(45), math.radians(135))  # of the scenarios
 LOADS = {
     "empty": (0.0, 0.0, 1.0),

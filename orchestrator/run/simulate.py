@@ -40,7 +40,7 @@ def simulate(
     stimuli: Stimuli | None = None,  # of the system inputs; others keep their connector's start value
     parameters: Mapping[str, Value] | None = None,  # "component.parameter" -> value, over the description's
     record_path: Path | str | None = None,  # Parquet file to write; None keeps the record in memory
-    algorithm: str | None = None,  # over that of the settings: see docs/orchestrator.md
+    algorithm: str | None = None,  # over that of the settings: see docs/explanation/orchestrator.md
     seed: int | None = None,  # of all random numbers: of each component with `noise_seed`, of each fault
     record: Sequence[str] | str | None = None,  # what to record: see `layout.lay_out`
     meta: Mapping[str, Any] | None = None,  # added to the record's metadata

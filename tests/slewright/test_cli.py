@@ -1,6 +1,5 @@
 """Exit codes and messages of the command line."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -8,7 +7,6 @@ import time
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -24,9 +22,7 @@ def generator(monkeypatch: pytest.MonkeyPatch):
     """Put a stand-in behind `slewright generate`."""
 
     def arrange(main: Callable[[bool], list[Path]]) -> None:
-        stand_in = ModuleType("specs.generate")
-        stand_in.main = main  # type: ignore[attr-defined]
-        monkeypatch.setitem(sys.modules, "specs.generate", stand_in)
+        monkeypatch.setattr("specs.generate.main", main)
 
     return arrange
 
@@ -66,11 +62,10 @@ def test_a_failure_becomes_its_exit_code_and_at_most_two_lines(failing, capsys, 
 
 
 def test_traceback_lets_the_error_through(failing, monkeypatch):
-    monkeypatch.delenv("SLEWRIGHT_TRACEBACK", raising=False)
+    monkeypatch.setenv("SLEWRIGHT_TRACEBACK", "")  # set by the command, taken back after the test
     failing(InputError("wrong"))
     with pytest.raises(InputError, match="wrong"):
         entry.run(["--traceback", "generate"])
-    os.environ.pop("SLEWRIGHT_TRACEBACK", None)
 
 
 def test_stale_files_are_not_accepted(generator, capsys):

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from specs import parameters
+from specs.errors import InputError
 from specs.signals import definition, signals
 
 LIST = Path(__file__).with_name("value_references.csv")
@@ -68,4 +69,7 @@ def update() -> None:
 
 
 if __name__ == "__main__":
-    update()
+    try:
+        update()
+    except InputError as error:
+        raise SystemExit(str(error)) from None

@@ -14,8 +14,9 @@ def generate(
     from runtime import image
     from runtime.can import table
     from slewright import reference
-    from specs import generate as specs_files
+    from specs import generate as specs_files, parameters
 
+    parameters.check()
     stale = specs_files.main(check=check) + image.write(check=check) + table.write(check=check)
     stale += reference.write(check=check)
     for path in stale:
