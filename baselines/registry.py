@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal
 
 from baselines import variants
 from fmus.toolchain.loader import load_model, model_folders
-from specs import systems
+from specs import parameters, systems
 from specs.errors import InputError, nearest
 from specs.schema import STRICT, read_toml, shown_path, validate
 
@@ -112,7 +112,11 @@ def names() -> list[str]:
 
 @cache
 def _known() -> dict[str, Controller]:
-    """All controllers: every folder of baselines/ with a controller.toml."""
+    """All controllers: every folder of baselines/ with a controller.toml.
+
+    Raises InputError for a mistake in one, and for a parameter or value reference that two have.
+    """
+    parameters.check()
     found = {
         path.parent.name: validate(Description, read_toml(path), shown_path(path))
         for path in sorted(FOLDER.glob("*/controller.toml"))

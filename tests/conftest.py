@@ -101,6 +101,7 @@ def slewright_here(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Monke
     def run(*arguments: str | Path, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
         monkeypatch.chdir(cwd)
         monkeypatch.setenv("COLUMNS", "200")
+        monkeypatch.delenv("SLEWRIGHT_TRACEBACK", raising=False)
         capsys.readouterr()
         told = [*map(str, arguments)]
         code = command(told)

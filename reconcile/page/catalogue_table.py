@@ -1,7 +1,5 @@
 """The catalogue of effects as a table, and as a page of docs/reference."""
 
-from collections.abc import Sequence
-
 from reconcile import quantization
 from reconcile.catalogue import ALL
 from reconcile.catalogue.effect import Parameter
@@ -45,20 +43,6 @@ def rows() -> list[dict[str, str]]:
         }
         for e in ALL
     ] + [QUANTIZATION]
-
-
-def table(entries: Sequence[dict[str, str]]) -> str:
-    """The rows as a Markdown table, with the command that makes it."""
-    lines = [
-        f"`slewright effects --markdown FILE` makes this table: {names()} names in {len(entries)} forms.",
-        "",
-        "| " + " | ".join(HEADINGS) + " |",
-        "|" + "---|" * len(HEADINGS),
-    ]
-    for entry in entries:
-        cells = [entry[h].replace("|", "\\|") for h in HEADINGS]
-        lines.append(f"| `{cells[0]}` | " + " | ".join(cells[1:]) + " |")
-    return "\n".join(lines) + "\n"
 
 
 def page() -> str:
