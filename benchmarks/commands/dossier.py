@@ -9,7 +9,7 @@ from records.figures_file import check_target, write
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
-from verification.dossier import run
+from verification import dossier as chapters
 
 
 def dossier(
@@ -41,7 +41,7 @@ def dossier(
     """
 
     with progress("dossier") as report:
-        figures = run(out, report, html, against=recorded)
+        figures = chapters.run(out, report, html, against=recorded)
     checks = [
         (
             name,
