@@ -90,7 +90,7 @@ def _recorded(case: cases.Case) -> list[Measurement]:
 
 def _study(case: cases.Case, scratch: Path) -> Study:
     model = folders._model(case, scratch)
-    folder = read_folder(scratch / "model" if model == "model" else model.removeprefix("fmus/"))
+    folder = read_folder(scratch / "model" if model == "model" else model.removeprefix("fmus/models/"))
     runs = [r for m in _recorded(case) for r in runs_of(m, folder, "run")]
     blocks = tuple(Block(r, r.start_s, r.end_s) for r in runs)
     own = [e for e in ALL if e.name == case.placed[0].effect.name]

@@ -19,7 +19,7 @@ CHILD = """
 import sys
 from pathlib import Path
 import pytest
-from orchestrator import native
+from orchestrator.core import native
 library, *arguments = sys.argv[1:]
 binaries = native.Binaries(Path(library), Path(library).parent / native.HOST)
 native.binaries = lambda: binaries
@@ -46,10 +46,7 @@ def runtime(name: str) -> str:
 @pytest.mark.long
 @pytest.mark.skipif(not available(), reason="the compiler has no sanitizers")
 def test_sanitizers_find_nothing(tmp_path: Path) -> None:
-    folder, log = (
-        Path(__file__).parents[1],
-        f":log_path={tmp_path / 'report'}",
-    )  # pytest swallows what is printed
+    folder, log = Path(__file__).parent, f":log_path={tmp_path / 'report'}"  # pytest swallows what is printed
     line = [
         sys.executable,
         "-c",
@@ -67,7 +64,7 @@ def test_sanitizers_find_nothing(tmp_path: Path) -> None:
         "SLEWRIGHT_TEST_FLAGS": " ".join(CHECKS),
     }
     done = subprocess.run(
-        line, capture_output=True, text=True, check=False, env=environment, cwd=folder.parents[1]
+        line, capture_output=True, text=True, check=False, env=environment, cwd=folder.parents[2]
     )
     reports = "".join(path.read_text()[:3000] for path in tmp_path.iterdir())
     assert reports == ""
