@@ -59,6 +59,7 @@ static Cause general(const SlrInput *in, const SlrState *s, const SlrView *view)
   if (on(view, SLR_IN_emergency_stop)) return (Cause){SLR_FAULT_EMERGENCY_STOP, SLR_IN_emergency_stop};
   if (in->flags & SLR_FLAG_BUS_OFF) return (Cause){SLR_FAULT_BUS_OFF, -1};
   if (in->flags & SLR_FLAG_OTHER_CONTROLLER) return (Cause){SLR_FAULT_OTHER_CONTROLLER, -1};
+  if ((input = slr_first_doubled(view)) >= 0) return (Cause){SLR_FAULT_TWO_SENDERS, input};
   if ((input = slr_first_lost(view, SLR_GROUP_OPERATOR)) >= 0) return (Cause){SLR_FAULT_OPERATOR_TIMEOUT, input};
   if ((input = slr_first_lost(view, SLR_GROUP_MACHINE)) >= 0) return (Cause){SLR_FAULT_MACHINE_TIMEOUT, input};
   if (view->board[SLR_IN_machine_fault] > 0.5) return (Cause){SLR_FAULT_MACHINE_FAULT, SLR_IN_machine_fault};

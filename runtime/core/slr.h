@@ -75,6 +75,8 @@ void slr_geometry(const double *joints, const double *target, double *walls, dou
 void slr_check(const SlrInput *in, SlrState *s, SlrView *view);
 /* First lost input of a group (of the sensors: one that is needed); -1: all are well. */
 int slr_first_lost(const SlrView *view, SlrGroup group);
+/* First input that is not only information and whose message two nodes send; -1: none. */
+int slr_first_doubled(const SlrView *view);
 /* The next mode, with fault and fault_signal; `view` and the switches of the last step decide: mode.c. */
 void slr_next_mode(const SlrInput *in, SlrState *s, const SlrView *view);
 void slr_fail(SlrState *s, SlrFault fault, int32_t signal);

@@ -17,6 +17,7 @@ from specs.signals import definition, signal, signals
 HISTORY = 200  # alarms that are over and kept to be looked at
 HELD_S = 0.3  # an input must have been wrong for so long
 SERIOUS = (Status.TIMEOUT, Status.ERROR, Status.NOT_AVAILABLE, Status.CHECKSUM, Status.RANGE, Status.STUCK)
+TWO = Status.TWO_SENDERS
 
 
 class Level(StrEnum):
@@ -104,6 +105,7 @@ FAULTS = {
     "bus_off": "CAN bus off",
     "keep_out": "Keep-out",
     "other_controller": "Another controller sends on the bus",
+    "two_senders": "Two senders of one message",
     "configuration": "Configuration",
 }
 MACHINE_FAULTS = {
