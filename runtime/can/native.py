@@ -23,7 +23,9 @@ OTHER = int(Flag.OTHER_CONTROLLER)
 LISTEN_EVERY_S = 0.01
 # Words at the beginning of SlrWire (runtime/core/wire.h).
 STAMP, FLAGS, PASSIVE, OFF, WAS_OFF, LOST, WRONG, OURS, REMOTE, IGNORED = range(10)
-HEARD = len(received_by(NODE))  # lengths of the arrays after them: IGNORED, counters, ticks, refused, repeated
+HEARD = len(
+    received_by(NODE)
+)  # lengths of the arrays after them: IGNORED, counters, ticks, refused, repeated
 REFUSED = IGNORED + 3 * HEARD
 
 
