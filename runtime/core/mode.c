@@ -151,6 +151,19 @@ static void note_hold(SlrState *s, const SlrView *view) {
   s->fault_signal = 0;
 }
 
+void slr_ladder(const SlrInput *in, const SlrState *now, int64_t *told) {
+  SlrState s = *now;
+  SlrView view;
+  slr_check(in, &s, &view);
+  slr_look_around(&view);
+  const Cause stops = general(in, &s, &view), bars = automatic(&view);
+  const int64_t found[SLR_LADDER] = {
+      1, stops.fault, slr_value_reference(stops.input), bars.fault, slr_value_reference(bars.input),
+      enabled(&view), on(&view, SLR_IN_automatic_request), on(&view, SLR_IN_automatic_allowed), view.deflected,
+      target_there(&view), at_neutral(&s)};
+  for (int i = 0; i < SLR_LADDER; i++) told[i] = found[i];
+}
+
 void slr_next_mode(const SlrInput *in, SlrState *s, const SlrView *view) {
   Cause stop;
   count_late(in, s);

@@ -115,6 +115,12 @@ SLR_EXPORT int slr_observe(const SlrInput *in, const SlrState *state, double *bo
 SLR_EXPORT void slr_offer(SlrState *state, const double *action);
 SLR_EXPORT void slr_step(const SlrInput *in, SlrState *state, int64_t tick, SlrOutput *out);
 
+/* For people: which of the state machine's conditions hold after a step.  SLR_LADDER numbers: known (1), what stops
+ * the machine and about which signal, what bars automatic operation and about which, enabling switch, automatic
+ * switch, automatic allowed, joystick deflected, a target in reach, commands neutral (mode.c). */
+enum { SLR_LADDER = 11 };
+SLR_EXPORT void slr_ladder(const SlrInput *in, const SlrState *now, int64_t *told);
+
 /* For reports, not in the cycle: what the controller wanted in a step that has been taken, and, bit by bit, which
  * of the gate's reasons changed that (explain.c). */
 enum {
