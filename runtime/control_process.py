@@ -141,9 +141,7 @@ def _control(
     (folder / "statistics").write_text(json.dumps(figures))
 
 
-def _hmi(
-    ports: list[Port], folder: Path, found: Statistics, feed: Feed | None, core: ControlCore
-) -> Port:
+def _hmi(ports: list[Port], folder: Path, found: Statistics, feed: Feed | None, core: ControlCore) -> Port:
     """After all that bring targets or sensors: it decides what of them counts."""
     modbus = [p.claimed for p in ports if isinstance(p, ModbusPort)]
     ring = feed.ring if feed else None

@@ -144,6 +144,18 @@ static void count_late(const SlrInput *in, SlrState *s) {
   s->overruns = in->overruns;
 }
 
+/* Refused frames stop the machine before they are many enough to say why: then the fault gets its true name. */
+static int by_refused_frames(int32_t fault) {
+  switch (fault) {
+  case SLR_FAULT_OPERATOR_TIMEOUT:
+  case SLR_FAULT_MACHINE_TIMEOUT:
+  case SLR_FAULT_TARGET_TIMEOUT:
+  case SLR_FAULT_SENSOR_TIMEOUT:
+  case SLR_FAULT_SENSOR_CHECKSUM: return 1;
+  default: return 0;
+  }
+}
+
 static void note_hold(SlrState *s, const SlrView *view) {
   const int far = s->mode == SLR_MODE_HOLD && on(view, SLR_IN_target_valid);
   if (s->mode == SLR_MODE_FAULT) return; /* latched */
@@ -169,7 +181,8 @@ void slr_next_mode(const SlrInput *in, SlrState *s, const SlrView *view) {
   count_late(in, s);
   stop = general(in, s, view);
   if (is_automatic(s->mode) && stop.fault == SLR_FAULT_NONE) stop = automatic(view);
-  if (moves_or_may(s->mode) && stop.fault != SLR_FAULT_NONE)
+  const int renamed = s->mode == SLR_MODE_FAULT && stop.fault == SLR_FAULT_TWO_SENDERS && by_refused_frames(s->fault);
+  if ((renamed || moves_or_may(s->mode)) && stop.fault != SLR_FAULT_NONE)
     slr_fail(s, stop.fault, slr_value_reference(stop.input));
   else
     s->mode = (int32_t)next(s, view, stop);

@@ -12,7 +12,16 @@ import numpy as np
 from runtime.hmi.alarms import BY_VR, FAULT_TEXTS, FAULTS, MODE_TEXTS
 from runtime.hmi.cells import LADDER
 
-ORDER = {"off": 0, "standby": 1, "fault": 1, "stopping": 1, "armed": 2, "manual": 2, "automatic": 3, "hold": 3}
+ORDER = {
+    "off": 0,
+    "standby": 1,
+    "fault": 1,
+    "stopping": 1,
+    "armed": 2,
+    "manual": 2,
+    "automatic": 3,
+    "hold": 3,
+}
 ANEW = "let go of the enabling switch, then press it anew"
 
 
@@ -66,6 +75,8 @@ def _automatic(of: Conditions) -> list[str]:
     missing = of.cause("bars")
     missing += ["joystick at rest"] * of.found["deflected"]
     missing += ["the machine allows automatic operation"] * (not of.found["allowed"])
-    turn = "turn the automatic switch off and on again" if of.found["asked"] else "turn the automatic switch on"
+    turn = (
+        "turn the automatic switch off and on again" if of.found["asked"] else "turn the automatic switch on"
+    )
     missing.append(turn)
     return missing + ["a target in reach (else HOLD)"] * (not of.found["target"])

@@ -40,7 +40,9 @@ NO_AUDIT = Condition(
 class Watch:
     """What all routes share; `look` is to be called often, by one thread."""
 
-    def __init__(self, cells: tuple[Cell, Cell, Cell], audit: Audit, hub: Hub, planners: Planners | None = None) -> None:
+    def __init__(
+        self, cells: tuple[Cell, Cell, Cell], audit: Audit, hub: Hub, planners: Planners | None = None
+    ) -> None:
         self._seen, self._grant, self._asked = cells
         self.audit, self.hub, self.planners = audit, hub, planners
         self.trends, self.alarms = Trends(), Alarms()

@@ -14,7 +14,7 @@ from collections import deque
 from contextvars import ContextVar
 from functools import partial
 from ipaddress import ip_address
-from typing import Any
+from typing import Any, cast
 
 from pymodbus.constants import ExcCodes
 from pymodbus.exceptions import ModbusIOException
@@ -329,7 +329,7 @@ class Server:
                 desk.device(), framer=FramerType.SOCKET, address=(host, tls_port), sslctx=context,
                 identity=_identity(),
             )  # fmt: skip
-            secure.call_create = partial(secure.call_create, ssl_handshake_timeout=HANDSHAKE_S)
+            secure.call_create = partial(cast(Any, secure.call_create), ssl_handshake_timeout=HANDSHAKE_S)
             self.servers.append(secure)
         for server in self.servers:
             server.desk = desk

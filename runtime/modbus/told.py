@@ -16,7 +16,7 @@ from runtime.modbus.holding import Event
 from runtime.shared import Cell
 from specs.errors import InputError
 
-TOLD_FILE, HOLDS_TOLD, TOLD_BYTES = "told.cell", "told", 16_384
+TOLD_FILE, HOLDS_TOLD, TOLD_BYTES = "told.cell", "told", 65_536
 EVENTS, CLIENTS, NAME = 24, 64, 80  # so many at most, and letters of a name
 REFUSED_S = 60.0  # between two events of refused writes of one address
 
@@ -75,7 +75,7 @@ class Teller:
         """Who writes, and who is connected."""
         shown = [c[:NAME] for c in clients][:CLIENTS]
         told = {"writer": writer[:NAME], "clients": shown, "places": places, **more}
-        data = json.dumps({**told, "events": list(self._events)}).encode()
+        data = json.dumps({**told, "events": list(self._events)}, ensure_ascii=False).encode()
         if self._cell is not None and data != self._last and len(data) <= TOLD_BYTES:
             self._last = data
             self._cell.write(data.ljust(TOLD_BYTES, b"\0"))

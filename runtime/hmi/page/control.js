@@ -187,7 +187,7 @@ function showLadder() {
   const rungs = model.frame.ladder ?? [];
   const next = rungs.findIndex((r) => !r.reached);
   const lines = rungs.map((r, i) => {
-    const missing = i === next && r.missing.length ? `: ${r.missing.join("; ")}` : "";
+    const missing = r.missing.length ? `: ${r.missing.join("; ")}` : "";
     return element("li", { className: r.reached ? "reached" : i === next ? "next" : "" }, element("b", {}, `${r.reached ? "✓ " : ""}${r.to}`), missing);
   });
   byId("ladder").replaceChildren(...lines);

@@ -11,7 +11,7 @@ function showAlarms() {
   const rows = [...list, ...past.slice(0, 30)].map((a, i) => {
     const button = element("button", { type: "button" }, "Acknowledge");
     button.addEventListener("click", () => attempt(() => ask("api/acknowledge", { number: a.number })));
-    const state = a.gone === null ? "present" : `gone ${time(a.gone)}`;
+    const state = a.gone === null ? "present" : `gone\u00a0${time(a.gone)}`;
     const by = a.acknowledged && a.acknowledged !== "–" ? `, seen by ${a.acknowledged}` : "";
     const last = i < list.length && !a.acknowledged && operator ? button : "";
     return element("tr", { className: a.gone === null ? a.level : "gone" }, cell(mark(a.level)), cell(time(a.since), "time"), cell(a.text), cell(a.cause), cell(state + by), cell(last));
@@ -83,7 +83,7 @@ function modbus() {
   const writer = m.writer ? `writer ${m.writer}` : `nobody writes${m.last ? ` (${m.last})` : ""}`;
   const others = m.clients.filter((c) => c !== m.writer);
   const rest = others.length ? `; only reading: ${others.slice(0, 8).join(", ")}${others.length > 8 ? ` and ${others.length - 8} more` : ""}` : "";
-  const text = `${writer}${rest}; ${m.clients.length} of ${m.places} places; ${m.refused} writes refused${m.displaced ? `; ${m.displaced} connections had to make room` : ""}`;
+  const text = `${writer}${rest}; ${m.clients.length} of ${m.places} places; ${m.refused} writes refused${m.displaced ? `; made room: ${m.displaced}` : ""}`;
   return [element("b", {}, "Modbus"), element("p", { id: "modbus" }, text)];
 }
 
@@ -96,7 +96,7 @@ function bus(work) {
   const rows = model.catalogue.messages.map((m, i) => {
     const age = model.frame?.a[i] ?? -1;
     const ms = age * 1000 * model.catalogue.tick_s;
-    const elsewhere = m.sender === "Planner" && rates[i] === 0 && byModbus(); // its targets come another way
+    const elsewhere = m.sender === "Planner" && !(rates[i] > 0) && byModbus(); // its targets come another way
     const late = !elsewhere && (age < 0 || (m.timeout_ms && ms >= m.timeout_ms));
     const shownAge = element("span", { className: late ? "wrong" : "" }, elsewhere ? "by Modbus" : age < 0 ? "never" : ms > 9999 ? "> 10 s" : `${Math.round(ms)} ms`);
     return element("tr", { title: m.description }, cell(m.name), cell(m.sender), cell(Number.isFinite(rates[i]) ? rates[i].toFixed(1) : "–", "number"), cell((1000 / m.cycle_ms).toFixed(0), "number"), cell(shownAge, "number"), cell(counted(work.refused?.[i]), "number"), cell(counted(work.repeated?.[i]), "number"));

@@ -58,7 +58,7 @@ function header() {
   if (model.stale && refused) banner("critical", "!!", "This display is not up to date", refused);
   else if (model.stale) banner("critical", "!!", "This display is not up to date", "no news from the control process: rely on the machine, not on this page");
   else if (top) banner(top.level, { critical: "!!", warning: "!" }[top.level] ?? "F", top.text, (there.length > 1 ? `(and ${there.length - 1} more) ` : "") + top.cause);
-  else if (left.length) banner("past", "i", left.length > 1 ? `${left.length} alarms are gone and not acknowledged` : `Gone, not acknowledged: ${left[0].text}`, left[0].cause);
+  else if (left.length) banner("past", "i", left.length > 1 ? `${left.length} gone, not acknowledged` : `Gone, not acknowledged: ${left[0].text}`, left[0].cause);
   else banner("", "", "No alarms", "");
 }
 

@@ -55,7 +55,7 @@ def test_a_second_sender_shows_whatever_its_counter_and_rate(ahead: int, rate: i
 @settings(max_examples=40, deadline=None)
 @given(st.sets(st.integers(0, 60), max_size=4), st.sampled_from(["restart", "twice", "lost", "damaged"]))
 def test_one_sender_is_never_two(moments: set[int], what: str) -> None:
-    """It starts anew, a frame comes twice, frames are lost or damaged: at moments that are not a steady row."""
+    """It starts anew, a frame comes twice, is lost or damaged: at moments that are not a steady row."""
     moments = {m * 20 for m in moments}  # frames
     pair, count = Pair(), 0
     for number in range(61 * 20):

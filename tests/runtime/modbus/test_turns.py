@@ -63,8 +63,9 @@ def test_who_is_quiet_makes_room_and_some_places_are_kept() -> None:
     assert leaves(far[:5], new_far, 8, 2) is None
     assert leaves(far, new_far, 8, 2) is far[0]  # two places are kept
     assert leaves([*far, *near], new_near, 8, 2) is far[0]
-    far[0].busy = True
+    far[0].busy = near[0].busy = True
     assert leaves([*far, *near], new_near, 8, 2) is far[1]
+    assert leaves([far[2], *near, *(Someone(True, 50) for _ in range(5))], new_far, 8, 2) is near[1]
     for someone in (*far, *near):
         someone.busy = True
     assert leaves([*far, *near], new_near, 8, 2) is new_near
