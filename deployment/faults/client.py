@@ -36,6 +36,9 @@ class _Memory:
 class _Client:
     writes = True
 
+    def __init__(self, peer: str) -> None:
+        self.peer = peer
+
 
 class LostClient:
     """A twist of the image: at tick 0 a client that was well is lost, by its heartbeat or its connection."""
@@ -45,7 +48,7 @@ class LostClient:
         self._leaves = bool(random.integers(2))  # its connection ends, too
         self._now = 1_000 * PERIOD_NS + int(random.integers(PERIOD_NS))
         targets: Any = _Memory()
-        self._holding, self._client = Holding(targets.write), _Client()
+        self._holding, self._client = Holding(targets.write), _Client("here")
         self._port = ModbusPort(targets, targets, clock=lambda: self._now)
         self._beat_every = max(1, round(BEAT_S * 1e9 / PERIOD_NS))
 
@@ -100,5 +103,5 @@ class TakenOver(LostClient):
 
     def _lose(self, registers: list[int]) -> None:
         self._holding.left(self._client)
-        self._client = _Client()
+        self._client = _Client("elsewhere")
         self._write(len(MODBUS_HEADER), [*registers, 1, NUMBER])

@@ -125,7 +125,7 @@ IMAGE = (
     ),
     _stops(
         "modbus_taken_over",
-        "another connection comes back with the writer's number, and commits at once",
+        "another peer takes over with the writer's number, and commits at once",
         0.0,
         "target_timeout",
         level="image",

@@ -130,7 +130,7 @@ class NativePort:
         return self._words[REMOTE]
 
     def refused(self) -> memoryview:
-        """Frames refused so far of each message read (codec.received_by), then how many of them were repeated."""
+        """Frames refused so far of each message (codec.received_by), then how many of them came twice."""
         return self._words[REFUSED : REFUSED + 2 * HEARD]
 
     @property

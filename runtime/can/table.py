@@ -19,7 +19,8 @@ HEADER = Path(__file__).parents[1] / "core" / "wire_layout.h"
 TIMED_BY = "SlewPosition"  # the sensor message whose arrival end-to-end latency is counted from
 PERIOD_NS = round(1e9 * TICK_S)
 NUMBERS = {
-    "EXTENDED": wire.EXTENDED, "REMOTE": wire.REMOTE, "ERROR": wire.ERROR, "IDENTIFIER": wire.IDENTIFIER, "BUS_OFF": wire.BUS_OFF,
+    "EXTENDED": wire.EXTENDED, "REMOTE": wire.REMOTE, "ERROR": wire.ERROR,
+    "IDENTIFIER": wire.IDENTIFIER, "BUS_OFF": wire.BUS_OFF,
     "RESTARTED": wire.RESTARTED, "CONTROLLER": wire.CONTROLLER, "RX_OVERFLOW": wire.RX_OVERFLOW,
     "ACTIVE": wire.ACTIVE, "PASSIVE": wire.RX_PASSIVE | wire.TX_PASSIVE, "COUNTS": COUNTS, "SPARE": SPARE,
     "LAST_COUNT": LAST_COUNT, "PERIOD_NS": PERIOD_NS, "DOUBT": DOUBT, "MOST_DOUBT": MOST_DOUBT,

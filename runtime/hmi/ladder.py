@@ -1,4 +1,4 @@
-"""What keeps the machine from its next mode, in words: STANDBY, ARMED, AUTOMATIC, with what is missing for each.
+"""What keeps the machine from its next mode, in words: STANDBY, ARMED, AUTOMATIC, what each lacks.
 
 The core itself says which of its conditions hold (`slr_ladder` in runtime/core/mode.c): nothing of the state
 machine is stated here again.
@@ -6,8 +6,6 @@ machine is stated here again.
 
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from runtime.hmi.alarms import BY_VR, FAULT_TEXTS, FAULTS, MODE_TEXTS
 from runtime.hmi.cells import LADDER
@@ -41,7 +39,7 @@ class Conditions:
         return [FAULTS.get(name, name) + (f" ({about.name})" if about else "")]
 
 
-def ladder(told: np.void, mode: int) -> list[dict[str, Any]]:
+def ladder(told: Any, mode: int) -> list[dict[str, Any]]:
     """The rungs, each with whether it is reached and what it lacks; empty where the core did not say."""
     found = {name: int(told[name]) for name in LADDER.names or ()}
     if not found["known"]:

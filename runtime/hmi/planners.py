@@ -1,4 +1,4 @@
-"""What the Modbus server tells (runtime/modbus/told.py), for people: alarms, the audit log, who is connected."""
+"""What the Modbus server tells (runtime/modbus/told.py), for people: alarms, audit log, who is there."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ JOIN_NS = 1_000_000_000  # between two tries to join
 ALARMS = {
     Event.LAPSED: Level.WARNING,
     Event.LEFT: Level.WARNING,
-    Event.BACK: Level.WARNING,
+    Event.TAKEN: Level.WARNING,
     Event.HMI: Level.WARNING,
     Event.REFUSED: Level.NOTE,
 }
@@ -65,7 +65,7 @@ class Planners:
         if event in ALARMS:
             condition = Condition(f"modbus:{event.name}", ALARMS[event], "Modbus: " + _short(event), said)
             self._present[condition.key] = (now + SHOWN_NS, condition)
-        if event in (Event.LAPSED, Event.LEFT, Event.HMI, Event.BACK, Event.GIVEN_BACK, Event.AWAITED):
+        if event in (Event.LAPSED, Event.LEFT, Event.HMI, Event.TAKEN, Event.GIVEN_BACK):
             self.last = said
         try:
             self._audit.write(told["who"], "Modbus", told["who"], told["what"], result="told")
@@ -76,5 +76,5 @@ class Planners:
 def _short(event: Event) -> str:
     return {
         Event.REFUSED: "writes are refused",
-        Event.BACK: "the writer came back on a new connection",
+        Event.TAKEN: "the right to write was taken over",
     }.get(event, "the writer lost its right")

@@ -34,7 +34,7 @@ HEARD = np.array(list(MESSAGES.values()), dtype=np.intp)
 TARGETS = np.array([INPUT.index[s.name] for s in HOLDING], dtype=np.intp)
 
 
-NONE_REFUSED = memoryview(np.zeros(2 * len(MESSAGES), np.int64))
+NONE_REFUSED = flat(np.zeros(2 * len(MESSAGES), np.int64))
 
 
 class HmiPort:
@@ -199,8 +199,8 @@ class HmiPort:
             max(found.other_work.largest_ns, found.policy_work.largest_ns),
         )
         self._ladder(self._inputs, self._told)
-        counted = (*self._counts, self._frames, self._refused())
-        self.seen.write(b"".join((head, *counted, self._told, self._came, self._sent)))
+        counted = (*self._counts, flat(self._frames), self._refused())
+        self.seen.write(b"".join((head, *counted, flat(self._told), self._came, self._sent)))
 
 
 def _bytes(times: Histogram) -> memoryview:

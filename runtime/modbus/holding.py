@@ -1,14 +1,16 @@
 """The registers that a client writes, and who may: no sockets, no clock.
 
 One client writes at a time, and none while somebody writes at the HMI (runtime/hmi). It becomes the writer by
-its first write, or by writing a number of its own to `claim`; a write by anybody else is answered busy as long
-as the writer's connection is there and its heartbeat goes on, whatever number comes with it.  The number is a
-secret: no register shows it.  It is good for one thing: when the connection has ended, it keeps the right for
-the writer that comes back on a new one.  That is a takeover, too, and all that was written before lapses.
+its first write, or by writing a number of its own to `claim`; a write by anybody else is answered busy as
+long as the writer's connection is there and its heartbeat goes on, whatever number comes with it.  The number
+is a secret: no register shows it.  It is good for one thing: when the connection has ended, it keeps the
+right for whoever comes with the same number on a new one.  Coming from the same peer (computer and, over
+TLS, certificate), that is the writer itself, and it goes on.  From any other it is a takeover: all that was
+written before lapses, and the drive stops.
 
-The right ends when the writer gives it back (`claim` 0), when its heartbeat has stood still for the time after
-which targets count as lost, and, of a writer without a number, with its connection. Then all it wrote lapses:
-nothing counts before the next writer has committed something itself.
+The right ends when the writer gives it back (`claim` 0), when its heartbeat has stood still for the time
+after which targets count as lost, and, of a writer without a number, with its connection. Then all it wrote
+lapses: nothing counts before the next writer has committed something itself.
 
 Written values take effect when `commit` changes, all together, after all have been checked; only the
 heartbeat takes effect by itself.  A request that is refused changes nothing.
@@ -58,11 +60,11 @@ class Event(StrEnum):
     """What happens to the right to write, and to those who lack it."""
 
     CLAIMED = "claimed the right to write"
-    BACK = "came back on a new connection: what it wrote before has lapsed"
+    BACK = "came back on a new connection and goes on"
+    TAKEN = "took the right to write over: what was written before has lapsed"
     GIVEN_BACK = "gave the right to write back"
     LAPSED = "lost the right to write: its heartbeat stood still"
     LEFT = "lost the right to write: its connection ended"
-    AWAITED = "its connection ended; the right is kept for it until its heartbeat is overdue"
     HMI = "lost the right to write: the operator's page has it"
     REFUSED = "was refused a write"
 
@@ -72,6 +74,7 @@ class Owner:
     """The client that writes."""
 
     client: Client | None  # None: its connection ended
+    peer: str  # where it is
     secret: int  # the number it claimed with; 0: none
     number: int  # that is shown: another one for each that claims with a number
     since_ns: int  # of its claim, or of its last heartbeat
@@ -147,7 +150,8 @@ class Holding:
         return None
 
     def _changes_hands(self, client: Client) -> bool:
-        return self.owner is None or self.owner.client is not client
+        owner = self.owner
+        return owner is None or (owner.client is not client and owner.peer != peer_of(client))
 
     def _may(self, client: Client, secret: int) -> bool:
         owner = self.owner
@@ -162,14 +166,17 @@ class Holding:
 
     def _own(self, client: Client, secret: int, now: int) -> None:
         if self._changes_hands(client):
-            event = Event.BACK if self.owner else Event.CLAIMED
+            event = Event.TAKEN if self.owner else Event.CLAIMED
             self._clear()
             self._claims = self._claims % (UNNAMED - 1) + 1
             self.state["owner"] = self._claims
-            self.owner = Owner(client, secret, self._claims if secret else UNNAMED, now)
+            self.owner = Owner(client, peer_of(client), secret, self._claims if secret else UNNAMED, now)
             self._tell(event, client, "")
-        elif secret and self.owner:
-            self.owner.secret = secret
+        elif self.owner:
+            if self.owner.client is not client:
+                self.owner.client, self.owner.wrong = client, 0
+                self._tell(Event.BACK, client, "")
+            self.owner.secret = secret or self.owner.secret
         self._last = client
 
     def _valid(self, before: list[int], wanted: list[int], commits: bool) -> bool:
@@ -230,9 +237,7 @@ class Holding:
         """A connection ended."""
         if self.owner and self.owner.client is client:
             self.owner.client = None
-            if self.owner.secret:
-                self._tell(Event.AWAITED, client, "")
-            else:
+            if not self.owner.secret:
                 self._release(Event.LEFT)
 
     def beat(self, now: int) -> None:
@@ -241,8 +246,13 @@ class Holding:
         self._publish(self.state)
 
 
+def peer_of(client: Client) -> str:
+    """Where a client is, for those that are somewhere."""
+    return getattr(client, "peer", "")
+
+
 def swapped(s: Signal, place: ModbusPlace, registers: list[int]) -> bool:
-    """Whether a float32 came with its words in the wrong order: next to nothing that way, a value the other."""
+    """Whether a float32 came low word first: next to nothing that way, a value the other."""
     if place.type != "float32":
         return False
     size = abs(decode(place, registers))

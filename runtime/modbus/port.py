@@ -66,8 +66,8 @@ class ModbusPort:
         """A state of targets.cell."""
         newest = np.frombuffer(state, TARGETS)[0]
         before, self._owner = self._owner, int(newest["owner"])
-        # What one writer began no other one goes on with, however quickly they follow each other: for one tick
-        # there is no target, and automatic operation ends.
+        # What one writer began no other one goes on with, however quickly they follow each other: for one
+        # tick there is no target, and automatic operation ends.
         self._handed_over = bool(self._commits) and before != self._owner
         self._number, self._values, self._commits = number, newest["value"], int(newest["commits"])
         self._stamp_ns, self._heartbeat_ns = int(newest["stamp_ns"]), int(newest["heartbeat_ns"])

@@ -2,8 +2,8 @@
 
 Functions 3, 4, 6, 16, 22, 23 and 43/14; a request has its answer before the next of its connection is looked
 at, and what is no Modbus ends the connection.  Connections have their turns, one request each, the writer's
-before every other; how much one sends delays nobody else.  The plain port takes writes from this machine only; over TLS
-the client's certificate says what it may (`roles`).
+before every other; how much one sends delays nobody else.  The plain port takes writes
+from this machine only; over TLS the client's certificate says what it may (`roles`).
 """
 
 import asyncio
@@ -59,7 +59,7 @@ class Connection(ServerRequestHandler):
         super().__init__(server, None, None, None)
         self.desk = server.desk
         self.writes = self.near = False
-        self.name = ""
+        self.name = self.peer = ""
         self.heard = time.monotonic_ns()
         self._received = bytearray()
         self._full = self._stuck = False  # not read from; its client does not take its answers
@@ -75,6 +75,7 @@ class Connection(ServerRequestHandler):
             certificate = secure.getpeercert(binary_form=True)
             self.writes = may_write(certificate)
             self.name = f"{common_name(certificate)} {self.name}".strip()
+        self.peer = self.name.rpartition(":")[0]
         self.near = local or self.writes
         self._keep_alive()
         self.desk.enter(self)

@@ -1,7 +1,8 @@
 """What the Modbus server tells people: who writes, who is connected, and what happened to the right to write.
 
-Each event is a line on the console (stderr of the process) and an entry of `told.cell`, from which the HMI has
-its alarms, its audit log and what it shows.  A peer that is refused again and again is told of once a minute.
+Each event is a line on the console (stderr of the process) and an entry of `told.cell`, from which the HMI
+has its alarms, its audit log and what it shows.  A peer that is refused again and again, or comes
+back on a new connection for each write, is told of once a minute.
 """
 
 import json
@@ -18,7 +19,8 @@ from specs.errors import InputError
 
 TOLD_FILE, HOLDS_TOLD, TOLD_BYTES = "told.cell", "told", 65_536
 EVENTS, CLIENTS, NAME = 24, 64, 80  # so many at most, and letters of a name
-REFUSED_S = 60.0  # between two events of refused writes of one address
+SELDOM_S = 60.0  # between two events of one address that may come OFTEN
+OFTEN = (Event.REFUSED, Event.BACK)
 
 
 def open_told(folder: Path) -> Cell:
@@ -43,14 +45,14 @@ class Teller:
     def __init__(self, cell: Cell | None, say: Callable[[str], None] = lambda line: None) -> None:
         self._cell, self._say = cell, say
         self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
-        self._refused: dict[str, tuple[float, int]] = {}
+        self._seldom: dict[tuple[Event, str], tuple[float, int]] = {}
         self._last = b""
 
     def event(self, event: Event, who: str, why: str = "") -> None:
         """Something happened to `who`, an address and, over TLS, a name."""
         count = 1
-        if event is Event.REFUSED:
-            count = self._count_refused(who)
+        if event in OFTEN:
+            count = self._count(event, who)
             if not count:
                 return
         what = str(event) + (f" ({why})" if why else "") + (f", {count} times" if count > 1 else "")
@@ -59,16 +61,16 @@ class Teller:
         self._events.append(told)
         self._say(f"Modbus: {who[:NAME]} {what}")
 
-    def _count_refused(self, who: str) -> int:
-        """How many refusals of an address are to be told of now; 0: none yet."""
-        where, now = who.rpartition(":")[0], time.monotonic()
-        told, count = self._refused.get(where, (-REFUSED_S, 0))
-        if now - told < REFUSED_S:
-            self._refused[where] = told, count + 1
+    def _count(self, event: Event, who: str) -> int:
+        """How many times of an address are to be told of now; 0: none yet."""
+        where, now = (event, who.rpartition(":")[0]), time.monotonic()
+        told, count = self._seldom.get(where, (-SELDOM_S, 0))
+        if now - told < SELDOM_S:
+            self._seldom[where] = told, count + 1
             return 0
-        if len(self._refused) > CLIENTS:
-            self._refused.clear()
-        self._refused[where] = now, 0
+        if len(self._seldom) > CLIENTS:
+            self._seldom.clear()
+        self._seldom[where] = now, 0
         return count + 1
 
     def state(self, writer: str, clients: Iterable[str], places: int, **more: int) -> None:

@@ -93,8 +93,8 @@ def who_may_write(supervisor: "Supervisor") -> list[str]:
     if wanted.hmi:
         far = "over TLS from anywhere" if wanted.hmi.tls else "from this computer only"
         lines.append(
-            f"page: port {wanted.hmi.port} of {networks(wanted.hmi.host)}; everybody who reaches it may look, "
-            f"whoever has a token of {wanted.hmi.tokens} may change something, {far}"
+            f"page: port {wanted.hmi.port} of {networks(wanted.hmi.host)}; everybody who reaches it may "
+            f"look, whoever has a token of {wanted.hmi.tokens} may change something, {far}"
         )
     if not wanted.modbus:
         lines.append(f"targets: from whoever sends them on CAN bus {wanted.can.channel}")

@@ -1,4 +1,4 @@
-"""The ladder says what the core itself waits for: where it says that only the switch is missing, the switch does it."""
+"""The ladder says what the core waits for: where only the switch is missing, the switch does it."""
 
 import numpy as np
 from hypothesis import given, settings, strategies as st

@@ -35,6 +35,7 @@ class Somebody:
     """A client."""
 
     writes: bool = True
+    peer: str = "here"
 
 
 class Desk:
@@ -155,8 +156,9 @@ def test_a_writer_without_a_number_ends_with_its_connection(desk: Desk) -> None:
     assert desk.write(other, HEARTBEAT, 1) is None
 
 
-def test_a_writer_with_a_number_comes_back(desk: Desk) -> None:
-    one, again, other = Somebody(), Somebody(), Somebody()
+@pytest.mark.parametrize("peer", ["here", "elsewhere"])
+def test_a_writer_with_a_number_comes_back(desk: Desk, peer: str) -> None:
+    one, again, other = Somebody(), Somebody(peer=peer), Somebody()
     desk.write(one, CLAIM, 42)
     desk.write(one, FIRST, *body(target_x=2.0, planner_heartbeat=1), 1)
     first = desk.state["owner"].item()
@@ -167,11 +169,9 @@ def test_a_writer_with_a_number_comes_back(desk: Desk) -> None:
     assert desk.write(again, HEARTBEAT, 2) == Refusal.BUSY  # it has not said who it is
     assert desk.write(again, CLAIM, 42) is None
     assert desk.write(again, HEARTBEAT, 2) is None
-    assert (desk.state["commits"], desk.values()["target_x"]) == (
-        0,
-        0.0,
-    )  # a takeover: what was asked is over
-    assert desk.state["owner"] not in (0, first)
+    same = peer == "here"
+    assert (desk.state["commits"], desk.values()["target_x"]) == ((1, 2.0) if same else (0, 0.0))
+    assert (desk.state["owner"] == first) == same, "a takeover from elsewhere is another writer"
     assert desk.write(one, HEARTBEAT, 3) == Refusal.BUSY
 
 
@@ -190,11 +190,13 @@ def test_no_register_shows_the_secret_and_few_guesses_are_free(desk: Desk) -> No
 def test_what_happens_to_the_right_is_told(desk: Desk) -> None:
     told: list[tuple[Event, object]] = []
     desk.holding = Holding(desk.publish, tell=lambda event, client, why: told.append((event, client)))
-    one, again, other = Somebody(), Somebody(), Somebody()
+    one, again, other = Somebody(), Somebody(), Somebody(peer="elsewhere")
     desk.write(one, CLAIM, 42)
     desk.write(other, CLAIM, 42)
     desk.holding.left(one)
     desk.write(again, CLAIM, 42)
+    desk.holding.left(again)
+    desk.write(other, CLAIM, 42)
     desk.now += LAPSE_NS
     desk.holding.lapse(desk.now)
     desk.write(other, HEARTBEAT, 1)
@@ -202,8 +204,8 @@ def test_what_happens_to_the_right_is_told(desk: Desk) -> None:
     desk.write(one, CLAIM, 1)
     desk.write(one, CLAIM, 0)
     assert told == [
-        (Event.CLAIMED, one), (Event.REFUSED, other), (Event.AWAITED, one), (Event.BACK, again),
-        (Event.LAPSED, again), (Event.CLAIMED, other), (Event.LEFT, other), (Event.CLAIMED, one),
+        (Event.CLAIMED, one), (Event.REFUSED, other), (Event.BACK, again), (Event.TAKEN, other),
+        (Event.LAPSED, other), (Event.CLAIMED, other), (Event.LEFT, other), (Event.CLAIMED, one),
         (Event.GIVEN_BACK, one),
     ]  # fmt: skip
 

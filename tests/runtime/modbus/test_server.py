@@ -123,13 +123,10 @@ def test_targets_reach_the_control_process_and_lapse(served: Served, client: Raw
         served.cycle()
         assert served.target("target_x")[2] == Status.OK
     assert other.write(CLAIM, 42) == BUSY  # it is there
-    client.close()  # it named itself: it alone may come back, and what it wrote is over
+    client.close()  # it named itself: it alone may come back, and goes on
     served.until(lambda: other.write(CLAIM, 42) == 0)
-    assert other.write(FIRST, *body(target_x=1.0, target_valid=1, planner_heartbeat=9), 1) == 0
+    assert other.write(HEARTBEAT, 9) == 0
     served.cycle()
-    assert served.target("target_x")[2] == Status.NEVER, "for one tick nothing counts: the drive stops"
-    served.cycle()
-    assert served.target("target_x")[::2] == (1.0, Status.OK)
     other.close()
     served.until(lambda: served.target("target_x")[2] in (Status.TIMEOUT, Status.NEVER))
     served.until(lambda: served.target("target_x")[2] == Status.NEVER)

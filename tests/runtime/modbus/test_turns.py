@@ -10,15 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runtime.image import INPUT, Status
 from runtime.modbus import server as serving
 from runtime.modbus.cells import IMAGE, TARGETS
-from runtime.modbus.holding import CLAIM, HEARTBEAT
+from runtime.modbus.holding import CLAIM, HEARTBEAT, Holding
+from runtime.modbus.port import ModbusPort
 from runtime.modbus.told import TOLD_FILE, open_told, read_told
 from runtime.places import leaves
 from runtime.shared import private_folder
 from tests.runtime.fuzz.requests import _Cell, _connected, frame
 from tests.runtime.modbus.served import Raw, Served
-from tests.runtime.modbus.test_holding import FIRST, body
+from tests.runtime.modbus.test_holding import FIRST, Somebody, body
 
 READ = bytes.fromhex(frame(4, struct.pack(">HH", 0, 117)))
 
@@ -104,3 +106,36 @@ def test_idle_connections_lock_nobody_out_and_everything_is_told(folder: Path) -
         for one in (*idle, other, writer):
             one.close()
         assert (folder / TOLD_FILE).is_file()
+
+
+class _Memory:
+    """A cell without other processes."""
+
+    def __init__(self) -> None:
+        self.number, self.state = 0, b""
+
+    def write(self, *parts: np.ndarray) -> None:
+        self.number, self.state = self.number + 1, b"".join(p.tobytes() for p in parts)
+
+    def read(self) -> tuple[int, bytes]:
+        return self.number, self.state
+
+
+@pytest.mark.parametrize("peer", ["here", "elsewhere"])
+def test_another_writer_in_one_tick_stops_the_drive_all_the_same(peer: str) -> None:
+    """Takeover, target, commit and heartbeat between two cycles: for one of them there is no target."""
+    cell, inputs, now = _Memory(), INPUT.new(), 10**9
+    port = ModbusPort(cell, cell, clock=lambda: now)  # type: ignore[arg-type]
+    holding = Holding(cell.write)  # type: ignore[arg-type]
+    one, other = Somebody(), Somebody(peer=peer)
+    assert holding.write(one, FIRST, [*body(target_x=2.0, planner_heartbeat=1), 1, 42], now) is None
+    port.receive(inputs, 0)
+    assert inputs["status"][INPUT.at("target_x")] == Status.OK
+    holding.left(one)
+    assert holding.write(other, FIRST, [*body(target_x=3.0, planner_heartbeat=2), 2, 42], now) is None
+    seen = []
+    for tick in (1, 2):
+        port.receive(inputs, tick)
+        seen.append(Status(int(inputs["status"][INPUT.at("target_x")])))
+    assert seen == [Status.OK if peer == "here" else Status.NEVER, Status.OK]
+    assert inputs["value"][INPUT.at("target_x")] == 3.0
