@@ -5,6 +5,7 @@ plots what it read. Needs the extras `runtime` and `verify`. A real machine take
 docs/explanation/hazards.md.
 """
 
+import secrets
 import struct
 import subprocess
 import sys
@@ -47,8 +48,10 @@ def read(name):
 def turn():
     """Commit a target in one request, then keep the heartbeat going for 6 s: (s, rad, joystick) as read."""
     target = [*words(6.0), *words(7.0), *words(5.0), 1, 1]  # x, y, z in m; valid; its number
-    rest = [*words(0.0), *words(1.0), 0, 1, 4711]  # load in kg, pace, heartbeat, commit, claim
-    client.write_registers(place("target_x"), [*target, *rest])
+    number = 1 + secrets.randbelow(65534)  # of the claim: nobody else knows it, and no register shows it
+    rest = [*words(0.0), *words(1.0), 0, 1, number]  # load in kg, pace, heartbeat, commit, claim
+    if client.write_registers(place("target_x"), [*target, *rest]).isError():
+        sys.exit("the server refuses to be written to: another client writes, and it must end first")
     began, seen = time.monotonic(), []
     for beat in range(1, 61):
         client.write_register(place("planner_heartbeat"), beat)

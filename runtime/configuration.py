@@ -277,6 +277,8 @@ def _check_ports_differ(found: Configuration) -> None:
 def _check_port(whose: str, host: str, port: int) -> None:
     if not 0 < port < 65536:
         raise InputError(f"{whose}: port {port}: 1 to 65535")
+    if not host.strip():
+        raise InputError(f"{whose}: host is empty; 0.0.0.0 is every network, 127.0.0.1 this computer only")
     try:
         with socket.create_server((host, port)):
             pass

@@ -43,6 +43,8 @@ class ControlCore:
         self._restart.restype = None
         self._explain = library.slr_explain
         self._explain.argtypes, self._explain.restype = [ctypes.c_void_p] * 5, None
+        self._ladder = library.slr_ladder
+        self._ladder.argtypes, self._ladder.restype = [ctypes.c_void_p] * 3, None
         self._limit = library.slr_limit
         self._limit.argtypes, self._limit.restype = [ctypes.c_void_p, ctypes.c_void_p], None
         self._state = np.zeros(library.slr_state_size() // 8, np.int64)
@@ -99,6 +101,10 @@ class ControlCore:
         if len(snapshot) != self._state.nbytes:
             raise InputError(f"a snapshot of {len(snapshot)} bytes: this core's have {self._state.nbytes}")
         self._state[:] = np.frombuffer(snapshot, np.int64)
+
+    def ladder(self, inputs: np.ndarray, told: np.ndarray) -> None:
+        """Which conditions of the state machine hold after a step (slr_ladder), for people; into `told`."""
+        self._ladder(self._at(inputs), self._at_state, told.ctypes.data)
 
     def explained(self, inputs: np.ndarray, before: bytes) -> tuple[list[float], list[list[str]]]:
         """What was wanted of each axis (AXES) in the step just taken from the state `before`, and REASONS.

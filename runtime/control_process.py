@@ -117,7 +117,7 @@ def _control(
     ]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
     if told.get("hmi"):
-        ports.insert(len(ports) - 1, _hmi(ports, folder, found, feed))
+        ports.insert(len(ports) - 1, _hmi(ports, folder, found, feed, core))
     if overheard:
         ports = silent(ports, ModbusPort, NativePort, StandIn(overheard, feed))
     native = type(core) is ControlCore and not quiet
@@ -141,12 +141,18 @@ def _control(
     (folder / "statistics").write_text(json.dumps(figures))
 
 
-def _hmi(ports: list[Port], folder: Path, found: Statistics, feed: Feed | None) -> Port:
+def _hmi(ports: list[Port], folder: Path, found: Statistics, feed: Feed | None, core: ControlCore) -> Port:
     """After all that bring targets or sensors: it decides what of them counts."""
     modbus = [p.claimed for p in ports if isinstance(p, ModbusPort)]
     ring = feed.ring if feed else None
+    wires = next(p for p in ports if isinstance(p, NativePort))
     return HmiPort(
-        join_hmi(folder), found, lambda: any(f() for f in modbus), lambda: ring.lost if ring else 0
+        join_hmi(folder),
+        found,
+        lambda: any(f() for f in modbus),
+        lambda: ring.lost if ring else 0,
+        wires.refused,
+        core.ladder,
     )
 
 

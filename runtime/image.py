@@ -44,6 +44,7 @@ class Status(IntEnum):
     RANGE = 6  # outside its range, or no number
     STUCK = 7  # has not moved for longer than noise allows
     FORCED = 8  # set by a service engineer; counts in STANDBY only, and not for what decides who may move
+    TWO_SENDERS = 9  # more than one node sends its message
 
 
 class Flag(IntFlag):

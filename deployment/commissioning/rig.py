@@ -75,7 +75,8 @@ class Counted:
     def recv_raw(self) -> tuple[int, bytes, int] | None:
         """The next frame, counted."""
         found = self._source.recv_raw()
-        if self.counting and found is not None and found[0] & wire.EXTENDED and not found[0] & wire.ERROR:
+        no_data = wire.ERROR | wire.REMOTE
+        if self.counting and found is not None and found[0] & wire.EXTENDED and not found[0] & no_data:
             self._count(found[0] & wire.IDENTIFIER, found[1])
         return found
 

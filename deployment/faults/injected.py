@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from deployment.faults.client import LostClient
-from deployment.faults.drive import Drive, Frame, Moment, Run, mode_number
+from deployment.faults.client import LostClient, TakenOver
+from deployment.faults.drive import AUTOMATIC, Drive, Frame, Moment, Run, mode_number
 from deployment.faults.table import TICK_MS, Fault, Outcome
 from runtime.can.codec import Codec, Field, codecs
 from runtime.can.transmit import Transmitter
-from runtime.can.wire import BUS_OFF, CONTROLLER, ERROR, RX_OVERFLOW
+from runtime.can.wire import BUS_OFF, CONTROLLER, ERROR, REMOTE, RX_OVERFLOW
 from runtime.image import INPUT, NODE, OUTPUT
 from specs.e2e import COUNTER_BITS, LAST_COUNT
 from specs.signals import definition
@@ -35,6 +35,7 @@ class Disturbance:
     frames: Callable[[Sequence[Frame], int], Sequence[Frame]] | None = None
     twist: Callable[[int, np.ndarray], None] | None = None
     state: Callable[[bytes], bytes] | None = None  # the core's, once
+    counted: Callable[[Run], bool] = lambda run: True  # where nothing else is to happen
 
 
 def inject(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
@@ -56,7 +57,13 @@ def inject(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: 
             return
         stopped = outputs["value"][MODE] == FAULT and not outputs["value"][AXES].any()
         neutral = (k if neutral is None else neutral) if stopped else None
-    _judge(fault, run, outcome, moment.tick, neutral)
+    if fault.codes:
+        said = NAMES[int(outputs["value"][CODE])]
+        why = f"named {said}" if fault.named and said != fault.named else ""
+        outcome.add(moment.tick, None if neutral is None else (neutral + 1) * TICK_MS, why)
+        return
+    counted = disturbance.counted(run) and outputs["value"][MODE] == AUTOMATIC
+    outcome.add(moment.tick, TICK_MS if counted else None, "" if counted else "not counted, or not automatic")
 
 
 def _wrong(fault: Fault, value: np.ndarray) -> str:
@@ -66,14 +73,6 @@ def _wrong(fault: Fault, value: np.ndarray) -> str:
     if value[MODE] == FAULT and NAMES[int(value[CODE])] not in fault.codes:
         return f"fault code {NAMES[int(value[CODE])]}"
     return ""
-
-
-def _judge(fault: Fault, run: Run, outcome: Outcome, tick: int, neutral: int | None) -> None:
-    if fault.codes:
-        outcome.add(tick, None if neutral is None else (neutral + 1) * TICK_MS)
-        return
-    counted = run.port.lost == 1
-    outcome.add(tick, TICK_MS if counted else None, "" if counted else "not counted")
 
 
 # ---- frames ----
@@ -192,6 +191,55 @@ def _overflow(random: Random) -> Disturbance:
     def disturb(frames: Sequence[Frame], k: int) -> Sequence[Frame]:
         return [told] if k == 0 else [] if k < gone else frames
 
+    return Disturbance(disturb, counted=lambda run: run.port.lost == 1)
+
+
+def _remote(random: Random) -> Disturbance:
+    """Remote frames with identifiers of ours and of others, as many as there is room for."""
+    known = [c.message.frame_id for c in codecs().values()]
+    often = int(random.integers(1, 20))
+
+    def disturb(frames: Sequence[Frame], k: int) -> list[Frame]:
+        wanted = random.choice(known, often).tolist()
+        return [*((REMOTE | i, bytes(int(random.integers(0, 9)))) for i in wanted), *frames]
+
+    return Disturbance(disturb, counted=lambda run: run.port.remote > 0 and run.port.wrong == 0)
+
+
+def _second_sender(random: Random) -> Disturbance:
+    """Another node sends the same message, its counter anywhere, once in each cycle, before or after."""
+    codec = _codec_of(str(random.choice((*NEEDED, "machine_ready", "operator_enable"))))
+    return _also(codec, random, int(random.integers(0, LAST_COUNT + 1)), lambda data: None)
+
+
+def _forged_status(random: Random) -> Disturbance:
+    """The machine reports the emergency stop open; another node, one counter ahead, denies it."""
+    codec, at = _field("emergency_stop")
+    real = _pressed(random).frames
+    forged = _also(codec, random, 1, lambda data: _set(data, at, 0)).frames
+    assert real is not None  # noqa: S101
+    assert forged is not None  # noqa: S101
+    return Disturbance(lambda frames, k: forged(real(frames, k), k))
+
+
+def _also(codec: Codec, random: Random, ahead: int, change: Callable[[bytearray], None]) -> Disturbance:
+    """Each frame of a message twice: the second one changed, its counter so far ahead, its checksum right."""
+    first = bool(random.integers(2))
+    at = COUNTER_BITS.start // 8
+
+    def disturb(frames: Sequence[Frame], k: int) -> list[Frame]:
+        found = []
+        for identifier, data in frames:
+            both = [(identifier, data)]
+            if identifier == codec.message.frame_id:
+                other = bytearray(data)
+                other[at] = other[at] & 0xF0 | ((other[at] & 0x0F) + ahead) % (LAST_COUNT + 1)
+                change(other)
+                other[0] = codec.checksum(other)
+                both.append((identifier, bytes(other)))
+            found += reversed(both) if first else both
+        return found
+
     return Disturbance(disturb)
 
 
@@ -248,6 +296,9 @@ MAKERS: dict[str, Callable[[Random], Disturbance]] = {
     "babbling_node": _babble,
     "bus_off": _bus_off,
     "other_controller": _other_controller,
+    "remote_frames": _remote,
+    "second_sender": _second_sender,
+    "forged_status": _forged_status,
     "receive_overflow": _overflow,
     "operator_lost": lambda random: _without(*_messages_of("Operator")),
     "machine_lost": lambda random: _without(_codec_of("machine_ready").message.frame_id),
@@ -255,6 +306,7 @@ MAKERS: dict[str, Callable[[Random], Disturbance]] = {
     "emergency_stop": _pressed,
     "sensor_nan": _nan,
     "modbus_client_lost": lambda random: Disturbance(twist=LostClient(random)),
+    "modbus_taken_over": lambda random: Disturbance(twist=TakenOver(random)),
     "policy_nan": _nan_state,
     "task_overrun": _overrun,
 }

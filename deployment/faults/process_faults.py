@@ -3,6 +3,7 @@
 import shutil
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,8 +15,10 @@ from deployment.faults.drive import Drive, Moment, Run
 from deployment.faults.table import TICK_MS, Fault, Outcome
 from runtime.bundle import load
 from runtime.image import TICK_S, Flag
-from runtime.modbus.cells import HOLDING
-from runtime.modbus.holding import COMMIT, Holding
+from runtime.modbus.cells import HOLDING, TARGETS
+from runtime.modbus.holding import CLAIM, COMMIT, HEARTBEAT, PLACES, UNNAMED, Holding, encode
+from runtime.modbus.server import CONNECTIONS, KEPT
+from runtime.places import leaves
 from runtime.recorder.feed import SNAPSHOT_TICKS, TICK, TIMING, Feed
 from runtime.recorder.reader import Recording
 from runtime.recorder.recorder import POLL_S, Recorder
@@ -26,12 +29,14 @@ from runtime.ring import Ring
 from runtime.scan import PERIOD_NS, Scan
 from specs import policy
 from specs.errors import InputError
+from specs.wire import MODBUS_HEADER
 
 Random = np.random.Generator
 POLL_TICKS = round(POLL_S / TICK_S)
 RING_BYTES = 4 << 20  # as the supervisor makes it
 LIMIT = 64 << 20
 YEAR_NS = 365 * 86_400 * 10**9
+FIRST = len(MODBUS_HEADER)
 LAYOUT = "faultsfaultsfaul"
 CYCLES = 50
 
@@ -221,6 +226,108 @@ def modbus_nonsense(fault: Fault, drive: Drive, moment: Moment, random: Random, 
         table.write(client, int(random.integers(0, 30)), values, k)
         table.write(client, COMMIT, [int(random.integers(65536))], k)
     outcome.add(moment.tick, 0.0, "; ".join(wrong[:2]))
+
+
+class _Table:
+    """A table of registers with a writer that is well; `write` is the writer's."""
+
+    def __init__(self, random: Random) -> None:
+        self.random, self.now, self.commits = random, 1, 0
+        self.state = np.zeros((), TARGETS)
+        self.table, self.client = Holding(self._publish), _WritingClient()
+        self.number = int(random.integers(1, UNNAMED))
+        self.write(CLAIM, [self.number])
+
+    def _publish(self, state: np.ndarray) -> None:
+        self.state = state.copy()
+
+    def write(self, address: int, values: list[int]) -> bool:
+        """Whether it was done."""
+        return self.table.write(self.client, address, values, self.now) is None
+
+    def target(self) -> list[float]:
+        """Any values, in the order of HOLDING, in steps of their resolution."""
+        found = []
+        for s in HOLDING:
+            low, high, step = s.min or 0.0, s.max or 0.0, s.can.scale if s.can else 1.0
+            found.append(low + int(self.random.integers(0, int((high - low) / step) + 1)) * step)
+        return found
+
+
+def _registers(values: list[float], swap: str = "") -> list[int]:
+    found: list[int] = []
+    for s, place, value in zip(HOLDING, PLACES, values, strict=True):
+        words = encode(place, value)
+        found += words[::-1] if s.name == swap else words
+    return found
+
+
+def modbus_word_order(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
+    """One float of a target comes low word first: refused, or a value that is one (nobody can tell)."""
+    table = _Table(random)
+    floats = [(i, s) for i, s in enumerate(HOLDING) if PLACES[i].type == "float32"]
+    at, s = floats[int(random.integers(len(floats)))]
+    values = table.target()
+    done = table.write(FIRST, [*_registers(values, s.name), 1])
+    step, meant = s.can.scale if s.can else 0.0, abs(values[at])
+    got = abs(float(table.state["value"][at]))
+    tiny = done and got < step <= meant
+    outcome.add(moment.tick, 0.0, f"{s.name} = {values[at]:g} was taken as {got:g}" if tiny else "")
+
+
+def modbus_commit(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
+    """What would be answered as done though nothing takes effect."""
+    table, number = _Table(random), int(random.integers(1, 65536))
+    first = _registers(table.target())
+    done = table.write(FIRST, [*first, number]) and table.write(FIRST, [*first, number])
+    before = table.state["value"].tolist()
+    other = first.copy()
+    other[HEARTBEAT - FIRST - 1] ^= 0x4000  # of the pace, or what lies before the heartbeat
+    taken = (
+        table.write(FIRST, [*other, 0]) or table.write(FIRST, [*other, number]) or table.write(COMMIT, [0])
+    )
+    right = done and not taken and table.state["value"].tolist() == before
+    outcome.add(moment.tick, 0.0, "" if right else "answered as done")
+
+
+def modbus_guessing(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
+    """Others know or guess the number while the writer is there, and guess it when its connection ended."""
+    table, others = _Table(random), [_WritingClient() for _ in range(4)]
+    table.write(FIRST, [*_registers(table.target()), 1])
+    before = table.state["value"].tolist()
+    shown = table.table.registers[FIRST:]
+    tries = [table.number, *random.integers(1, UNNAMED, 10).tolist()]
+    taken = [n for n in tries for who in others if not table.table.write(who, CLAIM, [n], table.now)]
+    table.table.left(table.client)
+    wrong = [n for n in tries[1:] if n != table.number]
+    taken += [n for n in wrong for who in others if not table.table.write(who, CLAIM, [n], table.now)]
+    taken += [] if table.table.write(others[0], CLAIM, [table.number], table.now) else [table.number]
+    why = f"numbers {taken[:3]} were taken" if taken else ""
+    why = why or ("a register shows the number" if table.number in shown[CLAIM - FIRST :] else "")
+    same = table.state["value"].tolist() == before
+    outcome.add(moment.tick, 0.0, why or ("" if same else "values changed"))
+
+
+@dataclass(eq=False)
+class _Guest:
+    near: bool
+    heard: int
+    busy: bool = False
+
+
+def idle_places(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
+    """Any order of comers who then do nothing: a new one always has a place, and who is busy keeps his."""
+    writer = _Guest(True, 0, busy=True)
+    guests, wrong = {writer}, ""
+    for moment_heard in range(1, 300):
+        comer = _Guest(bool(random.integers(2)), moment_heard)
+        leaving = leaves(guests, comer, CONNECTIONS, KEPT)
+        if leaving is comer or leaving is writer:
+            wrong = "a comer had no place" if leaving is comer else "the writer lost its place"
+        guests = (guests | {comer}) - {leaving}
+        if len(guests) > CONNECTIONS or sum(not g.near for g in guests) > CONNECTIONS - KEPT:
+            wrong = "more than there are places"
+    outcome.add(moment.tick, 0.0, wrong)
 
 
 def bundle_changed(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:

@@ -31,6 +31,10 @@ SHOWN_MS = (
 )  # and on the bus in its next message
 
 
+# Of two senders: the third counter that cannot be, and the doubt that right frames took away meanwhile.
+DOUBTED_MS = 4 * MACHINE_CYCLE_MS
+
+
 @dataclass(frozen=True)
 class Fault:
     """`limit_ms`: from the fault's first tick to the reaction, which is neutral commands or as said."""
@@ -41,12 +45,13 @@ class Fault:
     limit_ms: float
     level: str = "bus"  # bus, image, inside, process
     codes: tuple[str, ...] = ()  # one of these fault codes must be latched
+    named: str = ""  # and this one be shown in the end
 
 
-def _stops(name: str, what: str, ms: float, *codes: str, level: str = "bus") -> Fault:
+def _stops(name: str, what: str, ms: float, *codes: str, level: str = "bus", named: str = "") -> Fault:
     """A fault that must latch FAULT and bring all commands to neutral `ms` and the ramp after it."""
     reaction = f"FAULT ({' or '.join(codes)}), commands neutral"
-    return Fault(name, what, reaction, ms + TICK_MS + RAMP_MS, level, codes)
+    return Fault(name, what, reaction, ms + TICK_MS + RAMP_MS, level, codes, named)
 
 
 BUS = (
@@ -80,6 +85,25 @@ BUS = (
     _stops("bus_off", "the controller's CAN controller goes off the bus", 0.0, "bus_off"),
     _stops("other_controller", "somebody else sends the controller's commands", 0.0, "other_controller"),
     Fault(
+        "remote_frames",
+        "remote frames of any identifier",
+        "counted, else ignored; automatic goes on",
+        TICK_MS,
+    ),
+    _stops(
+        "second_sender",
+        "another node sends the same message, any counter",
+        DOUBTED_MS,
+        *("two_senders", "machine_timeout"),
+        named="two_senders",
+    ),
+    _stops(
+        "forged_status",
+        "another node denies an open emergency stop",
+        DOUBTED_MS,
+        *("two_senders", "emergency_stop", "machine_timeout"),
+    ),
+    Fault(
         "receive_overflow",
         "frames of up to 60 ms are lost in the receive queue",
         "bridged and counted; automatic goes on",
@@ -96,6 +120,13 @@ IMAGE = (
         "modbus_client_lost",
         "the client's heartbeat stops, or its connection ends",
         PLANNER_MS,
+        "target_timeout",
+        level="image",
+    ),
+    _stops(
+        "modbus_taken_over",
+        "another peer takes over with the writer's number, and commits at once",
+        0.0,
         "target_timeout",
         level="image",
     ),
@@ -132,6 +163,18 @@ INSIDE = (
         "modbus_nonsense", "a client writes nonsense, commits it", "refused, or within ranges", 0.0, "inside"
     ),
     Fault(
+        "modbus_word_order",
+        "a target's registers in the wrong order",
+        "refused, unless a place",
+        0.0,
+        "inside",
+    ),
+    Fault("modbus_commit", "a commit of 0, or of the last number anew", "refused", 0.0, "inside"),
+    Fault(
+        "modbus_guessing", "others try the writer's number", "busy, none of their writes done", 0.0, "inside"
+    ),
+    Fault("idle_places", "connections that do nothing take all places", "they make room", 0.0, "inside"),
+    Fault(
         "power_cut",
         "power goes at a random write, sync or rename",
         "last or last but one values",
@@ -154,6 +197,27 @@ PROCESS = (
         PLANNER_MS + SHOWN_FAULT_MS,
         "target_timeout",
         level="process",
+    ),
+    Fault(
+        "modbus_reading_flood",
+        "2,000 reads in one go beside a writer",
+        "automatic goes on",
+        0.0,
+        "process",
+    ),
+    Fault(
+        "modbus_second_writer",
+        "a second client claims with the writer's number, and writes",
+        "busy; automatic goes on",
+        0.0,
+        "process",
+    ),
+    Fault(
+        "modbus_idle_connections",
+        "twice as many idle connections as places",
+        "automatic goes on; another client is answered",
+        0.0,
+        "process",
     ),
     Fault("modbus_flooding", "20 clients flat out", "no overrun, mode unchanged", 0.0, "process"),
     Fault(

@@ -28,7 +28,7 @@ from runtime.can.codec import received_by
 from runtime.can.port import FRAMES_A_TICK, FrameSource, frame_source, open_bus
 from runtime.can.receive import Receiver
 from runtime.can.transmit import Transmitter
-from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER
+from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER, REMOTE
 from runtime.image import Status
 from runtime.realtime import sleep_until
 from runtime.scan import PHASE_NS
@@ -119,7 +119,7 @@ class MachineNode:
             if found is None:
                 return
             identifier, data, stamp = found
-            if identifier & EXTENDED and not identifier & ERROR:
+            if identifier & EXTENDED and not identifier & (ERROR | REMOTE):
                 came = tick - max(0, now - stamp) // PERIOD_NS
                 self.valves.receiver.take(identifier & IDENTIFIER, data, came, stamp)
 

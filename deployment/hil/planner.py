@@ -76,7 +76,7 @@ class Planner:
             registers += encode(place, self._wanted[s.name])
         self._commits += 1
         self._write(first, registers)
-        self._write(COMMIT, [self._commits & 0xFFFF])
+        self._write(COMMIT, [(self._commits - 1) % 0xFFFF + 1])
         self._sent = number if self._start is not None else -1
 
     def _write(self, address: int, registers: list[int]) -> None:

@@ -26,6 +26,7 @@ class AnyBus:
             self._empty_ns = now
             return None
         flags = wire.EXTENDED * message.is_extended_id | wire.ERROR * message.is_error_frame
+        flags |= wire.REMOTE * message.is_remote_frame
         age = (time.time() - message.timestamp) * 1e9 if message.timestamp else 0.0
         stamp = min(now, max(self._empty_ns, now - round(age)))
         return message.arbitration_id | flags, bytes(message.data), stamp

@@ -13,7 +13,7 @@ import numpy as np
 
 from runtime.can import table, wire
 from runtime.can.batch import Batch, FrameSource
-from runtime.can.codec import sent_by
+from runtime.can.codec import received_by, sent_by
 from runtime.can.localbus import LocalBus
 from runtime.can.port import FRAMES_A_TICK, JOYSTICK, PERIOD_NS, SHOWN_TICKS, Reader, frame_source
 from runtime.image import INPUT, NODE, OUTPUT, Flag
@@ -22,7 +22,11 @@ from specs.errors import InputError
 OTHER = int(Flag.OTHER_CONTROLLER)
 LISTEN_EVERY_S = 0.01
 # Words at the beginning of SlrWire (runtime/core/wire.h).
-STAMP, FLAGS, PASSIVE, OFF, WAS_OFF, LOST, WRONG, OURS, IGNORED = range(9)
+STAMP, FLAGS, PASSIVE, OFF, WAS_OFF, LOST, WRONG, OURS, REMOTE, IGNORED = range(10)
+HEARD = len(
+    received_by(NODE)
+)  # lengths of the arrays after them: IGNORED, counters, ticks, refused, repeated
+REFUSED = IGNORED + 3 * HEARD
 
 
 class NativePort:
@@ -121,6 +125,15 @@ class NativePort:
         return self._words[WRONG]
 
     @property
+    def remote(self) -> int:
+        """Remote frames so far: they ask for data and have none."""
+        return self._words[REMOTE]
+
+    def refused(self) -> memoryview:
+        """Frames refused so far of each message (codec.received_by), then how many of them came twice."""
+        return self._words[REFUSED : REFUSED + 2 * HEARD]
+
+    @property
     def ours(self) -> int:
         """Frames that only we send, and that came from somebody else."""
         return self._words[OURS]
@@ -150,7 +163,7 @@ class NativePort:
     def _read(self, reader: Reader, count: int, tick: int, now: int) -> None:
         for i in range(count):
             identifier, data, stamp = self._came.get(i)
-            if identifier & wire.EXTENDED and not identifier & wire.ERROR:
+            if identifier & wire.EXTENDED and not identifier & (wire.ERROR | wire.REMOTE):
                 came = tick - max(0, now - stamp) // PERIOD_NS
                 reader.take(identifier & wire.IDENTIFIER, data, came)
 

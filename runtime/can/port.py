@@ -114,6 +114,7 @@ class CanPort:
         self._was_off = False  # in the last tick, if only for a moment
         self.lost = 0  # times that frames for us were lost
         self.unsent = 0  # frames that could not be sent
+        self.remote = 0  # remote frames: they ask for data and have none
         self.ours = 0  # frames that only this node sends, and that came from somebody else
         self._another = self._tick = 0  # until when another controller counts as there
         self._sent = {c.message.frame_id for c in sent_by(node)}
@@ -143,6 +144,9 @@ class CanPort:
             self._error(identifier, data)
             return
         self.off = False
+        if identifier & wire.REMOTE:
+            self.remote += 1
+            return
         if not identifier & wire.EXTENDED:
             return
         came = tick - max(0, now - stamp) // PERIOD_NS  # what waited is as old as it is

@@ -2,7 +2,8 @@
 
 A frame counts if its length, checksum and counter are right.  The counter may have gone on by one, and by one
 more for each cycle that passed without a frame; it may not stand still (a repeated frame is no news).  Until
-its next right frame a message with a wrong one has the status CHECKSUM; its values stay and grow old.
+its next right frame a message with a wrong one has the status CHECKSUM; its values stay and grow old.  Where
+right frames with counters that cannot be come again and again, two nodes send the message: TWO_SENDERS.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,6 +15,9 @@ from runtime.image import Status, timeout_ticks
 from specs.e2e import LAST_COUNT
 
 COUNTS = LAST_COUNT + 1
+# Doubt that only one node sends a message (wire.c has the same): so much for each counter that cannot be, one
+# less for each right frame; from the third of a steady row on they are two.
+DOUBT, TWO_SENDERS, MOST_DOUBT = 16, 40, 64
 SPARE = 1  # counts that may be missed without a cycle that passed: two frames can change places with a tick
 
 
@@ -25,7 +29,15 @@ class _Inbox:
         self.count: int | None = None
         self.tick = -1  # of the last right frame
         self.stamp_ns = 0
-        self.wrong = 0
+        self.refused = self.repeated = 0
+        self.doubt, self.fresh = 0, False
+
+    def doubt_after(self, count: int) -> None:
+        """A right frame whose counter cannot be: of a second sender, if there are more of them."""
+        if self.fresh or count != self.count:
+            self.doubt = min(self.doubt + DOUBT, MOST_DOUBT)
+        self.repeated += count == self.count
+        self.fresh = False
 
     def follows(self, count: int, tick: int) -> bool:
         """Whether the counter is one that may come now."""
@@ -58,7 +70,11 @@ class Receiver:
     @property
     def wrong(self) -> int:
         """Frames refused so far."""
-        return sum(box.wrong for box in self._inboxes.values())
+        return sum(box.refused for box in self._inboxes.values())
+
+    def told(self) -> list[tuple[str, int, int]]:
+        """Of each message: name, frames refused so far, and how many of them were repeated."""
+        return [(b.codec.message.name, b.refused, b.repeated) for b in self._inboxes.values()]
 
     def stamp_ns(self, frame_id: int) -> int:
         """When the last right frame of a message came (0: none)."""
@@ -73,6 +89,7 @@ class Receiver:
         if count is None or not box.follows(count, tick):
             self._refuse(box, count)
             return False
+        box.fresh, box.doubt = count != box.count, max(0, box.doubt - 1)
         box.count, box.tick, box.stamp_ns = count, tick, stamp_ns
         for place, (value, status) in zip(box.places, box.codec.unpack(data), strict=True):
             self._status[place], self._ticks[place] = status, tick
@@ -81,7 +98,9 @@ class Receiver:
         return True
 
     def _refuse(self, box: _Inbox, count: int | None) -> None:
-        box.wrong += 1
+        box.refused += 1
+        if count is not None:
+            box.doubt_after(count)
         if count is not None and count != box.count:
             box.count = count  # a sender that started anew is believed from its second frame on
         for place in box.places:
@@ -97,4 +116,6 @@ class Receiver:
         late = (age >= self._timeouts[places]) & (ticks >= 0)
         image["value"][places] = np.array(self._values)[places]
         image["age"][places] = age
+        doubted = [box.doubt >= TWO_SENDERS for box in self._inboxes.values() for _ in box.places]
+        status = np.where(np.array(doubted, dtype=bool), Status.TWO_SENDERS, status)
         image["status"][places] = np.where(late, Status.TIMEOUT, status)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from runtime.can import wire
 from runtime.can.codec import Codec, Field, received_by
-from runtime.can.receive import COUNTS, SPARE
+from runtime.can.receive import COUNTS, DOUBT, MOST_DOUBT, SPARE, TWO_SENDERS
 from runtime.can.transmit import turns
 from runtime.image import INPUT, NODE, OUTPUT, TICK_S, Layout, refreshed
 from specs.e2e import LAST_COUNT, TABLE
@@ -19,10 +19,12 @@ HEADER = Path(__file__).parents[1] / "core" / "wire_layout.h"
 TIMED_BY = "SlewPosition"  # the sensor message whose arrival end-to-end latency is counted from
 PERIOD_NS = round(1e9 * TICK_S)
 NUMBERS = {
-    "EXTENDED": wire.EXTENDED, "ERROR": wire.ERROR, "IDENTIFIER": wire.IDENTIFIER, "BUS_OFF": wire.BUS_OFF,
+    "EXTENDED": wire.EXTENDED, "REMOTE": wire.REMOTE, "ERROR": wire.ERROR,
+    "IDENTIFIER": wire.IDENTIFIER, "BUS_OFF": wire.BUS_OFF,
     "RESTARTED": wire.RESTARTED, "CONTROLLER": wire.CONTROLLER, "RX_OVERFLOW": wire.RX_OVERFLOW,
     "ACTIVE": wire.ACTIVE, "PASSIVE": wire.RX_PASSIVE | wire.TX_PASSIVE, "COUNTS": COUNTS, "SPARE": SPARE,
-    "LAST_COUNT": LAST_COUNT, "PERIOD_NS": PERIOD_NS,
+    "LAST_COUNT": LAST_COUNT, "PERIOD_NS": PERIOD_NS, "DOUBT": DOUBT, "MOST_DOUBT": MOST_DOUBT,
+    "TWO_SENDERS": TWO_SENDERS,
 }  # fmt: skip
 
 

@@ -107,6 +107,12 @@ int slr_first_lost(const SlrView *view, SlrGroup group) {
   return -1;
 }
 
+int slr_first_doubled(const SlrView *view) {
+  for (int i = 0; i < SLR_IN_COUNT; i++)
+    if (view->status[i] == SLR_STATUS_TWO_SENDERS && signals[i].group != SLR_GROUP_INFORMATION) return i;
+  return -1;
+}
+
 int32_t slr_value_reference(int input) { return input < 0 ? 0 : signals[input].vr; }
 
 void slr_start_values(SlrState *s) {

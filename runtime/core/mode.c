@@ -59,6 +59,7 @@ static Cause general(const SlrInput *in, const SlrState *s, const SlrView *view)
   if (on(view, SLR_IN_emergency_stop)) return (Cause){SLR_FAULT_EMERGENCY_STOP, SLR_IN_emergency_stop};
   if (in->flags & SLR_FLAG_BUS_OFF) return (Cause){SLR_FAULT_BUS_OFF, -1};
   if (in->flags & SLR_FLAG_OTHER_CONTROLLER) return (Cause){SLR_FAULT_OTHER_CONTROLLER, -1};
+  if ((input = slr_first_doubled(view)) >= 0) return (Cause){SLR_FAULT_TWO_SENDERS, input};
   if ((input = slr_first_lost(view, SLR_GROUP_OPERATOR)) >= 0) return (Cause){SLR_FAULT_OPERATOR_TIMEOUT, input};
   if ((input = slr_first_lost(view, SLR_GROUP_MACHINE)) >= 0) return (Cause){SLR_FAULT_MACHINE_TIMEOUT, input};
   if (view->board[SLR_IN_machine_fault] > 0.5) return (Cause){SLR_FAULT_MACHINE_FAULT, SLR_IN_machine_fault};
@@ -143,6 +144,18 @@ static void count_late(const SlrInput *in, SlrState *s) {
   s->overruns = in->overruns;
 }
 
+/* Refused frames stop the machine before they are many enough to say why: then the fault gets its true name. */
+static int by_refused_frames(int32_t fault) {
+  switch (fault) {
+  case SLR_FAULT_OPERATOR_TIMEOUT:
+  case SLR_FAULT_MACHINE_TIMEOUT:
+  case SLR_FAULT_TARGET_TIMEOUT:
+  case SLR_FAULT_SENSOR_TIMEOUT:
+  case SLR_FAULT_SENSOR_CHECKSUM: return 1;
+  default: return 0;
+  }
+}
+
 static void note_hold(SlrState *s, const SlrView *view) {
   const int far = s->mode == SLR_MODE_HOLD && on(view, SLR_IN_target_valid);
   if (s->mode == SLR_MODE_FAULT) return; /* latched */
@@ -150,12 +163,26 @@ static void note_hold(SlrState *s, const SlrView *view) {
   s->fault_signal = 0;
 }
 
+void slr_ladder(const SlrInput *in, const SlrState *now, int64_t *told) {
+  SlrState s = *now;
+  SlrView view;
+  slr_check(in, &s, &view);
+  slr_look_around(&view);
+  const Cause stops = general(in, &s, &view), bars = automatic(&view);
+  const int64_t found[SLR_LADDER] = {
+      1, stops.fault, slr_value_reference(stops.input), bars.fault, slr_value_reference(bars.input),
+      enabled(&view), on(&view, SLR_IN_automatic_request), on(&view, SLR_IN_automatic_allowed), view.deflected,
+      target_there(&view), at_neutral(&s)};
+  for (int i = 0; i < SLR_LADDER; i++) told[i] = found[i];
+}
+
 void slr_next_mode(const SlrInput *in, SlrState *s, const SlrView *view) {
   Cause stop;
   count_late(in, s);
   stop = general(in, s, view);
   if (is_automatic(s->mode) && stop.fault == SLR_FAULT_NONE) stop = automatic(view);
-  if (moves_or_may(s->mode) && stop.fault != SLR_FAULT_NONE)
+  const int renamed = s->mode == SLR_MODE_FAULT && stop.fault == SLR_FAULT_TWO_SENDERS && by_refused_frames(s->fault);
+  if ((renamed || moves_or_may(s->mode)) && stop.fault != SLR_FAULT_NONE)
     slr_fail(s, stop.fault, slr_value_reference(stop.input));
   else
     s->mode = (int32_t)next(s, view, stop);

@@ -75,6 +75,8 @@ void slr_geometry(const double *joints, const double *target, double *walls, dou
 void slr_check(const SlrInput *in, SlrState *s, SlrView *view);
 /* First lost input of a group (of the sensors: one that is needed); -1: all are well. */
 int slr_first_lost(const SlrView *view, SlrGroup group);
+/* First input that is not only information and whose message two nodes send; -1: none. */
+int slr_first_doubled(const SlrView *view);
 /* The next mode, with fault and fault_signal; `view` and the switches of the last step decide: mode.c. */
 void slr_next_mode(const SlrInput *in, SlrState *s, const SlrView *view);
 void slr_fail(SlrState *s, SlrFault fault, int32_t signal);
@@ -112,6 +114,12 @@ SLR_EXPORT int slr_observe(const SlrInput *in, const SlrState *state, double *bo
 /* Its answer, before slr_step (external.c). */
 SLR_EXPORT void slr_offer(SlrState *state, const double *action);
 SLR_EXPORT void slr_step(const SlrInput *in, SlrState *state, int64_t tick, SlrOutput *out);
+
+/* For people: which of the state machine's conditions hold after a step.  SLR_LADDER numbers: known (1), what stops
+ * the machine and about which signal, what bars automatic operation and about which, enabling switch, automatic
+ * switch, automatic allowed, joystick deflected, a target in reach, commands neutral (mode.c). */
+enum { SLR_LADDER = 11 };
+SLR_EXPORT void slr_ladder(const SlrInput *in, const SlrState *now, int64_t *told);
 
 /* For reports, not in the cycle: what the controller wanted in a step that has been taken, and, bit by bit, which
  * of the gate's reasons changed that (explain.c). */

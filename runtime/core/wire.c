@@ -69,8 +69,23 @@ static int follows(const SlrWire *w, int i, int64_t count, int64_t tick) {
   return (gone >= 1 && gone <= 1 + SLR_WIRE_SPARE + missed) || missed >= SLR_WIRE_LAST_COUNT;
 }
 
+/* Two nodes send one message: their counters refuse each other again and again, with right frames between them or
+ * with numbers that jump.  A node that starts anew, or a frame that came twice, makes one such refusal; a counter
+ * that stands still makes one, too, and no right frame after it. */
+static void doubt_after(SlrWire *w, int i, int64_t count) {
+  if (w->fresh[i] || count != w->count[i])
+    w->doubt[i] = w->doubt[i] + SLR_WIRE_DOUBT > SLR_WIRE_MOST_DOUBT ? SLR_WIRE_MOST_DOUBT
+                                                                     : w->doubt[i] + SLR_WIRE_DOUBT;
+  w->fresh[i] = 0;
+}
+
 static void refuse(SlrWire *w, int i, int64_t count) {
   w->wrong += 1;
+  w->refused[i] += 1;
+  if (count >= 0) {
+    w->repeated[i] += count == w->count[i];
+    doubt_after(w, i, count);
+  }
   if (count >= 0) w->count[i] = count; /* a sender that started anew is believed from its second frame on */
   for (int k = 0; k < heard[i].fields; k++) {
     const int place = heard_fields[heard[i].first + k].place;
@@ -89,6 +104,7 @@ static void accept(SlrWire *w, int i, const SlrFrame *frame, int64_t tick) {
     if (status == SLR_STATUS_OK || status == SLR_STATUS_RANGE) w->value[f->place] = value;
   }
   w->tick[i] = tick;
+  w->doubt[i] -= w->doubt[i] > 0;
   if (i == SLR_WIRE_TIMED_BY) w->stamp = frame->stamp;
 }
 
@@ -99,6 +115,7 @@ static void hear(SlrWire *w, const SlrFrame *frame, int64_t tick) {
     if (count < 0 || !follows(w, i, count, tick)) {
       refuse(w, i, count);
     } else {
+      w->fresh[i] = count != w->count[i];
       w->count[i] = count;
       accept(w, i, frame, tick);
     }
@@ -126,8 +143,23 @@ static void take(SlrWire *w, const SlrFrame *frame, int64_t tick, int64_t now) {
     return;
   }
   w->off = 0;
+  if (frame->identifier & SLR_WIRE_REMOTE) {
+    w->remote += 1;
+    return;
+  }
   const int64_t waited = now > frame->stamp ? (now - frame->stamp) / SLR_WIRE_PERIOD_NS : 0;
   if (frame->identifier & SLR_WIRE_EXTENDED) hear(w, frame, tick - waited); /* what waited is as old as it is */
+}
+
+/* What two nodes send is nobody's word: its values say so until one of them has been alone for a while. */
+static void mark_doubted(const SlrWire *w, SlrInput *in) {
+  for (int i = 0; i < SLR_WIRE_IN_MESSAGES; i++) {
+    if (w->doubt[i] < SLR_WIRE_TWO_SENDERS || w->ignored[i]) continue;
+    for (int k = 0; k < heard[i].fields; k++) {
+      uint8_t *status = &in->status[heard_fields[heard[i].first + k].place];
+      if (*status != SLR_STATUS_TIMEOUT) *status = SLR_STATUS_TWO_SENDERS;
+    }
+  }
 }
 
 static void fill(const SlrWire *w, int64_t tick, SlrInput *in) {
@@ -137,6 +169,7 @@ static void fill(const SlrWire *w, int64_t tick, SlrInput *in) {
     in->age[i] = (int32_t)age;
     in->status[i] = (uint8_t)(age >= timeouts[i] && w->came[i] >= 0 ? SLR_STATUS_TIMEOUT : w->status[i]);
   }
+  mark_doubted(w, in);
 }
 
 void slr_wire_receive(SlrWire *w, const SlrFrame *frames, int count, int64_t tick, int64_t now, SlrInput *in) {

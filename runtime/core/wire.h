@@ -28,9 +28,14 @@ typedef struct {
   int64_t lost;    /* times that frames for us were lost */
   int64_t wrong;   /* frames refused */
   int64_t ours;    /* frames that only we send, and did not */
+  int64_t remote;  /* remote frames: they ask for data and have none */
   int64_t ignored[SLR_WIRE_IN_MESSAGES]; /* messages that something else stands for */
   int64_t count[SLR_WIRE_IN_MESSAGES];   /* last counter; -1: none */
   int64_t tick[SLR_WIRE_IN_MESSAGES];    /* of the last right frame */
+  int64_t refused[SLR_WIRE_IN_MESSAGES];  /* frames refused so far, repeated ones among them */
+  int64_t repeated[SLR_WIRE_IN_MESSAGES]; /* right but for their counter: one that came already */
+  int64_t doubt[SLR_WIRE_IN_MESSAGES];    /* that only one node sends the message: see doubt_after */
+  int64_t fresh[SLR_WIRE_IN_MESSAGES];    /* a right frame came since the last one with a wrong counter */
   int64_t next[SLR_WIRE_OUT_MESSAGES];   /* next counter */
   int64_t came[SLR_IN_COUNT];            /* tick in which the value came; negative: never */
   int64_t status[SLR_IN_COUNT];

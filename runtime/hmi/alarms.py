@@ -104,6 +104,7 @@ FAULTS = {
     "bus_off": "CAN bus off",
     "keep_out": "Keep-out",
     "other_controller": "Another controller sends on the bus",
+    "two_senders": "Two senders of one message",
     "configuration": "Configuration",
 }
 MACHINE_FAULTS = {
@@ -154,7 +155,9 @@ def wrong_inputs(inputs: np.void) -> Iterator[Condition]:
         what = Status(status).name.lower().replace("_", " ")
         about = definition().bus.messages[message].description
         shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-        yield Condition(f"input:{message}:{status}", Level.WARNING, f"{message}: {what}", f"{about}: {shown}")
+        two = status == Status.TWO_SENDERS
+        level, text = Level.CRITICAL if two else Level.WARNING, f"{message}: {what}"
+        yield Condition(f"input:{message}:{status}", level, text, f"{about}: {shown}")
 
 
 def _fault(outputs: np.void) -> Iterator[Condition]:
@@ -166,9 +169,12 @@ def _fault(outputs: np.void) -> Iterator[Condition]:
     about = BY_VR.get(int(outputs["value"][FAULT_SIGNAL]))
     parts = [f"{about.name}: {about.description}"] if about else []
     parts += [HOW_OUT] if latched else []
+    text = FAULTS.get(name, name)
+    if name == "two_senders" and about and about.can:
+        text = f"Two senders of {about.can.message}"
     level = Level.CRITICAL if latched else Level.WARNING
     key = f"fault:{name}:{about.name if about else ''}"
-    yield Condition(key, level, FAULTS.get(name, name), "; ".join(parts))
+    yield Condition(key, level, text, "; ".join(parts))
 
 
 class Alarms:

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.image import INPUT, OUTPUT
+from runtime.can.codec import received_by
+from runtime.image import INPUT, NODE, OUTPUT
 from runtime.modbus.cells import TARGETS
 from runtime.shared import Cell
 from runtime.statistics import COARSE_BINS
-from specs.signals import definition
 
 SEEN_FILE, GRANT_FILE, HMI_FILE = "seen.cell", "grant.cell", "hmi.cell"
 
@@ -34,7 +34,7 @@ def _messages() -> dict[str, int]:
     for place, s in enumerate(INPUT.signals):
         if s.can:
             found.setdefault(s.can.message, place)
-    return {name: found[name] for name in definition().bus.messages if name in found}
+    return {c.message.name: found[c.message.name] for c in received_by(NODE)}
 
 
 MESSAGES = _messages()
@@ -51,6 +51,17 @@ WORK = np.dtype(
         ("late", "<i8", (COARSE_BINS,)),  # ticks by lateness: runtime.statistics.Histogram.coarse
         ("work", "<i8", (2, COARSE_BINS)),  # by the work of a cycle: with the policy, and the others
         ("heard", "<i8", (len(MESSAGES),)),  # right frames so far of each of MESSAGES
+        ("refused", "<i8", (len(MESSAGES),)),  # frames with a wrong checksum or counter
+        ("repeated", "<i8", (len(MESSAGES),)),  # of these, right ones that had come before
+    ]
+)
+LADDER = np.dtype(  # what slr_ladder (runtime/core/slr.h) tells
+    [
+        (name, "<i8")
+        for name in (
+            *("known", "stops", "stops_signal", "bars", "bars_signal", "enabled", "asked", "allowed"),
+            *("deflected", "target", "neutral"),
+        )
     ]
 )
 SEEN = np.dtype(
@@ -60,6 +71,7 @@ SEEN = np.dtype(
         ("writer", "<i8"),
         ("forcing", "<i8"),  # number of the forcing in force; 0: none
         ("work", WORK),
+        ("ladder", LADDER),
         ("inputs", INPUT.dtype),
         ("outputs", OUTPUT.dtype),
     ]

@@ -9,7 +9,7 @@ from runtime.hmi.desk import Desk
 from runtime.hmi.sessions import Refused, Session
 from runtime.hmi.trends import ROWS
 from runtime.hmi.watch import Watch
-from runtime.hmi.web import Request, Route
+from runtime.hmi.web import FULL_STREAMS, Request, Route
 from specs.errors import nearest
 
 GRANT_S = 0.3  # in which the control process answers a claim, ten cycles and more
@@ -29,6 +29,7 @@ class Live:
         """All of them."""
         return {
             ("GET", "/api/catalogue"): lambda r: {**catalogue(), "source": "live", "about": self.about},
+            ("GET", "/api/full"): lambda r: {"full": FULL_STREAMS},
             ("GET", "/api/history"): self._history,
             ("GET", "/api/audit"): self._audit,
             ("POST", "/api/session"): self._sign_in,

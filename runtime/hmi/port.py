@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.hmi.cells import ASKED_HEAD, GRANT, HMI, MESSAGES, SEEN_HEAD, Writer
+from runtime.hmi.cells import ASKED_HEAD, GRANT, HMI, LADDER, MESSAGES, SEEN_HEAD, Writer
 from runtime.image import INPUT, OUTPUT, Flag, Status, forceable, timeout_ticks
 from runtime.modbus.cells import HOLDING
 from runtime.modbus.port import HEARTBEAT, PERIOD_NS
@@ -34,6 +34,9 @@ HEARD = np.array(list(MESSAGES.values()), dtype=np.intp)
 TARGETS = np.array([INPUT.index[s.name] for s in HOLDING], dtype=np.intp)
 
 
+NONE_REFUSED = flat(np.zeros(2 * len(MESSAGES), np.int64))
+
+
 class HmiPort:
     """Brings in what the page asks for, as far as it may; shows it what goes on."""
 
@@ -43,8 +46,15 @@ class HmiPort:
         found: Statistics,
         claimed: Callable[[], bool] = lambda: False,
         unrecorded: Callable[[], int] = lambda: 0,
+        refused: Callable[[], memoryview] = lambda: NONE_REFUSED,
+        ladder: Callable[[np.ndarray, np.ndarray], None] = lambda inputs, told: None,
     ) -> None:
-        """`claimed`: whether a Modbus client has the right to write, though it may not have written yet."""
+        """`claimed`: whether a Modbus client has the right to write, though it may not have written yet.
+
+        `refused`: frames refused and repeated, by message (NativePort.refused); `ladder`: ControlCore.ladder.
+        """
+        self._refused, self._ladder = refused, ladder
+        self._told = np.zeros((), LADDER)
         self.seen, self._grant, self.asked = cells
         self._found, self._claimed, self._unrecorded = found, claimed, unrecorded
         self._counts = [_bytes(h) for h in (found.lateness, found.policy_work, found.other_work)]
@@ -188,7 +198,9 @@ class HmiPort:
             found.lateness.largest_ns,
             max(found.other_work.largest_ns, found.policy_work.largest_ns),
         )
-        self.seen.write(b"".join((head, *self._counts, self._frames, self._came, self._sent)))
+        self._ladder(self._inputs, self._told)
+        counted = (*self._counts, flat(self._frames), self._refused())
+        self.seen.write(b"".join((head, *counted, flat(self._told), self._came, self._sent)))
 
 
 def _bytes(times: Histogram) -> memoryview:

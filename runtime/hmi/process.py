@@ -20,6 +20,7 @@ from runtime.hmi.cells import join
 from runtime.hmi.desk import Desk
 from runtime.hmi.hub import Hub
 from runtime.hmi.live import Live
+from runtime.hmi.planners import Planners
 from runtime.hmi.sessions import Sessions
 from runtime.hmi.watch import Watch
 from runtime.hmi.web import Site, secure
@@ -37,7 +38,7 @@ def main(text: str) -> None:
     told = json.loads(text)
     cells = join(Path(told["folder"]))
     hub, audit = Hub(), Audit(Path(told["audit"]))
-    watch = Watch(cells, audit, hub)
+    watch = Watch(cells, audit, hub, Planners(Path(told["folder"]), audit))
     sessions = Sessions(tokens.read(Path(told["tokens"])), audit)
     desk = Desk(sessions, cells[2].write, watch.granted, watch.mode)
     watch.desk = desk

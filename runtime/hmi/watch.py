@@ -1,6 +1,7 @@
 """The live side: reads what the control process shows, keeps trends and alarms, feeds the stream."""
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from runtime.hmi.audit import Audit
 from runtime.hmi.cells import GRANT, SEEN, state_of
 from runtime.hmi.desk import Desk
 from runtime.hmi.hub import Hub
+from runtime.hmi.ladder import ladder
+from runtime.hmi.planners import Planners
 from runtime.hmi.trends import Trends
 from runtime.image import OUTPUT
 from runtime.modbus.port import PERIOD_NS
@@ -37,9 +40,11 @@ NO_AUDIT = Condition(
 class Watch:
     """What all routes share; `look` is to be called often, by one thread."""
 
-    def __init__(self, cells: tuple[Cell, Cell, Cell], audit: Audit, hub: Hub) -> None:
+    def __init__(
+        self, cells: tuple[Cell, Cell, Cell], audit: Audit, hub: Hub, planners: Planners | None = None
+    ) -> None:
         self._seen, self._grant, self._asked = cells
-        self.audit, self.hub = audit, hub
+        self.audit, self.hub, self.planners = audit, hub, planners
         self.trends, self.alarms = Trends(), Alarms()
         self.newest: np.void | None = None
         self.desk: Desk | None = None
@@ -72,6 +77,9 @@ class Watch:
             if self.newest is not None or now - self._begun_ns > START_NS:  # it is started after this process
                 self._update([GONE], [], time.time())
             self.hub.put("stale", {"t": round(time.time(), 3)})
+        if self.planners and self.planners.look(now):
+            shown = {k: v for k, v in self.planners.state.items() if k != "events"}
+            self.hub.put("modbus", shown | {"last": self.planners.last})
         if self.alarms.version != self._version:
             self._version = self.alarms.version
             self.hub.put("alarms", listed(self.alarms))
@@ -79,12 +87,20 @@ class Watch:
     def _take(self, newest: np.void, now: int) -> None:
         inputs, outputs, when = newest["inputs"], newest["outputs"], int(newest["day_ns"]) / 1e9
         self.trends.add(when, frames.values(inputs, outputs))
-        self._update(list(conditions(inputs, outputs)), list(wrong_inputs(inputs)), when)
+        found = [self._with_writer(c) for c in conditions(inputs, outputs)]
+        self._update(found, list(wrong_inputs(inputs)), when)
         shown = frames.frame(when, inputs, outputs)
-        self.hub.put("frame", {**shown, "writer": int(newest["writer"]), **self._control()})
+        rungs = ladder(newest["ladder"], int(outputs["value"][MODE]))
+        self.hub.put("frame", {**shown, "writer": int(newest["writer"]), "ladder": rungs, **self._control()})
         if now - self._worked_ns >= WORK_EVERY_NS:
             self._worked_ns = now
             self.hub.put("work", {"t": when, **frames.work(newest["work"])})
+
+    def _with_writer(self, condition: Condition) -> Condition:
+        """A lost writer's alarm says what happened to it."""
+        if not condition.key.startswith("fault:target_timeout") or not (self.planners and self.planners.last):
+            return condition
+        return replace(condition, cause=f"Modbus: {self.planners.last}; {condition.cause}")
 
     def _control(self) -> dict[str, Any]:
         if self.desk is None:
@@ -97,7 +113,8 @@ class Watch:
         }
 
     def _update(self, found: list[Condition], wrong: list[Condition], when: float) -> None:
-        self.alarms.update([*found, *[NO_AUDIT] * self.audit.failed], wrong, when)
+        told = self.planners.conditions() if self.planners else []
+        self.alarms.update([*found, *told, *[NO_AUDIT] * self.audit.failed], wrong, when)
 
 
 def listed(alarms: Alarms) -> dict[str, Any]:

@@ -21,8 +21,10 @@ from urllib.parse import parse_qs, urlsplit
 
 from runtime.hmi.hub import Hub
 from runtime.hmi.sessions import Refused
+from runtime.places import KEEPALIVE, leaves
 
 PAGE = Path(__file__).parent / "page"
+FULL_STREAMS = "too many pages are open at this controller: close some, or look from its own computer"
 TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -30,6 +32,7 @@ TYPES = {
     ".svg": "image/svg+xml",
 }
 CONNECTIONS, STREAMS = 64, 24
+KEPT, KEPT_STREAMS = 16, 4  # of these, for this computer
 BODY = 4096  # bytes of a request's body
 REQUEST_S = 10.0  # that a connection may take for a request, or stay idle
 STREAM_S = 5.0  # that a reader of the stream may take for what is sent to it
@@ -60,6 +63,17 @@ class Request:
 Route = Callable[[Request], Any]  # returns what is sent as JSON; raises Refused
 
 
+@dataclass(eq=False)
+class Visit:
+    """A connection and its place."""
+
+    connection: socket.socket
+    near: bool  # from this computer
+    heard: int  # when its last request began
+    busy: bool = False  # in the middle of a request, or a stream
+    streams: bool = False
+
+
 class Site(ThreadingHTTPServer):
     """Serves the page, `routes` by method and path, and `hub` as /api/stream."""
 
@@ -73,8 +87,8 @@ class Site(ThreadingHTTPServer):
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self.routes, self.hub = routes, hub
         self.files = _files()
-        self.streams = threading.BoundedSemaphore(STREAMS)
-        self._free = threading.BoundedSemaphore(CONNECTIONS)
+        self.visits: dict[socket.socket, Visit] = {}
+        self._lock = threading.Lock()
         self.deadlines: dict[socket.socket, float] = {}
         super().__init__((host, port), Handler)
 
@@ -84,11 +98,44 @@ class Site(ThreadingHTTPServer):
         return self.server_address[1]
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread of its own, if there are not too many."""
-        if not self._free.acquire(blocking=False):
+        """Serve a connection in a thread of its own; if all places are taken, an idle one makes room."""
+        near = is_near(client_address[0])
+        visit = Visit(request, near, time.monotonic_ns())
+        with self._lock:
+            leaving = leaves(self.visits.values(), visit, CONNECTIONS, KEPT)
+            if leaving is not visit:
+                self.visits[request] = visit
+            if leaving is not None and leaving is not visit:
+                del self.visits[leaving.connection]
+        if leaving is visit:
+            _say_full(request)
             self.shutdown_request(request)
             return
+        if leaving is not None:
+            _end(leaving.connection)
+        self._keep_alive(request)
         super().process_request(request, client_address)
+
+    @staticmethod
+    def _keep_alive(connection: socket.socket) -> None:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        names = ("TCP_KEEPIDLE", "TCP_KEEPINTVL", "TCP_KEEPCNT")
+        for option, value in zip(names, KEEPALIVE, strict=True):
+            if hasattr(socket, option):
+                connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
+
+    def stream(self, connection: socket.socket) -> bool:
+        """Whether a connection may become a stream; some are kept for this computer."""
+        with self._lock:
+            visit = self.visits.get(connection)
+            streams = [v for v in self.visits.values() if v.streams]
+            far = sum(not v.near for v in streams)
+            if visit is None or len(streams) >= STREAMS:
+                return False
+            if not visit.near and far >= STREAMS - KEPT_STREAMS:
+                return False
+            visit.streams = visit.busy = True
+            return True
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         """All of one connection."""
@@ -96,7 +143,8 @@ class Site(ThreadingHTTPServer):
             super().process_request_thread(request, client_address)
         finally:
             self.deadlines.pop(request, None)
-            self._free.release()
+            with self._lock:
+                self.visits.pop(request, None)
 
     def service_actions(self) -> None:
         """Twice a second: end connections that take too long for a request."""
@@ -104,10 +152,7 @@ class Site(ThreadingHTTPServer):
         for connection, end in list(self.deadlines.items()):
             if now > end:
                 self.deadlines.pop(connection, None)
-                try:
-                    connection.shutdown(socket.SHUT_RDWR)
-                except OSError:
-                    continue
+                _end(connection)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A connection that broke is its own affair."""
@@ -126,6 +171,8 @@ class Handler(BaseHTTPRequestHandler):
         """One request, within its time."""
         self.server.deadlines[self.connection] = time.monotonic() + REQUEST_S
         super().handle_one_request()
+        if visit := self.server.visits.get(self.connection):
+            visit.busy = False
 
     def do_GET(self) -> None:
         """Files, the stream, and what can be asked for."""
@@ -166,6 +213,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def _path(self) -> str | None:
         """What is asked for; None, and answered, where host or path are none of ours."""
+        if visit := self.server.visits.get(self.connection):
+            visit.busy, visit.heard = True, time.monotonic_ns()
         if not self._known_host():
             return None
         try:
@@ -211,7 +260,7 @@ class Handler(BaseHTTPRequestHandler):
             return
         scheme, _, key = self.headers.get("Authorization", "").partition(" ")
         where = self.client_address[0]
-        near = ip_address(where.split("%")[0]).is_loopback
+        near = is_near(where)
         try:
             found = route(Request(self._query, body, key if scheme == "Bearer" else "", where, near))
         except Refused as error:
@@ -245,8 +294,8 @@ class Handler(BaseHTTPRequestHandler):
     def _stream(self, hub: Hub) -> None:
         """Server-sent events: always the newest; who does not take them is left behind, then hung up on."""
         self.close_connection = True
-        if self.command == "HEAD" or not self.server.streams.acquire(blocking=False):
-            self._refuse(Refused(503, "too many pages are open"))
+        if self.command == "HEAD" or not self.server.stream(self.connection):
+            self._refuse(Refused(503, FULL_STREAMS))
             return
         self.server.deadlines.pop(self.connection, None)
         self.connection.settimeout(STREAM_S)
@@ -259,13 +308,36 @@ class Handler(BaseHTTPRequestHandler):
                 self.wfile.write(data or b": still here\n\n")
         except OSError:
             return
-        finally:
-            self.server.streams.release()
 
 
 def secure(site: Site, context: ssl.SSLContext) -> None:
     """Speak TLS; each connection shakes hands in its own thread, when it first reads."""
     site.socket = context.wrap_socket(site.socket, server_side=True, do_handshake_on_connect=False)
+
+
+def is_near(address: str) -> bool:
+    """Whether an address is this computer's."""
+    return ip_address(address.split("%")[0]).is_loopback
+
+
+def _end(connection: socket.socket) -> None:
+    try:
+        connection.shutdown(socket.SHUT_RDWR)
+    except OSError:
+        return
+
+
+def _say_full(connection: socket.socket) -> None:
+    """Why there is no answer; over TLS nothing can be said before its handshake."""
+    if isinstance(connection, ssl.SSLSocket):
+        return
+    content = json.dumps({"error": "all connections to this page are in use; close some"}).encode()
+    head = f"HTTP/1.1 503 Service Unavailable\r\nContent-Length: {len(content)}\r\nConnection: close\r\n\r\n"
+    try:
+        connection.setblocking(False)
+        connection.send(head.encode() + content)
+    except OSError:
+        return
 
 
 def _files() -> dict[str, tuple[str, bytes]]:

@@ -33,7 +33,7 @@ TARGETS = np.dtype(
         ("stamp_ns", "<i8"),  # of this state, on the monotonic clock
         ("heartbeat_ns", "<i8"),  # when the writer's heartbeat moved last; 0: not since it may write
         ("commits", "<u4"),  # of this writer; 0: none, and no value counts
-        ("owner", "<u4"),  # number of the writer; 0: there is none
+        ("owner", "<u4"),  # another number for each that becomes the writer; 0: there is none
         ("value", "<f8", (len(HOLDING),)),  # SI, in the order of HOLDING
     ]
 )

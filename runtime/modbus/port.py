@@ -26,7 +26,8 @@ class ModbusPort:
         self._image, self._targets, self._clock = image, targets, clock
         self._number = -1
         self._commits = self._stamp_ns = self._heartbeat_ns = 0
-        self._owner = False
+        self._owner = 0
+        self._handed_over = False  # to another writer, since the last tick
         self._values = self._start = np.array([s.start for s in HOLDING])
         self._show(INPUT.new())
         self._outputs = np.zeros(0)
@@ -37,14 +38,14 @@ class ModbusPort:
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Put the targets into the image."""
-        now = self._clock()
+        now, self._handed_over = self._clock(), False
         if self._targets.number != self._number and (found := self._targets.read()):
             self._take(*found)
         if inputs is not self._inputs:
             self._show(inputs)
         self._lost = now - (self._stamp_ns or self._started_ns) > self._late * PERIOD_NS
         value, age, status = self._start, -1, NEVER
-        if self._commits and self._heartbeat_ns:
+        if self._commits and self._heartbeat_ns and not self._handed_over:
             value, age = self._values, max(0, now - self._heartbeat_ns) // PERIOD_NS
             status = TIMEOUT if age >= self._late else OK
         self._value[:], self._age[:], self._status[:] = value, age, status
@@ -59,13 +60,17 @@ class ModbusPort:
         """Know what another one knows of the writer."""
         self._values, self._commits = other._values, other._commits
         self._stamp_ns, self._heartbeat_ns = other._stamp_ns, other._heartbeat_ns
+        self._owner = other._owner
 
     def _take(self, number: int, state: bytes) -> None:
         """A state of targets.cell."""
         newest = np.frombuffer(state, TARGETS)[0]
+        before, self._owner = self._owner, int(newest["owner"])
+        # What one writer began no other one goes on with, however quickly they follow each other: for one
+        # tick there is no target, and automatic operation ends.
+        self._handed_over = bool(self._commits) and before != self._owner
         self._number, self._values, self._commits = number, newest["value"], int(newest["commits"])
         self._stamp_ns, self._heartbeat_ns = int(newest["stamp_ns"]), int(newest["heartbeat_ns"])
-        self._owner = bool(newest["owner"])
 
     def _show(self, inputs: np.ndarray) -> None:
         """Keep what is needed of an image: finding it takes longer than using it."""
@@ -76,7 +81,7 @@ class ModbusPort:
 
     def claimed(self) -> bool:
         """Whether a client has the right to write, though it may not have written yet."""
-        return self._owner and not self._lost
+        return bool(self._owner) and not self._lost
 
     def flags(self) -> int:
         """MODBUS_LOST while the server gives no sign of life."""

@@ -15,6 +15,7 @@ from runtime.hmi.cells import join_grant
 from runtime.modbus.cells import BEAT_S, join
 from runtime.modbus.roles import context
 from runtime.modbus.server import Desk, Server
+from runtime.modbus.told import Teller, open_told, to_console
 
 
 def main(text: str) -> None:
@@ -29,9 +30,9 @@ async def _serve(told: dict) -> None:
     tls = told.get("tls")
     secure = context(Path(tls["certificate"]), Path(tls["key"]), Path(tls["authority"])) if tls else None
     folder = Path(told["folder"])
-    server = Server(
-        Desk(*join(folder), join_grant(folder)), told["host"], told["port"], tls["port"] if tls else 0, secure
-    )
+    teller = Teller(open_told(folder), to_console)
+    desk = Desk(*join(folder), join_grant(folder), teller)
+    server = Server(desk, told["host"], told["port"], tls["port"] if tls else 0, secure)
     ports = await server.listen()
     if told.get("ports"):
         Path(told["ports"]).write_text(json.dumps(dict(zip(("plain", "tls"), ports, strict=False))))

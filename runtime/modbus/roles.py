@@ -11,6 +11,7 @@ from specs.errors import InputError
 
 ROLE = "1.3.6.1.4.1.50316.802.1"
 WRITERS = ("Planner",)
+NAME_LENGTH = 40
 UTF8 = 0x0C  # tag of a UTF8String in DER
 
 
@@ -32,6 +33,19 @@ def role(certificate: bytes) -> str | None:
 def may_write(certificate: bytes | None) -> bool:
     """Whether the holder of a certificate (DER) may write."""
     return certificate is not None and role(certificate) in WRITERS
+
+
+def common_name(certificate: bytes | None) -> str:
+    """The holder's name in a certificate (DER), for people; empty if it has none."""
+    from cryptography import x509
+
+    try:
+        subject = x509.load_der_x509_certificate(certificate or b"").subject
+        found = subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
+    except ValueError:
+        return ""
+    name = str(found[0].value) if found else ""
+    return "".join(c for c in name if c.isprintable() and c != ":")[:NAME_LENGTH]
 
 
 def context(certificate: Path, key: Path, authority: Path) -> ssl.SSLContext:

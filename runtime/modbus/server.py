@@ -1,17 +1,20 @@
 """The Modbus TCP server: pymodbus with the registers of `holding` and `showing`, plain and over TLS.
 
 Functions 3, 4, 6, 16, 22, 23 and 43/14; a request has its answer before the next of its connection is looked
-at, and what is no Modbus ends the connection.  The plain port takes writes from this machine only; over TLS
-the client's certificate says what it may (`roles`).
+at, and what is no Modbus ends the connection.  Connections have their turns, one request each, the writer's
+before every other; how much one sends delays nobody else.  The plain port takes writes
+from this machine only; over TLS the client's certificate says what it may (`roles`).
 """
 
 import asyncio
+import socket
 import ssl
 import time
 from collections import deque
 from contextvars import ContextVar
+from functools import partial
 from ipaddress import ip_address
-from typing import Any
+from typing import Any, cast
 
 from pymodbus.constants import ExcCodes
 from pymodbus.exceptions import ModbusIOException
@@ -25,9 +28,11 @@ from pymodbus.transaction import TransactionManager
 
 from runtime.hmi.cells import GRANT, Writer, state_of
 from runtime.modbus.cells import BEAT_S
-from runtime.modbus.holding import Holding
-from runtime.modbus.roles import may_write
+from runtime.modbus.holding import Event, Holding
+from runtime.modbus.roles import common_name, may_write
 from runtime.modbus.showing import Showing
+from runtime.modbus.told import Teller
+from runtime.places import KEEPALIVE, leaves
 from runtime.shared import Cell
 from specs.errors import InputError
 from specs.signals import definition
@@ -40,67 +45,111 @@ LONGEST = 254  # of its length field: unit, function and 252 bytes
 PIPELINED = (
     16  # requests that may wait on one connection (the messaging guide's NumberMaxOfServerTransaction)
 )
-CONNECTIONS = 64
+BUFFERED = PIPELINED * (6 + LONGEST)  # bytes after which a connection is not read until it had its turns
+CONNECTIONS, KEPT = 64, 16  # places; those for this computer and for whoever may write
+IDLE_NS, CHECK_NS = 60_000_000_000, 1_000_000_000  # without a request; between two looks at who is idle
+HANDSHAKE_S = 5.0  # for TLS
 _asking: ContextVar["Connection"] = ContextVar("asking")
 
 
 class Connection(ServerRequestHandler):
-    """One client: its requests one after the other."""
+    """One client: its requests one after the other, each when it is its turn."""
 
     def __init__(self, server: "_Serving") -> None:
         super().__init__(server, None, None, None)
         self.desk = server.desk
-        self.writes = False
-        self._received = b""
-        self._waiting: deque[bytes] = deque()
-        self._serving: asyncio.Task[None] | None = None
+        self.writes = self.near = False
+        self.name = self.peer = ""
+        self.heard = time.monotonic_ns()
+        self._received = bytearray()
+        self._full = self._stuck = False  # not read from; its client does not take its answers
 
     def callback_connected(self) -> None:
-        """See who it is."""
+        """See who it is, and whether there is room."""
         super().callback_connected()
-        self.writes = self._may_write()
-        if len(self.desk.connections) >= CONNECTIONS:
-            self._hang_up()
-        else:
-            self.desk.connections.add(self)
-
-    def _may_write(self) -> bool:
+        peer = self.transport.get_extra_info("peername") or ("", 0)
+        local = bool(peer[0]) and ip_address(peer[0].split("%")[0]).is_loopback
+        self.writes, self.name = local, f"{peer[0]}:{peer[1]}"
         secure = self.transport.get_extra_info("ssl_object")
         if secure is not None:
-            return may_write(secure.getpeercert(binary_form=True))
-        peer = self.transport.get_extra_info("peername")
-        return bool(peer) and ip_address(peer[0].split("%")[0]).is_loopback
+            certificate = secure.getpeercert(binary_form=True)
+            self.writes = may_write(certificate)
+            self.name = f"{common_name(certificate)} {self.name}".strip()
+        self.peer = self.name.rpartition(":")[0]
+        self.near = local or self.writes
+        self._keep_alive()
+        self.desk.enter(self)
+
+    def _keep_alive(self) -> None:
+        """Notice a peer that is gone without a word, and read no more at once than may wait."""
+        transport: Any = self.transport
+        end = transport.get_extra_info("socket")
+        if end is not None:
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            names = ("TCP_KEEPIDLE", "TCP_KEEPINTVL", "TCP_KEEPCNT")
+            for option, value in zip(names, KEEPALIVE, strict=True):
+                if hasattr(socket, option):
+                    end.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
+        if hasattr(transport, "max_size"):
+            transport.max_size = BUFFERED
+
+    @property
+    def busy(self) -> bool:
+        """Whether it is the writer's, and keeps its place."""
+        return self.desk.holding.owner is not None and self.desk.holding.owner.client is self
 
     def callback_disconnected(self, exc: Exception | None) -> None:
         """Forget it."""
         super().callback_disconnected(exc)
-        self.desk.connections.discard(self)
-        self.desk.holding.left(self)
+        self.desk.leave(self)
 
     def data_received(self, data: bytes) -> None:
-        """Cut what came into requests."""
+        """Keep what came until its turn."""
         self._received += data
-        while len(self._received) >= HEADER:
-            length = int.from_bytes(self._received[4:6], "big")
-            if self._received[2:4] != b"\0\0" or not 2 <= length <= LONGEST:
-                self._hang_up()
-                return
-            if len(self._received) < 6 + length:
-                break
-            self._waiting.append(self._received[: 6 + length])
-            self._received = self._received[6 + length :]
         transport: Any = self.transport
-        if len(self._waiting) >= PIPELINED and transport is not None:
+        if len(self._received) >= BUFFERED and transport is not None and not self._full:
+            self._full = True
             transport.pause_reading()
-        if self._waiting and (self._serving is None or self._serving.done()):
-            self._serving = asyncio.ensure_future(self._serve())
+        if self.waits():
+            self.desk.turns.wait(self)
 
-    async def _serve(self) -> None:
+    def pause_writing(self) -> None:
+        """Its client does not take what it asked for: nothing more is answered meanwhile."""
+        self._stuck = True
+
+    def resume_writing(self) -> None:
+        """It does again."""
+        self._stuck = False
+        if self.waits():
+            self.desk.turns.wait(self)
+
+    def waits(self) -> bool:
+        """Whether a whole request is there to be answered, or something that is none."""
+        return self.transport is not None and not self._stuck and self._length() <= len(self._received)
+
+    def _length(self) -> int:
+        """Bytes of the next request; 0: what is there is none."""
+        if len(self._received) < HEADER:
+            return HEADER
+        length = int.from_bytes(self._received[4:6], "big")
+        right = self._received[2:4] == b"\0\0" and 2 <= length <= LONGEST
+        return 6 + length if right else 0
+
+    async def turn(self) -> None:
+        """Answer one request."""
+        length = self._length()
+        if not length:
+            self._received.clear()
+            self.hang_up()
+            return
+        request = bytes(self._received[:length])
+        del self._received[:length]  # from the front: the rest is not copied
+        self.heard = time.monotonic_ns()
         _asking.set(self)
-        while self._waiting and self.transport is not None:
-            await self._answer(self._waiting.popleft())
+        await self._answer(request)
         transport: Any = self.transport
-        if transport is not None and not transport.is_reading():
+        if self._full and transport is not None and len(self._received) < BUFFERED // 2:
+            self._full = False
             transport.resume_reading()
 
     async def _answer(self, request: bytes) -> None:
@@ -120,7 +169,8 @@ class Connection(ServerRequestHandler):
         answer = ExceptionResponse(function, code, device_id=unit, transaction=transaction)
         self.server_send(answer, None)
 
-    def _hang_up(self) -> None:
+    def hang_up(self) -> None:
+        """End it at once."""
         transport: Any = self.transport
         if transport is not None:
             transport.abort()
@@ -129,15 +179,68 @@ class Connection(ServerRequestHandler):
 UNITS = (definition().modbus.unit_id, 0, 0xFF)  # 0 and 0xFF: the server itself, as the messaging guide has it
 
 
-class Desk:
-    """What all connections share: both tables, and who is there."""
+class Turns:
+    """Whose request is answered next: the writer's, and between two of its own one of every other in turn."""
 
-    def __init__(self, image: Cell, targets: Cell, grant: Cell | None = None) -> None:
+    def __init__(self) -> None:
+        self._waiting: deque[Connection] = deque()
+        self._last: Connection | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    def wait(self, connection: Connection) -> None:
+        """A request waits on a connection."""
+        if connection not in self._waiting:
+            self._waiting.append(connection)
+        if self._task is None or self._task.done():
+            self._task = asyncio.ensure_future(self._run())
+
+    async def _run(self) -> None:
+        while self._waiting:
+            connection = self._next()
+            if connection.waits():
+                await connection.turn()
+            if connection.waits():
+                self._waiting.append(connection)
+            await asyncio.sleep(0)  # what came meanwhile is read before the next turn
+
+    def _next(self) -> Connection:
+        first = next((c for c in self._waiting if c.busy and c is not self._last), self._waiting[0])
+        self._waiting.remove(first)
+        self._last = first
+        return first
+
+
+class Desk:
+    """What all connections share: both tables, their turns, and who is there."""
+
+    def __init__(
+        self, image: Cell, targets: Cell, grant: Cell | None = None, teller: Teller | None = None
+    ) -> None:
         """`grant`: in which the control process says whether the HMI writes; None where there is none."""
-        self._grant = grant
-        self.holding = Holding(targets.write, self._taken)
+        self._grant, self.teller = grant, teller or Teller(None)
+        self.holding = Holding(targets.write, self._taken, self._told)
         self.showing = Showing(image, self.holding)
         self.connections: set[Connection] = set()
+        self.turns = Turns()
+        self._displaced = self._checked = 0
+
+    def enter(self, connection: Connection) -> None:
+        """A new connection; if there is no place, somebody must leave."""
+        leaving = leaves(self.connections, connection, CONNECTIONS, KEPT)
+        if leaving is not connection:
+            self.connections.add(connection)
+        if leaving is not None:
+            self._displaced += 1
+            self.connections.discard(leaving)
+            leaving.hang_up()
+
+    def leave(self, connection: Connection) -> None:
+        """A connection ended."""
+        self.connections.discard(connection)
+        self.holding.left(connection)
+
+    def _told(self, event: Event, client: Any, why: str) -> None:
+        self.teller.event(event, client.name if client else "somebody", why)
 
     def _taken(self) -> bool:
         found = state_of(self._grant, GRANT) if self._grant else None
@@ -176,7 +279,21 @@ class Desk:
             now = time.monotonic_ns()
             self.holding.lapse(now)
             self.holding.beat(now)
+            self._look_around()
             await asyncio.sleep(BEAT_S)
+
+    def _look_around(self) -> None:
+        """Say who is there; now and then, end connections that ask for nothing."""
+        writer = next((c.name for c in self.connections if c.busy), "")
+        names = sorted(c.name for c in self.connections)
+        held = self.holding
+        self.teller.state(writer, names, CONNECTIONS, refused=held.refused, displaced=self._displaced)
+        now = time.monotonic_ns()
+        if now - self._checked < CHECK_NS:
+            return
+        self._checked = now
+        for connection in [c for c in self.connections if not c.busy and now - c.heard > IDLE_NS]:
+            connection.hang_up()
 
 
 TABLES = ("holding", "input")
@@ -188,6 +305,7 @@ class _Serving:
     desk: Desk
 
     def callback_new_connection(self) -> Connection:
+        """Called for each connection."""
         return Connection(self)
 
 
@@ -212,6 +330,7 @@ class Server:
                 desk.device(), framer=FramerType.SOCKET, address=(host, tls_port), sslctx=context,
                 identity=_identity(),
             )  # fmt: skip
+            secure.call_create = partial(cast(Any, secure.call_create), ssl_handshake_timeout=HANDSHAKE_S)
             self.servers.append(secure)
         for server in self.servers:
             server.desk = desk

@@ -14,7 +14,7 @@ from runtime.shared import Cell
 from specs.signals import definition, signal
 from specs.tables import header_values
 
-UNKNOWN = (Status.NEVER, Status.TIMEOUT, Status.ERROR, Status.NOT_AVAILABLE)
+UNKNOWN = (Status.NEVER, Status.TIMEOUT, Status.ERROR, Status.NOT_AVAILABLE, Status.TWO_SENDERS)
 NO_WORD = 0xFFFF
 STALE_NS = timeout_ticks(signal("controller_heartbeat")) * PERIOD_NS
 

@@ -165,6 +165,7 @@ def bus(folder: Path):
             '[modbus]\ntls = { port = 1503, certificate = "a", key = "b", authority = "c" }\n',
             "tls",
         ),
+        ("[modbus]\n", '[modbus]\nhost = ""\n', "modbus: host is empty; 0.0.0.0 is every network"),
         ("[hmi]\n", "[hmi]\nport = 1502\n", "modbus.port and hmi.port are both 1502"),
     ],
 )

@@ -2,16 +2,21 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from runtime.configuration import Can, Configuration, Modbus
 from runtime.recorder.feed import Feed
 from runtime.recorder.recorder import Recorder
 from runtime.recorder.replay import bundle_of, identity
 from runtime.recorder.segments import Disk, Folder
 from runtime.ring import Ring
 from runtime.supervisor import Supervisor
+from slewright.commands.machine.run import who_may_write
 from specs.errors import InputError
 from specs.version import VERSION
 from tests.conftest import Command
@@ -99,3 +104,27 @@ def test_run_says_it_in_a_line_and_exits_with_2(slewright_here: Command, tmp_pat
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "missing bundle" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("host", "said"),
+    [
+        ("127.0.0.1", "127.0.0.1: this computer only"),
+        ("0.0.0.0", "0.0.0.0: every network of this computer"),
+        ("10.0.0.3", "10.0.0.3: the network that has this address"),
+    ],
+)
+def test_run_says_which_networks_and_who_may_write(host: str, said: str):
+    wanted = Configuration(
+        can=Can(interface="slewright", channel="bus"), bundle=Path("b"), modbus=Modbus(port=1502, host=host)
+    )
+    lines = who_may_write(cast(Supervisor, SimpleNamespace(wanted=wanted)))
+    assert lines == [
+        f"Modbus: port 1502 of {said}; whoever is on this computer may write, "
+        "everybody else who reaches it may read"
+    ]
+    wanted = replace(wanted, modbus=None)
+    assert (
+        "from whoever sends them on CAN bus bus"
+        in who_may_write(cast(Supervisor, SimpleNamespace(wanted=wanted)))[0]
+    )

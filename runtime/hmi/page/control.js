@@ -156,7 +156,7 @@ function button(title, action, more = {}) {
 
 function buildControl() {
   const at = byId("control");
-  at.replaceChildren(element("p", { id: "writer" }));
+  at.replaceChildren(element("ol", { id: "ladder" }), element("p", { id: "writer" }));
   if (model.catalogue.source !== "live") {
     at.append(element("p", { id: "target-text" }), element("p", { className: "hint" }, "Playback: nothing can be changed."));
   } else if (!model.session) {
@@ -182,10 +182,23 @@ function first(name) {
   return Number.isFinite(rest) ? rest.toFixed(name === "load_told" ? 0 : 1) : "";
 }
 
+// What keeps the machine from its next mode, as the controller's own state machine sees it.
+function showLadder() {
+  const rungs = model.frame.ladder ?? [];
+  const next = rungs.findIndex((r) => !r.reached);
+  const lines = rungs.map((r, i) => {
+    const missing = r.missing.length ? `: ${r.missing.join("; ")}` : "";
+    return element("li", { className: r.reached ? "reached" : i === next ? "next" : "" }, element("b", {}, `${r.reached ? "✓ " : ""}${r.to}`), missing);
+  });
+  byId("ladder").replaceChildren(...lines);
+}
+
 function showControl() {
   if (!model.frame) return;
+  showLadder();
   const writer = model.catalogue.writers[model.frame.writer] ?? "";
-  const who = { nobody: "nobody", planner: "planner (CAN or Modbus)", hmi: model.frame.by || "this page" }[writer] ?? "–";
+  const planner = model.modbus ? (model.modbus.writer ? `${model.modbus.writer}, over Modbus` : "a planner on the CAN bus") : "a planner on the CAN bus";
+  const who = { nobody: "nobody", planner, hmi: model.frame.by || "this page" }[writer] ?? "–";
   byId("writer").textContent = model.catalogue.source === "live" ? `Targets come from: ${who}` : "";
   const line = byId("target-text");
   const to = ["target_x", "target_y", "target_z"].map((n) => text(signal(n), value(n)));

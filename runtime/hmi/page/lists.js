@@ -11,7 +11,7 @@ function showAlarms() {
   const rows = [...list, ...past.slice(0, 30)].map((a, i) => {
     const button = element("button", { type: "button" }, "Acknowledge");
     button.addEventListener("click", () => attempt(() => ask("api/acknowledge", { number: a.number })));
-    const state = a.gone === null ? "present" : `gone ${time(a.gone)}`;
+    const state = a.gone === null ? "present" : `gone\u00a0${time(a.gone)}`;
     const by = a.acknowledged && a.acknowledged !== "–" ? `, seen by ${a.acknowledged}` : "";
     const last = i < list.length && !a.acknowledged && operator ? button : "";
     return element("tr", { className: a.gone === null ? a.level : "gone" }, cell(mark(a.level)), cell(time(a.since), "time"), cell(a.text), cell(a.cause), cell(state + by), cell(last));
@@ -73,6 +73,20 @@ function histogram(work) {
   byId("histogram").replaceChildren(element("b", {}, "How late, how long"), svg);
 }
 
+const counted = (n) => (n === undefined ? "–" : n ? element("span", { className: "wrong" }, String(n)) : "0");
+const byModbus = () => model.catalogue.writers[model.frame?.writer] === "hmi" || Boolean(model.modbus);
+
+// Who is connected to the Modbus server, and who writes.
+function modbus() {
+  const m = model.modbus;
+  if (!m) return [];
+  const writer = m.writer ? `writer ${m.writer}` : `nobody writes${m.last ? ` (${m.last})` : ""}`;
+  const others = m.clients.filter((c) => c !== m.writer);
+  const rest = others.length ? `; only reading: ${others.slice(0, 8).join(", ")}${others.length > 8 ? ` and ${others.length - 8} more` : ""}` : "";
+  const text = `${writer}${rest}; ${m.clients.length} of ${m.places} places; ${m.refused} writes refused${m.displaced ? `; made room: ${m.displaced}` : ""}`;
+  return [element("b", {}, "Modbus"), element("p", { id: "modbus" }, text)];
+}
+
 function bus(work) {
   const past = before && work.t > before.t && work.t - before.t < 30 ? before : null;
   if (!before || work.t - before.t > 4 || work.t < before.t) before = work;
@@ -82,13 +96,14 @@ function bus(work) {
   const rows = model.catalogue.messages.map((m, i) => {
     const age = model.frame?.a[i] ?? -1;
     const ms = age * 1000 * model.catalogue.tick_s;
-    const late = age < 0 || (m.timeout_ms && ms >= m.timeout_ms);
-    const shownAge = element("span", { className: late ? "wrong" : "" }, age < 0 ? "never" : ms > 9999 ? "> 10 s" : `${Math.round(ms)} ms`);
-    return element("tr", { title: m.description }, cell(m.name), cell(m.sender), cell(Number.isFinite(rates[i]) ? rates[i].toFixed(1) : "–", "number"), cell((1000 / m.cycle_ms).toFixed(0), "number"), cell(shownAge, "number"));
+    const elsewhere = m.sender === "Planner" && !(rates[i] > 0) && byModbus(); // its targets come another way
+    const late = !elsewhere && (age < 0 || (m.timeout_ms && ms >= m.timeout_ms));
+    const shownAge = element("span", { className: late ? "wrong" : "" }, elsewhere ? "by Modbus" : age < 0 ? "never" : ms > 9999 ? "> 10 s" : `${Math.round(ms)} ms`);
+    return element("tr", { title: m.description }, cell(m.name), cell(m.sender), cell(Number.isFinite(rates[i]) ? rates[i].toFixed(1) : "–", "number"), cell((1000 / m.cycle_ms).toFixed(0), "number"), cell(shownAge, "number"), cell(counted(work.refused?.[i]), "number"), cell(counted(work.repeated?.[i]), "number"));
   });
-  const head = element("tr", {}, ...["Message heard", "From", "a second", "due", "Age"].map((x, i) => element("th", { className: i > 1 ? "number" : "" }, x)));
+  const head = element("tr", {}, ...["Message heard", "From", "a second", "due", "Age", "Refused", "Repeated"].map((x, i) => element("th", { className: i > 1 ? "number" : "" }, x)));
   const table = element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows));
-  byId("bus").replaceChildren(element("b", {}, past ? `CAN bus: load at most ${load.toFixed(0)} % (messages heard and sent, as long as they can be)` : "CAN bus"), table);
+  byId("bus").replaceChildren(...modbus(), element("b", {}, past ? `CAN bus: load at most ${load.toFixed(0)} % (messages heard and sent, as long as they can be)` : "CAN bus"), table);
 }
 
 // --- signals ---

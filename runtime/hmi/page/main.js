@@ -10,6 +10,7 @@ const PAGES = ["machine", "trends", "alarms", "statistics", "signals"];
 const OLD_MS = 1500; // without a frame: what is shown is old
 const FORCED = 2048;
 let heard = performance.now();
+let refused = ""; // why the controller's computer shows nothing, in its own words
 
 function turn() {
   const wanted = PAGES.includes(location.hash.slice(1)) ? location.hash.slice(1) : "machine";
@@ -53,17 +54,23 @@ function header() {
   const t = model.frame?.t ?? 0;
   const there = model.alarms.list.filter((a) => (live ? a.gone === null : a.since <= t && (a.gone === null || a.gone > t)));
   const top = there[0];
-  if (model.stale) banner("critical", "!!", "This display is not up to date", "no news from the control process: rely on the machine, not on this page");
+  const left = live ? model.alarms.list.filter((a) => a.gone !== null) : [];
+  if (model.stale && refused) banner("critical", "!!", "This display is not up to date", refused);
+  else if (model.stale) banner("critical", "!!", "This display is not up to date", "no news from the control process: rely on the machine, not on this page");
   else if (top) banner(top.level, { critical: "!!", warning: "!" }[top.level] ?? "F", top.text, (there.length > 1 ? `(and ${there.length - 1} more) ` : "") + top.cause);
-  else banner("", "", "No alarms", live && model.alarms.list.length ? "some are gone and not acknowledged: see Alarms" : "");
+  else if (left.length) banner("past", "i", left.length > 1 ? `${left.length} gone, not acknowledged` : `Gone, not acknowledged: ${left[0].text}`, left[0].cause);
+  else banner("", "", "No alarms", "");
 }
 
 function listen() {
   const stream = new EventSource("api/stream");
+  stream.addEventListener("open", () => (refused = ""));
+  stream.addEventListener("error", () => stream.readyState === EventSource.CLOSED && closed());
   const take = (kind, action) => stream.addEventListener(kind, (event) => action(JSON.parse(event.data)));
   take("frame", (frame) => ((heard = performance.now()), show(frame)));
   take("stale", () => (old(true), header()));
   take("alarms", (alarms) => ((model.alarms = alarms), tell("alarms"), header()));
+  take("modbus", (found) => ((model.modbus = found), tell("modbus", found)));
   take("work", (work) => ((model.work = work), tell("work", work)));
   setInterval(() => {
     if (performance.now() - heard < OLD_MS) return;
@@ -71,6 +78,14 @@ function listen() {
     old(true);
     header();
   }, 500);
+}
+
+// An event stream does not say why it was refused: asked once more in another way, and again later.
+async function closed() {
+  refused = await ask("api/full").then((found) => found.full, () => "");
+  old(true);
+  header();
+  setTimeout(() => location.reload(), 5000);
 }
 
 async function begin() {

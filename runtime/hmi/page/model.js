@@ -1,6 +1,6 @@
 // What is known: the catalogue, the newest frame, and how values are written.  No page elements here.
 const listeners = new Map();
-export const model = { catalogue: null, place: new Map(), frame: null, alarms: { list: [], past: [] }, work: null, stale: true, session: null };
+export const model = { catalogue: null, place: new Map(), frame: null, alarms: { list: [], past: [] }, work: null, modbus: null, stale: true, session: null };
 
 export function on(kind, action) {
   if (!listeners.has(kind)) listeners.set(kind, []);

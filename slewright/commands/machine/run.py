@@ -63,6 +63,8 @@ def run(
         if supervisor.wanted.shadow:
             report("in shadow: nothing is sent")
         with supervisor:
+            for line in who_may_write(supervisor):
+                typer.echo(line)
             show_page(supervisor)
             try:
                 found = supervisor.run(show)
@@ -71,6 +73,47 @@ def run(
                 found = supervisor.run(show, stop=lambda: True)
     _show(found)
     figures_file.write(json, {**found, "interrupted": stopped})
+
+
+def who_may_write(supervisor: "Supervisor") -> list[str]:
+    """On which ports and networks it can be reached, and who may write there."""
+    from runtime.modbus.roles import WRITERS
+
+    wanted, lines = supervisor.wanted, []
+    if wanted.modbus:
+        where = networks(wanted.modbus.host)
+        plain = f"Modbus: port {wanted.modbus.port} of {where}; "
+        lines.append(plain + "whoever is on this computer may write, everybody else who reaches it may read")
+        if wanted.modbus.tls:
+            roles = " or ".join(f"'{role}'" for role in WRITERS)
+            lines.append(
+                f"Modbus over TLS: port {wanted.modbus.tls.port} of {where}; certificates of "
+                f"{wanted.modbus.tls.authority} may read, those with the role {roles} may write"
+            )
+    if wanted.hmi:
+        far = "over TLS from anywhere" if wanted.hmi.tls else "from this computer only"
+        lines.append(
+            f"page: port {wanted.hmi.port} of {networks(wanted.hmi.host)}; everybody who reaches it may "
+            f"look, whoever has a token of {wanted.hmi.tokens} may change something, {far}"
+        )
+    if not wanted.modbus:
+        lines.append(f"targets: from whoever sends them on CAN bus {wanted.can.channel}")
+    return lines
+
+
+def networks(host: str) -> str:
+    """What an address to listen at means."""
+    from ipaddress import ip_address
+
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return host
+    if address.is_unspecified:
+        return f"{host}: every network of this computer"
+    return (
+        f"{host}: this computer only" if address.is_loopback else f"{host}: the network that has this address"
+    )
 
 
 def show_page(supervisor: "Supervisor") -> None:

@@ -1,6 +1,7 @@
 """Faults: a few of each in lock-step; the figures can fail; all of them with real processes in the soak."""
 
 import json
+from copy import copy
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,11 @@ import pytest
 from deployment.faults import injected, run as runs
 from deployment.faults.drive import Drive
 from deployment.faults.injected import Disturbance
+from deployment.faults.process_faults import Recorded
 from deployment.faults.run import faults, run
 from deployment.faults.table import BUS, IMAGE, INSIDE, Fault, Outcome
 from runtime.control import ControlCore
+from runtime.recorder.segments import Disk
 from specs.errors import InputError
 from specs.scenario import load
 from tests.conftest import Command
@@ -52,6 +55,19 @@ def test_a_reaction_that_is_late_or_wrong_is_missed(monkeypatch: pytest.MonkeyPa
 def test_the_same_seed_gives_the_same_moments_and_figures():
     first, again = (run(built("pd").folder, faults(["sensor_range"]), 3, 5, quiet, 400) for _ in range(2))
     assert first[0].figures() == again[0].figures()
+
+
+@pytest.mark.parametrize("name", ["remote_frames", "second_sender", "forged_status", "other_controller"])
+def test_an_attacked_drive_is_recorded_and_repeats_bit_for_bit(name: str, tmp_path: Path):
+    drive = Drive(ControlCore(built("pd")), load(runs.SCENARIO), 300, 3)
+    moment = drive.moments({200})[200]
+    attacked, change = copy(drive), injected.MAKERS[name](np.random.default_rng(2)).frames
+    assert change is not None
+    attacked.frames = [*drive.frames[:200], *(change(f, k) for k, f in enumerate(drive.frames[200:]))]
+    recorded = Recorded(attacked, moment, tmp_path, Disk())
+    recorded.steps(60)
+    assert recorded.repeats()
+    recorded.ring.close()
 
 
 def test_an_unknown_fault_is_refused():

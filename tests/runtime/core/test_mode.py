@@ -238,6 +238,32 @@ def test_another_controller_on_the_bus_is_a_fault_until_it_has_gone() -> None:
     assert bench.set(operator_enable=0.0).tick().set(operator_enable=1.0).tick().mode == STANDBY
 
 
+@pytest.mark.parametrize("name", ["machine_ready", "operator_enable", "q_slew"])
+def test_two_senders_of_a_message_stop_the_machine_until_one_is_left(name: str) -> None:
+    bench = Bench(core()).automatic()
+    bench.status[name] = Status.TWO_SENDERS
+    assert (bench.tick().mode, bench.fault) == (FAULT, "two_senders")
+    assert bench.out("fault_signal") == signal(name).vr
+    bench.set(operator_enable=0.0, automatic_request=0.0).tick(5).set(operator_enable=1.0)
+    assert bench.tick().mode == FAULT
+    bench.status.clear()
+    bench.set(operator_enable=0.0).tick(5).set(operator_enable=1.0)
+    assert bench.tick().mode == STANDBY
+
+
+@pytest.mark.parametrize(
+    ("first", "code"), [({"machine_ready": Status.CHECKSUM}, "two_senders"), ({}, "emergency_stop")]
+)
+def test_two_senders_name_the_fault_that_their_refused_frames_made(first: dict, code: str) -> None:
+    bench = Bench(core()).automatic()
+    bench.status.update(first)
+    bench.set(emergency_stop=float(not first)).tick(8)
+    assert bench.fault == ("machine_timeout" if first else "emergency_stop")
+    bench.set(emergency_stop=0.0)
+    bench.status["machine_ready"] = Status.TWO_SENDERS
+    assert (bench.tick().mode, bench.fault) == (FAULT, code)
+
+
 @pytest.mark.parametrize("axis", ["joystick_slew", "joystick_boom", "joystick_stick"])
 def test_every_axis_of_the_joystick_takes_over(axis: str) -> None:
     bench = Bench(core()).automatic()

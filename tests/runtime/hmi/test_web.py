@@ -230,3 +230,22 @@ def test_a_request_that_never_ends_is_ended(monkeypatch: pytest.MonkeyPatch):
         assert connection.recv(100) == b""  # it was hung up on
     site.shutdown()
     site.server_close()
+
+
+def test_idle_connections_make_room_and_full_streams_say_so(served: Served, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(web, "CONNECTIONS", 4)
+    monkeypatch.setattr(web, "STREAMS", 1)
+    where = ("127.0.0.1", served.site.port)
+    until(lambda: not served.site.visits)
+    idle = [socket.create_connection(where, timeout=20) for _ in range(12)]
+    assert status(raw(served, get("/api/catalogue"))) == 200
+    assert idle[0].recv(10) == b"", "the longest quiet made room"
+    with socket.create_connection(where, timeout=20) as reader:
+        reader.sendall(get("/api/stream"))
+        assert status(reader.recv(100)) == 200
+        assert web.FULL_STREAMS.encode() in raw(served, get("/api/stream"))
+        assert web.FULL_STREAMS.encode() in raw(served, get("/api/full"))
+        more = [socket.create_connection(where, timeout=20) for _ in range(12)]
+        assert reader.recv(100), "who watches keeps the place"
+        for connection in (*idle, *more):
+            connection.close()
