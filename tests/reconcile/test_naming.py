@@ -8,6 +8,7 @@ from tests.reconcile.truth import Truth, coulomb
 
 QUICK = "sensor_scale"
 OFTEN = ("stiffness", "input_dead_zone")  # in continuous integration
+UNNAMED = "torque_ripple"  # a known limit, see below
 
 
 def named(figures: dict) -> list[str]:
@@ -38,9 +39,16 @@ def test_an_effect_alone_is_named_with_its_parameters(examined, name):
 
 @pytest.mark.slow
 @pytest.mark.long
-@pytest.mark.parametrize("name", sorted(set(SINGLE) - {QUICK, *OFTEN}))
+@pytest.mark.parametrize("name", sorted(set(SINGLE) - {QUICK, *OFTEN, UNNAMED}))
 def test_every_other_effect_alone_is_named_with_its_parameters(examined, name):
     check_single(examined, name)
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+@pytest.mark.xfail(reason="a ripple of many waves over the rig's travel ends as unexplained", strict=True)
+def test_a_ripple_alone_is_named(examined):
+    check_single(examined, UNNAMED)
 
 
 @pytest.mark.long
