@@ -3,14 +3,11 @@
 import os
 import shutil
 import signal
-import socket
-import struct
 import subprocess
 import tempfile
 import time
 import zlib
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -18,20 +15,18 @@ from typing import Self
 
 import numpy as np
 
+from deployment.faults.attacks import attacker
 from deployment.faults.drive import AUTOMATIC, mode_number
 from deployment.faults.table import Fault, Outcome
-from deployment.hil.loads import REGISTERS, clients, planning
+from deployment.hil.loads import clients, planning
 from deployment.hil.machine import Machine
 from deployment.hil.machine_node import PERIOD_NS, MachineNode, Valves
 from deployment.hil.panel import ARMING_TICKS
-from deployment.hil.planner import NUMBER
 from deployment.hil.rig import BUS_PRIORITY, HOST, MACHINE_PRIORITY, free_port, prefer
 from runtime.bundle import Bundle
 from runtime.can.busd import start_bus
 from runtime.can.port import open_bus
 from runtime.image import Flag
-from runtime.modbus.holding import CLAIM, COMMIT, HEARTBEAT
-from runtime.modbus.server import CONNECTIONS
 from runtime.realtime import sleep_until
 from runtime.shared import private_folder
 from runtime.supervisor import Supervisor
@@ -47,8 +42,6 @@ ARMED, FAULT = mode_number("armed"), mode_number("fault")
 COMMANDS = ("u_slew", "u_boom", "u_stick")
 BURST_S = 0.2
 ATTACK_TICKS = 40  # longer than a heartbeat may stand still
-READS = 2000
-BUSY = 6  # Modbus exception
 ATTEMPTS = 5  # of the operator to start automatic operation
 HELPERS = {"recorder_killed": ("recorder", Flag.RECORDER_LOST), "modbus_killed": ("modbus", Flag.MODBUS_LOST)}
 
@@ -175,9 +168,9 @@ def run_all(bundle: Bundle, wanted: Sequence[Fault], count: int, seed: int, repo
         "control_killed": _control_killed,
         "modbus_flooding": _flooded,
         "modbus_client_gone": _client_gone,
-        "modbus_reading_flood": _attacked(_read_without_end),
-        "modbus_second_writer": _attacked(_write_beside),
-        "modbus_idle_connections": _attacked(_stay_idle),
+        "modbus_reading_flood": _attacked,
+        "modbus_second_writer": _attacked,
+        "modbus_idle_connections": _attacked,
     }
     outcomes = []
     for fault in wanted:
@@ -227,60 +220,25 @@ def _client_gone(
             outcome.add(plant.tick, ms if stopped else None, why)
 
 
-Attack = Callable[[int, ExitStack], str]  # what went wrong in it; its connections stay until the stack ends
-
-
-def _attacked(attack: Attack) -> Callable[..., None]:
-    """A planner drives the machine by Modbus while somebody else does as `attack` says: it goes on."""
-
-    def run(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report) -> None:
-        with Supervisor(plant.configuration("modbus")) as supervisor:
-            modbus = supervisor.wanted.modbus
-            port = modbus.port if modbus else 0
-            with planning(port, SCENARIO):
-                for number in range(count):
-                    report(outcome.fault.name, number, count)
-                    if plant.shown("control_mode") != AUTOMATIC:
-                        plant.acknowledge()
-                        plant.go_automatic()
-                    plant.drive(int(random.integers(5, 20)), lambda: False)
-                    with ExitStack() as stack, ThreadPoolExecutor(1) as beside:  # the plant must not wait
-                        judging = beside.submit(attack, port, stack)
-                        left = plant.drive(ATTACK_TICKS, lambda: plant.shown("control_mode") != AUTOMATIC)
-                        why = judging.result()
-                    code = definition().signals["fault_code"].values[int(plant.shown("fault_code"))]
-                    outcome.add(plant.tick, 0.0, f"automatic ended: {code}" if left else why)
-
-    return run
-
-
-def _connect(port: int, stack: ExitStack) -> socket.socket:
-    return stack.enter_context(socket.create_connection((HOST, port), timeout=5.0))
-
-
-def _request(function: int, *words: int) -> bytes:
-    return struct.pack(f">HHHBB{len(words)}H", 1, 0, 2 + 2 * len(words), 1, function, *words)
-
-
-def _read_without_end(port: int, stack: ExitStack) -> str:
-    _connect(port, stack).sendall(_request(4, 0, REGISTERS) * READS)
-    return ""
-
-
-def _write_beside(port: int, stack: ExitStack) -> str:
-    end, answers = _connect(port, stack), []
-    for address, value in ((CLAIM, NUMBER), (HEARTBEAT, 7), (COMMIT, 999)):
-        end.sendall(_request(6, address, value))
-        answers.append(end.recv(64)[7:9])
-    return "" if answers == [bytes((0x86, BUSY))] * 3 else f"answered {answers}"
-
-
-def _stay_idle(port: int, stack: ExitStack) -> str:
-    for _ in range(2 * CONNECTIONS):
-        _connect(port, stack)
-    end = _connect(port, stack)
-    end.sendall(_request(4, 0, 1))
-    return "" if end.recv(64)[7:8] == b"\x04" else "another client was not answered"
+def _attacked(
+    plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report
+) -> None:
+    """A planner drives the machine by Modbus while other clients attack (attacks.py): it goes on."""
+    with Supervisor(plant.configuration("modbus")) as supervisor:
+        modbus = supervisor.wanted.modbus
+        port = modbus.port if modbus else 0
+        with planning(port, SCENARIO), attacker(port, outcome.fault.name) as attack:
+            for number in range(count):
+                report(outcome.fault.name, number, count)
+                if plant.shown("control_mode") != AUTOMATIC:
+                    plant.acknowledge()
+                    plant.go_automatic()
+                plant.drive(int(random.integers(5, 20)), lambda: False)
+                judged = attack()
+                left = plant.drive(ATTACK_TICKS, lambda: plant.shown("control_mode") != AUTOMATIC)
+                code = definition().signals["fault_code"].values[int(plant.shown("fault_code"))]
+                why = judged()
+                outcome.add(plant.tick, 0.0, f"automatic ended: {code}" if left else why)
 
 
 def _flooded(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report) -> None:

@@ -165,7 +165,7 @@ INSIDE = (
     Fault(
         "modbus_word_order",
         "a target's registers in the wrong order",
-        "refused, unless a place",
+        "refused, or another value, never near 0",
         0.0,
         "inside",
     ),

@@ -10,10 +10,10 @@ import asyncio
 import socket
 import ssl
 import time
-from collections import deque
 from contextvars import ContextVar
 from functools import partial
 from ipaddress import ip_address
+from itertools import islice
 from typing import Any, cast
 
 from pymodbus.constants import ExcCodes
@@ -46,6 +46,7 @@ PIPELINED = (
     16  # requests that may wait on one connection (the messaging guide's NumberMaxOfServerTransaction)
 )
 BUFFERED = PIPELINED * (6 + LONGEST)  # bytes after which a connection is not read until it had its turns
+ROUND = 8  # requests that are answered before the writer is asked again
 CONNECTIONS, KEPT = 64, 16  # places; those for this computer and for whoever may write
 IDLE_NS, CHECK_NS = 60_000_000_000, 1_000_000_000  # without a request; between two looks at who is idle
 HANDSHAKE_S = 5.0  # for TLS
@@ -180,34 +181,32 @@ UNITS = (definition().modbus.unit_id, 0, 0xFF)  # 0 and 0xFF: the server itself,
 
 
 class Turns:
-    """Whose request is answered next: the writer's, and between two of its own one of every other in turn."""
+    """Whose requests are answered next: the writer's, then one of each of those that waited longest."""
 
     def __init__(self) -> None:
-        self._waiting: deque[Connection] = deque()
-        self._last: Connection | None = None
+        self._waiting: dict[Connection, None] = {}  # in the order in which they came
         self._task: asyncio.Task[None] | None = None
 
     def wait(self, connection: Connection) -> None:
         """A request waits on a connection."""
-        if connection not in self._waiting:
-            self._waiting.append(connection)
+        self._waiting[connection] = None
         if self._task is None or self._task.done():
             self._task = asyncio.ensure_future(self._run())
 
     async def _run(self) -> None:
         while self._waiting:
-            connection = self._next()
-            if connection.waits():
-                await connection.turn()
-            if connection.waits():
-                self._waiting.append(connection)
-            await asyncio.sleep(0)  # what came meanwhile is read before the next turn
+            for connection in self._round():
+                del self._waiting[connection]
+                if connection.waits():
+                    await connection.turn()
+                if connection.waits():
+                    self._waiting[connection] = None
+            await asyncio.sleep(0)  # what came meanwhile is read before the next round
 
-    def _next(self) -> Connection:
-        first = next((c for c in self._waiting if c.busy and c is not self._last), self._waiting[0])
-        self._waiting.remove(first)
-        self._last = first
-        return first
+    def _round(self) -> list[Connection]:
+        """Those whose turn it is, each once."""
+        writers = [c for c in self._waiting if c.busy]
+        return writers + [c for c in islice(self._waiting, ROUND) if not c.busy]
 
 
 class Desk:
