@@ -19,6 +19,7 @@ from specs.errors import InputError, nearest
 from specs.schema import STRICT, read_toml, validate
 from specs.signals import definition
 
+NUMBERS = ("port", "priority", "core", "bit_rate", "base_hz", "policy_hz", "limit_mb", "segment_s", "every_s")
 LOCAL_BUS = "slewright"  # on one computer, for tests and simulated machines
 LOWEST_PRIORITY, HIGHEST_PRIORITY = 1, 98  # 99 is the kernel's own
 
@@ -114,6 +115,7 @@ class Hmi:
 
     port: int = 8080
     host: str = "127.0.0.1"
+    names: tuple[str, ...] = ()  # by which the page is asked for, as on its certificate
     tokens: Path = Path("hmi-tokens.json")
     audit: Path = Path("audit")
     tls: HmiTls | None = None
@@ -147,6 +149,8 @@ class Retaining:
     every_s: float = 5.0
 
     def __post_init__(self) -> None:
+        if not self.signals:
+            raise InputError("signals is empty; without [retain] nothing is retained")
         for name in self.signals:
             if name not in OUTPUT.index:
                 raise InputError(f"signals: unknown signal '{name}'; {nearest(name, OUTPUT.index)}")
@@ -194,19 +198,32 @@ class Configuration:
                 "bundle is a folder that nobody has signed: on a real bus it runs with unsigned = true only; "
                 "signed ones come with [store] (docs/how-to/bundles.md)"
             )
-        if self.recorder and self.retain and self.recorder.folder == self.retain.folder:
-            raise InputError("recorder.folder and retain.folder are the same; give each its own")
 
 
 def read(path: Path) -> Configuration:
     """Read and check a configuration; raises InputError naming file, key and what is valid."""
-    found = validate(Configuration, read_toml(path), str(path))
+    data = read_toml(path)
+    _check_types(data, str(path))
+    found = validate(Configuration, data, str(path))
     found = _placed(found, path.absolute().parent)
+    _check_folders_differ(found, str(path))
     if found.can.dbc:
         check_dbc(found.can.dbc)
     if found.modbus and found.modbus.map:
         check_map(found.modbus.map)
     return in_shadow(found) if found.shadow else found
+
+
+def _check_types(data: Any, where: str, key: str = "") -> None:
+    """Texts are texts: no number in quotes, no character that would break a line of a log."""
+    if isinstance(data, dict | list):
+        parts = data.items() if isinstance(data, dict) else enumerate(data)
+        for part, value in parts:
+            _check_types(value, where, f"{key}.{part}".strip("."))
+    elif isinstance(data, str) and not data.isprintable():
+        raise InputError(f"{where}: {key}: {data!r} has a character that cannot be printed")
+    elif isinstance(data, str) and key.rpartition(".")[2] in NUMBERS:
+        raise InputError(f'{where}: {key} = "{data}": a number without quotes is wanted')
 
 
 def with_hmi(found: Configuration, folder: Path) -> Configuration:
@@ -272,6 +289,14 @@ def _check_ports_differ(found: Configuration) -> None:
         if port in taken:
             raise InputError(f"{taken[port]} and {name} are both {port}; give each its own")
         taken[port] = name
+
+
+def _check_folders_differ(found: Configuration, where: str) -> None:
+    """However a folder is spelled: `a`, `./a` and a link to it are one."""
+    parts = {"recorder.folder": found.recorder, "retain.folder": found.retain}
+    folders = {name: part.folder.resolve() for name, part in parts.items() if part}
+    if len(set(folders.values())) < len(folders):
+        raise InputError(f"{where}: {' and '.join(folders)} are the same; give each its own")
 
 
 def _check_port(whose: str, host: str, port: int) -> None:

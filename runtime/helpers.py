@@ -1,6 +1,7 @@
 """The processes beside the control process: started before it, watched, started again, ended last."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -46,12 +47,14 @@ class Helper:
     name: str
     module: str
     told: Mapping[str, Any]
+    folder: Path | None = None  # the run's shared memory
     starts: int = 0
     process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
 
     def start(self) -> None:
-        """Start it, away from the terminal's input."""
-        command = [sys.executable, "-m", self.module, json.dumps(self.told)]
+        """Start it, away from the terminal's input (runtime/child.py)."""
+        whose = [str(os.getpid()), str(self.folder or "")]
+        command = [sys.executable, "-m", "runtime.child", *whose, self.module, json.dumps(self.told)]
         self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, cwd=ROOT)
         self.starts += 1
 

@@ -8,6 +8,7 @@ itself after a failure nobody looked at; its valves go neutral by the plant's ow
 
 import fcntl
 import json
+import os
 import shutil
 import signal
 import sys
@@ -22,6 +23,7 @@ from typing import IO, Any, Self
 from runtime import bundle, configuration
 from runtime.archive import start
 from runtime.can.native import check as check_frames
+from runtime.child import USED, remove_unused, use
 from runtime.control_process import COUNTS, COUNTS_HOLD
 from runtime.helpers import Helper
 from runtime.hmi import tokens
@@ -85,6 +87,9 @@ class Supervisor:
         configuration.check_surroundings(self.wanted)
         self._locks = [lock(part.folder) for part in (self.wanted.recorder, self.wanted.retain) if part]
         self.folder = private_folder()
+        for left in self.folder.parent.glob(f"slewright-*/{USED}"):  # by runs that were killed
+            remove_unused(left.parent)
+        self._used = use(self.folder)
         self._ports, self._hmi_port = self.folder / "ports", self.folder / "hmi.port"
         self.tokens: dict[str, str] = {}  # by role, where they were made now: to be shown once
         self.helpers: list[Helper] = []
@@ -94,7 +99,7 @@ class Supervisor:
         told = {"config": str(path.absolute()), "folder": str(self.folder), "ticks": ticks, **which}
         told["hmi"] = self.wanted.hmi is not None
         told["retained"], told["shadow"] = self.retained, self.wanted.shadow
-        self.control = Helper("control", "runtime.control_process", told)
+        self.control = self._helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
         self._notifier = Notifier.of()
 
@@ -161,6 +166,9 @@ class Supervisor:
         self._notifier.close()
         for held in self._locks:
             held.close()
+        if self._used >= 0:
+            os.close(self._used)
+            self._used = -1
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _ended(self, code: int) -> dict[str, Any]:
@@ -220,7 +228,9 @@ class Supervisor:
             "authority": str(wanted.tls.authority.resolve()),
         }
         told = {"folder": str(self.folder), "host": wanted.host, "port": wanted.port, "tls": tls}
-        self.helpers.append(Helper("modbus", "runtime.modbus.process", {**told, "ports": str(self._ports)}))
+        self.helpers.append(
+            self._helper("modbus", "runtime.modbus.process", {**told, "ports": str(self._ports)})
+        )
 
     def _prepare_hmi(self, wanted: configuration.Hmi) -> None:
         if not wanted.tokens.exists():
@@ -234,6 +244,7 @@ class Supervisor:
             "host": wanted.host,
             "port": wanted.port,
             "port_file": str(self._hmi_port),
+            "names": wanted.names,
             "tokens": str(wanted.tokens.resolve()),
             "audit": str(wanted.audit.resolve()),
             "tls": wanted.tls and {k: str(getattr(wanted.tls, k).resolve()) for k in ("certificate", "key")},
@@ -244,7 +255,7 @@ class Supervisor:
                 "bundle": self.bundle.digest[:12],
             },
         }
-        self.helpers.append(Helper("hmi", "runtime.hmi.process", told))
+        self.helpers.append(self._helper("hmi", "runtime.hmi.process", told))
 
     def _prepare_recorder(self, wanted: configuration.Recording) -> None:
         ring = self._ring("recorder.ring", RECORDER_BYTES)
@@ -259,7 +270,7 @@ class Supervisor:
             "segment_ticks": round(wanted.segment_s / TICK_S),
             "metadata": {**who, "controller": self.bundle.controller, "platform": bundle.host()},
         }
-        self.helpers.append(Helper("recorder", "runtime.recorder", told))
+        self.helpers.append(self._helper("recorder", "runtime.recorder", told))
 
     def _prepare_retain(self, wanted: configuration.Retaining) -> None:
         ring = self._ring("retain.ring", RETAIN_BYTES)
@@ -271,7 +282,10 @@ class Supervisor:
             "base": {TICKS: self.retained.get(TICKS, 0.0)},
             "every_s": wanted.every_s,
         }
-        self.helpers.append(Helper("retain", "runtime.retain.process", told))
+        self.helpers.append(self._helper("retain", "runtime.retain.process", told))
+
+    def _helper(self, name: str, module: str, told: dict[str, Any]) -> Helper:
+        return Helper(name, module, told, self.folder)
 
     def _ring(self, name: str, size: int) -> Ring:
         self.rings.append(Ring.create(self.folder / name, size))

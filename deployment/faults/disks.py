@@ -42,6 +42,8 @@ class ForgettingDisk:
     reaches the disk all the same.
     """
 
+    where = "a disk that forgets"
+
     def __init__(self, left: int | None = None, half: float = 0.0) -> None:
         self.names: dict[str, int] = {}  # as the process sees them
         self.contents: dict[int, bytes] = {}

@@ -105,7 +105,8 @@ class MachineNode:
         self.panel, self.valves = Panel(scenario, pace), Valves()
         names = [s.name for s in signals().values() if s.can]
         self._index = {name: i for i, name in enumerate(names)}
-        self._values = [s.start for s in signals().values() if s.can]
+        self._starts = [s.start for s in signals().values() if s.can]
+        self._values = list(self._starts)
         self._senders = [Transmitter(node, self._index) for node in (*NODES, *["Planner"] * planner)]
         self._early = {m.frame_id for n, m in definition().bus.messages.items() if n in STATUS_MESSAGES}
         self._sensors = sensor_names()
@@ -146,6 +147,8 @@ class MachineNode:
         return {**beats, "machine_fault": float(fault)}
 
     def _set(self, values: Mapping[str, float]) -> None:
+        """All values anew: one that was set by hand does not stay when it is taken back."""
+        self._values[:] = self._starts
         for name, value in values.items():
             if name in self._index:
                 self._values[self._index[name]] = value

@@ -7,6 +7,7 @@ a packet {"do": …} on a connection of its own spoils frames, cuts cables, swit
 
 import argparse
 import json
+import os
 import select
 import signal
 import socket
@@ -18,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.can.wire import PACKET, QUEUE_BYTES, Frame, Node, Spoiling, Wire, overflow
-from runtime.realtime import die_with_parent
+from runtime.child import end_with_parent
 from specs.errors import InputError
 from specs.signals import definition
 
@@ -65,6 +66,8 @@ class BusProcess:
 
     def _read(self, connection: socket.socket) -> None:
         for _ in range(AT_ONCE):
+            if connection not in self._nodes:  # it has just been left
+                return
             try:
                 packet = connection.recv(4096)
             except BlockingIOError:
@@ -79,7 +82,10 @@ class BusProcess:
     def _packet(self, connection: socket.socket, packet: bytes) -> None:
         node = self._nodes[connection]
         if packet[:1] == b"{" and len(packet) != PACKET.size and node is None:
-            self._command(connection, packet)
+            try:
+                self._command(connection, packet)
+            except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OSError):
+                self._leave(connection)  # nothing that a node or a test says
         elif node is not None and len(packet) == PACKET.size:
             identifier, length, data, _ = PACKET.unpack(packet)
             self.wire.offer(node, (identifier, data[: min(length, 8)]))
@@ -87,7 +93,7 @@ class BusProcess:
     def _command(self, connection: socket.socket, packet: bytes) -> None:
         order: dict[str, Any] = json.loads(packet)
         if "node" in order and "do" not in order:
-            node = Node(order["node"] or f"node {len(self.wire.nodes) + 1}")
+            node = Node(str(order["node"]) or f"node {len(self.wire.nodes) + 1}")
             self._nodes[connection] = node
             self.wire.nodes.append(node)
             connection.send(b"ok")
@@ -95,10 +101,10 @@ class BusProcess:
             connection.send(json.dumps(self._obey(**order)).encode())
 
     def _obey(self, do: str, node: str | None = None, **more: Any) -> dict[str, Any]:
-        """What tests ask for; unknown orders raise TypeError or KeyError and end the process."""
+        """What tests ask for; unknown orders raise TypeError or KeyError."""
         meant = [n for n in self.wire.nodes if node in (None, n.name)]
         if do == "spoil":
-            self.wire.spoilings.append(Spoiling(more["count"], node, more.get("identifier")))
+            self.wire.spoilings.append(Spoiling(int(more["count"]), node, more.get("identifier")))
         elif do == "cut":
             for one in meant:
                 one.silent = more["cut"]
@@ -158,7 +164,7 @@ def start_bus(path: Path, bit_rate: int | None = None) -> subprocess.Popen[bytes
     if bit_rate is None:
         bit_rate = definition().bus.bit_rate
     command = [sys.executable, "-m", "runtime.can.busd", str(path), "--bit-rate", str(bit_rate)]
-    command.append("--with-parent")
+    command += ["--with-parent", str(os.getpid())]
     process = subprocess.Popen(command, stdout=subprocess.PIPE)
     assert process.stdout  # noqa: S101  (it was asked for)
     if process.stdout.readline() != b"ready\n":
@@ -181,13 +187,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("socket", type=Path)
     parser.add_argument("--bit-rate", type=int, default=250_000, help="0: frames take no time")
-    parser.add_argument(
-        "--with-parent", action="store_true", help="end when the process that started it ends"
-    )
+    parser.add_argument("--with-parent", type=int, help="end when this process, which started it, ends")
     wanted = parser.parse_args()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if wanted.with_parent:
-        die_with_parent(signal.SIGTERM)
+        end_with_parent(wanted.with_parent)
     try:
         bus = BusProcess(wanted.socket, Wire(wanted.bit_rate))
     except OSError as error:

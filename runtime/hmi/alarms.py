@@ -189,22 +189,32 @@ class Alarms:
         self._first_wrong: dict[str, float] = {}
         self._count = 0
 
-    def update(self, found: list[Condition], wrong: list[Condition], now: float) -> None:
-        """What is abnormal at `now` [s]; `wrong` counts when it has lasted."""
+    def update(
+        self, found: list[Condition], wrong: list[Condition], now: float, day: float | None = None
+    ) -> None:
+        """What is abnormal at `now` [s], on a clock that is never set; `wrong` counts when it has lasted.
+
+        `day` is the same moment on the day's clock, for people only; without it `now` is shown.
+        """
+        day = now if day is None else day
         with self._lock:
             self._first_wrong = {c.key: self._first_wrong.get(c.key, now) for c in wrong}
             held = [c for c in wrong if now - self._first_wrong[c.key] >= HELD_S]
             there = {c.key: c for c in (*found, *held)}
             for key in [k for k in self.present if k not in there]:
-                self._leave(self.present.pop(key), now)
+                self._leave(self.present.pop(key), day)
             for key, condition in there.items():
                 if key not in self.present:
-                    self._raise(condition, now)
+                    self._raise(condition, day)
+
+    def unseen(self, number: int | None) -> list[Alarm]:
+        """Those that nobody acknowledged: all (None), or the one of this number."""
+        return [a for a in self.listed() if not a.acknowledged and number in (None, a.number)]
 
     def acknowledge(self, number: int | None, who: str) -> list[Alarm]:
         """Mark one alarm, or all (None), as seen; those that were not before."""
         with self._lock:
-            fresh = [a for a in self.listed() if not a.acknowledged and number in (None, a.number)]
+            fresh = self.unseen(number)
             for alarm in fresh:
                 alarm.acknowledged = who
             for alarm in [a for a in self._waiting if a.over]:
@@ -220,21 +230,21 @@ class Alarms:
             found = [*self.present.values(), *self._waiting]
         return sorted(found, key=lambda a: (a.gone is not None, order.index(a.level), -a.since, a.number))
 
-    def _raise(self, condition: Condition, now: float) -> None:
+    def _raise(self, condition: Condition, day: float) -> None:
         again = next((a for a in self._waiting if a.key == condition.key), None)
         if again:  # a contact that rattles is one alarm
             self._waiting.remove(again)
-            again.gone, again.since = None, now
+            again.gone, again.since = None, day
             self.present[condition.key] = again
         else:
             self._count += 1
             self.present[condition.key] = Alarm(
-                self._count, condition.key, condition.level, condition.text, condition.cause, now
+                self._count, condition.key, condition.level, condition.text, condition.cause, day
             )
         self.version += 1
 
-    def _leave(self, alarm: Alarm, now: float) -> None:
-        alarm.gone = now
+    def _leave(self, alarm: Alarm, day: float) -> None:
+        alarm.gone = day
         if alarm.over:
             self.history.append(alarm)
         else:

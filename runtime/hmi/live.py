@@ -58,7 +58,9 @@ class Live:
 
     def _history(self, request: Request) -> dict[str, Any]:
         places = asked_places(request, self._places)
-        return self.watch.trends.of(places, time.time() - asked_number(request, "seconds", 60.0, ROWS / 10))
+        return self.watch.trends.of(
+            places, time.monotonic() - asked_number(request, "seconds", 60.0, ROWS / 10)
+        )
 
     def _audit(self, request: Request) -> dict[str, Any]:
         self._session(request)
@@ -105,8 +107,10 @@ class Live:
         if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
             raise Refused(400, "the number of an alarm is wanted, or none for all")
         with self._alarms:
-            for alarm in self.watch.alarms.acknowledge(number, session.name):
-                self.desk.sessions.log(session, "acknowledge", alarm=alarm.text, since=alarm.since)
+            for alarm in self.watch.alarms.unseen(number):
+                about = {"alarm": alarm.text, "since": alarm.since}
+                self.desk.sessions.log(session, "acknowledge", must=True, **about)
+                self.watch.alarms.acknowledge(alarm.number, session.name)
         return {}
 
 

@@ -54,7 +54,7 @@ def main(text: str) -> None:
 def open_site(told: dict[str, Any], routes: Any, hub: Hub | None) -> Site:
     """Listen; InputError if the port is in use or a certificate is none."""
     try:
-        site = Site(told["host"], told["port"], routes, hub)
+        site = Site(told["host"], told["port"], routes, hub, told.get("names", ()))
     except OSError as error:
         raise InputError(
             f"hmi: port {told['port']} of {told['host']} cannot be had: {error.strerror}"

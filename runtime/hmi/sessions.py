@@ -53,12 +53,12 @@ class Sessions:
         if not name:
             raise Refused(400, "say who you are: the audit log needs a name")
         session = Session(secrets.token_hex(16), name, role, where)
+        self.log(session, "sign in", must=True)
         with self._lock:
             idle = [k for k, s in self._found.items() if not keeps(s)]
             for key in idle[: max(0, len(self._found) + 1 - SESSIONS)]:
                 del self._found[key]
             self._found[session.key] = session
-        self.log(session, "sign in")
         return session
 
     def find(self, key: str) -> Session:

@@ -75,7 +75,7 @@ class Watch:
         self._stale = self.newest is None or now - int(self.newest["stamp_ns"]) > STALE_NS
         if self._stale:
             if self.newest is not None or now - self._begun_ns > START_NS:  # it is started after this process
-                self._update([GONE], [], time.time())
+                self._update([GONE], [], now, time.time())
             self.hub.put("stale", {"t": round(time.time(), 3)})
         if self.planners and self.planners.look(now):
             shown = {k: v for k, v in self.planners.state.items() if k != "events"}
@@ -86,9 +86,9 @@ class Watch:
 
     def _take(self, newest: np.void, now: int) -> None:
         inputs, outputs, when = newest["inputs"], newest["outputs"], int(newest["day_ns"]) / 1e9
-        self.trends.add(when, frames.values(inputs, outputs))
+        self.trends.add(when, frames.values(inputs, outputs), now / 1e9)
         found = [self._with_writer(c) for c in conditions(inputs, outputs)]
-        self._update(found, list(wrong_inputs(inputs)), when)
+        self._update(found, list(wrong_inputs(inputs)), now, when)
         shown = frames.frame(when, inputs, outputs)
         rungs = ladder(newest["ladder"], int(outputs["value"][MODE]))
         self.hub.put("frame", {**shown, "writer": int(newest["writer"]), "ladder": rungs, **self._control()})
@@ -112,9 +112,9 @@ class Watch:
             "forced_by": f"{forcer.session.name} ({forcer.session.role})" if forcer else "",
         }
 
-    def _update(self, found: list[Condition], wrong: list[Condition], when: float) -> None:
+    def _update(self, found: list[Condition], wrong: list[Condition], now: int, day: float) -> None:
         told = self.planners.conditions() if self.planners else []
-        self.alarms.update([*found, *told, *[NO_AUDIT] * self.audit.failed], wrong, when)
+        self.alarms.update([*found, *told, *[NO_AUDIT] * self.audit.failed], wrong, now / 1e9, day)
 
 
 def listed(alarms: Alarms) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import socket
 import ssl
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -82,10 +82,17 @@ class Site(ThreadingHTTPServer):
     request_queue_size = CONNECTIONS
 
     def __init__(
-        self, host: str, port: int, routes: Mapping[tuple[str, str], Route], hub: Hub | None
+        self,
+        host: str,
+        port: int,
+        routes: Mapping[tuple[str, str], Route],
+        hub: Hub | None,
+        names: Iterable[str] = (),
     ) -> None:
+        """`names`: by which the page may be asked for beside its address."""
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self.routes, self.hub = routes, hub
+        self.names = tuple(name.lower() for name in names)
         self.files = _files()
         self.visits: dict[socket.socket, Visit] = {}
         self._lock = threading.Lock()
@@ -228,9 +235,12 @@ class Handler(BaseHTTPRequestHandler):
     def _known_host(self) -> bool:
         host = self.headers.get("Host", "")
         name = host[1:].partition("]")[0] if host.startswith("[") else host.partition(":")[0]
-        if name == "localhost" or _is_address(name):
+        if name.lower() in ("localhost", *self.server.names) or _is_address(name):
             return True
-        self._refuse(Refused(421, "ask for this page by its address, or as localhost"), close=True)
+        names = ", ".join(("its address", "localhost", *self.server.names))
+        self._refuse(
+            Refused(421, f"ask for this page as {names}; [hmi] names = [...] adds names"), close=True
+        )
         return False
 
     def _body(self) -> Mapping[str, Any]:

@@ -29,6 +29,8 @@ LARGEST = 1 << 20  # bytes; more is no copy of ours
 class Files(Protocol):
     """What a save asks of the disk; the power-cut test puts a disk that forgets in its place."""
 
+    where: str  # what a person calls it
+
     def read(self, name: str) -> bytes | None:
         """Contents; None where there is no such file."""
         ...
@@ -54,14 +56,15 @@ class Folder:
     """A folder of the machine's disk."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path, self.where = path, str(path)
 
     def read(self, name: str) -> bytes | None:
-        """Contents; None where there is no such file or it is far too long."""
+        """Contents, of a file that is far too long the beginning; None where there is no such file."""
         path = self.path / name
-        if not path.is_file() or path.stat().st_size > LARGEST:
+        if not path.is_file():
             return None
-        return path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(LARGEST)
 
     def write(self, name: str, data: bytes) -> None:
         """Write, without waiting for the disk."""
@@ -107,17 +110,19 @@ class Retained:
     def load(self) -> dict[str, Any]:
         """The values saved last, {} on the first start.
 
-        Raises InputError where they are of another layout, or where both copies are there and neither is
-        whole.
+        Raises InputError where they are of another layout, or where a copy is there and none is whole:
+        what was retained, a latched fault among it, is not forgotten without somebody's say.
         """
+        where = f"retained values in {self.files.where}"
         if self._newest is None:
-            if len(self.damaged) == len(self.copies):
-                raise InputError("retained values: both copies are damaged; delete them to start without")
+            if self.damaged:
+                which = " and ".join(self.damaged)
+                raise InputError(f"{where}: {which} damaged, no whole copy; delete to start without")
             return {}
         if self._newest.layout != self.layout:
             raise InputError(
-                f"retained values are of layout {self._newest.layout}, not {self.layout}; "
-                "delete them to start without"
+                f"{where} are of layout {self._newest.layout}, not {self.layout}; "
+                f"delete {' and '.join(self.copies)} to start without"
             )
         return dict(self._newest.values)
 

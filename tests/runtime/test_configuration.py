@@ -96,6 +96,18 @@ def test_the_shortest_configuration(folder: Path):
         ('interface = "slewright"', 'interface = "socketcan"', "nobody has signed: on a real bus"),
         ('interface = "slewright"', 'interface = "slcan"', "with unsigned = true only"),
         ('folder = "recording"', 'folder = "retained"', "recorder.folder and retain.folder are the same"),
+        (
+            'folder = "recording"',
+            'folder = "./x/../retained"',
+            "recorder.folder and retain.folder are the same",
+        ),
+        ("port = 1502", 'port = "1502"', 'modbus.port = "1502": a number without quotes'),
+        ('["fault_code", "load_estimate"]', "[]", "signals is empty"),
+        (
+            'channel = "bus"',
+            'channel = "b\\nus"',
+            "can.channel: 'b\\nus' has a character that cannot be printed",
+        ),
         ('folder = "recording"', 'folder = "r"\nlimit_mb = 1', "limit_mb = 1: at least 8 MB"),
         ("[can]", "[can", "not valid TOML"),
         ('"slewright.dbc"', '"none.dbc"', "none.dbc"),

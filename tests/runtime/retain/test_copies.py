@@ -87,5 +87,13 @@ def test_both_damaged_and_another_layout_are_refused(tmp_path: Path):
         Retained(Folder(tmp_path), "fedc").load()
     for name in COPIES:
         (tmp_path / name).write_bytes(b"SLWRKEEP")
-    with pytest.raises(InputError, match="both copies are damaged"):
+    with pytest.raises(InputError, match=r"retain\.a and retain\.b damaged"):
+        Retained(Folder(tmp_path), LAYOUT).load()
+
+
+def test_a_damaged_copy_alone_is_no_first_start(tmp_path: Path):
+    Retained(Folder(tmp_path), LAYOUT).save({"fault_code": 3})
+    only = tmp_path / COPIES[0]
+    only.write_bytes(only.read_bytes()[:-1])
+    with pytest.raises(InputError, match=f"{tmp_path}: {COPIES[0]} damaged"):
         Retained(Folder(tmp_path), LAYOUT).load()

@@ -1,0 +1,65 @@
+"""The first lines of every process of the runtime: `python -m runtime.child PARENT FOLDER MODULE ARGUMENTS`.
+
+Before anything is imported the process asks to be ended with the one that started it, and looks whether that
+one, PARENT, still is its parent: so no process of a runtime lives on without its supervisor, whenever that
+was killed.  FOLDER is the run's shared memory, or empty: the last to leave it removes it.
+"""
+
+import ctypes
+import fcntl
+import os
+import runpy
+import shutil
+import signal
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+PR_SET_PDEATHSIG = 1  # linux/prctl.h
+USED = "in-use"  # in a run's folder: locked, and shared, by each of its processes
+
+
+def end_with_parent(parent: int, number: int = signal.SIGTERM) -> None:
+    """Be sent `number` when the parent ends; end now if it has ended already."""
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)  # Linux only
+    if prctl:
+        prctl(PR_SET_PDEATHSIG, ctypes.c_ulong(number), 0, 0, 0)
+    if os.getppid() != parent:
+        sys.exit(f"slewright: the process {parent} that started this one has ended")
+
+
+def use(folder: Path) -> int:
+    """Say that this process uses a run's folder, until the file descriptor returned is closed."""
+    descriptor = os.open(folder / USED, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    fcntl.flock(descriptor, fcntl.LOCK_SH)
+    return descriptor
+
+
+def remove_unused(folder: Path) -> None:
+    """Remove a run's folder if no process uses it any more."""
+    with suppress(OSError):
+        descriptor = os.open(folder / USED, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            os.close(descriptor)
+
+
+def main() -> None:
+    """Run MODULE with what follows it, as `python -m MODULE` would."""
+    parent, folder, module = int(sys.argv[1]), sys.argv[2], sys.argv[3]
+    end_with_parent(parent)
+    sys.argv = sys.argv[3:]
+    descriptor = use(Path(folder)) if folder else -1
+    try:
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+    finally:
+        if folder:
+            os.close(descriptor)
+            if os.getppid() != parent:  # else the supervisor removes it
+                remove_unused(Path(folder))
+
+
+if __name__ == "__main__":
+    main()
