@@ -77,6 +77,7 @@ class Measurement:
     meta: Mapping[str, Any] = field(default_factory=dict)
     source: str = ""
     repairs: tuple[str, ...] = ()
+    reading: tuple[str, ...] = ()  # how a file without a form of its own was read: marks, header, clock
 
     def __getitem__(self, name: str) -> Channel:
         if name not in self.channels:

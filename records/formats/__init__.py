@@ -13,6 +13,7 @@ from typing import Any
 
 from records.formats.assemble import assemble
 from records.formats.tables import is_clock
+from records.formats.text.options import TextOptions
 from records.measurement import Measurement
 from records.recording import first_line
 from specs.errors import InputError, RunError
@@ -49,13 +50,18 @@ DBC = ROOT / "generated" / "slewright.dbc"
 
 
 def read_measurement(
-    path: Path | str, *, dbc: Path | str | None = None, names: Mapping[str, str] | None = None
+    path: Path | str,
+    *,
+    dbc: Path | str | None = None,
+    names: Mapping[str, str] | None = None,
+    text: TextOptions | None = None,
 ) -> Measurement:
     """Read a recording of any known format; what was mended stands in `repairs`.
 
     `names` renames channels ({theirs: ours}); ours may state a unit the file lacks and turn the sign, as in
     "p_slew_a [bar]" or "-q_slew [deg]", and "time [ms]" names the clock of a table.  A channel with the name
     of a signal comes in that signal's unit.  `dbc` decodes CAN logs (default: specs/generated/slewright.dbc).
+    `text` states what else is decided from a text file: marks, encoding, clock, words for missing values.
 
     Raises InputError naming the file and the place of what cannot be mended.
     """
@@ -69,6 +75,8 @@ def read_measurement(
         raise InputError(f"no recording at {path}")
     if path.is_file() and not path.stat().st_size:
         raise InputError(f"{path} is empty")
+    if text is not None and text.stated:
+        _for_text(path, text, options)
     clocks = [theirs for theirs, ours in (names or {}).items() if is_clock(ours)]
     if clocks and not getattr(module, "TIME_COLUMN", False):
         raise InputError(f"{path} has times of its own; '{clocks[0]}' cannot be its time")
@@ -116,12 +124,21 @@ def check_format(path: Path) -> None:
         raise InputError(f"{path}: '{path.suffix}' is no format that is written; valid: {valid}")
 
 
-def _module(path: Path, dbc: Path | str | None) -> tuple[Any, dict[str, Path]]:
+def _for_text(path: Path, text: TextOptions, options: dict[str, Any]) -> None:
+    """Hand over what is stated about a text file; a Parquet file takes the clock alone."""
+    module = FORMATS.get(path.suffix.lower())
+    wrong = text.stated if module != "parquet_file" else [o for o in text.stated if o != "--clock"]
+    if module != "csv_file" and wrong:
+        raise InputError(f"{path} is no text file: {', '.join(wrong)} is for .csv, .tsv, .txt and .lvm")
+    options["text"] = text
+
+
+def _module(path: Path, dbc: Path | str | None) -> tuple[Any, dict[str, Any]]:
     """The module that reads and writes files of this name, and its options."""
     suffix = ".mcap" if is_segments(path) else path.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{path}: unknown format '{path.suffix}'; valid: {', '.join(FORMATS)}")
     if dbc is not None and suffix not in CAN_LOGS:
         raise InputError(f"{path} is no CAN log: a DBC is for {' and '.join(CAN_LOGS)}")
-    options = {"dbc": Path(dbc or DBC)} if suffix in CAN_LOGS else {}
+    options: dict[str, Any] = {"dbc": Path(dbc or DBC)} if suffix in CAN_LOGS else {}
     return import_module(f"records.formats.{FORMATS[suffix]}"), options
