@@ -15,10 +15,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from records.formats.metadata import at_ns
+from records.formats.text.columns import array
 from records.formats.text.marks import Marks
 from records.formats.text.words import MISSING, NOT_A_NUMBER, is_number
 from records.formats.units import PER_SECOND, seconds, spelled
-from records.formats.text.columns import array
 from specs.errors import InputError
 
 FORMS = {"dd/mm/yyyy": "dmy", "mm/dd/yyyy": "mdy", "yyyymmdd": "ymd", "excel": "excel"}
@@ -103,9 +103,8 @@ class Clock:
             plain = pc.replace_substring(plain, ",", ".") if not self.marks.thousands else cells  # type: ignore[attr-defined]
         try:
             pc.cast(plain, pa.float64())  # type: ignore[attr-defined]
-            if (
-                not self.marks.thousands
-                or not pc.any(pc.match_substring(cells, self.marks.thousands)).as_py()
+            if not self.marks.thousands or self.marks.thousands not in "".join(
+                c for c in cells.to_pylist() if c
             ):  # type: ignore[attr-defined]
                 return plain
         except pa.ArrowException:

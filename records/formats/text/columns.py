@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 from records.formats.raw import RawColumn
 from records.formats.tables import Heading
 from records.formats.text.marks import Marks
-from records.formats.text.words import FLAGS, GROUPERS, MISSING, MINUS, NOT_A_NUMBER, is_date, is_number
+from records.formats.text.words import FLAGS, GROUPERS, MINUS, MISSING, NOT_A_NUMBER, is_date, is_number
 from specs.errors import InputError
 
 EXACT = 2.0**53  # from here on a float skips whole numbers

@@ -13,7 +13,7 @@ from typing import Any
 
 from records.formats.tables import Heading, clock_name
 from records.formats.text.headings import headings_of
-from records.formats.text.words import MISSING, is_date, is_number, is_value
+from records.formats.text.words import MISSING, is_number, is_value
 from records.formats.units import is_unit, of_time
 from specs.errors import InputError, listed
 
@@ -141,7 +141,7 @@ def _names_above(rows: Sequence[tuple[int, list[str]]], at: int) -> int:
     return at
 
 
-def _header_in_comment(comments, rows, delimiter, clocks, source):  # noqa: ANN001, ANN202
+def _header_in_comment(comments, rows, delimiter, clocks, source):
     """The rows with the last comment as their header, where it fits."""
     number, cells = rows[0]
     before = [line for line in comments if line.number < number]

@@ -4,6 +4,7 @@ UTF-8 where every byte of the file is UTF-8, UTF-16 where its mark or its zero b
 """
 
 import codecs
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +23,7 @@ OTHERS = {
     b"LOGG": "BLF: name it .blf",
     b"%PDF": "PDF",
 }
+CANDUMP = re.compile(rb"\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)")
 BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 
@@ -78,6 +80,8 @@ def opened(path: Path, encoding: str | None, notes: list[str]) -> Source:
     for magic, what in OTHERS.items():
         if head.startswith(magic):
             raise InputError(f"{path} is no text file but {what}")
+    if CANDUMP.match(head):
+        raise InputError(f"{path} is a CAN log of candump: name it .log or .candump")
     zeros = _zeros_at_the_end(path, head)
     if zeros:
         notes.append("dropped zero bytes at the end: the file was not written to its end")
@@ -94,7 +98,7 @@ def _counted(found: Source, notes: list[str]) -> Source:
         tail = found.tail()
     except UnicodeError as error:
         raise InputError(
-            f"{path}: line {lines + 1} or after it is not {found.encoding} ({error.reason if hasattr(error, 'reason') else error}); "
+            f"{path}: line {lines + 1} or after it is not {found.encoding} ({getattr(error, 'reason', error)}); "
             "--encoding says what it is, such as utf-8, cp1252 or utf-16"
         ) from None
     if tail.strip():

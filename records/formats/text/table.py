@@ -15,7 +15,7 @@ from records.formats.raw import Group, Raw
 from records.formats.tables import Heading, check_twice, clock_name, clock_unit, one_clock, stated_clock
 from records.formats.text.clock import Clock
 from records.formats.text.columns import Column
-from records.formats.text.layout import BLANKS, HEAD_LINES, Layout, Line, cells_of, layout_of
+from records.formats.text.layout import BLANKS, HEAD_LINES, Line, cells_of, layout_of
 from records.formats.text.lvm import is_lvm, lvm_layout
 from records.formats.text.marks import decide
 from records.formats.text.options import TextOptions

@@ -28,6 +28,12 @@ def convert(
         Path | None,
         typer.Option("--dbc", metavar="FILE", help="CAN database of logs (default: the machine's)."),
     ] = None,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            "--protocol", metavar="NAME", help="CAN logs: j1939 or can, where the DBC states neither."
+        ),
+    ] = None,
     step: Annotated[
         float | None,
         typer.Option("--step", metavar="S", help="Put all channels on one grid of so many seconds."),
@@ -69,7 +75,14 @@ def convert(
     json: JsonOption = None,
 ) -> None:
     """Convert a recording; what was mended and what the format does not keep is printed."""
-    from records.formats import CAN_LOGS, WRITE_ONLY, check_format, read_measurement, write_measurement
+    from records.formats import (
+        CAN_LOGS,
+        MAY_HOLD_FRAMES,
+        WRITE_ONLY,
+        check_format,
+        read_measurement,
+        write_measurement,
+    )
     from records.formats.tables import on_grid
     from records.formats.text.options import TextOptions
 
@@ -77,14 +90,17 @@ def convert(
     if target.suffix.lower() in WRITE_ONLY and target.exists():
         raise InputError(f"{target} is there already; bags are folders: remove it, or name another")
     _check_files(source, target, json, force)
-    logs = [p for p in (source, target) if p.suffix.lower() in CAN_LOGS]
+    framed = (*CAN_LOGS, *MAY_HOLD_FRAMES) if target.suffix.lower() not in CAN_LOGS else CAN_LOGS
+    logs = [p for p, of in ((source, framed), (target, CAN_LOGS)) if p.suffix.lower() in of]
     if dbc is not None and not logs:
         raise InputError(f"--dbc is for CAN logs ({', '.join(CAN_LOGS)}), not for {source} and {target}")
     renamed = _names(names)
     text = TextOptions(decimal, thousands, encoding, skip, clock, tuple(missing or ()))
     with progress("convert") as report:
         report(f"reading {source.name}")
-        found = read_measurement(source, dbc=dbc if source in logs else None, names=renamed, text=text)
+        found = read_measurement(
+            source, dbc=dbc if source in logs else None, names=renamed, text=text, protocol=protocol
+        )
         made = found if step is None else on_grid(found, step)
         report(f"writing {target.name}")
         lost = write_measurement(made, target, dbc=dbc if target in logs else None)
