@@ -192,8 +192,9 @@ def _gaps(time: np.ndarray, name: str) -> list[str]:
     """What to say of times without samples; they stay as they are."""
     if len(time) < 3:
         return []
+    period = np.median(np.diff(time), overwrite_input=True)  # no copy: recordings are large
     steps = np.diff(time)
-    at = np.flatnonzero(steps > GAP * np.median(steps))
+    at = np.flatnonzero(steps > GAP * period)
     if not len(at):
         return []
     of = f"{name}: " if name else ""

@@ -63,7 +63,7 @@ def write(measurement: Measurement, path: Path) -> list[str]:
         held = np.where(absent, np.nan, held) if absent.any() else held
         columns.append(Column(channel.name, channel.unit, channel.description, kind))
         # Values as the record's cells of 8 bytes (records/schema.py)
-        made.append(held.astype(np.int64 if kind == "bool" else kind).view(np.float64))
+        made.append(held.astype(np.int64 if kind == "bool" else kind, copy=False).view(np.float64))
     meta = {ABSENT: "NaN", **meta_of(measurement)}
     complete, reason = bool(meta.pop("complete", True)), str(meta.pop("reason", ""))
     writer = RecordWriter(path, columns, meta)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
+from hashlib import blake2b
 
 import numpy as np
 
@@ -122,7 +123,8 @@ def clocks(channels: Iterable[Channel]) -> list[tuple[np.ndarray, list[Channel]]
     found: dict[bytes, tuple[np.ndarray, list[Channel]]] = {}
     keys: dict[int, bytes] = {}
     for channel in channels:
-        key = keys.setdefault(id(channel.time), channel.time.tobytes())
+        key = keys.get(id(channel.time)) or blake2b(np.ascontiguousarray(channel.time)).digest()
+        keys[id(channel.time)] = key
         found.setdefault(key, (channel.time, []))[1].append(channel)
     return list(found.values())
 
@@ -148,6 +150,8 @@ def shared_clock(measurement: Measurement, kind: str) -> np.ndarray:
             f"{measurement.source or 'the recording'}: {kind} needs the name 'time' for its time"
         )
     groups = clocks(channels)
+    if len(groups) == 1:
+        return groups[0][0]
     union = np.unique(np.concatenate([time for time, _ in groups]))
     period = float(np.median(np.diff(union))) if len(union) > 1 else 0.0
     for _, (first, *_) in groups:

@@ -82,6 +82,8 @@ TIMES = ("s", "ms", "us", "ns", "min", "h", "d")
 def seconds(values: np.ndarray, unit: str, where: str) -> np.ndarray:
     """Times in `unit` as seconds; raises InputError for what is no unit of time."""
     name = spelled(unit)
+    if name == "s":
+        return np.asarray(values, dtype=np.float64)
     if name in PER_SECOND:
         return np.asarray(values, dtype=np.float64) / PER_SECOND[name]
     if name not in TIMES:

@@ -42,7 +42,9 @@ class Clock:
     kind: str = ""
     first: Decimal | None = None
     order: str = ""
-    parts: list[np.ndarray] = field(default_factory=list)
+    rows: int = 0  # room for so many, so that nothing has to be copied at the end
+    filled: int = 0
+    held: np.ndarray = field(default_factory=lambda: np.empty(0))
     zone: bool | None = None
     form: str = ""  # of the first date: all others have it
 
@@ -53,14 +55,21 @@ class Clock:
         nothing = pc.or_kleene(pc.equal(cells, ""), pc.is_in(lower, pa.array([*MISSING, *NOT_A_NUMBER])))  # type: ignore[attr-defined]
         cells = pc.if_else(pc.fill_null(nothing, True), pa.scalar(None, pa.string()), cells)  # type: ignore[attr-defined]
         if cells.null_count == len(cells):
-            self.parts.append(np.full(len(cells), np.nan))
+            self._keep(np.full(len(cells), np.nan))
             return
         if not self.kind:
             some = next(c.as_py() for c in cells if c.is_valid)
             self.kind = self._kind(some)
-        self.parts.append(
-            self._numbers(cells, numbers) if self.kind == "number" else self._dates(cells, numbers)
-        )
+        self._keep(self._numbers(cells, numbers) if self.kind == "number" else self._dates(cells, numbers))
+
+    def _keep(self, part: np.ndarray) -> None:
+        """Put times behind those before."""
+        if not self.filled:
+            self.held = np.empty(max(self.rows, len(part)), dtype=part.dtype)
+        if part.dtype != self.held.dtype:  # only one of them has days: the other one is all NaN
+            self.held, part = _days(self.held), _days(part)
+        self.held[self.filled : self.filled + len(part)] = part
+        self.filled += len(part)
 
     def _kind(self, cell: str) -> str:
         eight = self.says_date and not self.unit and re.fullmatch(r"(19|20)\d\d[01]\d[0-3]\d", cell)
@@ -185,22 +194,15 @@ class Clock:
         """The result of a column that holds floats already."""
         there = held[np.isfinite(held)]
         self.kind, self.first = "number", Decimal(float(there[0])) if len(there) else Decimal(0)
-        self.parts = [held - float(self.first)]
+        self._keep(held - float(self.first))
         return self.result(notes)
 
     def result(self, notes: list[str]) -> tuple[np.ndarray, datetime | None, float]:
         """Times in s from the first row's, the time of day there if it is known, and the file's own first time in s."""
-        found = (
-            np.concatenate(self.parts)
-            if len(self.parts) > 1
-            else self.parts[0]
-            if self.parts
-            else np.empty(0)
-        )
-        self.parts = []
+        found = self.held[: self.filled]
         if self.kind in ("", "number"):
             return self._of_numbers(found, notes)
-        found = found if found.dtype == np.int64 else np.where(np.isnan(found), NONE, found).astype(np.int64)
+        found = _days(found)
         there = found != NONE
         first = int(found[there][0]) if there.any() else 0
         time = np.where(there, (found - first) / 1e9, np.nan)
@@ -213,7 +215,7 @@ class Clock:
 
     def _of_numbers(self, found: np.ndarray, notes: list[str]) -> tuple[np.ndarray, datetime | None, float]:
         first = float(self.first or 0)
-        steps = np.diff(found[np.isfinite(found)][:10_000])
+        steps = np.diff(found[:10_000][np.isfinite(found[:10_000])])
         step = float(np.median(np.abs(steps))) if len(steps) else 0.0
         if self.unit == "excel":
             start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=first - DAYS_1900)
@@ -226,7 +228,7 @@ class Clock:
         if unit in PER_SECOND:
             if YEAR_2001 * per < first < YEAR_2100 * per:
                 notes.append(f"the times count {unit} since 1970: the recording starts at that time of day")
-                return found / per, _since_1970(self.first or Decimal(0), per), 0.0
+                return found if per == 1 else found / per, _since_1970(self.first or Decimal(0), per), 0.0
         elif not unit:
             return self._without_unit(found, first, step, notes)
         base = float(np.asarray(seconds(np.array([first]), unit, self.where))[0])
@@ -240,7 +242,7 @@ class Clock:
                 if step / per > SLOWEST:
                     break
                 notes.append(f"the time states no unit: taken as {unit} since 1970, which its size says")
-                return found / per, _since_1970(self.first or Decimal(0), per), 0.0
+                return found if per == 1 else found / per, _since_1970(self.first or Decimal(0), per), 0.0
         if first > YEAR_2001:
             raise InputError(
                 f"{self.where}: times such as {self.first} state no unit; --clock 'NAME [us]' says it ({', '.join(PER_SECOND)})"
@@ -255,6 +257,11 @@ class Clock:
 
 
 NONE = np.iinfo(np.int64).min
+
+
+def _days(held: np.ndarray) -> np.ndarray:
+    """Times as whole ns; what was NaN is none."""
+    return held if held.dtype == np.int64 else np.full(len(held), NONE, dtype=np.int64)
 
 
 def _since_1970(first: Decimal, per: int) -> datetime:

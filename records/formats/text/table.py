@@ -120,7 +120,7 @@ class TextTable:
         rows = max(self.source.lines - self.layout.first + 1, 0)
         clock = Clock(
             f"{self.path}: {heads[self.clocks[0]].name}", "" if self.unit == DAY else self.unit, self.marks,
-            heads[self.clocks[0]].name.lower() in ("date", "datum"),
+            heads[self.clocks[0]].name.lower() in ("date", "datum"), rows=rows,
         )  # fmt: skip
         columns = {i: Column(h, np.empty(rows)) for i, h in enumerate(heads) if i not in self.clocks}
         at, numbers = 0, []
