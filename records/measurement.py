@@ -39,7 +39,9 @@ class Channel:
     @property
     def period_s(self) -> float:
         """Median time between samples [s]; NaN for fewer than two."""
-        return float(np.median(np.diff(self.time), overwrite_input=True)) if len(self.time) > 1 else float("nan")
+        return (
+            float(np.median(np.diff(self.time), overwrite_input=True)) if len(self.time) > 1 else float("nan")
+        )
 
     def held(self, grid: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
         """Index of the last sample at or before each time of `grid` [n], and whether there is a fresh one.

@@ -276,7 +276,8 @@ def _candump(path: Path, notes: list[str]) -> Iterator[Any]:
         bus = last.setdefault(match["bus"], len(last))
         found.append(
             can.Message(
-                timestamp=Decimal(match["time"]),  # type: ignore[arg-type] arbitration_id=int(match["id"], 16) & 0x1FFF_FFFF,
+                timestamp=Decimal(match["time"]),  # type: ignore[arg-type]
+                arbitration_id=int(match["id"], 16) & 0x1FFF_FFFF,
                 is_extended_id=len(match["id"]) > 3, data=data, channel=bus, is_fd=len(data) > 8, check=False,
             )
         )  # fmt: skip

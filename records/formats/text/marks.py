@@ -13,11 +13,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from records.formats.text.rows import Block
-from records.formats.text.words import GROUPERS, MINUS
+from records.formats.text.words import FLAGS, GROUPERS, MINUS, MISSING, NOT_A_NUMBER, NUMERIC, is_number
 from specs.errors import InputError
 
 EXP = r"([eEdD][+-]?\d+)?\s*$"
 SIGN = rf"^\s*[+\-{MINUS}]?"
+KNOWN = {*MISSING, *NOT_A_NUMBER, *FLAGS}
+NUMERIC_RE2 = NUMERIC.pattern
 OTHER = {".": ",", ",": "."}
 # Every number in which a mark stands: alone, between groups, before or behind the other one.
 ANY = {
@@ -86,6 +88,7 @@ def decide(
     decimal: str | None,
     thousands: str | None,
     source: str,
+    missing: Sequence[str] = (),
 ) -> Marks:
     """The marks of a file; `blocks` gives the rows, `strings` their cells as text."""
     if decimal is not None:
@@ -93,7 +96,7 @@ def decide(
         return Marks(decimal, other if thousands is None else "" if thousands == "none" else thousands)
     if thousands in (".", ","):
         return Marks("," if thousands == "." else ".", thousands)
-    seen = _look(blocks(), strings, names, delimiter)
+    seen = _look(blocks(), strings, names, delimiter, KNOWN | {w.lower() for w in missing})
     group = thousands if thousands not in (None, "none") else ""
     if len(seen.any) == 2:
         first, second = sorted(seen.any.values(), key=lambda s: s.line)
@@ -111,7 +114,11 @@ def decide(
 
 
 def _look(
-    blocks: Iterable[Block], strings: Callable[[bytes], pa.Table], names: Sequence[str], delimiter: str
+    blocks: Iterable[Block],
+    strings: Callable[[bytes], pa.Table],
+    names: Sequence[str],
+    delimiter: str,
+    known: set[str],
 ) -> Evidence:
     """The evidence of all blocks; a block that can say nothing new is not looked into."""
     found = Evidence({}, {})
@@ -124,11 +131,23 @@ def _look(
             continue
         table = strings(block)
         for i, name in enumerate(names):
-            for mark in new:
-                _note(table.column(i), mark, one, name, found)
+            cells = _numbers_only(table.column(i), known)
+            for mark in new if cells is not None else ():
+                _note(cells, mark, one, name, found)
         if len(found.any) == 2:
             return found
     return found
+
+
+def _numbers_only(column: pa.ChunkedArray, known: set[str]) -> pa.ChunkedArray | None:
+    """The column; None for text: what a word means says nothing about numbers beside it."""
+    some = {c.strip() for c in column.slice(0, 50).to_pylist() if c}
+    if some and not any(is_number(c) or c.lower() in known for c in some):
+        return None  # without a look at all of it
+    bare = pc.utf8_trim_whitespace(column)  # type: ignore[attr-defined]
+    plain = pc.match_substring_regex(bare, NUMERIC_RE2)  # type: ignore[attr-defined]
+    others = set(pc.unique(bare.filter(pc.invert(plain))).to_pylist())  # type: ignore[attr-defined]
+    return None if any(c and c.lower() not in known for c in others) else column
 
 
 def _note(column: pa.ChunkedArray, mark: str, block: Block, name: str, found: Evidence) -> None:

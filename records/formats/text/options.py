@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from specs.errors import InputError
 
 DECIMALS = (".", ",")
-THOUSANDS = (".", ",", "'", " ", "_", "none")
+THOUSANDS = (".", ",", "'", " ", "_", "\u2019", "\u00a0", "\u202f", "\u2009", "none")
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class TextOptions:
         if self.decimal is not None and self.decimal not in DECIMALS:
             raise InputError(f"--decimal '{self.decimal}': valid are . and ,")
         if self.thousands is not None and self.thousands not in THOUSANDS:
-            raise InputError(f"--thousands '{self.thousands}': valid are {' '.join(map(repr, THOUSANDS))}")
+            raise InputError(f"--thousands '{self.thousands}': valid are . , ' _ a blank, and none")
         if self.decimal is not None and self.decimal == self.thousands:
             raise InputError(f"--decimal and --thousands are both '{self.decimal}'")
         if self.skip < 0:

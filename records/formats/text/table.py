@@ -55,7 +55,7 @@ class TextTable:
         decimal = self.options.decimal or self.layout.meta.pop("lvm decimal", None)
         self.marks = decide(
             self.rows.blocks, self.strings, [h.name for h in self.layout.headings], self.rows.delimiter,
-            decimal, options.thousands, str(path),
+            decimal, options.thousands, str(path), options.missing,
         )  # fmt: skip
 
     def _trailing(self) -> None:
