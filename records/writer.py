@@ -136,7 +136,7 @@ class ThreadedWriter:
     def _rows(self) -> np.ndarray:
         try:
             return self._take(TAKE_ROWS)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - of another thread: raised there
             self._error = error
             self._last.set()
             return np.empty((0, 0))
@@ -150,7 +150,7 @@ class ThreadedWriter:
                 self._sink.flush()
             elif len(rows):
                 self._sink.append(rows)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - of another thread: raised there
             self._error = error
 
     def __enter__(self) -> Self:

@@ -1,4 +1,6 @@
-"""Vector's ASC logs, line by line: each line is a frame that is read, an event that holds none, or counted as not read."""
+"""Vector's ASC logs, line by line: each line is a frame that is read, an event that holds none,
+or counted as not read.
+"""
 
 import re
 from collections import Counter
@@ -12,7 +14,8 @@ from can import Message
 from specs.errors import InputError
 
 MONTHS = {
-    "jan": 1, "feb": 2, "mar": 3, "mär": 3, "maer": 3, "mrz": 3, "mars": 3, "apr": 4, "avr": 4, "may": 5, "mai": 5,
+    "jan": 1, "feb": 2, "mar": 3, "mär": 3, "maer": 3, "mrz": 3, "mars": 3, "apr": 4, "avr": 4,
+    "may": 5, "mai": 5,
     "jun": 6, "juin": 6, "jul": 7, "juil": 7, "aug": 8, "août": 8, "sep": 9, "sept": 9, "oct": 10, "okt": 10,
     "nov": 11, "dec": 12, "dez": 12, "déc": 12, "févr": 2, "janv": 1,
 }  # fmt: skip
@@ -33,7 +36,8 @@ FD = re.compile(
     r"(?P<dlc>[0-9a-fA-F])\s+(?P<length>\d+)(?P<data>(?:\s+[0-9a-fA-F]{1,2})*)"
 )
 EVENT = re.compile(
-    r"^(Start of measurement|\d+\s+Statistic:|CAN\s+\d+\s+Status:|log trigger|SV:|J1939TP|\d+\s+Statistic\b|TriggerEvent|Log\b|GPS|TFS:|//)",
+    r"^(Start of measurement|\d+\s+Statistic:|CAN\s+\d+\s+Status:|log trigger|SV:|J1939TP"
+    r"|\d+\s+Statistic\b|TriggerEvent|Log\b|GPS|TFS:|//)",
     re.IGNORECASE,
 )
 
@@ -47,67 +51,78 @@ class AscLog:
     skipped: Counter[str] = field(default_factory=Counter)
     unread: int = 0
     first_unread: str = ""
+    base: int = 16  # of the numbers of frames
+    dated: bool = False  # a line of the head came
+    open_block: bool = False  # a trigger block began and did not end
 
 
 def read_asc(path: Path, named: dict[str, tuple[int, bool]], log: AscLog) -> Iterator[Message]:
-    """The data frames; `named` gives identifiers of messages by name, for logs with names instead of numbers."""
+    """The data frames; `named` gives identifiers of messages by name, for logs with names for numbers."""
     lines = _text(path).split("\n")
     if lines[-1].strip():
         log.notes.append(
             "the log was not closed: read as far as it was written, but for its last line, which is cut"
         )
     lines.pop()
-    base, dated, blocks, closed, in_block = 16, False, 0, True, False
     found: list[Message] = []
     for number, line in enumerate(lines, 1):
-        bare = line.strip()
-        low = bare.lower()
-        if low.startswith(("date ", "begin triggerblock")):
-            dated = True
-            start = _date(bare)
-            log.start = start or log.start
-            if start is None and low.startswith("date "):
-                log.notes.append(
-                    f"the date in line {number} is not understood ('{bare[5:45]}'): the start is not known"
-                )
-            if low.startswith("begin"):
-                blocks, closed, in_block = blocks + 1, False, True
-                if blocks > 1 and found:
-                    raise InputError(
-                        f"{path}: line {number}: another trigger block begins, with times of its own; cut the log there"
-                    )
-        elif low.startswith("end triggerblock"):
-            closed, in_block = True, False
-        elif low.startswith("base "):
-            dated = True
-            base = 10 if low.split()[1] == "dec" else 16
-            if "relative" in low:
-                raise InputError(
-                    f"{path}: times since the event before are not read; export with absolute ones"
-                )
-        elif match := TIMED.match(line):
-            if not dated:
-                raise InputError(f"{path} is not ASC: no line with its date or base before line {number}")
-            message = _frame(match, base, named, log, number)
-            if message is not None:
-                found.append(message)
-        elif bare and not low.startswith(("//", "internal events", "no internal events")):
-            _unread(log, number, bare)
-    if not dated:
+        match = TIMED.match(line)
+        if match is None:
+            _head_line(path, number, line.strip(), log, bool(found))
+            continue
+        if not log.dated:
+            raise InputError(f"{path} is not ASC: no line with its date or base before line {number}")
+        message = _frame(match, log.base, named, log, number)
+        if message is not None:
+            found.append(message)
+    if not log.dated:
         raise InputError(f"{path} is not ASC: no line with its date")
-    if in_block and not closed and not log.notes:
+    _time_of_day(log, found)
+    _conclude(log)
+    return iter(found)
+
+
+def _head_line(path: Path, number: int, bare: str, log: AscLog, begun: bool) -> None:
+    """A line without a time: what it says of the log."""
+    low = bare.lower()
+    if low.startswith(("date ", "begin triggerblock")):
+        _dated(path, number, bare, log, begun)
+    elif low.startswith("end triggerblock"):
+        log.open_block = False
+    elif low.startswith("base "):
+        log.dated, log.base = True, 10 if low.split()[1] == "dec" else 16
+        if "relative" in low:
+            raise InputError(f"{path}: times since the event before are not read; export with absolute ones")
+    elif bare and not low.startswith(("//", "internal events", "no internal events")):
+        _unread(log, number, bare)
+
+
+def _dated(path: Path, number: int, bare: str, log: AscLog, begun: bool) -> None:
+    start = _date(bare)
+    log.dated, log.start = True, start or log.start
+    if bare.lower().startswith("begin"):
+        log.open_block = True
+        if begun:
+            raise InputError(
+                f"{path}: line {number}: another trigger block begins, with times of its own; cut the log there"
+            )
+    elif start is None:
+        log.notes.append(
+            f"the date in line {number} is not understood ('{bare[5:45]}'): the start is not known"
+        )
+
+
+def _conclude(log: AscLog) -> None:
+    """Say what was not read."""
+    if log.open_block and not any("not closed" in n for n in log.notes):
         log.notes.append("the log was not closed: read as far as it was written")
     if log.skipped:
-        log.notes.append(
-            "lines that are no data frames: "
-            + ", ".join(f"{n} {what}" for what, n in sorted(log.skipped.items()))
-        )
-    _time_of_day(log, found)
+        shown = ", ".join(f"{n} {what}" for what, n in sorted(log.skipped.items()))
+        log.notes.append(f"lines that are no data frames: {shown}")
     if log.unread:
         log.notes.append(
             f"lines that are not understood: left out {log.unread}; the first: {log.first_unread}"
         )
-    return iter(found)
 
 
 def _time_of_day(log: AscLog, found: list[Message]) -> None:

@@ -51,16 +51,12 @@ def assemble(raw: Raw, source: str, names: Mapping[str, str] | None = None) -> M
 def _wanted(
     names_of: Mapping[tuple[int, int], str], raw: Raw, names: Mapping[str, str], source: str
 ) -> dict[str, Wanted]:
-    """`names` understood, by the name that a channel has here; raises InputError for one that is not one channel.
+    """`names` understood, by the name that a channel has here; raises InputError for one that is
+    not one channel.
 
     A channel is meant by its name, by `group.name`, by its heading with the unit, or by what a note calls it.
     """
-    meant: dict[str, set[str]] = {}
-    for number, group in enumerate(raw.groups):
-        for k, column in enumerate(group.columns):
-            label = names_of[number, k]
-            for theirs in {label, column.name, f"{group.name}.{column.name}", column.heading} - {""}:
-                meant.setdefault(theirs, set()).add(label)
+    meant = _meant(names_of, raw)
     labels = set(names_of.values())
     found: dict[str, Wanted] = {}
     for theirs, ours in names.items():
@@ -85,8 +81,21 @@ def _wanted(
     return found
 
 
+def _meant(names_of: Mapping[tuple[int, int], str], raw: Raw) -> dict[str, set[str]]:
+    """{what the file calls a channel: the names here of all that it may mean}."""
+    meant: dict[str, set[str]] = {}
+    for number, group in enumerate(raw.groups):
+        for k, column in enumerate(group.columns):
+            label = names_of[number, k]
+            for theirs in {label, column.name, f"{group.name}.{column.name}", column.heading} - {""}:
+                meant.setdefault(theirs, set()).add(label)
+    return meant
+
+
 def _unique(groups: Sequence[Group], notes: list[str]) -> dict[tuple[int, int], str]:
-    """A name for each column of each group, by their numbers: its own, or `group.name` where several have it."""
+    """A name for each column of each group, by their numbers: its own, or `group.name` where
+    several have it.
+    """
     owners: dict[str, list[tuple[int, int]]] = {}
     for number, group in enumerate(groups):
         for k, column in enumerate(group.columns):

@@ -15,7 +15,9 @@ QUIET = (6, 65, 72, 90, 92, 96, 115, 7, 8, 9)  # events, texts, statistics
 
 
 def count(path: Path) -> Counter[int]:
-    """How many objects of each type there are; raises InputError for one of no size, behind which nothing is found."""
+    """How many objects of each type there are; raises InputError for one of no size, behind
+    which nothing is found.
+    """
     data = path.read_bytes()
     if len(data) < 8 or data[:4] != b"LOGG":
         return Counter()

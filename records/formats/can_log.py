@@ -86,7 +86,8 @@ def _compare(objects: Counter[int], counted: Counter[str], notes: list[str]) -> 
         notes.append(f"objects that are no CAN frames: left out {others}")
     if counted["remote"] or counted["error"]:
         notes.append(
-            f"frames without data: left out {counted['error']} error frames and {counted['remote']} remote frames"
+            f"frames without data: left out {counted['error']} error frames and {counted['remote']} "
+            f"remote frames"
         )
 
 
@@ -162,7 +163,8 @@ def _group(message: Any, bus: Any, frames: Frames, notes: list[str], path: Path)
     long = int((sizes > message.length).sum())
     if short:
         notes.append(
-            f"{message.name}: frames shorter than {message.length} bytes: {short}; signals that they do not hold are absent"
+            f"{message.name}: frames shorter than {message.length} bytes: {short}; signals that they do "
+            f"not hold are absent"
         )
     if long:
         notes.append(
@@ -204,7 +206,8 @@ def _check_protocol(
         if full.any():
             at = time[np.flatnonzero(full)[0]]
             raise InputError(
-                f"{path}: {message.name}.{one.signal.name} has all bits set at {at:.9g} s: in J1939 that is no value, "
+                f"{path}: {message.name}.{one.signal.name} has all bits set at {at:.9g} s: in J1939 that "
+                f"is no value, "
                 "and the DBC states no protocol; --protocol j1939 or --protocol can says it"
             )
 
@@ -241,7 +244,7 @@ def _trc(path: Path, notes: list[str]) -> Iterator[Any]:
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
         found = list(can.TRCReader(io.StringIO("\n".join([*lines, ""]))))
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - a damaged log makes python-can raise anything
         raise InputError(f"{path} is damaged or no PCAN trace: {first_line(error)}") from None
     rows = sum(bool(line.strip()) and not line.startswith(";") for line in lines)
     if rows != len(found):
@@ -252,7 +255,9 @@ def _trc(path: Path, notes: list[str]) -> Iterator[Any]:
 
 
 def _candump(path: Path, notes: list[str]) -> Iterator[Any]:
-    """Frames of candump: `-l` (`(time) can0 100#0011`), `-t a` (`(time) can0 100 [2] 00 11`), without brackets."""
+    """Frames of candump: `-l` (`(time) can0 100#0011`), `-t a` (`(time) can0 100 [2] 00 11`),
+    without brackets.
+    """
     found, unread, first = [], 0, ""
     last: dict[str, int] = {}
     text = path.read_text(encoding="utf-8", errors="replace")

@@ -151,7 +151,9 @@ class Dbc:
     """The messages of a DBC file, found by the identifiers of frames."""
 
     def __init__(self, path: Path, protocol: str | None = None) -> None:
-        """Read the file; raises InputError naming it.  `protocol` says whether J1939's rules hold ("j1939", "can")."""
+        """Read the file; raises InputError naming it.  `protocol` says whether J1939's rules
+        hold ("j1939", "can").
+        """
         if not path.is_file():
             raise InputError(f"no DBC at {path}")
         try:

@@ -99,7 +99,8 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     if not groups:
         used = ", ".join(sorted({t.message_encoding or "none" for t in found.topics.values()}))
         raise InputError(
-            f"{path} holds no topic in JSON, Protocol Buffers or ROS 2's CDR with its definition; its encodings: {used}"
+            f"{path} holds no topic in JSON, Protocol Buffers or ROS 2's CDR with its definition; its "
+            f"encodings: {used}"
         )
     return Raw(groups, start, {k: v for k, v in meta.items() if k != START}, notes)
 
@@ -198,7 +199,8 @@ def _group(key: Key, found: _Contents, zero: int, path: Path, notes: list[str]) 
             notes.append(f"topic {topic.topic}: texts and lists left out: {what}")
     if topic_count(topic.topic, found) > 1:
         notes.append(
-            f"topic {topic.topic}: {topic_count(topic.topic, found)} publishers or schemas, kept apart; this one: {schema.name if schema else 'no schema'}"
+            f"topic {topic.topic}: {topic_count(topic.topic, found)} publishers or schemas, kept apart; "
+            f"this one: {schema.name if schema else 'no schema'}"
         )
     units = _fields(schema if schema and not in_ros2 and not in_protobuf else None, topic)
     keys = list(dict.fromkeys(key for row in rows for key in row))

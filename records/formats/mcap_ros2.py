@@ -14,7 +14,9 @@ LONGEST = 64  # elements of an array that become channels
 
 
 def rows(messages: Sequence[Message], schema: Schema, topic: str) -> list[dict[str, float | int | bool]]:
-    """The numbers of each message by their path in it; raises InputError for what is not of its definition."""
+    """The numbers of each message by their path in it; raises InputError for what is not of its
+    definition.
+    """
     try:  # not in the machine controller's install
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
@@ -24,7 +26,7 @@ def rows(messages: Sequence[Message], schema: Schema, topic: str) -> list[dict[s
         defined = get_types_from_msg(schema.data.decode(), schema.name)
         store.register({k: v for k, v in defined.items() if k not in store.fielddefs})
         return [dict(_numbers(store.deserialize_cdr(m.data, schema.name), "")) for m in messages]
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - other messages make rosbags raise anything
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{topic}: a message is not of its definition {schema.name}: {reason}") from None
 

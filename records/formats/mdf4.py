@@ -48,7 +48,7 @@ def read(path: Path, names: Mapping[str, str], dbc: Path | None = None, protocol
             return _read(path, notes, dbc, protocol)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - a damaged file makes asammdf raise anything
             reason = first_line(error)
         gc.collect()
     if path.suffix.lower() == ".dat" and not _magic(path):

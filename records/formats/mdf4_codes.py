@@ -1,4 +1,6 @@
-"""MDF conversions with texts: where a rule gives numbers for some raw values, its texts are codes for no value."""
+"""MDF conversions with texts: where a rule gives numbers for some raw values, its texts are
+codes for no value.
+"""
 
 from collections.abc import Iterator
 from typing import Any

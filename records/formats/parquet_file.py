@@ -120,7 +120,9 @@ def _table(path: Path, names: Mapping[str, str], clock: str | None) -> Raw:
 def _clock_of(
     table: pa.Table, headings: Sequence[Heading], names: Mapping[str, str], clock: str | None, source: str
 ) -> tuple[int, str]:
-    """The column that is the time: the one stated, else the one named so that holds times and is not constant."""
+    """The column that is the time: the one stated, else the one named so that holds times and is
+    not constant.
+    """
     if found := stated_clock(headings, names, clock, source):
         return found[0], found[1] or headings[found[0]].unit or clock_unit(headings[found[0]].name)
     named = [i for i, h in enumerate(headings) if clock_name(h.name)]
@@ -128,9 +130,10 @@ def _clock_of(
     of_time = [i for i, f in enumerate(table.schema) if pa.types.is_timestamp(f.type)]
     if not named and (index or len(of_time) == 1):
         named = index or of_time
+    alone = len(named) == 1 or len(table) < 2
     possible = [
         i for i in named
-        if _is_time(table.column(i).type) and (len(named) == 1 or len(table) < 2 or len(table.column(i)[:1000].unique()) > 1)
+        if _is_time(table.column(i).type) and (alone or len(table.column(i)[:1000].unique()) > 1)
     ]  # fmt: skip
     at = one_clock(headings, possible or named, source)
     return at, headings[at].unit or clock_unit(headings[at].name)
@@ -139,9 +142,11 @@ def _clock_of(
 def _is_time(kind: pa.DataType) -> bool:
     """Whether a column of this type may be the time."""
     t = pa.types
-    return t.is_timestamp(kind) or t.is_duration(kind) or t.is_time(kind) or t.is_date(kind) or t.is_integer(kind) or (
-        t.is_floating(kind) or t.is_string(kind) or t.is_large_string(kind) or t.is_decimal(kind)
+    tests = (
+        t.is_timestamp, t.is_duration, t.is_time, t.is_date, t.is_integer, t.is_floating, t.is_decimal, t.is_string,
+        t.is_large_string,
     )  # fmt: skip
+    return any(test(kind) for test in tests)
 
 
 def _headings(schema: pa.Schema, source: str) -> list[Heading]:

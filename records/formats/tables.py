@@ -15,11 +15,55 @@ from specs.errors import InputError, nearest
 
 # What clocks are called, in small letters and without blanks and marks between the words.
 CLOCKS = frozenset(
-    "time timestamp timestamps zeit zeitstempel datetime datum date uhrzeit elapsedtime elapsed timesincestart abstime "
-    "absolutetime absolutezeit messzeit reltime relativetime systemtime localtime utctime timestampepoch epoch "
-    "xvalue zeitpunkt laufzeit runtime seconds sec secs second millis milliseconds microseconds micros "
-    "nanoseconds datumuhrzeit datumzeit dateandtime timeofday testtime totaltime logtime recordtime "
-    "temps horodatage uptime".split()
+    [
+        "time",
+        "timestamp",
+        "timestamps",
+        "zeit",
+        "zeitstempel",
+        "datetime",
+        "datum",
+        "date",
+        "uhrzeit",
+        "elapsedtime",
+        "elapsed",
+        "timesincestart",
+        "abstime",
+        "absolutetime",
+        "absolutezeit",
+        "messzeit",
+        "reltime",
+        "relativetime",
+        "systemtime",
+        "localtime",
+        "utctime",
+        "timestampepoch",
+        "epoch",
+        "xvalue",
+        "zeitpunkt",
+        "laufzeit",
+        "runtime",
+        "seconds",
+        "sec",
+        "secs",
+        "second",
+        "millis",
+        "milliseconds",
+        "microseconds",
+        "micros",
+        "nanoseconds",
+        "datumuhrzeit",
+        "datumzeit",
+        "dateandtime",
+        "timeofday",
+        "testtime",
+        "totaltime",
+        "logtime",
+        "recordtime",
+        "temps",
+        "horodatage",
+        "uptime",
+    ]
 )
 BY_NAME = {"seconds": "s", "sec": "s", "secs": "s", "second": "s", "millis": "ms", "milliseconds": "ms",
            "micros": "us", "microseconds": "us", "nanoseconds": "ns"}  # fmt: skip

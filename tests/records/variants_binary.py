@@ -95,7 +95,8 @@ def candump(r: random.Random, folder: Path) -> Written:
     lines = []
     for time, data in rows:
         stamp = f"({zero + int(time)}.{round(time % 1 * 1e6):06d})"
-        shown = {"l": f"{stamp} can0 100#{data.hex().upper()}", "a": f" {stamp}  can0  100   [{len(data)}]  {data.hex(' ').upper()}",
+        shown = {"l": f"{stamp} can0 100#{data.hex().upper()}", "a": f" {stamp}  can0  100   "
+            f"[{len(data)}]  {data.hex(' ').upper()}",
                  "b": f"{stamp} can0 100#{data.hex().upper()} R"}[form]  # fmt: skip
         lines.append(shown)
         if r.random() < 0.05:
@@ -118,7 +119,10 @@ def blf(r: random.Random, folder: Path) -> Written:
                 can.Message(timestamp=time, arbitration_id=256, is_extended_id=False, data=data)
             )
             if r.random() < 0.05:
-                writer.on_message_received(can.Message(timestamp=time, arbitration_id=256, is_extended_id=False, is_remote_frame=True, dlc=8))  # fmt: skip
+                remote = can.Message(
+                    timestamp=time, arbitration_id=256, is_extended_id=False, is_remote_frame=True, dlc=8
+                )
+                writer.on_message_received(remote)
     return Written(path, channels, {"dbc": dbc}, (), _first(channels), 2e-8)
 
 
@@ -159,7 +163,9 @@ def mcap(r: random.Random, folder: Path) -> Written:
 
 
 def _same(written: dict[str, tuple[list[float], list[float]]]) -> dict[str, tuple[list[float], list[float]]]:
-    """Names that two publishers get: with their number where both have the field, and it is not a name alone."""
+    """Names that two publishers get: with their number where both have the field, and it is not
+    a name alone.
+    """
     fields = [{n.split(".")[-1] for n in written if n.startswith(f"a.{k}.")} for k in (1, 2)]
     if fields[0] == fields[1] and len(fields[0]) == 2:
         return written
@@ -171,12 +177,16 @@ def parquet(r: random.Random, folder: Path) -> Written:
     rows, step = r.randint(2, 40), r.choice([20, 100, 1000])
     ms = np.arange(rows, dtype=np.int64) * step + r.choice([0, 500])
     stamp = ms + 1_774_000_000_000
-    name, clock = {
-        "s": ("time", pa.array(ms / 1000)), "ms": ("time [ms]", pa.array(ms)), "name": ("time_ms", pa.array(ms)),
+    iso = [f"2026-03-29T00:00:{m // 1000:02d}.{m % 1000:03d}Z" if m < 60_000 else None for m in ms.tolist()]
+    clocks = {
+        "s": ("time", pa.array(ms / 1000)), "ms": ("time [ms]", pa.array(ms)), 
+        "name": ("time_ms", pa.array(ms)),
         "epoch": ("timestamp", pa.array(stamp)), "ns": ("timestamp", pa.array(stamp * 1_000_000)),
-        "stamp": ("t", pa.array(stamp, pa.timestamp("ms"))), "zone": ("time", pa.array(stamp, pa.timestamp("ms", "UTC"))),
-        "duration": ("time", pa.array(ms, pa.duration("ms"))), "text": ("time", pa.array([f"2026-03-29T00:00:{m // 1000:02d}.{m % 1000:03d}Z" if m < 60_000 else None for m in ms.tolist()])),
-    }[r.choice(["s", "ms", "name", "epoch", "ns", "stamp", "zone", "duration", "text"])]  # fmt: skip
+        "stamp": ("t", pa.array(stamp, pa.timestamp("ms"))),
+        "zone": ("time", pa.array(stamp, pa.timestamp("ms", "UTC"))),
+        "duration": ("time", pa.array(ms, pa.duration("ms"))), "text": ("time", pa.array(iso)),
+    }  # fmt: skip
+    name, clock = clocks[r.choice(list(clocks))]
     keep = [i for i, c in enumerate(clock.to_pylist()) if c is not None]
     table, channels = {name: clock}, {}
     for k in range(r.randint(1, 3)):
@@ -190,7 +200,7 @@ def parquet(r: random.Random, folder: Path) -> Written:
         there = [i for i in keep if held[i] is not None]
         channels[label] = (
             [float(ms[i] - ms[keep[0]]) / 1000 for i in there],
-            [float(held[i]) for i in there],
+            [float(held[i] or 0) for i in there],
         )
     path = folder / "v.parquet"
     pq.write_table(pa.table(table), path)

@@ -1,4 +1,6 @@
-"""Tables in text with every combination of marks, encodings, delimiters, quotes, preambles, units, clocks, words."""
+"""Tables in text with every combination of marks, encodings, delimiters, quotes, preambles,
+units, clocks, words.
+"""
 
 import random
 from datetime import datetime, timedelta
@@ -25,14 +27,21 @@ CLOCKS = (
     "s", "ms", "us", "bare", "epoch_s", "epoch_ms", "epoch_ns", "iso", "iso_z", "iso_comma", "german", "slash",
     "of_day", "excel", "day_and_time",
 )  # fmt: skip
+FORMS = {
+    "iso": "%Y-%m-%d %H:%M:%S",
+    "iso_z": "%Y-%m-%dT%H:%M:%S",
+    "iso_comma": "%Y-%m-%dT%H:%M:%S",
+    "german": "%d.%m.%Y %H:%M:%S",
+    "slash": "%d/%m/%Y %H:%M:%S",
+    "of_day": "%H:%M:%S",
+}
 ZERO = datetime(2026, 3, 29, 1, 59, 59, 900_000)
 
 
 def number(r: random.Random, value: Decimal, decimal: str, group: str, places: int, form: str) -> str:
     """A number in one of the forms in which tools write it."""
     if form == "sci":
-        text = f"{value:.6E}".replace(".", decimal)
-        return text
+        return f"{value:.6E}".replace(".", decimal)
     text = f"{value:.{places}f}"
     sign, text = ("-", text[1:]) if text.startswith("-") else ("", text)
     whole, _, rest = text.partition(".")
@@ -60,19 +69,19 @@ def clock_cells(
         return "time", kind, cells
     epoch = {"epoch_s": 1, "epoch_ms": 1000, "epoch_ns": 1_000_000_000}
     if kind in epoch:
-        return "timestamp", "", [[f"{(t + 1_774_000_000) * epoch[kind]:.{3 if kind == 'epoch_s' else 0}f}".replace(".", decimal)] for t in times]  # fmt: skip
+        places = 3 if kind == "epoch_s" else 0
+        shown = [f"{(t + 1_774_000_000) * epoch[kind]:.{places}f}" for t in times]
+        return "timestamp", "", [[c.replace(".", decimal)] for c in shown]
     if kind == "excel":
         return "time", "", [[f"{46110 + t / 86400:.12f}".replace(".", decimal)] for t in times]
     if kind == "bare":
         return "t", "", [[f"{t:.3f}".replace(".", decimal)] for t in times]
     if kind == "day_and_time":
         return "Date", "", [[d.strftime("%Y-%m-%d"), dot(d, "%H:%M:%S")] for d in stamps]
-    form = {"iso": "%Y-%m-%d %H:%M:%S", "iso_z": "%Y-%m-%dT%H:%M:%S", "iso_comma": "%Y-%m-%dT%H:%M:%S", "german": "%d.%m.%Y %H:%M:%S",
-            "slash": "%d/%m/%Y %H:%M:%S", "of_day": "%H:%M:%S"}[kind]  # fmt: skip
-    cells = [dot(d, form) + ("Z" if kind == "iso_z" else "") for d in stamps]
-    return "time", "", [[c.replace(".", ",") if kind == "iso_comma" else c] for c in cells] if kind != "german" else [
-        [c[:10] + c[10:].replace(".", decimal)] for c in cells
-    ]  # fmt: skip
+    cells = [dot(d, FORMS[kind]) + ("Z" if kind == "iso_z" else "") for d in stamps]
+    if kind == "german":
+        return "time", "", [[c[:10] + c[10:].replace(".", decimal)] for c in cells]
+    return "time", "", [[c.replace(".", ",") if kind == "iso_comma" else c] for c in cells]
 
 
 def quoted(r: random.Random, cell: str, delimiter: str, style: str) -> str:
@@ -81,7 +90,7 @@ def quoted(r: random.Random, cell: str, delimiter: str, style: str) -> str:
     return '"' + cell.replace('"', '""') + '"' if style == "all" or needs else cell
 
 
-def text(r: random.Random, folder: Path) -> Written:
+def text(r: random.Random, folder: Path) -> Written:  # noqa: C901 - one table in all its forms
     """A table."""
     decimal = r.choice(".,")
     delimiter = r.choice([",", ";", "\t", "|"])
@@ -163,7 +172,7 @@ def text(r: random.Random, folder: Path) -> Written:
         if group in (".", ","):
             stated |= {"decimal": decimal, "thousands": group}
         elif r.random() < 0.5:
-            stated |= {"decimal": decimal, "thousands": "none" if not group else group}
+            stated |= {"decimal": decimal, "thousands": group or "none"}
         if unit == "unstated":
             stated["clock"] = f"{name} [{kind}]"
         if kind == "excel":

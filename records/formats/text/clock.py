@@ -77,7 +77,8 @@ class Clock:
             return "ymd"
         if self.marks.plain(cell) is None and is_number(cell):
             raise InputError(
-                f"{self.where}: '{cell}' is no number with '{self.marks.decimal}' before its decimals; --decimal says another"
+                f"{self.where}: '{cell}' is no number with '{self.marks.decimal}' before its decimals; "
+                f"--decimal says another"
             )
         return "number" if self.marks.plain(cell) is not None else "date"
 
@@ -138,7 +139,8 @@ class Clock:
             ).as_py()  # type: ignore[attr-defined]
             raise InputError(
                 f"{self.where}: line {numbers[wrong]}: '{cells[wrong]}' "
-                + ("states a time zone, lines before do not" if has_zone[wrong].as_py() else "states no time zone, lines before do")
+                + ("states a time zone, lines before do not" if has_zone[wrong].as_py() else "states no "
+                    "time zone, lines before do")
             )  # fmt: skip
         self.zone = zoned
         try:
@@ -146,7 +148,8 @@ class Clock:
         except pa.ArrowException:
             bad = next((i for i, c in enumerate(iso.to_pylist()) if c is not None and not _is_iso(c)), 0)
             raise InputError(
-                f"{self.where}: line {numbers[bad]}: '{cells[bad]}' is neither a number nor a date in a form that is "
+                f"{self.where}: line {numbers[bad]}: '{cells[bad]}' is neither a number nor a date in a "
+                f"form that is "
                 "read: 2026-03-29 01:59:59.900, 29.03.2026 01:59:59, 01:59:59.900"
             ) from None
         return np.asarray(array(pc.cast(stamps, pa.int64()).fill_null(NONE)), dtype=np.int64)  # type: ignore[attr-defined]
@@ -157,7 +160,8 @@ class Clock:
         some = cells[_there(cells)].as_py()
         if re.search(r"\d\s*[AaPp]\.?[Mm]\.?$", some):
             raise InputError(
-                f"{self.where}: line {numbers[_there(cells)]}: '{some}': times with AM and PM are not read; export with 24 hours"
+                f"{self.where}: line {numbers[_there(cells)]}: '{some}': times with AM and PM are not "
+                f"read; export with 24 hours"
             )
         if self.kind == "ymd":
             return re_(cells, r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3")
@@ -175,7 +179,8 @@ class Clock:
             self.kind = "time of day"
             if re.fullmatch(r"\d{1,3}:\d\d", some):
                 raise InputError(
-                    f"{self.where}: line {numbers[_there(cells)]}: '{some}' may be hours and minutes, or minutes and seconds; write it with both"
+                    f"{self.where}: line {numbers[_there(cells)]}: '{some}' may be hours and minutes, or "
+                    f"minutes and seconds; write it with both"
                 )
             out = re_(out, r"^(\d{1,2}):(\d\d\.\d+)$", r"00:\1:\2")
             out = re_(re_(out, r"^(\d):", r"0\1:"), r"^(\d\d):(\d):", r"\1:0\2:")
@@ -198,7 +203,9 @@ class Clock:
         return self.result(notes)
 
     def result(self, notes: list[str]) -> tuple[np.ndarray, datetime | None, float]:
-        """Times in s from the first row's, the time of day there if it is known, and the file's own first time in s."""
+        """Times in s from the first row's, the time of day there if it is known, and the file's
+        own first time in s.
+        """
         found = self.held[: self.filled]
         if self.kind in ("", "number"):
             return self._of_numbers(found, notes)
@@ -245,7 +252,8 @@ class Clock:
                 return found if per == 1 else found / per, _since_1970(self.first or Decimal(0), per), 0.0
         if first > YEAR_2001:
             raise InputError(
-                f"{self.where}: times such as {self.first} state no unit; --clock 'NAME [us]' says it ({', '.join(PER_SECOND)})"
+                f"{self.where}: times such as {self.first} state no unit; --clock 'NAME [us]' says it "
+                f"({', '.join(PER_SECOND)})"
             )
         if DAYS_1900 < first < 73_050 and 0 < step < 2e-3:
             raise InputError(

@@ -1,4 +1,6 @@
-"""The columns of a table as numbers, filled block by block; each cell that is no number is looked at by itself."""
+"""The columns of a table as numbers, filled block by block; each cell that is no number is
+looked at by itself.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -138,7 +140,8 @@ class Column:
         if self.flags and not np.isin(self.values[:rows][np.isfinite(self.values[:rows])], (0.0, 1.0)).all():
             word, first = min(self.flags.items(), key=lambda w: w[1].line)
             raise InputError(
-                f"{source}: line {first.line}: {name} is '{word}' among numbers; --missing '{word}' if it stands for a missing value"
+                f"{source}: line {first.line}: {name} is '{word}' among numbers; --missing '{word}' if it "
+                f"stands for a missing value"
             )
         for word, seen in self.missing.items():
             notes.append(f"{name}: '{word}' is no sample, {seen.count} times; the first: line {seen.line}")

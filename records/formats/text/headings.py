@@ -20,14 +20,13 @@ IN = re.compile(r"^(?P<name>.+?)\s+in\s+(?P<unit>\S+)$")
 
 
 def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
-    """Name and unit of each column; `ours`: the file is one that this project wrote, `name [unit]` throughout."""
+    """Name and unit of each column; `ours`: this project wrote the file, `name [unit]` throughout."""
     if ours:
         return [_square(cell, True) or Heading(cell) for cell in cells]
     style = next((s for s in (SLASH, IN) if any(_clock_in(cell, s) for cell in cells)), None)
     found = [_heading(cell, style) for cell in cells]
     names = Counter(h.name for h in found)
-    found = [Heading(c) if names[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
-    return found
+    return [Heading(c) if names[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
 
 
 def _clock_in(cell: str, style: re.Pattern[str]) -> bool:

@@ -56,7 +56,9 @@ def cells_of(text: str, delimiter: str) -> list[str]:
 
 
 def layout_of(lines: Sequence[Line], clocks: Sequence[str], source: str) -> Layout:
-    """Find the table in the first lines of a file; `clocks` are the headings that are stated to be the clock."""
+    """Find the table in the first lines of a file; `clocks` are the headings that are stated to
+    be the clock.
+    """
     comments = [line for line in lines if line.text.lstrip().startswith(COMMENTS)]
     body = [line for line in lines if line.text.strip() and line not in comments]
     if not body:
@@ -110,7 +112,8 @@ def _delimiter(body: Sequence[Line], source: str) -> str:
         filled = [c for r in of_width for c in r if c]
         # A row split in the wrong places has cells such as "5;0" that are nothing.
         good = sum(is_value(c) or c.lower() in MISSING or c.isidentifier() for c in filled)
-        score = (len(of_width) / len(rows) * good / max(len(filled), 1), -DELIMITERS.index(delimiter) if delimiter in DELIMITERS else -9)  # fmt: skip
+        order = DELIMITERS.index(delimiter) if delimiter in DELIMITERS else len(DELIMITERS)
+        score = (len(of_width) / len(rows) * good / max(len(filled), 1), -order)
         if score > best or chosen is None:
             best, chosen = score, delimiter
     if chosen is None:
@@ -154,14 +157,17 @@ def _header_in_comment(comments, rows, delimiter, clocks, source):
 
 
 def _names(cells: Sequence[str]) -> bool:
-    """Whether cells are names: dates and numbers with a mark are none, whole numbers may be channels' names."""
+    """Whether cells are names: dates and numbers with a mark are none, whole numbers may be
+    channels' names.
+    """
     filled = [c for c in cells if c]
     bare = [c for c in filled if not c.isdigit()]
     return bool(filled) and not any(is_value(c) for c in bare)
 
 
 def _has_clock(cells: Sequence[str], clocks: Sequence[str]) -> bool:
-    return any(clock_name(h.name) or h.name in clocks or c in clocks for h, c in zip(headings_of(cells), cells, strict=True))  # fmt: skip
+    heads = zip(headings_of(cells), cells, strict=True)
+    return any(clock_name(h.name) or h.name in clocks or c in clocks for h, c in heads)
 
 
 def _is_data(cells: Sequence[str]) -> bool:
@@ -206,7 +212,8 @@ def _rows_begin(
     if skipped:
         shown = listed([c for c in skipped[0][1] if c], 4)
         found.notes.append(
-            f"lines between header and rows, left out: {len(skipped)}; the first: line {skipped[0][0]} ({shown})"
+            f"lines between header and rows, left out: {len(skipped)}; the first: line {skipped[0][0]} "
+            f"({shown})"
         )
     found.first = start
 
@@ -235,8 +242,6 @@ def _is_units(cells: Sequence[str], found: Layout, at: Sequence[int], later: Seq
     if stated or (not at and of_time(bare[0])):
         return not stated
     known = [i for i, c in enumerate(bare) if is_unit(c)]
-    telling = [
-        i for i in known
-        if any(i < len(r) and is_number(r[i]) for r in later) and not any(i < len(r) and r[i].strip() == cells[i] for r in later)
-    ]  # fmt: skip
+    columns = {i: [r[i] for r in later if i < len(r)] for i in known}
+    telling = [i for i, c in columns.items() if any(map(is_number, c)) and cells[i] not in c]
     return bool(telling) and 2 * len(known) >= sum(bool(c) for c in bare)

@@ -23,12 +23,14 @@ NUMERIC_RE2 = NUMERIC.pattern
 OTHER = {".": ",", ",": "."}
 # Every number in which a mark stands: alone, between groups, before or behind the other one.
 ANY = {
-    m: rf"{SIGN}(\d+[{m}]\d*|[{m}]\d+|\d{{1,3}}([{m}]\d{{3}})+([{o}]\d*)?|\d{{1,3}}([{o}{GROUPERS}]\d{{3}})+[{m}]\d*){EXP}"
+    m: rf"{SIGN}(\d+[{m}]\d*|[{m}]\d+|\d{{1,3}}([{m}]\d{{3}})+([{o}]\d*)?"
+    rf"|\d{{1,3}}([{o}{GROUPERS}]\d{{3}})+[{m}]\d*){EXP}"
     for m, o in OTHER.items()
 }
 # Those in which it must be decimal.
 SURE = {
-    m: rf"{SIGN}(\d*[{m}](\d{{0,2}}|\d{{4,}})|(0\d*)?[{m}]\d+|\d{{4,}}[{m}]\d+|\d{{1,3}}([{o}{GROUPERS}]\d{{3}})+[{m}]\d*){EXP}|{SIGN}\d+[{m}]\d*[eEdD][+-]?\d+\s*$"
+    m: rf"{SIGN}(\d*[{m}](\d{{0,2}}|\d{{4,}})|(0\d*)?[{m}]\d+|\d{{4,}}[{m}]\d+"
+    rf"|\d{{1,3}}([{o}{GROUPERS}]\d{{3}})+[{m}]\d*){EXP}|{SIGN}\d+[{m}]\d*[eEdD][+-]?\d+\s*$"
     for m, o in OTHER.items()
 }
 

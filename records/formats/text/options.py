@@ -12,7 +12,9 @@ THOUSANDS = (".", ",", "'", " ", "_", "\u2019", "\u00a0", "\u202f", "\u2009", "n
 
 @dataclass(frozen=True)
 class TextOptions:
-    """Marks, encoding, lines to skip, clock and words for missing values; None or empty: decided from the file."""
+    """Marks, encoding, lines to skip, clock and words for missing values; None or empty: decided
+    from the file.
+    """
 
     decimal: str | None = None
     thousands: str | None = None

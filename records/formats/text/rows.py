@@ -125,7 +125,9 @@ class Rows:
         return "; with decimal commas, cells must be separated by ; or stand in quotes" if twice else ""
 
     def _split(self, line: str) -> list[str]:
-        """The cells of a line as a reader of CSV takes them: a quote opens only at the beginning of a cell."""
+        """The cells of a line as a reader of CSV takes them: a quote opens only at the beginning
+        of a cell.
+        """
         if '"' not in line:
             return line.split(self.delimiter)
         found, at = [], 0

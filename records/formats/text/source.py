@@ -1,6 +1,6 @@
 """The bytes of a text file: its encoding, decided from all of it, and its lines as UTF-8 in blocks.
 
-UTF-8 where every byte of the file is UTF-8, UTF-16 where its mark or its zero bytes say so, else Windows-1252.
+UTF-8 where all of the file is UTF-8, UTF-16 where its mark or its zero bytes say so, else Windows-1252.
 """
 
 import codecs
@@ -29,7 +29,9 @@ BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs
 
 @dataclass(frozen=True)
 class Source:
-    """A text file and its encoding; `zeros` bytes at its end were never written, `open_end` is a cut last line."""
+    """A text file and its encoding; `zeros` bytes at its end were never written, `open_end` is a
+    cut last line.
+    """
 
     path: Path
     encoding: str
@@ -98,7 +100,8 @@ def _counted(found: Source, notes: list[str]) -> Source:
         tail = found.tail()
     except UnicodeError as error:
         raise InputError(
-            f"{path}: line {lines + 1} or after it is not {found.encoding} ({getattr(error, 'reason', error)}); "
+            f"{path}: line {lines + 1} or after it is not {found.encoding} "
+            f"({getattr(error, 'reason', error)}); "
             "--encoding says what it is, such as utf-8, cp1252 or utf-16"
         ) from None
     if tail.strip():

@@ -80,9 +80,8 @@ class TextTable:
         heads, source = self.layout.headings, str(self.path)
         if found := stated_clock(heads, names, self.options.clock, source):
             return [found[0]], found[1] or heads[found[0]].unit or clock_unit(heads[found[0]].name)
-        sample = [
-            cells_of(x.text, self.layout.delimiter) for x in self.head if x.number >= self.layout.first and x.text.strip()
-        ]  # fmt: skip
+        first, delimiter = self.layout.first, self.layout.delimiter
+        sample = [cells_of(x.text, delimiter) for x in self.head if x.number >= first and x.text.strip()]
         named = [i for i, h in enumerate(heads) if clock_name(h.name)]
         if not named and of_time(heads[0].unit):
             named = [0]
@@ -128,7 +127,8 @@ class TextTable:
             table = self._typed(block, columns)
             if table.num_rows != len(block.numbers):
                 raise InputError(
-                    f"{self.path}: {len(block.numbers)} lines from line {block.numbers[0]} on hold {table.num_rows} rows; "
+                    f"{self.path}: {len(block.numbers)} lines from line {block.numbers[0]} on hold "
+                    f"{table.num_rows} rows; "
                     "a quote is open, or a cell holds the end of a line"
                 )
             clock.add(self._clock_cells(table), block.numbers)
@@ -173,7 +173,8 @@ class TextTable:
         expected = self.source.lines - self.layout.first + 1 - left.lines
         if rows != expected:
             raise InputError(
-                f"{self.path}: {expected} lines of rows came out as {rows} rows; it is damaged, or quotes are open"
+                f"{self.path}: {expected} lines of rows came out as {rows} rows; it is damaged, or quotes "
+                f"are open"
             )
         if not rows:
             raise InputError(f"{self.path}: no rows after the header")
@@ -217,7 +218,8 @@ class TextTable:
         unit = f" [{self.unit}]" if self.unit and self.unit != DAY else ""
         groups = f", '{self.marks.thousands}' groups digits" if self.marks.thousands else ""
         return (
-            f"{self.source.encoding}, cells between {mark}, decimal mark '{self.marks.decimal}'{groups}, header in line "
+            f"{self.source.encoding}, cells between {mark}, decimal mark '{self.marks.decimal}'{groups}, "
+            f"header in line "
             f"{self.layout.header}, rows from line {self.layout.first} on, time in column {clock}{unit}",
         )
 

@@ -4,13 +4,64 @@ import re
 
 # Words for a value that is missing, in lower case; `--missing` adds others.
 MISSING = frozenset(
-    "n/a na #n/a #na - -- --- null none nil ? ?? * bad error invalid missing void no_data nodata "
-    "#value! #ref! #num! #null! #name? #div/0! n.a. k.a. undef undefined".split()
+    [
+        "n/a",
+        "na",
+        "#n/a",
+        "#na",
+        "-",
+        "--",
+        "---",
+        "null",
+        "none",
+        "nil",
+        "?",
+        "??",
+        "*",
+        "bad",
+        "error",
+        "invalid",
+        "missing",
+        "void",
+        "no_data",
+        "nodata",
+        "#value!",
+        "#ref!",
+        "#num!",
+        "#null!",
+        "#name?",
+        "#div/0!",
+        "n.a.",
+        "k.a.",
+        "undef",
+        "undefined",
+    ]
 )
 # Results of a calculation that failed: a sample, but no good one.
 NOT_A_NUMBER = frozenset(
-    "nan +nan -nan inf +inf -inf infinity +infinity -infinity inf. -inf. nan(ind) -nan(ind) nan(snan) "
-    "1.#inf -1.#inf 1.#ind -1.#ind 1.#qnan -1.#qnan 1.#snan".split()
+    [
+        "nan",
+        "+nan",
+        "-nan",
+        "inf",
+        "+inf",
+        "-inf",
+        "infinity",
+        "+infinity",
+        "-infinity",
+        "inf.",
+        "-inf.",
+        "nan(ind)",
+        "-nan(ind)",
+        "nan(snan)",
+        "1.#inf",
+        "-1.#inf",
+        "1.#ind",
+        "-1.#ind",
+        "1.#qnan",
+        "-1.#qnan",
+        "1.#snan",
+    ]
 )
 FLAGS = {
     "true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "yes": 1.0, "no": 0.0, "ja": 1.0, "nein": 0.0,

@@ -13,7 +13,9 @@ DATA = Path(__file__).parent / "data"
 
 @dataclass(frozen=True)
 class Case:
-    """An input, options for it, and what is expected: channels, start and words, or the words of a refusal."""
+    """An input, options for it, and what is expected: channels, start and words, or the words of
+    a refusal.
+    """
 
     file: str
     options: dict[str, Any] = field(default_factory=dict)
@@ -40,5 +42,5 @@ def line(channel: Channel) -> str:
     shown = " ".join(f"{float(v):.8g}" for v in channel.values[:3])
     unit = f" [{channel.unit}]" if channel.unit else ""
     first = f" from {channel.time[0]:.6g} s" if channel.time[0] else ""
-    step = f"{channel.period_s:.6g}"
-    return f"{channel.name}{unit} {len(channel.values)} x {step} s{first}: {shown} .. {float(channel.values[-1]):.8g}"
+    step, last = f"{channel.period_s:.6g}", f"{float(channel.values[-1]):.8g}"
+    return f"{channel.name}{unit} {len(channel.values)} x {step} s{first}: {shown} .. {last}"
