@@ -104,7 +104,7 @@ def _dated(path: Path, number: int, bare: str, log: AscLog, begun: bool) -> None
         log.open_block = True
         if begun:
             raise InputError(
-                f"{path}: line {number}: another trigger block begins, with times of its own; cut the log there"
+                f"{path}: line {number}: another trigger block begins, with its own times; cut the log there"
             )
     elif start is None:
         log.notes.append(

@@ -143,8 +143,8 @@ def _is_time(kind: pa.DataType) -> bool:
     """Whether a column of this type may be the time."""
     t = pa.types
     tests = (
-        t.is_timestamp, t.is_duration, t.is_time, t.is_date, t.is_integer, t.is_floating, t.is_decimal, t.is_string,
-        t.is_large_string,
+        t.is_timestamp, t.is_duration, t.is_time, t.is_date, t.is_integer, t.is_floating, t.is_decimal,
+        t.is_string, t.is_large_string,
     )  # fmt: skip
     return any(test(kind) for test in tests)
 

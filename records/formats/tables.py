@@ -167,7 +167,7 @@ def clocks(channels: Iterable[Channel]) -> list[tuple[np.ndarray, list[Channel]]
     found: dict[bytes, tuple[np.ndarray, list[Channel]]] = {}
     keys: dict[int, bytes] = {}
     for channel in channels:
-        key = keys.get(id(channel.time)) or blake2b(np.ascontiguousarray(channel.time)).digest()
+        key = keys.get(id(channel.time)) or blake2b(np.ascontiguousarray(channel.time).data).digest()
         keys[id(channel.time)] = key
         found.setdefault(key, (channel.time, []))[1].append(channel)
     return list(found.values())

@@ -4,6 +4,7 @@ import json
 import random
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -141,7 +142,7 @@ def mcap(r: random.Random, folder: Path) -> Written:
             topic = writer.register_channel(topic="/a", message_encoding="json", schema_id=schema)
             for i in range(r.randint(1, 20)):
                 stamp = i * 20_000_000
-                message = {"x": i + 100 * k}
+                message: dict[str, Any] = {"x": i + 100 * k}
                 if r.random() < 0.8:
                     message["y"] = r.choice([r.randint(-(2**53), 2**53), 1.5 * i])
                 if r.random() < 0.2:
@@ -179,7 +180,7 @@ def parquet(r: random.Random, folder: Path) -> Written:
     stamp = ms + 1_774_000_000_000
     iso = [f"2026-03-29T00:00:{m // 1000:02d}.{m % 1000:03d}Z" if m < 60_000 else None for m in ms.tolist()]
     clocks = {
-        "s": ("time", pa.array(ms / 1000)), "ms": ("time [ms]", pa.array(ms)), 
+        "s": ("time", pa.array(ms / 1000)), "ms": ("time [ms]", pa.array(ms)),
         "name": ("time_ms", pa.array(ms)),
         "epoch": ("timestamp", pa.array(stamp)), "ns": ("timestamp", pa.array(stamp * 1_000_000)),
         "stamp": ("t", pa.array(stamp, pa.timestamp("ms"))),
@@ -219,7 +220,7 @@ def mf4(r: random.Random, folder: Path) -> Written:
     for k in range(r.randint(1, 3)):
         raw = np.array([r.choice([r.randint(0, 250), 255]) for _ in range(rows)], dtype=np.uint8)
         a, b = r.choice([0.1, 1.0, 2.5]), r.choice([0.0, 10.0])
-        rule = r.choice(
+        rule: Any = r.choice(
             [None, {"a": a, "b": b}, {"val_0": 255, "text_0": "SNA", "default_addr": {"a": a, "b": b}}]
         )
         good = raw < 255 if rule and "val_0" in rule else np.ones(rows, dtype=bool)

@@ -24,8 +24,8 @@ PREAMBLES = (
 )
 NOTES = ("ok", '2" hose', "a, b", "x;y", "start", "5 bar", "stop\ttab", "7", "1,5")
 CLOCKS = (
-    "s", "ms", "us", "bare", "epoch_s", "epoch_ms", "epoch_ns", "iso", "iso_z", "iso_comma", "german", "slash",
-    "of_day", "excel", "day_and_time",
+    "s", "ms", "us", "bare", "epoch_s", "epoch_ms", "epoch_ns", "iso", "iso_z", "iso_comma", "german",
+    "slash", "of_day", "excel", "day_and_time",
 )  # fmt: skip
 FORMS = {
     "iso": "%Y-%m-%d %H:%M:%S",

@@ -2,6 +2,7 @@
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -9,7 +10,10 @@ from specs.errors import InputError
 from tests.records.foreign.cases import DATA, Case, line
 
 TABLE = tomllib.loads((Path(__file__).parent / "expected.toml").read_text(encoding="utf-8"))
-CASES = [Case(**{k: tuple(v) if isinstance(v, list) else v for k, v in c.items()}) for c in TABLE["case"]]
+ENTRIES: list[dict[str, Any]] = [
+    {k: tuple(v) if isinstance(v, list) else v for k, v in c.items()} for c in TABLE["case"]
+]
+CASES = [Case(**entry) for entry in ENTRIES]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda c: f"{c.file} {c.options or ''}")
