@@ -52,6 +52,8 @@ def _square(cell: str, ours: bool) -> Heading | None:
     if not match:
         return None
     name, unit = match["name"], match["unit"].strip()
+    if not ours and unit.isdigit() and not match["blank"]:
+        return None  # an index
     # A known signal with a strange unit is refused by name later, and a clock with one, too.
     if ours or not unit or is_unit(unit) or name in signals() or (clock_name(name) and match["blank"]):
         return Heading(name, unit, cell)

@@ -20,6 +20,8 @@ EXP = r"([eEdD][+-]?\d+)?\s*$"
 SIGN = rf"^\s*[+\-{MINUS}]?"
 KNOWN = {*MISSING, *NOT_A_NUMBER, *FLAGS}
 NUMERIC_RE2 = NUMERIC.pattern
+GROUP_CELL = rf"{SIGN}[1-9]\d{{0,2}}[.,]\d{{3}}\s*$"
+SMALL_CELL = rf"{SIGN}\d{{1,3}}\s*$"
 OTHER = {".": ",", ",": "."}
 # Every number in which a mark stands: alone, between groups, before or behind the other one.
 ANY = {
@@ -80,6 +82,8 @@ class Evidence:
 
     any: dict[str, Seen]
     sure: dict[str, Seen]
+    mixed: Seen | None = None  # groups of three in a column whose other numbers have no mark
+    looked: bool = False
 
 
 def decide(
@@ -107,6 +111,11 @@ def decide(
             "--decimal , says which one stands before the decimals (the other then groups digits)"
         )
     mark = next(iter(seen.any), ".")
+    if seen.mixed is not None and thousands != "none":
+        raise InputError(
+            f"{source}: {seen.mixed} may be decimals or a group of thousands, since others of its column "
+            f"have no mark; --decimal {mark} or --thousands {mark} says which"
+        )
     if seen.any and not seen.sure and thousands != "none":
         raise InputError(
             f"{source}: {seen.any[mark]} may be decimals or a group of thousands; --decimal {mark} or "
@@ -125,6 +134,8 @@ def _look(
     """The evidence of all blocks; a block that can say nothing new is not looked into."""
     found = Evidence({}, {})
     for one in blocks:
+        if found.mixed is None and one.numbers and not found.looked:
+            found.looked, found.mixed = True, _mixed(strings(one.data), one, names)
         block = one.data
         comma = b"," in block and (delimiter != "," or b'"' in block)
         there = [m for m, is_there in ((".", b"." in block), (",", comma)) if is_there]
@@ -150,6 +161,25 @@ def _numbers_only(column: pa.ChunkedArray, known: set[str]) -> pa.ChunkedArray |
     plain = pc.match_substring_regex(bare, NUMERIC_RE2)  # type: ignore[attr-defined]
     others = set(pc.unique(bare.filter(pc.invert(plain))).to_pylist())  # type: ignore[attr-defined]
     return None if any(c and c.lower() not in known for c in others) else column
+
+
+def _mixed(table: pa.Table, block: Block, names: Sequence[str]) -> Seen | None:
+    """The first group of three in a column that has such groups and whole numbers below 1000, and nothing else:
+    fixed decimals would stand in all its cells.
+    """
+    for i, name in enumerate(names):
+        column = table.column(i)
+        groups = pc.match_substring_regex(column, GROUP_CELL)  # type: ignore[attr-defined]
+        at = pc.index(groups, True).as_py()  # type: ignore[attr-defined]
+        if at < 0:
+            continue
+        others = column.filter(pc.invert(groups))  # type: ignore[attr-defined]
+        small = pc.match_substring_regex(others, SMALL_CELL)  # type: ignore[attr-defined]
+        others = pc.unique(others.filter(pc.invert(small)))  # type: ignore[attr-defined]
+        rest = [c for c in others.to_pylist() if c and is_number(c)]
+        if not rest and pc.any(small).as_py():  # type: ignore[attr-defined]
+            return Seen(int(block.numbers[at]), name, column[at].as_py())
+    return None
 
 
 def _note(column: pa.ChunkedArray, mark: str, block: Block, name: str, found: Evidence) -> None:
