@@ -164,8 +164,9 @@ def _numbers_only(column: pa.ChunkedArray, known: set[str]) -> pa.ChunkedArray |
 
 
 def _mixed(table: pa.Table, block: Block, names: Sequence[str]) -> Seen | None:
-    """The first group of three in a column that has such groups and whole numbers below 1000, and nothing else:
-    fixed decimals would stand in all its cells.
+    """The first group of three in a column of such groups and whole numbers below 1000, and nothing else.
+
+    Fixed decimals would stand in all its cells.
     """
     for i, name in enumerate(names):
         column = table.column(i)
