@@ -39,7 +39,9 @@ class Channel:
     @property
     def period_s(self) -> float:
         """Median time between samples [s]; NaN for fewer than two."""
-        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+        return (
+            float(np.median(np.diff(self.time), overwrite_input=True)) if len(self.time) > 1 else float("nan")
+        )
 
     def held(self, grid: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
         """Index of the last sample at or before each time of `grid` [n], and whether there is a fresh one.
@@ -77,6 +79,7 @@ class Measurement:
     meta: Mapping[str, Any] = field(default_factory=dict)
     source: str = ""
     repairs: tuple[str, ...] = ()
+    reading: tuple[str, ...] = ()  # how a file without a form of its own was read: marks, header, clock
 
     def __getitem__(self, name: str) -> Channel:
         if name not in self.channels:

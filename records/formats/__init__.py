@@ -13,6 +13,7 @@ from typing import Any
 
 from records.formats.assemble import assemble
 from records.formats.tables import is_clock
+from records.formats.text.options import TextOptions
 from records.measurement import Measurement
 from records.recording import first_line
 from specs.errors import InputError, RunError
@@ -44,24 +45,32 @@ FORMATS = {
 }
 READ_ONLY = tuple(s for of in _FOUND.values() for s in of["READS"] if s not in of["WRITES"])
 WRITE_ONLY = tuple(s for of in _FOUND.values() for s in of["WRITES"] if s not in of["READS"])
-CAN_LOGS = (".blf", ".asc")
+CAN_LOGS = (".blf", ".asc", ".log", ".candump", ".trc")
+MAY_HOLD_FRAMES = (".mf4",)  # of a bus, besides channels
 DBC = ROOT / "generated" / "slewright.dbc"
 
 
 def read_measurement(
-    path: Path | str, *, dbc: Path | str | None = None, names: Mapping[str, str] | None = None
+    path: Path | str,
+    *,
+    dbc: Path | str | None = None,
+    names: Mapping[str, str] | None = None,
+    text: TextOptions | None = None,
+    protocol: str | None = None,
 ) -> Measurement:
     """Read a recording of any known format; what was mended stands in `repairs`.
 
     `names` renames channels ({theirs: ours}); ours may state a unit the file lacks and turn the sign, as in
     "p_slew_a [bar]" or "-q_slew [deg]", and "time [ms]" names the clock of a table.  A channel with the name
     of a signal comes in that signal's unit.  `dbc` decodes CAN logs (default: specs/generated/slewright.dbc).
+    `protocol` says whether J1939's rules hold where the DBC does not.
+    `text` states what else is decided from a text file: marks, encoding, clock, words for missing values.
 
     Raises InputError naming the file and the place of what cannot be mended.
     """
     path = Path(path)
-    if path.suffix.lower() in WRITE_ONLY:
-        raise InputError(f"{path}: bags of ROS 2 are written, not read")
+    if path.suffix.lower() in WRITE_ONLY and not is_segments(path):
+        raise InputError(f"{path}: a bag of ROS 2 is read where it is a folder with .mcap files in it")
     if path.is_dir() and not is_segments(path):
         raise InputError(f"{path} is a folder, and none of the recorder's (*.mcap); name a recording")
     module, options = _module(path, dbc)
@@ -69,6 +78,12 @@ def read_measurement(
         raise InputError(f"no recording at {path}")
     if path.is_file() and not path.stat().st_size:
         raise InputError(f"{path} is empty")
+    if protocol is not None:
+        if protocol not in ("j1939", "can") or "dbc" not in options:
+            raise InputError(f"--protocol {protocol}: j1939 or can, for CAN logs ({', '.join(CAN_LOGS)})")
+        options["protocol"] = protocol
+    if text is not None and text.stated:
+        _for_text(path, text, options)
     clocks = [theirs for theirs, ours in (names or {}).items() if is_clock(ours)]
     if clocks and not getattr(module, "TIME_COLUMN", False):
         raise InputError(f"{path} has times of its own; '{clocks[0]}' cannot be its time")
@@ -116,12 +131,22 @@ def check_format(path: Path) -> None:
         raise InputError(f"{path}: '{path.suffix}' is no format that is written; valid: {valid}")
 
 
-def _module(path: Path, dbc: Path | str | None) -> tuple[Any, dict[str, Path]]:
+def _for_text(path: Path, text: TextOptions, options: dict[str, Any]) -> None:
+    """Hand over what is stated about a text file; a Parquet file takes the clock alone."""
+    module = FORMATS.get(path.suffix.lower())
+    wrong = text.stated if module != "parquet_file" else [o for o in text.stated if o != "--clock"]
+    if module != "csv_file" and wrong:
+        raise InputError(f"{path} is no text file: {', '.join(wrong)} is for .csv, .tsv, .txt and .lvm")
+    options["text"] = text
+
+
+def _module(path: Path, dbc: Path | str | None) -> tuple[Any, dict[str, Any]]:
     """The module that reads and writes files of this name, and its options."""
     suffix = ".mcap" if is_segments(path) else path.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{path}: unknown format '{path.suffix}'; valid: {', '.join(FORMATS)}")
-    if dbc is not None and suffix not in CAN_LOGS:
-        raise InputError(f"{path} is no CAN log: a DBC is for {' and '.join(CAN_LOGS)}")
-    options = {"dbc": Path(dbc or DBC)} if suffix in CAN_LOGS else {}
+    frames = suffix in CAN_LOGS or (suffix in MAY_HOLD_FRAMES and dbc is not None)
+    if dbc is not None and not frames:
+        raise InputError(f"{path} is no CAN log: a DBC is for {', '.join((*CAN_LOGS, *MAY_HOLD_FRAMES))}")
+    options: dict[str, Any] = {"dbc": Path(dbc or DBC)} if frames else {}
     return import_module(f"records.formats.{FORMATS[suffix]}"), options

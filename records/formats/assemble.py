@@ -1,6 +1,7 @@
 """From what a file holds to a measurement: clocks mended, names and units ours, each channel its own time."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
@@ -30,62 +31,102 @@ class Wanted:
 def assemble(raw: Raw, source: str, names: Mapping[str, str] | None = None) -> Measurement:
     """Make the measurement; raises InputError with the place of what cannot be mended."""
     notes, channels = list(raw.notes), {}
-    wanted = _wanted(raw, names or {}, source)
     names_of = _unique(raw.groups, notes)
+    wanted = _wanted(names_of, raw, names or {}, source)
     for number, group in enumerate(raw.groups):
         group, said = mend(group, source)
         notes += said + _gaps(group.time, group.name)
-        for column in group.columns:
-            name = names_of[number, column.name]
+        for k, column in enumerate(group.columns):
+            name = names_of[number, k]
             channel = _channel(column, group, wanted.get(name, Wanted(name)), source, notes)
             if channel is not None:
                 channels[channel.name] = channel
     if not channels:
-        raise InputError(f"{source} holds no samples")
-    return _from_zero(Measurement(channels, raw.start, raw.meta, source, tuple(notes)))
+        why = "".join(f"; {n}" for n in notes[:3])
+        raise InputError(f"{source} holds no samples{why}")
+    found = Measurement(channels, raw.start, raw.meta, source, tuple(notes), tuple(raw.reading))
+    return _from_zero(found, raw.offset)
 
 
-def _wanted(raw: Raw, names: Mapping[str, str], source: str) -> dict[str, Wanted]:
-    """`names` understood; raises InputError for one that the file does not have or that comes twice."""
-    there = {c.name for g in raw.groups for c in g.columns}
-    there |= {f"{g.name}.{c.name}" for g in raw.groups for c in g.columns}
-    found = {}
+def _wanted(
+    names_of: Mapping[tuple[int, int], str], raw: Raw, names: Mapping[str, str], source: str
+) -> dict[str, Wanted]:
+    """`names` understood, by the name that a channel has here; raises InputError for one that is
+    not one channel.
+
+    A channel is meant by its name, by `group.name`, by its heading with the unit, or by what a note calls it.
+    """
+    meant = _meant(names_of, raw)
+    labels = set(names_of.values())
+    found: dict[str, Wanted] = {}
     for theirs, ours in names.items():
         match = OURS.match(ours.strip())
         if match is None:
             raise InputError(f"names: '{ours}' is not of the form 'name', 'name [unit]' or '-name [unit]'")
         if is_clock(ours):
             continue  # tables chose their clock by it
-        if theirs not in there:
-            raise InputError(f"{source} has no channel '{theirs}'; {nearest(theirs, there)}")
-        found[theirs] = Wanted(match["name"], match["unit"] or "", -1 if match["sign"] else 1)
-    targets = [w.name for w in found.values()] + sorted(there - set(found))
-    twice = sorted({w.name for w in found.values() if targets.count(w.name) > 1})
+        of = {theirs} if theirs in labels else meant.get(theirs, set())
+        if not of:
+            raise InputError(f"{source} has no channel '{theirs}'; {nearest(theirs, meant)}")
+        if len(of) > 1:
+            raise InputError(f"{source}: '{theirs}' may be any of {', '.join(sorted(of))}; name one of these")
+        label = next(iter(of))
+        if label in found:
+            raise InputError(f"{source}: the channel {label} is named twice in the map")
+        found[label] = Wanted(match["name"], match["unit"] or "", -1 if match["sign"] else 1)
+    targets = Counter([w.name for w in found.values()] + sorted(labels - set(found)))
+    twice = sorted({w.name for w in found.values() if targets[w.name] > 1})
     if twice:
         raise InputError(f"{source}: two channels would be called {', '.join(twice)}")
     return found
 
 
-def _unique(groups: Sequence[Group], notes: list[str]) -> dict[tuple[int, str], str]:
-    """A name for each column of each group: its own, or `group.name` where several groups have it."""
-    owners: dict[str, list[int]] = {}
+def _meant(names_of: Mapping[tuple[int, int], str], raw: Raw) -> dict[str, set[str]]:
+    """{what the file calls a channel: the names here of all that it may mean}."""
+    meant: dict[str, set[str]] = {}
+    for number, group in enumerate(raw.groups):
+        for k, column in enumerate(group.columns):
+            label = names_of[number, k]
+            for theirs in {label, column.name, f"{group.name}.{column.name}", column.heading} - {""}:
+                meant.setdefault(theirs, set()).add(label)
+    return meant
+
+
+def _unique(groups: Sequence[Group], notes: list[str]) -> dict[tuple[int, int], str]:
+    """A name for each column of each group, by their numbers: its own, or `group.name` where
+    several have it.
+    """
+    owners: dict[str, list[tuple[int, int]]] = {}
     for number, group in enumerate(groups):
-        for column in group.columns:
-            owners.setdefault(column.name, []).append(number)
-    found = {}
-    for name, numbers in owners.items():
-        labels = [name] if len(numbers) == 1 else _labels(name, numbers, groups)
-        if len(numbers) > 1:
-            notes.append(f"{name} is there {len(numbers)} times: called {', '.join(labels)}")
-        found |= {(number, name): label for number, label in zip(numbers, labels, strict=True)}
+        for k, column in enumerate(group.columns):
+            owners.setdefault(column.name, []).append((number, k))
+    found: dict[tuple[int, int], str] = {}
+    taken = {name for name, places in owners.items() if len(places) == 1}
+    for name, places in owners.items():
+        labels = [name] if len(places) == 1 else _labels(name, places, groups, taken)
+        if len(places) > 1:
+            notes.append(f"{name} is there {len(places)} times: called {', '.join(labels)}")
+        found |= dict(zip(places, labels, strict=True))
     return found
 
 
-def _labels(name: str, numbers: Sequence[int], groups: Sequence[Group]) -> list[str]:
-    owners = [groups[n].name or str(n + 1) for n in numbers]
+def _labels(
+    name: str, places: Sequence[tuple[int, int]], groups: Sequence[Group], taken: set[str]
+) -> list[str]:
+    """`group.name`, with a number where groups share their name or one has the channel twice."""
+    owners = [groups[n].name or str(n + 1) for n, _ in places]
     if len(set(owners)) < len(owners):
-        owners = [f"{owner}.{n + 1}" for owner, n in zip(owners, numbers, strict=True)]
-    return [f"{owner}.{name}" for owner in owners]
+        in_one = len({n for n, _ in places}) < len(places)
+        owners = [
+            f"{o}.{i + 1 if in_one else n + 1}"
+            for i, (o, (n, _)) in enumerate(zip(owners, places, strict=True))
+        ]
+    labels = [f"{owner}.{name}" for owner in owners]
+    for i in range(len(labels)):
+        while labels[i] in taken:
+            labels[i] += "'"
+        taken.add(labels[i])
+    return labels
 
 
 def _channel(
@@ -104,6 +145,7 @@ def _channel(
     if not good.all():
         notes += _gaps(time, wanted.name)
     values, unit = _in_unit(column, wanted, values, source, notes)
+    notes += _beyond(wanted.name, values, time, group.shown)
     return Channel(wanted.name, unit, time, values, column.description)
 
 
@@ -138,12 +180,30 @@ def _in_unit(
     return values, known.unit
 
 
+def _beyond(name: str, values: np.ndarray, time: np.ndarray, shown: float) -> list[str]:
+    """What to say of values that the signal of this name cannot have; they stay as they are."""
+    known = signals().get(name)
+    if known is None or (known.min is None and known.max is None):
+        return []
+    low, high = (-np.inf if known.min is None else known.min), (np.inf if known.max is None else known.max)
+    slack = 1e-9 * max(abs(v) for v in (low, high) if np.isfinite(v))  # a conversion's rounding
+    out = np.flatnonzero((values < low - slack) | (values > high + slack))
+    if not len(out):
+        return []
+    span = f"{low:g} to {high:g} {known.unit}"
+    return [
+        f"{name}: {len(out)} values outside of its range, {span}, kept; the first: "
+        f"{values[out[0]]:.6g} at {shown + time[out[0]]:.9g} s; is its unit right?"
+    ]
+
+
 def _gaps(time: np.ndarray, name: str) -> list[str]:
     """What to say of times without samples; they stay as they are."""
     if len(time) < 3:
         return []
+    period = np.median(np.diff(time), overwrite_input=True)  # no copy: recordings are large
     steps = np.diff(time)
-    at = np.flatnonzero(steps > GAP * np.median(steps))
+    at = np.flatnonzero(steps > GAP * period)
     if not len(at):
         return []
     of = f"{name}: " if name else ""
@@ -154,16 +214,23 @@ def _gaps(time: np.ndarray, name: str) -> list[str]:
     ]  # fmt: skip
 
 
-def _from_zero(measurement: Measurement) -> Measurement:
-    """Count time from the first sample of any channel, and let `start` follow."""
-    offset = min(c.time[0] for c in measurement.channels.values())
-    if offset == 0:
+def _from_zero(measurement: Measurement, before: float) -> Measurement:
+    """Count time from the first sample of any channel, and let `start` follow.
+
+    `before` is what the file's own clock shows at 0 s: subtracted by its reader, which knows all its digits.
+    """
+    first = min(c.time[0] for c in measurement.channels.values())
+    offset = before + first
+    if first == 0 == before:
         return measurement
     shifted: dict[int, np.ndarray] = {}  # channels of a group go on sharing their time
     for time in (c.time for c in measurement.channels.values()):
-        shifted.setdefault(id(time), time - offset)
+        if id(time) not in shifted:
+            shifted[id(time)] = time - first if first else time
     channels = {n: replace(c, time=shifted[id(c.time)]) for n, c in measurement.channels.items()}
     start = measurement.start and measurement.start + timedelta(seconds=float(offset))
+    if not offset:
+        return replace(measurement, channels=channels, start=start)
     note = f"time begins at {offset:.9g} s: counted from there"
     meta = {**measurement.meta, OFFSET: float(offset)}
     repairs = (*measurement.repairs, note)

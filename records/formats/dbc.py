@@ -13,6 +13,7 @@ import cantools
 import numpy as np
 from cantools.database.errors import Error
 
+from records.formats.codes import means_no_value
 from records.formats.raw import RawColumn
 from records.recording import first_line
 from specs import e2e
@@ -61,6 +62,21 @@ class Field:
         return (1 << self.signal.length) - 1
 
     @property
+    def codes(self) -> list[int]:
+        """Raw numbers that the value table calls no value."""
+        top = self.not_available - 1
+        labels = {int(n): str(t) for n, t in (self.signal.choices or {}).items()}
+        some = len(labels) <= self.not_available  # an enumeration of all numbers has *error* as a state
+        return [
+            n & self.not_available for n, text in labels.items() if means_no_value(text, some and n >= top)
+        ]
+
+    @property
+    def last_byte(self) -> int:
+        """The last byte of the frame in which it has a bit."""
+        return int(self.bits.max()) // 8
+
+    @property
     def bits(self) -> np.ndarray:
         """Its bits in the frame, that of value 1 first; bit 8 i + k is bit k (of value 2^k) of byte i."""
         start, length = self.signal.start, self.signal.length
@@ -85,6 +101,9 @@ class Field:
         if self.reserved:
             absent |= raw == self.not_available
             broken = (raw > self.limits[1]) & ~absent
+        if codes := self.codes:
+            coded = np.isin(raw, np.array(codes, dtype=np.uint64)) & ~absent
+            broken = coded if broken is None else broken | coded
         absent = absent if absent.any() else None
         comment = self.signal.comment if isinstance(self.signal.comment, str) else ""
         return RawColumn(self.signal.name, self.signal.unit or "", self._values(raw), comment, absent, broken)
@@ -119,15 +138,27 @@ class Field:
         return (whole.astype(np.int64).view(np.uint64) if low < 0 else whole.astype(np.uint64)) & mask, bad
 
 
+def _text(path: Path) -> str:
+    """UTF-8 where it is, else the Windows code page that DBC files are written in."""
+    data = path.read_bytes()
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", "replace")
+
+
 class Dbc:
     """The messages of a DBC file, found by the identifiers of frames."""
 
-    def __init__(self, path: Path) -> None:
-        """Read the file; raises InputError naming it."""
+    def __init__(self, path: Path, protocol: str | None = None) -> None:
+        """Read the file; raises InputError naming it.  `protocol` says whether J1939's rules
+        hold ("j1939", "can").
+        """
         if not path.is_file():
             raise InputError(f"no DBC at {path}")
         try:
-            database: Any = cantools.database.load_file(path, strict=False)
+            database: Any = cantools.database.load_string(_text(path), "dbc", strict=False)
+            _protocols(database, protocol)
             self.messages = list(database.messages)
         except (Error, ValueError, KeyError, AttributeError) as error:
             raise InputError(f"{path} is not a DBC: {first_line(error)}") from None
@@ -147,9 +178,41 @@ class Dbc:
         return found or (self._groups.get(group_number(identifier)) if extended else None)
 
 
+def _parents_there(one: Field, found: dict[str, Field], bits: np.ndarray) -> np.ndarray:
+    """Whether the selector of a multiplexed signal, itself multiplexed, is in the frames."""
+    selector = found[one.signal.multiplexer_signal]
+    if not selector.signal.multiplexer_ids:
+        return np.ones(len(bits), dtype=bool)
+    above = found[selector.signal.multiplexer_signal].raw(bits)
+    there = np.isin(above, np.array(selector.signal.multiplexer_ids, dtype=np.uint64))
+    return there & _parents_there(selector, found, bits)
+
+
 def is_j1939(message: Any) -> bool:
-    """Whether J1939's rules hold for a message."""
-    return message.is_extended_frame and message.protocol == "j1939"
+    """Whether J1939's rules hold for a message: it says so, or its database does."""
+    return message.is_extended_frame and (message.protocol == "j1939" or getattr(message, "of_j1939", False))
+
+
+def unstated(message: Any) -> bool:
+    """Whether neither message nor database says if J1939's rules hold for a frame with a long identifier."""
+    return (
+        message.is_extended_frame and not is_j1939(message) and getattr(message, "protocol_unstated", False)
+    )
+
+
+def _protocols(database: Any, protocol: str | None) -> None:
+    """Write down for each message what `protocol`, else the database, states."""
+    attributes = database.dbc.attributes if database.dbc else {}
+    named = str(
+        getattr(attributes.get("ProtocolType"), "value", "")
+        or getattr(attributes.get("BusType"), "value", "")
+    )
+    for message in database.messages:
+        own = message.dbc.attributes.get("VFrameFormat") if message.dbc else None
+        message.of_j1939 = protocol == "j1939" or (
+            protocol is None and own is None and "j1939" in named.lower()
+        )
+        message.protocol_unstated = protocol is None and own is None and not named
 
 
 def group_number(identifier: int) -> int:
@@ -200,8 +263,11 @@ def protect(data: np.ndarray, identifier: int) -> np.ndarray:
     return data
 
 
-def columns(message: Any, data: np.ndarray) -> list[RawColumn]:
-    """The signals of frames of one message, data [n, bytes, uint8]; not those that are never available."""
+def columns(message: Any, data: np.ndarray, lengths: np.ndarray | None = None) -> list[RawColumn]:
+    """The signals of frames of one message, data [n, bytes, uint8]; not those that are never available.
+
+    `lengths` [n] is how many bytes of each frame were sent: a signal that is not whole in it is absent.
+    """
     bits = np.unpackbits(data, axis=1, bitorder="little")
     found = {f.signal.name: f for f in fields(message)}
     made = []
@@ -210,5 +276,8 @@ def columns(message: Any, data: np.ndarray) -> list[RawColumn]:
         if one.signal.multiplexer_ids:
             selector = found[one.signal.multiplexer_signal].raw(bits)
             there = np.isin(selector, np.array(one.signal.multiplexer_ids, dtype=np.uint64))
+            there &= _parents_there(one, found, bits)
+        if lengths is not None:
+            there &= lengths > one.last_byte
         made.append(one.column(bits, there))
     return [c for c in made if c.absent is None or not c.absent.all()]

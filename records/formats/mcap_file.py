@@ -7,6 +7,7 @@ as it is whole.
 
 import json
 import struct
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -23,7 +24,7 @@ from mcap.records import Channel as Topic, Chunk, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, Writer
 
-from records.formats import mcap_protobuf
+from records.formats import mcap_protobuf, mcap_ros2
 from records.formats.metadata import START, as_json, at_ns, meta_of, start_of, to_ns
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.tables import clocks, finer
@@ -36,11 +37,14 @@ WRITES = (".mcap",)
 OURS = "slewright"  # name of our metadata, key of our topics' metadata
 JSON = "json"
 STATE = "state"  # under OURS in a topic's metadata: what a program goes on from, no channels
+EXACT = 2**53  # from here on a float skips whole numbers
 YEAR_NS = 365 * 86_400 * 10**9  # stamps below it count from no date
 BROKEN_CHUNK = (CRCValidationError, McapError, ValueError, RuntimeError, struct.error, zstandard.ZstdError)
 
 
-Key = tuple[str, str, str]  # a topic's name, schema and encoding: the same in every segment
+# A topic's name, the name and content of its schema, its encoding, and the how manieth such publisher in the
+# file it is: the same in every segment.
+Key = tuple[str, str, bytes, str, int]
 
 
 @dataclass
@@ -65,7 +69,11 @@ class _Contents:
             self.messages.setdefault(self._keys[part.channel_id], []).append(part)
         elif isinstance(part, Topic):
             schema = self._schemas.get(part.schema_id)
-            key = (part.topic, schema.name if schema else "", part.message_encoding)
+            if part.id in self._keys:
+                return  # said again, in a chunk or in the summary
+            content = schema.data if schema else b""
+            base = (part.topic, schema.name if schema else "", content, part.message_encoding)
+            key = (*base, sum(k[:4] == base for k in self._keys.values()))
             self._keys[part.id], self.topics[key], self.schemas[key] = key, part, schema
         elif isinstance(part, Schema):
             self._schemas[part.id] = part
@@ -90,7 +98,10 @@ def read(path: Path, names: Mapping[str, str]) -> Raw:
     groups = [group for key in found.topics for group in _group(key, found, zero, path, notes)]
     if not groups:
         used = ", ".join(sorted({t.message_encoding or "none" for t in found.topics.values()}))
-        raise InputError(f"{path} holds no topic in JSON or Protocol Buffers; its encodings: {used}")
+        raise InputError(
+            f"{path} holds no topic in JSON, Protocol Buffers or ROS 2's CDR with its definition; its "
+            f"encodings: {used}"
+        )
     return Raw(groups, start, {k: v for k, v in meta.items() if k != START}, notes)
 
 
@@ -161,19 +172,39 @@ def _group(key: Key, found: _Contents, zero: int, path: Path, notes: list[str]) 
     if topic.metadata.get(OURS) == STATE:
         return []
     schema = found.schemas.get(key)
+    in_ros2 = (
+        topic.message_encoding == mcap_ros2.ENCODING
+        and schema is not None
+        and schema.encoding == mcap_ros2.DEFINITION
+    )
     in_protobuf = topic.message_encoding == mcap_protobuf.ENCODING and schema is not None
-    if topic.message_encoding != JSON and not in_protobuf:
+    if topic.message_encoding != JSON and not in_protobuf and not in_ros2:
         notes.append(f"topic {topic.topic}: left out, it is in {topic.message_encoding or 'no encoding'}")
         return []
     if not messages:
         return []
     if in_protobuf and schema is not None:
         rows = mcap_protobuf.rows(messages, schema, f"{path}: topic {topic.topic}")
+    elif in_ros2 and schema is not None:
+        try:
+            rows = mcap_ros2.rows(messages, schema, f"topic {topic.topic}")
+        except InputError as error:
+            notes.append(f"left out: {error}")
+            return []
     else:
-        rows = [_row(m, topic, i, path) for i, m in enumerate(messages)]
-    units = _fields(schema, topic)
+        left = Counter[str]()
+        rows = [_row(m, topic, i, path, left) for i, m in enumerate(messages)]
+        if left:
+            what = ", ".join(f"{k} ({n})" for k, n in list(left.items())[:6])
+            notes.append(f"topic {topic.topic}: texts and lists left out: {what}")
+    if topic_count(topic.topic, found) > 1:
+        notes.append(
+            f"topic {topic.topic}: {topic_count(topic.topic, found)} publishers or schemas, kept apart; "
+            f"this one: {schema.name if schema else 'no schema'}"
+        )
+    units = _fields(schema if schema and not in_ros2 and not in_protobuf else None, topic)
     keys = list(dict.fromkeys(key for row in rows for key in row))
-    columns = [_column(key, rows, units) for key in keys]
+    columns = [_column(key, rows, units, notes) for key in keys]
     if OURS not in topic.metadata:
         labels = [name if len(keys) == 1 else f"{name}.{key}" for key in keys]
         columns = [replace(c, name=label) for c, label in zip(columns, labels, strict=True)]
@@ -181,23 +212,30 @@ def _group(key: Key, found: _Contents, zero: int, path: Path, notes: list[str]) 
     return [Group(name, time, columns, "message")]
 
 
-def _row(message: Message, topic: Topic, index: int, path: Path) -> dict[str, Any]:
+def topic_count(name: str, found: _Contents) -> int:
+    """How many publishers or schemas with messages a topic has."""
+    return sum(key[0] == name and bool(found.messages.get(key)) for key in found.topics)
+
+
+def _row(message: Message, topic: Topic, index: int, path: Path, left: Counter[str]) -> dict[str, Any]:
     """The numbers of a message by their path in it."""
     try:
         whole = json.loads(message.data)
     except ValueError as error:
         place = f"message {index + 1} of {topic.topic}"
         raise InputError(f"{path}: {place} is not JSON: {first_line(error)}") from None
-    return dict(_numbers(whole, ""))
+    return dict(_numbers(whole, "", left))
 
 
-def _numbers(value: Any, at: str) -> Iterator[tuple[str, float | int | bool]]:
-    """Numbers in nested objects; text, lists and nothing are no channels."""
+def _numbers(value: Any, at: str, left: Counter[str]) -> Iterator[tuple[str, float | int | bool]]:
+    """Numbers in nested objects; text, lists and nothing are no channels: `left` counts them."""
     if isinstance(value, dict):
         for key, inner in value.items():
-            yield from _numbers(inner, f"{at}.{key}" if at else str(key))
+            yield from _numbers(inner, f"{at}.{key}" if at else str(key), left)
     elif isinstance(value, bool | int | float):
         yield at or "value", value
+    elif value is not None:
+        left[at or "value"] += 1
 
 
 def _fields(schema: Schema | None, topic: Topic) -> dict[str, tuple[str, str]]:
@@ -219,14 +257,34 @@ def _walk(schema: Any, at: str, found: dict[str, tuple[str, str]]) -> None:
             _walk(inner, path, found)
 
 
-def _column(key: str, rows: list[dict[str, Any]], fields: Mapping[str, tuple[str, str]]) -> RawColumn:
+def _column(
+    key: str, rows: list[dict[str, Any]], fields: Mapping[str, tuple[str, str]], notes: list[str]
+) -> RawColumn:
     held = [row.get(key) for row in rows]
     absent = np.array([value is None for value in held])
     kinds = {type(value) for value in held} - {type(None)}
-    kind = np.dtype(bool if kinds == {bool} else np.int64 if kinds == {int} else np.float64)
-    values = np.array([0 if value is None else value for value in held]).astype(kind)
+    filled = [0 if value is None else value for value in held]
+    kind = (
+        np.dtype(bool)
+        if kinds == {bool}
+        else _whole(filled)
+        if kinds <= {int, bool}
+        else np.dtype(np.float64)
+    )
+    big = [v for v in filled if isinstance(v, int) and abs(v) > EXACT]
+    if kind == np.float64 and big:
+        notes.append(f"{key}: whole numbers beyond 2^53 are rounded to floats, such as {big[0]}")
+    values = np.array([float(v) for v in filled] if kind == np.float64 else filled, dtype=kind)
     unit, description = fields.get(key) or fields.get("", ("", ""))
     return RawColumn(key, unit, values, description, absent if absent.any() else None)
+
+
+def _whole(held: list[int]) -> np.dtype:
+    """The type that holds whole numbers exactly; floats where none does."""
+    low, high = min(held), max(held)
+    if low >= -(2**63) and high < 2**63:
+        return np.dtype(np.int64)
+    return np.dtype(np.uint64 if low >= 0 and high < 2**64 else np.float64)
 
 
 def write(measurement: Measurement, path: Path) -> list[str]:

@@ -19,7 +19,7 @@ def rows(messages: Sequence[Message], schema: Schema, topic: str) -> list[dict[s
         raise InputError(f"{topic} is in Protocol Buffers: pip install protobuf") from None
     try:
         pool = descriptor_pool.DescriptorPool()
-        for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+        for file in _in_order(descriptor_pb2.FileDescriptorSet.FromString(schema.data).file):
             pool.Add(file)
         kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
         return [dict(_numbers(kind.FromString(m.data), "")) for m in messages]
@@ -28,11 +28,21 @@ def rows(messages: Sequence[Message], schema: Schema, topic: str) -> list[dict[s
         raise InputError(f"{topic}: a message is not of its schema {schema.name}: {reason}") from None
 
 
+def _in_order(files: Any) -> list[Any]:
+    """Definitions behind those that they need, in whatever order the file has them."""
+    left, done = {f.name: f for f in files}, list[Any]()
+    while left:
+        ready = [f for f in left.values() if not any(d in left for d in f.dependency)] or list(left.values())
+        for file in ready:
+            done.append(left.pop(file.name))
+    return done
+
+
 def _numbers(message: Any, at: str) -> Iterator[tuple[str, float | int | bool]]:
     """Numbers in nested messages; text, bytes and repeated fields are no channels."""
     for field in message.DESCRIPTOR.fields:
-        if field.is_repeated:
-            continue
+        if field.is_repeated or (field.has_presence and not message.HasField(field.name)):
+            continue  # what was not set is absent, not 0
         value, path = getattr(message, field.name), f"{at}{field.name}"
         if field.message_type is not None:
             yield from _numbers(value, f"{path}.")

@@ -19,14 +19,16 @@ from xml.sax.saxutils import escape
 import numpy as np
 from asammdf import MDF, Signal
 
+from records.formats.mdf4_codes import applied, has_texts
 from records.formats.metadata import START, as_json, meta_of
 from records.formats.raw import Group, Raw, RawColumn
 from records.formats.tables import clocks
+from records.formats.units import seconds
 from records.measurement import Channel, Measurement
 from records.recording import first_line
 from specs.errors import InputError
 
-READS = (".mf4", ".mdf")
+READS = (".mf4", ".mdf", ".dat")
 WRITES = (".mf4",)
 VERSION = "4.11"
 META = "slewright"  # property of the header's comment that holds our metadata
@@ -36,19 +38,28 @@ UNFINISHED = b"UnFinMF "
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # what it finds is said here
 
 
-def read(path: Path, names: Mapping[str, str]) -> Raw:
+def read(path: Path, names: Mapping[str, str], dbc: Path | None = None, protocol: str | None = None) -> Raw:
     """Read every channel group that has a time; channels of text are left out."""
     with path.open("rb") as file:
         unfinished = file.read(8) == UNFINISHED
     notes = ["the file was not finalised: read as far as it was written"] if unfinished else []
     with _silence():
         try:
-            return _read(path, notes)
+            return _read(path, notes, dbc, protocol)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
         except Exception as error:  # noqa: BLE001 - a damaged file makes asammdf raise anything
             reason = first_line(error)
         gc.collect()
+    if path.suffix.lower() == ".dat" and not _magic(path):
+        raise InputError(f"{path} is not MDF; if it is a table in text, name it .csv")
     state = "not finalised and cannot be recovered" if unfinished else "damaged, cut off or not MDF"
     raise InputError(f"{path} is {state}: {reason}")
+
+
+def _magic(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(8) in (b"MDF     ", UNFINISHED)
 
 
 @contextmanager
@@ -62,9 +73,13 @@ def _silence() -> Iterator[None]:
         sys.unraisablehook = before
 
 
-def _read(path: Path, notes: list[str]) -> Raw:
+def _read(path: Path, notes: list[str], dbc: Path | None, protocol: str | None) -> Raw:
     # A stream, not the path: what asammdf mends of an unfinished file stays in memory.
     with MDF(BytesIO(path.read_bytes())) as file:
+        if dbc is not None:
+            from records.formats.mdf4_frames import read_frames
+
+            return read_frames(file, path, dbc, protocol, _start(file, notes), notes)
         groups = list(_groups(file, notes))
         return Raw(groups, _start(file, notes), _meta(file), notes)
 
@@ -81,6 +96,8 @@ def _groups(file: Any, notes: list[str]) -> Iterator[Group]:
         elif master is None or getattr(group.channels[master], "sync_type", TIME) != TIME:
             notes.append(f"{label}: left out, its samples are not over time")
         else:
+            if any(c.name == "CAN_DataFrame" for c in group.channels):
+                notes.append(f"{label}: frames of a CAN bus, read as they are; --dbc FILE decodes them")
             yield _group(file, number, master, label, notes)
 
 
@@ -88,12 +105,40 @@ def _group(file: Any, number: int, master: int, label: str, notes: list[str]) ->
     channels = range(len(file.groups[number].channels))
     wanted = [(None, number, index) for index in channels if index != master]
     found = file.select(wanted, ignore_value2text_conversions=True, copy_master=False, validate=False)
-    time = np.asarray(file.get_master(number), dtype=np.float64)
-    columns = [column for signal in found for column in _columns(signal, notes)]
+    time = _times(file, number, master, label)
+    columns = []
+    for signal, (_, _, index) in zip(found, wanted, strict=True):
+        rule = file.groups[number].channels[index].conversion
+        if has_texts(rule):
+            plain = file.select([(None, number, index)], raw=True, copy_master=False, validate=False)[0]
+            columns += _with_codes(plain, rule, signal, notes)
+        else:
+            columns += _columns(signal, notes)
     short = [c.name for c in columns if len(c.values) != len(time)]
     if short:
         raise ValueError(f"{short[0]} of {label} has not as many samples as times")
     return Group(label, time, columns, "sample")
+
+
+def _times(file: Any, number: int, master: int, label: str) -> np.ndarray:
+    """The group's times in s: MDF has s, but a unit that says otherwise is believed."""
+    channel = file.groups[number].channels[master]
+    unit = getattr(channel, "unit", "") or getattr(channel.conversion, "unit", "") or "s"
+    unit = unit.decode("latin-1").strip("\0 ") if isinstance(unit, bytes) else unit
+    return seconds(np.asarray(file.get_master(number)), unit or "s", f"the time of {label}")
+
+
+def _with_codes(plain: Any, rule: Any, signal: Any, notes: list[str]) -> list[RawColumn]:
+    """A channel whose rule has texts: codes among numbers are no samples; an enumeration stays numbers."""
+    raw = np.asarray(plain.samples)
+    if raw.ndim != 1 or raw.dtype.kind not in "fiub":
+        return _columns(signal, notes)
+    values, coded = applied(rule, raw)
+    if coded.any():
+        notes.append(f"{signal.name}: {coded.sum()} samples are codes of its conversion, no values")
+    invalid = signal.invalidation_bits
+    broken = coded if invalid is None else coded | np.asarray(invalid, dtype=bool)
+    return [RawColumn(signal.name, signal.unit or "", values, _text(signal.comment), None, broken)]
 
 
 def _columns(signal: Any, notes: list[str]) -> list[RawColumn]:

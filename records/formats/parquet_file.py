@@ -1,6 +1,6 @@
 """Parquet: our own run records, and tables of other tools with a time column."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -11,8 +11,20 @@ import pyarrow.parquet as pq
 from records import record
 from records.formats.metadata import from_ns, meta_of, start_of
 from records.formats.raw import Group, Raw, RawColumn
-from records.formats.tables import Heading, cells, check_twice, clock_of, heading, shared_clock
-from records.formats.units import seconds
+from records.formats.tables import (
+    Heading,
+    cells,
+    check_twice,
+    clock_name,
+    clock_unit,
+    one_clock,
+    shared_clock,
+    stated_clock,
+)
+from records.formats.text.clock import Clock
+from records.formats.text.headings import headings_of
+from records.formats.text.marks import Marks
+from records.formats.text.options import TextOptions
 from records.measurement import Measurement
 from records.recording import RecordWriter, first_line
 from records.schema import META_KEY, Column, columns_of, values
@@ -23,14 +35,15 @@ WRITES = (".parquet",)
 TIME_COLUMN = True  # its time is a column like others
 BLOCK_ROWS = 32_000  # written at once
 ABSENT = "absent"  # in the metadata: "NaN" where that stands for no sample
+INDEX = "__index_level_0__"  # what pandas calls an index without a name
 PER_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}
 
 
-def read(path: Path, names: Mapping[str, str]) -> Raw:
+def read(path: Path, names: Mapping[str, str], text: TextOptions | None = None) -> Raw:
     """Read a run record, or what is left of its recording, or another tool's table."""
     if path.suffix == ".recording" or not path.is_file() or META_KEY in (_schema(path).metadata or {}):
         return _run_record(path)
-    return _table(path, names)
+    return _table(path, names, text.clock if text else None)
 
 
 def write(measurement: Measurement, path: Path) -> list[str]:
@@ -50,7 +63,7 @@ def write(measurement: Measurement, path: Path) -> list[str]:
         held = np.where(absent, np.nan, held) if absent.any() else held
         columns.append(Column(channel.name, channel.unit, channel.description, kind))
         # Values as the record's cells of 8 bytes (records/schema.py)
-        made.append(held.astype(np.int64 if kind == "bool" else kind).view(np.float64))
+        made.append(held.astype(np.int64 if kind == "bool" else kind, copy=False).view(np.float64))
     meta = {ABSENT: "NaN", **meta_of(measurement)}
     complete, reason = bool(meta.pop("complete", True)), str(meta.pop("reason", ""))
     writer = RecordWriter(path, columns, meta)
@@ -84,53 +97,103 @@ def _run_record(path: Path) -> Raw:
     return Raw([Group("", found.time, columns)], start_of(found.meta), found.meta, notes)
 
 
-def _table(path: Path, names: Mapping[str, str]) -> Raw:
+def _table(path: Path, names: Mapping[str, str], clock: str | None) -> Raw:
     """A table that is no run record: nulls are no samples, text is left out."""
     try:
         with pq.ParquetFile(path) as file:
             table = file.read()
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path} is damaged or not Parquet: {first_line(error)}") from None
-    headings = [_heading(field) for field in table.schema]
+    headings = _headings(table.schema, str(path))
     check_twice(headings, str(path))
-    index, unit = clock_of(headings, names, str(path))
+    index, unit = _clock_of(table, headings, names, clock, str(path))
     notes: list[str] = []
-    time, start = _clock(table.column(index), unit, f"{path}: {headings[index].name}", notes)
+    time, start, offset = _clock(table.column(index), unit, f"{path}: {headings[index].name}", notes)
     columns = [
         column
         for i, h in enumerate(headings)
         if i != index and (column := _column(h, table.column(i), notes)) is not None
     ]
-    return Raw([Group("", time, columns)], start, {}, notes)
+    return Raw([Group("", time, columns, shown=offset)], start, {}, notes, offset)
 
 
-def _heading(field: pa.Field) -> Heading:
-    """Name and unit of a column: the unit of its metadata, or the one in its name."""
-    stated = (field.metadata or {}).get(b"unit", b"").decode()
-    return Heading(field.name, stated) if stated else heading(field.name)
+def _clock_of(
+    table: pa.Table, headings: Sequence[Heading], names: Mapping[str, str], clock: str | None, source: str
+) -> tuple[int, str]:
+    """The column that is the time: the one stated, else the one named so that holds times and is
+    not constant.
+    """
+    if found := stated_clock(headings, names, clock, source):
+        return found[0], found[1] or headings[found[0]].unit or clock_unit(headings[found[0]].name)
+    named = [i for i, h in enumerate(headings) if clock_name(h.name)]
+    index = [i for i, h in enumerate(headings) if h.name == INDEX and _is_time(table.column(i).type)]
+    of_time = [i for i, f in enumerate(table.schema) if pa.types.is_timestamp(f.type)]
+    if not named and (index or len(of_time) == 1):
+        named = index or of_time
+    alone = len(named) == 1 or len(table) < 2
+    possible = [
+        i for i in named
+        if _is_time(table.column(i).type) and (alone or len(table.column(i)[:1000].unique()) > 1)
+    ]  # fmt: skip
+    at = one_clock(headings, possible or named, source)
+    return at, headings[at].unit or clock_unit(headings[at].name)
+
+
+def _is_time(kind: pa.DataType) -> bool:
+    """Whether a column of this type may be the time."""
+    t = pa.types
+    tests = (
+        t.is_timestamp, t.is_duration, t.is_time, t.is_date, t.is_integer, t.is_floating, t.is_decimal,
+        t.is_string, t.is_large_string,
+    )  # fmt: skip
+    return any(test(kind) for test in tests)
+
+
+def _headings(schema: pa.Schema, source: str) -> list[Heading]:
+    """Name and unit of the columns: the unit of their metadata, or the one in their names."""
+    found = headings_of(schema.names)
+    for i, field in enumerate(schema):
+        try:
+            stated = (field.metadata or {}).get(b"unit", b"").decode()
+        except UnicodeDecodeError:
+            stated = (field.metadata or {})[b"unit"].decode("cp1252", "replace")
+        if stated:
+            found[i] = Heading(field.name, stated)
+    return found
 
 
 def _clock(
     column: pa.ChunkedArray, unit: str, where: str, notes: list[str]
-) -> tuple[np.ndarray, datetime | None]:
-    """Time in s, and the time of day at 0 s where the column holds dates."""
+) -> tuple[np.ndarray, datetime | None, float]:
+    """Time in s, the time of day at 0 s where the column holds dates, and the column's own time there."""
     if not len(column):
         raise InputError(f"{where}: no rows")
     kind = column.type
+    if pa.types.is_date(kind):
+        column = column.cast(pa.timestamp("ms"))
+        kind = column.type
     if pa.types.is_timestamp(kind):
         if kind.tz is None:
             notes.append("the times state no time zone: taken as UTC")
         stamps = values(column.cast(pa.int64()).fill_null(0)) * PER_NS[kind.unit]
-        return from_ns(stamps, values(column.is_null()))
-    if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+        return *from_ns(stamps, values(column.is_null())), 0.0
+    if pa.types.is_duration(kind) or pa.types.is_time(kind):
+        unit = kind.unit
+        column = column.cast(pa.int32() if kind.bit_width == 32 else pa.int64())
+    elif not _is_time(kind):
         raise InputError(f"{where}: a column of {kind} is no time")
-    if not unit:
-        notes.append("the time states no unit: taken as s")
-    return seconds(_numbers(column), unit or "s", where), None
+    clock = Clock(where, unit, Marks("."))
+    if pa.types.is_floating(kind):
+        return clock.of_floats(np.asarray(values(column.cast(pa.float64()).fill_null(float("nan")))), notes)
+    text = column.cast(pa.string()).combine_chunks()
+    clock.add(text, range(1, len(column) + 1))
+    return clock.result(notes)
 
 
 def _column(head: Heading, column: pa.ChunkedArray, notes: list[str]) -> RawColumn | None:
     kind = column.type
+    if pa.types.is_decimal(kind):
+        column, kind = column.cast(pa.float64()), pa.float64()
     if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)):
         notes.append(f"{head.name}: left out, a column of {kind} holds no numbers")
         return None

@@ -30,6 +30,7 @@ class RawColumn:
     description: str = ""
     absent: np.ndarray | None = None
     broken: np.ndarray | None = None
+    heading: str = ""  # as the file writes it, with its unit, where that differs from the name
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,14 @@ class Group:
     time: np.ndarray
     columns: Sequence[RawColumn]
     row: str = "row"
-    numbers: np.ndarray | None = None
+    numbers: np.ndarray | range | None = None
+    shown: float = 0.0  # s that the file's own clock shows at 0 s, for messages
 
     def place(self, index: int) -> str:
         """Where a row stands, for messages."""
         number = index + 1 if self.numbers is None else self.numbers[index]
         of = f" of {self.name}" if self.name else ""
-        return f"{self.row} {number}{of} at {self.time[index]:.9g} s"
+        return f"{self.row} {number}{of} at {self.shown + self.time[index]:.9g} s"
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,8 @@ class Raw:
     start: datetime | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    offset: float = 0.0  # s that the file's own clock shows at 0 s of `time`
+    reading: Sequence[str] = ()  # how the file was read: what was decided about it
 
 
 LATE = 16  # rows that a row may come late and still is put in its place
@@ -97,7 +101,10 @@ def _sort_late_rows(group: Group, source: str) -> tuple[Group, list[str]]:
     period = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
     touched = (moved[1:] != 0) | (moved[:-1] != 0)
     uneven = touched & (sorted_steps > 0) & (sorted_steps < EVEN * period)
-    if np.abs(moved).max() > LATE or uneven.any():
+    far = (
+        period > 0 and -steps.min() > LATE * period
+    )  # a clock that wrapped or was set, not a row that came late
+    if np.abs(moved).max() > LATE or uneven.any() or far:
         raise InputError(
             f"{source}: the clock jumps back by {group.time[back - 1] - group.time[back]:.6g} s at "
             f"{group.place(back)}; cut the recording there"
@@ -155,7 +162,7 @@ def _same(one: np.ndarray, two: np.ndarray) -> np.ndarray:
 
 def rows_at(group: Group, index: np.ndarray) -> Group:
     """The rows `index` of a group."""
-    numbers = np.arange(1, len(group.time) + 1) if group.numbers is None else group.numbers
+    numbers = np.arange(1, len(group.time) + 1) if group.numbers is None else np.asarray(group.numbers)
     columns = [
         replace(
             c,

@@ -6,17 +6,70 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
+from hashlib import blake2b
 
 import numpy as np
 
-from records.formats.units import PER_SECOND, spelled
 from records.measurement import MOST_ROWS, ROUNDING, Channel, Measurement
 from specs.errors import InputError, nearest
-from specs.units import UNITS
 
-CLOCKS = ("time", "timestamp", "timestamps", "t", "zeit", "datetime", "date_time", "date")  # in order
-BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
-ROUND = re.compile(r"^(?P<name>.*?)\s*\((?P<unit>[^()]*)\)\s*$")
+# What clocks are called, in small letters and without blanks and marks between the words.
+CLOCKS = frozenset(
+    [
+        "time",
+        "timestamp",
+        "timestamps",
+        "zeit",
+        "zeitstempel",
+        "datetime",
+        "datum",
+        "date",
+        "uhrzeit",
+        "elapsedtime",
+        "elapsed",
+        "timesincestart",
+        "abstime",
+        "absolutetime",
+        "absolutezeit",
+        "messzeit",
+        "reltime",
+        "relativetime",
+        "systemtime",
+        "localtime",
+        "utctime",
+        "timestampepoch",
+        "epoch",
+        "xvalue",
+        "zeitpunkt",
+        "laufzeit",
+        "runtime",
+        "seconds",
+        "sec",
+        "secs",
+        "second",
+        "millis",
+        "milliseconds",
+        "microseconds",
+        "micros",
+        "nanoseconds",
+        "datumuhrzeit",
+        "datumzeit",
+        "dateandtime",
+        "timeofday",
+        "testtime",
+        "totaltime",
+        "logtime",
+        "recordtime",
+        "temps",
+        "horodatage",
+        "uptime",
+    ]
+)
+BY_NAME = {"seconds": "s", "sec": "s", "secs": "s", "second": "s", "millis": "ms", "milliseconds": "ms",
+           "micros": "us", "microseconds": "us", "nanoseconds": "ns"}  # fmt: skip
+DAY_NAMES = ("date", "datum")  # a day alone, unless it says more
+SUFFIX = re.compile(r"^(?P<name>.*[a-z])(?:_|(?=[A-Z]))(?P<unit>s|ms|us|ns|sec|msec|usec|Ms|Us|Ns|min)$")
+SQUARE = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
 
 
 @dataclass(frozen=True)
@@ -25,16 +78,32 @@ class Heading:
 
     name: str
     unit: str = ""
+    text: str = ""  # the whole heading
 
 
 def heading(text: str) -> Heading:
-    """Read `name [unit]`, or `name (unit)` where what stands there is a unit."""
-    text = text.strip()
-    if match := BRACKETS.match(text):
-        return Heading(match["name"], match["unit"].strip())
-    if (match := ROUND.match(text)) and spelled(match["unit"]) in UNITS:
-        return Heading(match["name"], match["unit"].strip())
-    return Heading(text)
+    """Read `name [unit]` as this project writes it."""
+    match = SQUARE.match(text.strip())
+    return Heading(match["name"], match["unit"].strip(), text.strip()) if match else Heading(text.strip())
+
+
+def _bare(name: str) -> str:
+    """A name in small letters without blanks and marks; of `Trace1.Time` the last part."""
+    return re.sub(r"[\s_\-]+", "", re.split(r"[./]", name.strip())[-1]).lower()
+
+
+def clock_name(name: str) -> bool:
+    """Whether a column of this name may be the clock; a capital T is a temperature."""
+    if name.strip() == "t" or _bare(name) in CLOCKS:
+        return True
+    match = SUFFIX.match(name.strip())
+    return bool(match and (match["name"] == "t" or _bare(match["name"]) in CLOCKS))
+
+
+def clock_unit(name: str) -> str:
+    """The unit that the name of a clock says, as in `time_ms`; "" where it says none."""
+    match = SUFFIX.match(name.strip())
+    return match["unit"].lower() if match and clock_name(match["name"]) else BY_NAME.get(_bare(name), "")
 
 
 def is_clock(ours: str) -> bool:
@@ -42,35 +111,52 @@ def is_clock(ours: str) -> bool:
     return heading(ours).name == "time"
 
 
-def clock_of(headings: Sequence[Heading], names: Mapping[str, str], source: str) -> tuple[int, str]:
-    """Index of the time column and the unit its heading states; raises InputError where there is none."""
-    found = [h.name for h in headings]
+def stated_clock(
+    headings: Sequence[Heading], names: Mapping[str, str], clock: str | None, source: str
+) -> tuple[int, str] | None:
+    """The column that `--clock` or the map calls the time, and the unit stated with it ("" if none)."""
+    found = {h.name: i for i, h in enumerate(headings)}
+    found |= {h.text: i for i, h in enumerate(headings) if h.text}
+    if clock is not None:
+        name, unit = (clock, "") if clock in found else (heading(clock).name, heading(clock).unit)
+        if name not in found:
+            raise InputError(f"{source} has no column '{name}'; {nearest(name, [h.name for h in headings])}")
+        return found[name], unit
     for theirs, ours in names.items():
         if is_clock(ours):
             if theirs not in found:
-                raise InputError(f"{source} has no column '{theirs}'; {nearest(theirs, found)}")
-            index = found.index(theirs)
-            return index, heading(ours).unit or headings[index].unit
-    lower = [name.lower() for name in found]
-    for clock in CLOCKS:
-        if clock in lower:
-            return lower.index(clock), headings[lower.index(clock)].unit
-        for unit in PER_SECOND:
-            if f"{clock}_{unit}" in lower:
-                index = lower.index(f"{clock}_{unit}")
-                return index, headings[index].unit or unit
+                raise InputError(
+                    f"{source} has no column '{theirs}'; {nearest(theirs, [h.name for h in headings])}"
+                )
+            return found[theirs], heading(ours).unit
+    return None
+
+
+def one_clock(headings: Sequence[Heading], possible: Sequence[int], source: str) -> int:
+    """The one column that may be the clock; raises InputError where there is none, or more than one."""
+    if len(possible) == 1:
+        return possible[0]
+    found = [h.name for h in headings]
+    if possible:
+        several = ", ".join(found[i] for i in possible)
+        raise InputError(
+            f"{source}: {len(possible)} columns may be the time: {several}; --clock NAME says which one is"
+        )
     shown = ", ".join(found[:8]) + (", …" if len(found) > 8 else "")
-    raise InputError(f"{source}: no time column (time, timestamp, t, time_ms …) among {shown}")
+    raise InputError(
+        f"{source}: no time column (time, timestamp, t, time_ms …) among {shown}; "
+        "--clock 'NAME [unit]' names it, or a --map with 'NAME' = 'time [unit]'"
+    )
 
 
 def check_twice(headings: Sequence[Heading], source: str) -> None:
     """Raise InputError for a name that two columns have, or a column without one."""
-    names = [h.name for h in headings]
-    if "" in names:
-        raise InputError(f"{source}: column {names.index('') + 1} has no name")
-    twice = sorted({n for n in names if names.count(n) > 1})
+    seen: set[str] = set()
+    twice = {h.name for h in headings if h.name in seen or seen.add(h.name)}
+    if "" in seen:
+        raise InputError(f"{source}: column {[h.name for h in headings].index('') + 1} has no name")
     if twice:
-        raise InputError(f"{source}: two columns are called {', '.join(twice)}")
+        raise InputError(f"{source}: two columns are called {', '.join(sorted(twice))}")
 
 
 SAME_RATE = 0.01  # relative: periods that differ by less are one rate
@@ -81,7 +167,8 @@ def clocks(channels: Iterable[Channel]) -> list[tuple[np.ndarray, list[Channel]]
     found: dict[bytes, tuple[np.ndarray, list[Channel]]] = {}
     keys: dict[int, bytes] = {}
     for channel in channels:
-        key = keys.setdefault(id(channel.time), channel.time.tobytes())
+        key = keys.get(id(channel.time)) or blake2b(np.ascontiguousarray(channel.time).data).digest()
+        keys[id(channel.time)] = key
         found.setdefault(key, (channel.time, []))[1].append(channel)
     return list(found.values())
 
@@ -107,6 +194,8 @@ def shared_clock(measurement: Measurement, kind: str) -> np.ndarray:
             f"{measurement.source or 'the recording'}: {kind} needs the name 'time' for its time"
         )
     groups = clocks(channels)
+    if len(groups) == 1:
+        return groups[0][0]
     union = np.unique(np.concatenate([time for time, _ in groups]))
     period = float(np.median(np.diff(union))) if len(union) > 1 else 0.0
     for _, (first, *_) in groups:

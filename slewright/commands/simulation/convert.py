@@ -17,7 +17,7 @@ def convert(
         Path,
         typer.Argument(
             metavar="IN",
-            help="The recording: .parquet, .csv, .mf4, .mcap, .blf, .asc, or the recorder's folder.",
+            help="The recording: .parquet, .csv, .mf4, .mcap, .blf, .asc …, or the recorder's folder.",
         ),
     ],
     target: Annotated[
@@ -28,6 +28,12 @@ def convert(
         Path | None,
         typer.Option("--dbc", metavar="FILE", help="CAN database of logs (default: the machine's)."),
     ] = None,
+    protocol: Annotated[
+        str | None,
+        typer.Option(
+            "--protocol", metavar="NAME", help="CAN logs: j1939 or can, where the DBC states neither."
+        ),
+    ] = None,
     step: Annotated[
         float | None,
         typer.Option("--step", metavar="S", help="Put all channels on one grid of so many seconds."),
@@ -36,27 +42,70 @@ def convert(
         Path | None,
         typer.Option("--map", metavar="FILE.toml", help=r"Names: a table \[names] with theirs = 'ours'."),
     ] = None,
+    decimal: Annotated[
+        str | None,
+        typer.Option("--decimal", metavar="MARK", help="Text: what stands before the decimals, . or ,"),
+    ] = None,
+    thousands: Annotated[
+        str | None,
+        typer.Option("--thousands", metavar="MARK", help="Text: what groups digits, such as . or , or none."),
+    ] = None,
+    encoding: Annotated[
+        str | None,
+        typer.Option("--encoding", metavar="NAME", help="Text: utf-8, cp1252, utf-16 …"),
+    ] = None,
+    skip: Annotated[
+        int, typer.Option("--skip", metavar="N", help="Text: lines before the header that are not read.")
+    ] = 0,
+    clock: Annotated[
+        str | None,
+        typer.Option(
+            "--clock",
+            metavar="'NAME [unit]'",
+            help=r"Text and Parquet: the column that is the time, in \[s], \[ms] …, \[excel], \[dd/mm/yyyy].",
+        ),
+    ] = None,
+    missing: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--missing", metavar="WORD", help="Text: a word for a missing value; several times for several."
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite OUT if it is there.")] = False,
     json: JsonOption = None,
 ) -> None:
     """Convert a recording; what was mended and what the format does not keep is printed."""
-    from records.formats import CAN_LOGS, WRITE_ONLY, check_format, read_measurement, write_measurement
+    from records.formats import (
+        CAN_LOGS,
+        MAY_HOLD_FRAMES,
+        WRITE_ONLY,
+        check_format,
+        read_measurement,
+        write_measurement,
+    )
     from records.formats.tables import on_grid
+    from records.formats.text.options import TextOptions
 
     check_format(target)
     if target.suffix.lower() in WRITE_ONLY and target.exists():
         raise InputError(f"{target} is there already; bags are folders: remove it, or name another")
     _check_files(source, target, json, force)
-    logs = [p for p in (source, target) if p.suffix.lower() in CAN_LOGS]
+    framed = (*CAN_LOGS, *MAY_HOLD_FRAMES) if target.suffix.lower() not in CAN_LOGS else CAN_LOGS
+    logs = [p for p, of in ((source, framed), (target, CAN_LOGS)) if p.suffix.lower() in of]
     if dbc is not None and not logs:
         raise InputError(f"--dbc is for CAN logs ({', '.join(CAN_LOGS)}), not for {source} and {target}")
     renamed = _names(names)
+    text = TextOptions(decimal, thousands, encoding, skip, clock, tuple(missing or ()))
     with progress("convert") as report:
         report(f"reading {source.name}")
-        found = read_measurement(source, dbc=dbc if source in logs else None, names=renamed)
+        found = read_measurement(
+            source, dbc=dbc if source in logs else None, names=renamed, text=text, protocol=protocol
+        )
         made = found if step is None else on_grid(found, step)
         report(f"writing {target.name}")
         lost = write_measurement(made, target, dbc=dbc if target in logs else None)
+    for line in made.reading:
+        typer.echo(f"read as: {line}")
     for line in made.repairs:
         typer.echo(f"mended: {line}")
     for line in lost:
@@ -66,7 +115,13 @@ def convert(
     typer.echo(f"written: {target}, {len(made.channels)} channels, {samples} samples, {length:.6g} s")
     rates = {c.name: {"samples": len(c.time), "period_s": c.period_s} for c in made.channels.values()}
     start = None if made.start is None else made.start.isoformat()
-    content = {"repairs": made.repairs, "not_kept": lost, "channels": rates, "start": start}
+    content = {
+        "reading": made.reading,
+        "repairs": made.repairs,
+        "not_kept": lost,
+        "channels": rates,
+        "start": start,
+    }
     figures_file.write(json, {**content, "length_s": length})
 
 

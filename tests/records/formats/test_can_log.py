@@ -243,7 +243,7 @@ def test_a_dbc_that_cannot_be_read(tmp_path, dbc, said):
 
 def test_a_dbc_is_only_for_can_logs_and_one_that_knows_nothing_is_refused(tmp_path, other):
     (tmp_path / "r.csv").write_text("time,p\n0,1\n")
-    with pytest.raises(InputError, match=r"no CAN log: a DBC is for \.blf and \.asc"):
+    with pytest.raises(InputError, match=r"no CAN log: a DBC is for \.blf, \.asc"):
         read_measurement(tmp_path / "r.csv", dbc=other)
     write_measurement(recording(), tmp_path / "r.blf")
     with pytest.raises(InputError, match=r"r\.blf holds no frame that it knows \(other\.dbc\)"):

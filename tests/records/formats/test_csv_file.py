@@ -122,7 +122,7 @@ def test_words_for_flags_and_columns_of_text(read):
     found = read(table("time [s],on,note,p", "0,true,hello,1", "1,false,you,2", "2,TRUE,there,3"))
     assert found["on"].values.tolist() == [1, 0, 1]
     assert "note" not in found
-    assert found.repairs == ("note: left out, it holds text ('hello')",)
+    assert found.repairs == ("note: left out, it holds text ('hello' in line 2)",)
 
 
 def test_a_last_line_that_was_cut_is_dropped_and_said(read):
@@ -152,7 +152,7 @@ def test_zero_bytes_of_a_power_cut(read):
         ("p\n1\n2\n", "line 1 is no header: it has one column"),
         ("a,b\n1,2\n3,4\n", "no time column .* among a, b"),
         ("time,p,p\n0,1,2\n", "two columns are called p"),
-        ("time,,p\n0,1,2\n", "column 2 has no name"),
+        ("time,,p\n0,1,2\n1,1,2\n", "column 2 has no name"),
         ("time [s],p\n0,1\n0.02,x\n0.04,3\n", "line 3: p is 'x', not a number"),
         ("time [s],p\n0,1\nx,2\n0.04,3\n", "line 3: 'x' is no time"),
         ("time [s],p\n0,1\n0.02,2,9\n0.04,3\n", "line 3 has 3 cells, the header 2"),

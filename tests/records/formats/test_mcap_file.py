@@ -144,7 +144,7 @@ def test_messages_that_are_no_json_are_refused_with_their_place(tmp_path):
     ("topics", "said"),
     [
         ({}, "holds no messages"),
-        ({"/a": ("ros1", None, {}, [(0, b"1")])}, "or Protocol Buffers; its encodings: ros1"),
+        ({"/a": ("ros1", None, {}, [(0, b"1")])}, "its encodings: ros1"),
         ({"/a": ("json", None, {}, [(0, b'{"text": "x"}')])}, "holds no samples"),
     ],
 )

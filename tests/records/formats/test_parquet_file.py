@@ -101,7 +101,7 @@ def test_time_stamps_of_every_resolution_give_time_and_start(tmp_path, unit):
     ("columns", "said"),
     [
         ({"a": [1.0], "b": [2.0]}, "no time column"),
-        ({"time": ["x"], "p": [2.0]}, "a column of string is no time"),
+        ({"time": ["x"], "p": [2.0]}, "'x' is neither a number nor a date"),
         ({"time": pa.array([], pa.float64()), "p": pa.array([], pa.float64())}, "no rows"),
         ({"time": [0.0, 1.0], "p": ["a", "b"]}, "holds no samples"),
         ({"time": [0.0, 1.0, 1.0, 2.0], "p": [0.0, 1.0, 2.0, 3.0]}, "two values at one time: row 3 at 1 s"),

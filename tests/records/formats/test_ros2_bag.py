@@ -92,7 +92,10 @@ def test_a_recording_without_any_topic_is_refused(tmp_path: Path):
     assert len(IMU) == 8
 
 
-def test_a_bag_is_not_read(tmp_path: Path):
-    write_measurement(recording(), tmp_path / "run.rosbag2")
-    with pytest.raises(InputError, match="written, not read"):
-        read_measurement(tmp_path / "run.rosbag2")
+def test_a_bag_is_read_by_the_definitions_in_it(tmp_path: Path):
+    sent = recording()
+    write_measurement(sent, tmp_path / "run.rosbag2")
+    found = read_measurement(tmp_path / "run.rosbag2")
+    np.testing.assert_allclose(found["joint_states.position[0]"].values, sent["q_slew"].values)
+    np.testing.assert_allclose(found["joint_states.position[0]"].time, sent["q_slew"].time, atol=1e-9)
+    assert found.start == START

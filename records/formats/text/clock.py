@@ -1,0 +1,292 @@
+"""The clock of a table: numbers with a unit, days and times of day in the usual forms, exactly subtracted.
+
+What a form leaves open is refused with the option that says it: numbers without a unit that may be days or
+seconds, days whose month may be their day, times without hours.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from decimal import Decimal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from records.formats.metadata import at_ns
+from records.formats.text.columns import array
+from records.formats.text.marks import Marks
+from records.formats.text.words import MISSING, NOT_A_NUMBER, is_number
+from records.formats.units import PER_SECOND, seconds, spelled
+from specs.errors import InputError
+
+FORMS = {"dd/mm/yyyy": "dmy", "mm/dd/yyyy": "mdy", "yyyymmdd": "ymd", "excel": "excel"}
+YEAR_2001, YEAR_2100 = 978_307_200, 4_102_444_800  # s since 1970
+DAYS_1900 = 25_569  # of a spreadsheet at 1970
+DATES = {
+    "dmy": (r"^(\d{1,2})\.(\d{1,2})\.(\d{4})", r"\3-\2-\1"),
+    "ymd": (r"^(\d{4})/(\d{1,2})/(\d{1,2})", r"\1-\2-\3"),
+}
+SLOWEST = 3600.0  # s between rows: more is no recording with times since 1970
+
+
+@dataclass
+class Clock:
+    """Reads the clock's cells block by block."""
+
+    where: str
+    unit: str  # stated in the file or by an option, "" if not
+    marks: Marks
+    says_date: bool = False  # the heading's name does
+    kind: str = ""
+    first: Decimal | None = None
+    order: str = ""
+    rows: int = 0  # room for so many, so that nothing has to be copied at the end
+    filled: int = 0
+    held: np.ndarray = field(default_factory=lambda: np.empty(0))
+    zone: bool | None = None
+    form: str = ""  # of the first date: all others have it
+
+    def add(self, column: pa.ChunkedArray | pa.Array, numbers: Sequence[int]) -> None:
+        """Add cells; raises InputError with the line of one that is no time."""
+        cells = pc.utf8_trim_whitespace(column)  # type: ignore[attr-defined]
+        lower = pc.utf8_lower(cells)  # type: ignore[attr-defined]
+        nothing = pc.or_kleene(pc.equal(cells, ""), pc.is_in(lower, pa.array([*MISSING, *NOT_A_NUMBER])))  # type: ignore[attr-defined]
+        cells = pc.if_else(pc.fill_null(nothing, True), pa.scalar(None, pa.string()), cells)  # type: ignore[attr-defined]
+        if cells.null_count == len(cells):
+            self._keep(np.full(len(cells), np.nan))
+            return
+        if not self.kind:
+            some = next(c.as_py() for c in cells if c.is_valid)
+            self.kind = self._kind(some)
+        self._keep(self._numbers(cells, numbers) if self.kind == "number" else self._dates(cells, numbers))
+
+    def _keep(self, part: np.ndarray) -> None:
+        """Put times behind those before."""
+        if not self.filled:
+            self.held = np.empty(max(self.rows, len(part)), dtype=part.dtype)
+        if part.dtype != self.held.dtype:  # only one of them has days: the other one is all NaN
+            self.held, part = _days(self.held), _days(part)
+        self.held[self.filled : self.filled + len(part)] = part
+        self.filled += len(part)
+
+    def _kind(self, cell: str) -> str:
+        eight = self.says_date and not self.unit and re.fullmatch(r"(19|20)\d\d[01]\d[0-3]\d", cell)
+        if eight or FORMS.get(self.unit) == "ymd":
+            return "ymd"
+        if self.marks.plain(cell) is None and is_number(cell):
+            raise InputError(
+                f"{self.where}: '{cell}' is no number with '{self.marks.decimal}' before its decimals; "
+                f"--decimal says another"
+            )
+        return "number" if self.marks.plain(cell) is not None else "date"
+
+    def _numbers(self, cells: pa.Array, numbers: Sequence[int]) -> np.ndarray:
+        """Times less the first one, in the file's unit."""
+        exact = self._exact(cells, numbers)
+        if self.first is None:
+            self.first = next(Decimal(c.as_py()) for c in exact if c.is_valid)
+        first = self.first
+        try:
+            whole = pc.cast(exact, pa.int64())  # type: ignore[attr-defined]
+            if first == int(first):
+                held = np.asarray(array(whole.fill_null(int(first))), dtype=np.int64) - np.int64(int(first))
+                return np.where(np.asarray(array(whole.is_null())), np.nan, held.astype(np.float64))
+        except (pa.ArrowException, OverflowError):
+            pass
+        floats = pc.cast(exact, pa.float64())  # type: ignore[attr-defined]
+        held = np.asarray(array(floats.fill_null(float("nan"))), dtype=np.float64)
+        if not first:
+            return held
+        try:
+            less = pc.subtract(pc.cast(exact, pa.decimal128(30, 12)), pa.scalar(first, pa.decimal128(30, 12)))  # type: ignore[attr-defined]
+            found = pc.cast(less, pa.float64())  # type: ignore[attr-defined]
+            return np.asarray(array(found.fill_null(float("nan"))), dtype=np.float64)
+        except pa.ArrowException:
+            return held - float(first)
+
+    def _exact(self, cells: pa.Array, numbers: Sequence[int]) -> pa.Array:
+        """The numbers as Python writes them."""
+        plain = cells
+        if self.marks.decimal == ",":
+            plain = pc.replace_substring(plain, ",", ".") if not self.marks.thousands else cells  # type: ignore[attr-defined]
+        try:
+            pc.cast(plain, pa.float64())  # type: ignore[attr-defined]
+            if not self.marks.thousands or self.marks.thousands not in "".join(
+                c for c in cells.to_pylist() if c
+            ):  # type: ignore[attr-defined]
+                return plain
+        except pa.ArrowException:
+            pass
+        found = []
+        for i, cell in enumerate(cells.to_pylist()):
+            text = None if cell is None else self.marks.plain(cell)
+            if cell is not None and text is None:
+                raise InputError(f"{self.where}: line {numbers[i]}: '{cell}' is no time")
+            found.append(text)
+        return pa.array(found, pa.string())
+
+    def _dates(self, cells: pa.Array, numbers: Sequence[int]) -> np.ndarray:
+        """ns since 1970, or since midnight for times of day; the smallest number for none."""
+        iso = self._as_iso(cells, numbers)
+        has_zone = pc.match_substring_regex(iso, r"(Z|z|[+-]\d\d:?\d\d)$")  # type: ignore[attr-defined]
+        zoned = bool(pc.any(has_zone).as_py())  # type: ignore[attr-defined]
+        all_zoned = bool(pc.all(has_zone).as_py())  # type: ignore[attr-defined]
+        if zoned != all_zoned or (self.zone is not None and zoned != self.zone):
+            wrong = pc.index(
+                has_zone, not (self.zone if self.zone is not None else has_zone[_there(iso)].as_py())
+            ).as_py()  # type: ignore[attr-defined]
+            raise InputError(
+                f"{self.where}: line {numbers[wrong]}: '{cells[wrong]}' "
+                + ("states a time zone, lines before do not" if has_zone[wrong].as_py() else "states no "
+                    "time zone, lines before do")
+            )  # fmt: skip
+        self.zone = zoned
+        try:
+            stamps = pc.cast(iso, pa.timestamp("ns", "UTC") if zoned else pa.timestamp("ns"))  # type: ignore[attr-defined]
+        except pa.ArrowException:
+            bad = next((i for i, c in enumerate(iso.to_pylist()) if c is not None and not _is_iso(c)), 0)
+            raise InputError(
+                f"{self.where}: line {numbers[bad]}: '{cells[bad]}' is neither a number nor a date in a "
+                f"form that is "
+                "read: 2026-03-29 01:59:59.900, 29.03.2026 01:59:59, 01:59:59.900"
+            ) from None
+        return np.asarray(array(pc.cast(stamps, pa.int64()).fill_null(NONE)), dtype=np.int64)  # type: ignore[attr-defined]
+
+    def _as_iso(self, cells: pa.Array, numbers: Sequence[int]) -> pa.Array:
+        """Cells as ISO 8601; times of day on the first day of 1970."""
+        re_ = pc.replace_substring_regex  # type: ignore[attr-defined]
+        some = cells[_there(cells)].as_py()
+        if re.search(r"\d\s*[AaPp]\.?[Mm]\.?$", some):
+            raise InputError(
+                f"{self.where}: line {numbers[_there(cells)]}: '{some}': times with AM and PM are not "
+                f"read; export with 24 hours"
+            )
+        if self.kind == "ymd":
+            return re_(cells, r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3")
+        out = re_(cells, r"(\d:\d\d),(\d+)", r"\1.\2")
+        self.form = self.form or next((k for k, form in DATES.items() if re.match(form[0], some)), "other")
+        if self.form in DATES:  # one form in the whole file
+            out = re_(out, *DATES[self.form])
+        if re.match(r"\d{1,2}/\d{1,2}/\d{4}", some):
+            swap = {"dmy": r"\3-\2-\1", "mdy": r"\3-\1-\2"}[self._order(some, numbers)]
+            out = re_(out, r"^(\d{1,2})/(\d{1,2})/(\d{4})", swap)
+        out = re_(re_(out, r"^(\d{4})-(\d)-", r"\1-0\2-"), r"^(\d{4}-\d\d)-(\d)(\D|$)", r"\1-0\2\3")
+        out = re_(out, r"^(\d{4}-\d\d-\d\d)[ T](\d):", r"\1 0\2:")
+        out = re_(out, r"^(\d{4}-\d\d-\d\d)  +", r"\1 ")
+        if re.match(r"\d{1,3}:\d\d", some):
+            self.kind = "time of day"
+            if re.fullmatch(r"\d{1,3}:\d\d", some):
+                raise InputError(
+                    f"{self.where}: line {numbers[_there(cells)]}: '{some}' may be hours and minutes, or "
+                    f"minutes and seconds; write it with both"
+                )
+            out = re_(out, r"^(\d{1,2}):(\d\d\.\d+)$", r"00:\1:\2")
+            out = re_(re_(out, r"^(\d):", r"0\1:"), r"^(\d\d):(\d):", r"\1:0\2:")
+            out = re_(out, r"^", "1970-01-01 ")
+        return re_(out, r"(\.\d{9})\d+", r"\1")
+
+    def _order(self, some: str, numbers: Sequence[int]) -> str:
+        if FORMS.get(self.unit) in ("dmy", "mdy"):
+            return FORMS[self.unit]
+        raise InputError(
+            f"{self.where}: line {numbers[0]}: '{some}': day or month first? --clock 'NAME [dd/mm/yyyy]' or "
+            "'NAME [mm/dd/yyyy]' says which"
+        )
+
+    def of_floats(self, held: np.ndarray, notes: list[str]) -> tuple[np.ndarray, datetime | None, float]:
+        """The result of a column that holds floats already."""
+        there = held[np.isfinite(held)]
+        self.kind, self.first = "number", Decimal(float(there[0])) if len(there) else Decimal(0)
+        self._keep(held - float(self.first))
+        return self.result(notes)
+
+    def result(self, notes: list[str]) -> tuple[np.ndarray, datetime | None, float]:
+        """Times in s from the first row's, the time of day there if it is known, and the file's
+        own first time in s.
+        """
+        found = self.held[: self.filled]
+        if self.kind in ("", "number"):
+            return self._of_numbers(found, notes)
+        found = _days(found)
+        there = found != NONE
+        first = int(found[there][0]) if there.any() else 0
+        time = np.where(there, (found - first) / 1e9, np.nan)
+        if self.kind == "time of day":
+            notes.append("the times are times of day without a date: the start is not known")
+            return time, None, first / 1e9
+        if not self.zone:
+            notes.append("the times state no time zone: taken as UTC")
+        return time, at_ns(first), 0.0
+
+    def _of_numbers(self, found: np.ndarray, notes: list[str]) -> tuple[np.ndarray, datetime | None, float]:
+        first = float(self.first or 0)
+        steps = np.diff(found[:10_000][np.isfinite(found[:10_000])])
+        step = float(np.median(np.abs(steps))) if len(steps) else 0.0
+        if self.unit == "excel":
+            start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=first - DAYS_1900)
+            notes.append("the times state no time zone: taken as UTC")
+            return found * 86_400.0, start, 0.0
+        if self.unit in FORMS:
+            raise InputError(f"{self.where}: its cells are numbers, no dates as {self.unit}")
+        unit = spelled(self.unit) if self.unit else ""
+        per = PER_SECOND.get(unit, 0)
+        if unit in PER_SECOND:
+            if YEAR_2001 * per < first < YEAR_2100 * per:
+                notes.append(f"the times count {unit} since 1970: the recording starts at that time of day")
+                return found if per == 1 else found / per, _since_1970(self.first or Decimal(0), per), 0.0
+        elif not unit:
+            return self._without_unit(found, first, step, notes)
+        base = float(np.asarray(seconds(np.array([first]), unit, self.where))[0])
+        return np.asarray(seconds(found, unit, self.where)), None, base
+
+    def _without_unit(
+        self, found: np.ndarray, first: float, step: float, notes: list[str]
+    ) -> tuple[np.ndarray, datetime | None, float]:
+        for unit, per in PER_SECOND.items():
+            if YEAR_2001 * per < first < YEAR_2100 * per:
+                if step / per > SLOWEST:
+                    break
+                notes.append(f"the time states no unit: taken as {unit} since 1970, which its size says")
+                return found if per == 1 else found / per, _since_1970(self.first or Decimal(0), per), 0.0
+        if first > YEAR_2001:
+            raise InputError(
+                f"{self.where}: times such as {self.first} state no unit; --clock 'NAME [us]' says it "
+                f"({', '.join(PER_SECOND)})"
+            )
+        if DAYS_1900 < first < 73_050 and 0 < step < 2e-3:
+            raise InputError(
+                f"{self.where}: times such as {self.first} may be s, or days as spreadsheets count them; "
+                "--clock 'NAME [excel]' or 'NAME [s]' says which"
+            )
+        notes.append("the time states no unit: taken as s")
+        return found, None, first
+
+
+NONE = np.iinfo(np.int64).min
+
+
+def _days(held: np.ndarray) -> np.ndarray:
+    """Times as whole ns; what was NaN is none."""
+    return held if held.dtype == np.int64 else np.full(len(held), NONE, dtype=np.int64)
+
+
+def _since_1970(first: Decimal, per: int) -> datetime:
+    return at_ns(int(first * (1_000_000_000 // per)))
+
+
+def _there(cells: pa.Array) -> int:
+    """Index of the first cell that is not empty."""
+    return pc.index(pc.is_valid(cells), True).as_py()  # type: ignore[attr-defined]
+
+
+def _is_iso(cell: str) -> bool:
+    try:
+        pc.cast(
+            pa.array([cell]),
+            pa.timestamp("ns", "UTC") if re.search(r"(Z|z|[+-]\d\d:?\d\d)$", cell) else pa.timestamp("ns"),
+        )  # type: ignore[attr-defined]
+    except pa.ArrowException:
+        return False
+    return True

@@ -1,0 +1,60 @@
+"""Names and units in the heading of a column, and which columns may be the clock.
+
+A unit stands in square brackets behind the name, in round ones if it has more than one letter, or behind a
+slash or "in" where the clock's heading is written so.  It is one only where it is a unit that is known;
+else, and where two columns would get one name, what stands there is part of the name.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+from records.formats.tables import Heading, clock_name
+from records.formats.units import is_unit, of_time
+from specs.signals import signals
+
+SQUARE = re.compile(r"^(?P<name>.*?\S)(?P<blank>\s*)\[(?P<unit>[^\[\]]*)\]$")
+ROUND = re.compile(r"^(?P<name>.*?\S)\s*\((?P<unit>[^()]*)\)$")
+SLASH = re.compile(r"^(?P<name>[^/]+?)\s*/\s*(?P<unit>.+)$")
+IN = re.compile(r"^(?P<name>.+?)\s+in\s+(?P<unit>\S+)$")
+
+
+def headings_of(cells: Sequence[str], ours: bool = False) -> list[Heading]:
+    """Name and unit of each column; `ours`: this project wrote the file, `name [unit]` throughout."""
+    if ours:
+        return [_square(cell, True) or Heading(cell) for cell in cells]
+    style = next((s for s in (SLASH, IN) if any(_clock_in(cell, s) for cell in cells)), None)
+    found = [_heading(cell, style) for cell in cells]
+    names = Counter(h.name for h in found)
+    return [Heading(c) if names[h.name] > 1 else h for h, c in zip(found, cells, strict=True)]
+
+
+def _clock_in(cell: str, style: re.Pattern[str]) -> bool:
+    match = style.match(cell)
+    return bool(match and clock_name(match["name"]) and of_time(match["unit"]))
+
+
+def _heading(cell: str, style: re.Pattern[str] | None) -> Heading:
+    if found := _square(cell, False):
+        return found
+    if match := ROUND.match(cell):
+        name, unit = match["name"], match["unit"].strip()
+        long = len(unit) > 1 and unit != "min"  # p(A) and x(t) are names, and so is p(min)
+        if (long and is_unit(unit)) or (clock_name(name) and of_time(unit)) or name in signals():
+            return Heading(name, unit, cell)
+    if style and (match := style.match(cell)) and is_unit(match["unit"].strip("()[]")):
+        return Heading(match["name"], match["unit"].strip("()[]"), cell)
+    return Heading(cell)
+
+
+def _square(cell: str, ours: bool) -> Heading | None:
+    match = SQUARE.match(cell)
+    if not match:
+        return None
+    name, unit = match["name"], match["unit"].strip()
+    if not ours and unit.isdigit() and not match["blank"]:
+        return None  # an index
+    # A known signal with a strange unit is refused by name later, and a clock with one, too.
+    if ours or not unit or is_unit(unit) or name in signals() or (clock_name(name) and match["blank"]):
+        return Heading(name, unit, cell)
+    return None

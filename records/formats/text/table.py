@@ -1,0 +1,302 @@
+"""Reads a text file: decide, then fill the columns block by block, then check the count of rows."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+from records.formats.csv_write import META
+from records.formats.metadata import start_of
+from records.formats.raw import Group, Raw
+from records.formats.tables import Heading, check_twice, clock_name, clock_unit, one_clock, stated_clock
+from records.formats.text.clock import Clock
+from records.formats.text.columns import Column
+from records.formats.text.layout import BLANKS, HEAD_LINES, Line, cells_of, layout_of
+from records.formats.text.lvm import is_lvm, lvm_layout
+from records.formats.text.marks import decide
+from records.formats.text.options import TextOptions
+from records.formats.text.rows import Block, Rows
+from records.formats.text.source import Source, opened
+from records.formats.text.words import is_date, is_number, is_value
+from records.formats.units import of_time
+from records.recording import first_line
+from specs.errors import InputError
+
+HEAD_BYTES = 8 << 20
+DAY = "day"
+
+
+class TextTable:
+    """A text file under the decisions made about it."""
+
+    def __init__(self, path: Path, names: Mapping[str, str], options: TextOptions) -> None:
+        """Make the decisions; raises InputError where one cannot be made."""
+        self.path, self.options, self.notes = path, options, list[str]()
+        self.source = opened(path, options.encoding, self.notes)
+        self.head = _head(self.source, options.skip)
+        stated = [options.clock or "", *names]
+        clocks = [c for c in (options.clock, *(t for t, o in names.items() if o)) if c] if any(stated) else []
+        clocks += [c.rsplit(" [", 1)[0] for c in clocks]
+        self.layout = (
+            lvm_layout(self.head, self.source)
+            if is_lvm(self.head)
+            else layout_of(self.head, clocks, str(path))
+        )
+        self._trailing()
+        self.notes += self.layout.notes
+        self.rows = Rows(self.source, self.layout)
+        self.names = [str(i) for i in range(self.layout.width)]
+        self.clocks, self.unit = self._clock(names)
+        check_twice([h for i, h in enumerate(self.layout.headings) if h.name or i in self.clocks], str(path))
+        decimal = self.options.decimal or self.layout.meta.pop("lvm decimal", None)
+        self.marks = decide(
+            self.rows.blocks, self.strings, [h.name for h in self.layout.headings], self.rows.delimiter,
+            decimal, options.thousands, str(path), options.missing,
+        )  # fmt: skip
+
+    def _trailing(self) -> None:
+        """Rows that end with a delimiter the header lacks, or the other way round."""
+        layout = self.layout
+        rows = [
+            cells_of(x.text, layout.delimiter)
+            for x in self.head
+            if x.number >= layout.first and x.text.strip()
+        ][:20]
+        if not rows:
+            return
+        widths = {len(r) for r in rows}
+        if widths == {layout.width + 1} and all(not r[-1] for r in rows):
+            layout.headings.append(Heading(""))
+        elif widths == {layout.width - 1} and not layout.headings[-1].name:
+            layout.headings.pop()
+        layout.width = len(layout.headings)
+
+    def _clock(self, names: Mapping[str, str]) -> tuple[list[int], str]:
+        """Index of the clock's column (two for a day and a time of day) and its unit."""
+        heads, source = self.layout.headings, str(self.path)
+        if found := stated_clock(heads, names, self.options.clock, source):
+            return [found[0]], found[1] or heads[found[0]].unit or clock_unit(heads[found[0]].name)
+        first, delimiter = self.layout.first, self.layout.delimiter
+        sample = [cells_of(x.text, delimiter) for x in self.head if x.number >= first and x.text.strip()]
+        named = [i for i, h in enumerate(heads) if clock_name(h.name)]
+        if not named and of_time(heads[0].unit):
+            named = [0]
+            self.notes.append(f"{heads[0].name}: taken as the time, its unit is {heads[0].unit}")
+        column = {i: [r[i] for r in sample if i < len(r) and r[i]] for i in named}
+        if len(named) == 1:
+            return named, heads[named[0]].unit or clock_unit(heads[named[0]].name)
+        if pair := _day_and_time(column):
+            return pair, DAY
+        possible = [
+            i
+            for i in named
+            if any(map(is_value, column[i])) and (len(set(column[i])) > 1 or len(sample) == 1)
+        ]
+        at = one_clock(heads, possible or named, source)
+        return [at], heads[at].unit or clock_unit(heads[at].name)
+
+    def strings(self, data: bytes) -> pa.Table:
+        """The cells of rows as text."""
+        return self._parsed(data, csv.ConvertOptions(
+            column_types=dict.fromkeys(self.names, pa.string()), null_values=[""], strings_can_be_null=True,
+        ))  # fmt: skip
+
+    def _parsed(self, data: bytes, options: csv.ConvertOptions) -> pa.Table:
+        return csv.read_csv(
+            pa.BufferReader(data),
+            csv.ReadOptions(column_names=self.names, use_threads=False, block_size=max(len(data), 1) + 1),
+            csv.ParseOptions(delimiter=self.rows.delimiter, newlines_in_values=False),
+            options,
+        )
+
+    def read(self) -> Raw:
+        """The table; raises InputError with the place of what cannot be read."""
+        heads = self.layout.headings
+        rows = max(self.source.lines - self.layout.first + 1, 0)
+        clock = Clock(
+            f"{self.path}: {heads[self.clocks[0]].name}", "" if self.unit == DAY else self.unit, self.marks,
+            heads[self.clocks[0]].name.lower() in ("date", "datum"), rows=rows,
+        )  # fmt: skip
+        columns = {i: Column(h, np.empty(rows)) for i, h in enumerate(heads) if i not in self.clocks}
+        at, numbers = 0, []
+        for block in self.rows.blocks():
+            table = self._typed(block, columns)
+            if table.num_rows != len(block.numbers):
+                raise InputError(
+                    f"{self.path}: {len(block.numbers)} lines from line {block.numbers[0]} on hold "
+                    f"{table.num_rows} rows; "
+                    "a quote is open, or a cell holds the end of a line"
+                )
+            clock.add(self._clock_cells(table), block.numbers)
+            for i, column in columns.items():
+                column.put(at, table.column(i), block.numbers, self.marks, frozenset(self.options.missing))
+            at += table.num_rows
+            numbers.append(block.numbers)
+        self._count(at)
+        return self._raw(clock, columns, at, numbers)
+
+    def _clock_cells(self, table: pa.Table) -> pa.ChunkedArray:
+        import pyarrow.compute as pc
+
+        cells = [table.column(i) for i in self.clocks]
+        return cells[0] if len(cells) == 1 else pc.binary_join_element_wise(*cells, " ")  # type: ignore[attr-defined]
+
+    def _typed(self, block: Block, columns: Mapping[int, Column]) -> pa.Table:
+        """Numbers where a column had only such, else text."""
+        plain = not self.marks.thousands and not any(map(is_number, self.options.missing))
+        kinds = {
+            n: pa.float64() if plain and i in columns and not columns[i].text else pa.string()
+            for i, n in enumerate(self.names)
+        }
+        options = csv.ConvertOptions(
+            column_types=kinds, null_values=[""], strings_can_be_null=True, decimal_point=self.marks.decimal
+        )
+        try:
+            return self._parsed(block.data, options)
+        except pa.ArrowException:
+            pass
+        try:
+            return self.strings(block.data)
+        except pa.ArrowException as error:
+            last = block.numbers[-1]
+            raise InputError(
+                f"{self.path}: lines {block.numbers[0]} to {last}: {first_line(error)}"
+            ) from None
+
+    def _count(self, rows: int) -> None:
+        """Compare the lines of the file, counted by themselves, with the rows that came of them."""
+        left = self.rows.left
+        expected = self.source.lines - self.layout.first + 1 - left.lines
+        if rows != expected:
+            raise InputError(
+                f"{self.path}: {expected} lines of rows came out as {rows} rows; it is damaged, or quotes "
+                f"are open"
+            )
+        if not rows:
+            raise InputError(f"{self.path}: no rows after the header")
+        if left.cut:
+            self.notes.append(f"dropped line {left.cut}: it was not written to its end")
+        if left.comments:
+            self.notes.append(
+                f"left out {left.comments} comment lines among the rows; the first: line {left.first_comment}"
+            )
+
+    def _raw(
+        self, clock: Clock, columns: Mapping[int, Column], rows: int, numbers: Sequence[Sequence[int]]
+    ) -> Raw:
+        time, start, offset = clock.result(self.notes)
+        made = []
+        for i, column in columns.items():
+            if not column.head.name and not self._may_lack_a_name(column, rows):
+                raise InputError(f"{self.path}: column {i + 1} has no name")
+            if column.head.name and (found := column.result(rows, str(self.path), self.notes)) is not None:
+                made.append(found)
+        meta = _meta(self.layout.meta)
+        place = numbers[0] if len(numbers) == 1 else _joined(numbers)
+        group = Group("", time, made, "line", place, offset)  # type: ignore[arg-type]
+        return Raw([group], start or start_of(meta), meta, self.notes, offset, self._said())
+
+    def _may_lack_a_name(self, column: Column, rows: int) -> bool:
+        """Whether a column without a name is empty, or counts the rows."""
+        if column.is_empty:
+            return True
+        counts = (
+            rows > 1 and not column.words and np.array_equal(np.diff(column.values[:rows]), np.ones(rows - 1))
+        )
+        if counts:
+            self.notes.append("a column without a name counts the rows: left out")
+        return bool(counts)
+
+    def _said(self) -> tuple[str, ...]:
+        """What was decided about the file."""
+        mark = {"\t": "tabs", BLANKS: "blanks"}.get(self.layout.delimiter, f"'{self.layout.delimiter}'")
+        clock = " and ".join(self.layout.headings[i].name for i in self.clocks)
+        unit = f" [{self.unit}]" if self.unit and self.unit != DAY else ""
+        groups = f", '{self.marks.thousands}' groups digits" if self.marks.thousands else ""
+        return (
+            f"{self.source.encoding}, cells between {mark}, decimal mark '{self.marks.decimal}'{groups}, "
+            f"header in line "
+            f"{self.layout.header}, rows from line {self.layout.first} on, time in column {clock}{unit}",
+        )
+
+
+def read_text(path: Path, names: Mapping[str, str], options: TextOptions) -> Raw:
+    """Read a text file; raises InputError naming the line that cannot be read."""
+    return TextTable(path, names, options).read()
+
+
+def _head(source: Source, skip: int) -> list[Line]:
+    """The first lines of the file behind those that are skipped."""
+    lines, at, size = [], 1, 0
+    for block in source.blocks():
+        count = block.count(b"\n")
+        if at + count > skip:
+            texts = block.split(b"\n", HEAD_LINES + max(skip - at + 1, 0))
+            for k, text in enumerate(texts[:-1]):
+                if at + k > skip and len(lines) < HEAD_LINES and size < HEAD_BYTES:
+                    lines.append(Line(at + k, text.decode()))
+                    size += len(text)
+            if len(lines) >= HEAD_LINES or size >= HEAD_BYTES:
+                break
+        at += count
+    if not any(line.text.strip() for line in lines):
+        raise InputError(f"{source.path} is empty" + (f" behind the {skip} lines skipped" if skip else ""))
+    return _joined_quotes(lines)
+
+
+def _joined_quotes(lines: list[Line]) -> list[Line]:
+    """Lines with a cell in quotes that goes over their end joined, within the first ones: a header may."""
+    found: list[Line] = []
+    for line in lines:
+        if (
+            found
+            and len(found) <= 5
+            and found[-1].text.count('"') % 2
+            and line.text.count('"') % 2
+            and not found[-1].text[:1].isdigit()
+        ):
+            found[-1].text += " " + line.text
+            continue
+        found.append(Line(line.number, line.text))
+    return found
+
+
+def _day_and_time(columns: Mapping[int, list[str]]) -> list[int] | None:
+    """A column of days and one of times of day, in this order, where there are just these two."""
+    if len(columns) != 2 or not all(columns.values()):
+        return None
+    clock = [
+        i
+        for i, cells in columns.items()
+        if all(":" in c and is_date(c) and len(c) < 20 and "-" not in c for c in cells)
+    ]
+    days = [i for i, cells in columns.items() if all(is_date(c) and ":" not in c for c in cells)]
+    return [*days, *clock] if len(clock) == 1 == len(days) else None
+
+
+def _joined(numbers: Sequence[Sequence[int]]) -> Any:
+    """Line numbers of all rows; a range where they are one."""
+    if all(isinstance(n, range) for n in numbers) and numbers:
+        whole = range(numbers[0][0], numbers[-1][-1] + 1)
+        if len(whole) == sum(len(n) for n in numbers):
+            return whole
+    return (
+        np.concatenate([np.asarray(n, dtype=np.int64) for n in numbers])
+        if numbers
+        else np.empty(0, dtype=np.int64)
+    )
+
+
+def _meta(comments: Mapping[str, Any]) -> dict[str, Any]:
+    """What comment lines say; our own is JSON."""
+    found = dict(comments)
+    if META in found:
+        try:
+            found |= json.loads(found.pop(META))
+        except ValueError:
+            found[META] = comments[META]
+    return found

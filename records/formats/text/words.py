@@ -1,0 +1,90 @@
+"""What a cell of a table says: a number, a date, a word for a missing value, a flag or text."""
+
+import re
+
+# Words for a value that is missing, in lower case; `--missing` adds others.
+MISSING = frozenset(
+    [
+        "n/a",
+        "na",
+        "#n/a",
+        "#na",
+        "-",
+        "--",
+        "---",
+        "null",
+        "none",
+        "nil",
+        "?",
+        "??",
+        "*",
+        "bad",
+        "error",
+        "invalid",
+        "missing",
+        "void",
+        "no_data",
+        "nodata",
+        "#value!",
+        "#ref!",
+        "#num!",
+        "#null!",
+        "#name?",
+        "#div/0!",
+        "n.a.",
+        "k.a.",
+        "undef",
+        "undefined",
+    ]
+)
+# Results of a calculation that failed: a sample, but no good one.
+NOT_A_NUMBER = frozenset(
+    [
+        "nan",
+        "+nan",
+        "-nan",
+        "inf",
+        "+inf",
+        "-inf",
+        "infinity",
+        "+infinity",
+        "-infinity",
+        "inf.",
+        "-inf.",
+        "nan(ind)",
+        "-nan(ind)",
+        "nan(snan)",
+        "1.#inf",
+        "-1.#inf",
+        "1.#ind",
+        "-1.#ind",
+        "1.#qnan",
+        "-1.#qnan",
+        "1.#snan",
+    ]
+)
+FLAGS = {
+    "true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0, "yes": 1.0, "no": 0.0, "ja": 1.0, "nein": 0.0,
+    "wahr": 1.0, "falsch": 0.0, "ein": 1.0, "aus": 0.0, "vrai": 1.0, "faux": 0.0, "oui": 1.0, "non": 0.0,
+}  # fmt: skip
+MINUS = "\u2212"
+GROUPERS = "'\u2019 \u00a0\u202f\u2009"  # marks that only ever group digits
+DATE = re.compile(
+    r"^\d{4}-\d{1,2}-\d{1,2}|^\d{1,2}\.\d{1,2}\.\d{4}|^\d{4}/\d{1,2}/\d{1,2}|^\d{1,2}/\d{1,2}/\d{4}|^\d{1,3}:\d\d(:|\.|,|$|\s)"
+)
+NUMERIC = re.compile(rf"^[+-{MINUS}]?(\d[\d.,{GROUPERS}]*|[.,]\d+)([eEdD][+-]?\d+)?$".replace("+-", r"+\-"))
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is written as a number, whatever its marks mean."""
+    return bool(NUMERIC.match(cell)) or cell.lower() in NOT_A_NUMBER
+
+
+def is_date(cell: str) -> bool:
+    """Whether a cell is a date or a time of day."""
+    return bool(DATE.match(cell))
+
+
+def is_value(cell: str) -> bool:
+    """Whether a cell is data and no name."""
+    return is_number(cell) or is_date(cell)
