@@ -20,6 +20,8 @@ const char *slw_fmu_message(const slw_fmu *fmu, unsigned k) {
   return fmu->messages[(fmu->n_messages - 1 - k) % SLW_MESSAGES];
 }
 
+uint64_t slw_fmu_messages(const slw_fmu *fmu) { return fmu->n_messages; }
+
 void slw_fmu_log(slw_fmu *fmu, const char *message) { slw_fmu_logf(fmu, "%s", message ? message : ""); }
 
 void slw_fmu_logf(slw_fmu *fmu, const char *format, ...) {

@@ -110,6 +110,15 @@ def lay_out(system: System, record: Sequence[str] | str | None = None) -> Layout
     return _Builder(system, recorded_names(system, record)).layout()
 
 
+def check_texts(system: System, names: Iterable[str]) -> None:
+    """InputError for a name that is no string or binary of a component."""
+    for name in names:
+        component, variable_name = system.split(name)
+        variable = component.model.variable(variable_name, f"component {component.name}")
+        if variable.type not in BLOBS:
+            raise InputError(f"'{name}' is no text: it is of type {variable.type}; valid: {', '.join(BLOBS)}")
+
+
 def recorded_names(system: System, record: Sequence[str] | str | None) -> list[str]:
     """The names that `record` stands for."""
     if record is not None and record != "all":
@@ -172,7 +181,7 @@ class _Builder:
         component, variable_name = self.system.split(name)
         variable = component.model.variable(variable_name, f"component {component.name}")
         if variable.type in NOT_NUMBERS:
-            raise InputError(f"'{name}' cannot be recorded: it is of type {variable.type}")
+            raise _not_a_number(name, variable.type)
         return Port(component.name, variable.name)
 
     def read(self, component: Component) -> list[str]:
@@ -215,10 +224,15 @@ class _Builder:
             unit = self.connectors[name].unit_name
             text = known[name].description if name in known else ""
         if slot.type in NOT_NUMBERS:
-            raise InputError(f"'{name}' cannot be recorded: it is of type {slot.type}")
+            raise _not_a_number(name, slot.type)
         for number, cell in enumerate(slot.cells, 1):
             label = name if slot.size == 1 else f"{name}[{number}]"
             yield Logged(Column(label, unit, text, _column_type(slot.type)), cell, slot.type)
+
+
+def _not_a_number(name: str, kind: str) -> InputError:
+    way = "; --text notes its values at both ends of a run" if kind in BLOBS else ""
+    return InputError(f"'{name}' cannot be recorded: it is of type {kind}{way}")
 
 
 def _groups(component: Component, placed: Sequence[tuple[str, Slot]]) -> tuple[Group, ...]:
