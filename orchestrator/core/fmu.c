@@ -22,7 +22,10 @@ const char *slw_fmu_message(const slw_fmu *fmu, unsigned k) {
 
 uint64_t slw_fmu_messages(const slw_fmu *fmu) { return fmu->n_messages; }
 
-void slw_fmu_log(slw_fmu *fmu, const char *message) { slw_fmu_logf(fmu, "%s", message ? message : ""); }
+/* An empty message would hide the last one that says something. */
+void slw_fmu_log(slw_fmu *fmu, const char *message) {
+  if (message && *message) slw_fmu_logf(fmu, "%s", message);
+}
 
 void slw_fmu_logf(slw_fmu *fmu, const char *format, ...) {
   char *place = fmu->messages[fmu->n_messages % SLW_MESSAGES];

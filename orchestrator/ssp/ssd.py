@@ -89,7 +89,7 @@ class _Reader:
             self.text.warn(element, f"this is a variant of '{base}'; it is simulated as it stands")
 
     def experiment(self, element: Xml | None) -> tuple[float, float | None]:
-        """(start, stop) in s; a run always begins at 0, so that another start is warned about."""
+        """(start, stop) in s; a start other than 0 is warned about."""
         if element is None:
             return 0.0, None
         self.text.children(element, "ssd:DefaultExperiment")
@@ -98,8 +98,8 @@ class _Reader:
         if stop < start:
             raise self.text.error(element, f"stopTime {stop:g} is before startTime {start:g}")
         if start != 0.0:
-            self.text.warn(element, f"startTime {start:g} is not honoured: runs begin at 0 and last as long")
-        return start, stop - start or None
+            self.text.warn(element, f"the run starts at {start:g} s (--start S chooses another time)")
+        return start, stop if stop > start else None
 
     # ---- elements ----
 

@@ -12,6 +12,7 @@ def figures(system: System) -> dict[str, Any]:
     return {
         "system": system.name,
         "step_s": system.step_s,
+        "start_s": system.start_s,
         "stop_s": system.stop_s,
         "algorithm": system.settings.algorithm,
         "connections": len(system.links),
