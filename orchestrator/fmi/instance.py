@@ -24,6 +24,7 @@ from orchestrator.core.fmu_binding import (
 )
 from orchestrator.fmi.buffers import Values, flat
 from orchestrator.fmi.component import Component
+from orchestrator.fmi.library_check import unloadable
 from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import BLOBS, STATUS, WARNING, WIRE, Value
 from specs.errors import InputError, RunError
@@ -71,8 +72,10 @@ class Instance:
             why = _one_line(error.value)
             # The system's loader starts with the path, which the user does not know.
             why = why.removeprefix(f"{self.component.library}: ")
+            file = unloadable(self.component.library)
             raise InputError(
                 f"FMU of component {self.name} ({self.component.library.name}) cannot be instantiated: {why}"
+                + (f"; the file {file}" if file else "")
             )
         return made
 

@@ -70,7 +70,8 @@ class _Reader:
             raise InputError(f"{self.text.shown} has no <System>")
         self.definitions = read_definitions(self.text, groups)
         self.variant(self.text.single(groups, "SSDVariant"))
-        start_s, stop_s = self.experiment(self.text.single(groups, "DefaultExperiment"))
+        experiment = self.text.single(groups, "DefaultExperiment")
+        start_s, stop_s = self.experiment(experiment)
         return Description(
             self.path,
             root.get("name", self.path.stem),
@@ -80,6 +81,7 @@ class _Reader:
             start_s,
             stop_s,
             read_simulation(self.text, root),
+            None if experiment is None else self.text.place(experiment),
         )
 
     def variant(self, element: Xml | None) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator.files import archive
+from orchestrator.files.scratch import Scratch
 from orchestrator.ssp.description import Description
 from orchestrator.ssp.ssd import read_ssd
 from orchestrator.system.clocks import check_step, default_step, with_steps_and_clocks
@@ -26,7 +27,7 @@ IN_OUT = ("input", "output")
 def load_system(path: Path | str, step_s: float | None = None) -> System:
     """Read and check a system: `.ssp`, `.ssd` with its FMUs beside it, or a bare `.fmu`.
 
-    step_s  of a system that states none, and of a bare FMU whatever it asks for; None: one that suits the FMUs
+    step_s  of a system that states none, or of a bare FMU; None: one that suits the FMUs
 
     Raises InputError, naming element and line, for whatever could not be simulated as described.
     """
@@ -34,7 +35,7 @@ def load_system(path: Path | str, step_s: float | None = None) -> System:
     check_step(step_s, f"system {path}")
     if path.suffix.lower() == ".fmu":
         return system_of_fmu(path, step_s)
-    files, warnings = archive.Scratch(), []
+    files, warnings = Scratch(), []
     ssd = path
     if path.suffix.lower() != ".ssd":
         ssd = files.path / "ssp" / SSD_NAME
@@ -49,7 +50,7 @@ def load_system(path: Path | str, step_s: float | None = None) -> System:
 
 
 def _checked(
-    text: Description, root: Path, files: archive.Scratch, warnings: list[str], given_s: float | None
+    text: Description, root: Path, files: Scratch, warnings: list[str], given_s: float | None
 ) -> System:
     graph = Flattener(root, files.path, warnings).flatten(text)
     if not graph.components:

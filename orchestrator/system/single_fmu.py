@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from orchestrator.files import archive
+from orchestrator.files.scratch import Scratch
 from orchestrator.fmi.model_description import ModelDescription, Variable, size_of
 from orchestrator.ssp.conversion import UNCHANGED
 from orchestrator.ssp.description import Port, Settings
@@ -21,7 +21,7 @@ def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
     Raises InputError for an FMU that is damaged, wrong, not for this platform, or that cannot take the step.
     """
     path = Path(path)
-    files = archive.Scratch()
+    files = Scratch()
     shown = f"FMU {path}"
     component = unpacked(path, files.path / "fmu", shown)
     model, name = component.model, component.name

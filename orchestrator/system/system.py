@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from orchestrator.files.archive import Scratch
+from orchestrator.files.scratch import Scratch
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import Value, checked_value

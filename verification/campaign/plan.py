@@ -248,8 +248,14 @@ def _of_file(file: File, faults: Mapping[str, Any], path: Path, where: str) -> I
     name = file.name or system.stem
     for fault, seed in product(file.faults, file.seeds):
         spec = asdict(file) | {"path": str(system), "name": name, "seed": seed, "fault": fault}
-        spec = {k: v for k, v in spec.items() if k != "seeds" and not (k in OPTIONAL and not v)} | {"faults": faults[fault]}
+        spec = {k: v for k, v in spec.items() if k != "seeds" and not (k in OPTIONAL and not v)} | {
+            "faults": faults[fault]
+        }
         yield Run(f"{name}/{fault}/{seed}", spec)
+
+
+def _given(value: object) -> bool:
+    return value is not None and value is not False
 
 
 def _check_unique(runs: Sequence[Run], path: Path) -> None:

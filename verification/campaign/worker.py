@@ -68,7 +68,9 @@ def _run(task: Task) -> tuple[Record, dict[str, Any], list[str]]:
     names = list(spec["record"]) or None
     start_s = spec.get("start_s", system.start_s)
     if spec["stop_s"] <= start_s:
-        raise InputError(f"stop_s = {spec['stop_s']:g}: the system starts at {start_s:g} s; start_s = S changes that")
+        raise InputError(
+            f"stop_s = {spec['stop_s']:g}: the system starts at {start_s:g} s; start_s = S changes that"
+        )
     more |= {name: spec[name] for name in ("tell_stop", "tell_tolerance") if name in spec}
     ticks = round((spec["stop_s"] - start_s) / system.step_s)
     record = simulate(

@@ -33,9 +33,9 @@ def check(
     )
     summary = ("step_s", "start_s", "stop_s", "algorithm", "connections", "inputs", "outputs")
     show("Stepping", ["", "value"], [[name, _plain(found[name])] for name in summary])
-    for warning in system.warnings:
+    for warning in found["warnings"]:
         typer.echo(f"slewright: warning: {warning}", err=True)
-    count = len(system.warnings)
+    count = len(found["warnings"])
     typer.echo(f"{file}: can be simulated; {count} warning{'' if count == 1 else 's'}")
     write(json, found)
 

@@ -77,12 +77,12 @@ def simulate(
 ) -> None:
     """Run a system with its start values and record it."""
     from orchestrator.run import simulate as running
-    from orchestrator.system import check
+    from orchestrator.system import check, overview
 
     if system.resolve() in (path.resolve() for path in (out, json) if path):
         raise InputError(f"{system} is to be read; the results need a file of another name")
     loaded = check.load_system(system, step)
-    for warning in loaded.warnings:
+    for warning in (*loaded.warnings, *overview.renamed(loaded)):
         typer.echo(f"slewright: warning: {warning}", err=True)
     begin = loaded.start_s if start is None else start
     ticks, statistics = _ticks(loaded, begin, stop), {}
