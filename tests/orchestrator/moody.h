@@ -45,8 +45,9 @@ static int step(Moody *m, double t, double h) {
   const int status = mood(m, STEP), moody = m->fired && !before;
   m->told = m->kind == TOLD_NAN ? (double)NAN : m->kind == TOLD_INF ? (double)INFINITY : t + m->offset * h;
   if (!moody) m->told = t + h;
-  const double reached = status == 2 || (moody && m->early) ? m->told : t + h;
-  if (status <= 1 || (reached > t && reached <= t + h)) m->y += m->u * (reached - t), m->time = reached;
+  const double got = m->kind == UNTOLD ? t : m->told;
+  const double reached = status == 2 || (moody && m->early) ? got : t + h;
+  if (status <= 1 || (reached > t && reached <= t + 1.001 * h)) m->y += m->u * (reached - t), m->time = reached;
   if (!moody && status == 2) m->told = t;
   return status;
 }
