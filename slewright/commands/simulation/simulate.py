@@ -119,8 +119,9 @@ def _ticks(system: Any, start: float, stop: float | None) -> int:
     stop = system.stop_s if stop is None else stop
     if stop is None:
         raise InputError(f"system {system.name} states no stop time; give one with --stop S")
-    if not (math.isfinite(start) and math.isfinite(stop)):
-        raise InputError(f"system {system.name}: --start and --stop must be finite times in s")
+    for option, value in (("--start", start), ("--stop", stop)):
+        if not math.isfinite(value):
+            raise InputError(f"system {system.name}: {option} must be a finite time in s, not {value}")
     if stop < start:
         raise InputError(
             f"system {system.name}: the run would stop at {stop:g} s, before it starts at {start:g} s; "
