@@ -37,7 +37,8 @@ SET, GET = range(2)  # slw_direction
     RETURNED_EARLY,
     NO_PROGRESS,
     INJECTED,
-) = range(13)
+    BAD_TIME,
+) = range(14)
 
 
 class Cell(ctypes.Union):
@@ -63,6 +64,9 @@ class Failure(Structure):
         ("loop", c_uint32),
         ("tick", c_int64),
         ("time", c_double),
+        ("told", c_double),
+        ("from_s", c_double),
+        ("to_s", c_double),
     )
 
 
@@ -92,7 +96,7 @@ REALS = ctypes.c_void_p  # double *
 INTEGERS = ctypes.c_void_p  # int64_t *
 
 PROTOTYPES: dict[str, tuple[object, ...]] = {  # name: (result, *arguments)
-    "new": (CORE, c_uint32, c_uint32, c_double),
+    "new": (CORE, c_uint32, c_uint32, c_double, c_double),
     "free": (None, CORE),
     "cells": (ctypes.c_void_p, CORE),
     "blobs": (POINTER(Blob), CORE),

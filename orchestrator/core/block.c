@@ -11,7 +11,7 @@ bool slw_fail(slw_core *core, slw_what what, slw_status status, const slw_block 
   f->what = what, f->status = status, f->cell = cell;
   f->block = b ? (uint32_t)(b - core->blocks) : SLW_SINK;
   f->tick = core->failure.tick;
-  f->time = f->tick < 0 ? 0.0 : (double)f->tick * core->step_s;
+  f->time = core->start_s + (f->tick < 0 ? 0.0 : (double)f->tick * core->step_s);
   return false;
 }
 
@@ -105,6 +105,17 @@ bool slw_block_tick_clocks(slw_core *core, slw_block *b) {
 
 /* ---- stepping ---- */
 
+/* How far from where it should be a time may be: FMUs add up their own. */
+static double slack(double t, double h) { return 1e-6 * h + 1e-9 * (slw_abs(t) + h); }
+
+bool slw_time_told(slw_core *core, const slw_block *b, bool whole, double t, double h, double told) {
+  const double end = t + h, close = slack(t, h);
+  if (told >= (whole ? end : t) - close && told <= end + close) return true;
+  slw_fail(core, SLW_BAD_TIME, SLW_OK, b, 0);
+  core->failure.told = told, core->failure.from = t, core->failure.to = end;
+  return false;
+}
+
 /* A discarded step is tried again in halves from where the FMU got to; its inputs stay. */
 static bool discarded(slw_core *core, slw_block *b, double t, double *h, double reached) {
   b->count.discards++;
@@ -113,34 +124,41 @@ static bool discarded(slw_core *core, slw_block *b, double t, double *h, double 
   return *h > core->step_s * SMALLEST_PART || slw_fail(core, SLW_DOING_STEP, SLW_DISCARD, b, 0);
 }
 
+/* What one doStep from t came to, whose status lets the run go on or is Discard. */
+static bool judge_step(slw_core *core, slw_block *b, double t, double *h, slw_status status,
+                       const slw_step_result *r) {
+  const bool part = r->early || r->terminate || status == SLW_DISCARD;
+  if (!slw_time_told(core, b, !part, t, *h, r->reached)) return false;
+  if (status == SLW_WARNING) b->count.warnings++;
+  if (r->terminate) {
+    slw_end(core, b);
+    return true;
+  }
+  if (status == SLW_DISCARD) return discarded(core, b, t, h, r->reached);
+  if (r->early && !b->early_return) return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
+  if (r->early) b->count.early_returns++;
+  return !(r->event && b->event_mode) || handle_event(core, b);
+}
+
 /* One doStep from t; *reached is where it got to, and *h the step to try next if that is t still. */
 static bool try_step(slw_core *core, slw_block *b, double t, double *h, double *reached) {
-  slw_step_result r = {t + *h, false, false, false};
-  const slw_status status = b->fmu->call->step(b->fmu, t, *h, &r);
+  const double asked = *h;
+  slw_step_result r = {t + asked, false, false, false};
+  const slw_status status = b->fmu->call->step(b->fmu, t, asked, &r);
   b->count.steps++;
-  *reached = r.early || status == SLW_DISCARD ? r.reached : t + *h;
-  if (r.terminate) {
-    slw_end(core, b);
-    return status <= SLW_DISCARD || slw_fail(core, SLW_DOING_STEP, status, b, 0);
-  }
-  if (status == SLW_DISCARD) return discarded(core, b, t, h, *reached);
-  if (!passes(core, b, status, SLW_DOING_STEP)) return false;
-  if (r.early && !b->early_return) return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
-  if (r.early) b->count.early_returns++;
-  return !(r.event && b->event_mode) || handle_event(core, b);
+  if (status > SLW_DISCARD) return slw_fail(core, SLW_DOING_STEP, status, b, 0);
+  *reached = r.early || status == SLW_DISCARD ? r.reached : t + asked;
+  return judge_step(core, b, t, h, status, &r);
 }
 
 static bool step_to(slw_core *core, slw_block *b, double t, double h, double end) {
-  const double close = ROUNDING * (slw_abs(end) + (end - t));
-  double reached;
+  const double close = ROUNDING * (slw_abs(end) + (end - t)), least = core->step_s * SMALLEST_PART;
+  double reached = t;
   for (int idle = 0; idle < MAX_IDLE;) {
     if (!try_step(core, b, t, &h, &reached)) return false;
     if (core->ended || reached >= end - close) return true;
-    if (reached > t) {
-      t = reached, h = end - t, idle = 0;
-    } else {
-      idle++;
-    }
+    idle = reached > t + least ? 0 : idle + 1;
+    if (reached > t) t = reached, h = end - t;
   }
   return slw_fail(core, SLW_NO_PROGRESS, SLW_OK, b, 0);
 }
@@ -150,20 +168,20 @@ bool slw_block_step(slw_core *core, slw_block *b, double t, double h) {
   return step_to(core, b, t, h, t + h);
 }
 
-/* After a step from t that was discarded and got to `reached`: the rest of it. */
-bool slw_block_continue(slw_core *core, slw_block *b, double t, double reached) {
+bool slw_block_finish_step(slw_core *core, slw_block *b, slw_status status, const slw_step_result *r) {
+  const double t = slw_time(core), end = t + core->step_s;
+  const bool part = r->early || status == SLW_DISCARD;
   double h = core->step_s;
-  const double end = t + h;
-  if (!discarded(core, b, t, &h, reached)) return false;
-  return reached > t ? step_to(core, b, reached, end - reached, end) : step_to(core, b, t, h, end);
+  if (!judge_step(core, b, t, &h, status, r)) return false;
+  if (core->ended || !part || r->reached >= end - ROUNDING * (slw_abs(end) + h)) return true;
+  return r->reached > t ? step_to(core, b, r->reached, end - r->reached, end) : step_to(core, b, t, h, end);
 }
 
-bool slw_block_finish_discarded(slw_core *core, slw_block *b, double t) {
-  slw_step_result r = {t, false, false, false};
+bool slw_block_finish_discarded(slw_core *core, slw_block *b) {
+  slw_step_result r = {slw_time(core), false, false, false};
   const slw_status status = b->fmu->call->after_discard(b->fmu, &r);
-  if (!passes(core, b, status, SLW_DOING_STEP)) return false;
-  if (r.terminate) slw_end(core, b);
-  return r.terminate || slw_block_continue(core, b, t, r.reached);
+  if (status > SLW_WARNING) return slw_fail(core, SLW_DOING_STEP, status, b, 0);
+  return slw_block_finish_step(core, b, SLW_DISCARD, &r);
 }
 
 /* ---- state ---- */

@@ -32,6 +32,7 @@ typedef struct {
   double time, h, stop, tolerance;
   uint64_t number;                            /* of a state; a size */
   uint32_t flag;
+  uint32_t phase, warnings;                   /* of an exchange: slw_phase, and how many of its calls warned */
   struct { double reached; uint32_t event, terminate, early; } step;
   struct { double next_event; uint32_t more, terminate, next_event_defined; } event;
   uint64_t n_messages;

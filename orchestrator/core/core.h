@@ -14,7 +14,8 @@
 
 typedef struct slw_core slw_core;
 
-slw_core *slw_core_new(uint32_t n_cells, uint32_t n_blobs, double step_s);
+/* The first tick is at `start_s`. */
+slw_core *slw_core_new(uint32_t n_cells, uint32_t n_blobs, double step_s, double start_s);
 /* Frees the core, not its FMUs. */
 void slw_core_free(slw_core *core);
 slw_cell *slw_core_cells(slw_core *core);
@@ -114,6 +115,7 @@ typedef enum {
   SLW_RETURNED_EARLY,  /* without being allowed to */
   SLW_NO_PROGRESS,     /* an FMU that returns early without advancing, or iterates events without end */
   SLW_INJECTED,        /* the failure that slw_core_fail asked for */
+  SLW_BAD_TIME,        /* an FMU told a time that its step cannot have reached */
 } slw_what;
 typedef struct {
   slw_what what;
@@ -121,6 +123,7 @@ typedef struct {
   uint32_t block, cell, loop;
   int64_t tick;        /* of the step's begin; -1: initialisation */
   double time;         /* s */
+  double told, from, to; /* SLW_BAD_TIME: the time, and the ends of the step */
 } slw_failure;
 /* After SLW_ENDED: `block` says whose FMU asked. */
 const slw_failure *slw_core_failure(const slw_core *core);

@@ -139,7 +139,8 @@ static slw_status directional(slw_fmu *fmu, const uint32_t *unknowns, size_t n_u
   return CALL(self(fmu), GetDirectionalDerivative, unknowns, n_unknowns, knowns, n_knowns, seed, result);
 }
 
-static slw_status terminate(slw_fmu *fmu) { return CALL0(self(fmu), Terminate); }
+/* An FMU that lacks it has nothing to do there. */
+static slw_status terminate(slw_fmu *fmu) { return self(fmu)->Terminate ? CALL0(self(fmu), Terminate) : SLW_OK; }
 static slw_status reset(slw_fmu *fmu) { return CALL0(self(fmu), Reset); }
 
 /* After a fatal error all stays: nothing in the library may run, its own clean-up included, and what of it

@@ -97,11 +97,11 @@ static slw_status get(slw_fmu *fmu, const slw_group *g) {
 static slw_status step(slw_fmu *fmu, double time, double h, slw_step_result *result) {
   slw_fmi3 *f = self(fmu);
   result->event = result->terminate = result->early = false;
-  result->reached = time;
+  slw_untold(&result->reached);
   /* True only where no step is taken back; nobody knows that here. */
   const slw_status status = CALL(f, DoStep, time, h, fmi3False, &result->event, &result->terminate,
                                  &result->early, &result->reached);
-  if (status <= SLW_WARNING && !result->early) result->reached = time + h;
+  result->reached = slw_told(result->reached, status <= SLW_WARNING && !result->early, time, h);
   return status;
 }
 
@@ -144,7 +144,8 @@ static slw_status directional(slw_fmu *fmu, const uint32_t *unknowns, size_t n_u
               result, n_result);
 }
 
-static slw_status terminate(slw_fmu *fmu) { return CALL0(self(fmu), Terminate); }
+/* An FMU that lacks it has nothing to do there. */
+static slw_status terminate(slw_fmu *fmu) { return self(fmu)->Terminate ? CALL0(self(fmu), Terminate) : SLW_OK; }
 static slw_status reset(slw_fmu *fmu) { return CALL0(self(fmu), Reset); }
 
 /* After a fatal error all stays: nothing in the library may run, its own clean-up included, and what of it

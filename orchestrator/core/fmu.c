@@ -20,7 +20,12 @@ const char *slw_fmu_message(const slw_fmu *fmu, unsigned k) {
   return fmu->messages[(fmu->n_messages - 1 - k) % SLW_MESSAGES];
 }
 
-void slw_fmu_log(slw_fmu *fmu, const char *message) { slw_fmu_logf(fmu, "%s", message ? message : ""); }
+uint64_t slw_fmu_messages(const slw_fmu *fmu) { return fmu->n_messages; }
+
+/* An empty message would hide the last one that says something. */
+void slw_fmu_log(slw_fmu *fmu, const char *message) {
+  if (message && *message) slw_fmu_logf(fmu, "%s", message);
+}
 
 void slw_fmu_logf(slw_fmu *fmu, const char *format, ...) {
   char *place = fmu->messages[fmu->n_messages % SLW_MESSAGES];

@@ -13,6 +13,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 /* FMI's statuses, and what only a process of its own can come to. */
 typedef enum {
@@ -63,11 +64,14 @@ typedef struct {
 
 /* What a step came to, beside its status. */
 typedef struct {
-  double reached;          /* s: last successful time */
+  double reached;          /* s: last successful time, as the FMU tells it: judged by block.c */
   bool event;              /* FMI 3: event handling needed */
   bool terminate;          /* the FMU asks to end the simulation */
   bool early;              /* it returned early */
 } slw_step_result;
+
+/* The parts of a step: a status is that of one of them, and Discard means something of SLW_AT_STEP only. */
+typedef enum { SLW_AT_SET, SLW_AT_STEP, SLW_AT_GET } slw_phase;
 
 /* What updating discrete states came to (FMI 3). */
 typedef struct {
@@ -76,6 +80,20 @@ typedef struct {
   bool next_event_defined;
   double next_event;       /* s */
 } slw_event_result;
+
+/* FMUs need not write the last successful time: it holds bits before the call that no computation gives. */
+#define SLW_UNTOLD 0x7ff8e55ed15ca4edULL
+static inline void slw_untold(double *reached) {
+  const uint64_t bits = SLW_UNTOLD;
+  memcpy(reached, &bits, sizeof bits);
+}
+/* The time as told; untold it is the end of a step that was done, else its begin. */
+static inline double slw_told(double reached, bool done, double time, double h) {
+  uint64_t bits;
+  memcpy(&bits, &reached, sizeof bits);
+  if (bits != SLW_UNTOLD) return reached;
+  return done ? time + h : time;
+}
 
 typedef struct slw_fmu slw_fmu;
 
@@ -144,6 +162,12 @@ slw_fmu *slw_fmu_spawn(const slw_fmu_options *options, const char *host, double 
 
 /* The k-th last message (0: the last), "" if there is none. */
 const char *slw_fmu_message(const slw_fmu *fmu, unsigned k);
+
+/* How many messages there ever were. */
+uint64_t slw_fmu_messages(const slw_fmu *fmu);
+
+/* From now on a call of an FMU in a process of its own may take at most `limit_s`. */
+void slw_fmu_hurry(slw_fmu *fmu, double limit_s);
 
 /* Append a message (cut to SLW_MESSAGE_SIZE). */
 void slw_fmu_log(slw_fmu *fmu, const char *message);

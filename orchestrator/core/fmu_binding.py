@@ -101,6 +101,10 @@ def library() -> ctypes.CDLL:
     loaded.slw_fmu_load.argtypes = (POINTER(Options), c_char_p, c_size_t)
     loaded.slw_fmu_message.restype = c_char_p
     loaded.slw_fmu_message.argtypes = (FMU, ctypes.c_uint)
+    loaded.slw_fmu_messages.restype = ctypes.c_uint64
+    loaded.slw_fmu_messages.argtypes = (FMU,)
+    loaded.slw_fmu_hurry.restype = None
+    loaded.slw_fmu_hurry.argtypes = (FMU, c_double)
     loaded.slw_native_size.restype = c_size_t
     loaded.slw_native_size.argtypes = (c_int, c_int)
     if hasattr(loaded, "slw_fmu_spawn"):

@@ -113,27 +113,45 @@ static slw_status call_step(slw_host *h) {
   return status;
 }
 
-static slw_status worse(slw_status a, slw_status b) { return a > b ? a : b; }
+/* A call of the exchange: its status, after which nothing more is called if it is worse than a warning. */
+static slw_status called(slw_channel *c, slw_phase phase, slw_status status) {
+  c->phase = phase;
+  c->warnings += status == SLW_WARNING;
+  return status;
+}
 
-/* The channel's flag says whether the step was done as asked, so that outputs were got. */
+static slw_status exchange_set(slw_host *h, size_t n_sets) {
+  for (size_t i = 0; i < n_sets; i++) {
+    const slw_group *g = take_group(h, i, true);
+    const slw_status status = called(h->channel, SLW_AT_SET, g ? h->fmu->call->set(h->fmu, g) : no_room(h));
+    if (status > SLW_WARNING) return status;
+  }
+  return SLW_OK;
+}
+
+static slw_status exchange_get(slw_host *h, size_t first, size_t n_gets) {
+  for (size_t i = 0; i < n_gets; i++) {
+    const slw_status got = h->fmu->call->get(h->fmu, &h->slots[first + i].group);
+    const slw_status status = called(h->channel, SLW_AT_GET, got);
+    if (status > SLW_WARNING) return status;
+  }
+  return put_answer(h, first, n_gets, SLW_OK);
+}
+
+/* The channel's flag says whether all was done as asked; `phase` is what the status is of. */
 static slw_status call_exchange(slw_host *h) {
   slw_channel *c = h->channel;
   const size_t n_sets = c->n_sets, n_gets = c->n_gets;
-  slw_status worst = SLW_OK;
-  c->flag = 0;
-  for (size_t i = 0; i < n_sets; i++) {
-    const slw_group *g = take_group(h, i, true);
-    worst = worse(worst, g ? h->fmu->call->set(h->fmu, g) : no_room(h));
-    if (worst > SLW_WARNING) return worst;
-  }
+  c->flag = 0, c->warnings = 0;
+  slw_status status = exchange_set(h, n_sets);
+  if (status > SLW_WARNING) return status;
   for (size_t i = 0; i < n_gets; i++)
     if (!take_group(h, n_sets + i, false)) return no_room(h);
-  worst = worse(worst, call_step(h));
-  if (worst > SLW_WARNING || c->step.early || c->step.terminate || c->step.event) return worst;
-  c->flag = 1;
-  for (size_t i = 0; i < n_gets && worst <= SLW_WARNING; i++)
-    worst = worse(worst, h->fmu->call->get(h->fmu, &h->slots[n_sets + i].group));
-  return worst > SLW_WARNING ? worst : put_answer(h, n_sets, n_gets, worst);
+  status = called(c, SLW_AT_STEP, call_step(h));
+  if (status > SLW_WARNING || c->step.early || c->step.terminate || c->step.event) return status;
+  status = exchange_get(h, n_sets, n_gets);
+  c->flag = status <= SLW_WARNING;
+  return status;
 }
 
 static slw_status call_after_discard(slw_host *h) {

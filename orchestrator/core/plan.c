@@ -36,14 +36,14 @@ static void *copied(const void *data, size_t size) {
   return copy;
 }
 
-slw_core *slw_core_new(uint32_t n_cells, uint32_t n_blobs, double step_s) {
+slw_core *slw_core_new(uint32_t n_cells, uint32_t n_blobs, double step_s, double start_s) {
   slw_core *core = calloc(1, sizeof *core);
   if (!core) return NULL;
   core->cells = calloc(n_cells + 1u, sizeof *core->cells);
   core->blobs = calloc(n_blobs + 1u, sizeof *core->blobs);
   core->nominal = calloc(n_cells + 1u, sizeof *core->nominal);
   core->scratch = calloc((size_t)SCRATCH_ARENAS * (n_cells + 1u), sizeof *core->scratch);
-  core->n_cells = n_cells, core->n_blobs = n_blobs, core->step_s = step_s;
+  core->n_cells = n_cells, core->n_blobs = n_blobs, core->step_s = step_s, core->start_s = start_s;
   core->tolerance = DEFAULT_TOLERANCE, core->max_iterations = DEFAULT_ITERATIONS;
   core->max_halvings = DEFAULT_HALVINGS, core->next_change_tick = SLW_NEVER;
   for (uint32_t i = 0; core->nominal && i < n_cells; i++) core->nominal[i] = 1.0;

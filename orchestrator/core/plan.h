@@ -111,7 +111,7 @@ struct slw_core {
   slw_blob *blobs;
   double *nominal; /* of each cell */
   uint32_t n_cells, n_blobs;
-  double step_s;
+  double step_s, start_s;
   int64_t tick;
   slw_block *blocks;
   slw_fast *fast; /* of each block; meaningful where its path says so */
@@ -176,8 +176,11 @@ static inline void slw_move_run(slw_cell *cells, const slw_move *m) {
 bool slw_block_set(slw_core *core, slw_block *b);
 bool slw_block_get(slw_core *core, slw_block *b);
 bool slw_block_step(slw_core *core, slw_block *b, double t, double h);
-bool slw_block_continue(slw_core *core, slw_block *b, double t, double reached);
-bool slw_block_finish_discarded(slw_core *core, slw_block *b, double t); /* FMI 2 */
+/* After the one step of this tick, whose status is OK, Warning or Discard: the rest of it, if there is one. */
+bool slw_block_finish_step(slw_core *core, slw_block *b, slw_status status, const slw_step_result *result);
+bool slw_block_finish_discarded(slw_core *core, slw_block *b); /* FMI 2 */
+/* Whether a step from t, the `whole` of it or a part, can have reached the time that its FMU told. */
+bool slw_time_told(slw_core *core, const slw_block *b, bool whole, double t, double h, double told);
 bool slw_block_initial_events(slw_core *core, slw_block *b);
 bool slw_block_tick_clocks(slw_core *core, slw_block *b);
 bool slw_block_save(slw_core *core, slw_block *b, int slot);
@@ -196,6 +199,8 @@ static inline bool slw_due(const slw_core *core, const slw_block *b) { return co
 static inline bool slw_ready(const slw_core *core, const slw_block *b) {
   return (core->tick + 1) % b->multiple == 0;
 }
+
+static inline double slw_time(const slw_core *core) { return core->start_s + (double)core->tick * core->step_s; }
 
 static inline double slw_max(double a, double b) { return a > b ? a : b; }
 static inline double slw_abs(double a) { return a < 0.0 ? -a : a; }

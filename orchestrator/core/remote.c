@@ -231,17 +231,24 @@ slw_status slw_remote_begin(slw_fmu *fmu, const slw_group *sets, size_t n_sets, 
   return SLW_OK;
 }
 
-slw_status slw_remote_finish(slw_fmu *fmu, const slw_group *gets, size_t n_gets, slw_step_result *result,
-                             bool *stepped) {
+/* How far the exchange got; the host may have written anything. */
+static void take_exchanged(const slw_remote *r, size_t calls, slw_exchanged *result) {
+  const uint32_t phase = r->channel->phase, warnings = r->channel->warnings;
+  result->phase = phase <= SLW_AT_GET ? (slw_phase)phase : SLW_AT_SET;
+  result->warnings = warnings <= calls ? warnings : (uint32_t)calls;
+  result->complete = r->channel->flag != 0;
+  take_result(r, &result->step);
+}
+
+slw_status slw_remote_finish(slw_fmu *fmu, const slw_group *gets, size_t n_gets, slw_exchanged *result) {
   slw_remote *r = self(fmu);
-  *stepped = false;
+  memset(result, 0, sizeof *result);
+  result->phase = SLW_AT_STEP;
   if (r->dead) return r->dead;
   const slw_status status = await(r);
   if (r->dead) return status;
-  take_result(r, result);
-  *stepped = r->channel->flag != 0;
-  if (!*stepped) return status;
-  for (size_t i = 0; i < n_gets; i++)
+  take_exchanged(r, r->channel->n_sets + n_gets + 1, result);
+  for (size_t i = 0; result->complete && i < n_gets; i++)
     if (take_group(r, &gets[i]) != SLW_OK) return SLW_ERROR;
   return status;
 }
@@ -362,6 +369,10 @@ static const slw_fmu_functions functions = {
     .serialized_size = serialized_size, .serialize = serialize, .deserialize = deserialize,
     .directional = directional, .terminate = terminate, .reset = reset, .free = free_fmu};
 
+void slw_fmu_hurry(slw_fmu *fmu, double limit_s) {
+  if (fmu->call == &functions && self(fmu)->limit_s > limit_s) self(fmu)->limit_s = limit_s;
+}
+
 /* Descriptor of the shared memory, clear of those that the host's must not be; -1 when that fails. */
 static int shared_memory(void) {
   const int low = (int)syscall(SYS_memfd_create, "slewright-fmu", MEMFD_FLAGS);
@@ -455,16 +466,17 @@ slw_fmu *slw_fmu_spawn(const slw_fmu_options *options, const char *host, double 
   return NULL;
 }
 
+void slw_fmu_hurry(slw_fmu *fmu, double limit_s) { (void)fmu, (void)limit_s; }
+
 slw_status slw_remote_begin(slw_fmu *fmu, const slw_group *sets, size_t n_sets, double time, double h,
                             const slw_group *gets, size_t n_gets) {
   (void)fmu, (void)sets, (void)n_sets, (void)time, (void)h, (void)gets, (void)n_gets;
   return SLW_ERROR;
 }
 
-slw_status slw_remote_finish(slw_fmu *fmu, const slw_group *gets, size_t n_gets, slw_step_result *result,
-                             bool *stepped) {
-  (void)fmu, (void)gets, (void)n_gets, (void)result;
-  *stepped = false;
+slw_status slw_remote_finish(slw_fmu *fmu, const slw_group *gets, size_t n_gets, slw_exchanged *result) {
+  (void)fmu, (void)gets, (void)n_gets;
+  memset(result, 0, sizeof *result);
   return SLW_ERROR;
 }
 #endif

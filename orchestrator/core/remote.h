@@ -4,11 +4,18 @@
 
 #include "fmu.h"
 
-/* Set, step and get: begun, so that others may step meanwhile, and finished. The status is the worst of the
- * three; of a step that was not OK (nothing was got then) *stepped is false. */
+/* What came of set, step and get in one round trip. */
+typedef struct {
+  slw_phase phase;      /* the last one that was done, which `status` is of */
+  bool complete;        /* all that was asked for, outputs included */
+  uint32_t warnings;    /* calls that warned */
+  slw_step_result step; /* meaningful from SLW_AT_STEP on */
+} slw_exchanged;
+
+/* Set, step and get: begun, so that others may step meanwhile, and finished. After the first status worse than
+ * a warning nothing more is called. */
 slw_status slw_remote_begin(slw_fmu *fmu, const slw_group *sets, size_t n_sets, double time, double h,
                             const slw_group *gets, size_t n_gets);
-slw_status slw_remote_finish(slw_fmu *fmu, const slw_group *gets, size_t n_gets, slw_step_result *result,
-                             bool *stepped);
+slw_status slw_remote_finish(slw_fmu *fmu, const slw_group *gets, size_t n_gets, slw_exchanged *result);
 
 #endif

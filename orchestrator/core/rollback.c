@@ -128,7 +128,7 @@ bool slw_iterate(slw_core *core) {
     if (i > 0 && !restore_all(core, 0)) return false;
     memcpy(used, core->cells, arena(core));
     core->count.sweeps++;
-    if (!step_all(core, (double)core->tick * core->step_s, core->step_s, true)) return false;
+    if (!step_all(core, slw_time(core), core->step_s, true)) return false;
     if (core->ended) return finish(core);
     if (!exchange_all(core)) return false;
     average_inputs(core, start);
@@ -149,7 +149,7 @@ static bool part(slw_core *core, double t, double h, bool first) {
 /* From `at` (in units) on: a whole step, then two halves, whose result stays; *error is the difference. */
 static bool attempt(slw_core *core, uint64_t at, uint64_t size, double unit, double *error, uint32_t *worst) {
   slw_cell *start = scratch(core, 0), *whole = scratch(core, 1);
-  const double t = (double)core->tick * core->step_s + (double)at * unit, h = (double)size * unit;
+  const double t = slw_time(core) + (double)at * unit, h = (double)size * unit;
   memcpy(start, core->cells, arena(core));
   if (!save_all(core, 0) || !part(core, t, h, at == 0)) return false;
   memcpy(whole, core->cells, arena(core));

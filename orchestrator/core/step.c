@@ -12,11 +12,14 @@
 #define ALWAYS_INLINE inline __attribute__((always_inline))
 #define LIKELY(x) __builtin_expect(!!(x), 1)
 
-/* What a status other than OK comes to. */
-static bool note(slw_core *core, slw_block *b, int status, slw_what doing) {
-  static const char *const calls[] = {"set", "doStep", "get"};
-  if (b->fmu->local) status = (int)slw_status_of(b->fmu, status, calls[doing]); /* our own numbers are not FMI's */
-  if (status != SLW_WARNING) return slw_fail(core, doing, (slw_status)status, b, 0);
+/* The functions that the fast path calls, by slw_what. */
+static const char *const calls[2][3] = {{"fmi2SetReal", "fmi2DoStep", "fmi2GetReal"},
+                                        {"fmi3SetFloat64", "fmi3DoStep", "fmi3GetFloat64"}};
+
+/* What a status other than OK comes to that an FMU here gave; our own numbers are not FMI's. */
+static bool note(slw_core *core, slw_block *b, int given, slw_what doing) {
+  const slw_status status = slw_status_of(b->fmu, given, calls[b->fmu->fmi_version - 2][doing]);
+  if (status != SLW_WARNING) return slw_fail(core, doing, status, b, 0);
   b->count.warnings++;
   return true;
 }
@@ -40,8 +43,8 @@ static __attribute__((noinline)) bool unusual(slw_core *core, const slw_fast *f,
   return note(core, f->block, status, doing);
 }
 
-static bool unusual_step2(slw_core *core, const slw_fast *f, double t, int status) {
-  if (status == SLW_DISCARD) return slw_block_finish_discarded(core, f->block, t);
+static bool unusual_step2(slw_core *core, const slw_fast *f, int status) {
+  if (status == SLW_DISCARD) return slw_block_finish_discarded(core, f->block);
   return note(core, f->block, status, SLW_DOING_STEP);
 }
 
@@ -53,7 +56,7 @@ static ALWAYS_INLINE bool fast2(slw_core *core, const slw_fast *f, double t, dou
     if (!LIKELY(status == SLW_OK) && !unusual(core, f, status, SLW_DOING_SET)) return false;
   }
   status = f->fmi2.do_step(f->instance, t, h, 0);
-  if (!LIKELY(status == SLW_OK) && !unusual_step2(core, f, t, status)) return false;
+  if (!LIKELY(status == SLW_OK) && !unusual_step2(core, f, status)) return false;
   if (!LIKELY(f->n_get)) return true;
   status = f->fmi2.get_real(f->instance, f->get_vr, f->n_get, &f->get_cells->real);
   return LIKELY(status == SLW_OK) || unusual(core, f, status, SLW_DOING_GET);
@@ -64,19 +67,16 @@ typedef struct {
   bool event, terminate, early;
 } slw_flags;
 
-/* A step that is not just done. */
-static bool unusual_step3(slw_core *core, const slw_fast *f, double t, double reached, int status,
-                          slw_flags *flags) {
+/* A step that is not just done, or did not tell its end to the bit. */
+static __attribute__((noinline)) bool unusual_step3(slw_core *core, const slw_fast *f, double reached, int given,
+                                                    slw_flags *flags) {
   slw_block *b = f->block;
-  const slw_flags said = *flags;
+  slw_step_result r = {reached, flags->event, flags->terminate, flags->early};
   *flags = (slw_flags){false, false, false};
-  if (said.terminate && status <= SLW_DISCARD) {
-    slw_end(core, b);
-    return true;
-  }
-  if (status == SLW_DISCARD) return slw_block_continue(core, b, t, reached);
-  if (status != SLW_OK && !note(core, b, status, SLW_DOING_STEP)) return false;
-  return !said.early || slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
+  const slw_status status = slw_status_of(b->fmu, given, calls[1][SLW_DOING_STEP]);
+  if (status > SLW_DISCARD) return slw_fail(core, SLW_DOING_STEP, status, b, 0);
+  r.reached = slw_told(r.reached, status <= SLW_WARNING && !r.early, slw_time(core), core->step_s);
+  return slw_block_finish_step(core, b, status, &r);
 }
 
 static ALWAYS_INLINE bool fast3(slw_core *core, const slw_fast *f, double t, double h, slw_flags *flags) {
@@ -85,11 +85,12 @@ static ALWAYS_INLINE bool fast3(slw_core *core, const slw_fast *f, double t, dou
     status = f->fmi3.set(f->instance, f->set_vr, f->n_set_vr, &f->set_cells->real, f->n_set);
     if (!LIKELY(status == SLW_OK) && !unusual(core, f, status, SLW_DOING_SET)) return false;
   }
-  double reached = t;
+  double reached;
+  slw_untold(&reached);
   status = f->fmi3.do_step(f->instance, t, h, false, &flags->event, &flags->terminate, &flags->early,
                            &reached);
-  if (!LIKELY(status == SLW_OK && !flags->terminate && !flags->early) &&
-      !unusual_step3(core, f, t, reached, status, flags))
+  if (!LIKELY(status == SLW_OK && !flags->terminate && !flags->early && reached == t + h) &&
+      !unusual_step3(core, f, reached, status, flags))
     return false;
   if (!LIKELY(f->n_get)) return true;
   status = f->fmi3.get(f->instance, f->get_vr, f->n_get_vr, &f->get_cells->real, f->n_get);
@@ -128,7 +129,7 @@ static bool find_infinite(slw_core *core) {
 /* `fmi_version`: of all blocks; 0: mixed. */
 static ALWAYS_INLINE bool plain_tick(slw_core *core, slw_flags *flags, int fmi_version) {
   const slw_fast *const end = core->fast + core->n_blocks;
-  const double h = core->step_s, t = (double)core->tick * h;
+  const double h = core->step_s, t = slw_time(core);
   slw_cell *const cells = core->cells;
   const slw_copy *const copies_end = core->copies + core->n_copies;
   for (const slw_copy *c = core->copies; c < copies_end; c++) cells[c->target] = cells[c->source];
@@ -179,31 +180,26 @@ static bool begin(slw_core *core, slw_block *b) {
 /* ---- FMUs in processes of their own ---- */
 
 static bool begin_apart(slw_core *core, slw_block *b) {
-  const double t = (double)core->tick * core->step_s;
   const slw_status status =
-      slw_remote_begin(b->fmu, b->sets, b->n_sets, t, core->step_s, b->gets, b->n_gets);
-  return status == SLW_OK || note(core, b, (int)status, SLW_DOING_STEP);
+      slw_remote_begin(b->fmu, b->sets, b->n_sets, slw_time(core), core->step_s, b->gets, b->n_gets);
+  return status == SLW_OK || slw_fail(core, SLW_DOING_STEP, status, b, 0);
 }
 
+/* The same as in this process: only a step may be discarded. */
 static bool finish_apart(slw_core *core, slw_block *b) {
-  const double t = (double)core->tick * core->step_s;
-  slw_step_result r = {t, false, false, false};
-  bool stepped;
-  const slw_status status = slw_remote_finish(b->fmu, b->gets, b->n_gets, &r, &stepped);
-  if (status != SLW_OK && status != SLW_DISCARD && !note(core, b, (int)status, SLW_DOING_STEP)) return false;
-  if (stepped) return slw_check_finite(core, b);
-  if (r.terminate) {
-    slw_end(core, b);
-  } else if (status == SLW_DISCARD) {
-    if (!slw_block_continue(core, b, t, r.reached)) return false;
-  } else if (r.early) {
-    return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
-  }
-  return slw_block_get(core, b);
+  static const slw_what doing[] = {SLW_DOING_SET, SLW_DOING_STEP, SLW_DOING_GET};
+  slw_exchanged done;
+  const slw_status status = slw_remote_finish(b->fmu, b->gets, b->n_gets, &done);
+  const bool discarded = status == SLW_DISCARD && done.phase == SLW_AT_STEP;
+  b->count.warnings += done.warnings;
+  if (status > SLW_WARNING && !discarded) return slw_fail(core, doing[done.phase], status, b, 0);
+  const slw_status stepped = discarded ? SLW_DISCARD : SLW_OK; /* its warnings are counted */
+  if (!slw_block_finish_step(core, b, stepped, &done.step)) return false;
+  return done.complete ? slw_check_finite(core, b) : slw_block_get(core, b);
 }
 
 static bool advance(slw_core *core, slw_block *b) {
-  const double t = (double)core->tick * core->step_s;
+  const double t = slw_time(core);
   const slw_fast *f = &core->fast[b - core->blocks];
   slw_flags flags = {false, false, false};
   if (b->path == SLW_FAST2) return fast2(core, f, t, core->step_s) && finite(core, f);

@@ -1,25 +1,28 @@
 """FMU and SSP archives (zip) unpacked without trusting them: no path escape, no link, bounded size.
 
 What is refused, by name: entries that leave the folder, links and devices, encryption, compression other
-than deflate, names that are not UTF-8 or do not fit a file system, two entries of one name (or of names
-that differ only in case), a name that is both file and folder, entries that share bytes of the archive,
-and more entries or bytes than any FMU needs.
+than deflate, names that do not fit this system's files (on Windows and macOS: that differ only in case),
+two entries of one name whose contents differ, a name that is both file and folder, entries that share bytes
+of the archive, and more entries or bytes than any FMU needs.  A name that is not marked as UTF-8 is in code
+page 437 (APPNOTE 6.3, appendix D).
 """
 
 import errno
 import hashlib
+import re
 import shutil
 import stat
 import struct
+import sys
 import tempfile
 import unicodedata
-import weakref
 import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
+from orchestrator.files.scratch import unpacked_bytes
 from orchestrator.files.xml_file import shortened
 from specs.errors import InputError, RunError
 
@@ -44,28 +47,10 @@ DAMAGE = (
     IndexError,
 )
 METHODS = {zipfile.ZIP_STORED: "stored", zipfile.ZIP_DEFLATED: "deflate"}
-UTF8_NAME, ENCRYPTED = 0x800, 0x1  # flags of an entry
+ENCRYPTED = 0x1  # flag of an entry
+DRIVE = re.compile(r"[A-Za-z]:")
+FOLDS_CASE = sys.platform in ("win32", "darwin")  # names that differ only in case are one file here
 LOCAL_HEADER = 30  # bytes, without name and extra field
-
-
-# Bytes unpacked so far beside each other: packages hold packages, and each may be a bomb.
-_unpacked: dict[Path, int] = {}
-
-
-class Scratch:
-    """A temporary folder that goes with this object; all that is unpacked into it shares MAX_BYTES."""
-
-    def __init__(self) -> None:
-        try:
-            self.path = Path(tempfile.mkdtemp(prefix="slewright-"))
-        except OSError as error:
-            raise RunError(f"no temporary folder can be made: {error.strerror}") from None
-        self._finalizer = weakref.finalize(self, _remove, self.path)
-
-
-def _remove(folder: Path) -> None:
-    _unpacked.pop(folder, None)
-    shutil.rmtree(folder, ignore_errors=True)
 
 
 def unpack(path: Path, folder: Path, shown: str) -> None:
@@ -76,7 +61,7 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
     """
     with opened(path, shown) as archive:
         entries = archive.infolist()
-        before = _unpacked.get(folder.parent, 0)
+        before = unpacked_bytes.get(folder.parent, 0)
         size = _checked_size(entries, path.stat().st_size, before, shown)
         _check_overlap(entries, shown)
         names = _Names(shown)
@@ -84,16 +69,16 @@ def unpack(path: Path, folder: Path, shown: str) -> None:
             reason = _unfit_name(entry) or _unfit_content(entry)
             if reason:
                 raise InputError(f"{shown}: entry '{shortened(entry.filename)}' {reason}")
-            names.add(entry)
+        kept = [entry for entry in entries if names.add(entry)]
         try:
-            _extract_all(archive, entries, folder)
+            _extract_all(archive, kept, folder)
         except OSError as error:
             if error.errno in DISK_ERRORS:
                 raise RunError(f"{shown} cannot be unpacked into {folder}: {error.strerror}") from None
             raise InputError(f"{shown} is damaged: {error}") from None
         except DAMAGE as error:
             raise InputError(f"{shown} is damaged: {shortened(str(error), 200)}") from None
-        _unpacked[folder.parent] = before + size
+        unpacked_bytes[folder.parent] = before + size
 
 
 @contextmanager
@@ -130,11 +115,11 @@ class _Names:
     def __init__(self, shown: str) -> None:
         self.shown = shown
         self.spelt: dict[str, str] = {}  # as a file system without case would have it -> as it is written
-        self.files: set[str] = set()
+        self.files: dict[str, zipfile.ZipInfo] = {}
         self.folders: set[str] = set()
 
-    def add(self, entry: zipfile.ZipInfo) -> None:
-        """Add an entry and the folders above it (InputError)."""
+    def add(self, entry: zipfile.ZipInfo) -> bool:
+        """Add an entry and the folders above it (InputError); False: the same file is there already."""
         path = PurePosixPath(entry.filename)
         for folder in (*list(path.parents)[-2::-1], *([path] if entry.is_dir() else [])):
             if self.spelling(folder, entry) in self.files:
@@ -142,14 +127,19 @@ class _Names:
             self.folders.add(str(folder))
         if not entry.is_dir():
             name = self.spelling(path, entry)
-            if name in self.files:
-                raise self.error(entry, "is in the archive twice")
+            first = self.files.setdefault(name, entry)
+            if first is not entry:
+                if (first.CRC, first.file_size) != (entry.CRC, entry.file_size):
+                    raise self.error(entry, "is in the archive twice, with different contents")
+                return False
             if name in self.folders:
                 raise self.error(entry, "is both a file and a folder")
-            self.files.add(name)
+        return True
 
     def spelling(self, path: PurePosixPath, entry: zipfile.ZipInfo) -> str:
         name = str(path)
+        if not FOLDS_CASE:
+            return name
         other = self.spelt.setdefault(unicodedata.normalize("NFC", name).casefold(), name)
         if other != name:
             raise self.error(entry, f"differs from '{shortened(other)}' only in case")
@@ -192,12 +182,10 @@ def _unfit_name(entry: zipfile.ZipInfo) -> str:
     """Why a name is refused, or ""."""
     name = entry.orig_filename
     path = PurePosixPath(name.replace("\\", "/"))
-    if path.is_absolute() or ".." in path.parts or ":" in name:
+    if path.is_absolute() or ".." in path.parts or DRIVE.match(name):
         return "leaves the archive"
-    if not path.parts or "\\" in name or not name.isprintable():
+    if not path.parts or "\\" in name or not name.isprintable() or (":" in name and sys.platform == "win32"):
         return "has a name with characters that no file name may have"
-    if not entry.flag_bits & UTF8_NAME and not name.isascii():
-        return "has a name that is not UTF-8"
     if len(name.encode()) > MAX_PATH or any(len(part.encode()) > MAX_NAME for part in path.parts):
         return "has too long a name"
     return ""

@@ -24,6 +24,7 @@ from orchestrator.core.fmu_binding import (
 )
 from orchestrator.fmi.buffers import Values, flat
 from orchestrator.fmi.component import Component
+from orchestrator.fmi.library_check import unloadable
 from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import BLOBS, STATUS, WARNING, WIRE, Value
 from specs.errors import InputError, RunError
@@ -71,16 +72,20 @@ class Instance:
             why = _one_line(error.value)
             # The system's loader starts with the path, which the user does not know.
             why = why.removeprefix(f"{self.component.library}: ")
+            file = unloadable(self.component.library)
             raise InputError(
                 f"FMU of component {self.name} ({self.component.library.name}) cannot be instantiated: {why}"
+                + (f"; the file {file}" if file else "")
             )
         return made
 
     # ---- life cycle ----
 
-    def enter_initialisation(self, stop_s: float | None = None, tolerance: float = 0.0) -> None:
-        """Enter initialisation mode at time 0; `tolerance` 0: none is told."""
-        self.call("enter_initialisation", 0.0, stop_s is not None, stop_s or 0.0, tolerance)
+    def enter_initialisation(
+        self, stop_s: float | None = None, tolerance: float = 0.0, start_s: float = 0.0
+    ) -> None:
+        """Enter initialisation mode at time `start_s`; `tolerance` 0: none is told."""
+        self.call("enter_initialisation", start_s, stop_s is not None, stop_s or 0.0, tolerance)
 
     def exit_initialisation(self) -> None:
         """Leave initialisation mode: the next call may be a step (with event mode: the FMU is in it)."""
@@ -113,6 +118,11 @@ class Instance:
     def terminate(self) -> None:
         """End the simulation of this instance; its state stays readable."""
         self.call("terminate")
+
+    def hurry(self, limit_s: float) -> None:
+        """In a process of its own no further call may take longer than `limit_s`."""
+        if self.pointer.value:
+            self.library.slw_fmu_hurry(self.pointer, limit_s)
 
     def free(self) -> None:
         """Release the instance; further calls raise RunError."""
@@ -254,6 +264,15 @@ class Instance:
     def messages(self) -> list[str]:
         """Its log messages that are kept, oldest first."""
         return [text for k in reversed(range(MESSAGES)) if (text := self._message(k))]
+
+    def log(self) -> list[str]:
+        """Its messages for a record: equal ones in a row once, and how many earlier ones are not kept."""
+        kept, count = self.messages, self.library.slw_fmu_messages(self.pointer) if self.pointer.value else 0
+        found = [f"({count - MESSAGES} earlier messages are not kept)"] if count > MESSAGES else []
+        for text, run in groupby(kept):
+            times = len(list(run))
+            found.append(text if times == 1 else f"{text} ({times} times)")
+        return found
 
     def _message(self, k: int) -> str:
         return _one_line(self.library.slw_fmu_message(self.pointer, k)) if self.pointer.value else ""

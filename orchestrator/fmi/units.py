@@ -49,6 +49,19 @@ def compatible(source: Unit | None, target: Unit | None) -> bool:
     return _nonzero(source) == _nonzero(target)
 
 
+def dimension(unit: Unit | None) -> str:
+    """Base units with their exponents, e.g. `m·s^-2`; `1` without any."""
+    powers = [] if unit is None else [f"{k}" if e == 1 else f"{k}^{e}" for k, e in _nonzero(unit).items()]
+    return "·".join(powers) or "1"
+
+
+def undefined(source: str, source_unit: Unit | None, target: str, target_unit: Unit | None) -> str:
+    """Which of two unit names, that differ, has no definition and so cannot be converted; "": none."""
+    if not source or not target or source == target:
+        return ""
+    return source if source_unit is None else target if target_unit is None else ""
+
+
 def parse_units(holder: Element | None, where: str) -> dict[str, Unit | None]:
     """Unit definitions under `holder` (SSD `Units`, FMI `UnitDefinitions`); None: dimension not given."""
     units = [element for element in (() if holder is None else holder) if xml_file.local(element) == "Unit"]

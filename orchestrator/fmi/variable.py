@@ -122,7 +122,7 @@ BLOBS = ("String", "Binary")
 BOOLEANS = ("Boolean", "Clock")
 
 STATUS = ("ok", "warning", "discard", "error", "fatal", "pending", "crashed", "hung")  # slw_status
-WARNING = 1  # the worst status with which a run goes on
+WARNING, ERROR = 1, 3  # the worst status with which a run goes on; from ERROR on an FMU may only be freed
 
 
 def checked_value(variable: Variable, value: Value, where: str, size: int | None = None) -> Value:

@@ -1,5 +1,6 @@
 """Runs the FMUs of a laid-out system on the compiled core: configures it, starts it, reads the outcome."""
 
+import contextlib
 import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ from orchestrator.core.binding import BlockStatistics, Statistics
 from orchestrator.fmi.component import runs_here
 from orchestrator.fmi.instance import LIMIT_S, Instance
 from orchestrator.fmi.model_description import REALS
-from orchestrator.fmi.variable import BLOBS, Scalar, Value
+from orchestrator.fmi.variable import BLOBS, ERROR, STATUS, Scalar, Value
 from orchestrator.run.plan import Plan, scalars, to_bits
 from orchestrator.ssp.description import Settings
 from orchestrator.system.layout import Layout, Slot
@@ -22,6 +23,8 @@ from specs.errors import RunError
 from specs.faults import Fault
 
 SHOWN_INPUTS = 12  # in an error message
+SHOWN_TEXT, SHOWN_TEXTS = 1000, 100  # characters of a string, elements of an array of them
+HURRY_S = 2.0  # for each FMU's end, when a run has failed or was interrupted
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,8 @@ class Options:
     trust       run foreign FMUs in this process
     limit_s     how long one call of an FMU in a process of its own may take
     ring_rows   rows that recording may lag behind
+    start_s     time of the first tick; None: that of the description
+    told_stop_s, told_tolerance  what FMUs are told of the run's end and of accuracy; None: nothing
     """
 
     settings: Settings = field(default_factory=Settings)
@@ -50,6 +55,9 @@ class Options:
     trust: bool = False
     limit_s: float = LIMIT_S
     ring_rows: int = 4096
+    start_s: float | None = None
+    told_stop_s: float | None = None
+    told_tolerance: float | None = None
 
 
 class Master:
@@ -65,7 +73,10 @@ class Master:
         """Instantiate all FMUs and set their `start` values (component -> variable -> value)."""
         self.system, self.layout, self.options = system, layout, options or Options()
         self.instances: list[Instance] = []
-        self.plan = Plan(system, layout)
+        self.running: list[Instance] = []  # initialised, and not yet terminated
+        own = self.options.start_s
+        self.start_s = system.start_s if own is None else own
+        self.plan = Plan(system, layout, self.start_s)
         self.library, self.core = self.plan.library, self.plan.core
         try:
             self._instantiate(start)
@@ -129,9 +140,33 @@ class Master:
 
     def initialise(self) -> None:
         """Bring all FMUs to time 0, outputs propagated and loops solved; RunError naming what failed."""
+        told = self.options
         for instance in self.instances:
-            instance.enter_initialisation()
+            instance.enter_initialisation(told.told_stop_s, told.told_tolerance or 0.0, self.start_s)
+        self.running = list(self.instances)
         self._check(self.library.slw_core_initialise(self.core))
+
+    def terminate(self) -> None:
+        """Tell all FMUs that the run is over: they write then what they keep.
+
+        Every one is told; after that RunError names the first that refuses.
+        """
+        first: RunError | None = None
+        while self.running:
+            try:
+                self.running.pop(0).terminate()
+            except RunError as error:
+                first = first or error
+        if first is not None:
+            raise first
+
+    def abandon(self) -> None:
+        """The same after a failure or an interruption: in a hurry, and what is refused does not matter."""
+        for instance in self.instances:
+            instance.hurry(HURRY_S)
+        while self.running:
+            with contextlib.suppress(RunError):
+                self.running.pop(0).terminate()
 
     def run(self, until: int) -> bool:
         """Step up to tick `until`; False when an FMU asked to end the simulation before.
@@ -186,6 +221,19 @@ class Master:
 
     # ---- what came of it ----
 
+    def messages(self) -> dict[str, list[str]]:
+        """What FMUs logged, by component, as far as it is kept."""
+        return {i.name: log for i in self.instances if (log := i.log())}
+
+    def texts(self, names: Sequence[str]) -> dict[str, Value]:
+        """Present values of strings and binaries (hexadecimal) by component.variable."""
+        instances = {instance.name: instance for instance in self.instances}
+        found: dict[str, Value] = {}
+        for name in names:
+            component, variable = self.system.split(name)
+            found[name] = _shown(instances[component.name].values([variable])[variable])
+        return found
+
     def statistics(self) -> dict[str, Any]:
         """Counts and times: of the system, and under "components" of each component."""
         whole, part = Statistics(), BlockStatistics()
@@ -207,6 +255,8 @@ class Master:
         if failure.block == binding.SINK:
             return RunError(f"system {self.system.name} failed {when}: {self._why(failure, None)}")
         instance = self.instances[failure.block]
+        if failure.status >= ERROR and instance in self.running:
+            self.running.remove(instance)  # it may only be freed
         why = self._why(failure, instance)
         return RunError(
             f"component {instance.name} failed {when}: {why}\nlast inputs: {self._inputs(failure.block)}"
@@ -223,12 +273,18 @@ class Master:
             binding.RETURNED_EARLY: "it returned early, unasked",
             binding.NO_PROGRESS: "the FMU does not advance: it returns early or iterates events without end",
             binding.INJECTED: "a fault of the scenario made it fail",
+            binding.BAD_TIME: f"it says that it reached t = {failure.told:.12g} s in a step from "
+            f"{failure.from_s:.12g} s to {failure.to_s:.12g} s",
         }
         if failure.what == binding.NO_CONVERGENCE:
             return self._not_converged(failure)
         if failure.what in words:
             return words[failure.what]
-        return f"the FMU returned {instance.status_text(failure.status)}" if instance else "no memory"
+        if instance is None:
+            return "no memory"
+        asked = {binding.DOING_SET: "set an input", binding.DOING_GET: "get an output"}.get(failure.what)
+        doing = f", asked to {asked}," if asked and STATUS[failure.status] == "discard" else ""
+        return f"the FMU{doing} returned {instance.status_text(failure.status)}"
 
     def _not_converged(self, failure: Any) -> str:
         settings = self.options.settings
@@ -280,6 +336,14 @@ class Master:
         else:
             values = [str(x) for x in self.plan.integers[slot.first : slot.first + slot.size]]
         return values[0] if slot.size == 1 else f"({', '.join(values)})"
+
+
+def _shown(value: Value) -> Value:
+    """Strings, and binaries in hexadecimal digits, cut to what a record's metadata should hold."""
+    if isinstance(value, tuple):
+        return tuple(str(_shown(v)) for v in value[:SHOWN_TEXTS])
+    text = value.hex() if isinstance(value, bytes) else str(value)
+    return text if len(text) <= SHOWN_TEXT else f"{text[:SHOWN_TEXT]}… ({len(text)} characters)"
 
 
 def _as_dict(structure: ctypes.Structure) -> dict[str, Any]:

@@ -24,10 +24,10 @@ FAULT_KINDS = {name: number for number, name in enumerate(k for k in KINDS if k 
 class Plan:
     """Builds one core; every refusal of the core becomes a RunError, since the system was checked before."""
 
-    def __init__(self, system: System, layout: Layout) -> None:
+    def __init__(self, system: System, layout: Layout, start_s: float = 0.0) -> None:
         self.system, self.layout, self.library = system, layout, library()
         self.core = ctypes.c_void_p(
-            self.library.slw_core_new(layout.n_cells, len(layout.blobs), system.step_s)
+            self.library.slw_core_new(layout.n_cells, len(layout.blobs), system.step_s, start_s)
         )
         if not self.core:
             raise RunError(f"system {system.name}: no memory for {layout.n_cells} values")

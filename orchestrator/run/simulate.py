@@ -1,6 +1,7 @@
 """Simulates a checked system in integer time and records it: configures the master, drains its ring."""
 
 import hashlib
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -13,7 +14,7 @@ from orchestrator.fmi.variable import Value
 from orchestrator.run.master import LIMIT_S, Master, Options
 from orchestrator.ssp.description import Settings
 from orchestrator.system.interventions import Changes, check_changes, check_faults
-from orchestrator.system.layout import lay_out
+from orchestrator.system.layout import check_texts, lay_out
 from orchestrator.system.stimuli import Stimuli
 from orchestrator.system.system import System
 from records.record import Column, Record
@@ -53,6 +54,10 @@ def simulate(
     timing: bool = False,  # measure the time inside each FMU (a few percent slower)
     trust: bool = False,  # run foreign FMUs in this process, without protection from their crashes
     limit_s: float = LIMIT_S,  # how long one call of an isolated FMU may take
+    texts: Sequence[str] = (),  # strings and binaries, "component.variable", to note at both ends of the run
+    start_s: float | None = None,  # time of tick 0, over the description's
+    tell_stop: bool = False,  # tell FMUs when the run will end
+    tell_tolerance: float | None = None,  # tell FMUs how accurate they are to be, relative
     statistics: dict[str, Any] | None = None,  # filled with counts and times, which are no part of the record
 ) -> Record:
     """Run `stop_ticks` steps of `system.step_s` and return the record: one row a tick, from 0 to stop_ticks.
@@ -68,7 +73,10 @@ def simulate(
     chosen = settings or system.settings
     chosen = replace(chosen, algorithm=algorithm or chosen.algorithm)
     _check_run(system, chosen.algorithm, stop_ticks, realtime, limit_s)
+    first_s = system.start_s if start_s is None else start_s
+    _check_told(first_s, tell_tolerance)
     layout = lay_out(system, record)
+    check_texts(system, texts)
     start = system.start_values({**seeds(system, seed), **(parameters or {})})
     every_fault = (*system.faults, *faults)
     check_faults(system, every_fault)
@@ -82,10 +90,13 @@ def simulate(
         timing=timing,
         trust=trust,
         limit_s=limit_s,
+        start_s=first_s,
+        told_stop_s=first_s + stop_ticks * system.step_s if tell_stop else None,
+        told_tolerance=tell_tolerance,
     )
     provenance = _provenance(system, options, parameters or {}, changes or {}) | dict(meta or {})
     with Master(system, layout, start, options) as master:
-        return _recorded(master, stop_ticks, record_path, provenance, progress, statistics)
+        return _recorded(master, stop_ticks, record_path, provenance, progress, statistics, texts)
 
 
 def _check_run(system: System, algorithm: str, stop_ticks: int, realtime: float, limit_s: float) -> None:
@@ -98,6 +109,13 @@ def _check_run(system: System, algorithm: str, stop_ticks: int, realtime: float,
         raise InputError(f"limit_s is a positive time, not {limit_s:g}")
 
 
+def _check_told(start_s: float, tolerance: float | None) -> None:
+    if not math.isfinite(start_s):
+        raise InputError(f"a run starts at a finite time in s, not {start_s}")
+    if tolerance is not None and not 0.0 < tolerance < math.inf:
+        raise InputError(f"the tolerance that FMUs are told is a positive number, not {tolerance:g}")
+
+
 def _recorded(
     master: Master,
     stop_ticks: int,
@@ -105,10 +123,12 @@ def _recorded(
     meta: Mapping[str, Any],
     progress: Progress | None,
     statistics: dict[str, Any] | None,
+    texts: Sequence[str],
 ) -> Record:
     """The run's record; whatever ends the run, what was logged is kept."""
     columns = (TIME, *master.layout.columns)
     master.plan.log(min(stop_ticks + 2, max(RING_CELLS // len(columns), 2 * MOST_TAKEN)))
+    found: dict[str, dict[str, Value]] = {name: {} for name in texts}
     sink: _Sink
     if path is None:
         sink = _Memory(columns, meta, master)
@@ -116,28 +136,43 @@ def _recorded(
         sink = ThreadedWriter(path, columns, meta, lambda most: _rows(master, LEAST_TAKEN, most, WAIT_MS))
     try:
         sink.start()
-        ended_by = _run(master, stop_ticks, sink, progress)
+        ended_by = _run(master, stop_ticks, sink, progress, found)
     except BaseException as error:
+        master.abandon()
         try:
-            sink.close(complete=False, reason=reason_of(error))
+            sink.close(complete=False, reason=reason_of(error), more=_said(master, found))
         except RunError as second:  # the first failure is the one that is reported
             error.add_note(str(second))
         raise
     finally:
         if statistics is not None:
             statistics.update(master.statistics())
-    sink.close(not ended_by, ended_by)
+    sink.close(not ended_by, ended_by, _said(master, found))
     return sink.record()
 
 
-def _run(master: Master, stop_ticks: int, sink: "_Sink", progress: Progress | None) -> str:
-    """Slices of about SLICE_S; what is logged is recorded whatever happens.
+def _said(master: Master, texts: Mapping[str, Mapping[str, Value]]) -> dict[str, Any]:
+    """What FMUs said in words: their messages, and strings and binaries that were asked for."""
+    found = {"messages": master.messages(), "texts": {n: dict(t) for n, t in texts.items() if t}}
+    return {key: value for key, value in found.items() if value}
+
+
+def _run(
+    master: Master,
+    stop_ticks: int,
+    sink: "_Sink",
+    progress: Progress | None,
+    texts: dict[str, dict[str, Value]],
+) -> str:
+    """Slices of about SLICE_S; what is logged is recorded whatever happens. `texts`: to be filled, by name.
 
     Returns "", or a sentence when an FMU ended the simulation before its time.
     """
     ticks, going = FIRST_SLICE, True
     try:
         master.initialise()
+        for name, value in master.texts(list(texts)).items():
+            texts[name]["start"] = value
         while going and master.tick < stop_ticks:
             began = time.perf_counter()
             going = master.run(min(stop_ticks, master.tick + ticks))
@@ -147,20 +182,24 @@ def _run(master: Master, stop_ticks: int, sink: "_Sink", progress: Progress | No
             if progress:
                 progress(master.tick)
         master.log_last()
+        master.log_finish()
+        for name, value in master.texts(list(texts)).items():
+            texts[name]["end"] = value
+        master.terminate()
         return "" if going else _ending(master)
     finally:
         master.log_finish()
 
 
 def _ending(master: Master) -> str:
-    time_s = master.tick * master.system.step_s
+    time_s = master.start_s + master.tick * master.system.step_s
     return f"component {master.ended_by()} asked to end the simulation at t = {time_s:.6g} s"
 
 
 def _rows(master: Master, at_least: int, most: int, wait_ms: int) -> np.ndarray:
     """Recorded rows [n, 1 + columns] out of the ring: cells, time from the tick."""
     cells = master.take(at_least, most, wait_ms)
-    cells[:, 0] = cells[:, 0].view(np.int64) * master.system.step_s
+    cells[:, 0] = master.start_s + cells[:, 0].view(np.int64) * master.system.step_s
     return cells
 
 
@@ -213,6 +252,9 @@ def _provenance(
     }
     if options.settings.algorithm in ("iterate", "adaptive"):
         found["settings"] = asdict(options.settings)
+    told = {"start_s": options.start_s, "told_stop_s": options.told_stop_s}
+    told["told_tolerance"] = options.told_tolerance
+    found |= {name: value for name, value in told.items() if value}
     if options.faults:
         found["faults"] = [fault.as_dict() for fault in options.faults]
     if changes:

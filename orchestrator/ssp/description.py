@@ -156,3 +156,4 @@ class Description:
     start_s: float
     stop_s: float | None
     simulation: Simulation
+    experiment: Place | None = None  # of its default experiment

@@ -13,6 +13,8 @@ from orchestrator.ssp.text import Text
 from specs.errors import nearest
 from specs.units import Unit
 
+NO_UNIT = "None"
+
 
 @dataclass(frozen=True)
 class Typed:
@@ -46,6 +48,20 @@ class Definitions:
                 element, f"the enumeration '{name}' is not defined; {nearest(name, self.enumerations)}"
             )
         return self.enumerations[name]
+
+    def unit_name(self, text: Text, element: Element, owner: str) -> str:
+        """The unit that `element` is in, "" for none; InputError for one that is not defined.
+
+        OMSimulator writes "None" where there is none.
+        """
+        name = element.get("unit", "")
+        if not name or name in self.units:
+            return name
+        if name == NO_UNIT:
+            text.warn(element, f"{owner}: the unit '{name}' is not defined; it is read as none")
+            return ""
+        choices = nearest(name, self.units) if self.units else "the file defines no unit"
+        raise text.error(element, f"{owner} has the undefined unit '{name}'; {choices}")
 
 
 def read_definitions(text: Text, groups: Mapping[str, list[Element]]) -> Definitions:
@@ -81,11 +97,7 @@ def read_type(text: Text, groups: Mapping[str, list[Element]], definitions: Defi
         return Typed(dimensions=dimensions)
     element, name = typed[0], xml_file.local(typed[0])
     text.children(element, "ssc:Enumeration type" if name == "Enumeration" else f"ssc:{name}")
-    unit_name = element.get("unit", "")
-    if unit_name and unit_name not in definitions.units:
-        raise text.error(
-            element, f"{owner} has the undefined unit '{unit_name}'; {nearest(unit_name, definitions.units)}"
-        )
+    unit_name = definitions.unit_name(text, element, owner)
     return Typed(
         name,
         unit_name,

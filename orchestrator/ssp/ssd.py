@@ -70,7 +70,8 @@ class _Reader:
             raise InputError(f"{self.text.shown} has no <System>")
         self.definitions = read_definitions(self.text, groups)
         self.variant(self.text.single(groups, "SSDVariant"))
-        start_s, stop_s = self.experiment(self.text.single(groups, "DefaultExperiment"))
+        experiment = self.text.single(groups, "DefaultExperiment")
+        start_s, stop_s = self.experiment(experiment)
         return Description(
             self.path,
             root.get("name", self.path.stem),
@@ -80,6 +81,7 @@ class _Reader:
             start_s,
             stop_s,
             read_simulation(self.text, root),
+            None if experiment is None else self.text.place(experiment),
         )
 
     def variant(self, element: Xml | None) -> None:
@@ -89,7 +91,7 @@ class _Reader:
             self.text.warn(element, f"this is a variant of '{base}'; it is simulated as it stands")
 
     def experiment(self, element: Xml | None) -> tuple[float, float | None]:
-        """(start, stop) in s; a run always begins at 0, so that another start is warned about."""
+        """(start, stop) in s; a start other than 0 is warned about."""
         if element is None:
             return 0.0, None
         self.text.children(element, "ssd:DefaultExperiment")
@@ -98,8 +100,8 @@ class _Reader:
         if stop < start:
             raise self.text.error(element, f"stopTime {stop:g} is before startTime {start:g}")
         if start != 0.0:
-            self.text.warn(element, f"startTime {start:g} is not honoured: runs begin at 0 and last as long")
-        return start, stop - start or None
+            self.text.warn(element, f"the run starts at {start:g} s (--start S chooses another time)")
+        return start, stop if stop > start else None
 
     # ---- elements ----
 

@@ -49,9 +49,13 @@ def read_mapping(root: Element, shown: str, warnings: list[str]) -> list[Entry]:
 def apply(
     entries: Iterable[Entry], values: Iterable[ParameterValue], warnings: list[str]
 ) -> list[ParameterValue]:
-    """Mapped values under their new names; what no entry maps is left out (SSP 2.0, 5.2.4)."""
+    """Mapped values under their new names; what no entry maps is left out, and said (SSP 2.0, 5.2.4)."""
     given = {value.name: value for value in values}
-    mapped = []
+    entries, mapped = list(entries), []
+    named = {entry.source for entry in entries}
+    for value in given.values():
+        if value.name not in named:
+            warnings.append(f"{value.place}: ignored: no mapping entry names the parameter '{value.name}'")
     for entry in entries:
         if entry.source not in given:
             warnings.append(f"{entry.place}: the parameter set has no parameter '{entry.source}' to map")

@@ -11,7 +11,7 @@ from orchestrator.ssp.conversion import Transformation
 from orchestrator.ssp.element_forms import VALUE_TYPES
 from orchestrator.ssp.ssc import Definitions, read_definitions, read_type_dimensions
 from orchestrator.ssp.text import Place, Text
-from specs.errors import InputError, nearest
+from specs.errors import InputError
 from specs.units import Unit
 
 
@@ -69,13 +69,7 @@ def _parameter(text: Text, element: Element, definitions: Definitions, shared: b
         raise text.error(element, f"parameter '{name}' has {len(typed)} values; a parameter has exactly one")
     given = typed[0]
     values = text.children(given, f"ssv:{xml_file.local(given)}").get("Value", [])
-    unit_name = given.get("unit", "")
-    if unit_name and unit_name not in definitions.units:
-        raise text.error(
-            given,
-            f"parameter '{name}' has the undefined unit '{unit_name}'; "
-            f"{nearest(unit_name, definitions.units)}",
-        )
+    unit_name = definitions.unit_name(text, given, f"parameter '{name}'")
     dimensions = read_type_dimensions(text, groups, f"parameter '{name}'")
     return ParameterValue(
         name,

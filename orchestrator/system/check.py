@@ -5,9 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator.files import archive
+from orchestrator.files.scratch import Scratch
 from orchestrator.ssp.description import Description
 from orchestrator.ssp.ssd import read_ssd
-from orchestrator.system.clocks import with_steps_and_clocks
+from orchestrator.system.clocks import check_step, default_step, with_steps_and_clocks
 from orchestrator.system.connections import Connections
 from orchestrator.system.flatten import SSD_NAME, Flattener
 from orchestrator.system.graph import Graph
@@ -20,21 +21,23 @@ from orchestrator.system.system import System
 from specs.errors import InputError, nearest
 from specs.signals import signals
 
-DEFAULT_STEP_S = 0.02
 IN_OUT = ("input", "output")
 
 
-def load_system(path: Path | str) -> System:
+def load_system(path: Path | str, step_s: float | None = None) -> System:
     """Read and check a system: `.ssp`, `.ssd` with its FMUs beside it, or a bare `.fmu`.
+
+    step_s  of a system that states none, or of a bare FMU; None: one that suits the FMUs
 
     Raises InputError, naming element and line, for whatever could not be simulated as described.
     """
     path = Path(path)
-    if path.suffix == ".fmu":
-        return system_of_fmu(path)
-    files, warnings = archive.Scratch(), []
+    check_step(step_s, f"system {path}")
+    if path.suffix.lower() == ".fmu":
+        return system_of_fmu(path, step_s)
+    files, warnings = Scratch(), []
     ssd = path
-    if path.suffix != ".ssd":
+    if path.suffix.lower() != ".ssd":
         ssd = files.path / "ssp" / SSD_NAME
         archive.unpack(path, ssd.parent, f"system {path}")
         if not ssd.is_file():
@@ -42,15 +45,18 @@ def load_system(path: Path | str) -> System:
         if others := sorted(p.name for p in ssd.parent.glob("*.ssd") if p.name != SSD_NAME):  # SSP 2.0, 3
             warnings.append(f"the package also holds {', '.join(others)}; {SSD_NAME} is used")
     root = ssd.resolve().parent
-    return _checked(read_ssd(root / ssd.name, root, ssd.name, warnings), root, files, warnings)
+    text = read_ssd(root / ssd.name, root, ssd.name, warnings)
+    return _checked(text, root, files, warnings, step_s)
 
 
-def _checked(text: Description, root: Path, files: archive.Scratch, warnings: list[str]) -> System:
+def _checked(
+    text: Description, root: Path, files: Scratch, warnings: list[str], given_s: float | None
+) -> System:
     graph = Flattener(root, files.path, warnings).flatten(text)
     if not graph.components:
         raise InputError(f"system {text.name} has no component")
     parameters = Parameters(graph)
-    step_s = text.simulation.step_s or DEFAULT_STEP_S
+    step_s = _step(text, graph, given_s)
     start = parameters.by_component()
     started = {n: replace(c, start=start[n]) for n, c in graph.components.items()}
     check_total(started.values())
@@ -59,6 +65,7 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
     system = System(
         name=text.name,
         step_s=step_s,
+        start_s=text.start_s,
         stop_s=text.stop_s,
         settings=text.simulation.settings,
         components=components,
@@ -66,6 +73,7 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
         inputs=connections.inputs,
         outputs=connections.outputs,
         warnings=(
+            *_step_warning(text, given_s, step_s),
             *_warnings(text, graph, connections),
             *graph.warnings,
             *dict.fromkeys(w for c in components.values() for w in c.model.warnings),
@@ -83,6 +91,26 @@ def _checked(text: Description, root: Path, files: archive.Scratch, warnings: li
     return replace(system, warnings=(*system.warnings, *_loops(system)))
 
 
+def _step(text: Description, graph: Graph, given_s: float | None) -> float:
+    """The step that the description states, else the one given, else one that suits its FMUs."""
+    own = text.simulation.step_s
+    if own is not None and given_s is not None and own != given_s:
+        raise InputError(
+            f"{text.simulation.place}: system {text.name} states its step itself, {own:g} s; "
+            f"it cannot be run with {given_s:g} s"
+        )
+    if own or given_s:
+        return own or given_s or 0.0
+    chosen = {path for path, _ in text.simulation.steps.items()}
+    components = [c for path, c in graph.components.items() if path not in chosen]
+    return default_step(c.model.fixed_internal_step_s for c in components)
+
+
+def _step_warning(text: Description, given_s: float | None, step_s: float) -> Iterator[str]:
+    if text.simulation.step_s is None and given_s is None:
+        yield f"system {text.name} states no step size; {step_s:g} s is used (--step S chooses another)"
+
+
 def _loops(system: System) -> Iterator[str]:
     """Algebraic loops, with their members: solved at the start, and what becomes of them in steps."""
     algorithm = system.settings.algorithm
@@ -96,8 +124,6 @@ def _loops(system: System) -> Iterator[str]:
 
 def _warnings(text: Description, graph: Graph, connections: Connections) -> Iterator[str]:
     """What is accepted, but may not be meant."""
-    if text.simulation.step_s is None:
-        yield f"system {text.name} states no step size; {DEFAULT_STEP_S} s is used"
     yield from _unknown_signals([c.name for c in text.system.connectors.values() if c.kind in IN_OUT])
     for node in graph.nodes.values():
         own = not node.port.owner and node.port.side == ""

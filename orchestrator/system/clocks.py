@@ -4,7 +4,8 @@ Periodic input clocks whose interval and shift are whole multiples of the compon
 else is connected to a clock is refused.  Source: FMI 3.0.2, 2.4.4 and 4.2.2; SSP 2.0, 5.3.2.
 """
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
@@ -16,6 +17,8 @@ from specs.errors import InputError, nearest
 
 SLACK = 1e-9  # relative: 0.1 / 0.02 is not quite 5
 MAX_MULTIPLE = 2**31
+DEFAULT_STEP_S = 0.02  # of a system that states none
+MAX_DENOMINATOR = 10**9  # of a step as a fraction: 1 ns
 
 
 def with_steps_and_clocks(
@@ -32,6 +35,27 @@ def with_steps_and_clocks(
         clocks = dict(input_clocks(component, multiple, step_s, graph.warnings))
         found[component.name] = replace(component, multiple=multiple, clocks=clocks)
     return found
+
+
+def check_step(step_s: float | None, shown: str) -> None:
+    """InputError for a step that is no time."""
+    if step_s is not None and not (step_s > 0.0 and math.isfinite(step_s)):
+        raise InputError(f"{shown}: a step must be a positive time in s, not {step_s}")
+
+
+def default_step(fixed: Iterable[float | None]) -> float:
+    """DEFAULT_STEP_S, or the multiple nearest to it of all `fixed` internal steps that are stated."""
+    internal = [Fraction(s).limit_denominator(MAX_DENOMINATOR) for s in fixed if s is not None]
+    if all(whole_steps(DEFAULT_STEP_S, float(s)) for s in internal if s):
+        return DEFAULT_STEP_S
+    common = Fraction(1)
+    for number, step in enumerate(s for s in internal if s):
+        common = step if number == 0 else _common_multiple(common, step)
+    return float(common) * max(1, round(DEFAULT_STEP_S / float(common)))
+
+
+def _common_multiple(a: Fraction, b: Fraction) -> Fraction:
+    return Fraction(math.lcm(a.numerator, b.numerator), math.gcd(a.denominator, b.denominator))
 
 
 def whole_steps(time_s: float | Fraction, step_s: float) -> int | None:

@@ -7,11 +7,11 @@ from fmus.toolchain.compiler import host
 from orchestrator.files import archive
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import ModelDescription, parse
-from orchestrator.fmi.units import compatible
+from orchestrator.fmi.units import compatible, undefined
 from orchestrator.fmi.variable import Variable
 from orchestrator.ssp import description
 from orchestrator.ssp.conversion import kind_of
-from orchestrator.ssp.description import Connector
+from orchestrator.ssp.description import Connector, Typed
 from specs.errors import InputError, nearest
 
 # Types of SSP 1.0 stand for all of their kind; those of SSP 2.0 must be the variable's own.
@@ -85,6 +85,13 @@ def check_connector(path: str, connector: Connector, component: Component) -> Va
     return variable
 
 
+def with_own_unit(typed: Typed, variable: Variable) -> Typed:
+    """A unit that the description only names is what the FMU says of that name."""
+    if typed.unit is None and typed.unit_name == variable.unit_name:
+        return replace(typed, unit=variable.unit)
+    return typed
+
+
 def _kind_fits(kind: str, variable: Variable) -> bool:
     """SSP 2.0, 5.2.1; a constant is a variability in FMI, with the causality output or local."""
     if kind == "constant":
@@ -97,9 +104,12 @@ def _check_type(connector: Connector, variable: Variable, shown: str) -> None:
     fitting = typed.type in ANY_OF_KIND or typed.type == variable.type or variable.type in ANY_OF_KIND
     if typed.type and (kind_of(typed.type) != kind_of(variable.type) or not fitting):
         raise InputError(f"{shown} is declared {typed.type}, but its type in the FMU is {variable.type}")
+    unit = f"{shown} is declared in {typed.unit_name}, but its unit in the FMU is {variable.unit_name}"
     if not compatible(typed.unit, variable.unit):
+        raise InputError(unit)
+    if typed.unit is None and undefined(typed.unit_name, None, variable.unit_name, variable.unit):
         raise InputError(
-            f"{shown} is declared in {typed.unit_name}, but its unit in the FMU is {variable.unit_name}"
+            f"{unit}; give {typed.unit_name} a <BaseUnit> in the description to have it converted"
         )
     for name, value in typed.items.items():
         if variable.items.get(name, value) != value:

@@ -26,7 +26,7 @@ from orchestrator.ssp.ssc import Typed
 from orchestrator.ssp.ssd import FMU_TYPES, SSP_TYPE, read_ssd
 from orchestrator.ssp.ssv import ParameterValue
 from orchestrator.ssp.text import Place, path_in_package
-from orchestrator.system.components import Fmus, check_connector
+from orchestrator.system.components import Fmus, check_connector, with_own_unit
 from orchestrator.system.connection_direction import TARGET_KINDS, ConnectionEnds, join
 from orchestrator.system.graph import Graph, Node, Scope
 from specs.errors import InputError, nearest
@@ -70,7 +70,8 @@ class Flattener:
             shown = path.relative_to(root).as_posix()
             if not path.is_file():
                 raise InputError(f"{component.place}: '{shown}' of component '{path_name}' is missing")
-            self.read[path] = read_ssd(path, root, shown, self.warnings)
+            text = self.read[path] = read_ssd(path, root, shown, self.warnings)
+            self.warnings.extend(_dropped(text, path_name))
         return self.read[path]
 
     def package(self, path: Path, component: ComponentElement) -> Path:
@@ -145,7 +146,8 @@ class _Instance:
             variable = check_connector(path, connector, component)
             kind = variable.causality if connector.kind == "unspecified" else connector.kind
             port = Port(path, connector.name)
-            self.graph.nodes[port] = Node(port, kind, connector.typed, connector.place, variable)
+            typed = with_own_unit(connector.typed, variable)
+            self.graph.nodes[port] = Node(port, kind, typed, connector.place, variable)
         self.graph.components[path] = component
         self.graph.places[path] = element.place
         self.graph.values[path] = [v for b in element.bindings for v in b.values(component.folder)]
@@ -230,6 +232,14 @@ class _Instance:
             self.graph.signals[into] = signal
             if connector.kind != "input":
                 self.graph.connect(Connection(signal, out, connector.place))
+
+
+def _dropped(text: Description, component: str) -> Iterator[str]:
+    """What only the outermost description says of a run."""
+    if text.simulation.place is not None:
+        yield f"{text.simulation.place}: ignored: our annotation counts in the outermost system only"
+    if text.experiment:
+        yield f"{text.experiment}: ignored: the default experiment of component {component} is not the run's"
 
 
 def _of(element: ComponentElement) -> str:

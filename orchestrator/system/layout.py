@@ -19,7 +19,7 @@ from orchestrator.ssp.description import Port
 from orchestrator.system.order import Order, dependency_order
 from orchestrator.system.stimuli import explain
 from orchestrator.system.system import System
-from records.schema import Column
+from records.schema import TIME, Column
 from specs.errors import InputError
 from specs.signals import signals as known_signals
 
@@ -110,6 +110,20 @@ def lay_out(system: System, record: Sequence[str] | str | None = None) -> Layout
     return _Builder(system, recorded_names(system, record)).layout()
 
 
+def column_name(system: System, name: str) -> str:
+    """The name of a connector's column: its own, but for one that is called as the column of time."""
+    return f"{system.name}.{name}" if name == TIME.name else name
+
+
+def check_texts(system: System, names: Iterable[str]) -> None:
+    """InputError for a name that is no string or binary of a component."""
+    for name in names:
+        component, variable_name = system.split(name)
+        variable = component.model.variable(variable_name, f"component {component.name}")
+        if variable.type not in BLOBS:
+            raise InputError(f"'{name}' is no text: it is of type {variable.type}; valid: {', '.join(BLOBS)}")
+
+
 def recorded_names(system: System, record: Sequence[str] | str | None) -> list[str]:
     """The names that `record` stands for."""
     if record is not None and record != "all":
@@ -152,7 +166,7 @@ class _Builder:
             sinks,
             blocks,
             tuple(self.moves()),
-            tuple(logged for name, port in self.recorded.items() for logged in self.logged(name, port)),
+            self.log(),
             dependency_order(list(self.system.components), self.system.links),
             tuple(cell for slot in slots if slot.type in BLOBS for cell in slot.cells),
         )
@@ -172,7 +186,7 @@ class _Builder:
         component, variable_name = self.system.split(name)
         variable = component.model.variable(variable_name, f"component {component.name}")
         if variable.type in NOT_NUMBERS:
-            raise InputError(f"'{name}' cannot be recorded: it is of type {variable.type}")
+            raise _not_a_number(name, variable.type)
         return Port(component.name, variable.name)
 
     def read(self, component: Component) -> list[str]:
@@ -205,6 +219,21 @@ class _Builder:
             source = self.sources[links[port].source]
             yield Move(position.get(port.owner, SINK), source, target, links[port].conversion)
 
+    def log(self) -> tuple[Logged, ...]:
+        """All columns; InputError where two would have one name."""
+        seen: dict[str, str] = {}
+        found = []
+        for name, port in self.recorded.items():
+            for logged in self.logged(name, port):
+                other = seen.setdefault(logged.column.name, name)
+                if other != name:
+                    raise InputError(
+                        f"'{other}' and '{name}' would both be recorded as '{logged.column.name}'; "
+                        "--record NAME (repeated) records one of them"
+                    )
+                found.append(logged)
+        return tuple(found)
+
     def logged(self, name: str, port: Port) -> Iterator[Logged]:
         if port.owner:
             variable = self.system.components[port.owner].model.variables[port.name]
@@ -215,10 +244,16 @@ class _Builder:
             unit = self.connectors[name].unit_name
             text = known[name].description if name in known else ""
         if slot.type in NOT_NUMBERS:
-            raise InputError(f"'{name}' cannot be recorded: it is of type {slot.type}")
+            raise _not_a_number(name, slot.type)
+        name = column_name(self.system, name)
         for number, cell in enumerate(slot.cells, 1):
             label = name if slot.size == 1 else f"{name}[{number}]"
             yield Logged(Column(label, unit, text, _column_type(slot.type)), cell, slot.type)
+
+
+def _not_a_number(name: str, kind: str) -> InputError:
+    way = "; --text notes its values at both ends of a run" if kind in BLOBS else ""
+    return InputError(f"'{name}' cannot be recorded: it is of type {kind}{way}")
 
 
 def _groups(component: Component, placed: Sequence[tuple[str, Slot]]) -> tuple[Group, ...]:

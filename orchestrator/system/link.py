@@ -6,7 +6,7 @@ On its way a signal has a form at each point (type, unit), and a conversion from
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from orchestrator.fmi.units import Affine, compatible, conversion
+from orchestrator.fmi.units import Affine, compatible, conversion, dimension, undefined
 from orchestrator.fmi.variable import RANGES
 from orchestrator.ssp.conversion import UNCHANGED, Conversion, ValueType, kind_of, transform
 from orchestrator.ssp.description import Connection, Port
@@ -20,12 +20,16 @@ UNKNOWN = Place("", 0)
 
 @dataclass(frozen=True)
 class Form:
-    """How a value is written at one point; empty or None where nothing says so."""
+    """How a value is written at one point; empty or None where nothing says so.
+
+    bare  the unit is of a description that names it without defining it (BaseUnit)
+    """
 
     value: ValueType = field(default_factory=ValueType)
     unit_name: str = ""
     unit: Unit | None = None
     relative: bool | None = None
+    bare: bool = False
 
     def or_else(self, other: "Form") -> "Form":
         """What `self` leaves open, from `other`."""
@@ -38,7 +42,7 @@ class Form:
             value = replace(value, items=theirs.items)
         named = self if self.unit_name else other
         relative = other.relative if self.relative is None else self.relative
-        return Form(value, named.unit_name, named.unit, relative)
+        return Form(value, named.unit_name, named.unit, relative, named.bare)
 
 
 def form_of(node: Node) -> Form:
@@ -46,7 +50,14 @@ def form_of(node: Node) -> Form:
     typed = node.typed
     generic = kind_of(typed.type) if typed.type in ("Real", "Integer") else ""
     value = ValueType("" if generic else typed.type, generic, typed.items)
-    return Form(value, typed.unit_name, typed.unit)
+    return Form(value, typed.unit_name, typed.unit, bare=is_bare(node))
+
+
+def is_bare(node: Node) -> bool:
+    """Whether only the description names the unit, and does not define it."""
+    typed, variable = node.typed, node.variable
+    own = variable is not None and variable.unit_name == typed.unit_name
+    return bool(typed.unit_name) and typed.unit is None and not own
 
 
 def variable_form(node: Node) -> Form:
@@ -151,13 +162,31 @@ class _Walk:
         self.check_types(wanted.value, place, port, transformed)
         if not suppress and wanted.unit_name and self.form.unit_name:
             if not compatible(self.form.unit, wanted.unit):
-                raise InputError(
-                    f"{place}: {self.port} [{self.form.unit_name}] does not fit {port} [{wanted.unit_name}]"
-                )
+                mine, theirs = self.form.unit_name, wanted.unit_name
+                if mine == theirs:  # two files that mean different things by one name
+                    mine += f", defined as {dimension(self.form.unit)}"
+                    theirs += f", defined as {dimension(wanted.unit)}"
+                raise InputError(f"{place}: {self.port} [{mine}] does not fit {port} [{theirs}]")
+            self.check_defined(wanted, place, port)
             between = conversion(self.form.unit, wanted.unit)
             between = Affine(between.scale) if self.form.relative else between
             self.conversion = self.conversion.then(Conversion(between))
+            if wanted.unit is None and wanted.unit_name == self.form.unit_name:
+                wanted = replace(wanted, unit=self.form.unit, bare=self.form.bare)
         self.form = wanted.or_else(self.form)
+
+    def check_defined(self, wanted: Form, place: Place, port: Port) -> None:
+        """Two names and no definition: nobody knows the factor between them."""
+        name = undefined(self.form.unit_name, self.form.unit, wanted.unit_name, wanted.unit)
+        if not name:
+            return
+        text = f"{self.port} [{self.form.unit_name}] and {port} [{wanted.unit_name}]: the unit '{name}'"
+        if self.form.bare or wanted.bare:
+            raise InputError(
+                f"{place}: {text} has no <BaseUnit> in the description; "
+                'give it one, or pass the value unchanged with suppressUnitConversion="true"'
+            )
+        self.graph.warnings.append(f"{place}: {text} is not defined by its FMU; values pass unchanged")
 
     def check_types(self, wanted: ValueType, place: Place, port: Port, transformed: bool) -> None:
         mine = self.form.value

@@ -4,22 +4,57 @@ from collections import Counter
 from typing import Any
 
 from orchestrator.fmi.component import Component, runs_here
+from orchestrator.fmi.library_check import broken_promises, lacking_abilities, unloadable
+from orchestrator.system.layout import column_name, lay_out
 from orchestrator.system.system import System
+from specs.errors import InputError
+
+
+def check_libraries(system: System) -> list[str]:
+    """Warnings on what FMUs promise and lack; InputError for a library that cannot be loaded and stepped.
+
+    The files are read, nothing of them is run.
+    """
+    warnings: dict[str, None] = {}
+    for component in system.components.values():
+        library, name = component.library, component.library.name
+        reason = unloadable(library) or next(broken_promises(library, component.model), "")
+        if reason:
+            raise InputError(f"{component}: its library {name} {reason}")
+        for lacking in lacking_abilities(library, component.model):
+            warnings[f"{component}: its FMU {lacking}"] = None
+    return list(warnings)
 
 
 def figures(system: System) -> dict[str, Any]:
-    """Components, connections and stepping of a system, and every warning."""
+    """Components, connections and stepping of a system, and every warning.
+
+    InputError for what would end a run before it starts: unloadable libraries, columns of one name.
+    """
+    libraries = check_libraries(system)
+    lay_out(system)
     return {
         "system": system.name,
         "step_s": system.step_s,
+        "start_s": system.start_s,
         "stop_s": system.stop_s,
         "algorithm": system.settings.algorithm,
         "connections": len(system.links),
         "inputs": len(system.inputs),
         "outputs": len(system.outputs),
         "components": [_component(c, system.step_s) for c in system.components.values()],
-        "warnings": list(system.warnings),
+        "warnings": [*system.warnings, *libraries, *renamed(system)],
     }
+
+
+def renamed(system: System) -> list[str]:
+    """Connectors that are recorded under another name than their own."""
+    names = [name for name in {**system.inputs, **system.outputs} if column_name(system, name) != name]
+    return [
+        f"connector {name} has the name of the record's first column; it is recorded as "
+        f"{column_name(system, name)}"
+        for name in names
+    ]
 
 
 def _component(component: Component, step_s: float) -> dict[str, Any]:

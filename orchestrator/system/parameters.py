@@ -7,7 +7,7 @@ connectors go where their connections lead.
 
 from collections.abc import Iterator
 
-from orchestrator.fmi.units import IDENTITY, Affine, compatible, conversion as between_units
+from orchestrator.fmi.units import IDENTITY, Affine, compatible, conversion as between_units, undefined
 from orchestrator.fmi.variable import Scalar, Value, Variable, checked_value
 from orchestrator.ssp.conversion import ENUMERATION, Transformation, ValueType, apply, apply_one, transform
 from orchestrator.ssp.description import Port
@@ -171,6 +171,12 @@ def in_form(value: ParameterValue, form: Form, shown: str) -> Value:
         )
     if not value.suppress and not compatible(value.unit, form.unit):
         raise InputError(f"{shown} is given in a unit that does not fit {form.unit_name}")
+    lacking = "" if value.suppress else undefined(value.unit_name, value.unit, form.unit_name, form.unit)
+    if lacking:
+        raise InputError(
+            f"{shown} is given in {value.unit_name}, but its unit is {form.unit_name}: '{lacking}' has no "
+            "definition (<BaseUnit>); give the value without a unit, or define it"
+        )
     between = between_units(value.unit, form.unit)
     if value.suppress or form.unit is None:
         between = IDENTITY

@@ -1,21 +1,18 @@
 """A bare FMU as a system of one component: its inputs and outputs are those of the system."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from orchestrator.files import archive
+from orchestrator.files.scratch import Scratch
 from orchestrator.fmi.model_description import ModelDescription, Variable, size_of
 from orchestrator.ssp.conversion import UNCHANGED
 from orchestrator.ssp.description import Port, Settings
-from orchestrator.system.clocks import input_clocks, whole_steps
+from orchestrator.system.clocks import check_step, default_step, input_clocks, whole_steps
 from orchestrator.system.components import unpacked
 from orchestrator.system.link import Link
 from orchestrator.system.system import System, SystemInput, SystemOutput
 from specs.errors import InputError
-
-DEFAULT_STEP_S = 0.02
 
 
 def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
@@ -24,7 +21,7 @@ def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
     Raises InputError for an FMU that is damaged, wrong, not for this platform, or that cannot take the step.
     """
     path = Path(path)
-    files = archive.Scratch()
+    files = Scratch()
     shown = f"FMU {path}"
     component = unpacked(path, files.path / "fmu", shown)
     model, name = component.model, component.name
@@ -37,6 +34,7 @@ def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
     return System(
         name=model.model_name or name,
         step_s=step,
+        start_s=model.default_start_s or 0.0,
         stop_s=model.default_stop_s,
         settings=Settings(),
         components={name: component},
@@ -73,12 +71,11 @@ def _input(v: Variable, size: int) -> SystemInput:
 
 
 def _step(model: ModelDescription, given: float | None, shown: str) -> float:
-    if given is not None and not (given > 0.0 and math.isfinite(given)):
-        raise InputError(f"{shown}: a step must be a positive time in s, not {given}")
+    check_step(given, shown)
     internal = model.fixed_internal_step_s
     step = given or model.default_step_s
     if step is None:
-        step = DEFAULT_STEP_S if internal is None else internal * max(1, round(DEFAULT_STEP_S / internal))
+        step = default_step([internal])
     if internal is not None and not whole_steps(step, internal):
         raise InputError(
             f"{shown}: a step of {step:g} s is no multiple of its fixed internal step, {internal:g} s"
@@ -91,4 +88,4 @@ def _warnings(model: ModelDescription, given: float | None, step: float, shown: 
     if given is None and model.default_step_s is None:
         yield f"{shown} names no step; it is run with {step:g} s"
     if model.default_start_s:
-        yield f"{shown} wants to start at {model.default_start_s:g} s; it is started at 0 s"
+        yield f"{shown} starts at {model.default_start_s:g} s (--start S chooses another time)"

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from orchestrator.files.archive import Scratch
+from orchestrator.files.scratch import Scratch
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import Value, checked_value
@@ -60,6 +60,7 @@ class SystemOutput:
 class System:
     """A checked system: components in declared order, links to their inputs, its own inputs and outputs.
 
+    `start_s`, `stop_s`: of its default experiment; `states_step`: it says itself how long its step is.
     `warnings` are full sentences for the user.  The unpacked FMUs live as long as this object.
     """
 
@@ -74,6 +75,8 @@ class System:
     warnings: tuple[str, ...]
     faults: tuple[Fault, ...] = ()
     parameters: Mapping[str, SystemParameter] = field(default_factory=dict)
+    start_s: float = 0.0
+    states_step: bool = True
     files: Scratch | None = field(default=None, repr=False, compare=False)
 
     def component(self, name: str) -> Component:

@@ -6,6 +6,7 @@ of one's own, once for each seed and fault set.  docs/how-to/campaigns.md shows 
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import product
@@ -18,6 +19,7 @@ from specs.errors import InputError, nearest
 from specs.faults import read_faults
 from specs.schema import STRICT, read_toml, validate
 
+OPTIONAL = ("step_s", "start_s", "tell_stop", "tell_tolerance")  # of a file: they count where they are given
 KEEP = ("none", "failed", "worst", "all")
 NOMINAL = "nominal"  # the machine as its parameter files describe it
 NO_FAULT = "no-fault"
@@ -54,10 +56,18 @@ class File:
     parameters: dict[str, float] = field(default_factory=dict)
     faults: tuple[str, ...] = (NO_FAULT,)
     trust: bool = False
+    step_s: float | None = None
+    start_s: float | None = None
+    tell_stop: bool = False
+    tell_tolerance: float | None = None
 
     def __post_init__(self) -> None:
-        if not self.stop_s > 0.0:
-            raise InputError(f"stop_s = {self.stop_s:g}: must be above 0")
+        if not self.stop_s > (self.start_s or 0.0):
+            raise InputError(f"stop_s = {self.stop_s:g}: must be above {self.start_s or 0:g}")
+        for name in ("step_s", "tell_tolerance"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise InputError(f"{name} = {value:g}: must be above 0")
 
 
 @dataclass(frozen=True)
@@ -238,8 +248,14 @@ def _of_file(file: File, faults: Mapping[str, Any], path: Path, where: str) -> I
     name = file.name or system.stem
     for fault, seed in product(file.faults, file.seeds):
         spec = asdict(file) | {"path": str(system), "name": name, "seed": seed, "fault": fault}
-        spec = {k: v for k, v in spec.items() if k not in ("seeds",)} | {"faults": faults[fault]}
+        spec = {k: v for k, v in spec.items() if k != "seeds" and not (k in OPTIONAL and not v)} | {
+            "faults": faults[fault]
+        }
         yield Run(f"{name}/{fault}/{seed}", spec)
+
+
+def _given(value: object) -> bool:
+    return value is not None and value is not False
 
 
 def _check_unique(runs: Sequence[Run], path: Path) -> None:

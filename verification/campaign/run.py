@@ -9,6 +9,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from orchestrator.files import scratch
 from orchestrator.system.check import load_system
 from orchestrator.system.pack import pack_system
 from specs.errors import InputError, nearest
@@ -88,6 +89,7 @@ def run_campaign(
     again = [_recorded(t, out) for t in tasks if t["key"] in wanted]
     for _ in pool.local([t for t in again if not Path(t["record"]).is_file()], jobs):
         report("keeping records")
+    scratch.clean()  # what workers that were killed by an FMU left
     return _conclude(plan, out, current, done)
 
 
@@ -109,7 +111,8 @@ def _tasks(plan: Plan, out: Path) -> list[Task]:
     for run in plan.runs:
         ssp = _system_of(run, packed)
         if ssp not in hashes:
-            hashes[ssp] = {name: c.sha256 for name, c in load_system(ssp).components.items()}
+            system = load_system(ssp, run.spec.get("step_s"))
+            hashes[ssp] = {name: c.sha256 for name, c in system.components.items()}
         tasks.append(
             {"key": run.key, "digest": digest(run, hashes[ssp], said), "spec": run.spec, "ssp": str(ssp)}
         )

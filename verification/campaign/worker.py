@@ -56,7 +56,8 @@ def _one(task: Task) -> Result:
 
 
 def _run(task: Task) -> tuple[Record, dict[str, Any], list[str]]:
-    spec, system = task["spec"], _system(task["ssp"])
+    spec = task["spec"]
+    system = _system(task["ssp"], spec.get("step_s"))
     more = {
         "faults": [Fault(**f) for f in spec["faults"]],
         "record_path": task.get("record"),
@@ -65,8 +66,22 @@ def _run(task: Task) -> tuple[Record, dict[str, Any], list[str]]:
     if "scenario" in spec:
         return _scenario(_find(spec["source"], spec["scenario"]), spec, system, more)
     names = list(spec["record"]) or None
-    ticks = round(spec["stop_s"] / system.step_s)
-    record = simulate(system, ticks, parameters=spec["parameters"], record=names, trust=spec["trust"], **more)
+    start_s = spec.get("start_s", system.start_s)
+    if spec["stop_s"] <= start_s:
+        raise InputError(
+            f"stop_s = {spec['stop_s']:g}: the system starts at {start_s:g} s; start_s = S changes that"
+        )
+    more |= {name: spec[name] for name in ("tell_stop", "tell_tolerance") if name in spec}
+    ticks = round((spec["stop_s"] - start_s) / system.step_s)
+    record = simulate(
+        system,
+        ticks,
+        parameters=spec["parameters"],
+        record=names,
+        trust=spec["trust"],
+        start_s=start_s,
+        **more,
+    )
     return record, _statistics(record), []
 
 
@@ -130,8 +145,8 @@ def _plain(value: float) -> float | None:
 
 
 @functools.lru_cache(maxsize=8)
-def _system(path: str) -> System:
-    return load_system(Path(path))
+def _system(path: str, step_s: float | None = None) -> System:
+    return load_system(Path(path), step_s)
 
 
 @functools.cache

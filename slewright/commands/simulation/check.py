@@ -12,6 +12,10 @@ from slewright.tables import show
 
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The system to check: .ssp, .ssd or .fmu.")],
+    step: Annotated[
+        float | None,
+        typer.Option("--step", metavar="S", help="Step in s of an FMU, or of a system that states none."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Load a system, show its parts and how it would be stepped, and every warning; nothing is run.
@@ -20,18 +24,18 @@ def check(
     """
     from orchestrator.system import check as checking, overview
 
-    system = checking.load_system(file)
+    system = checking.load_system(file, step)
     found = overview.figures(system)
     show(
         f"System {system.name}",
         ["component", "FMI", "model", "step [s]", "inputs", "outputs", "parameters", "types", "runs"],
         [_row(c) for c in found["components"]],
     )
-    summary = ("step_s", "stop_s", "algorithm", "connections", "inputs", "outputs")
+    summary = ("step_s", "start_s", "stop_s", "algorithm", "connections", "inputs", "outputs")
     show("Stepping", ["", "value"], [[name, _plain(found[name])] for name in summary])
-    for warning in system.warnings:
+    for warning in found["warnings"]:
         typer.echo(f"slewright: warning: {warning}", err=True)
-    count = len(system.warnings)
+    count = len(found["warnings"])
     typer.echo(f"{file}: can be simulated; {count} warning{'' if count == 1 else 's'}")
     write(json, found)
 

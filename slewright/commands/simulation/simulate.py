@@ -23,11 +23,17 @@ def simulate(
     ],
     stop: Annotated[
         float | None,
-        typer.Option("--stop", metavar="S", min=0.0, help="Simulated time in s (default: the system's)."),
+        typer.Option("--stop", metavar="S", help="Time at which the run ends, in s (default: the system's)."),
+    ] = None,
+    start: Annotated[
+        float | None,
+        typer.Option(
+            "--start", metavar="S", help="Time at which the run starts, in s (default: the system's, or 0)."
+        ),
     ] = None,
     step: Annotated[
         float | None,
-        typer.Option("--step", metavar="S", help="Step in s of a bare FMU (default: the one it asks for)."),
+        typer.Option("--step", metavar="S", help="Step in s of an FMU, or of a system that states none."),
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = None,
     algorithm: Annotated[
@@ -42,6 +48,19 @@ def simulate(
             metavar="NAME",
             help="What to record: a connector, component.variable, or all (default: connectors).",
         ),
+    ] = None,
+    text: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME", help="A string or binary, component.variable, to note at both ends of the run."
+        ),
+    ] = None,
+    tell_stop: Annotated[
+        bool, typer.Option("--tell-stop", help="Tell the FMUs at the start when the run will end.")
+    ] = False,
+    tell_tolerance: Annotated[
+        float | None,
+        typer.Option("--tell-tolerance", metavar="X", help="Tell the FMUs this relative tolerance."),
     ] = None,
     realtime: Annotated[
         float,
@@ -58,27 +77,15 @@ def simulate(
 ) -> None:
     """Run a system with its start values and record it."""
     from orchestrator.run import simulate as running
-    from orchestrator.system import check, single_fmu
+    from orchestrator.system import check, overview
 
-    if step is not None and system.suffix != ".fmu":
-        raise InputError(f"--step is for a bare .fmu; {system} states its step itself")
     if system.resolve() in (path.resolve() for path in (out, json) if path):
         raise InputError(f"{system} is to be read; the results need a file of another name")
-    loaded = check.load_system(system) if step is None else single_fmu.system_of_fmu(system, step)
-    for warning in loaded.warnings:
+    loaded = check.load_system(system, step)
+    for warning in (*loaded.warnings, *overview.renamed(loaded)):
         typer.echo(f"slewright: warning: {warning}", err=True)
-    stop = loaded.stop_s if stop is None else stop
-    if stop is None:
-        raise InputError(f"system {loaded.name} states no stop time; give one with --stop S")
-    if not math.isfinite(stop):
-        raise InputError(f"system {loaded.name}: --stop must be a finite time in s, not {stop}")
-    ticks, statistics = round(stop / loaded.step_s), {}
-    if abs(ticks * loaded.step_s - stop) > ROUNDING * stop:
-        end, step_s = ticks * loaded.step_s, loaded.step_s
-        typer.echo(
-            f"slewright: warning: the run ends at {end:g} s, a whole number of steps of {step_s:g} s",
-            err=True,
-        )
+    begin = loaded.start_s if start is None else start
+    ticks, statistics = _ticks(loaded, begin, stop), {}
     with progress("simulate") as report:
         found = running.simulate(
             loaded,
@@ -92,13 +99,50 @@ def simulate(
             timing=timing,
             trust=trust,
             limit_s=limit,
+            start_s=begin,
+            tell_stop=tell_stop,
+            tell_tolerance=tell_tolerance,
+            texts=text or (),
             statistics=statistics,
         )
     if not found.complete:
         typer.echo(f"slewright: warning: {found.reason}", err=True)
     typer.echo(f"written: {out}, run hash {found.meta['run_hash'][:16]}")
     _show(statistics, timing, realtime)
-    figures_file.write(json, {"run_hash": found.meta["run_hash"], "statistics": statistics}, seed)
+    said = {key: found.meta.get(key, {}) for key in ("messages", "texts")}
+    _show_words(**said)
+    figures_file.write(json, {"run_hash": found.meta["run_hash"], "statistics": statistics, **said}, seed)
+
+
+def _ticks(system: Any, start: float, stop: float | None) -> int:
+    """Whole steps of the run; InputError for an end that is none."""
+    stop = system.stop_s if stop is None else stop
+    if stop is None:
+        raise InputError(f"system {system.name} states no stop time; give one with --stop S")
+    for option, value in (("--start", start), ("--stop", stop)):
+        if not math.isfinite(value):
+            raise InputError(f"system {system.name}: {option} must be a finite time in s, not {value}")
+    if stop < start:
+        raise InputError(
+            f"system {system.name}: the run would stop at {stop:g} s, before it starts at {start:g} s; "
+            "--start S and --stop S choose other times"
+        )
+    ticks = round((stop - start) / system.step_s)
+    if abs(ticks * system.step_s - (stop - start)) > ROUNDING * max(abs(stop), stop - start):
+        end = start + ticks * system.step_s
+        typer.echo(
+            f"slewright: warning: the run ends at {end:g} s, a whole number of steps of {system.step_s:g} s",
+            err=True,
+        )
+    return ticks
+
+
+def _show_words(messages: dict[str, list[str]], texts: dict[str, dict[str, Any]]) -> None:
+    for component, lines in messages.items():
+        for line in lines:
+            typer.echo(f"{component} says: {line}")
+    for name, values in texts.items():
+        typer.echo(f"{name}: {values['start']!r} at the start, {values['end']!r} at the end")
 
 
 def _show(statistics: dict[str, Any], timing: bool, realtime: float) -> None:

@@ -19,6 +19,7 @@ import pytest
 from fmus.toolchain.compiler import host
 from orchestrator.files import archive
 from orchestrator.files.archive import unpack
+from orchestrator.files.scratch import Scratch
 from orchestrator.system.check import load_system
 from records.record import read, recording_path
 from specs.errors import InputError, RunError
@@ -174,9 +175,6 @@ LONG = "n" * 256
         ([("a", b"1"), ("a", b"2")], "entry 'a' is in the archive twice"),
         ([("a/b", b"1"), ("a//b", b"2")], "is in the archive twice"),
         ([("a/b", b"1"), ("./a/b", b"2")], "is in the archive twice"),
-        ([("a", b"1"), ("A", b"2")], "entry 'A' differs from 'a' only in case"),
-        ([("a/x", b"1"), ("A/y", b"2")], "entry 'A/y' differs from 'a' only in case"),
-        ([("a\u0308", b"1"), ("ä", b"2")], "differs from"),
         ([("a", b"1"), ("a/b", b"2")], "entry 'a/b' is inside of what is a file elsewhere"),
         ([("a/b", b"1"), ("a", b"2")], "entry 'a' is both a file and a folder"),
         ([("a/", b""), ("a", b"2")], "entry 'a' is both a file and a folder"),
@@ -191,6 +189,35 @@ def test_entries_that_are_refused(tmp_path: Path, entries: list[Entry], words: s
     message = unpacking(archived(tmp_path, *entries))
     assert words in message
     assert message.startswith("archive x: entry ")
+
+
+SPELT_ALIKE = [
+    ([("a", b"1"), ("A", b"2")], "entry 'A' differs from 'a' only in case"),
+    ([("a/x", b"1"), ("A/y", b"2")], "entry 'A/y' differs from 'a' only in case"),
+    ([("a\u0308", b"1"), ("ä", b"2")], "differs from"),
+]
+
+
+@pytest.mark.parametrize(("entries", "words"), SPELT_ALIKE)
+def test_names_that_differ_in_spelling_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entries: list[Entry], words: str
+) -> None:
+    path = archived(tmp_path, *entries)
+    monkeypatch.setattr(archive, "FOLDS_CASE", True)  # as on Windows and macOS
+    assert words in unpacking(path)
+    monkeypatch.setattr(archive, "FOLDS_CASE", False)
+    unpack(path, tmp_path / "both", "archive x")
+    assert sorted(p.read_bytes() for p in (tmp_path / "both").rglob("*") if p.is_file()) == [b"1", b"2"]
+
+
+def test_what_other_tools_write(tmp_path: Path) -> None:
+    """An entry twice with one content, a colon in a name, a name in code page 437."""
+    path = archived(tmp_path, ("a", b"1"), ("a", b"1"), ("at 1:2", b"2"), ("name", b"3"))
+    content = path.read_bytes().replace(b"name", b"n\x84me")
+    path.write_bytes(content)
+    unpack(path, tmp_path / "out", "archive x")
+    found = {p.name: p.read_bytes() for p in (tmp_path / "out").iterdir()}
+    assert found == {"a": b"1", "at 1:2": b"2", "näme": b"3"}
 
 
 def patched(path: Path, *changes: tuple[bytes, int, bytes]) -> Path:
@@ -211,7 +238,6 @@ LOCAL, CENTRAL, END = b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"
     [
         ([(CENTRAL, 8, b"\x01"), (LOCAL, 6, b"\x01")], "entry 'name' is encrypted"),
         ([(CENTRAL, 10, b"\x0c"), (LOCAL, 8, b"\x0c")], "is compressed by method 12; valid: stored"),
-        ([(CENTRAL, 46, b"n\xe4me"), (LOCAL, 30, b"n\xe4me")], "has a name that is not UTF-8"),
         ([(CENTRAL, 46, b"n\xe4me"), (CENTRAL, 9, b"\x08")], "has an entry whose name is not UTF-8"),
         ([(CENTRAL, 46, b"n\x00me")], "has a name with characters that no file name may have"),
         ([(CENTRAL, 46, b"came")], "is damaged: File name in directory"),
@@ -249,11 +275,11 @@ def test_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "unpacks to 2000000 bytes; accepted: 200 times as much" in unpacking(large)
     monkeypatch.setattr(archive, "MAX_BYTES", 3_000_000)
     monkeypatch.setattr(archive, "SMALL", 2_000_000)
-    first = archive.Scratch()
+    first = Scratch()
     unpack(large, first.path / "a", "archive x")
     with pytest.raises(InputError, match="2000000 bytes beside 2000000 bytes of the same package; accepted"):
         unpack(large, first.path / "b", "archive x")  # packages in a package share the limit
-    unpack(large, archive.Scratch().path / "b", "archive x")
+    unpack(large, Scratch().path / "b", "archive x")
     monkeypatch.setattr(archive, "MAX_BYTES", 1_999_999)
     assert "accepted: 20000 entries, 1999999 bytes" in unpacking(large)
 

@@ -146,4 +146,4 @@ def test_geometry_and_foreign_annotations_are_passed_over(tmp_path: Path) -> Non
 def test_a_missing_step_size_is_warned_of(tmp_path: Path) -> None:
     text = OSCILLATOR[: OSCILLATOR.index("  <ssd:Annotations>")] + "</ssd:SystemStructureDescription>"
     system = load(tmp_path, text, NAMES)
-    assert "system test states no step size; 0.02 s is used" in system.warnings
+    assert "system test states no step size; 0.02 s is used (--step S chooses another)" in system.warnings

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
+from orchestrator.run.simulate import simulate
 from orchestrator.ssp.element_forms import FORMS
 from tests.orchestrator.ssp.test_bad_ssd import line_of
 from tests.orchestrator.systems import OSCILLATOR, UNITS, component, connector, fmu, load, refused, ssd
@@ -155,9 +156,10 @@ def test_variants_are_warned_of(tmp_path: Path) -> None:
     assert any("this is a variant of 'base.ssd'; it is simulated as it stands" in w for w in warnings)
 
 
-def test_a_start_time_is_warned_of_and_the_length_kept(tmp_path: Path) -> None:
+def test_a_start_time_is_honoured_and_warned_of(tmp_path: Path) -> None:
     text = OSCILLATOR.replace(UNITS, UNITS + '<ssd:DefaultExperiment startTime="2" stopTime="5"/>', 1)
     system = load(tmp_path, text, NAMES)
-    assert system.stop_s == 3.0
-    assert any("startTime 2 is not honoured: runs begin at 0" in w for w in system.warnings)
+    assert (system.start_s, system.stop_s) == (2.0, 5.0)
+    assert any("the run starts at 2 s (--start S chooses another time)" in w for w in system.warnings)
+    assert list(simulate(system, 2).time) == [2.0, 2.01, 2.02]
     assert "stopTime 1 is before startTime 2" in refused(tmp_path, text.replace('"5"', '"1"'), NAMES)

@@ -15,7 +15,7 @@ from records.record import read
 from specs.errors import InputError
 from tests.conftest import Command
 from tests.orchestrator.ssp.test_bad_files import repacked
-from tests.orchestrator.systems import component, connector, fmu, liar, load, ssd
+from tests.orchestrator.systems import OSCILLATOR, component, connector, fmu, liar, load, ssd, write_ssp
 
 
 def described(folder: Path, source: Path, *changes: tuple[str, str]) -> Path:
@@ -76,7 +76,7 @@ def test_the_step(tmp_path: Path) -> None:
     assert system.step_s == 0.02
     assert [w.split("changed.fmu ")[1] for w in system.warnings] == [
         "names no step; it is run with 0.02 s",
-        "wants to start at 3 s; it is started at 0 s",
+        "starts at 3 s (--start S chooses another time)",
     ]
 
 
@@ -126,6 +126,11 @@ def test_the_command(tmp_path: Path, slewright: Command) -> None:
     record = read(out)
     assert len(record) == 11
     assert record.column("position")[-1] == pytest.approx(1.25)
-    refused = slewright("simulate", tmp_path / "a.ssp", "--out", out, "--step", "0.1")
+    stated = write_ssp(tmp_path, OSCILLATOR, ["position", "speed"])
+    refused = slewright("simulate", stated, "--out", out, "--step", "0.1")
     assert refused.returncode == 2
-    assert "--step is for a bare .fmu" in refused.stderr
+    assert "states its step itself, 0.01 s; it cannot be run with 0.1 s" in refused.stderr
+    silent = write_ssp(tmp_path, OSCILLATOR.replace('stepSize="0.01"', ""), ["position", "speed"])
+    done = slewright("simulate", silent, "--out", out, "--step", "0.1", "--start", "2", "--stop", "3")
+    assert done.returncode == 0, done.stderr
+    assert list(read(out).time[[0, 1, -1]]) == [2.0, 2.1, 3.0]
