@@ -70,7 +70,7 @@ def run(
         try:
             while left:
                 done, left = wait(left, return_when=FIRST_COMPLETED)
-                for future in done:
+                for future in sorted(done, key=lambda f: f.exception() is not None):  # what is made first
                     members += [future.result()] if future.result().variant == MEMBERS else []
                     yield future.result()
         finally:

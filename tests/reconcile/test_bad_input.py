@@ -174,7 +174,10 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
         lambda g: g.columns_are(UNITS | {"position": "bar"}),
         ["position", "'bar' does not measure what m does"],
     ),
-    "an unknown unit": (lambda g: g.columns_are(UNITS | {"force": "furlong"}), ["force", "furlong", "N"]),
+    "an unknown unit": (
+        lambda g: g.columns_are(UNITS | {"force": "furlong"}),
+        ["force", "it has force [furlong]", "--map"],
+    ),
     "mm without unit": (
         lambda g: g.columns_are(UNITS | {"position": ""}, position=1e3 * COLUMNS["position"]),
         ["column position states no unit", "Is it in mm?", "'position [mm]'"],

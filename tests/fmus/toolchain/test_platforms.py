@@ -97,7 +97,8 @@ def test_sanitizers_find_nothing(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fmi_version", [2, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("fmi_version", [2, 3])
 def test_cross_builds_have_a_binary_for_each_platform(fmi_version: int, tmp_path: Path) -> None:
     targets = ["x86_64-windows", "aarch64-linux", "aarch64-darwin"]
     fmu = build_fmu(OSCILLATOR, fmi_version, targets, out=tmp_path)

@@ -14,6 +14,7 @@ typedef const char *Text(void);
 typedef void Reset(SlrState *);
 typedef void Restart(SlrState *, int32_t, int32_t, double);
 typedef int Observe(const SlrInput *, const SlrState *, double *);
+typedef void Ladder(const SlrInput *, const SlrState *, int64_t *);
 typedef void Limit(SlrState *, const double *);
 typedef void Step(const SlrInput *, SlrState *, int64_t, SlrOutput *);
 
@@ -35,7 +36,9 @@ int main(int argc, char **argv) {
   }
   SlrState *state = malloc(size());
   Observe *observe = (Observe *)dlsym(library, "slr_observe");
+  Ladder *ladder = (Ladder *)dlsym(library, "slr_ladder");
   double board[SLR_BOARD];
+  int64_t told[SLR_LADDER];
   SlrInput in;
   SlrOutput out;
   Limit *limit = (Limit *)dlsym(library, "slr_limit");
@@ -48,6 +51,7 @@ int main(int argc, char **argv) {
     if (every > 0 && in.tick % every == 0) fwrite(state, size(), 1, stdout);
     observe(&in, state, board); /* leaves the state as it is */
     step(&in, state, in.tick, &out);
+    ladder(&in, state, told); /* likewise */
     fwrite(&out, sizeof out, 1, stdout);
   }
   fwrite(state, size(), 1, stdout);
