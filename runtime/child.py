@@ -14,6 +14,7 @@ import signal
 import sys
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
 USED = "in-use"  # in a run's folder: locked, and shared, by each of its processes
@@ -28,11 +29,11 @@ def end_with_parent(parent: int, number: int = signal.SIGTERM) -> None:
         sys.exit(f"slewright: the process {parent} that started this one has ended")
 
 
-def use(folder: Path) -> int:
-    """Say that this process uses a run's folder, until the file descriptor returned is closed."""
-    descriptor = os.open(folder / USED, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    fcntl.flock(descriptor, fcntl.LOCK_SH)
-    return descriptor
+def use(folder: Path) -> IO[str]:
+    """Say that this process uses a run's folder, until the file returned is closed."""
+    held = (folder / USED).open("w")
+    fcntl.flock(held, fcntl.LOCK_SH)
+    return held
 
 
 def remove_unused(folder: Path) -> None:
@@ -51,12 +52,12 @@ def main() -> None:
     parent, folder, module = int(sys.argv[1]), sys.argv[2], sys.argv[3]
     end_with_parent(parent)
     sys.argv = sys.argv[3:]
-    descriptor = use(Path(folder)) if folder else -1
+    held = use(Path(folder)) if folder else None
     try:
         runpy.run_module(module, run_name="__main__", alter_sys=True)
     finally:
-        if folder:
-            os.close(descriptor)
+        if held:
+            held.close()
             if os.getppid() != parent:  # else the supervisor removes it
                 remove_unused(Path(folder))
 

@@ -8,7 +8,6 @@ itself after a failure nobody looked at; its valves go neutral by the plant's ow
 
 import fcntl
 import json
-import os
 import shutil
 import signal
 import sys
@@ -166,9 +165,7 @@ class Supervisor:
         self._notifier.close()
         for held in self._locks:
             held.close()
-        if self._used >= 0:
-            os.close(self._used)
-            self._used = -1
+        self._used.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _ended(self, code: int) -> dict[str, Any]:
@@ -206,7 +203,12 @@ class Supervisor:
         wanted = self.wanted.retain
         if wanted is None:
             return {}
-        return Retained(Folder(wanted.folder), retained_layout(wanted.signals)).load()
+        kept = Retained(Folder(wanted.folder), retained_layout(wanted.signals))
+        values = kept.load()
+        for name in kept.damaged:  # it may have been the newer one
+            said = f"retained values in {wanted.folder}: {name} is damaged, those of the other copy are used"
+            sys.stderr.write(f"slewright: {said}\n")
+        return values
 
     def _prepare(self) -> None:
         if self.wanted.hmi:

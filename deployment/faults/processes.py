@@ -26,6 +26,7 @@ from deployment.hil.rig import BUS_PRIORITY, HOST, MACHINE_PRIORITY, free_port, 
 from runtime.bundle import Bundle
 from runtime.can.busd import start_bus
 from runtime.can.port import open_bus
+from runtime.child import use
 from runtime.image import Flag
 from runtime.realtime import sleep_until
 from runtime.shared import private_folder
@@ -54,6 +55,7 @@ class Plant:
         self.folder = Path(tempfile.mkdtemp(prefix="slewright-faults-"))
         self._stack.callback(shutil.rmtree, self.folder, ignore_errors=True)
         sockets = private_folder("slewright-bus-")
+        self._stack.callback(use(sockets).close)
         self._stack.callback(shutil.rmtree, sockets, ignore_errors=True)
         self.channel = sockets / "bus"
         bus = start_bus(self.channel)

@@ -24,6 +24,7 @@ from typing import Any, Self
 from deployment.hil.planner import Planner
 from records.record import Record, read
 from runtime.can.busd import start_bus
+from runtime.child import use
 from runtime.helpers import ROOT
 from runtime.realtime import PRIORITY
 from runtime.shared import private_folder
@@ -58,6 +59,7 @@ class Rig:
         self.setting = setting
         self.folder = Path(tempfile.mkdtemp(prefix="slewright-hil-"))
         self.sockets = private_folder("slewright-bus-")
+        self._used = use(self.sockets)  # what is left by a rig that was killed is removed by the next run
         self.port = free_port()
         self._bus: subprocess.Popen[bytes] | None = None
         self._machine: subprocess.Popen[str] | None = None
@@ -155,6 +157,7 @@ class Rig:
                 process.wait()
         shutil.rmtree(self.folder, ignore_errors=True)
         shutil.rmtree(self.sockets, ignore_errors=True)
+        self._used.close()
 
     def _running(self) -> subprocess.Popen[str]:
         assert self._machine  # noqa: S101  (within the context)

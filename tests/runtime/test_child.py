@@ -58,10 +58,10 @@ def test_the_last_process_of_a_run_removes_its_folder(tmp_path: Path):
     folder = tmp_path / "run"
     folder.mkdir()
     first, second = use(folder), use(folder)
-    os.close(first)
+    first.close()
     remove_unused(folder)
     assert folder.is_dir()
-    os.close(second)
+    second.close()
     remove_unused(folder)
     assert not folder.exists()
     remove_unused(folder)  # gone already
