@@ -20,11 +20,16 @@ PR_SET_PDEATHSIG = 1  # linux/prctl.h
 USED = "in-use"  # in a run's folder: locked, and shared, by each of its processes
 
 
-def end_with_parent(parent: int, number: int = signal.SIGTERM) -> None:
-    """Be sent `number` when the parent ends; end now if it has ended already."""
+def die_with_parent(number: int) -> None:
+    """Be sent this signal when the process that started this one ends, however it ends."""
     prctl = getattr(ctypes.CDLL(None), "prctl", None)  # Linux only
     if prctl:
         prctl(PR_SET_PDEATHSIG, ctypes.c_ulong(number), 0, 0, 0)
+
+
+def end_with_parent(parent: int) -> None:
+    """Be ended when the parent ends; end now if it has ended already."""
+    die_with_parent(signal.SIGTERM)
     if os.getppid() != parent:
         sys.exit(f"slewright: the process {parent} that started this one has ended")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from runtime.realtime import die_with_parent
+from runtime.child import die_with_parent
 from specs.errors import InputError
 
 END_S = 5.0  # how long a helper may take to finish its files

@@ -5,8 +5,10 @@ that do nothing lock nobody out.  Some places are kept for those nearer to the m
 Modbus, whoever may write.  Who is in the middle of something, the writer above all, is never sent away.
 """
 
+import socket
 from collections.abc import Collection
-from typing import Protocol, TypeVar
+from ipaddress import ip_address
+from typing import Any, Protocol, TypeVar
 
 KEEPALIVE = (30, 10, 3)  # s without news, s between probes, probes: then a peer that is gone is noticed
 
@@ -31,6 +33,20 @@ class Guest(Protocol):
 
 
 G = TypeVar("G", bound=Guest)
+
+
+def is_near(address: str) -> bool:
+    """Whether an address is this computer's."""
+    return ip_address(address.split("%")[0]).is_loopback
+
+
+def keep_alive(connection: Any) -> None:
+    """Notice a peer that is gone without a word; `connection` is a socket, or asyncio's stand-in for one."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    names = ("TCP_KEEPIDLE", "TCP_KEEPINTVL", "TCP_KEEPCNT")
+    for option, value in zip(names, KEEPALIVE, strict=True):
+        if hasattr(socket, option):
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
 
 
 def leaves(guests: Collection[G], newcomer: G, places: int, kept: int) -> G | None:

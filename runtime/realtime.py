@@ -19,7 +19,7 @@ from specs.errors import InputError
 PRIORITY = 80  # SCHED_FIFO; above it only what the kernel itself needs (threaded interrupts have 50)
 MCL_CURRENT, MCL_FUTURE = 1, 2  # sys/mman.h
 TIMER_ABSTIME = 1  # time.h
-PR_SET_PDEATHSIG, PR_SET_TIMERSLACK = 1, 29  # linux/prctl.h
+PR_SET_TIMERSLACK = 29  # linux/prctl.h
 EINTR = 4
 CPU_LATENCY = "/dev/cpu_dma_latency"  # µs wanted, as 4 bytes, while the file is open
 ISOLATED = Path("/sys/devices/system/cpu/isolated")  # by isolcpus=: outside the set that processes start with
@@ -87,11 +87,6 @@ def release() -> None:
         kept = os.sched_getscheduler(0) & os.SCHED_RESET_ON_FORK  # only who is privileged may give that back
         os.sched_setscheduler(0, os.SCHED_OTHER | kept, os.sched_param(0))
     getattr(_libc, "munlockall", lambda: 0)()
-
-
-def die_with_parent(signal_number: int) -> None:
-    """Be sent `signal_number` when the process that started this one ends, however it ends."""
-    _prctl(PR_SET_PDEATHSIG, signal_number)
 
 
 def check_core(core: int | None) -> None:

@@ -23,9 +23,8 @@ OTHER = int(Flag.OTHER_CONTROLLER)
 LISTEN_EVERY_S = 0.01
 # Words at the beginning of SlrWire (runtime/core/wire.h).
 STAMP, FLAGS, PASSIVE, OFF, WAS_OFF, LOST, WRONG, OURS, REMOTE, IGNORED = range(10)
-HEARD = len(
-    received_by(NODE)
-)  # lengths of the arrays after them: IGNORED, counters, ticks, refused, repeated
+# The arrays after them have an element for each message: ignored, counters, ticks, refused, repeated.
+HEARD = len(received_by(NODE))
 REFUSED = IGNORED + 3 * HEARD
 
 

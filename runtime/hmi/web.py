@@ -21,7 +21,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from runtime.hmi.hub import Hub
 from runtime.hmi.sessions import Refused
-from runtime.places import KEEPALIVE, leaves
+from runtime.places import is_near, keep_alive, leaves
 
 PAGE = Path(__file__).parent / "page"
 FULL_STREAMS = "too many pages are open at this controller: close some, or look from its own computer"
@@ -120,16 +120,8 @@ class Site(ThreadingHTTPServer):
             return
         if leaving is not None:
             _end(leaving.connection)
-        self._keep_alive(request)
+        keep_alive(request)
         super().process_request(request, client_address)
-
-    @staticmethod
-    def _keep_alive(connection: socket.socket) -> None:
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        names = ("TCP_KEEPIDLE", "TCP_KEEPINTVL", "TCP_KEEPCNT")
-        for option, value in zip(names, KEEPALIVE, strict=True):
-            if hasattr(socket, option):
-                connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
 
     def stream(self, connection: socket.socket) -> bool:
         """Whether a connection may become a stream; some are kept for this computer."""
@@ -323,11 +315,6 @@ class Handler(BaseHTTPRequestHandler):
 def secure(site: Site, context: ssl.SSLContext) -> None:
     """Speak TLS; each connection shakes hands in its own thread, when it first reads."""
     site.socket = context.wrap_socket(site.socket, server_side=True, do_handshake_on_connect=False)
-
-
-def is_near(address: str) -> bool:
-    """Whether an address is this computer's."""
-    return ip_address(address.split("%")[0]).is_loopback
 
 
 def _end(connection: socket.socket) -> None:

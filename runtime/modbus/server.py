@@ -7,12 +7,10 @@ from this machine only; over TLS the client's certificate says what it may (`rol
 """
 
 import asyncio
-import socket
 import ssl
 import time
 from contextvars import ContextVar
 from functools import partial
-from ipaddress import ip_address
 from itertools import islice
 from typing import Any, cast
 
@@ -32,7 +30,7 @@ from runtime.modbus.holding import Event, Holding
 from runtime.modbus.roles import common_name, may_write
 from runtime.modbus.showing import Showing
 from runtime.modbus.told import Teller
-from runtime.places import KEEPALIVE, leaves
+from runtime.places import is_near, keep_alive, leaves
 from runtime.shared import Cell
 from specs.errors import InputError
 from specs.signals import definition
@@ -69,7 +67,7 @@ class Connection(ServerRequestHandler):
         """See who it is, and whether there is room."""
         super().callback_connected()
         peer = self.transport.get_extra_info("peername") or ("", 0)
-        local = bool(peer[0]) and ip_address(peer[0].split("%")[0]).is_loopback
+        local = bool(peer[0]) and is_near(peer[0])
         self.writes, self.name = local, f"{peer[0]}:{peer[1]}"
         secure = self.transport.get_extra_info("ssl_object")
         if secure is not None:
@@ -86,11 +84,7 @@ class Connection(ServerRequestHandler):
         transport: Any = self.transport
         end = transport.get_extra_info("socket")
         if end is not None:
-            end.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            names = ("TCP_KEEPIDLE", "TCP_KEEPINTVL", "TCP_KEEPCNT")
-            for option, value in zip(names, KEEPALIVE, strict=True):
-                if hasattr(socket, option):
-                    end.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
+            keep_alive(end)
         if hasattr(transport, "max_size"):
             transport.max_size = BUFFERED
 

@@ -42,7 +42,7 @@ class Source:
     def blocks(self) -> Iterator[bytes]:
         """Whole lines as UTF-8, each ended by one \\n; a last line without its end is left out."""
         rest = b""
-        for text in self._decoded():
+        for text in self.decoded():
             whole, end, begun = text.rpartition(b"\n")
             if end:
                 yield rest + whole + end
@@ -50,15 +50,7 @@ class Source:
             else:
                 rest += begun
 
-    def tail(self) -> bytes:
-        """What follows the last line's end."""
-        rest = b""
-        for text in self._decoded():
-            _, end, begun = text.rpartition(b"\n")
-            rest = begun if end else rest + begun
-        return rest
-
-    def _decoded(self) -> Iterator[bytes]:
+    def decoded(self) -> Iterator[bytes]:
         """The file as UTF-8 with \\n as the end of a line."""
         plain = self.encoding == "utf-8"
         decoder = codecs.getincrementaldecoder(self.encoding)(errors="strict")
@@ -93,11 +85,12 @@ def opened(path: Path, encoding: str | None, notes: list[str]) -> Source:
 
 def _counted(found: Source, notes: list[str]) -> Source:
     """The source with the number of its lines."""
-    path, lines = found.path, 0
+    path, lines, tail = found.path, 0, b""
     try:
-        for block in found.blocks():
-            lines += block.count(b"\n")
-        tail = found.tail()
+        for text in found.decoded():
+            lines += text.count(b"\n")
+            _, end, begun = text.rpartition(b"\n")
+            tail = begun if end else tail + begun
     except UnicodeError as error:
         raise InputError(
             f"{path}: line {lines + 1} or after it is not {found.encoding} "
