@@ -73,7 +73,11 @@ FLAGS = {
         "by the kernel or the host of a virtual machine",
     ),
     Flag.BUS_PASSIVE: (Level.WARNING, "CAN bus error-passive", "many errors: cable, termination, bit rate"),
-    Flag.BUS_OFF: (Level.CRITICAL, "CAN bus off", "the controller has left the bus: short circuit, bit rate"),
+    Flag.BUS_OFF: (
+        Level.CRITICAL,
+        "CAN bus off or gone",
+        "short circuit, bit rate, or its interface or process has ended",
+    ),
     Flag.RECORDER_LOST: (Level.WARNING, "Recorder does not work", "ticks are not recorded"),
     Flag.MODBUS_LOST: (Level.WARNING, "Modbus server does not work", "no targets come from there"),
     Flag.RETAIN_LOST: (Level.WARNING, "Retained values are not saved", "they would be old after a power cut"),
