@@ -155,4 +155,5 @@ def plain(alarm: Alarm) -> dict[str, Any]:
         "since": round(alarm.since, 3),
         "gone": None if alarm.gone is None else round(alarm.gone, 3),
         "acknowledged": alarm.acknowledged,
+        "shelved": alarm.shelved,
     }
