@@ -130,7 +130,10 @@ def test_a_bus_that_went_away_and_came_back_is_said_and_clears_no_fault(tmp_path
     modes: set[tuple[int, int]] = set()
     audit = tmp_path / "audit" / "audit-refused.jsonl"
 
+    states: list[int] = []
+
     def look(now: Counts) -> None:
+        states.append(now.bus_off)
         if now.ticks:
             modes.add((now.mode, now.fault))
             buses[0].kill()
@@ -143,7 +146,7 @@ def test_a_bus_that_went_away_and_came_back_is_said_and_clears_no_fault(tmp_path
             others[0].send_raw(0x18FF1080 | EXTENDED, bytes(8))
 
     with Supervisor(path) as supervisor:
-        supervisor.run(look, lambda: audit.exists() and "is back" in audit.read_text())
+        supervisor.run(look, lambda: states[-1:] == [0] and audit.exists() and "is back" in audit.read_text())
     said = capfd.readouterr().err
     assert "bus is gone or off; when it is there again at the same path, it is joined\n" in said
     assert "bus is back\n" in said
