@@ -12,11 +12,13 @@ import runpy
 import shutil
 import signal
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
+YOUNG_S = 60.0  # for which a folder may still be in the making
 USED = "in-use"  # in a run's folder: locked, and shared, by each of its processes
 
 
@@ -50,6 +52,25 @@ def remove_unused(folder: Path) -> None:
             shutil.rmtree(folder, ignore_errors=True)
         finally:
             os.close(descriptor)
+
+
+def left_by_older(folder: Path) -> bool:
+    """Whether a folder is of an older version, which did not say who uses it, and no process here does.
+
+    Such a one is named, not removed: its processes may be those of another container.
+    """
+    if (folder / USED).exists() or time.time() - folder.stat().st_mtime < YOUNG_S:
+        return False
+    return not any(_names(process, folder) for process in Path("/proc").glob("[0-9]*"))
+
+
+def _names(process: Path, folder: Path) -> bool:
+    """Whether a process has the folder's name in its arguments, or a file of it in its memory."""
+    for part in ("cmdline", "maps"):
+        with suppress(OSError):
+            if os.fsencode(folder) in (process / part).read_bytes():
+                return True
+    return False
 
 
 def main() -> None:

@@ -38,7 +38,7 @@ from runtime.shared import Cell
 from runtime.statistics import Statistics
 
 LISTEN_S = 0.2  # twice the cycle of the slowest message that a controller sends
-COUNTS = struct.Struct("<8q")  # cell `counts`: see `Publisher.send`
+COUNTS = struct.Struct("<9q")  # cell `counts`: see `Publisher.send`
 COUNTS_HOLD = "counts"
 EVERY = 50  # ticks between what is published once a second
 
@@ -50,7 +50,7 @@ class Publisher:
         self.counts, self.found, self.retain = counts, found, retain
         self._places = [OUTPUT.at(name) for name in names]
         self._watch = Watch(retain) if retain else None
-        self._flags = 0
+        self._flags = self._off = 0
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """See whether the retain process works."""
@@ -60,8 +60,10 @@ class Publisher:
 
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """Publish, if it is time."""
-        if tick % EVERY:
+        off = int(outputs["flags"]) & int(Flag.BUS_OFF)
+        if tick % EVERY and off == self._off:  # that the bus is gone is said at once
             return
+        self._off = off
         found, value = self.found, outputs["value"]
         mode, fault = int(value[OUTPUT.index["control_mode"]]), int(value[OUTPUT.index["fault_code"]])
         counts = (
@@ -73,6 +75,7 @@ class Publisher:
             mode,
             fault,
             tick,
+            off,
         )
         self.counts.write(COUNTS.pack(*counts))
         if self.retain:

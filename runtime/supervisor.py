@@ -22,7 +22,8 @@ from typing import IO, Any, Self
 from runtime import bundle, configuration
 from runtime.archive import start
 from runtime.can.native import check as check_frames
-from runtime.child import USED, remove_unused, use
+from runtime.can.port import AGAIN
+from runtime.child import USED, left_by_older, remove_unused, use
 from runtime.control_process import COUNTS, COUNTS_HOLD
 from runtime.helpers import Helper
 from runtime.hmi import tokens
@@ -61,6 +62,7 @@ class Counts:
     mode: int = 0
     fault: int = 0
     tick: int = 0
+    bus_off: int = 0
 
 
 class Supervisor:
@@ -89,6 +91,9 @@ class Supervisor:
         for left in self.folder.parent.glob(f"slewright-*/{USED}"):  # by runs that were killed
             remove_unused(left.parent)
         self._used = use(self.folder)
+        for left in _left_by_older(self.folder):
+            said = f"{left} was left by an older version's run; no process here uses it: remove it by hand"
+            sys.stderr.write(f"slewright: {said}\n")
         self._ports, self._hmi_port = self.folder / "ports", self.folder / "hmi.port"
         self.tokens: dict[str, str] = {}  # by role, where they were made now: to be shown once
         self.helpers: list[Helper] = []
@@ -101,6 +106,7 @@ class Supervisor:
         self.control = self._helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
         self._notifier = Notifier.of()
+        self._bus_off = False
 
     def __enter__(self) -> Self:
         try:
@@ -137,6 +143,7 @@ class Supervisor:
         """
         while (code := self.watch()) is None and not stop():
             report(now := self.now())
+            self._say_bus(bool(now.bus_off))
             self._notifier.ticked(now.ticks, self._status(now))
             if now.ticks >= PROVEN_TICKS and not self.wanted.shadow:
                 self._prove()
@@ -149,6 +156,13 @@ class Supervisor:
         for helper in self.helpers:  # files are whole when this returns
             helper.end()
         return self._ended(code)
+
+    def _say_bus(self, off: bool) -> None:
+        """On the console: that the bus is gone, and that it is back."""
+        if off != self._bus_off:
+            self._bus_off = off
+            said = f"gone or off; {AGAIN[self.wanted.can.interface]}" if off else "back"
+            sys.stderr.write(f"slewright: the CAN bus {self.wanted.can.channel} is {said}\n")
 
     def now(self) -> Counts:
         """The counts published last."""
@@ -250,6 +264,7 @@ class Supervisor:
             "tokens": str(wanted.tokens.resolve()),
             "audit": str(wanted.audit.resolve()),
             "tls": wanted.tls and {k: str(getattr(wanted.tls, k).resolve()) for k in ("certificate", "key")},
+            "bus_again": AGAIN[self.wanted.can.interface],
             "about": {
                 "machine": ("simulated machine" if simulated else self.path.stem)
                 + SHADOW * self.wanted.shadow,
@@ -309,6 +324,12 @@ class Supervisor:
     def _alive(self) -> bool:
         files = [self._ports] * bool(self.wanted.modbus) + [self._hmi_port] * bool(self.wanted.hmi)
         return all(ring.beat for ring in self.rings) and all(f.is_file() for f in files)
+
+
+def _left_by_older(folder: Path) -> list[Path]:
+    """Our folders beside `folder` with cells in them, as runs of older versions left them."""
+    cells = folder.parent.glob("slewright-*/counts.cell")
+    return [c.parent for c in cells if left_by_older(c.parent)]
 
 
 def lock(folder: Path) -> IO[str]:

@@ -196,7 +196,7 @@ def from_attributes(attributes: Mapping[str, str], where: str = "slw:Fault") -> 
         raise InputError(
             f"{where}: no attribute '{unknown[0]}'; {nearest(unknown[0], [f.name for f in fields(Fault)])}"
         )
-    return validate(Fault, dict(attributes), where)
+    return validate(Fault, dict(attributes), where, texts=True)
 
 
 def by_tick(changes: Sequence[Change], step_s: float) -> dict[int, dict[str, float | bool | str]]:

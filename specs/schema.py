@@ -9,12 +9,14 @@ from types import NoneType
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic_core import SchemaValidator
 
 from specs.errors import InputError, nearest
 
 ROOT = Path(__file__).parent
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
+PLAIN = ("int", "float", "bool", "str")
 UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden")  # pydantic's types of it
 
 T = TypeVar("T")
@@ -45,13 +47,15 @@ def _texts(data: Any) -> str:
     return data if isinstance(data, str) else ""
 
 
-def validate(kind: type[T], data: Any, where: str) -> T:
+def validate(kind: type[T], data: Any, where: str, texts: bool = False) -> T:
     """Build the frozen dataclass `kind` from plain data; `where` ("file: key") starts every message.
 
+    A number in quotes, a truth value for a number or 2.0 for a whole one is none; so is a number for a text.
+    With `texts`, all values are texts, as in XML, and say their number.
     A class's own checks may raise InputError in `__post_init__` without knowing where they are.
     """
     try:
-        return _adapter(kind).validate_python(data)
+        return _validator(kind, texts).validate_python(data)
     except ValidationError as error:
         raise InputError(_sentence(error, where, kind)) from error
     except InputError as error:
@@ -65,8 +69,20 @@ def shown_path(path: Path) -> str:
 
 
 @cache
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
+def _validator(kind: Any, texts: bool) -> SchemaValidator:
+    """That of `kind`, with plain values taken as they are; lists and texts still become tuples and paths."""
+    schema = TypeAdapter(kind).core_schema
+    return SchemaValidator(schema if texts else _strict(schema))
+
+
+def _strict(schema: Any) -> Any:
+    if isinstance(schema, list | tuple):
+        return type(schema)(map(_strict, schema))
+    if not isinstance(schema, dict):
+        return schema
+    # the keys of a TOML table are texts, whatever they stand for
+    found = {k: v if k == "keys_schema" else _strict(v) for k, v in schema.items()}
+    return {**found, "strict": True} if found.get("type") in PLAIN else found
 
 
 def _sentence(error: ValidationError, where: str, kind: Any) -> str:

@@ -9,7 +9,7 @@ import json
 import select
 import socket
 import time
-from typing import Any
+from typing import Any, cast
 
 import can
 
@@ -25,12 +25,14 @@ class LocalBus(can.BusABC):
     def __init__(self, channel: str, node: str = "", **options: Any) -> None:
         """Join the bus process at the socket `channel`; raises CanInitializationError if there is none."""
         self.channel_info = f"slewright local bus {channel}"
+        self._place = channel, json.dumps({"node": node}).encode()
+        self._next: socket.socket | None = None  # asks to be taken in again
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, QUEUE_BYTES)
         try:
             self._socket.settimeout(ANSWER_S)
             self._socket.connect(channel)
-            self._socket.send(json.dumps({"node": node}).encode())
+            self._socket.send(self._place[1])
             self._socket.recv(16)  # the bus process says when the node is on the wire
         except OSError as error:
             self._socket.close()
@@ -76,6 +78,39 @@ class LocalBus(can.BusABC):
         """Give the bus process a frame of a batch; raises OSError if there is no room, or no bus."""
         self._socket.send(packet)
 
+    def rejoin(self) -> bool:
+        """One try to join again a bus that was gone, without waiting; whether it is joined.
+
+        To be called again until it is.
+        """
+        try:
+            self._next = self._next or self._knock()
+            answer = self._next.recv(16)
+        except BlockingIOError:  # the bus process has not answered yet
+            return False
+        except OSError:
+            answer = b""
+        if answer == b"ok":
+            self._socket.close()
+            self._socket, self._next = cast("socket.socket", self._next), None
+            return True
+        if self._next:
+            self._next.close()
+        self._next = None
+        return False
+
+    def _knock(self) -> socket.socket:
+        end = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            end.setblocking(False)
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, QUEUE_BYTES)
+            end.connect(self._place[0])
+            end.send(self._place[1])
+        except OSError:
+            end.close()
+            raise
+        return end
+
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         found = self.recv_raw()
         if found is None and timeout != 0:
@@ -103,3 +138,5 @@ class LocalBus(can.BusABC):
         """Leave the bus."""
         super().shutdown()
         self._socket.close()
+        if self._next:
+            self._next.close()

@@ -15,7 +15,7 @@ from runtime.can import table, wire
 from runtime.can.batch import Batch, FrameSource
 from runtime.can.codec import received_by, sent_by
 from runtime.can.localbus import LocalBus
-from runtime.can.port import FRAMES_A_TICK, JOYSTICK, PERIOD_NS, SHOWN_TICKS, Reader, frame_source
+from runtime.can.port import FRAMES_A_TICK, JOYSTICK, PERIOD_NS, SHOWN_TICKS, Reader, frame_source, rejoin
 from runtime.image import INPUT, NODE, OUTPUT, Flag
 from specs.errors import InputError
 
@@ -79,6 +79,7 @@ class NativePort:
             count = self._waiting()
         except (can.CanError, OSError):
             count, gone = 0, True
+            rejoin(self._bus, tick)
         self._receive(self._at, self._came.at, count, tick, now, self._at_inputs)
         if gone:  # the interface is down or gone
             self._words[OFF], self._words[FLAGS] = 1, self._words[FLAGS] | int(Flag.BUS_OFF)

@@ -31,6 +31,12 @@ INTERFACES = ("slewright", "socketcan", "slcan")
 # queue that grew while the process was held up empties again.
 FRAMES_A_TICK = 128
 SHOWN_TICKS = 50  # for which a frame of another controller shows: one second
+AGAIN = {  # what it takes to use a bus again that was off or gone
+    "slewright": "when it is there again at the same path, it is joined",
+    "socketcan": "when its interface is up again, it is used; if the interface was removed, restart this run",
+    "slcan": "if the adapter was unplugged, restart this run",
+}
+REJOIN_TICKS = 10  # between two tries to join a local bus that is gone
 WAYS_OUT = ("send", "send_raw", "send_packet", "send_periodic")  # of python-can's buses and the local one
 JOYSTICK = "OperatorJoystick"  # what a J1939 joystick stands for
 
@@ -44,6 +50,12 @@ def open_bus(
     """
     bus = _open(interface, channel, bit_rate, node, listen_only)
     return mute(bus) if listen_only else bus
+
+
+def rejoin(bus: can.BusABC | FrameSource, tick: int) -> None:
+    """The bus is gone: join it again where that can be done; it counts as off until a frame has come."""
+    if isinstance(bus, LocalBus) and tick % REJOIN_TICKS == 0:
+        bus.rejoin()
 
 
 def mute(bus: can.BusABC) -> can.BusABC:
@@ -128,6 +140,7 @@ class CanPort:
                 found = self._bus.recv_raw()
             except (can.CanError, OSError):
                 self.off = True  # the interface is down or gone
+                rejoin(self._bus, tick)
                 break
             if found is None:
                 break

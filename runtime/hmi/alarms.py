@@ -39,6 +39,7 @@ class Alarm:
     since: float
     gone: float | None = None
     acknowledged: str = ""  # by whom
+    shelved: str = ""  # by whom, why and until when: shown apart, though what it means for the machine stays
 
     @property
     def over(self) -> bool:
@@ -73,7 +74,11 @@ FLAGS = {
         "by the kernel or the host of a virtual machine",
     ),
     Flag.BUS_PASSIVE: (Level.WARNING, "CAN bus error-passive", "many errors: cable, termination, bit rate"),
-    Flag.BUS_OFF: (Level.CRITICAL, "CAN bus off", "the controller has left the bus: short circuit, bit rate"),
+    Flag.BUS_OFF: (
+        Level.CRITICAL,
+        "CAN bus off or gone",
+        "short circuit, bit rate, or its interface or process has ended",
+    ),
     Flag.RECORDER_LOST: (Level.WARNING, "Recorder does not work", "ticks are not recorded"),
     Flag.MODBUS_LOST: (Level.WARNING, "Modbus server does not work", "no targets come from there"),
     Flag.RETAIN_LOST: (Level.WARNING, "Retained values are not saved", "they would be old after a power cut"),
@@ -187,6 +192,7 @@ class Alarms:
         self.history: deque[Alarm] = deque(maxlen=history)
         self._waiting: list[Alarm] = []  # gone, but not acknowledged
         self._first_wrong: dict[str, float] = {}
+        self._shelf: dict[str, tuple[float, str]] = {}  # by key: until when [s], what is said of it
         self._count = 0
 
     def update(
@@ -198,6 +204,7 @@ class Alarms:
         """
         day = now if day is None else day
         with self._lock:
+            self._take_from_shelf(now)
             self._first_wrong = {c.key: self._first_wrong.get(c.key, now) for c in wrong}
             held = [c for c in wrong if now - self._first_wrong[c.key] >= HELD_S]
             there = {c.key: c for c in (*found, *held)}
@@ -223,12 +230,60 @@ class Alarms:
             self.version += bool(fresh)
             return fresh
 
+    def shelve(self, number: int, until: float, said: str) -> None:
+        """Put an alarm aside until then [s, the clock of `update`]; ValueError if it is not one to put aside.
+
+        Also if it goes and comes again meanwhile.  What stops the machine is never put aside.
+        """
+        with self._lock:
+            alarm = self.shelvable(number)
+            self._shelf[alarm.key] = until, said
+            alarm.shelved = said
+            self.version += 1
+
+    def unshelve(self, number: int) -> None:
+        """Show an alarm as any other again; ValueError if it is not shelved."""
+        with self._lock:
+            self._show_again([self.on_shelf(number).key])
+
+    def shelvable(self, number: int) -> Alarm:
+        """The alarm of this number; ValueError if it may not be put aside."""
+        with self._lock:
+            alarm = next((a for a in self.present.values() if a.number == number), None)
+        if alarm is None:
+            raise ValueError("this alarm is not present")
+        if alarm.level == Level.CRITICAL or alarm.key.startswith("fault:"):
+            raise ValueError("what stops the machine cannot be shelved")
+        return alarm
+
+    def on_shelf(self, number: int) -> Alarm:
+        """The shelved alarm of this number; ValueError if there is none."""
+        alarm = next((a for a in self.listed() if a.number == number and a.shelved), None)
+        if alarm is None:
+            raise ValueError("this alarm is not shelved")
+        return alarm
+
+    def _take_from_shelf(self, now: float) -> None:
+        over = [key for key, (until, _) in self._shelf.items() if now >= until]
+        if over:
+            self._show_again(over)
+
+    def _show_again(self, keys: list[str]) -> None:
+        for key in keys:
+            del self._shelf[key]
+        for alarm in [a for a in (*self.present.values(), *self._waiting) if a.key in keys]:
+            alarm.shelved = ""
+        self.version += 1
+
     def listed(self) -> list[Alarm]:
         """What is there or was not acknowledged: the most urgent first, then the newest, causes first."""
         order = list(Level)
         with self._lock:
             found = [*self.present.values(), *self._waiting]
-        return sorted(found, key=lambda a: (a.gone is not None, order.index(a.level), -a.since, a.number))
+        return sorted(
+            found,
+            key=lambda a: (a.gone is not None, bool(a.shelved), order.index(a.level), -a.since, a.number),
+        )
 
     def _raise(self, condition: Condition, day: float) -> None:
         again = next((a for a in self._waiting if a.key == condition.key), None)
@@ -241,6 +296,7 @@ class Alarms:
             self.present[condition.key] = Alarm(
                 self._count, condition.key, condition.level, condition.text, condition.cause, day
             )
+        self.present[condition.key].shelved = self._shelf.get(condition.key, (0.0, ""))[1]
         self.version += 1
 
     def _leave(self, alarm: Alarm, day: float) -> None:

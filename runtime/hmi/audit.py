@@ -2,12 +2,17 @@
 
 What was refused, and what clients of the bus did, has files of its own: whoever asks for nonsense, or claims
 and leaves a thousand times, pushes nothing out of the files in which stands what was done.
+
+In the oldest file there is room for everybody: when it is full, whoever has most in it loses his oldest
+entries, first by where they came from, then by name.  So whatever one does, and however often, what others
+did stays on the disk.
 """
 
 import errno
 import json
 import os
 import threading
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -76,10 +81,65 @@ class Audit:
         path = self.path(name=name)
         if not path.is_file() or path.stat().st_size + size <= self.largest:
             return
-        self.path(self.kept - 1, name).unlink(missing_ok=True)
-        for number in range(self.kept - 2, -1, -1):
-            if self.path(number, name).is_file():
-                self.path(number, name).rename(self.path(number + 1, name))
+        last = self.path(self.kept - 1, name)
+        _merge(last, self.path(self.kept - 2, name), self.largest)
+        for number in range(self.kept - 2):
+            older = self.path(self.kept - 3 - number, name)
+            if older.is_file():
+                older.rename(self.path(self.kept - 2 - number, name))
+
+
+def _merge(last: Path, before: Path, largest: int) -> None:
+    """Put the file before the last into the last, as far as there is room; whole at every moment."""
+    if not before.is_file():
+        return
+    lines = [line for p in (last, before) if p.is_file() for line in p.read_bytes().splitlines(True)]
+    kept = sorted(_fair(list(enumerate(lines)), largest, [_place, _name]))
+    made = last.with_suffix(".new")
+    with made.open("wb") as file:
+        file.write(b"".join(line for _, line in kept))
+        file.flush()
+        os.fsync(file.fileno())
+    made.rename(last)
+    before.unlink()
+
+
+Numbered = tuple[int, bytes]
+
+
+def _fair(lines: list[Numbered], room: float, by: list[Callable[[bytes], str]]) -> list[Numbered]:
+    """The newest lines that fit into `room` bytes, shared evenly by each key in turn."""
+    if sum(len(line) for _, line in lines) <= room:
+        return lines
+    if not by:
+        return _newest_of(lines, room)
+    groups: dict[str, list[Numbered]] = {}
+    for line in lines:
+        groups.setdefault(by[0](line[1]), []).append(line)
+    found: list[Numbered] = []
+    smallest_first = sorted(groups.values(), key=lambda g: sum(len(line) for _, line in g))
+    for number, group in enumerate(smallest_first):  # what one leaves of his share is the others'
+        kept = _fair(group, room / (len(groups) - number), by[1:])
+        room -= sum(len(line) for _, line in kept)
+        found += kept
+    return found
+
+
+def _newest_of(lines: list[Numbered], room: float) -> list[Numbered]:
+    for place in range(len(lines) - 1, -1, -1):
+        room -= len(lines[place][1])
+        if room < 0:
+            return lines[place + 1 :]
+    return lines
+
+
+def _place(line: bytes) -> str:
+    entry = next(iter(_entry(line)), {})
+    return f"{entry.get('role')} {entry.get('from')}"
+
+
+def _name(line: bytes) -> str:
+    return str(next(iter(_entry(line)), {}).get("who"))
 
 
 def _entry(line: bytes) -> list[dict[str, Any]]:

@@ -14,6 +14,8 @@ from specs.errors import nearest
 
 GRANT_S = 0.3  # in which the control process answers a claim, ten cycles and more
 AUDIT_ROWS = 100
+SHELVED_MINUTES = 480  # at most: a shift
+REASON_LENGTH = 100
 
 
 class Live:
@@ -42,6 +44,8 @@ class Live:
             ("POST", "/api/force"): self._force,
             ("POST", "/api/force/end"): self._changed(self.desk.unforce),
             ("POST", "/api/acknowledge"): self._acknowledge,
+            ("POST", "/api/shelve"): self._shelve,
+            ("POST", "/api/unshelve"): self._unshelve,
         }
 
     def _session(self, request: Request) -> Session:
@@ -112,6 +116,44 @@ class Live:
                 self.desk.sessions.log(session, "acknowledge", must=True, **about)
                 self.watch.alarms.acknowledge(alarm.number, session.name)
         return {}
+
+    def _shelve(self, request: Request) -> dict[str, Any]:
+        session, number = self._session(request), _alarm_number(request)
+        minutes, reason = request.body.get("minutes"), request.body.get("reason")
+        if not isinstance(minutes, int) or isinstance(minutes, bool) or not 1 <= minutes <= SHELVED_MINUTES:
+            raise Refused(400, f"minutes: 1 to {SHELVED_MINUTES}")
+        if not isinstance(reason, str) or not reason.strip().isprintable() or not reason.strip():
+            raise Refused(400, "say why: a reason is wanted")
+        reason = reason.strip()[:REASON_LENGTH]
+        end = time.strftime("%H:%M", time.localtime(time.time() + 60 * minutes))
+        said = f"shelved by {session.name} until {end}: {reason}"
+        self._on_shelf(session, "shelve", number, {"new": minutes, "reason": reason}, said)
+        return {}
+
+    def _unshelve(self, request: Request) -> dict[str, Any]:
+        self._on_shelf(self._session(request), "unshelve", _alarm_number(request), {}, "")
+        return {}
+
+    def _on_shelf(self, session: Session, what: str, number: int, more: dict[str, Any], said: str) -> None:
+        """Log it, and only then do it."""
+        alarms = self.watch.alarms
+        with self._alarms:
+            try:
+                alarm = alarms.shelvable(number) if said else alarms.on_shelf(number)
+                self.desk.sessions.log(session, what, must=True, alarm=alarm.text, **more)
+                if said:
+                    alarms.shelve(number, time.monotonic() + 60.0 * more["new"], said)
+                else:
+                    alarms.unshelve(number)
+            except ValueError as error:
+                raise Refused(409, str(error)) from None
+
+
+def _alarm_number(request: Request) -> int:
+    number = request.body.get("number")
+    if not isinstance(number, int) or isinstance(number, bool):
+        raise Refused(400, "the number of an alarm is wanted")
+    return number
 
 
 def asked_places(request: Request, places: dict[str, int]) -> list[int]:

@@ -38,7 +38,7 @@ def main(text: str) -> None:
     told = json.loads(text)
     cells = join(Path(told["folder"]))
     hub, audit = Hub(), Audit(Path(told["audit"]))
-    watch = Watch(cells, audit, hub, Planners(Path(told["folder"]), audit))
+    watch = Watch(cells, audit, hub, Planners(Path(told["folder"]), audit), told["bus_again"])
     sessions = Sessions(tokens.read(Path(told["tokens"])), audit)
     desk = Desk(sessions, cells[2].write, watch.granted, watch.mode)
     watch.desk = desk

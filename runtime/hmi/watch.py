@@ -15,7 +15,7 @@ from runtime.hmi.hub import Hub
 from runtime.hmi.ladder import ladder
 from runtime.hmi.planners import Planners
 from runtime.hmi.trends import Trends
-from runtime.image import OUTPUT
+from runtime.image import OUTPUT, Flag
 from runtime.modbus.port import PERIOD_NS
 from runtime.shared import Cell
 
@@ -29,6 +29,7 @@ GONE = Condition(
     "The control process does not publish",
     "it has ended or hangs; the valves are neutral by the machine's own timeout",
 )
+BUS_OFF = f"flag:{Flag.BUS_OFF.value}"
 NO_AUDIT = Condition(
     "audit",
     Level.WARNING,
@@ -41,8 +42,14 @@ class Watch:
     """What all routes share; `look` is to be called often, by one thread."""
 
     def __init__(
-        self, cells: tuple[Cell, Cell, Cell], audit: Audit, hub: Hub, planners: Planners | None = None
+        self,
+        cells: tuple[Cell, Cell, Cell],
+        audit: Audit,
+        hub: Hub,
+        planners: Planners | None = None,
+        bus_again: str = "",
     ) -> None:
+        """`bus_again`: what it takes to use a CAN bus again that was gone (runtime/can/port.py)."""
         self._seen, self._grant, self._asked = cells
         self.audit, self.hub, self.planners = audit, hub, planners
         self.trends, self.alarms = Trends(), Alarms()
@@ -51,7 +58,8 @@ class Watch:
         self._number = self._version = -1
         self._overruns = -1
         self._worked_ns = 0
-        self._stale = False
+        self._stale = self._bus_off = False
+        self._bus_again = bus_again
         self._begun_ns = time.monotonic_ns()
 
     def granted(self) -> np.void:
@@ -87,7 +95,8 @@ class Watch:
     def _take(self, newest: np.void, now: int) -> None:
         inputs, outputs, when = newest["inputs"], newest["outputs"], int(newest["day_ns"]) / 1e9
         self.trends.add(when, frames.values(inputs, outputs), now / 1e9)
-        found = [self._with_writer(c) for c in conditions(inputs, outputs)]
+        self._note_bus(bool(int(outputs["flags"]) & Flag.BUS_OFF))
+        found = [self._with_cause(c) for c in conditions(inputs, outputs)]
         self._update(found, list(wrong_inputs(inputs)), now, when)
         shown = frames.frame(when, inputs, outputs)
         rungs = ladder(newest["ladder"], int(outputs["value"][MODE]))
@@ -96,8 +105,21 @@ class Watch:
             self._worked_ns = now
             self.hub.put("work", {"t": when, **frames.work(newest["work"])})
 
-    def _with_writer(self, condition: Condition) -> Condition:
-        """A lost writer's alarm says what happened to it."""
+    def _note_bus(self, off: bool) -> None:
+        """In the audit log: that the CAN bus is gone, and that it is back."""
+        if off == self._bus_off:
+            return
+        self._bus_off = off
+        what = "the CAN bus is gone or off" if off else "the CAN bus is back"
+        try:
+            self.audit.write("slewright", "runtime", "this computer", what, result="told")
+        except OSError:
+            return  # the log says so itself
+
+    def _with_cause(self, condition: Condition) -> Condition:
+        """A lost writer's alarm says what happened to it, that of the bus what it takes to use it again."""
+        if condition.key == BUS_OFF:
+            return replace(condition, cause=f"{condition.cause}; {self._bus_again}".rstrip("; "))
         if not condition.key.startswith("fault:target_timeout") or not (self.planners and self.planners.last):
             return condition
         return replace(condition, cause=f"Modbus: {self.planners.last}; {condition.cause}")
@@ -133,4 +155,5 @@ def plain(alarm: Alarm) -> dict[str, Any]:
         "since": round(alarm.since, 3),
         "gone": None if alarm.gone is None else round(alarm.gone, 3),
         "acknowledged": alarm.acknowledged,
+        "shelved": alarm.shelved,
     }

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.child import USED, end_with_parent, remove_unused, use
+from runtime.child import USED, end_with_parent, left_by_older, remove_unused, use
+from runtime.shared import Cell
 
 PATIENCE_S = 60.0
 PARENT = """
@@ -77,3 +78,21 @@ def test_a_folder_that_says_nothing_is_left_alone(tmp_path: Path):
     remove_unused(tmp_path / "other")
     assert (tmp_path / "other").is_dir()
     assert not (tmp_path / "other" / USED).exists()
+
+
+def test_a_folder_of_an_older_version_is_named_when_nobody_uses_it(tmp_path: Path):
+    folder = tmp_path / "slewright-old"
+    folder.mkdir()
+    cell = Cell.create(folder / "counts.cell", 8, "counts")
+    assert not left_by_older(folder)  # young
+    os.utime(folder, (1, 1))
+    assert not left_by_older(folder)  # this process has it in its memory
+    cell.close()
+    assert left_by_older(folder)
+    waiting = subprocess.Popen([sys.executable, "-c", "input()", str(folder)], stdin=subprocess.PIPE)
+    assert not left_by_older(folder)  # another has it in its arguments
+    waiting.communicate(b"\n")
+    assert left_by_older(folder)
+    use(folder).close()
+    assert not left_by_older(folder)  # this version's, which is removed
+    assert folder.exists()

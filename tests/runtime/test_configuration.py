@@ -101,7 +101,7 @@ def test_the_shortest_configuration(folder: Path):
             'folder = "./x/../retained"',
             "recorder.folder and retain.folder are the same",
         ),
-        ("port = 1502", 'port = "1502"', 'modbus.port = "1502": a number without quotes'),
+        ("port = 1502", 'port = "1502"', "modbus.port: Input should be a valid integer (is '1502')"),
         ('["fault_code", "load_estimate"]', "[]", "signals is empty"),
         (
             'channel = "bus"',

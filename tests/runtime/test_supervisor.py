@@ -1,8 +1,10 @@
 """Who starts and watches the runtime's processes: real ones, on a local bus without other nodes."""
 
+import json
 import os
 import re
 import signal
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -108,3 +110,52 @@ def test_a_second_controller_on_the_bus_is_refused_and_the_first_goes_to_fault(m
         intruder.send_raw(sent_by("Controller")[0].message.frame_id | EXTENDED, bytes(8))
         until(lambda: bool(first.watch() is None and first.now().flags_seen & Flag.OTHER_CONTROLLER))
         intruder.shutdown()
+
+
+def test_a_bus_that_went_away_and_came_back_is_said_and_clears_no_fault(tmp_path: Path, capfd):
+    sockets = private_folder("slewright-test-")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    path = tmp_path / "machine.toml"
+    path.write_text(
+        f'bundle = "{built("pd").folder}"\n[can]\ninterface = "slewright"\nchannel = "{sockets / "bus"}"\n'
+        f'[realtime]\nfifo = false\nlock = false\n[retain]\nfolder = "kept"\n[hmi]\nport = {port}\n'
+    )
+    names = Retaining(folder=tmp_path / "kept").signals
+    (tmp_path / "kept").mkdir()
+    kept = Retained(Folder(tmp_path / "kept"), retained_layout(names))
+    kept.save({"ticks": 0.0, "fault_code": 7.0, "fault_signal": 101.0})
+    buses = [start_bus(sockets / "bus")]
+    others: list[LocalBus] = []
+    modes: set[tuple[int, int]] = set()
+    audit = tmp_path / "audit" / "audit-refused.jsonl"
+
+    states: list[int] = []
+
+    def look(now: Counts) -> None:
+        states.append(now.bus_off)
+        if now.ticks:
+            modes.add((now.mode, now.fault))
+            buses[0].kill()
+            buses[0].wait()
+        if now.bus_off and len(buses) == 1:
+            (sockets / "bus").unlink()
+            buses.append(start_bus(sockets / "bus"))
+            others.append(LocalBus(str(sockets / "bus"), node="other"))
+        if others:
+            others[0].send_raw(0x18FF1080 | EXTENDED, bytes(8))
+
+    with Supervisor(path) as supervisor:
+        supervisor.run(look, lambda: states[-1:] == [0] and audit.exists() and "is back" in audit.read_text())
+    said = capfd.readouterr().err
+    assert "bus is gone or off; when it is there again at the same path, it is joined\n" in said
+    assert "bus is back\n" in said
+    assert modes == {(FAULT, 7)}
+    assert [json.loads(x)["what"] for x in audit.read_text().splitlines()] == [
+        "the CAN bus is gone or off",
+        "the CAN bus is back",
+    ]
+    others[0].shutdown()
+    buses[1].terminate()
+    buses[1].wait()
+    sockets.rmdir()

@@ -256,6 +256,16 @@ function force(s) {
   dialog(element("h2", {}, `Force ${s.name}${s.unit ? ` [${s.unit}]` : ""}`), element("p", {}, s.description), field, hint, element("div", { className: "buttons" }, submit, button("Cancel", close)));
 }
 
+function shelve(a) {
+  const minutes = element("input", { id: "shelve-minutes", type: "number", min: "1", max: "480", step: "1", value: "30" });
+  const reason = element("input", { id: "shelve-reason", maxLength: 100, autocomplete: "off" });
+  const submit = button("Shelve", async () => {
+    if (await attempt(() => ask("api/shelve", { number: a.number, minutes: Number(minutes.value), reason: reason.value }))) close();
+  }, { id: "shelve", className: "main" });
+  const said = element("p", {}, "It is shown apart until then. What it means for the machine stays.");
+  dialog(element("h2", {}, `Shelve: ${a.text}`), element("label", {}, "Minutes", minutes), element("label", {}, "Reason", reason), said, element("div", { className: "buttons" }, submit, button("Cancel", close)));
+}
+
 function showSession() {
   byId("who").textContent = model.session ? `${model.session.name} (${model.session.role})` : "read only";
   byId("sign").textContent = model.session ? "Sign out" : "Sign in";
@@ -263,6 +273,7 @@ function showSession() {
 }
 
 export function start() {
+  on("shelve", shelve);
   buildValues();
   showSession();
   byId("sign").hidden = byId("who").hidden = model.catalogue.source !== "live";

@@ -5,16 +5,44 @@ const MARKS = { critical: "!!", warning: "!", note: "F" };
 const mark = (level) => element("span", { className: `mark ${level}`, title: level }, MARKS[level] ?? "?");
 const cell = (content, className = "") => element("td", { className }, content);
 
+const exact = (t) => time(t, { hour: "2-digit", minute: "2-digit", second: "2-digit", fractionalSecondDigits: 3 });
+const state = (a) => (a.shelved ? "shelved" : a.gone === null ? "present" : "gone");
+
+// The alarms that the fields above the list ask for.
+function chosen() {
+  const [find, how, level] = ["alarm-find", "alarm-state", "alarm-level"].map((id) => byId(id).value);
+  const words = find.toLowerCase();
+  return [...model.alarms.list, ...model.alarms.past].filter((a) => `${a.text} ${a.cause}`.toLowerCase().includes(words) && (!how || state(a) === how) && (!level || a.level === level));
+}
+
+// What is shown, as a file; a text that a spreadsheet would take for a formula is marked as text.
+function save() {
+  const quoted = (x) => `"${String(x ?? "").replace(/^[=+\-@\t\r]/, "'$&").replaceAll('"', '""')}"`;
+  const when = (t) => (t === null ? "" : model.catalogue.clock === "run" ? t.toFixed(3) : new Date(1000 * t).toISOString());
+  const rows = chosen().map((a) => [when(a.since), when(a.gone), a.level, state(a), a.text, a.cause, a.acknowledged, a.shelved]);
+  const lines = [["since", "gone", "priority", "state", "text", "cause", "acknowledged_by", "shelved"], ...rows].map((r) => r.map(quoted).join(","));
+  const link = element("a", { href: URL.createObjectURL(new Blob([`${lines.join("\r\n")}\r\n`], { type: "text/csv" })), download: "alarms.csv" });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+function shelving(a) {
+  if (!model.session || a.gone !== null || a.level === "critical") return "";
+  const button = element("button", { type: "button" }, a.shelved ? "Unshelve" : "Shelve …");
+  button.addEventListener("click", () => (a.shelved ? attempt(() => ask("api/unshelve", { number: a.number })) : tell("shelve", a)));
+  return button;
+}
+
 function showAlarms() {
-  const { list, past } = model.alarms;
+  const { list } = model.alarms;
   const operator = Boolean(model.session);
-  const rows = [...list, ...past.slice(0, 30)].map((a, i) => {
+  const rows = chosen().map((a) => {
     const button = element("button", { type: "button" }, "Acknowledge");
     button.addEventListener("click", () => attempt(() => ask("api/acknowledge", { number: a.number })));
-    const state = a.gone === null ? "present" : `gone\u00a0${time(a.gone)}`;
+    const how = a.shelved || (a.gone === null ? "present" : `gone\u00a0${exact(a.gone)}`);
     const by = a.acknowledged && a.acknowledged !== "–" ? `, seen by ${a.acknowledged}` : "";
-    const last = i < list.length && !a.acknowledged && operator ? button : "";
-    return element("tr", { className: a.gone === null ? a.level : "gone" }, cell(mark(a.level)), cell(time(a.since), "time"), cell(a.text), cell(a.cause), cell(state + by), cell(last));
+    const last = list.includes(a) && !a.acknowledged && operator ? button : "";
+    return element("tr", { className: a.gone === null ? a.level : "gone" }, cell(mark(a.level)), cell(exact(a.since), "time"), cell(a.text), cell(a.cause), element("td", {}, how + by), element("td", {}, last, shelving(a)));
   });
   byId("alarm-list").tBodies[0].replaceChildren(...rows);
   const present = list.filter((a) => a.gone === null).length;
@@ -167,6 +195,8 @@ export function start() {
     if (page === "signals") showSignals();
   });
   byId("acknowledge-all").addEventListener("click", () => attempt(() => ask("api/acknowledge", {})));
+  for (const id of ["alarm-find", "alarm-state", "alarm-level"]) byId(id).addEventListener("input", showAlarms);
+  byId("alarm-save").addEventListener("click", save);
   byId("audit-load").addEventListener("click", showAudit);
   const live = model.catalogue.source === "live";
   byId("audit-bar").hidden = byId("audit-panel").hidden = !live;

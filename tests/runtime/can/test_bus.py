@@ -6,8 +6,9 @@ import subprocess
 import sys
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -17,9 +18,9 @@ from runtime.can.busd import ask, start_bus
 from runtime.can.codec import codecs
 from runtime.can.localbus import LocalBus
 from runtime.can.native import NativePort
-from runtime.can.port import FRAMES_A_TICK, open_bus
+from runtime.can.port import FRAMES_A_TICK, CanPort, open_bus
 from runtime.can.transmit import Transmitter
-from runtime.can.wire import BUS_OFF, ERROR, RESTARTED
+from runtime.can.wire import BUS_OFF, ERROR, EXTENDED, RESTARTED
 from runtime.image import INPUT, OUTPUT, Flag, Status
 from runtime.shared import private_folder
 from specs.errors import InputError
@@ -253,4 +254,42 @@ def test_a_bus_process_ends_with_the_one_that_started_it(tmp_path: Path) -> None
     while path.exists() or Path(f"/proc/{pid}").exists():
         assert time.monotonic() < deadline
         time.sleep(0.02)
+    path.parent.rmdir()
+
+
+@pytest.mark.parametrize("kind", [CanPort, lambda bus: NativePort(bus, core().library)])
+def test_a_bus_that_comes_back_is_joined_again(kind: Callable[[LocalBus], Any]) -> None:
+    """It counts as off until something is heard on it: a bus on which nobody is, is no machine's."""
+    path = private_folder() / "bus"
+    image, tick = INPUT.new(), 0
+    first = start_bus(path, bit_rate=0)
+    with LocalBus(str(path), node="Controller") as bus:
+        port = kind(bus)
+        for _ in range(3):
+            first.kill()
+            first.wait()
+            path.unlink()
+            for _ in range(50):
+                port.receive(image, tick := tick + 1)
+                port.send(OUTPUT.new(), tick)
+            assert port.flags() & Flag.BUS_OFF  # after what had come before
+            first = start_bus(path, bit_rate=0)
+            deadline = time.monotonic() + 120
+            while "Controller" not in ask(path, "state")["nodes"]:
+                assert time.monotonic() < deadline
+                port.receive(image, tick := tick + 1)
+                assert port.flags() & Flag.BUS_OFF
+            with LocalBus(str(path), node="other") as other:
+                while port.flags() & Flag.BUS_OFF:
+                    assert time.monotonic() < deadline
+                    other.send_raw(0x18FF1080 | EXTENDED, bytes(8))
+                    port.receive(image, tick := tick + 1)
+                    time.sleep(0.001)
+                port.send(OUTPUT.new(), 0)
+                while other.recv_raw() is None:  # and it is heard there
+                    assert time.monotonic() < deadline
+                    time.sleep(0.001)
+        ask(path, "stop")
+    first.wait(10)
+    path.unlink(missing_ok=True)
     path.parent.rmdir()

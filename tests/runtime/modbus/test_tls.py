@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
+from pymodbus.client import ModbusTlsClient
 
 from runtime.modbus.holding import HEARTBEAT
 from runtime.modbus.roles import context, may_write, role
@@ -51,6 +52,18 @@ def test_a_planner_reads_and_writes(served: Served, authority: Authority) -> Non
     assert client.read(4, 0, 5) == HEADER
     assert client.write(HEARTBEAT, 7) == 0
     client.close()
+
+
+def test_pymodbus_own_client(served: Served, authority: Authority) -> None:
+    """As docs/reference/buses.md has it."""
+    certificate, key = authority.give("planner", utf8("Planner"))
+    made = ssl.create_default_context(cafile=authority.path)
+    made.load_cert_chain(certificate, key)
+    made.check_hostname = False
+    with ModbusTlsClient("127.0.0.1", port=served.tls, sslctx=made) as client:
+        for _ in range(3):
+            assert client.read_input_registers(0, count=5, device_id=1).registers == HEADER
+        assert not client.write_register(HEARTBEAT, 7, device_id=1).isError()
 
 
 @pytest.mark.parametrize("kind", [None, "Observer", "planner"])
