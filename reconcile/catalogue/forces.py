@@ -30,7 +30,7 @@ def speed(*shares: float) -> Starts:
 
 def _dry(c: Namespace, forwards: Any, backwards: Any) -> Result:
     """Dry friction of a level each way: a force with a steep flank at standstill, or in steps exactly."""
-    if c.step is not None:
+    if c.step is not None or c.stops:
         return Result(0.0, dry=(forwards, backwards))
     s = smooth.sign(c.v, c.width)
     return Result(-0.5 * (forwards * (1.0 + s) - backwards * (1.0 - s)))

@@ -1,0 +1,152 @@
+"""Which effects the recordings ask for: a small beam over sets, and how probable each of them is."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from reconcile.catalogue.kinds import kind
+from reconcile.core import Core
+from reconcile.filter.fit import Point
+from reconcile.filter.kalman import SIGMA, Values
+from reconcile.model import Attached
+from reconcile.screen import Screen, Scored
+from reconcile.tolerances import BLOCKS, CLOSE, KEPT, RESAMPLED, SINGLES, WORTH
+
+Key = frozenset[Attached]
+Report = Callable[..., None]
+QUIET = 0.1  # of the disturbance's size, from which a fit starts as well: else it keeps what it has absorbed
+
+
+@dataclass
+class Beam:
+    """One search over sets of effects; `points` are the fitted ones."""
+
+    core: Core
+    report: Report = lambda *_: None
+    points: dict[Key, Point] = field(default_factory=dict)
+    scored: dict[Key, list[Scored]] = field(default_factory=dict)
+
+    def run(self) -> list[Key]:
+        """Fitted sets, most evidence first."""
+        self.points[frozenset()] = self.core.base
+        kept: list[Key] = [frozenset()]
+        for level, (width, keep) in enumerate(zip(SINGLES, KEPT, strict=True)):
+            found: set[Key] = set()
+            best = self.evidence(self.ranked()[0])
+            for at, key in enumerate(kept):
+                self.report(f"sets of {level + 1}", at, len(kept))
+                for scored in self.scores(key)[:width]:
+                    if scored.gain < WORTH:
+                        break
+                    grown = self.attempt(key, scored)
+                    found |= {grown} if grown is not None else set()
+            kept = sorted(found, key=lambda k: -self.evidence(k))[:keep]
+            if not kept or self.evidence(kept[0]) < best + WORTH:
+                break
+        for _ in range(2):
+            self.report("neighbours")
+            if not self._neighbours(self.ranked()[0]):
+                break
+        return self.ranked()
+
+    def evidence(self, key: Key) -> float:
+        """Log of a set's probability up to a constant: sets of as many effects share the same prior."""
+        return self.points[key].evidence - len(key) * float(np.log(max(len(self.core.candidates), 2)))
+
+    def ranked(self) -> list[Key]:
+        """Sets, most evidence first."""
+        return sorted(self.points, key=lambda k: -self.evidence(k))
+
+    def scores(self, key: Key) -> list[Scored]:
+        """Candidates beside a set, best first."""
+        if key not in self.scored:
+            taken = {(a.effect.name, a.port) for a in key}
+            others = [a for a in self.core.candidates if (a.effect.name, a.port) not in taken]
+            if key and frozenset() in self.scored:  # what ran away or cannot be told at all stays out
+                told = {s.attached for s in self.scored[frozenset()]}
+                others = [a for a in others if a in told]
+            self.scored[key] = Screen(self.core, self.points[key]).all(others)
+        return self.scored[key]
+
+    def attempt(self, key: Key, scored: Scored) -> Key | None:
+        """Fit a set with one effect more, from its values and from a quiet disturbance."""
+        grown = key | {scored.attached}
+        if grown not in self.points:
+            base = self.points[key]
+            starts = [base.values | scored.values]
+            quiet = {n: QUIET * v for n, v in base.values.items() if n.startswith(SIGMA)}
+            starts.append(starts[0] | quiet)
+            self._fit(grown, (*base.present, scored.attached), starts)
+        return grown if grown in self.points else None
+
+    def _fit(self, key: Key, present: Sequence[Attached], starts: Iterable[Values]) -> None:
+        core = self.core
+        free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
+        found = []
+        for start in starts:
+            most = min((p.total for p in found), default=np.inf)
+            point = core.fitter.fit(start, present, free, 10, every=2, hopeless=most, own=True)
+            if point is not None:
+                found.append(point)
+        if found:
+            best = min(found, key=lambda p: p.total)
+            if key not in self.points or best.total < self.points[key].total:
+                self.points[key] = best
+
+    def _neighbours(self, key: Key) -> bool:
+        """Sets with one effect less, and with another of its kind or score in its place; whether one is better."""
+        before = self.evidence(key)
+        for a in key:
+            less = key - {a}
+            if less not in self.points:
+                present = tuple(x for x in self.points[key].present if x != a)
+                self._fit(less, present, [self.core.values | self._of(key, present)])
+            if less not in self.points:
+                continue
+            for scored in self.scores(less)[:SINGLES[1]]:
+                if scored.gain >= WORTH:
+                    self.attempt(less, scored)
+            siblings = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
+            for scored in siblings[:SINGLES[2]]:
+                self.attempt(less, scored)
+        return self.evidence(self.ranked()[0]) > before + 0.1
+
+    def _of(self, key: Key, present: Sequence[Attached]) -> Values:
+        """A set's values without those of effects that are not present."""
+        own = {f.name for a in key if a not in present for f in self.core.free_of(a)}
+        return {
+            n: v
+            for n, v in self.points[key].values.items()
+            if n not in own and not any(n == a.name("gate") for a in key if a not in present)
+        }
+
+    # ---------------------------------------------------------------- how probable
+
+    def posterior(self, seed: int = 0) -> dict[Key, float]:
+        """Probability of every fitted set near the best: its softmax over resampled blocks of the data."""
+        best = self.evidence(self.ranked()[0])
+        keys = [k for k in self.ranked() if self.evidence(k) > best - CLOSE - self._noise()]
+        losses = np.array([self._blocks(k) for k in keys])  # [sets, blocks]
+        rest = np.array([self.evidence(k) for k in keys]) + losses.sum(1)
+        rng = np.random.default_rng(seed)
+        total = np.zeros(len(keys))
+        for _ in range(RESAMPLED):
+            weight = np.bincount(rng.integers(0, losses.shape[1], losses.shape[1]), minlength=losses.shape[1])
+            nats = rest - losses @ weight
+            share = np.exp(nats - nats.max())
+            total += share / share.sum()
+        return dict(zip(keys, total / RESAMPLED, strict=True))
+
+    def _noise(self) -> float:
+        """Nats by which the difference of two sets may change with the blocks drawn."""
+        ranked = self.ranked()[:4]
+        losses = np.array([self._blocks(k) for k in ranked])
+        spread = [np.std(l - losses[0]) * np.sqrt(losses.shape[1]) for l in losses[1:]]
+        return 2.0 * float(max(spread, default=0.0))
+
+    def _blocks(self, key: Key) -> np.ndarray:
+        """Nats of the training data by block [BLOCKS]."""
+        p = self.points[key]
+        loss = self.core.fitter.loss(p.e, p.s)
+        return np.array([b.sum() for b in np.array_split(loss, BLOCKS)])

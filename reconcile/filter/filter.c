@@ -1,0 +1,337 @@
+/* Extended Kalman filter of a model with ports over one recording.
+ *
+ * Compiled together with generated equations, dense and column-major, each of (x, u, m, p):
+ *   kf_f    -> dx/dt (a model in steps: its next state)
+ *   kf_fj   -> the same, d/dx, d/dw (w: the disturbances, part of u)
+ *   kf_dry  -> speeds per second that dry friction takes off each axis, forwards then backwards
+ *   kf_post -> states after a step (memories of sensors move here), d/dx
+ *   kf_h    -> outputs; kf_hj -> outputs, d/dx, d/dw
+ *   kf_in   (memory, u, m, p) -> u as the model feels it, memory after the step
+ *
+ * The state is (x, w).  A step is ROS2 (Verwer and others 1999: linearly implicit, order 2, L-stable), then the
+ * dry friction as an implicit step of its own (Moreau: what would turn a speed round stops it).  Each w is an
+ * Ornstein-Uhlenbeck process.  Outputs come one at a time; a missing one (NaN) is passed over.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "filter.h" /* generated: NX, NU, NM, NW, NY, NI, AXES, axis_v, axis_q, DT, W0, DISCRETE, SZ_W, SZ_IW */
+
+typedef int Function(const double **arg, double **res, long long *iw, double *w, int mem);
+Function kf_f, kf_fj, kf_dry, kf_post, kf_h, kf_hj, kf_in;
+
+#define N (NX + NW)
+#define GAMMA 0.29289321881345254
+#define LEAK 0.1 /* slope of a stuck speed by the one before: a filter that sees none never comes loose */
+#define CLIP 4.0 /* deviations beyond which an innovation counts no more */
+#define OUTLIERS 2 /* in a row that are clipped; the next ones are not: the filter is lost, not the sensor */
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+typedef struct {
+  int steps, substeps, active;
+  const int *state;               /* [active] */
+  const double *u;                /* NU a step */
+  const double *m;                /* NM a step */
+  const double *y;                /* NY a step, NaN: missing */
+  const double *p;
+  const double *sigma, *keep, *white; /* NW: size of a disturbance, its share kept over 1 s as a rate 1/tau, white rate */
+  const double *r;                /* NY: variances of the outputs */
+  const double *x0, *p0;          /* NX: start and its variances (< 0: as kf starts it) */
+  const double *memory;           /* NI */
+  double *e, *s;                  /* NY a step: innovations and their variances */
+  double *z, *v;                  /* N a step, or NULL: filtered states and their variances */
+  const int *window;              /* a step, or NULL: number of the window in which the model also runs by itself */
+  double *free, *zfree;           /* NY and NX a step, or NULL: what it does there */
+} Run;
+
+static double scratch[SZ_W + 1];
+static long long iscratch[SZ_IW + 1];
+
+static int call(Function f, const double *x, const double *u, const double *m, const double *p, double *a, double *b,
+                double *c) {
+  const double *arg[4] = {x, u, m, p};
+  double *res[3] = {a, b, c};
+  return f(arg, res, iscratch, scratch, 0);
+}
+
+/* LU with partial pivoting of a [n x n] row-major; 0 if singular. */
+static int factor(double *a, int *pivot, int n) {
+  for (int k = 0; k < n; k++) {
+    int best = k;
+    for (int i = k + 1; i < n; i++) {
+      if (fabs(a[i * n + k]) > fabs(a[best * n + k])) best = i;
+    }
+    if (a[best * n + k] == 0.0 || !isfinite(a[best * n + k])) return 0;
+    pivot[k] = best;
+    if (best != k) {
+      for (int j = 0; j < n; j++) {
+        double t = a[k * n + j];
+        a[k * n + j] = a[best * n + j];
+        a[best * n + j] = t;
+      }
+    }
+    for (int i = k + 1; i < n; i++) {
+      double g = a[i * n + k] /= a[k * n + k];
+      if (g != 0.0) {
+        for (int j = k + 1; j < n; j++) a[i * n + j] -= g * a[k * n + j];
+      }
+    }
+  }
+  return 1;
+}
+
+/* Solves for `columns` right-hand sides in b [n x columns], row-major. */
+static void solve(const double *a, const int *pivot, int n, double *b, int columns) {
+  for (int k = 0; k < n; k++) {
+    if (pivot[k] != k) {
+      for (int j = 0; j < columns; j++) {
+        double t = b[k * columns + j];
+        b[k * columns + j] = b[pivot[k] * columns + j];
+        b[pivot[k] * columns + j] = t;
+      }
+    }
+  }
+  for (int k = 0; k < n; k++) {
+    for (int i = k + 1; i < n; i++) {
+      double g = a[i * n + k];
+      if (g != 0.0) {
+        for (int j = 0; j < columns; j++) b[i * columns + j] -= g * b[k * columns + j];
+      }
+    }
+  }
+  for (int k = n - 1; k >= 0; k--) {
+    for (int j = 0; j < columns; j++) b[k * columns + j] /= a[k * n + k];
+    for (int i = 0; i < k; i++) {
+      double g = a[i * n + k];
+      if (g != 0.0) {
+        for (int j = 0; j < columns; j++) b[i * columns + j] -= g * b[k * columns + j];
+      }
+    }
+  }
+}
+
+/* One substep of the active states with its slopes phi [n x (n + NW)] row-major; 0 if it runs away. */
+static int substep(const Run *run, double *x, const double *u, const double *m, double h, double *phi, int slopes) {
+  static double f[NX], g[NX], a[NX * NX], b[NX * NW + 1], lu[NX * NX], k1[NX * (N + 1)], k2[NX * (N + 1)], ab[NX * N];
+  static int pivot[NX];
+  const int n = run->active, wide = n + NW, all = slopes ? wide + 1 : 1;
+  const int *at = run->state;
+  call(kf_fj, x, u, m, run->p, f, a, b);
+  for (int i = 0; i < n; i++) {
+    for (int j = 0; j < n; j++) ab[i * wide + j] = a[at[j] * NX + at[i]];
+    for (int j = 0; j < NW; j++) ab[i * wide + n + j] = b[j * NX + at[i]];
+  }
+  if (DISCRETE) {
+    for (int i = 0; i < n; i++) x[at[i]] = f[at[i]];
+    memcpy(phi, ab, sizeof(double) * (size_t)(n * wide));
+  } else {
+    static double moved[NX];
+    for (int i = 0; i < n; i++) {
+      for (int j = 0; j < n; j++) lu[i * n + j] = (i == j) - GAMMA * h * ab[i * wide + j];
+    }
+    if (!factor(lu, pivot, n)) return 0;
+    for (int i = 0; i < n; i++) {
+      k1[i * all] = f[at[i]];
+      for (int j = 1; j < all; j++) k1[i * all + j] = ab[i * wide + j - 1];
+    }
+    solve(lu, pivot, n, k1, all);
+    memcpy(moved, x, sizeof moved);
+    for (int i = 0; i < n; i++) moved[at[i]] += h * k1[i * all];
+    call(kf_f, moved, u, m, run->p, g, 0, 0);
+    for (int i = 0; i < n; i++) {
+      k2[i * all] = g[at[i]] - 2.0 * k1[i * all];
+      for (int j = 1; j < all; j++) {
+        double t = ab[i * wide + j - 1] - 2.0 * k1[i * all + j];
+        for (int l = 0; l < n; l++) t += h * ab[i * wide + l] * k1[l * all + j];
+        k2[i * all + j] = t;
+      }
+    }
+    solve(lu, pivot, n, k2, all);
+    for (int i = 0; i < n; i++) {
+      x[at[i]] += h * (1.5 * k1[i * all] + 0.5 * k2[i * all]);
+      for (int j = 1; j < all; j++) {
+        phi[i * wide + j - 1] = (i == j - 1) + h * (1.5 * k1[i * all + j] + 0.5 * k2[i * all + j]);
+      }
+    }
+#if AXES
+    static double dry[2 * AXES];
+    call(kf_dry, x, u, m, run->p, dry, 0, 0);
+    for (int k = 0; k < AXES; k++) {
+      double forwards = dry[k] * h, backwards = dry[AXES + k] * h, v = x[axis_v[k]], after = 0.0;
+      if (forwards == 0.0 && backwards == 0.0) continue;
+      if (v > forwards) after = v - forwards;
+      if (v < -backwards) after = v + backwards;
+      double slope = after == 0.0 ? LEAK : 1.0, back = 0.5 * h * (v - after);
+      x[axis_v[k]] = after;
+      int row = -1, place = -1;
+      for (int i = 0; i < n; i++) {
+        if (at[i] == axis_v[k]) row = i;
+        if (at[i] == axis_q[k]) place = i;
+      }
+      if (place >= 0) x[axis_q[k]] -= back;
+      for (int j = 0; slopes && j < wide; j++) {
+        if (place >= 0) phi[place * wide + j] -= 0.5 * h * (1.0 - slope) * phi[row * wide + j];
+        phi[row * wide + j] *= slope;
+      }
+    }
+#endif
+  }
+  for (int i = 0; i < n; i++) {
+    if (!isfinite(x[at[i]]) || fabs(x[at[i]]) > 1e12) return 0;
+  }
+  return 1;
+}
+
+/* Covariance over a substep: P = phi P phi' of the states, the disturbances kept. */
+static void spread(double *P, const double *phi, int n) {
+  static double t[N * N];
+  const int wide = n + NW;
+  for (int i = 0; i < n; i++) {
+    for (int j = 0; j < wide; j++) {
+      double sum = 0.0;
+      for (int l = 0; l < wide; l++) sum += phi[i * wide + l] * P[l * wide + j];
+      t[i * wide + j] = sum;
+    }
+  }
+  for (int i = 0; i < n; i++) {
+    for (int j = 0; j <= i; j++) {
+      double sum = 0.0;
+      for (int l = 0; l < wide; l++) sum += t[i * wide + l] * phi[j * wide + l];
+      P[i * wide + j] = P[j * wide + i] = sum;
+    }
+    for (int j = n; j < wide; j++) P[i * wide + j] = P[j * wide + i] = t[i * wide + j];
+  }
+}
+
+static int advance(const Run *run, double *x, const double *u, const double *m, double dt, double *P, double *phi) {
+  static double posted[NX], px[NX * NX], full[NX * N];
+  const int n = run->active, wide = n + NW, *at = run->state;
+  for (int q = 0; q < run->substeps; q++) {
+    if (!substep(run, x, u, m, dt / run->substeps, phi, P != 0)) return 0;
+    if (P) spread(P, phi, n);
+  }
+  if (!POSTS) return 1;
+  call(kf_post, x, u, m, run->p, posted, px, 0);
+  if (P) {
+    memset(full, 0, sizeof full);
+    for (int i = 0; i < n; i++) {
+      for (int j = 0; j < n; j++) full[i * wide + j] = px[at[j] * NX + at[i]];
+    }
+    spread(P, full, n);
+  }
+  for (int i = 0; i < n; i++) x[at[i]] = posted[at[i]];
+  return 1;
+}
+
+/* What random rates and the disturbances' own motion add over dt. */
+static void shake(const Run *run, const double *x, const double *u, const double *m, double dt, double *w, double *P) {
+  static double fx[NX], fa[NX * NX], fb[NX * NW + 1];
+  const int n = run->active, wide = n + NW, *at = run->state;
+  int rough = 0;
+  for (int i = 0; i < NW; i++) rough |= run->white[i] > 0.0;
+  if (rough) call(kf_fj, x, u, m, run->p, fx, fa, fb);
+  for (int q = 0; q < NW && rough; q++) {
+    /* a model in steps moves by B w in one of them, else at the rate B w */
+    const double size = run->white[q] * run->white[q] * (DISCRETE ? 1.0 / dt : dt);
+    for (int i = 0; i < n; i++) {
+      for (int j = 0; j < n; j++) P[i * wide + j] += size * fb[q * NX + at[i]] * fb[q * NX + at[j]];
+    }
+  }
+  for (int i = 0; i < NW; i++) {
+    const double keep = exp(-dt * run->keep[i]);
+    w[i] *= keep;
+    for (int j = 0; j < wide; j++) {
+      P[(n + i) * wide + j] *= keep;
+      P[j * wide + n + i] *= keep;
+    }
+    P[(n + i) * wide + n + i] += run->sigma[i] * run->sigma[i] * (1.0 - keep * keep);
+  }
+}
+
+/* Steps done: fewer than run->steps where the states run away. */
+EXPORT int run_filter(const Run *run) {
+  const int n = run->active, wide = n + NW, *at = run->state;
+  static double x[NX], alone[NX], P[N * N], phi[NX * N], u[NU], memory[NI + 1], next[NI + 1];
+  static double y[NY], hx[NY * NX], hw[NY * NW + 1], gain[N], row[N], moved[N];
+  double w[NW + 1] = {0}, side[NY];
+  int out[NY];
+  memset(side, 0, sizeof side);
+  memset(out, 0, sizeof out);
+  memset(P, 0, sizeof P);
+  memcpy(x, run->x0, sizeof x);
+  if (NI) memcpy(memory, run->memory, sizeof(double) * NI);
+  for (int i = 0; i < n; i++) P[i * wide + i] = run->p0[at[i]];
+  for (int i = 0; i < NW; i++) P[(n + i) * wide + n + i] = run->sigma[i] * run->sigma[i];
+  for (int k = 0; k < run->steps; k++) {
+    const int window = run->window ? run->window[k] : 0;
+    if (k > 0) {
+      const double *before = run->u + (size_t)(k - 1) * NU, *m = run->m + (size_t)(k - 1) * NM, dt = before[DT];
+      const double *arg[4] = {memory, before, m, run->p};
+      double *res[2] = {u, next};
+      kf_in(arg, res, iscratch, scratch, 0);
+      if (NI) memcpy(memory, next, sizeof(double) * NI);
+      if (window) {
+        if (window != run->window[k - 1]) memcpy(alone, x, sizeof x);
+        if (!advance(run, alone, u, m, dt, 0, phi)) return k;
+      }
+      for (int i = 0; i < NW; i++) u[W0 + i] += w[i];
+      if (!advance(run, x, u, m, dt, P, phi)) return k;
+      shake(run, x, u, m, dt, w, P);
+    }
+    const double *now = run->u + (size_t)k * NU, *m = run->m + (size_t)k * NM;
+    const double *arg[4] = {memory, now, m, run->p};
+    double *res[2] = {u, next};
+    kf_in(arg, res, iscratch, scratch, 0);
+    if (window && run->free) call(kf_h, alone, u, m, run->p, run->free + (size_t)k * NY, 0, 0);
+    if (window && run->zfree) memcpy(run->zfree + (size_t)k * NX, alone, sizeof alone);
+    for (int i = 0; i < NW; i++) u[W0 + i] = now[W0 + i] + w[i];
+    call(kf_hj, x, u, m, run->p, y, hx, hw);
+    memset(moved, 0, sizeof moved);
+    for (int o = 0; o < NY; o++) {
+      const double seen = run->y[(size_t)k * NY + o];
+      double *e = run->e + (size_t)k * NY + o, *s = run->s + (size_t)k * NY + o;
+      *e = *s = NAN;
+      if (isnan(seen)) continue;
+      double size = run->r[o];
+      for (int i = 0; i < n; i++) row[i] = hx[at[i] * NY + o];
+      for (int i = 0; i < NW; i++) row[n + i] = hw[i * NY + o];
+      for (int i = 0; i < wide; i++) {
+        double sum = 0.0;
+        for (int j = 0; j < wide; j++) sum += P[i * wide + j] * row[j];
+        gain[i] = sum;
+      }
+      for (int i = 0; i < wide; i++) size += row[i] * gain[i];
+      double error = seen - y[o]; /* less what the outputs before it have moved, by the one linearisation */
+      for (int i = 0; i < wide; i++) error -= row[i] * moved[i];
+      if (!isfinite(error) || !(size > 0.0)) return k;
+      *e = error;
+      *s = size;
+      const double most = CLIP * sqrt(size), beyond = error > most ? 1.0 : error < -most ? -1.0 : 0.0;
+      out[o] = beyond == 0.0 ? 0 : out[o] + 1;
+      if (out[o] && out[o] <= OUTLIERS && side[o] != beyond && k > 3) error = beyond * most;
+      side[o] = beyond;
+      for (int i = 0; i < wide; i++) moved[i] += gain[i] / size * error;
+      for (int i = 0; i < wide; i++) {
+        for (int j = 0; j < wide; j++) P[i * wide + j] -= gain[i] * gain[j] / size;
+      }
+    }
+    for (int i = 0; i < n; i++) x[at[i]] += moved[i];
+    for (int i = 0; i < NW; i++) w[i] += moved[n + i];
+    if (run->z) {
+      memcpy(run->z + (size_t)k * N, x, sizeof x);
+      memcpy(run->z + (size_t)k * N + NX, w, sizeof(double) * NW);
+    }
+    if (run->v) {
+      double *v = run->v + (size_t)k * N;
+      memset(v, 0, sizeof(double) * N);
+      for (int i = 0; i < n; i++) v[at[i]] = P[i * wide + i];
+      for (int i = 0; i < NW; i++) v[NX + i] = P[(n + i) * wide + n + i];
+    }
+  }
+  return run->steps;
+}

@@ -1,0 +1,204 @@
+"""Parameters that make the innovations likeliest: Fisher scoring in unit-free coordinates."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from reconcile.filter.kalman import Filtered, Kalman, Values
+from reconcile.model import Attached
+from reconcile.tolerances import STEP, STUDENT
+
+
+@dataclass(frozen=True)
+class Free:
+    """A parameter that is fitted: its coordinate is log(p/center)/size, or (p − center)/size; prior N(0, 1)."""
+
+    name: str
+    center: float
+    size: float
+    log: bool
+    low: float = -np.inf
+    high: float = np.inf
+
+    def value(self, z: float) -> float:
+        """The parameter at a coordinate."""
+        v = self.center * np.exp(self.size * z) if self.log else self.center + self.size * z
+        return float(min(max(v, self.low), self.high))
+
+    def coordinate(self, value: float) -> float:
+        """Its coordinate."""
+        if self.log:
+            return float(np.log(max(value / self.center, 1e-12)) / self.size)
+        return (value - self.center) / self.size
+
+    def slope(self, value: float) -> float:
+        """Change of the parameter by its coordinate."""
+        return self.size * value if self.log else self.size
+
+
+@dataclass(frozen=True)
+class Point:
+    """A fitted set: values of all parameters, nats of the data and the prior, its slopes and information."""
+
+    present: tuple[Attached, ...]
+    free: tuple[Free, ...]
+    values: Values
+    loss: float  # minus log-likelihood
+    prior: float  # ½|z|²
+    gradient: np.ndarray
+    information: np.ndarray  # Fisher, of the data alone
+    held: np.ndarray  # which parameters lie at a limit
+    e: np.ndarray  # [n] innovations scored
+    s: np.ndarray
+    slopes: tuple[np.ndarray, np.ndarray]  # of e and log s by the free coordinates [n, K]
+
+    @property
+    def total(self) -> float:
+        """Nats to make small."""
+        return self.loss + self.prior
+
+    @property
+    def evidence(self) -> float:
+        """Laplace: log of the marginal likelihood, up to a constant that all sets share."""
+        moving = ~self.held
+        h = self.information[np.ix_(moving, moving)] + np.eye(int(moving.sum()))
+        return -self.total - 0.5 * float(np.linalg.slogdet(h)[1])
+
+    def covariance(self) -> np.ndarray:
+        """Of the coordinates; nothing for parameters at a limit."""
+        moving = np.flatnonzero(~self.held)
+        c = np.zeros_like(self.information)
+        c[np.ix_(moving, moving)] = np.linalg.inv(self.information[np.ix_(moving, moving)] + np.eye(len(moving)))
+        return c
+
+
+class Fitter:
+    """Likelihood over the scored samples of a filter; `scored` [n] a recording."""
+
+    def __init__(self, kalman: Kalman, scored: Sequence[np.ndarray]):
+        self.kalman, self.scored = kalman, [np.asarray(s, bool) for s in scored]
+
+    def gather(self, found: Sequence[Filtered]) -> tuple[np.ndarray, np.ndarray]:
+        """Innovations and variances [n] of all samples scored, NaN where missing."""
+        e = np.concatenate([f.e[s].ravel() for f, s in zip(found, self.scored, strict=True)])
+        v = np.concatenate([f.s[s].ravel() for f, s in zip(found, self.scored, strict=True)])
+        return e, v
+
+    def loss(self, e: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """Nats of each sample [n]; 0 where missing."""
+        out = 0.5 * np.log(s) + 0.5 * (STUDENT + 1.0) * np.log1p(e * e / (STUDENT * s))
+        return np.where(np.isnan(e), 0.0, out)
+
+    def innovations(self, values: Values, present: Sequence[Attached], own: bool = False):
+        """(e, s) [n] or None where the filter runs away."""
+        found = self.kalman.run(values, present, own=own)
+        return None if found is None else self.gather(found)
+
+    def columns(
+        self, values: Values, present: Sequence[Attached], free: Sequence[Free], e, s, own: bool = False
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Slopes of e and of log s by the coordinates of `free` [n, K]."""
+        de, ds = np.zeros((2, len(e), len(free)))
+        for j, f in enumerate(free):
+            z = f.coordinate(values[f.name])
+            step = STEP if f.value(z + STEP) != values[f.name] else -STEP
+            other = self.innovations(values | {f.name: f.value(z + step)}, present, own)
+            if other is None:
+                return None
+            de[:, j], ds[:, j] = (other[0] - e) / step, (np.log(other[1]) - np.log(s)) / step
+        return np.nan_to_num(de), np.nan_to_num(ds)
+
+    def score(self, e, s, de, ds) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient of the loss and Fisher information [K, K]."""
+        e, s = np.where(np.isnan(e), 0.0, e), np.where(np.isnan(s), 1.0, s)
+        weight = (STUDENT + 1.0) / (STUDENT * s + e * e)
+        by_e = weight * e
+        by_s = 0.5 - 0.5 * weight * e * e
+        gradient = de.T @ by_e + ds.T @ by_s
+        a, b = (STUDENT + 1.0) / (STUDENT + 3.0), 0.5 * STUDENT / (STUDENT + 3.0)
+        information = (de * (a / s)[:, None]).T @ de + b * ds.T @ ds
+        return gradient, information
+
+    def fit(
+        self,
+        start: Values,
+        present: Sequence[Attached],
+        free: Sequence[Free],
+        iterations: int = 12,
+        enough: float = 0.1,
+        every: int = 1,
+        hopeless: float = np.inf,
+        own: bool = False,
+    ) -> Point | None:
+        """Damped Fisher scoring from `start`; `every`: iterations that slopes are kept for.
+
+        Ends when a step gains less than `enough` nats.  None if the filter runs away at the start.
+        """
+        free = tuple(free)
+        values = start | {f.name: f.value(f.coordinate(start[f.name])) for f in free}
+        found = self.innovations(values, present, own)
+        if found is None:
+            return None
+        e, s = found
+        loss, prior = float(self.loss(e, s).sum()), self._prior(values, free)
+        damping, slopes, age = 1e-2, None, 0
+        held = np.zeros(len(free), bool)
+        for k in range(iterations):
+            if slopes is None or age >= every:
+                slopes, age = self.columns(values, present, free, e, s, own), 0
+                if slopes is None:
+                    return None
+            g, information = self.score(e, s, *slopes)
+            z = np.array([f.coordinate(values[f.name]) for f in free])
+            g = g + z
+            held = self._held(values, free, g)
+            moved = False
+            for _ in range(6):
+                step = np.zeros(len(free))
+                m = ~held
+                h = information[np.ix_(m, m)] + np.eye(int(m.sum()))
+                h += damping * np.diag(np.diag(h))
+                step[m] = np.clip(-np.linalg.solve(h, g[m]), -3.0, 3.0)
+                trial = values | {f.name: f.value(z[j] + step[j]) for j, f in enumerate(free) if m[j]}
+                other = self.innovations(trial, present, own)
+                if other is not None:
+                    l, q = float(self.loss(*other).sum()), self._prior(trial, free)
+                    if l + q < loss + prior:
+                        gained = loss + prior - l - q
+                        values, (e, s), loss, prior, moved = trial, other, l, q, True
+                        damping = max(damping / 5.0, 1e-4)
+                        break
+                damping = min(damping * 8.0, 1e6)
+            age += 1
+            if not moved:
+                if age > 1:
+                    slopes = None
+                    continue
+                break
+            if gained < enough:
+                break
+            if k >= 3 and loss + prior > hopeless and gained < 0.2 * (loss + prior - hopeless):
+                break
+        slopes = self.columns(values, present, free, e, s, own)
+        if slopes is None:
+            return None
+        g, information = self.score(e, s, *slopes)
+        z = np.array([f.coordinate(values[f.name]) for f in free])
+        held = self._held(values, free, g + z)
+        return Point(tuple(present), free, values, loss, prior, g + z, information, held, e, s, slopes)
+
+    @staticmethod
+    def _prior(values: Values, free: Sequence[Free]) -> float:
+        return 0.5 * float(sum(f.coordinate(values[f.name]) ** 2 for f in free))
+
+    @staticmethod
+    def _held(values: Values, free: Sequence[Free], gradient: np.ndarray) -> np.ndarray:
+        """Parameters at a limit that the data push against: they leave the fit and its projections."""
+        return np.array(
+            [
+                (values[f.name] <= f.low * (1 + 1e-12 * np.sign(f.low)) and g > 0) or (values[f.name] >= f.high * (1 - 1e-12 * np.sign(f.high)) and g < 0)
+                for f, g in zip(free, gradient, strict=True)
+            ],
+            bool,
+        )

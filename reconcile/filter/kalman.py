@@ -1,0 +1,221 @@
+"""The filter of a model folder with candidate effects over its recordings: parameters in, innovations out."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from reconcile.extended import Extended
+from reconcile.filter.equations import Stepped
+from reconcile.filter.library import Library
+from reconcile.filter.record import Record
+from reconcile.fit.late import Late
+from reconcile.model import Attached, Folder
+
+Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
+SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
+
+
+@dataclass
+class Filtered:
+    """What the filter makes of one recording: innovations and their variances [n, NY], and more on demand."""
+
+    e: np.ndarray
+    s: np.ndarray
+    z: np.ndarray | None = None  # states and disturbances [n, NX + NW]
+    v: np.ndarray | None = None  # their variances
+    free: np.ndarray | None = None  # outputs [n, NY] of the model by itself in windows
+    zfree: np.ndarray | None = None
+    y: np.ndarray | None = None
+
+
+@dataclass
+class _Part:
+    """A library of some effects: its parameters among all, and its states' names."""
+
+    library: Library
+    extended: Extended
+    index: np.ndarray
+    first: ca.Function
+
+
+class Kalman:
+    """Filters of one model: with all effects without hidden states at once, with others as they are asked for.
+
+    `places`: names of what the disturbances w push, axes first.
+    """
+
+    def __init__(
+        self,
+        folder: Folder,
+        candidates: Sequence[Attached],
+        records: Sequence[Record],
+        outputs: Sequence[str],
+    ):
+        self.folder, self.model, self.records = folder, folder.model, list(records)
+        self.candidates, self.outputs = tuple(candidates), tuple(outputs)
+        self.all_outputs = [v.name for v in self.model.outputs]
+        self.pushed_states = self._pushed()
+        self.whole = Extended(folder, self.candidates)
+        self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
+        self.late = Late(self.whole, list(self.outputs))
+        self.substeps, self.linear = 1, False
+        self.scale = np.array([v.nominal or 1.0 for v in self.model.states])
+        self._parts: dict[frozenset, _Part] = {}
+        self._kept: dict[tuple, tuple] = {}
+        self.modes: list[np.ndarray] = [self._modes(r) for r in self.records]
+        self.runs_done = 0
+
+    def _pushed(self) -> tuple[str, ...]:
+        """States beside the axes' that a disturbance pushes: those that are recorded; without axes, all."""
+        axes, names = self.folder.ports.axes, [v.name for v in self.model.states]
+        if not axes:
+            return tuple(names)
+        moving = {n for a in axes for n in (a.position, a.velocity)}
+        return tuple(names[i] for i, _, _ in self.shown if names[i] not in moving)
+
+    # ---------------------------------------------------------------- one run of the filter
+
+    def run(
+        self,
+        values: Values,
+        present: Sequence[Attached],
+        windows: Sequence[np.ndarray] | None = None,
+        states: bool = False,
+        own: bool = False,
+    ) -> list[Filtered] | None:
+        """Innovations over every recording; None where the states run away.
+
+        `windows` [n] of each: numbers of the stretches in which the model also runs by itself, without
+        disturbance, from the filtered state (0: none).  `own`: by equations of these effects alone.
+        """
+        part = self._part(present, own)
+        names, index = part.extended.parameter_names, self.whole.index
+        p = np.array([values[n] for n in names])
+        full = np.array([values[n] for n in index])
+        active = self._active(part, present)
+        given = {
+            "p": p,
+            "sigma": np.array([values[SIGMA + n] for n in self.places]),
+            "keep": np.array([1.0 / values[TAU + n] for n in self.places]),
+            "white": np.array([values[WHITE + n] for n in self.places]),
+            "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.all_outputs]),
+        }
+        found = []
+        for k, record in enumerate(self.records):
+            u, y = self._rows(k, full)
+            x0, p0, memory = self._start(part, p, u, y, self.modes[k])
+            self.runs_done += 1
+            more = {"u": u, "m": self.modes[k], "y": y, "x0": x0, "p0": p0, "memory": memory}
+            run = part.library.run(
+                self.substeps, active, given | more, None if windows is None else windows[k], states
+            )
+            if run is None:
+                return None
+            found.append(Filtered(run["e"], run["s"], run.get("z"), run.get("v"), run.get("free"), run.get("zfree"), y))
+        return found
+
+    def state_names(self, present: Sequence[Attached], own: bool = False) -> list[str]:
+        """States of a run with these effects, in the order of its columns."""
+        return self._part(present, own).library.stepped.state_names
+
+    def _part(self, present: Sequence[Attached], own: bool) -> _Part:
+        hidden = frozenset(a for a in present if a.effect.hidden and a.effect.place != "input")
+        key = frozenset(present) if own else hidden
+        key = frozenset({("own", own), *((a, True) for a in key)})
+        if key not in self._parts:
+            kept = set(present) if own else hidden
+            attached = [
+                a
+                for a in self.candidates
+                if a in kept or a.effect.delays or (not own and (not a.effect.hidden or a.effect.place == "input"))
+            ]
+            extended = Extended(self.folder, attached)
+            stepped = Stepped(extended, self.pushed_states)
+            library = Library(stepped)
+            index = np.array([self.whole.index[n] for n in extended.parameter_names])
+            self._parts[key] = _Part(library, extended, index, stepped.stages["kf_first"])
+        return self._parts[key]
+
+    def _active(self, part: _Part, present: Sequence[Attached]) -> np.ndarray:
+        names = part.library.stepped.state_names
+        own = [a.name(h) for a in present if a.effect.place != "input" for h in a.effect.hidden]
+        return np.array([*range(len(self.model.states)), *(names.index(n) for n in own)], np.int32)
+
+    def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """u [n, NU] and y [n, NY] of a recording for the delays among the parameters [NP]."""
+        late_in = {self.model.inputs[i].name: d for i, d in self.late.of_inputs(p).items()}
+        late_out = {n: self.late.of_output(n, p) for n in self.outputs}
+        key = (k, self.linear, tuple(late_in.items()), tuple(late_out.items()))
+        if key not in self._kept:
+            if len(self._kept) > 200:
+                self._kept.clear()
+            record = self.records[k]
+            names = [v.name for v in self.model.inputs]
+            defaults = np.array([v.start for v in self.model.inputs])
+            u = record.inputs(names, defaults, late_in, self.linear)
+            y, early = record.outputs(self.outputs, late_out)
+            n = len(record.time)
+            full, shifted = np.full((n, len(self.all_outputs)), np.nan), np.zeros((n, len(self.all_outputs)))
+            at = [self.all_outputs.index(o) for o in self.outputs]
+            full[:, at], shifted[:, at] = y, early
+            clock = (record.time - record.run.began_s)[:, None]
+            pushes = np.zeros((n, len(self.places)))
+            self._kept[key] = np.hstack([u, clock, pushes, record.steps[:, None], shifted]), full
+        return self._kept[key]
+
+    def _start(self, part: _Part, p, u, y, m) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Initial state, its variances and the memories of inputs: outputs that are states begin as recorded."""
+        nx = part.library.nx
+        x0, p0 = np.zeros(nx), np.ones(nx)
+        n = len(self.model.states)
+        x0[:n] = self._model_start(p[: len(self.model.parameters)])
+        p0[:n] = (2.0 * self.scale) ** 2
+        for state, output, sign in self.shown:
+            seen = y[:, self.all_outputs.index(output)]
+            good = np.flatnonzero(~np.isnan(seen))
+            if len(good):
+                x0[state] = sign * seen[good[0]]
+        memory = np.zeros(len(part.library.stepped.memory_names))
+        hidden = None
+        for _ in range(2):  # the memory of one may start where another one's is
+            memory, hidden = (np.asarray(a).ravel() for a in part.first(memory, x0, u[0], m[0] if m.size else m.ravel(), p))
+        x0[n:] = hidden
+        p0[n:] = np.maximum(np.abs(x0[n:]), self._hidden_scale(part)) ** 2
+        return x0, p0, memory
+
+    def _hidden_scale(self, part: _Part) -> np.ndarray:
+        """Sizes of effects' hidden states: of what they follow, or of the motion beside which they are."""
+        found = []
+        for name in part.library.stepped.state_names[len(self.model.states) :]:
+            port = name.split("@")[1].partition(".")[0].split("+")[0]
+            sizes = [s for s in self.sizes.get(port, ())]
+            found.append(0.1 * max(sizes) if sizes else 0.1)
+        return np.array(found)
+
+    sizes: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    def _model_start(self, p: np.ndarray) -> np.ndarray:
+        return np.asarray(self.model.x0(p)).ravel()
+
+    @cached_property
+    def shown(self) -> list[tuple[int, str, float]]:
+        """States that recorded outputs are, up to sign: (state, output, sign)."""
+        x, u, m, p = self.model.symbols
+        h, found, seen = self.model.h(x, u, m, p), [], set()
+        for i in range(x.numel()):
+            for k, name in enumerate(self.all_outputs):
+                for sign in (1.0, -1.0):
+                    if name in self.outputs and i not in seen and ca.is_equal(h[k], sign * x[i], 2):
+                        found.append((i, name, sign))
+                        seen.add(i)
+        return found
+
+    def _modes(self, record: Record) -> np.ndarray:
+        if not self.model.modes:
+            return np.zeros((len(record.time), 0))
+        from reconcile.filter.modes import modes_of
+
+        return modes_of(self.model, record)

@@ -1,0 +1,122 @@
+"""What every candidate would gain, from one fit: score tests of its amplitudes, finite probes of what has none."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from reconcile.core import Core
+from reconcile.filter.fit import Point
+from reconcile.filter.kalman import Values
+from reconcile.model import Attached
+from reconcile.tolerances import SEPARABLE
+
+PROBE = 0.02  # of an amplitude's size: small against what bends, large against rounding
+MOST_PROBES = 24  # starts of one effect that are tried
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A candidate at its best start: nats that it would gain, and the values that a fit starts from."""
+
+    attached: Attached
+    gain: float
+    values: Values
+    separable: bool = True
+
+
+class Screen:
+    """Scores at a fitted point."""
+
+    def __init__(self, core: Core, point: Point):
+        self.core, self.point, self.fitter = core, point, core.fitter
+        free, self.e, self.s = point.free, point.e, point.s
+        de, ds = point.slopes
+        moving = ~point.held
+        self.de, self.ds = de[:, moving], ds[:, moving]
+        _, information = self.fitter.score(self.e, self.s, self.de, self.ds)
+        self.known = np.linalg.inv(information + np.eye(int(moving.sum())))
+        del free
+
+    def all(self, candidates: Sequence[Attached]) -> list[Scored]:
+        """Every candidate at its best start, best first; those that run away are left out."""
+        found = [s for a in candidates if (s := self.one(a)) is not None]
+        return sorted(found, key=lambda s: -s.gain)
+
+    def one(self, a: Attached) -> Scored | None:
+        """A candidate at its best start."""
+        scales = self.core.scales[a.port]
+        tried = []
+        for k in np.unique(np.linspace(0, a.effect.grid(scales) - 1, MOST_PROBES).round().astype(int)):
+            start = {a.name(n): v for n, v in a.effect.start(scales, int(k)).items()}
+            found = self._gated(a, start) if a.effect.gated else self._linear(a, start)
+            if found is not None:
+                tried.append(found)
+        return max(tried, key=lambda s: s.gain, default=None)
+
+    def _linear(self, a: Attached, start: Values) -> Scored | None:
+        free = [f for f in self.core.free_of(a) if f.name in a.columns]
+        shapes = {n: v for n, v in start.items() if n not in a.columns}
+        present = (*self.point.present, a)
+        de, ds = np.zeros((2, len(self.e), len(free)))
+        # hidden states of an effect are followed at nothing too: the difference is the amplitude's alone
+        values = self.point.values | shapes | {f.name: 0.0 for f in free}
+        e, s = self.e, self.s
+        if a.effect.hidden and a.effect.place != "input":
+            other = self.fitter.innovations(values, present)
+            if other is None:
+                return None
+            e, s = other
+        for j, f in enumerate(free):
+            step = PROBE if f.high > 0.0 else -PROBE
+            other = self.fitter.innovations(values | {f.name: step * f.size}, present)
+            if other is None:
+                return None
+            de[:, j], ds[:, j] = (other[0] - e) / step, (np.log(other[1]) - np.log(s)) / step
+        de, ds = np.nan_to_num(de), np.nan_to_num(ds)
+        g, c, own = self._schur(de, ds)
+        separable = bool(np.all(np.diag(c) > SEPARABLE * np.maximum(np.diag(own), 1e-300)))
+        at = _bounded(c + np.eye(len(g)), -g, free)
+        gain = float(-g @ at - 0.5 * at @ (c + np.eye(len(g))) @ at)
+        gain -= 0.5 * float(np.linalg.slogdet(c + np.eye(len(g)))[1])
+        at = np.clip(at, -3.0, 3.0)
+        own_values = shapes | {f.name: f.value(at[j]) for j, f in enumerate(free)}
+        return Scored(a, gain if separable else -np.inf, own_values, separable)
+
+    def _gated(self, a: Attached, start: Values) -> Scored | None:
+        present = (*self.point.present, a)
+        other = self.fitter.innovations(self.point.values | start | {a.name("gate"): 1.0}, present)
+        if other is None:
+            return None
+        de = np.nan_to_num(other[0] - self.e)[:, None]
+        ds = np.nan_to_num(np.log(other[1]) - np.log(self.s))[:, None]
+        g, c, own = self._schur(de, ds)
+        whole = float(self.fitter.loss(self.e, self.s).sum() - self.fitter.loss(*other).sum())
+        share = float(np.clip(-g[0] / max(c[0, 0], 1e-300), 0.0, 1.0))
+        linear = float(-g[0] * share - 0.5 * c[0, 0] * share**2)
+        gain = max(whole, linear) - len(a.effect.parameters)
+        if c[0, 0] <= SEPARABLE * own[0, 0] or own[0, 0] < 1e-9:
+            return Scored(a, -np.inf, start | {a.name("gate"): 1.0}, False)
+        return Scored(a, gain, start | {a.name("gate"): 1.0})
+
+    def _schur(self, de: np.ndarray, ds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gradient, information beside what is fitted, and own information of columns."""
+        n = de.shape[1]
+        g, whole = self.fitter.score(self.e, self.s, np.hstack([self.de, de]), np.hstack([self.ds, ds]))
+        between, own = whole[-n:, :-n], whole[-n:, -n:]
+        return g[-n:], own - between @ self.known @ between.T, own
+
+
+def _bounded(h: np.ndarray, b: np.ndarray, free) -> np.ndarray:
+    """Minimum of ½ x'hx − b'x with x within the bounds, coordinate by coordinate (few of them)."""
+    x = np.linalg.solve(h, b)
+    low = np.array([f.low / f.size for f in free])
+    high = np.array([f.high / f.size for f in free])
+    for _ in range(50):
+        before = x.copy()
+        for j in range(len(x)):
+            rest = b[j] - h[j] @ x + h[j, j] * x[j]
+            x[j] = min(max(rest / h[j, j], low[j]), high[j])
+        if np.allclose(before, x, rtol=1e-6, atol=1e-9):
+            break
+    return x
