@@ -15,6 +15,7 @@ from reconcile.tolerances import BLOCKS, CLOSE, KEPT, RESAMPLED, SINGLES, WORTH
 
 Key = frozenset[Attached]
 Report = Callable[..., None]
+QUIETLY = 3  # effects that are tried so
 QUIET = 0.1  # of the disturbance's size, from which a fit starts as well: else it keeps what it has absorbed
 
 
@@ -75,8 +76,9 @@ class Beam:
         if grown not in self.points:
             base = self.points[key]
             starts = [base.values | scored.values]
-            quiet = {n: QUIET * v for n, v in base.values.items() if n.startswith(SIGMA)}
-            starts.append(starts[0] | quiet)
+            if not key and len(self.points) <= QUIETLY:
+                quiet = {n: QUIET * v for n, v in base.values.items() if n.startswith(SIGMA)}
+                starts.append(starts[0] | quiet)
             self._fit(grown, (*base.present, scored.attached), starts)
         return grown if grown in self.points else None
 

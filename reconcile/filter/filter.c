@@ -127,7 +127,7 @@ static int substep(const Run *run, double *x, const double *u, const double *m, 
     for (int j = 0; j < NW; j++) ab[i * wide + n + j] = b[j * NX + at[i]];
   }
   if (DISCRETE) {
-    for (int i = 0; i < n; i++) x[at[i]] = f[at[i]];
+    memcpy(x, f, sizeof f); /* states that follow inputs alone are known: they are not active, but move */
     memcpy(phi, ab, sizeof(double) * (size_t)(n * wide));
   } else {
     static double moved[NX];
@@ -192,19 +192,27 @@ static void spread(double *P, const double *phi, int n) {
   static double t[N * N];
   const int wide = n + NW;
   for (int i = 0; i < n; i++) {
-    for (int j = 0; j < wide; j++) {
-      double sum = 0.0;
-      for (int l = 0; l < wide; l++) sum += phi[i * wide + l] * P[l * wide + j];
-      t[i * wide + j] = sum;
+    double *row = t + i * wide;
+    memset(row, 0, sizeof(double) * (size_t)wide);
+    for (int l = 0; l < wide; l++) {
+      const double a = phi[i * wide + l];
+      if (a == 0.0) continue;
+      for (int j = 0; j < wide; j++) row[j] += a * P[l * wide + j];
     }
   }
   for (int i = 0; i < n; i++) {
-    for (int j = 0; j <= i; j++) {
-      double sum = 0.0;
-      for (int l = 0; l < wide; l++) sum += t[i * wide + l] * phi[j * wide + l];
-      P[i * wide + j] = P[j * wide + i] = sum;
+    double *row = P + i * wide;
+    memset(row, 0, sizeof(double) * (size_t)n);
+    for (int l = 0; l < wide; l++) {
+      const double a = phi[i * wide + l];
+      if (a == 0.0) continue;
+      for (int j = 0; j < n; j++) row[j] += a * t[j * wide + l];
     }
-    for (int j = n; j < wide; j++) P[i * wide + j] = P[j * wide + i] = t[i * wide + j];
+    for (int j = n; j < wide; j++) row[j] = t[i * wide + j];
+  }
+  for (int i = 0; i < n; i++) {
+    for (int j = n; j < wide; j++) P[j * wide + i] = P[i * wide + j];
+    for (int j = 0; j < i; j++) P[i * wide + j] = P[j * wide + i] = 0.5 * (P[i * wide + j] + P[j * wide + i]);
   }
 }
 

@@ -10,6 +10,9 @@ from reconcile.model import Attached
 from reconcile.tolerances import STEP, STUDENT
 
 
+STALE = 1.0  # nats gained since slopes were computed, from which they are computed again at the end
+
+
 @dataclass(frozen=True)
 class Free:
     """A parameter that is fitted: its coordinate is log(p/center)/size, or (p − center)/size; prior N(0, 1)."""
@@ -142,11 +145,11 @@ class Fitter:
             return None
         e, s = found
         loss, prior = float(self.loss(e, s).sum()), self._prior(values, free)
-        damping, slopes, age = 1e-2, None, 0
+        damping, slopes, age, since = 1e-2, None, 0, np.inf
         held = np.zeros(len(free), bool)
         for k in range(iterations):
             if slopes is None or age >= every:
-                slopes, age = self.columns(values, present, free, e, s, own), 0
+                slopes, age, since = self.columns(values, present, free, e, s, own), 0, 0.0
                 if slopes is None:
                     return None
             g, information = self.score(e, s, *slopes)
@@ -167,7 +170,7 @@ class Fitter:
                     if l + q < loss + prior:
                         gained = loss + prior - l - q
                         values, (e, s), loss, prior, moved = trial, other, l, q, True
-                        damping = max(damping / 5.0, 1e-4)
+                        damping, since = max(damping / 5.0, 1e-4), since + gained
                         break
                 damping = min(damping * 8.0, 1e6)
             age += 1
@@ -180,7 +183,8 @@ class Fitter:
                 break
             if k >= 3 and loss + prior > hopeless and gained < 0.2 * (loss + prior - hopeless):
                 break
-        slopes = self.columns(values, present, free, e, s, own)
+        if slopes is None or since > STALE:
+            slopes = self.columns(values, present, free, e, s, own)
         if slopes is None:
             return None
         g, information = self.score(e, s, *slopes)

@@ -122,16 +122,22 @@ class Kalman:
         return self._part(present, own).library.stepped.state_names
 
     def _part(self, present: Sequence[Attached], own: bool) -> _Part:
-        hidden = frozenset(a for a in present if a.effect.hidden and a.effect.place != "input")
-        key = frozenset(present) if own else hidden
-        key = frozenset({("own", own), *((a, True) for a in key)})
+        """The library for a set: of its effects alone, or with all candidates that it may be compared with.
+
+        Effects with hidden states of their own share one library, the others another one.
+        """
+        states = [a for a in present if a.effect.hidden and a.effect.place != "input"]
+        if own:
+            kept = set(present)
+        elif not states:
+            kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"}
+        else:
+            kept = {a for a in self.candidates if a.effect.hidden and a.effect.place != "input"} | set(present[:-1])
+            if states[-1] != present[-1]:  # what is looked for beside it has no states: all of those
+                kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"} | set(states)
+        key = frozenset(kept)
         if key not in self._parts:
-            kept = set(present) if own else hidden
-            attached = [
-                a
-                for a in self.candidates
-                if a in kept or a.effect.delays or (not own and (not a.effect.hidden or a.effect.place == "input"))
-            ]
+            attached = [a for a in self.candidates if a in kept or a.effect.delays]
             extended = Extended(self.folder, attached)
             stepped = Stepped(extended, self.pushed_states)
             library = Library(stepped)
@@ -142,7 +148,23 @@ class Kalman:
     def _active(self, part: _Part, present: Sequence[Attached]) -> np.ndarray:
         names = part.library.stepped.state_names
         own = [a.name(h) for a in present if a.effect.place != "input" for h in a.effect.hidden]
-        return np.array([*range(len(self.model.states)), *(names.index(n) for n in own)], np.int32)
+        return np.array([*self.unsure, *(names.index(n) for n in own)], np.int32)
+
+    @cached_property
+    def unsure(self) -> list[int]:
+        """The model's states that more than inputs move; those of a model in steps that inputs alone move are known."""
+        model = self.model
+        every = list(range(len(model.states)))
+        if model.kind == "continuous":
+            return every
+        x, u, m, p = model.symbols
+        pattern = ca.jacobian_sparsity(model.f(x, u, m, p), x)
+        feels = set(zip(pattern.row(), pattern.get_col(), strict=True))
+        axes = {n for a in self.folder.ports.axes for n in (a.position, a.velocity)} | set(self.pushed_states)
+        found = {i for i in every if model.states[i].name in axes}
+        while more := {i for i in every if i not in found and any((i, j) in feels for j in found)}:
+            found |= more
+        return sorted(found)
 
     def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """u [n, NU] and y [n, NY] of a recording for the delays among the parameters [NP]."""

@@ -1,0 +1,190 @@
+"""What an answer amounts to: what is probable must also shorten the error over many steps on data it was not fitted to."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from reconcile.beam import Beam, Key
+from reconcile.catalogue.kinds import kind
+from reconcile.core import Core
+from reconcile.filter.fit import Point
+from reconcile.filter.kalman import NOISE
+from reconcile.model import Attached
+from reconcile.tolerances import OF_ALL, SHORTENED, SURE
+
+MOST_DECLARED = 4
+ENOUGH = 0.9  # of the probability that the declared sets hold together
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An answer: its set, sets that may be it as well, probabilities by effect and kind, errors ahead.
+
+    `gains`: by effect the nats that it gains, and the share of the error left that it takes away.
+    """
+
+    answer: Key
+    alternatives: tuple[Key, ...]
+    probability: Mapping[str, float]
+    kinds: Mapping[str, float]
+    sets: Sequence[tuple[tuple[str, ...], float]]
+    gains: Mapping[Attached, tuple[float, float]]
+    refused: Sequence[Mapping[str, str]]
+    errors: Mapping[Key, float] = field(default_factory=dict)
+
+
+class Judge:
+    """Judges a search by the error over the model's own time on `confirm`."""
+
+    def __init__(self, beam: Beam):
+        self.beam, self.core = beam, beam.core
+        self._ahead: dict[Key, float] = {}
+
+    def ahead(self, key: Key) -> float:
+        """Error of a set over many steps on confirm, above the noise, in spreads of the outputs (rms)."""
+        if key not in self._ahead:
+            self._ahead[key] = ahead(self.core, self.beam.points[key])
+        return self._ahead[key]
+
+    def decide(self) -> Judged:
+        """The answer."""
+        beam, refused = self.beam, []
+        posterior = _simplest(beam)
+        names = {k: _names(k) for k in posterior}
+        effects, kinds = Counter(), Counter()
+        for k, p in posterior.items():
+            effects.update(dict.fromkeys(set(names[k]), p))
+            kinds.update(dict.fromkeys({kind(n) for n in names[k]}, p))
+        by_names = Counter()
+        best: dict[tuple[str, ...], Key] = {}
+        for k, p in posterior.items():
+            by_names[names[k]] += p
+            if names[k] not in best or beam.evidence(k) > beam.evidence(best[names[k]]):
+                best[names[k]] = k
+        order = [n for n, _ in by_names.most_common()]
+        answer = best[order[0]]
+        answer, refused = self._earning(answer)
+        declared = []
+        if answer:
+            total = 0.0
+            for n in order:
+                if total >= ENOUGH or len(declared) == MOST_DECLARED:
+                    break
+                total += by_names[n]
+                if n:
+                    declared.append(best[n])
+            if _names(answer) not in [_names(k) for k in declared]:
+                declared = [answer, *declared[: MOST_DECLARED - 1]]
+            declared.sort(key=lambda k: _names(k) != _names(answer))
+            nothing = by_names.get((), 0.0)
+            if nothing > 1.0 - SURE:  # it may well be that nothing is missing
+                refused.append({"effect": ", ".join(_names(answer)), "port": "", "because": f"nothing at all is as probable as {nothing:.2f}"})
+                answer, declared = frozenset(), []
+        gains = {a: self._gain(answer, a) for a in answer}
+        return Judged(
+            answer,
+            tuple(k for k in declared if _names(k) != _names(answer)),
+            {n: float(min(p, 1.0)) for n, p in effects.most_common() if p > 0.01},
+            {n: float(min(p, 1.0)) for n, p in kinds.most_common() if p > 0.01},
+            [(n, float(p)) for n, p in by_names.most_common(8)],
+            gains,
+            refused,
+            dict(self._ahead),
+        )
+
+    def _earning(self, key: Key) -> tuple[Key, list[dict[str, str]]]:
+        """The set without effects that take too little of the error away."""
+        refused, base = [], self.ahead(frozenset())
+        while key:
+            shares = {a: self._shortened(key, a) for a in key}
+            worst = min(shares, key=lambda a: shares[a][0])
+            left, whole = shares[worst]
+            if left >= SHORTENED and whole >= OF_ALL * max(base, 1e-12):
+                break
+            text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
+            refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
+            key = key - {worst}
+            self._fitted(key)
+        return key, refused
+
+    def _fitted(self, key: Key) -> None:
+        if key not in self.beam.points:
+            self.beam._fit(key, tuple(key), [self.core.values])
+
+    def _shortened(self, key: Key, a: Attached) -> tuple[float, float]:
+        """Share of the error left without an effect that it takes away, and that in spreads."""
+        less = key - {a}
+        if less not in self.beam.points:
+            present = tuple(x for x in self.beam.points[key].present if x != a)
+            self.beam._fit(less, present, [self.core.values | self.beam._of(key, present)])
+        without, with_it = self.ahead(less), self.ahead(key)
+        return (without - with_it) / max(without, 1e-12), without - with_it
+
+    def _gain(self, key: Key, a: Attached) -> tuple[float, float]:
+        less = self.beam.points.get(key - {a})
+        gained = less.loss - self.beam.points[key].loss if less else float("nan")
+        return 2.0 * gained, self._shortened(key, a)[0]
+
+
+def _names(key: Key) -> tuple[str, ...]:
+    return tuple(sorted({a.effect.name for a in key}))
+
+
+def _simplest(beam: Beam) -> dict[Key, float]:
+    """Probabilities of sets; an effect that the fit left at nothing is none."""
+    found: Counter = Counter()
+    for key, p in beam.posterior().items():
+        point = beam.points[key]
+        found[frozenset(a for a in key if not _nothing(point, a))] += p
+    return {k: p for k, p in found.items() if k in beam.points}
+
+
+def _nothing(point: Point, a: Attached) -> bool:
+    names = {a.name(q.name) for q in a.effect.amplitudes}
+    held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
+    return bool(names) and all(point.values[n] == 0.0 or n in held and abs(point.values[n]) < 1e-12 for n in names)
+
+
+def horizon_s(core: Core) -> float:
+    """Time over which the model is to predict by itself: in which the outputs forget, within the blocks."""
+    blocks = [b.end_s - b.start_s for b in core.parts.confirm]
+    return float(min(max(core.memory_s, 10.0 * core.period), min(blocks)))
+
+
+def windows(core: Core, which: str, horizon: float) -> list[np.ndarray]:
+    """Numbers of the stretches [n] of every recording in which the model runs by itself (0: none)."""
+    found, number = [], 0
+    for record in core.records:
+        inside = getattr(record, which)
+        ids = np.zeros(len(record.time), int)
+        begun = -np.inf
+        for k in np.flatnonzero(inside):
+            if k == 0:
+                continue
+            if not inside[k - 1] or record.time[k] - begun >= horizon:
+                number, begun = number + 1, record.time[k]
+            ids[k] = number
+        found.append(ids)
+    return found
+
+
+def ahead(core: Core, point: Point, which: str = "confirm") -> float:
+    """Error ahead of a point; see Judge.ahead."""
+    ids = windows(core, which, horizon_s(core))
+    run = core.kalman.run(point.values, point.present, windows=ids, own=True)
+    if run is None:
+        return float("inf")
+    total, count = 0.0, 0
+    at = [core.kalman.all_outputs.index(n) for n in core.outputs]
+    spread = np.array([core.spread[n] for n in core.outputs])
+    noise = np.array([point.values[NOISE + n] for n in core.outputs])
+    for f, i in zip(run, ids, strict=True):
+        error = ((f.y - f.free)[i > 0][:, at]) / spread
+        good = ~np.isnan(error)
+        # an error that runs away counts as the whole motion, not as more
+        error = np.clip(error, -3.0, 3.0)
+        total += float(np.sum(np.where(good, error, 0.0) ** 2 - good * (noise / spread) ** 2))
+        count += int(good.sum())
+    return float(np.sqrt(max(total, 0.0) / max(count, 1)))
