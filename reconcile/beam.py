@@ -8,15 +8,15 @@ import numpy as np
 from reconcile.catalogue.kinds import kind
 from reconcile.core import Core
 from reconcile.filter.fit import Point
-from reconcile.filter.kalman import SIGMA, Values
+from reconcile.filter.kalman import Values
 from reconcile.model import Attached
 from reconcile.screen import Screen, Scored
 from reconcile.tolerances import BLOCKS, CLOSE, KEPT, RESAMPLED, SINGLES, WORTH
 
 Key = frozenset[Attached]
 Report = Callable[..., None]
-QUIETLY = 3  # effects that are tried so
-QUIET = 0.1  # of the disturbance's size, from which a fit starts as well: else it keeps what it has absorbed
+ASKED = 40  # candidates, the best of the first screen, that are asked beside others
+FRESH = 4  # best sets and first effects that are fitted from the model as it came too: else d keeps what it absorbed
 
 
 @dataclass
@@ -45,11 +45,25 @@ class Beam:
             kept = sorted(found, key=lambda k: -self.evidence(k))[:keep]
             if not kept or self.evidence(kept[0]) < best + WORTH:
                 break
+        self.report("best sets again")
+        self._refresh()
         for _ in range(2):
             self.report("neighbours")
             if not self._neighbours(self.ranked()[0]):
                 break
         return self.ranked()
+
+    def _own(self, scored: Scored) -> Values:
+        """What a score says of the effect itself."""
+        return {n: v for n, v in scored.values.items() if n.startswith(scored.attached.key + ".")}
+
+    def _refresh(self) -> None:
+        """Fit the best sets again from the model as it came."""
+        for key in self.ranked()[:FRESH]:
+            if len(key) > 1:
+                point = self.points[key]
+                own = {n: v for n, v in point.values.items() if any(n.startswith(a.key + ".") for a in key)}
+                self._fit(key, point.present, [self.core.fresh | own])
 
     def evidence(self, key: Key) -> float:
         """Log of a set's probability up to a constant: sets of as many effects share the same prior."""
@@ -64,8 +78,8 @@ class Beam:
         if key not in self.scored:
             taken = {(a.effect.name, a.port) for a in key}
             others = [a for a in self.core.candidates if (a.effect.name, a.port) not in taken]
-            if key and frozenset() in self.scored:  # what ran away or cannot be told at all stays out
-                told = {s.attached for s in self.scored[frozenset()]}
+            if key and frozenset() in self.scored:  # what cannot be told at all, or is far from it, stays out
+                told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
                 others = [a for a in others if a in told]
             self.scored[key] = Screen(self.core, self.points[key]).all(others)
         return self.scored[key]
@@ -76,9 +90,8 @@ class Beam:
         if grown not in self.points:
             base = self.points[key]
             starts = [base.values | scored.values]
-            if not key and len(self.points) <= QUIETLY:
-                quiet = {n: QUIET * v for n, v in base.values.items() if n.startswith(SIGMA)}
-                starts.append(starts[0] | quiet)
+            if not key and len(self.points) <= FRESH:
+                starts.append(self.core.fresh | self._own(scored))
             self._fit(grown, (*base.present, scored.attached), starts)
         return grown if grown in self.points else None
 
@@ -103,7 +116,7 @@ class Beam:
             less = key - {a}
             if less not in self.points:
                 present = tuple(x for x in self.points[key].present if x != a)
-                self._fit(less, present, [self.core.values | self._of(key, present)])
+                self._fit(less, present, self.starts(key, present))
             if less not in self.points:
                 continue
             for scored in self.scores(less)[:SINGLES[1]]:
@@ -113,6 +126,12 @@ class Beam:
             for scored in siblings[:SINGLES[2]]:
                 self.attempt(less, scored)
         return self.evidence(self.ranked()[0]) > before + 0.1
+
+    def starts(self, key: Key, present: Sequence[Attached]) -> list[Values]:
+        """Where a fit of some effects of a set begins: where they are in it, and the model as it came."""
+        own = self._of(key, present)
+        effects = {n: v for n, v in own.items() if any(n.startswith(a.key + ".") for a in present)}
+        return [self.core.values | own, self.core.fresh | effects]
 
     def _of(self, key: Key, present: Sequence[Attached]) -> Values:
         """A set's values without those of effects that are not present."""

@@ -1,11 +1,12 @@
 """The core's ground: one folder, its recordings, the filter, and sizes of everything that is fitted."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from fmus.definition import Variable
+from fmus.definition import Model, Variable
 from reconcile import sites
 from reconcile.catalogue import ALL, Effect, Scales
 from reconcile.catalogue.effect import Parameter
@@ -15,9 +16,16 @@ from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.record import records
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
-from reconcile.study import unique
 from reconcile.tolerances import BLOCKS, MOST_SAMPLES, OUTPUT_FLOOR, UNSCORED
 from specs.errors import InputError
+
+@dataclass(frozen=True)
+class Floor:
+    """Noise level of an output and where it is from."""
+
+    level: float
+    source: str
+
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
 BROAD = 0.7  # log of a base parameter's ratio to its start: half or twice
@@ -51,9 +59,11 @@ class Core:
         }
         self.kalman.scale = self._state_scale()
         self.scales: dict[str, Scales] = {}
-        self.values = self._first_values()
+        first = self.values = self._first_values()
         self._choose_substeps()
         self.settle()
+        noise = {f.name: v for f in self.noise_free if (v := first.get(f.name)) is not None}
+        self.fresh = self.values | noise | {v.name: v.start for v in self.model.parameters}
 
     # ---------------------------------------------------------------- sizes
 
@@ -127,13 +137,35 @@ class Core:
                     return
             before = found
 
+    @cached_property
+    def floors(self) -> dict[str, Floor]:
+        """Noise of every output: the sensor's specification, unless the recording is noisier than that."""
+        return {n: _floor(self.model, n, self.runs) for n in self.outputs}
+
+    def force_size(self, place: str) -> float:
+        """Size of what moves a place, in the unit of its disturbance."""
+        if place in self.scales:
+            return self.scales[place].f
+        return self._force(self.kalman.places.index(place))[0]
+
+    def nominal(self) -> Point | None:
+        """The model as it came, with the noise that was found."""
+        values = self.base.values | {v.name: v.start for v in self.model.parameters}
+        return replace(self.base, values=values, present=())
+
+    def known(self) -> dict[str, float]:
+        """By base parameter the deviation that the recordings leave it, as a share of its prior's."""
+        size = np.sqrt(np.maximum(np.diag(self.base.covariance()), 0.0))
+        found = {f.name: float(s) for f, s in zip(self.base.free, size, strict=True)}
+        return {f.name: found[f.name] for f in self.base_free}
+
     def settle(self) -> None:
         """Scales, and the fit of the base model with its noise, one after the other, twice."""
         for _ in range(2):
             self._measure()
             self.noise_free = self._noise_free()
             self.base_free = [f for v in self._doubtful() if (f := self._base(v))]
-            found = self.fitter.fit(self.values, (), [*self.base_free, *self.noise_free], iterations=25)
+            found = self.fitter.fit(self.values, (), [*self.base_free, *self.noise_free], iterations=25, own=True)
             if found is None:
                 raise InputError(
                     f"model {self.model.name} runs away on the recordings from its start parameters: is it stable, "
@@ -268,8 +300,26 @@ class Core:
         return max(found, default=1.0)
 
 
+def unique(runs: Sequence[Run]) -> list[Run]:
+    """Each run once, in order."""
+    return list({id(r): r for r in runs}.values())
+
+
 def _switches(runs: Sequence[Run], name: str) -> bool:
     return all(np.isin(r.outputs[name].values, (0.0, 1.0)).all() for r in runs if name in r.outputs)
+
+
+def _floor(model: Model, name: str, runs: Sequence[Run]) -> Floor:
+    values = [r.outputs[name].values for r in runs if name in r.outputs]
+    seen = float(np.sqrt(np.mean([high_pass_level(v) ** 2 for v in values])))
+    step = max(quantum(v) for v in values)
+    seen = max(seen, step / np.sqrt(12.0), 1e-7 * max(float(np.max(np.abs(v))) for v in values))
+    sensor = model.sensors.get(name)
+    if sensor and sensor.noise:
+        start = next(p.start for p in model.parameters if p.name == sensor.noise)
+        if start > 0 and seen < 1.5 * start:
+            return Floor(float(np.hypot(start, step / np.sqrt(12.0))), "sensor specification")
+    return Floor(seen, "high-pass estimate")
 
 
 def _width(a: Attached, s: Scales) -> float:

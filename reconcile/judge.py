@@ -64,24 +64,15 @@ class Judge:
             if names[k] not in best or beam.evidence(k) > beam.evidence(best[names[k]]):
                 best[names[k]] = k
         order = [n for n, _ in by_names.most_common()]
-        answer = best[order[0]]
-        answer, refused = self._earning(answer)
-        declared = []
-        if answer:
-            total = 0.0
-            for n in order:
-                if total >= ENOUGH or len(declared) == MOST_DECLARED:
-                    break
-                total += by_names[n]
-                if n:
-                    declared.append(best[n])
-            if _names(answer) not in [_names(k) for k in declared]:
-                declared = [answer, *declared[: MOST_DECLARED - 1]]
-            declared.sort(key=lambda k: _names(k) != _names(answer))
-            nothing = by_names.get((), 0.0)
-            if nothing > 1.0 - SURE:  # it may well be that nothing is missing
-                refused.append({"effect": ", ".join(_names(answer)), "port": "", "because": f"nothing at all is as probable as {nothing:.2f}"})
-                answer, declared = frozenset(), []
+        answer, refused = self._earning(best[order[0]])
+        doubted = [a for a in answer if effects[a.effect.name] < SURE]
+        declared = [answer] if answer else []
+        if doubted:
+            declared += self._rivals(answer, [best[n] for n in order if n], by_names)
+        if doubted and (nothing := by_names.get((), 0.0)) > 1.0 - SURE:
+            text = f"nothing at all is as probable as {nothing:.2f}"
+            refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
+            answer, declared = frozenset(), []
         gains = {a: self._gain(answer, a) for a in answer}
         return Judged(
             answer,
@@ -93,6 +84,17 @@ class Judge:
             refused,
             dict(self._ahead),
         )
+
+    def _rivals(self, answer: Key, ranked: Sequence[Key], by_names: Mapping[tuple[str, ...], float]) -> list[Key]:
+        """Sets that share the probability with the answer, until they hold ENOUGH of it."""
+        total, found = by_names.get(_names(answer), 0.0), []
+        for key in ranked:
+            if total >= ENOUGH or len(found) == MOST_DECLARED - 1:
+                break
+            if _names(key) != _names(answer):
+                total += by_names[_names(key)]
+                found.append(key)
+        return found
 
     def _earning(self, key: Key) -> tuple[Key, list[dict[str, str]]]:
         """The set without effects that take too little of the error away."""
@@ -106,19 +108,14 @@ class Judge:
             text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
             refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
             key = key - {worst}
-            self._fitted(key)
         return key, refused
-
-    def _fitted(self, key: Key) -> None:
-        if key not in self.beam.points:
-            self.beam._fit(key, tuple(key), [self.core.values])
 
     def _shortened(self, key: Key, a: Attached) -> tuple[float, float]:
         """Share of the error left without an effect that it takes away, and that in spreads."""
         less = key - {a}
         if less not in self.beam.points:
             present = tuple(x for x in self.beam.points[key].present if x != a)
-            self.beam._fit(less, present, [self.core.values | self.beam._of(key, present)])
+            self.beam._fit(less, present, self.beam.starts(key, present))
         without, with_it = self.ahead(less), self.ahead(key)
         return (without - with_it) / max(without, 1e-12), without - with_it
 
@@ -177,11 +174,10 @@ def ahead(core: Core, point: Point, which: str = "confirm") -> float:
     if run is None:
         return float("inf")
     total, count = 0.0, 0
-    at = [core.kalman.all_outputs.index(n) for n in core.outputs]
     spread = np.array([core.spread[n] for n in core.outputs])
     noise = np.array([point.values[NOISE + n] for n in core.outputs])
     for f, i in zip(run, ids, strict=True):
-        error = ((f.y - f.free)[i > 0][:, at]) / spread
+        error = (f.y - f.free)[i > 0] / spread
         good = ~np.isnan(error)
         # an error that runs away counts as the whole motion, not as more
         error = np.clip(error, -3.0, 3.0)

@@ -9,9 +9,10 @@ from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.filter.kalman import Values
 from reconcile.model import Attached
-from reconcile.tolerances import SEPARABLE
+from reconcile.tolerances import SEPARABLE, WORTH
 
 PROBE = 0.02  # of an amplitude's size: small against what bends, large against rounding
+TRUSTED = 3.0  # times what a step really gains, that slopes may promise
 MOST_PROBES = 24  # starts of one effect that are tried
 
 
@@ -74,14 +75,32 @@ class Screen:
                 return None
             de[:, j], ds[:, j] = (other[0] - e) / step, (np.log(other[1]) - np.log(s)) / step
         de, ds = np.nan_to_num(de), np.nan_to_num(ds)
-        g, c, own = self._schur(de, ds)
+        g, c, own, beside = self._schur(de, ds)
         separable = bool(np.all(np.diag(c) > SEPARABLE * np.maximum(np.diag(own), 1e-300)))
         at = _bounded(c + np.eye(len(g)), -g, free)
         gain = float(-g @ at - 0.5 * at @ (c + np.eye(len(g))) @ at)
         gain -= 0.5 * float(np.linalg.slogdet(c + np.eye(len(g)))[1])
+        if not separable:
+            return Scored(a, -np.inf, shapes, False)
         at = np.clip(at, -3.0, 3.0)
-        own_values = shapes | {f.name: f.value(at[j]) for j, f in enumerate(free)}
-        return Scored(a, gain if separable else -np.inf, own_values, separable)
+        reached, found = self._walked(present, shapes, free, at, beside)
+        return Scored(a, min(gain, max(TRUSTED * reached, 2.0 * WORTH)), found)
+
+    def _walked(self, present, shapes: Values, free, at: np.ndarray, beside: np.ndarray) -> tuple[float, Values]:
+        """The best of some lengths of the step that the slopes ask for, others moved with it: nats, values."""
+        before = float(self.fitter.loss(self.e, self.s).sum())
+        moved = [(f, f.coordinate(self.point.values[f.name])) for f, h in zip(self.point.free, self.point.held, strict=True) if not h]
+        best, found = -np.inf, shapes | {f.name: f.value(at[j]) for j, f in enumerate(free)}
+        for length in (1.0, 0.3):
+            others = {f.name: f.value(z - length * float(d)) for (f, z), d in zip(moved, np.clip(beside @ at, -1.0, 1.0), strict=True)}
+            values = shapes | {f.name: f.value(length * at[j]) for j, f in enumerate(free)} | others
+            there = self.fitter.innovations(self.point.values | values, present)
+            gained = -np.inf if there is None else before - float(self.fitter.loss(*there).sum())
+            if gained > best:
+                best, found = gained, values
+            if gained > 0.0:
+                break
+        return best, found
 
     def _gated(self, a: Attached, start: Values) -> Scored | None:
         present = (*self.point.present, a)
@@ -90,7 +109,7 @@ class Screen:
             return None
         de = np.nan_to_num(other[0] - self.e)[:, None]
         ds = np.nan_to_num(np.log(other[1]) - np.log(self.s))[:, None]
-        g, c, own = self._schur(de, ds)
+        g, c, own, _ = self._schur(de, ds)
         whole = float(self.fitter.loss(self.e, self.s).sum() - self.fitter.loss(*other).sum())
         share = float(np.clip(-g[0] / max(c[0, 0], 1e-300), 0.0, 1.0))
         linear = float(-g[0] * share - 0.5 * c[0, 0] * share**2)
@@ -99,12 +118,12 @@ class Screen:
             return Scored(a, -np.inf, start | {a.name("gate"): 1.0}, False)
         return Scored(a, gain, start | {a.name("gate"): 1.0})
 
-    def _schur(self, de: np.ndarray, ds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Gradient, information beside what is fitted, and own information of columns."""
+    def _schur(self, de: np.ndarray, ds: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Gradient, information beside what is fitted, own information; how what is fitted gives way [F, K]."""
         n = de.shape[1]
         g, whole = self.fitter.score(self.e, self.s, np.hstack([self.de, de]), np.hstack([self.ds, ds]))
         between, own = whole[-n:, :-n], whole[-n:, -n:]
-        return g[-n:], own - between @ self.known @ between.T, own
+        return g[-n:], own - between @ self.known @ between.T, own, self.known @ between.T
 
 
 def _bounded(h: np.ndarray, b: np.ndarray, free) -> np.ndarray:

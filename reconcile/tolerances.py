@@ -17,3 +17,7 @@ SURE = 0.9  # probability from which an effect, or a kind, is named
 SHORTENED, OF_ALL = 0.05, 0.01  # of the multi-step error left, and of the whole gap, that a named effect takes away
 AT_FLOOR = 0.05  # of the outputs' motion over the horizon: a multi-step error below it is nothing unexplained
 STEP = 1e-4  # of a parameter's size: for slopes by differences, above rounding and below curvature
+SEEN = 4.0  # noise levels that an output must move by
+KNOWN = 0.5  # of its prior's deviation: a parameter known no better than that was not excited
+MOVED = 3.0  # standard errors by which a re-estimated parameter must have moved
+CLOCK_GAIN = 10.0  # nats a recording by which clocks of their own must be likelier than one offset for all

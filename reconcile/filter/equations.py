@@ -21,8 +21,9 @@ class Stepped(Assembly):
 
     stops = True
 
-    def __init__(self, extended: Extended, pushed_states: Sequence[str] = ()):
+    def __init__(self, extended: Extended, outputs: Sequence[str], pushed_states: Sequence[str] = ()):
         super().__init__(extended)
+        self.recorded = [self.model.index("outputs", n) for n in outputs]
         self.memories = [a for a in extended.attached if a.effect.place == "input" and a.effect.hidden]
         names = {a.name(h) for a in self.memories for h in a.effect.hidden}
         self.memory_names = [n for n in extended.state_names if n in names]
@@ -31,7 +32,7 @@ class Stepped(Assembly):
         self.pushed_states = tuple(pushed_states)
         model, axes = self.model, extended.folder.ports.axes
         self.dt = ca.SX.sym("dt")
-        self.early = ca.SX.sym("early", len(model.outputs))
+        self.early = ca.SX.sym("early", len(self.recorded))
         self.more = ca.SX.sym("push", len(self.pushed_states))
         pushes = self.u[extended.clock + 1 :]
         self.w = ca.vertcat(pushes, self.more)
@@ -65,7 +66,7 @@ class Stepped(Assembly):
         self.step = step
         x, u, m, p = self.arguments
         rest = ca.vertcat(*[u[i] for i in range(len(self.model.inputs), u.numel())])
-        hidden = self.state_names[self.nx :]
+        hidden = self.state_names[self.nx :]  # they come last
         rest_starts = [self.starts[n] for n in hidden]
         made = {
             "kf_in": ([self.memory, u, m, p], [ca.vertcat(felt, rest), ca.vertcat(*moved, ca.SX(0, 1))]),
@@ -85,7 +86,7 @@ class Stepped(Assembly):
     def _motion_parts(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         f, h, _ = Assembly.functions(self)
         whole = [self.x, self.u, self.m, self.p]
-        rates, outputs = f(*whole), h(*whole)
+        rates, outputs = f(*whole), h(*whole)[self.recorded]
         kept = [self.e.state_names.index(n) for n in self.state_names]
         rates = ca.vertcat(*[rates[i] for i in kept])
         still = {a.name(s) for a in self.shown for s in a.effect.hidden}
@@ -147,6 +148,7 @@ class Stepped(Assembly):
             ca.Function("kf_post", self.arguments, [after, by(after, x)]),
             ca.Function("kf_fj", self.arguments, [f, by(f, x), by(f, self.w)], {"cse": True}),
             ca.Function("kf_hj", self.arguments, [h, by(h, x), by(h, self.w)], {"cse": True}),
+            s["kf_first"],
         ]
         generator = ca.CodeGenerator("equations.c", CASADI_OPTIONS)
         for function in functions:
@@ -160,6 +162,7 @@ class Stepped(Assembly):
             "NW": self.w.numel(),
             "NY": h.numel(),
             "NI": len(self.memory_names),
+            "NH": len(self.state_names) - len(self.model.states),
             "AXES": len(axes) if self.model.kind == "continuous" else 0,
             "POSTS": int(bool(self.shown)),
             "W0": self.w0,

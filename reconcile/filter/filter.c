@@ -7,6 +7,7 @@
  *   kf_post -> states after a step (memories of sensors move here), d/dx
  *   kf_h    -> outputs; kf_hj -> outputs, d/dx, d/dw
  *   kf_in   (memory, u, m, p) -> u as the model feels it, memory after the step
+ *   kf_first (memory, x, u, m, p) -> where the memory and the NH states of effects begin
  *
  * The state is (x, w).  A step is ROS2 (Verwer and others 1999: linearly implicit, order 2, L-stable), then the
  * dry friction as an implicit step of its own (Moreau: what would turn a speed round stops it).  Each w is an
@@ -18,7 +19,7 @@
 #include "filter.h" /* generated: NX, NU, NM, NW, NY, NI, AXES, axis_v, axis_q, DT, W0, DISCRETE, SZ_W, SZ_IW */
 
 typedef int Function(const double **arg, double **res, long long *iw, double *w, int mem);
-Function kf_f, kf_fj, kf_dry, kf_post, kf_h, kf_hj, kf_in;
+Function kf_f, kf_fj, kf_dry, kf_post, kf_h, kf_hj, kf_in, kf_first;
 
 #define N (NX + NW)
 #define GAMMA 0.29289321881345254
@@ -42,7 +43,6 @@ typedef struct {
   const double *sigma, *keep, *white; /* NW: size of a disturbance, its share kept over 1 s as a rate 1/tau, white rate */
   const double *r;                /* NY: variances of the outputs */
   const double *x0, *p0;          /* NX: start and its variances (< 0: as kf starts it) */
-  const double *memory;           /* NI */
   double *e, *s;                  /* NY a step: innovations and their variances */
   double *z, *v;                  /* N a step, or NULL: filtered states and their variances */
   const int *window;              /* a step, or NULL: number of the window in which the model also runs by itself */
@@ -272,7 +272,13 @@ EXPORT int run_filter(const Run *run) {
   memset(out, 0, sizeof out);
   memset(P, 0, sizeof P);
   memcpy(x, run->x0, sizeof x);
-  if (NI) memcpy(memory, run->memory, sizeof(double) * NI);
+  memset(memory, 0, sizeof memory);
+  for (int pass = 0; pass < 2 && NI + NH; pass++) { /* the memory of one may begin where another one's is */
+    const double *arg[5] = {memory, x, run->u, run->m, run->p};
+    double *res[2] = {next, x + NX - NH};
+    kf_first(arg, res, iscratch, scratch, 0);
+    memcpy(memory, next, sizeof memory);
+  }
   for (int i = 0; i < n; i++) P[i * wide + i] = run->p0[at[i]];
   for (int i = 0; i < NW; i++) P[(n + i) * wide + n + i] = run->sigma[i] * run->sigma[i];
   for (int k = 0; k < run->steps; k++) {

@@ -38,7 +38,6 @@ class _Part:
     library: Library
     extended: Extended
     index: np.ndarray
-    first: ca.Function
 
 
 class Kalman:
@@ -62,7 +61,9 @@ class Kalman:
         self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
         self.late = Late(self.whole, list(self.outputs))
         self.substeps, self.linear = 1, False
+        self.extra = (0.0, 0.0)  # of all outputs: late by so much (s), and a drift, beside the parameters
         self.scale = np.array([v.nominal or 1.0 for v in self.model.states])
+        self._begins: tuple[bytes, np.ndarray] | None = None
         self._parts: dict[frozenset, _Part] = {}
         self._kept: dict[tuple, tuple] = {}
         self.modes: list[np.ndarray] = [self._modes(r) for r in self.records]
@@ -101,14 +102,14 @@ class Kalman:
             "sigma": np.array([values[SIGMA + n] for n in self.places]),
             "keep": np.array([1.0 / values[TAU + n] for n in self.places]),
             "white": np.array([values[WHITE + n] for n in self.places]),
-            "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.all_outputs]),
+            "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.outputs]),
         }
         found = []
         for k, record in enumerate(self.records):
             u, y = self._rows(k, full)
-            x0, p0, memory = self._start(part, p, u, y, self.modes[k])
+            x0, p0 = self._start(part, p, y)
             self.runs_done += 1
-            more = {"u": u, "m": self.modes[k], "y": y, "x0": x0, "p0": p0, "memory": memory}
+            more = {"u": u, "m": self.modes[k], "y": y, "x0": x0, "p0": p0}
             run = part.library.run(
                 self.substeps, active, given | more, None if windows is None else windows[k], states
             )
@@ -139,10 +140,10 @@ class Kalman:
         if key not in self._parts:
             attached = [a for a in self.candidates if a in kept or a.effect.delays]
             extended = Extended(self.folder, attached)
-            stepped = Stepped(extended, self.pushed_states)
+            stepped = Stepped(extended, self.outputs, self.pushed_states)
             library = Library(stepped)
             index = np.array([self.whole.index[n] for n in extended.parameter_names])
-            self._parts[key] = _Part(library, extended, index, stepped.stages["kf_first"])
+            self._parts[key] = _Part(library, extended, index)
         return self._parts[key]
 
     def _active(self, part: _Part, present: Sequence[Attached]) -> np.ndarray:
@@ -170,6 +171,8 @@ class Kalman:
         """u [n, NU] and y [n, NY] of a recording for the delays among the parameters [NP]."""
         late_in = {self.model.inputs[i].name: d for i, d in self.late.of_inputs(p).items()}
         late_out = {n: self.late.of_output(n, p) for n in self.outputs}
+        if any(self.extra):
+            late_out = {n: (d + self.extra[0], drift + self.extra[1]) for n, (d, drift) in late_out.items()}
         key = (k, self.linear, tuple(late_in.items()), tuple(late_out.items()))
         if key not in self._kept:
             if len(self._kept) > 200:
@@ -179,34 +182,25 @@ class Kalman:
             defaults = np.array([v.start for v in self.model.inputs])
             u = record.inputs(names, defaults, late_in, self.linear)
             y, early = record.outputs(self.outputs, late_out)
-            n = len(record.time)
-            full, shifted = np.full((n, len(self.all_outputs)), np.nan), np.zeros((n, len(self.all_outputs)))
-            at = [self.all_outputs.index(o) for o in self.outputs]
-            full[:, at], shifted[:, at] = y, early
             clock = (record.time - record.run.began_s)[:, None]
-            pushes = np.zeros((n, len(self.places)))
-            self._kept[key] = np.hstack([u, clock, pushes, record.steps[:, None], shifted]), full
+            pushes = np.zeros((len(y), len(self.places)))
+            self._kept[key] = np.hstack([u, clock, pushes, record.steps[:, None], early]), y
         return self._kept[key]
 
-    def _start(self, part: _Part, p, u, y, m) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Initial state, its variances and the memories of inputs: outputs that are states begin as recorded."""
-        nx = part.library.nx
+    def _start(self, part: _Part, p: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Initial state and its variances: outputs that are states begin as recorded, effects' own at rest."""
+        nx, n = part.library.nx, len(self.model.states)
         x0, p0 = np.zeros(nx), np.ones(nx)
-        n = len(self.model.states)
         x0[:n] = self._model_start(p[: len(self.model.parameters)])
         p0[:n] = (2.0 * self.scale) ** 2
         for state, output, sign in self.shown:
-            seen = y[:, self.all_outputs.index(output)]
+            seen = y[:, self.outputs.index(output)]
             good = np.flatnonzero(~np.isnan(seen))
             if len(good):
                 x0[state] = sign * seen[good[0]]
-        memory = np.zeros(len(part.library.stepped.memory_names))
-        hidden = None
-        for _ in range(2):  # the memory of one may start where another one's is
-            memory, hidden = (np.asarray(a).ravel() for a in part.first(memory, x0, u[0], m[0] if m.size else m.ravel(), p))
-        x0[n:] = hidden
-        p0[n:] = np.maximum(np.abs(x0[n:]), self._hidden_scale(part)) ** 2
-        return x0, p0, memory
+        if nx > n:
+            p0[n:] = self._hidden_scale(part) ** 2
+        return x0, p0
 
     def _hidden_scale(self, part: _Part) -> np.ndarray:
         """Sizes of effects' hidden states: of what they follow, or of the motion beside which they are."""
@@ -220,7 +214,10 @@ class Kalman:
     sizes: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def _model_start(self, p: np.ndarray) -> np.ndarray:
-        return np.asarray(self.model.x0(p)).ravel()
+        key = p.tobytes()
+        if self._begins is None or self._begins[0] != key:
+            self._begins = key, np.asarray(self.model.x0(p)).ravel()
+        return self._begins[1]
 
     @cached_property
     def shown(self) -> list[tuple[int, str, float]]:

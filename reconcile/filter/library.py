@@ -14,7 +14,7 @@ from reconcile.filter.equations import Stepped
 
 HERE = Path(__file__).parent
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower
-POINTERS = ("u", "m", "y", "p", "sigma", "keep", "white", "r", "x0", "p0", "memory")
+POINTERS = ("u", "m", "y", "p", "sigma", "keep", "white", "r", "x0", "p0")
 RESULTS = ("e", "s", "z", "v", "window", "free", "zfree")
 
 
@@ -35,7 +35,7 @@ class Library:
         self.stepped = stepped
         x, u, _, _ = stepped.arguments
         self.nx, self.nu, self.nw = x.numel(), u.numel(), stepped.w.numel()
-        self.ny = len(stepped.model.outputs)
+        self.ny = len(stepped.recorded)
         self._library = ctypes.CDLL(str(_kept(stepped)))
         self._library.run_filter.restype = ctypes.c_int
         self._library.run_filter.argtypes = (ctypes.c_void_p,)

@@ -6,12 +6,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from reconcile.answer import Answer
 from reconcile.findings import gather
 from reconcile.page import plots, sections
 from reconcile.page.shown import Shown, shown
-from reconcile.search import Answer
-from reconcile.study import Study
-from reconcile.verdict import nominal
 from reconcile.words import number, percent
 from records.report import shell
 from records.report.figures import Figure
@@ -22,10 +20,10 @@ TONES = {"named": "good", "agrees": "good", "reestimated": "good", "unexplained"
 
 
 def write_for(
-    path: Path, answers: Sequence[tuple[Study, Answer]], figures: Mapping[str, Any], title: str
+    path: Path, answers: Sequence[Answer], figures: Mapping[str, Any], title: str
 ) -> Path:
     """Write the page of an answer, or of the answers of a system's parts; `figures`: the report as JSON."""
-    each = [shown(gather(study, answer, nominal(study))) for study, answer in answers]
+    each = [shown(gather(answer)) for answer in answers]
     stretches = [s for one in each for s in one.stretches[: max(1, MOST // len(each))]]
     return write_page(path, figures, Shown(stretches, [g for one in each for g in one.gathered]), title)
 

@@ -97,7 +97,7 @@ def _squares(found: Findings, traces, k: int) -> float:
 def _stretch(found: Findings, k: int) -> Stretch:
     known = {s: t for s in STAGES if (t := found.traces[s]) is not None}
     one = next(iter(known.values()))[k]
-    units = {v.name: v.unit for v in (*found.study.model.outputs, *found.study.model.inputs)}
+    units = {v.name: v.unit for v in (*found.core.model.outputs, *found.core.model.inputs)}
     outputs, window = [], one.window
     for n in found.outputs:
         predicted = {s: t[k].predicted[n] for s, t in known.items()}
@@ -105,17 +105,16 @@ def _stretch(found: Findings, k: int) -> Stretch:
         outputs.append(Course(n, units[n], level, window.times[n], window.samples[n], predicted))
     times = window.times[found.outputs[0]]
     inputs = []
-    for n in found.study.folder.ports.controls:
+    for n in found.core.folder.ports.controls:
         signal = window.run.inputs.get(n)
         if signal is not None:
             inside = (signal.time >= times[0]) & (signal.time <= times[-1])
             inputs.append(Course(n, units[n], 0.0, signal.time[inside], signal.values[inside], {}))
-    scored = times[one.scored[found.outputs[0]]]
     return Stretch(
         window.run.name,
         float(times[0]),
         float(times[-1]),
-        float(scored[0]),
+        float(times[0]),
         _first(found, outputs, k),
         inputs,
     )
@@ -138,7 +137,7 @@ def _gathered(found: Findings, located: Sequence[Located]) -> list[Gathered]:
     errors = [x.residual.signals[0] for x in located if x.residual.axis is None]
     after = {}
     if located and found.answer.present:
-        after = {r.name: r for r in residuals(found.study, found.answer.fitted, errors)}
+        after = {r.name: r for r in residuals(found.core, found.answer.point, errors)}
     return [_one(x, after.get(x.residual.name)) for x in located]
 
 
