@@ -7,7 +7,7 @@ from slewright.app import CommandGroup, options
 
 NAMES = (
     *("orchestrator", "campaign", "slew_nn", "nmpc", "training", "pendulum", "showcases"),
-    *("testpack", "reconcile-suite", "dossier"),
+    *("testpack", "reconcile-suite", "rigs", "dossier"),
 )
 MODULES = {name: f"benchmarks.commands.{name.replace('-', '_')}" for name in NAMES}
 

@@ -50,7 +50,7 @@ def value(folder: Folder, name: str) -> float:
 def test_a_german_table_in_degrees(tmp_path: Path):
     r = rig()
     columns = {
-        "Zeit [ms]": 1000 * r["t"], "Winkel [deg]": np.degrees(r["q"]), 
+        "Zeit [ms]": 1000 * r["t"], "Winkel [deg]": np.degrees(r["q"]),
         "Drehzahl [1/min]": r["v"] * 30 / np.pi,
         "Drehmoment [Nm]": r["torque"], "Temperatur [°C]": 20 + 0 * r["t"],
     }  # fmt: skip
