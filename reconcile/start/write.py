@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from specs.errors import InputError
 from specs.units import known
 
 ESTIMATED = "estimated from the recording by least squares"
+SCALED = "estimated from the recording by least squares, in proportion to the inertia above, which is a guess"
 GUESS = "a guess: the recording does not tell it in this way; put in what you know"
 EXAMPLES = {"position": "deg", "velocity": "rpm", "input": "N.m"}
 SURE = 3.0  # deviations from zero that a coefficient must have to be used
@@ -190,6 +192,8 @@ def _axis_values(
                     9.81 * own,
                 )
             )
+        if inertia.source == GUESS:
+            rows[1:] = [replace(q, source=SCALED) if q.source == ESTIMATED else q for q in rows[1:]]
         return rows
     rows = []
     if drive is not None and unit is not None:
