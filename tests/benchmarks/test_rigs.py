@@ -1,5 +1,6 @@
 """`python -m benchmarks rigs`: rigs as they are declared, and what an answer counts as."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -27,6 +28,15 @@ def test_the_licence_of_the_balls_comes_along():
     data = ROOT / "tests" / "data" / "ball_drops"
     assert "MIT" in (data / "README.md").read_text()
     assert "Permission is hereby granted" in (data / "LICENSE").read_text()
+
+
+@pytest.mark.parametrize(("name", "start_s", "end_s"), [("energy_shaping", 0.0, 4.5), ("ilqr", 10.5, 17.0)])
+def test_stretches_of_the_pendulum_are_rows_of_the_published_files(name: str, start_s: float, end_s: float):
+    data = ROOT / "tests" / "data" / "dfki_simple_pendulum"
+    files = (data / f"control_method_{name}_data_measured.csv", data / "free" / f"{name}.csv")
+    published, used = (list(csv.reader(f.read_text().splitlines())) for f in files)
+    assert used == [published[0], *(r for r in published[1:] if start_s <= float(r[0]) < end_s)]
+    assert "DFKI" in (data / "LICENSE").read_text()
 
 
 def report(verdict: str, *named: str, alternatives: tuple = (), kinds: dict | None = None) -> dict:
