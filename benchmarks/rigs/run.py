@@ -64,7 +64,7 @@ def _rig(file: Path, name: str, t: Any) -> list[Rig]:
     if missing := [k for k in NEEDED if k not in t]:
         raise InputError(f"{where}: no '{missing[0]}'")
     data = ROOT / t["data"]
-    sets = {k: tuple(data / f for f in t.get(k, ())) for k in ("fit", "confirm", "holdout")}
+    sets: dict[str, Any] = {k: tuple(data / f for f in t.get(k, ())) for k in ("fit", "confirm", "holdout")}
     names = file.parent / t["map"] if "map" in t else None
     rig = Rig(
         name,
