@@ -25,6 +25,7 @@ from reconcile.experiment import plan
 from reconcile.experiment.propose import OPEN, Proposal, propose
 from reconcile.judge import Judge
 from reconcile.model import Folder
+from reconcile.start import units
 from reconcile.system.parts import Part, part_named, parts_of, with_signals
 from records.formats import read_measurement
 from specs.errors import InputError, RunError
@@ -67,6 +68,8 @@ def reconcile(
     said("reading")
     renamed = checks.read_names(names, _variables(folder))
     sets = _read(given, folder, renamed)
+    for doubt in units.doubts(folder.model, [r for runs in sets for r in runs], renamed):
+        raise InputError(doubt.sentence)
     figures, answer = examine(folder, *sets, report=said)
     moved = _moved(given, folder, renamed) if figures["verdict"] in OPEN else None
     proposal = _next(answer, figures, said, moved)
