@@ -11,7 +11,7 @@ from reconcile.filter.fit import Point
 from reconcile.filter.kalman import Values
 from reconcile.model import Attached
 from reconcile.screen import Screen, Scored
-from reconcile.tolerances import BLOCKS, CLOSE, KEPT, RESAMPLED, SINGLES, WORTH
+from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PRIOR, RESAMPLED, SINGLES, WORTH
 
 Key = frozenset[Attached]
 Report = Callable[..., None]
@@ -67,7 +67,7 @@ class Beam:
 
     def evidence(self, key: Key) -> float:
         """Log of a set's probability up to a constant: sets of as many effects share the same prior."""
-        return self.points[key].evidence - len(key) * float(np.log(max(len(self.core.candidates), 2)))
+        return self.points[key].evidence - PRIOR * len(key)
 
     def ranked(self) -> list[Key]:
         """Sets, most evidence first."""

@@ -16,7 +16,7 @@ from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.record import records
 from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
-from reconcile.tolerances import BLOCKS, MOST_SAMPLES, OUTPUT_FLOOR, UNSCORED
+from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
 from specs.errors import InputError
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Core:
         self.records = records(runs, blocks, MOST_SAMPLES)
         self.runs = runs
         self.kalman = Kalman(folder, self.candidates, self.records, self.outputs)
-        self.scored = {w: [getattr(r, w) & (np.arange(len(r.time)) >= UNSCORED) for r in self.records] for w in blocks}
+        self.scored = {w: [getattr(r, w) & (np.arange(len(r.time)) >= len(self.model.states)) for r in self.records] for w in blocks}
         self.fitter = Fitter(self.kalman, self.scored["fit"])
         self.period = min(float(np.median(r.steps)) for r in self.records)
         self.spread = {
@@ -258,7 +258,9 @@ class Core:
         if high <= low:
             return None
         size = BROAD * abs(v.start) or v.nominal or (0.25 * (high - low) if high - low < 1e6 else 1.0)
-        if np.isfinite(high - low):
+        if v.tolerance:
+            size = v.tolerance * abs(v.start) or v.tolerance
+        elif np.isfinite(high - low):
             size = min(size, high - low)
         log = v.start > 0.0 and low >= 0.0 and size >= 0.5 * v.start
         return Free(v.name, v.start, BROAD if log else size, log, max(low, 1e-9 * v.start) if log else low, high)

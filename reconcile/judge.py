@@ -12,7 +12,7 @@ from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.filter.kalman import NOISE
 from reconcile.model import Attached
-from reconcile.tolerances import OF_ALL, SHORTENED, SURE
+from reconcile.tolerances import OF_ALL, SHORTENED, SURE, TOLD
 
 MOST_DECLARED = 4
 ENOUGH = 0.9  # of the probability that the declared sets hold together
@@ -101,14 +101,23 @@ class Judge:
         refused, base = [], self.ahead(frozenset())
         while key:
             shares = {a: self._shortened(key, a) for a in key}
-            worst = min(shares, key=lambda a: shares[a][0])
-            left, whole = shares[worst]
-            if left >= SHORTENED and whole >= OF_ALL * max(base, 1e-12):
+            weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
+            weak = [a for a in weak if not self._told(key, a)]
+            if not weak:
                 break
+            worst = min(weak, key=lambda a: shares[a][0])
+            left, whole = shares[worst]
             text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
             refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
             key = key - {worst}
         return key, refused
+
+    def _told(self, key: Key, a: Attached) -> bool:
+        """Whether the error ahead is at the noise without an effect too, and its likelihood on confirm tells it."""
+        less = self.beam.points[key - {a}]
+        if self.ahead(key - {a}) > noise(self.core, less):
+            return False
+        return confirmed(self.core, less) - confirmed(self.core, self.beam.points[key]) > TOLD
 
     def _shortened(self, key: Key, a: Attached) -> tuple[float, float]:
         """Share of the error left without an effect that it takes away, and that in spreads."""
@@ -165,6 +174,20 @@ def windows(core: Core, which: str, horizon: float) -> list[np.ndarray]:
             ids[k] = number
         found.append(ids)
     return found
+
+
+def noise(core: Core, point: Point) -> float:
+    """Noise of the outputs in their spreads (rms)."""
+    return float(np.sqrt(np.mean([(point.values[NOISE + n] / core.spread[n]) ** 2 for n in core.outputs])))
+
+
+def confirmed(core: Core, point: Point) -> float:
+    """Nats of confirm, which nothing was fitted to."""
+    run = core.kalman.run(point.values, point.present, own=True)
+    if run is None:
+        return float("inf")
+    losses = [core.fitter.loss(f.e[s], f.s[s]).sum() for f, s in zip(run, core.scored["confirm"], strict=True)]
+    return float(sum(losses))
 
 
 def ahead(core: Core, point: Point, which: str = "confirm") -> float:

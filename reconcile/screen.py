@@ -11,7 +11,7 @@ from reconcile.filter.kalman import Values
 from reconcile.model import Attached
 from reconcile.tolerances import SEPARABLE, WORTH
 
-PROBE = 0.02  # of an amplitude's size: small against what bends, large against rounding
+PROBE = 0.1  # of an amplitude's size: dry friction does not show when it is much smaller
 TRUSTED = 3.0  # times what a step really gains, that slopes may promise
 MOST_PROBES = 24  # starts of one effect that are tried
 
