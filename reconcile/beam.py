@@ -10,7 +10,7 @@ from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.filter.kalman import Values
 from reconcile.model import Attached
-from reconcile.screen import Screen, Scored
+from reconcile.screen import Scored, Screen
 from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PRIOR, RESAMPLED, SINGLES, WORTH
 
 Key = frozenset[Attached]

@@ -1,6 +1,6 @@
 """The core's ground: one folder, its recordings, the filter, and sizes of everything that is fitted."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,10 +14,11 @@ from reconcile.data import Parts, Run, still
 from reconcile.filter.fit import Fitter, Free, Point
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.record import records
-from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
+from reconcile.noise import high_pass_level, quantum
 from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
 from specs.errors import InputError
+
 
 @dataclass(frozen=True)
 class Floor:
@@ -292,7 +293,7 @@ class Core:
         known = {"s": duration if "/s" in unit else self.memory_s, "rad": 0.1, "kg": self._of("kg"), "m": 1.0, "Pa": s.p}
         known |= {"s2": self.memory_s**2}
         try:
-            return abs(float(eval(text, {"__builtins__": {}}, known))) or 1.0  # noqa: S307 - units of the catalogue
+            return abs(float(eval(text, {"__builtins__": {}}, known))) or 1.0
         except Exception:  # a unit of its own kind: sized by its first start, or one
             starts = [abs(v) for q in a.effect.parameters if q.unit == unit for v in q.starts(s)]
             return max(starts, default=0.0) or 1.0

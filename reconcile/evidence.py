@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
-from reconcile.fit.noise import worth
 from reconcile.fit.solve import Fitted, Free
 from reconcile.model import Attached
+from reconcile.noise import worth
 from reconcile.study import Study
 
 BIC_GAIN = 10.0

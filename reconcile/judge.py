@@ -150,7 +150,7 @@ def _simplest(beam: Beam) -> dict[Key, float]:
 def _nothing(point: Point, a: Attached) -> bool:
     names = {a.name(q.name) for q in a.effect.amplitudes}
     held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
-    return bool(names) and all(point.values[n] == 0.0 or n in held and abs(point.values[n]) < 1e-12 for n in names)
+    return bool(names) and all(point.values[n] == 0.0 or (n in held and abs(point.values[n]) < 1e-12) for n in names)
 
 
 def horizon_s(core: Core) -> float:

@@ -190,7 +190,12 @@ def _apart(found: Findings, other: Key) -> dict[str, Any]:
         return {"effects": names, "differs": None, "gap": None}
     differs = {}
     for n in found.outputs:
-        between = np.concatenate([b.predicted[n] - a.predicted[n] for a, b in zip(here, there, strict=True)])
+        # a delay of a sensor moves samples into other steps
+        pairs = [
+            np.interp(a.window.times[n], b.window.times[n], b.predicted[n]) - a.predicted[n]
+            for a, b in zip(here, there, strict=True)
+        ]
+        between = np.concatenate(pairs)
         differs[n] = float(np.sqrt(np.mean(between**2))) / found.floors[n].level
     left = {n: above(rms(holdout.pairs(there, n)), found.floors[n]) for n in found.outputs}
     return {"effects": names, "differs": differs, "gap": left}

@@ -15,6 +15,8 @@ from reconcile.judge import ahead
 from reconcile.model import Attached
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 
+OPEN = ("ambiguous", "insufficient_excitation")  # verdicts that an experiment may settle, the worse first
+
 
 @dataclass(frozen=True)
 class Verdict:

@@ -1,14 +1,13 @@
 """Parameters that make the innovations likeliest: Fisher scoring in unit-free coordinates."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from reconcile.filter.kalman import Filtered, Kalman, Values
 from reconcile.model import Attached
 from reconcile.tolerances import STEP, STUDENT
-
 
 STALE = 1.0  # nats gained since slopes were computed, from which they are computed again at the end
 

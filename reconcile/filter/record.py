@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from reconcile.data import Block, Run
-from reconcile.fit.windows import Held
+from reconcile.held import Held
 
 NEAR = 0.51  # of a step, by which a sample may be away from it
 
@@ -63,8 +63,7 @@ class Record:
 def _means(signal, edges: np.ndarray, linear: bool) -> np.ndarray:
     """Mean of a signal between edges: held between its samples, or a straight line."""
     if not linear:
-        held = Held(signal)
-        return np.diff(np.interp(edges, held._knots, held._area)) / np.diff(edges)
+        return Held(signal).means(edges)
     t, v = signal.time, signal.values
     t = np.concatenate([[t[0] - 1e6], t, [t[-1] + 1e6]])
     v = np.concatenate([[v[0]], v, [v[-1]]])

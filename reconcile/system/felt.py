@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 
 from reconcile.data import Block, Run
-from reconcile.fit.noise import high_pass_level
 from reconcile.fit.problem import Problem
 from reconcile.fit.solve import Fitted, fit
 from reconcile.fit.windows import cut
+from reconcile.noise import high_pass_level
 from reconcile.study import Study
 
 HALF_WIDTH = 5  # samples each side that smoothing looks at
