@@ -81,7 +81,8 @@ class Beam:
             if key and frozenset() in self.scored:  # what cannot be told at all, or is far from it, stays out
                 told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
                 others = [a for a in others if a in told]
-            self.scored[key] = Screen(self.core, self.points[key]).all(others)
+            starts = {s.attached: s.start for s in self.scored.get(frozenset(), ())}
+            self.scored[key] = Screen(self.core, self.points[key]).all(others, starts)
         return self.scored[key]
 
     def attempt(self, key: Key, scored: Scored) -> Key | None:
@@ -119,11 +120,11 @@ class Beam:
                 self._fit(less, present, self.starts(key, present))
             if less not in self.points:
                 continue
-            for scored in self.scores(less)[:SINGLES[1]]:
+            for scored in self.scores(less)[: SINGLES[1]]:
                 if scored.gain >= WORTH:
                     self.attempt(less, scored)
             siblings = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
-            for scored in siblings[:SINGLES[2]]:
+            for scored in siblings[: SINGLES[2]]:
                 self.attempt(less, scored)
         return self.evidence(self.ranked()[0]) > before + 0.1
 

@@ -12,7 +12,7 @@ from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.filter.kalman import NOISE
 from reconcile.model import Attached
-from reconcile.tolerances import OF_ALL, SHORTENED, SURE, TOLD
+from reconcile.tolerances import NEAR, OF_ALL, SHORTENED, SURE, TOLD
 
 MOST_DECLARED = 4
 ENOUGH = 0.9  # of the probability that the declared sets hold together
@@ -85,7 +85,9 @@ class Judge:
             dict(self._ahead),
         )
 
-    def _rivals(self, answer: Key, ranked: Sequence[Key], by_names: Mapping[tuple[str, ...], float]) -> list[Key]:
+    def _rivals(
+        self, answer: Key, ranked: Sequence[Key], by_names: Mapping[tuple[str, ...], float]
+    ) -> list[Key]:
         """Sets that share the probability with the answer, until they hold ENOUGH of it."""
         total, found = by_names.get(_names(answer), 0.0), []
         for key in ranked:
@@ -113,9 +115,9 @@ class Judge:
         return key, refused
 
     def _told(self, key: Key, a: Attached) -> bool:
-        """Whether the error ahead is at the noise without an effect too, and its likelihood on confirm tells it."""
+        """Whether the model errs so little that an effect's likelihood on confirm may tell it."""
         less = self.beam.points[key - {a}]
-        if self.ahead(key - {a}) > noise(self.core, less):
+        if self.ahead(key) > max(NEAR, noise(self.core, less)):
             return False
         return confirmed(self.core, less) - confirmed(self.core, self.beam.points[key]) > TOLD
 
@@ -150,7 +152,9 @@ def _simplest(beam: Beam) -> dict[Key, float]:
 def _nothing(point: Point, a: Attached) -> bool:
     names = {a.name(q.name) for q in a.effect.amplitudes}
     held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
-    return bool(names) and all(point.values[n] == 0.0 or (n in held and abs(point.values[n]) < 1e-12) for n in names)
+    return bool(names) and all(
+        point.values[n] == 0.0 or (n in held and abs(point.values[n]) < 1e-12) for n in names
+    )
 
 
 def horizon_s(core: Core) -> float:
@@ -186,7 +190,9 @@ def confirmed(core: Core, point: Point) -> float:
     run = core.kalman.run(point.values, point.present, own=True)
     if run is None:
         return float("inf")
-    losses = [core.fitter.loss(f.e[s], f.s[s]).sum() for f, s in zip(run, core.scored["confirm"], strict=True)]
+    losses = [
+        core.fitter.loss(f.e[s], f.s[s]).sum() for f, s in zip(run, core.scored["confirm"], strict=True)
+    ]
     return float(sum(losses))
 
 

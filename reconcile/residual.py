@@ -109,4 +109,6 @@ def _error(core: Core, point: Point, name: str, unit: str, traces) -> Residual:
     values = np.concatenate([t.error(name) for t in traces])
     states = np.vstack([t.state_at(t.window.times[name]) for t in traces])
     noise = np.full(len(values), point.values[NOISE + name])
-    return Residual(f"error of {name}", unit, None, (name,), values, noise, moments, states, np.zeros((len(values), 0)))
+    return Residual(
+        f"error of {name}", unit, None, (name,), values, noise, moments, states, np.zeros((len(values), 0))
+    )

@@ -1,7 +1,7 @@
 """What every candidate would gain, from one fit: score tests of its amplitudes, finite probes of what has none."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ class Scored:
     gain: float
     values: Values
     separable: bool = True
+    start: int = 0  # which of the effect's starts it is
 
 
 class Screen:
@@ -39,20 +40,24 @@ class Screen:
         self.known = np.linalg.inv(information + np.eye(int(moving.sum())))
         del free
 
-    def all(self, candidates: Sequence[Attached]) -> list[Scored]:
-        """Every candidate at its best start, best first; those that run away are left out."""
-        found = [s for a in candidates if (s := self.one(a)) is not None]
+    def all(
+        self, candidates: Sequence[Attached], starts: Mapping[Attached, int] | None = None
+    ) -> list[Scored]:
+        """Every candidate at its best start, or that of `starts`, best first; those that run away are left out."""
+        known = starts or {}
+        found = [s for a in candidates if (s := self.one(a, known.get(a))) is not None]
         return sorted(found, key=lambda s: -s.gain)
 
-    def one(self, a: Attached) -> Scored | None:
-        """A candidate at its best start."""
+    def one(self, a: Attached, start: int | None = None) -> Scored | None:
+        """A candidate at its best start, or at one of them."""
         scales = self.core.scales[a.port]
-        tried = []
-        for k in np.unique(np.linspace(0, a.effect.grid(scales) - 1, MOST_PROBES).round().astype(int)):
-            start = {a.name(n): v for n, v in a.effect.start(scales, int(k)).items()}
-            found = self._gated(a, start) if a.effect.gated else self._linear(a, start)
+        tried, grid = [], a.effect.grid(scales)
+        every = np.unique(np.linspace(0, grid - 1, MOST_PROBES).round().astype(int))
+        for k in every if start is None else (start,):
+            values = {a.name(n): v for n, v in a.effect.start(scales, int(k)).items()}
+            found = self._gated(a, values) if a.effect.gated else self._linear(a, values)
             if found is not None:
-                tried.append(found)
+                tried.append(replace(found, start=int(k)))
         return max(tried, key=lambda s: s.gain, default=None)
 
     def _linear(self, a: Attached, start: Values) -> Scored | None:
@@ -86,13 +91,22 @@ class Screen:
         reached, found = self._walked(present, shapes, free, at, beside)
         return Scored(a, min(gain, max(TRUSTED * reached, 2.0 * WORTH)), found)
 
-    def _walked(self, present, shapes: Values, free, at: np.ndarray, beside: np.ndarray) -> tuple[float, Values]:
+    def _walked(
+        self, present, shapes: Values, free, at: np.ndarray, beside: np.ndarray
+    ) -> tuple[float, Values]:
         """The best of some lengths of the step that the slopes ask for, others moved with it: nats, values."""
         before = float(self.fitter.loss(self.e, self.s).sum())
-        moved = [(f, f.coordinate(self.point.values[f.name])) for f, h in zip(self.point.free, self.point.held, strict=True) if not h]
+        moved = [
+            (f, f.coordinate(self.point.values[f.name]))
+            for f, h in zip(self.point.free, self.point.held, strict=True)
+            if not h
+        ]
         best, found = -np.inf, shapes | {f.name: f.value(at[j]) for j, f in enumerate(free)}
         for length in (1.0, 0.3):
-            others = {f.name: f.value(z - length * float(d)) for (f, z), d in zip(moved, np.clip(beside @ at, -1.0, 1.0), strict=True)}
+            others = {
+                f.name: f.value(z - length * float(d))
+                for (f, z), d in zip(moved, np.clip(beside @ at, -1.0, 1.0), strict=True)
+            }
             values = shapes | {f.name: f.value(length * at[j]) for j, f in enumerate(free)} | others
             there = self.fitter.innovations(self.point.values | values, present)
             gained = -np.inf if there is None else before - float(self.fitter.loss(*there).sum())

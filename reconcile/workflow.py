@@ -152,9 +152,7 @@ def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _next(
-    answer: Answer, figures: dict[str, Any], said: Report, moved: Part | None
-) -> Any:
+def _next(answer: Answer, figures: dict[str, Any], said: Report, moved: Part | None) -> Any:
     """The experiment that would settle what is open; it goes into the figures."""
     proposal = None
     if figures["verdict"] in verdicts.OPEN:

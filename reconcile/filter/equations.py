@@ -74,11 +74,12 @@ class Stepped(Assembly):
             "kf_dry": (self.arguments, [dry]),
             "kf_post": (self.arguments, [after]),
             "kf_h": (self.arguments, [h]),
-            "kf_first": ([self.memory, *self.arguments], [ca.vertcat(*first, ca.SX(0, 1)), ca.vertcat(*rest_starts, ca.SX(0, 1))]),
+            "kf_first": (
+                [self.memory, *self.arguments],
+                [ca.vertcat(*first, ca.SX(0, 1)), ca.vertcat(*rest_starts, ca.SX(0, 1))],
+            ),
         }
-        return {
-            n: ca.Function(n, i, [ca.densify(ca.SX(r)) for r in o]) for n, (i, o) in made.items()
-        }
+        return {n: ca.Function(n, i, [ca.densify(ca.SX(r)) for r in o]) for n, (i, o) in made.items()}
 
     def _inputs(self) -> ca.SX:
         return ca.SX(self.u[: len(self.model.inputs)])  # felt already
@@ -110,8 +111,11 @@ class Stepped(Assembly):
         """Outputs by Taylor's series where their samples are earlier than the step."""
         x = self.arguments[0]
         if self.model.kind == "discrete":
-            slope = (ca.substitute(outputs, x, rates) - outputs) / self.model.step
-            return outputs - self.early * slope
+            next_one = ca.substitute(outputs, x, rates)
+            after = ca.substitute(next_one, x, rates)
+            slope = (4.0 * next_one - 3.0 * outputs - after) / (2.0 * self.model.step)
+            bend = (outputs - 2.0 * next_one + after) / self.model.step**2
+            return outputs - self.early * slope + 0.5 * self.early**2 * bend
         slope = ca.jtimes(outputs, x, rates)
         bend = ca.jtimes(slope, x, rates)
         if ca.Function("bend", [*self.arguments], [bend]).n_instructions() > BENDS:

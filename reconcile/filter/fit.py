@@ -71,7 +71,9 @@ class Point:
         """Of the coordinates; nothing for parameters at a limit."""
         moving = np.flatnonzero(~self.held)
         c = np.zeros_like(self.information)
-        c[np.ix_(moving, moving)] = np.linalg.inv(self.information[np.ix_(moving, moving)] + np.eye(len(moving)))
+        c[np.ix_(moving, moving)] = np.linalg.inv(
+            self.information[np.ix_(moving, moving)] + np.eye(len(moving))
+        )
         return c
 
 
@@ -200,7 +202,8 @@ class Fitter:
         """Parameters at a limit that the data push against: they leave the fit and its projections."""
         return np.array(
             [
-                (values[f.name] <= f.low * (1 + 1e-12 * np.sign(f.low)) and g > 0) or (values[f.name] >= f.high * (1 - 1e-12 * np.sign(f.high)) and g < 0)
+                (values[f.name] <= f.low * (1 + 1e-12 * np.sign(f.low)) and g > 0)
+                or (values[f.name] >= f.high * (1 - 1e-12 * np.sign(f.high)) and g < 0)
                 for f, g in zip(free, gradient, strict=True)
             ],
             bool,

@@ -115,7 +115,9 @@ class Kalman:
             )
             if run is None:
                 return None
-            found.append(Filtered(run["e"], run["s"], run.get("z"), run.get("v"), run.get("free"), run.get("zfree"), y))
+            found.append(
+                Filtered(run["e"], run["s"], run.get("z"), run.get("v"), run.get("free"), run.get("zfree"), y)
+            )
         return found
 
     def state_names(self, present: Sequence[Attached], own: bool = False) -> list[str]:
@@ -133,9 +135,13 @@ class Kalman:
         elif not states:
             kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"}
         else:
-            kept = {a for a in self.candidates if a.effect.hidden and a.effect.place != "input"} | set(present[:-1])
+            kept = {a for a in self.candidates if a.effect.hidden and a.effect.place != "input"} | set(
+                present[:-1]
+            )
             if states[-1] != present[-1]:  # what is looked for beside it has no states: all of those
-                kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"} | set(states)
+                kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"} | set(
+                    states
+                )
         key = frozenset(kept)
         if key not in self._parts:
             attached = [a for a in self.candidates if a in kept or a.effect.delays]

@@ -40,8 +40,14 @@ class Library:
         self._library.run_filter.restype = ctypes.c_int
         self._library.run_filter.argtypes = (ctypes.c_void_p,)
 
-    def run(self, substeps: int, state: np.ndarray, given: dict[str, np.ndarray], window: np.ndarray | None = None,
-            states: bool = False) -> dict[str, np.ndarray] | None:
+    def run(
+        self,
+        substeps: int,
+        state: np.ndarray,
+        given: dict[str, np.ndarray],
+        window: np.ndarray | None = None,
+        states: bool = False,
+    ) -> dict[str, np.ndarray] | None:
         """Innovations `e`, variances `s` [steps, NY]; on demand `z`, `v` [steps, NX + NW], `free`, `zfree`.
 
         None where the states run away.

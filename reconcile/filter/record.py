@@ -26,7 +26,9 @@ class Record:
         """Lengths of the steps [n] (s)."""
         return np.diff(self.time, append=2.0 * self.time[-1] - self.time[-2])
 
-    def inputs(self, names: Sequence[str], defaults: np.ndarray, late: Mapping[str, float], linear: bool) -> np.ndarray:
+    def inputs(
+        self, names: Sequence[str], defaults: np.ndarray, late: Mapping[str, float], linear: bool
+    ) -> np.ndarray:
         """Inputs [n, names] over each step, `late` (s)."""
         u = np.repeat(defaults[None, :], len(self.time), 0)
         edges = np.append(self.time, self.time[-1] + self.steps[-1])
@@ -86,7 +88,11 @@ def records(runs: Sequence[Run], blocks: Mapping[str, Sequence[Block]], most: in
         if len(time) < 8:
             time = signal.time
         inside = {
-            which: np.any([(time >= b.start_s - 1e-9) & (time < b.end_s - 1e-9) for b in own if b.run is run] or [time < -np.inf], axis=0)
+            which: np.any(
+                [(time >= b.start_s - 1e-9) & (time < b.end_s - 1e-9) for b in own if b.run is run]
+                or [time < -np.inf],
+                axis=0,
+            )
             for which, own in blocks.items()
         }
         found.append(Record(run, time, inside["fit"], inside["confirm"], inside["holdout"]))

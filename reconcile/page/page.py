@@ -19,9 +19,7 @@ LONG = 90  # characters of a sentence that need a smaller letter
 TONES = {"named": "good", "agrees": "good", "reestimated": "good", "unexplained": "bad"}
 
 
-def write_for(
-    path: Path, answers: Sequence[Answer], figures: Mapping[str, Any], title: str
-) -> Path:
+def write_for(path: Path, answers: Sequence[Answer], figures: Mapping[str, Any], title: str) -> Path:
     """Write the page of an answer, or of the answers of a system's parts; `figures`: the report as JSON."""
     each = [shown(gather(answer)) for answer in answers]
     stretches = [s for one in each for s in one.stretches[: max(1, MOST // len(each))]]
