@@ -52,6 +52,7 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
         "iso18571": overall(scored),
         "next_experiment": None,
         "considered": _considered(answer),
+        "sets": [{"effects": list(n), "probability": p} for n, p in judged.sets],
         "told_apart": [_apart(found, k) for k in answer.alternatives],
         "data": stretches(core.parts),
         "tolerances": {n: v for n, v in vars(tolerances).items() if n.isupper()},

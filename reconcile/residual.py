@@ -55,7 +55,7 @@ def residuals(core: Core, point: Point, errors: Sequence[str] = ()) -> list[Resi
 
 def missing_forces(core: Core, point: Point) -> list[Residual]:
     """The filter's disturbance at every place it pushes, in the steps of fit and confirm."""
-    run = core.kalman.run(point.values, point.present, states=True, own=True)
+    run = core.kalman.run(point.values, point.present, smooth=True, own=True)
     if run is None:
         return []
     nx, found = len(core.model.states), []

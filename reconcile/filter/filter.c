@@ -47,6 +47,8 @@ typedef struct {
   double *z, *v;                  /* N a step, or NULL: filtered states and their variances */
   const int *window;              /* a step, or NULL: number of the window in which the model also runs by itself */
   double *free, *zfree;           /* NY and NX a step, or NULL: what it does there */
+  double *phi, *before, *after;   /* W * W a step (W: active + NW), or NULL: transition, variances before and after */
+  double *ahead;                  /* W a step, or NULL: what was expected of the step */
 } Run;
 
 static double scratch[SZ_W + 1];
@@ -216,12 +218,28 @@ static void spread(double *P, const double *phi, int n) {
   }
 }
 
-static int advance(const Run *run, double *x, const double *u, const double *m, double dt, double *P, double *phi) {
+/* total = phi total: the transition over all of a step */
+static void follow(double *total, const double *phi, int n) {
+  static double t[NX * N];
+  const int wide = n + NW;
+  memset(t, 0, sizeof t);
+  for (int i = 0; i < n; i++) {
+    for (int l = 0; l < wide; l++) {
+      const double a = phi[i * wide + l];
+      for (int j = 0; a != 0.0 && j < wide; j++) t[i * wide + j] += a * total[l * wide + j];
+    }
+  }
+  memcpy(total, t, sizeof(double) * (size_t)(n * wide));
+}
+
+static int advance(const Run *run, double *x, const double *u, const double *m, double dt, double *P, double *phi,
+                   double *total) {
   static double posted[NX], px[NX * NX], full[NX * N];
   const int n = run->active, wide = n + NW, *at = run->state;
   for (int q = 0; q < run->substeps; q++) {
     if (!substep(run, x, u, m, dt / run->substeps, phi, P != 0)) return 0;
     if (P) spread(P, phi, n);
+    if (total) follow(total, phi, n);
   }
   if (!POSTS) return 1;
   call(kf_post, x, u, m, run->p, posted, px, 0);
@@ -231,6 +249,7 @@ static int advance(const Run *run, double *x, const double *u, const double *m, 
       for (int j = 0; j < n; j++) full[i * wide + j] = px[at[j] * NX + at[i]];
     }
     spread(P, full, n);
+    if (total) follow(total, full, n);
   }
   for (int i = 0; i < n; i++) x[at[i]] = posted[at[i]];
   return 1;
@@ -291,12 +310,17 @@ EXPORT int run_filter(const Run *run) {
       if (NI) memcpy(memory, next, sizeof(double) * NI);
       if (window) {
         if (window != run->window[k - 1]) memcpy(alone, x, sizeof x);
-        if (!advance(run, alone, u, m, dt, 0, phi)) return k;
+        if (!advance(run, alone, u, m, dt, 0, phi, 0)) return k;
       }
       for (int i = 0; i < NW; i++) u[W0 + i] += w[i];
-      if (!advance(run, x, u, m, dt, P, phi)) return k;
+      double *total = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : 0;
+      for (int i = 0; total && i < wide * wide; i++) total[i] = i % (wide + 1) == 0;
+      if (!advance(run, x, u, m, dt, P, phi, total)) return k;
       shake(run, x, u, m, dt, w, P);
+      for (int i = 0; total && i < NW; i++) total[(n + i) * (wide + 1)] = exp(-dt * run->keep[i]);
     }
+    if (run->before) memcpy(run->before + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));
+    for (int i = 0; run->ahead && i < wide; i++) run->ahead[(size_t)k * (size_t)wide + (size_t)i] = i < n ? x[at[i]] : w[i - n];
     const double *now = run->u + (size_t)k * NU, *m = run->m + (size_t)k * NM;
     const double *arg[4] = {memory, now, m, run->p};
     double *res[2] = {u, next};
@@ -336,6 +360,7 @@ EXPORT int run_filter(const Run *run) {
     }
     for (int i = 0; i < n; i++) x[at[i]] += moved[i];
     for (int i = 0; i < NW; i++) w[i] += moved[n + i];
+    if (run->after) memcpy(run->after + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));
     if (run->z) {
       memcpy(run->z + (size_t)k * N, x, sizeof x);
       memcpy(run->z + (size_t)k * N + NX, w, sizeof(double) * NW);
