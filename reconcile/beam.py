@@ -115,9 +115,9 @@ class Beam:
         before = self.evidence(key)
         for a in key:
             less = key - {a}
-            if less not in self.points:
-                present = tuple(x for x in self.points[key].present if x != a)
-                self._fit(less, present, self.starts(key, present))
+            present = tuple(x for x in self.points[key].present if x != a)
+            # from where it is in the larger set too: a smaller one that has not settled makes crumbs of others
+            self._fit(less, present, self.starts(key, present)[: 1 if less in self.points else 2])
             if less not in self.points:
                 continue
             for scored in self.scores(less)[: SINGLES[1]]:

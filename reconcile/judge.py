@@ -12,7 +12,7 @@ from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.filter.kalman import NOISE
 from reconcile.model import Attached
-from reconcile.tolerances import NEAR, OF_ALL, SHORTENED, SURE, TOLD
+from reconcile.tolerances import NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD
 
 MOST_DECLARED = 4
 ENOUGH = 0.9  # of the probability that the declared sets hold together
@@ -119,7 +119,10 @@ class Judge:
         less = self.beam.points[key - {a}]
         if self.ahead(key) > max(NEAR, noise(self.core, less)):
             return False
-        return confirmed(self.core, less) - confirmed(self.core, self.beam.points[key]) > TOLD
+        with_it, none = self.beam.points[key], self.beam.points[frozenset()]
+        gained = confirmed(self.core, less) - confirmed(self.core, with_it)
+        whole = confirmed(self.core, none) - confirmed(self.core, with_it)
+        return gained > max(TOLD, OF_NATS * whole)
 
     def _shortened(self, key: Key, a: Attached) -> tuple[float, float]:
         """Share of the error left without an effect that it takes away, and that in spreads."""

@@ -28,7 +28,8 @@ NEAR, TOLD = (
     0.02,
     5.0,
 )  # error ahead below which a model is near enough for small effects; nats that they then gain
-AT_FLOOR = 0.05  # of the outputs' motion over the horizon: a multi-step error below it is nothing unexplained
+OF_NATS = 0.02  # of the nats that all effects gain there: what gains less is a crumb
+AT_FLOOR = 3.0  # times the noise: an error ahead below it is nothing unexplained
 STEP = 1e-4  # of a parameter's size: for slopes by differences, above rounding and below curvature
 SEEN = 4.0  # noise levels that an output must move by
 KNOWN = 0.5  # of its prior's deviation: a parameter known no better than that was not excited

@@ -51,8 +51,9 @@ class Stepped(Assembly):
     @cached_property
     def stages(self) -> dict[str, ca.Function]:
         """All functions of filter.c but the derivatives."""
-        step, self.step = self.step, self.dt
+        step, self.step, self.averaged = self.step, self.dt, True
         felt = super()._inputs()  # memories of inputs step exactly
+        self.averaged = False
         moved = [self.next[n] for n in self.memory_names]
         first = [self.starts[n] for n in self.memory_names]
         self.step = step
@@ -61,9 +62,9 @@ class Stepped(Assembly):
         for made in (self.rates, self.starts):
             made |= dict.fromkeys(self.memory_names, ca.SX(0))  # they are no part of the motion
         f, dry, h = self._motion_parts()
-        self.step = self.dt
+        self.step, self.slope = self.dt, lambda e: self._slope(e, f)
         after = self._after()
-        self.step = step
+        self.step, self.slope = step, None
         x, u, m, p = self.arguments
         rest = ca.vertcat(*[u[i] for i in range(len(self.model.inputs), u.numel())])
         hidden = self.state_names[self.nx :]  # they come last
@@ -109,18 +110,20 @@ class Stepped(Assembly):
 
     def _earlier(self, outputs: ca.SX, rates: ca.SX) -> ca.SX:
         """Outputs by Taylor's series where their samples are earlier than the step."""
-        x = self.arguments[0]
-        if self.model.kind == "discrete":
-            next_one = ca.substitute(outputs, x, rates)
-            after = ca.substitute(next_one, x, rates)
-            slope = (4.0 * next_one - 3.0 * outputs - after) / (2.0 * self.model.step)
-            bend = (outputs - 2.0 * next_one + after) / self.model.step**2
-            return outputs - self.early * slope + 0.5 * self.early**2 * bend
-        slope = ca.jtimes(outputs, x, rates)
-        bend = ca.jtimes(slope, x, rates)
+        slope = self._slope(outputs, rates)
+        bend = self._slope(slope, rates)
         if ca.Function("bend", [*self.arguments], [bend]).n_instructions() > BENDS:
             bend = 0.0
         return outputs - self.early * slope + 0.5 * self.early**2 * bend
+
+    def _slope(self, expression: ca.SX, rates: ca.SX) -> ca.SX:
+        """An expression of the states by time; of a model in steps by its next two."""
+        x = self.arguments[0]
+        if self.model.kind == "continuous":
+            return ca.jtimes(expression, x, rates)
+        next_one = ca.substitute(expression, x, rates)
+        after = ca.substitute(next_one, x, rates)
+        return (4.0 * next_one - 3.0 * expression - after) / (2.0 * self.model.step)
 
     def _after(self) -> ca.SX:
         """States after a step: the memories of sensors follow what they show."""

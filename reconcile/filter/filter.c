@@ -10,7 +10,8 @@
  *   kf_first (memory, x, u, m, p) -> where the memory and the NH states of effects begin
  *
  * The state is (x, w).  A step is ROS2 (Verwer and others 1999: linearly implicit, order 2, L-stable), then the
- * dry friction as an implicit step of its own (Moreau: what would turn a speed round stops it).  Each w is an
+ * dry friction as a step of its own: it takes off the speed until that is zero, and what stands goes on only where it is
+ * driven by more.  Each w is an
  * Ornstein-Uhlenbeck process.  Outputs come one at a time; a missing one (NaN) is passed over.
  */
 #include <math.h>
@@ -154,6 +155,8 @@ static int substep(const Run *run, double *x, const double *u, const double *m, 
       }
     }
     solve(lu, pivot, n, k2, all);
+    static double started[NX];
+    memcpy(started, x, sizeof started);
     for (int i = 0; i < n; i++) {
       x[at[i]] += h * (1.5 * k1[i * all] + 0.5 * k2[i * all]);
       for (int j = 1; j < all; j++) {
@@ -164,11 +167,19 @@ static int substep(const Run *run, double *x, const double *u, const double *m, 
     static double dry[2 * AXES];
     call(kf_dry, x, u, m, run->p, dry, 0, 0);
     for (int k = 0; k < AXES; k++) {
-      double forwards = dry[k] * h, backwards = dry[AXES + k] * h, v = x[axis_v[k]], after = 0.0;
+      const double forwards = dry[k] * h, backwards = dry[AXES + k] * h;
       if (forwards == 0.0 && backwards == 0.0) continue;
-      if (v > forwards) after = v - forwards;
-      if (v < -backwards) after = v + backwards;
-      double slope = after == 0.0 ? LEAK : 1.0, back = 0.5 * h * (v - after);
+      /* it slows down to where it stops within the step, if it does; from there it goes on or sticks */
+      const double v = x[axis_v[k]], old = started[axis_v[k]], driven = v - old;
+      double after = v - (old > 0.0 ? forwards : -backwards), slides = 1.0;
+      if (old == 0.0 || after * old <= 0.0) {
+        const double rest = old == 0.0 ? 1.0 : 1.0 - old / (old - after);
+        after = driven > forwards ? rest * (driven - forwards) : driven < -backwards ? rest * (driven + backwards) : 0.0;
+        slides = 1.0 - rest;
+      }
+      const double slope = after == 0.0 ? LEAK : 1.0;
+      const double moved = slides == 1.0 ? old + after : slides * old + (1.0 - slides) * after;
+      const double back = 0.5 * h * (old + v - moved);
       x[axis_v[k]] = after;
       int row = -1, place = -1;
       for (int i = 0; i < n; i++) {

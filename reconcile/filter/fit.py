@@ -181,6 +181,9 @@ class Fitter:
                     continue
                 break
             if gained < enough:
+                if age > 1:
+                    slopes = None
+                    continue
                 break
             if k >= 3 and loss + prior > hopeless and gained < 0.2 * (loss + prior - hopeless):
                 break
