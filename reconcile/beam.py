@@ -8,7 +8,7 @@ import numpy as np
 from reconcile.catalogue.kinds import kind
 from reconcile.core import Core
 from reconcile.filter.fit import Point
-from reconcile.filter.kalman import Values
+from reconcile.filter.kalman import SIGMA, WHITE, Values
 from reconcile.model import Attached
 from reconcile.screen import Scored, Screen
 from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PRIOR, RESAMPLED, SINGLES, WORTH
@@ -16,6 +16,9 @@ from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PRIOR, RESAMPLED, SINGLES,
 Key = frozenset[Attached]
 Report = Callable[..., None]
 ASKED = 40  # candidates, the best of the first screen, that are asked beside others
+SETTLED = 4  # best sets that are fitted to the end
+SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
+QUIET = 0.2  # of the noise of the motion, from which a fit to the end begins as well
 FRESH = 4  # best sets and first effects that are fitted from the model as it came too: else d keeps what it absorbed
 
 
@@ -51,6 +54,8 @@ class Beam:
             self.report("neighbours")
             if not self._neighbours(self.ranked()[0]):
                 break
+        self.report("settling")
+        self._settle()
         return self.ranked()
 
     def _own(self, scored: Scored) -> Values:
@@ -64,6 +69,31 @@ class Beam:
                 point = self.points[key]
                 own = {n: v for n, v in point.values.items() if any(n.startswith(a.key + ".") for a in key)}
                 self._fit(key, point.present, [self.core.fresh | own])
+
+    def _settle(self) -> None:
+        """Fit the best sets to the end, as they are and from less noise: one that has not settled looks worse."""
+        done: set[Key] = set()
+        while todo := [k for k in self._foremost() if k not in done]:
+            key = todo[0]
+            done.add(key)
+            point = self.points[key]
+            quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
+            self._fit(key, point.present, [point.values, point.values | quiet], LONG)
+
+    def _foremost(self) -> list[Key]:
+        """The best sets, and the best one with one effect less, or a limit of it in its place."""
+        ranked = self.ranked()
+        simpler = [ranked[0] - {a} for a in ranked[0]]
+        simpler += [k for a in ranked[0] if (k := self._simpler(ranked[0], a)) is not None]
+        return [*ranked[:SETTLED], *(k for k in simpler if k in self.points)]
+
+    def _simpler(self, key: Key, a: Attached) -> Key | None:
+        """The set with what an effect becomes in a limit in its place."""
+        less = key - {a}
+        if less not in self.points:
+            return None
+        limits = [s for s in self.scores(less) if s.attached.effect.name in a.effect.becomes and s.attached.port == a.port]
+        return self.attempt(less, limits[0]) if limits else None
 
     def evidence(self, key: Key) -> float:
         """Log of a set's probability up to a constant: sets of as many effects share the same prior."""
@@ -96,13 +126,15 @@ class Beam:
             self._fit(grown, (*base.present, scored.attached), starts)
         return grown if grown in self.points else None
 
-    def _fit(self, key: Key, present: Sequence[Attached], starts: Iterable[Values]) -> None:
+    def _fit(
+        self, key: Key, present: Sequence[Attached], starts: Iterable[Values], iterations: int = SHORT
+    ) -> None:
         core = self.core
         free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
         found = []
         for start in starts:
             most = min((p.total for p in found), default=np.inf)
-            point = core.fitter.fit(start, present, free, 10, every=2, hopeless=most, own=True)
+            point = core.fitter.fit(start, present, free, iterations, every=2, hopeless=most, own=True)
             if point is not None:
                 found.append(point)
         if found:
