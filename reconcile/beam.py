@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from reconcile.filter.fit import Point
 from reconcile.filter.kalman import SIGMA, WHITE, Values
 from reconcile.model import Attached
 from reconcile.screen import Scored, Screen
+from reconcile.shapes import Shapes
 from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PRIOR, RESAMPLED, SINGLES, WORTH
 
 Key = frozenset[Attached]
@@ -30,6 +32,11 @@ class Beam:
     report: Report = lambda *_: None
     points: dict[Key, Point] = field(default_factory=dict)
     scored: dict[Key, list[Scored]] = field(default_factory=dict)
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """Starts that the missing force of the model without effects suggests."""
+        return Shapes(self.core)
 
     def run(self) -> list[Key]:
         """Fitted sets, most evidence first."""
@@ -112,7 +119,7 @@ class Beam:
                 told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
                 others = [a for a in others if a in told]
             starts = {s.attached: s.start for s in self.scored.get(frozenset(), ())}
-            self.scored[key] = Screen(self.core, self.points[key]).all(others, starts)
+            self.scored[key] = Screen(self.core, self.points[key], self.shapes).all(others, starts)
         return self.scored[key]
 
     def attempt(self, key: Key, scored: Scored) -> Key | None:

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from reconcile.ahead import horizon_s, windows
 from reconcile.core import Core
 from reconcile.data import Run
 from reconcile.filter.fit import Point
-from reconcile.judge import horizon_s, windows
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from reconcile import holdout, localise, tolerances
+from reconcile.ahead import horizon_s
 from reconcile.answer import Answer, standard_errors
 from reconcile.beam import Key
 from reconcile.data import Parts
 from reconcile.findings import STAGES, Findings, above, gather
-from reconcile.judge import horizon_s
 from reconcile.model import Attached
 from reconcile.source import write_model
 from reconcile.verdict import Verdict, moved_parameters

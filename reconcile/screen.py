@@ -9,6 +9,7 @@ from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.filter.kalman import Values
 from reconcile.model import Attached
+from reconcile.shapes import Shapes
 from reconcile.tolerances import SEPARABLE, WORTH
 
 PROBE = 0.1  # of an amplitude's size: dry friction does not show when it is much smaller
@@ -30,8 +31,8 @@ class Scored:
 class Screen:
     """Scores at a fitted point."""
 
-    def __init__(self, core: Core, point: Point):
-        self.core, self.point, self.fitter = core, point, core.fitter
+    def __init__(self, core: Core, point: Point, shapes: Shapes):
+        self.core, self.point, self.fitter, self.shapes = core, point, core.fitter, shapes
         free, self.e, self.s = point.free, point.e, point.s
         de, ds = point.slopes
         moving = ~point.held
@@ -50,15 +51,20 @@ class Screen:
 
     def one(self, a: Attached, start: int | None = None) -> Scored | None:
         """A candidate at its best start, or at one of them."""
-        scales = self.core.scales[a.port]
-        tried, grid = [], a.effect.grid(scales)
-        every = np.unique(np.linspace(0, grid - 1, MOST_PROBES).round().astype(int))
-        for k in every if start is None else (start,):
-            values = {a.name(n): v for n, v in a.effect.start(scales, int(k)).items()}
-            found = self._gated(a, values) if a.effect.gated else self._linear(a, values)
+        tried, every = [], self._starts(a)
+        for k in range(len(every)) if start is None else (start,):
+            found = self._gated(a, every[k]) if a.effect.gated else self._linear(a, every[k])
             if found is not None:
-                tried.append(replace(found, start=int(k)))
+                tried.append(replace(found, start=k))
         return max(tried, key=lambda s: s.gain, default=None)
+
+    def _starts(self, a: Attached) -> list[Values]:
+        """Starts of an effect's parameters: those of the catalogue, and what the missing force suggests."""
+        scales = self.core.scales[a.port]
+        grid = a.effect.grid(scales)
+        every = np.unique(np.linspace(0, grid - 1, MOST_PROBES).round().astype(int))
+        found = [{a.name(n): v for n, v in a.effect.start(scales, int(k)).items()} for k in every]
+        return found + [found[0] | s for s in self.shapes.starts(a)]
 
     def _linear(self, a: Attached, start: Values) -> Scored | None:
         free = [f for f in self.core.free_of(a) if f.name in a.columns]

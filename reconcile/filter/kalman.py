@@ -145,7 +145,7 @@ class Kalman:
         absent = dict(values)
         for a in present:
             if a.effect.place not in ("input", "output"):
-                absent |= {n: 0.0 for n in a.columns}
+                absent |= dict.fromkeys(a.columns, 0.0)
         names = part.extended.parameter_names
         p, p0 = (np.array([v[n] for n in names]) for v in (values, absent))
         found = []

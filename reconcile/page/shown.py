@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from reconcile.findings import STAGES, Findings
 from reconcile import regimes
+from reconcile.findings import STAGES, Findings
 from reconcile.localise import Located
 from reconcile.regimes import Regime
 from reconcile.residual import missing_forces, residuals
