@@ -18,7 +18,8 @@ from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PRIOR, RESAMPLED, SINGLES,
 Key = frozenset[Attached]
 Report = Callable[..., None]
 ASKED = 40  # candidates, the best of the first screen, that are asked beside others
-SETTLED = 4  # best sets that are fitted to the end
+FAR = 0.3  # of the evidence that the best set gains: what gains less is not built on
+SETTLED = 3  # best sets that are fitted to the end
 SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
 QUIET = 0.2  # of the noise of the motion, from which a fit to the end begins as well
 FRESH = 4  # best sets and first effects that are fitted from the model as it came too: else d keeps what it absorbed
@@ -53,6 +54,8 @@ class Beam:
                     grown = self.attempt(key, scored)
                     found |= {grown} if grown is not None else set()
             kept = sorted(found, key=lambda k: -self.evidence(k))[:keep]
+            nothing = self.evidence(frozenset())
+            kept = [k for k in kept if self.evidence(k) - nothing >= FAR * (self.evidence(kept[0]) - nothing)]
             if not kept or self.evidence(kept[0]) < best + WORTH:
                 break
         self.report("best sets again")
@@ -85,7 +88,8 @@ class Beam:
             done.add(key)
             point = self.points[key]
             quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
-            self._fit(key, point.present, [point.values, point.values | quiet], LONG)
+            starts = [point.values, *([point.values | quiet] if len(done) <= 2 else [])]
+            self._fit(key, point.present, starts, LONG)
 
     def _foremost(self) -> list[Key]:
         """The best sets, and the best one with one effect less, or a limit of it in its place."""
@@ -138,10 +142,10 @@ class Beam:
     ) -> None:
         core = self.core
         free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
-        found = []
+        found, less = [], [p for k, p in self.points.items() if k < key]
         for start in starts:
-            most = min((p.total for p in found), default=np.inf)
-            point = core.fitter.fit(start, present, free, iterations, every=2, hopeless=most, own=True)
+            most = min((p.total for p in (*found, *less)), default=np.inf)
+            point = core.fitter.fit(start, present, free, iterations, every=3 if iterations == SHORT else 4, hopeless=most, own=True)
             if point is not None:
                 found.append(point)
         if found:
