@@ -196,17 +196,17 @@ class Core:
             for f, r in zip(run, self.records, strict=True)
             if f.z is not None
         ]
-        period, ports = self.period, self.folder.ports
-        found = {ALL_OUTPUTS: Scales(period_s=period)}
+        period, memory, ports = self.period, self.memory_s, self.folder.ports
+        found = {ALL_OUTPUTS: Scales(period_s=period, memory_s=memory)}
         for name in [v.name for v in self.model.inputs]:
             values = np.concatenate(
                 [r.inputs[name].values for r in self.runs if name in r.inputs] or [np.ones(1)]
             )
-            found[name] = Scales(u=float(np.max(np.abs(values))) or 1.0, period_s=period)
+            found[name] = Scales(u=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
         for name in self.outputs:
             values = np.concatenate([r.outputs[name].values for r in self.runs])
-            found[name] = Scales(y=float(np.max(np.abs(values))) or 1.0, period_s=period)
-        found |= sites.scales(self.model, ports, z, self.runs, period)
+            found[name] = Scales(y=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
+        found |= {n: replace(x, memory_s=memory) for n, x in sites.scales(self.model, ports, z, self.runs, period).items()}
         units = {v.name: v.unit for v in self.model.states}
         for axis in ports.axes:
             i = self.model.index("states", axis.velocity)
@@ -223,6 +223,7 @@ class Core:
                 inertia=inertia,
                 f=inertia * size or 1.0,
                 period_s=period,
+                memory_s=memory,
             )
         self.scales = found
         self.kalman.sizes = {
@@ -235,7 +236,7 @@ class Core:
         """All effects absent: amplitudes and gates at nothing, shapes at their first start."""
         values: Values = {}
         for a in self.candidates:
-            s = self.scales.get(a.port, Scales(period_s=self.period))
+            s = self.scales.get(a.port, Scales(period_s=self.period, memory_s=self.memory_s))
             values |= {a.name(n): v for n, v in a.effect.start(s, 0).items()}
             values |= {a.name(q.name): 0.0 for q in a.effect.amplitudes}
             if a.effect.gated:

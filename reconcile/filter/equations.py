@@ -30,7 +30,7 @@ class Stepped(Assembly):
         self.state_names = [n for n in extended.state_names if n not in names]
         self.shown = [a for a in extended.attached if a.effect.place == "output" and a.effect.hidden]
         self.pushed_states = tuple(pushed_states)
-        model, axes = self.model, extended.folder.ports.axes
+        axes = extended.folder.ports.axes
         self.dt = ca.SX.sym("dt")
         self.early = ca.SX.sym("early", len(self.recorded))
         self.more = ca.SX.sym("push", len(self.pushed_states))
