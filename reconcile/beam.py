@@ -13,7 +13,7 @@ from reconcile.filter.kalman import SIGMA, WHITE, Values
 from reconcile.model import Attached
 from reconcile.screen import Scored, Screen
 from reconcile.shapes import Shapes
-from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PRIOR, RESAMPLED, SINGLES, WORTH
+from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PLAIN, PRIOR, RESAMPLED, SINGLES, WORTH
 
 Key = frozenset[Attached]
 Report = Callable[..., None]
@@ -88,8 +88,7 @@ class Beam:
             done.add(key)
             point = self.points[key]
             quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
-            starts = [point.values, *([point.values | quiet] if len(done) <= 2 else [])]
-            self._fit(key, point.present, starts, LONG)
+            self._fit(key, point.present, [point.values | quiet, point.values], LONG)
 
     def _foremost(self) -> list[Key]:
         """The best sets, and the best one with one effect less, or a limit of it in its place."""
@@ -108,7 +107,8 @@ class Beam:
 
     def evidence(self, key: Key) -> float:
         """Log of a set's probability up to a constant: sets of as many effects share the same prior."""
-        return self.points[key].evidence - PRIOR * len(key)
+        parameters = sum(len(a.effect.parameters) for a in key)
+        return self.points[key].evidence - PRIOR * len(key) - PLAIN * parameters
 
     def ranked(self) -> list[Key]:
         """Sets, most evidence first."""

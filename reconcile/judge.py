@@ -52,7 +52,7 @@ class Judge:
         names = {k: _names(k) for k in posterior}
         effects, kinds = Counter(), Counter()
         for k, p in posterior.items():
-            effects.update(dict.fromkeys(set(names[k]), p))
+            effects.update(dict.fromkeys(_held_in(k), p))
             kinds.update(dict.fromkeys({kind(n) for n in names[k]}, p))
         by_names = Counter()
         best: dict[tuple[str, ...], Key] = {}
@@ -90,7 +90,7 @@ class Judge:
         for key in ranked:
             if total >= ENOUGH or len(found) == MOST_DECLARED - 1:
                 break
-            if _names(key) != _names(answer):
+            if _names(key) != _names(answer) and not set(_names(answer)) <= _held_in(key):
                 total += by_names[_names(key)]
                 found.append(key)
         return found
@@ -134,6 +134,12 @@ class Judge:
         less = self.beam.points.get(key - {a})
         gained = less.loss - self.beam.points[key].loss if less else float("nan")
         return 2.0 * gained, self._shortened(key, a)[0]
+
+
+def _held_in(key: Key) -> set[str]:
+    """Effects of a set, and what they become in a limit: the richer holds the simpler."""
+    limits = {n for a in key for n in a.effect.becomes if n}
+    return limits | set(_names(key))
 
 
 def _names(key: Key) -> tuple[str, ...]:
