@@ -17,14 +17,13 @@ from reconcile.experiment.carried import Carrier
 from reconcile.experiment.excitation import LEAD, Excitation, commands, smooth
 from reconcile.experiment.limits import Limits
 from reconcile.filter.fit import Fitter, Point
-from reconcile.filter.kalman import Kalman, Values
+from reconcile.filter.kalman import NOISE, Kalman, Values
 from reconcile.filter.record import Record
-from reconcile.tolerances import STUDENT
+from reconcile.tolerances import OUTPUT_FLOOR, STUDENT
 
 SAMPLES = 1000  # of an experiment while excitations are compared
 COMMANDS = 200  # in that time, at least
 MEMORIES = 10.0  # of the outputs in it, where the recordings are as long
-FINER = 4  # steps of a play in one of the filter: what the filter's steps leave is no property of the machine
 FOLLOWS = 0.5  # of the outputs' memory: lag, twice, of an input that another follows; a machine moves it
 DOUBT, WAYS = 2.0, 2  # deviations by which parameters may be off, in the ways in which they are known least
 RESTS = 0.05  # of the motion: a machine that moves less by itself stays where it is
@@ -96,24 +95,22 @@ class Bench:
     def motion(self, chosen: Excitation, point: Point) -> Run | None:
         """The whole experiment from rest, without noise; None if the model runs away."""
         core, kalman = self.core, self.core.kalman
-        period, finer = core.period, FINER if core.model.kind == "continuous" else 1
-        time = np.arange(0.0, chosen.duration_s - 1e-6 * period, period)
-        fine = period / finer * np.arange(finer * len(time))
+        time = np.arange(0.0, chosen.duration_s - 1e-6 * core.period, core.period)
         p = np.array([point.values[n] for n in kalman.whole.index])
         late = {n: kalman.late.of_output(n, p) for n in core.outputs}
         first = self.limits.start | dict(chosen.start)
-        start = {n: Signal(np.array([d / (1.0 - drift)]), np.array([first[n]])) for n, (d, drift) in late.items()}
+        start = {
+            n: Signal(np.array([d / (1.0 - drift)]), np.array([first[n]])) for n, (d, drift) in late.items()
+        }
         run = Run("experiment", 0.0, chosen.duration_s, self.inputs(chosen), start)
-        over = _over(kalman, run, fine)
-        if finer > 1:
-            over.substeps = max(1, -(-kalman.substeps // finer))
-        found = over.run(point.values, point.present, [np.arange(len(fine)) > 0], own=True)
-        if found is None or found[0].free is None or not np.isfinite(found[0].free[1:]).all():
+        alone = [(np.arange(len(time)) > 0).astype(int)]
+        found = _over(kalman, run, time).run(point.values, point.present, alone, own=True)
+        shown = found[0].free if found else None
+        if shown is None or not np.isfinite(shown[1:]).all():
             return None
-        shown = found[0].free
         shown[0] = shown[1]
         outputs = {
-            n: Signal(time, np.interp(time - d - drift * time, fine, shown[:, o]))
+            n: Signal(time, np.interp(time - d - drift * time, time, shown[:, o]))
             for o, (n, (d, drift)) in enumerate(late.items())
         }
         return replace(run, outputs=outputs)
@@ -127,10 +124,11 @@ class Bench:
         rest = 0.5 * LEAD * chosen.duration_s  # delays move samples there, and nothing else does
         inside = (time >= rest) & (time < chosen.duration_s - rest)
         fitter = Fitter(_over(self.core.kalman, run, time), [inside])
-        found = fitter.innovations(point.values, point.present, own=True)
+        found = fitter.innovations(seen_by(point.values, run), point.present, own=True)
         if found is None:
             return None
-        return Played(chosen, run, fitter, fitter.loss(np.hypot(found[0], np.sqrt(found[1])), found[1]), found[1])
+        loss = fitter.loss(np.hypot(found[0], np.sqrt(found[1])), found[1])
+        return Played(chosen, run, fitter, loss, found[1])
 
     def excess(self, chosen: Excitation, run: Run) -> float:
         """By what factor the outputs leave their limits, seen from their start; at most 1 if they do not."""
@@ -183,21 +181,21 @@ class Bench:
         begin = _coordinates(rival.values, rival)[at]
 
         def lost(values: Values):
-            found = played.fitter.innovations(values, rival.present, own=True)
+            found = played.fitter.innovations(seen_by(values, played.run), rival.present, own=True)
             if found is None:
                 return np.inf, None
             loss = played.fitter.loss(np.hypot(found[0], np.sqrt(played.noise)), found[1])
             both = ~np.isnan(found[0]) & ~np.isnan(played.noise)
             off = _coordinates(values, rival)[at] - begin
-            return self.share * float((loss - played.loss)[both].sum()) + 0.5 * off @ held @ off, found
+            return self.share * float((loss - played.loss)[both].sum()) + 0.5 * float(off @ held @ off), found
 
         values = rival.values
         most, found = lost(values)
         for _ in range(THOROUGH if thorough else 1):
-            step = found and self._step(played, rival, values, found, at, held, begin)
+            now, before = _coordinates(values, rival)[at], most
+            step = found and self._step(played, rival, values, found, at, held, now - begin)
             if step is None:
                 break
-            now, before = _coordinates(values, rival)[at], most
             for length in LENGTHS:
                 trial = _moved_by(replace(rival, values=values), at, now + length * step)
                 less, there = lost(trial)
@@ -208,10 +206,11 @@ class Bench:
                 break
         return most
 
-    def _step(self, played: Played, rival: Point, values: Values, found, at, held, begin) -> np.ndarray | None:
+    def _step(self, played: Played, rival: Point, values: Values, found, at, held, off) -> np.ndarray | None:
         """Of Fisher scoring, with the noise that the play's innovations would have."""
         e, s = found
         free = [rival.free[k] for k in at]
+        values = seen_by(values, played.run)
         slopes = played.fitter.columns(values, rival.present, free, e, s, own=True)
         if slopes is None or not free:
             return None
@@ -220,18 +219,26 @@ class Bench:
         weight = (STUDENT + 1.0) / (STUDENT * s + e * e + noise)
         gradient = de.T @ (weight * e) + ds.T @ (0.5 - 0.5 * weight * (e * e + noise))
         _, information = played.fitter.score(e, s, de, ds)
-        pulled = self.share * gradient + held @ (_coordinates(values, rival)[at] - begin)
+        pulled = self.share * gradient + held @ off
         return np.clip(-np.linalg.solve(self.share * information + held, pulled), -3.0, 3.0)
 
 
 def information(bench: Bench, played: Played, point: Point, at: np.ndarray) -> np.ndarray:
     """What an experiment would tell of some free coordinates of a set, whose play it is [K, K]."""
-    found = played.fitter.innovations(point.values, point.present, own=True)
-    free = [point.free[k] for k in at]
-    slopes = found and played.fitter.columns(point.values, point.present, free, *found, own=True)
-    if not slopes:
+    values, free = seen_by(point.values, played.run), [point.free[k] for k in at]
+    found = played.fitter.innovations(values, point.present, own=True)
+    if found is None:
+        return np.zeros((len(at), len(at)))
+    slopes = played.fitter.columns(values, point.present, free, *found, own=True)
+    if slopes is None:
         return np.zeros((len(at), len(at)))
     return bench.share * played.fitter.score(*found, *slopes)[1]
+
+
+def seen_by(values: Values, run: Run) -> Values:
+    """The values with the noise that a later fit allows each output at least, by how it moves."""
+    least = {NOISE + n: OUTPUT_FLOOR * float(np.std(s.values)) for n, s in run.outputs.items()}
+    return values | {n: max(values[n], low) for n, low in least.items()}
 
 
 def _over(kalman: Kalman, run: Run, time: np.ndarray) -> Kalman:
@@ -245,4 +252,6 @@ def _coordinates(values: Mapping[str, float], point: Point) -> np.ndarray:
 
 def _moved_by(point: Point, at: np.ndarray, z: np.ndarray) -> Values:
     """Values with some coordinates elsewhere, within their limits."""
-    return dict(point.values) | {point.free[k].name: point.free[k].value(c) for k, c in zip(at, z, strict=True)}
+    return dict(point.values) | {
+        point.free[k].name: point.free[k].value(c) for k, c in zip(at, z, strict=True)
+    }

@@ -67,7 +67,9 @@ def _between(answer: Answer, bench: Bench, report) -> Proposal | None:
         figures["pairs"].append(row | {"if_one": if_one, "if_other": if_other})
     told = chosen.margins >= NEEDED
     figures["separable"] = bool(told.all())
-    left = [(points[i].present, points[k].present) for (i, k), t in zip(judge.pairs, told, strict=True) if not t]
+    left = [
+        (points[i].present, points[k].present) for (i, k), t in zip(judge.pairs, told, strict=True) if not t
+    ]
     figures["sensors"] = say.sensors(left)
     figures["sentence"] = say.between(answer.core.folder, figures, bench.limits)
     return _proposal(bench, chosen, figures)
