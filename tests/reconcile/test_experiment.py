@@ -4,6 +4,7 @@ Candidates are given, not searched for: what is tested is what is proposed betwe
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,7 +16,7 @@ from reconcile.answer import Answer
 from reconcile.beam import Beam, Key
 from reconcile.catalogue import ALL
 from reconcile.core import Core
-from reconcile.data import runs_of, split
+from reconcile.data import Block, Parts, Run, Signal, runs_of, split
 from reconcile.experiment import plan, say
 from reconcile.experiment.achieved import candidates, compared, margins, seen
 from reconcile.experiment.choose import LONGEST, NEEDED, rough, spread
@@ -41,6 +42,17 @@ def answered(core: Core, beam: Beam | None = None, sets: tuple[Key, ...] = (froz
     return Answer(core, beam, Judged(sets[0], sets[1:], {}, {}, [], {}, []))
 
 
+def between(rig: Folder, parts: Parts, names: Sequence[str]) -> Answer:
+    """An answer between effects of the catalogue, each at its best port, the first of them the answer."""
+    core = Core(rig, parts, [e for e in ALL if e.name in names])
+    beam = Beam(core)
+    beam.points[frozenset()] = core.base
+    for scored in beam.scores(frozenset()):
+        beam.attempt(frozenset(), scored)
+    found = {n: next(k for k in beam.ranked() if {a.effect.name for a in k} == {n}) for n in names}
+    return answered(core, beam, tuple(found.values()))
+
+
 @dataclass
 class Doubt:
     """Recordings of a truth, and an answer between candidates of one effect each, the first one true."""
@@ -58,17 +70,7 @@ class Doubt:
         self.answer = self.answered(self.runs)
 
     def answered(self, runs) -> Answer:
-        core = Core(self.rig, split(runs, (), ()), [e for e in ALL if e.name in self.names])
-        beam = Beam(core)
-        beam.points[frozenset()] = core.base
-        for scored in beam.scores(frozenset()):
-            beam.attempt(frozenset(), scored)
-        return answered(core, beam, tuple(self._best(beam, n) for n in self.names))
-
-    @staticmethod
-    def _best(beam: Beam, name: str) -> Key:
-        """The best fit of an effect over its ports and forms."""
-        return next(k for k in beam.ranked() if {a.effect.name for a in k} == {name})
+        return between(self.rig, split(runs, (), ()), self.names)
 
     def proposal(self) -> Proposal:
         found = propose(self.answer, "ambiguous")
@@ -308,6 +310,32 @@ def test_a_margin_grows_with_the_length_of_the_experiment(lags, proposed):
         played = [p for f in fits if (p := bench.play(replace(e, duration_s=seconds), f))]
         found.append(float(Pairs(fits)(bench, played)[0]))
     assert all(a < b for a, b in pairwise(found))
+
+
+@pytest.mark.parametrize("pace", [0.05, 200.0], ids=["1 ms", "4 s"])
+def test_a_rig_of_another_pace_gets_the_same_experiment_at_its_own(lags, proposed, pace):
+    """The same carriage with time stretched: speeds are smaller by it, drag and mass larger."""
+    sizes = {"mass": pace**2, "drag": pace, "velocity": 1.0 / pace}
+
+    def stretched(signals):
+        return {n: Signal(pace * s.time, sizes.get(n, 1.0) * s.values) for n, s in signals.items()}
+
+    (r,) = lags.runs
+    run = Run(r.name, pace * r.start_s, pace * r.end_s, stretched(r.inputs), stretched(r.outputs))
+    known = split([r], (), ())
+    blocks = [[Block(run, pace * b.start_s, pace * b.end_s) for b in own] for own in vars(known).values()]
+    parameters = [
+        replace(v, start=sizes[v.name] * v.start, min=sizes[v.name] * v.min, max=sizes[v.name] * v.max)
+        for v in lags.rig.model.parameters
+    ]
+    rig = replace(lags.rig, model=replace(lags.rig.model, parameters=tuple(parameters)))
+    found = propose(between(rig, Parts(*map(tuple, blocks)), lags.names), "ambiguous")
+    assert found is not None
+    ours, theirs = found.figures["excitation"], proposed.figures["excitation"]
+    assert ours["kind"] == theirs["kind"]
+    for k in ("period_s", "duration_s", "shortest_s"):
+        assert ours[k] == pytest.approx(pace * theirs[k], rel=1e-3)
+    assert found.figures["predicted_margin"] == pytest.approx(proposed.figures["predicted_margin"], rel=0.3)
 
 
 def test_an_input_without_a_range_is_named(lags):

@@ -136,10 +136,10 @@ def test_what_is_felt_of_a_fitted_part_is_its_motion_without_its_sensors(rig, mo
     assert found is not None
     command = run.inputs["force"].values
     each = round(TRUE_PERIOD / DT)
-    true = dict(zip(("position", "velocity"), (x[::each] for x in simulate(truth, command)), strict=True))
-    for name, noise in (("position", 2e-4), ("velocity", 2e-3)):
-        seen = np.std(run.outputs[name].values - true[name])
-        left = np.std(found[name][20:] - true[name][20:])
+    names, noises = ("position", "velocity"), (2e-4, 2e-3)
+    for name, true, noise in zip(names, simulate(truth, command), noises, strict=True):
+        seen = np.std(run.outputs[name].values - true[::each])
+        left = np.std(found[name][20:] - true[::each][20:])
         assert left < 1.5 * noise
         assert name == "position" or left < 0.1 * seen
 
