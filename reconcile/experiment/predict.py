@@ -25,6 +25,7 @@ SAMPLES = 1000  # of an experiment while excitations are compared
 COMMANDS = 200  # in that time, at least
 MEMORIES = 10.0  # of the outputs in it, where the recordings are as long
 FOLLOWS = 0.5  # of the outputs' memory: lag, twice, of an input that another follows; a machine moves it
+STEPPED, FINEST = 0.1, 8  # of the noise, by which a play may depend on its steps; times the filter's substeps
 DOUBT, WAYS = 2.0, 2  # deviations by which parameters may be off, in the ways in which they are known least
 RESTS = 0.05  # of the motion: a machine that moves less by itself stays where it is
 THOROUGH = 6  # steps of a rival's fit to an experiment that was chosen
@@ -60,6 +61,7 @@ class Bench:
         self.core, self.limits, self.tick_s, self.fixed_start = core, limits, tick_s, fixed_start
         self.carrier = carrier
         self._carried: dict[Excitation, dict[str, np.ndarray]] = {}  # motion of the carrier, found once
+        self.substeps = core.kalman.substeps
         recorded = max(r.end_s - r.start_s for r in core.runs)
         remembered = min(MEMORIES * core.memory_s, recorded)
         self.duration_s = max(SAMPLES * core.period, COMMANDS * tick_s, remembered)
@@ -103,17 +105,46 @@ class Bench:
             n: Signal(np.array([d / (1.0 - drift)]), np.array([first[n]])) for n, (d, drift) in late.items()
         }
         run = Run("experiment", 0.0, chosen.duration_s, self.inputs(chosen), start)
-        alone = [(np.arange(len(time)) > 0).astype(int)]
-        found = _over(kalman, run, time).run(point.values, point.present, alone, own=True)
-        shown = found[0].free if found else None
-        if shown is None or not np.isfinite(shown[1:]).all():
+        shown = self._shown(run, time, point)
+        if shown is None:
             return None
-        shown[0] = shown[1]
         outputs = {
             n: Signal(time, np.interp(time - d - drift * time, time, shown[:, o]))
             for o, (n, (d, drift)) in enumerate(late.items())
         }
         return replace(run, outputs=outputs)
+
+    def _shown(self, run: Run, time: np.ndarray, point: Point) -> np.ndarray | None:
+        """Outputs [n, NY] of the model by itself.
+
+        What is driven harder than it was may need finer steps: from then on they are taken.
+        """
+        alone = [(np.arange(len(time)) > 0).astype(int)]
+        noise = np.array([point.values[NOISE + n] for n in self.core.outputs])
+
+        def by(substeps: int) -> np.ndarray | None:
+            found = self._over(run, time, substeps).run(point.values, point.present, alone, own=True)
+            shown = found[0].free if found else None
+            if shown is None or not np.isfinite(shown[1:]).all():
+                return None
+            shown[0] = shown[1]
+            return shown
+
+        shown = by(self.substeps)
+        while self.core.model.kind == "continuous" and self.substeps < FINEST * self.core.kalman.substeps:
+            finer = by(2 * self.substeps)
+            if finer is None:
+                break
+            if shown is not None and np.all(np.mean((finer - shown) ** 2, 0) < (STEPPED * noise) ** 2):
+                break
+            shown, self.substeps = finer, 2 * self.substeps
+        return shown
+
+    def _over(self, run: Run, time: np.ndarray, substeps: int) -> Kalman:
+        every = np.ones(len(time), bool)
+        found = self.core.kalman.over([Record(run, time, every, ~every, ~every)])
+        found.substeps = substeps
+        return found
 
     def play(self, chosen: Excitation, point: Point) -> Played | None:
         """The experiment as a set predicts it, with what its filter expects; None if it runs away."""
@@ -123,7 +154,7 @@ class Bench:
         time = next(iter(run.outputs.values())).time
         rest = 0.5 * LEAD * chosen.duration_s  # delays move samples there, and nothing else does
         inside = (time >= rest) & (time < chosen.duration_s - rest)
-        fitter = Fitter(_over(self.core.kalman, run, time), [inside])
+        fitter = Fitter(self._over(run, time, self.substeps), [inside])
         found = fitter.innovations(seen_by(point.values, run), point.present, own=True)
         if found is None:
             return None
@@ -239,11 +270,6 @@ def seen_by(values: Values, run: Run) -> Values:
     """The values with the noise that a later fit allows each output at least, by how it moves."""
     least = {NOISE + n: OUTPUT_FLOOR * float(np.std(s.values)) for n, s in run.outputs.items()}
     return values | {n: max(values[n], low) for n, low in least.items()}
-
-
-def _over(kalman: Kalman, run: Run, time: np.ndarray) -> Kalman:
-    every = np.ones(len(time), bool)
-    return kalman.over([Record(run, time, every, ~every, ~every)])
 
 
 def _coordinates(values: Mapping[str, float], point: Point) -> np.ndarray:
