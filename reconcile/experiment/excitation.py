@@ -51,6 +51,11 @@ class Excitation:
         quick = self.period_s / FASTER.get(self.kind, 1.0)
         return min(self.period_s, max(quick, self.shortest_s))
 
+    def centre(self, low: float, high: float) -> float:
+        """Of a range: a small excitation stays near where the input rests."""
+        rest, middle = neutral(low, high), 0.5 * (low + high)
+        return rest + self.amplitude * (middle - rest) + self.offset * 0.5 * (high - low)
+
     def as_dict(self) -> dict[str, Any]:
         """For a report; `of_dict` reads it again."""
         return asdict(self) | {"inputs": list(self.inputs), "start": dict(self.start)}
@@ -77,7 +82,7 @@ def commands(
             time = tick_s * np.arange(n) - lead
             inside = (time >= 0.0) & (time < chosen.duration_s - 2.0 * lead)
             shape = SHAPES[chosen.kind](time[inside], chosen.period_s, chosen.fastest_s, rng)
-            centre = 0.5 * (low + high) + chosen.offset * half
+            centre = chosen.centre(low, high)
             found[name][inside] = np.clip(centre + chosen.amplitude * half * shape, low, high)
     return found
 

@@ -47,7 +47,7 @@ def drive(folder: Folder, figures: dict[str, Any]) -> str:
         p=f"{e.period_s:.3g} s",
         s=f"{e.fastest_s:.3g} s",
     )
-    centre = 0.5 * (low + high) + e.offset * half
+    centre = e.centre(low, high)
     around = f" about {centre:.3g}{shown}" if abs(centre) > 1e-9 * half else ""
     reached = commands(e, figures["ranges"], figures["tick_s"])[e.inputs[0]]
     low, high = float(np.min(reached)), float(np.max(reached))
