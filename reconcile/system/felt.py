@@ -1,7 +1,7 @@
-"""The motion of a part as its neighbours feel it: the states that the part's filter finds.
+"""The motion of a part as its neighbours feel it: recorded, without what its sensors add, and smoothed.
 
-A recording has the noise, delay and errors of its sensors; a neighbour feels the true motion.  The filter of
-the fitted part follows what the recording shows beside the model, and knows the sensors' own effects.
+A recording has the noise, delay and errors of its sensors; a neighbour feels the true motion.  The fitted
+part knows its sensors' own effects: they are taken off.  What is left is a motion with random jerk and noise.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,19 +27,29 @@ def of_part(core: Core, point: Point, run: Run, wanted: Sequence[str]) -> dict[s
 
     `run` is one of the recordings of `core`, by its name.
     """
-    found = core.kalman.run(point.values, point.present, states=True, own=True)
-    if found is None:
+    record = next(r for r in core.records if r.run.name == run.name)
+    each = [np.arange(len(record.time))]  # one step of the model from every filtered state
+    found = core.kalman.over([record]).run(point.values, point.present, windows=each, own=True)
+    one = found[0] if found else None
+    if one is None or one.y is None or one.free is None or one.zfree is None:
         return None
-    at = next(k for k, r in enumerate(core.records) if r.run.name == run.name)
-    states, time = found[at].z, core.records[at].time
-    if states is None:
-        return None
-    shown = _outputs(core, states, point)
+    moved = dict(zip(core.outputs, (one.y - one.free).T, strict=True))
+    shown = _outputs(core, one.zfree, point)
+
+    def true(name: str) -> np.ndarray:
+        if name not in moved:
+            return np.interp(record.time, run.outputs[name].time, run.outputs[name].values)
+        values = moved[name] + shown[name]
+        good = ~np.isnan(values)
+        return np.interp(record.time, record.time[good], values[good])
+
     motion: dict[str, np.ndarray] = {}
     for q, v in PAIRS.items():
         if q in wanted and q in run.outputs:
-            times = np.clip(run.outputs[q].time, time[0], time[-1])
-            motion |= {n: CubicSpline(time, shown[n])(times) for n in (q, v)}
+            rate = true(v) if v in run.outputs else None
+            times = np.clip(run.outputs[q].time, record.time[0], record.time[-1])
+            both = joined(true(q), rate, float(np.median(record.steps)))
+            motion |= {n: CubicSpline(record.time, x)(times) for n, x in zip((q, v), both, strict=True)}
     return motion
 
 
