@@ -29,6 +29,7 @@ STEPPED, FINEST = 0.1, 8  # of the noise, by which a play may depend on its step
 DOUBT, WAYS = 2.0, 2  # deviations by which parameters may be off, in the ways in which they are known least
 RESTS = 0.05  # of the motion: a machine that moves less by itself stays where it is
 THOROUGH = 6  # steps of a rival's fit to an experiment that was chosen
+CERTAIN = 1e6  # margin over a rival that cannot even follow the experiment
 LENGTHS = (1.0, 0.4, 0.1)  # of a step of that fit, which are tried
 
 
@@ -203,7 +204,7 @@ class Bench:
     def margin(self, played: Played, truth: Point, rival: Point, thorough: bool = False) -> float:
         """Predicted margin of `truth`, whose play it is, over `rival`; see the module."""
         left = self._refitted(played, rival, thorough)
-        return 2.0 * (rival.total - truth.total + left)
+        return min(2.0 * (rival.total - truth.total + left), CERTAIN)
 
     def _refitted(self, played: Played, rival: Point, thorough: bool) -> float:
         """Nats that the rival loses on play and recordings; few steps from where the recordings left it."""
