@@ -44,4 +44,6 @@ class Answer:
 def standard_errors(point: Point) -> Mapping[str, float]:
     """Of all that was fitted, in its own unit."""
     size = np.sqrt(np.maximum(np.diag(point.covariance()), 0.0))
-    return {f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)}
+    return {
+        f.name: abs(f.slope(point.values[f.name])) * float(e) for f, e in zip(point.free, size, strict=True)
+    }

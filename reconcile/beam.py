@@ -2,20 +2,26 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from reconcile.catalogue.kinds import kind
 from reconcile.core import Core
 from reconcile.filter.fit import Point
-from reconcile.filter.kalman import Values
+from reconcile.filter.kalman import SIGMA, WHITE, Values
 from reconcile.model import Attached
-from reconcile.screen import Screen, Scored
-from reconcile.tolerances import BLOCKS, CLOSE, KEPT, RESAMPLED, SINGLES, WORTH
+from reconcile.screen import Scored, Screen
+from reconcile.shapes import Shapes
+from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PRIOR, RESAMPLED, SINGLES, WORTH
 
 Key = frozenset[Attached]
 Report = Callable[..., None]
 ASKED = 40  # candidates, the best of the first screen, that are asked beside others
+FAR = 0.3  # of the evidence that the best set gains: what gains less is not built on
+SETTLED = 3  # best sets that are fitted to the end
+SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
+QUIET = 0.2  # of the noise of the motion, from which a fit to the end begins as well
 FRESH = 4  # best sets and first effects that are fitted from the model as it came too: else d keeps what it absorbed
 
 
@@ -27,6 +33,11 @@ class Beam:
     report: Report = lambda *_: None
     points: dict[Key, Point] = field(default_factory=dict)
     scored: dict[Key, list[Scored]] = field(default_factory=dict)
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """Starts that the missing force of the model without effects suggests."""
+        return Shapes(self.core)
 
     def run(self) -> list[Key]:
         """Fitted sets, most evidence first."""
@@ -43,6 +54,8 @@ class Beam:
                     grown = self.attempt(key, scored)
                     found |= {grown} if grown is not None else set()
             kept = sorted(found, key=lambda k: -self.evidence(k))[:keep]
+            nothing = self.evidence(frozenset())
+            kept = [k for k in kept if self.evidence(k) - nothing >= FAR * (self.evidence(kept[0]) - nothing)]
             if not kept or self.evidence(kept[0]) < best + WORTH:
                 break
         self.report("best sets again")
@@ -51,6 +64,8 @@ class Beam:
             self.report("neighbours")
             if not self._neighbours(self.ranked()[0]):
                 break
+        self.report("settling")
+        self._settle()
         return self.ranked()
 
     def _own(self, scored: Scored) -> Values:
@@ -65,9 +80,35 @@ class Beam:
                 own = {n: v for n, v in point.values.items() if any(n.startswith(a.key + ".") for a in key)}
                 self._fit(key, point.present, [self.core.fresh | own])
 
+    def _settle(self) -> None:
+        """Fit the best sets to the end, as they are and from less noise: one that has not settled looks worse."""
+        done: set[Key] = set()
+        while todo := [k for k in self._foremost() if k not in done]:
+            key = todo[0]
+            done.add(key)
+            point = self.points[key]
+            quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
+            starts = [point.values, *([point.values | quiet] if len(done) <= 2 else [])]
+            self._fit(key, point.present, starts, LONG)
+
+    def _foremost(self) -> list[Key]:
+        """The best sets, and the best one with one effect less, or a limit of it in its place."""
+        ranked = self.ranked()
+        simpler = [ranked[0] - {a} for a in ranked[0]]
+        simpler += [k for a in ranked[0] if (k := self._simpler(ranked[0], a)) is not None]
+        return [*ranked[:SETTLED], *(k for k in simpler if k in self.points)]
+
+    def _simpler(self, key: Key, a: Attached) -> Key | None:
+        """The set with what an effect becomes in a limit in its place."""
+        less = key - {a}
+        if less not in self.points:
+            return None
+        limits = [s for s in self.scores(less) if s.attached.effect.name in a.effect.becomes and s.attached.port == a.port]
+        return self.attempt(less, limits[0]) if limits else None
+
     def evidence(self, key: Key) -> float:
         """Log of a set's probability up to a constant: sets of as many effects share the same prior."""
-        return self.points[key].evidence - len(key) * float(np.log(max(len(self.core.candidates), 2)))
+        return self.points[key].evidence - PRIOR * len(key)
 
     def ranked(self) -> list[Key]:
         """Sets, most evidence first."""
@@ -81,7 +122,8 @@ class Beam:
             if key and frozenset() in self.scored:  # what cannot be told at all, or is far from it, stays out
                 told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
                 others = [a for a in others if a in told]
-            self.scored[key] = Screen(self.core, self.points[key]).all(others)
+            starts = {s.attached: s.start for s in self.scored.get(frozenset(), ())}
+            self.scored[key] = Screen(self.core, self.points[key], self.shapes).all(others, starts)
         return self.scored[key]
 
     def attempt(self, key: Key, scored: Scored) -> Key | None:
@@ -95,13 +137,15 @@ class Beam:
             self._fit(grown, (*base.present, scored.attached), starts)
         return grown if grown in self.points else None
 
-    def _fit(self, key: Key, present: Sequence[Attached], starts: Iterable[Values]) -> None:
+    def _fit(
+        self, key: Key, present: Sequence[Attached], starts: Iterable[Values], iterations: int = SHORT
+    ) -> None:
         core = self.core
         free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
-        found = []
+        found, less = [], [p for k, p in self.points.items() if k < key]
         for start in starts:
-            most = min((p.total for p in found), default=np.inf)
-            point = core.fitter.fit(start, present, free, 10, every=2, hopeless=most, own=True)
+            most = min((p.total for p in (*found, *less)), default=np.inf)
+            point = core.fitter.fit(start, present, free, iterations, every=3 if iterations == SHORT else 4, hopeless=most, own=True)
             if point is not None:
                 found.append(point)
         if found:
@@ -114,16 +158,16 @@ class Beam:
         before = self.evidence(key)
         for a in key:
             less = key - {a}
-            if less not in self.points:
-                present = tuple(x for x in self.points[key].present if x != a)
-                self._fit(less, present, self.starts(key, present))
+            present = tuple(x for x in self.points[key].present if x != a)
+            # from where it is in the larger set too: a smaller one that has not settled makes crumbs of others
+            self._fit(less, present, self.starts(key, present)[: 1 if less in self.points else 2])
             if less not in self.points:
                 continue
-            for scored in self.scores(less)[:SINGLES[1]]:
+            for scored in self.scores(less)[: SINGLES[1]]:
                 if scored.gain >= WORTH:
                     self.attempt(less, scored)
             siblings = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
-            for scored in siblings[:SINGLES[2]]:
+            for scored in siblings[: SINGLES[2]]:
                 self.attempt(less, scored)
         return self.evidence(self.ranked()[0]) > before + 0.1
 

@@ -58,7 +58,9 @@ def differing(core: Core, answer: Answer) -> dict[str, Clock]:
     return {}
 
 
-def _told(core: Core, point: Point, names: Sequence[str], offsets: np.ndarray, table: np.ndarray) -> dict[str, Clock]:
+def _told(
+    core: Core, point: Point, names: Sequence[str], offsets: np.ndarray, table: np.ndarray
+) -> dict[str, Clock]:
     """Clocks from nats [offsets, recordings]; {} where one offset serves all."""
     inside = table[1:-1]
     best = 1 + np.argmin(inside, axis=0)
@@ -72,7 +74,9 @@ def _told(core: Core, point: Point, names: Sequence[str], offsets: np.ndarray, t
         bend = max(left - 2.0 * middle + right, 1e-9)
         offset = offsets[k] + 0.5 * core.period * float(np.clip((left - right) / bend, -1.0, 1.0))
         found.setdefault(name, []).append((float(offset), core.period / float(np.sqrt(bend))))
-    clocks = {n: Clock(float(np.mean([o for o, _ in v])), 0.0, min(e for _, e in v)) for n, v in found.items()}
+    clocks = {
+        n: Clock(float(np.mean([o for o, _ in v])), 0.0, min(e for _, e in v)) for n, v in found.items()
+    }
     least = min(clocks.values(), key=lambda c: abs(c.offset_s)).offset_s
     clocks = {n: replace(c, offset_s=c.offset_s - least) for n, c in clocks.items()}
     largest = max(abs(c.offset_s) for c in clocks.values())
@@ -123,14 +127,19 @@ def alike(present: Sequence[Attached], runs: Sequence[Run]) -> dict[str, dict[st
 
 
 def settled(
-    given: Sequence[Sequence[Run]], clocks: dict[str, Clock], again: Callable[[Sequence[Sequence[Run]]], Core], point: Point
+    given: Sequence[Sequence[Run]],
+    clocks: dict[str, Clock],
+    again: Callable[[Sequence[Sequence[Run]]], Core],
+    point: Point,
 ) -> dict[str, Clock]:
     """The same, looked at once more with the recordings set right so far."""
     core = again([corrected(runs, clocks) for runs in given])
     own = {n: v for n, v in point.values.items() if n in core.values}
     names = [r.run.name for r in core.records]
     offsets = 0.25 * core.period * np.arange(-6, 7)
-    table = _table(core, replace(core.base, values=core.values | own, present=point.present), [(o, 0.0) for o in offsets])
+    table = _table(
+        core, replace(core.base, values=core.values | own, present=point.present), [(o, 0.0) for o in offsets]
+    )
     if table is None:
         return clocks
     best = offsets[np.argmin(table, axis=0)]

@@ -1,6 +1,6 @@
 """The core's ground: one folder, its recordings, the filter, and sizes of everything that is fitted."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,10 +14,11 @@ from reconcile.data import Parts, Run, still
 from reconcile.filter.fit import Fitter, Free, Point
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.record import records
-from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
-from reconcile.tolerances import BLOCKS, MOST_SAMPLES, OUTPUT_FLOOR, UNSCORED
+from reconcile.noise import high_pass_level, quantum
+from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
 from specs.errors import InputError
+
 
 @dataclass(frozen=True)
 class Floor:
@@ -51,7 +52,10 @@ class Core:
         self.records = records(runs, blocks, MOST_SAMPLES)
         self.runs = runs
         self.kalman = Kalman(folder, self.candidates, self.records, self.outputs)
-        self.scored = {w: [getattr(r, w) & (np.arange(len(r.time)) >= UNSCORED) for r in self.records] for w in blocks}
+        self.scored = {
+            w: [getattr(r, w) & (np.arange(len(r.time)) >= len(self.model.states)) for r in self.records]
+            for w in blocks
+        }
         self.fitter = Fitter(self.kalman, self.scored["fit"])
         self.period = min(float(np.median(r.steps)) for r in self.records)
         self.spread = {
@@ -103,7 +107,11 @@ class Core:
         values = kalman.whole.base_start() | self._absent()
         for k, place in enumerate(kalman.places):
             size, tau = self._force(k)
-            values |= {SIGMA + place: 0.1 * size, TAU + place: tau, WHITE + place: 1e-3 * size * np.sqrt(self.period)}
+            values |= {
+                SIGMA + place: 0.1 * size,
+                TAU + place: tau,
+                WHITE + place: 1e-3 * size * np.sqrt(self.period),
+            }
         self.floor = {n: OUTPUT_FLOOR * self.spread[n] for n in self.outputs}
         for n in self.outputs:
             seen = float(np.sqrt(np.mean([high_pass_level(r.outputs[n].values) ** 2 for r in self.runs])))
@@ -165,7 +173,9 @@ class Core:
             self._measure()
             self.noise_free = self._noise_free()
             self.base_free = [f for v in self._doubtful() if (f := self._base(v))]
-            found = self.fitter.fit(self.values, (), [*self.base_free, *self.noise_free], iterations=25, own=True)
+            found = self.fitter.fit(
+                self.values, (), [*self.base_free, *self.noise_free], iterations=25, own=True
+            )
             if found is None:
                 raise InputError(
                     f"model {self.model.name} runs away on the recordings from its start parameters: is it stable, "
@@ -181,16 +191,22 @@ class Core:
             raise InputError(f"model {self.model.name} runs away on the recordings from its start parameters")
         n = len(self.model.states)
         z = np.vstack([f.z[:, :n] for f in run if f.z is not None])
-        fast = [np.diff(f.z[:, :n], axis=0) / np.diff(r.time)[:, None] for f, r in zip(run, self.records, strict=True) if f.z is not None]
-        period, ports = self.period, self.folder.ports
-        found = {ALL_OUTPUTS: Scales(period_s=period)}
+        fast = [
+            np.diff(f.z[:, :n], axis=0) / np.diff(r.time)[:, None]
+            for f, r in zip(run, self.records, strict=True)
+            if f.z is not None
+        ]
+        period, memory, ports = self.period, self.memory_s, self.folder.ports
+        found = {ALL_OUTPUTS: Scales(period_s=period, memory_s=memory)}
         for name in [v.name for v in self.model.inputs]:
-            values = np.concatenate([r.inputs[name].values for r in self.runs if name in r.inputs] or [np.ones(1)])
-            found[name] = Scales(u=float(np.max(np.abs(values))) or 1.0, period_s=period)
+            values = np.concatenate(
+                [r.inputs[name].values for r in self.runs if name in r.inputs] or [np.ones(1)]
+            )
+            found[name] = Scales(u=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
         for name in self.outputs:
             values = np.concatenate([r.outputs[name].values for r in self.runs])
-            found[name] = Scales(y=float(np.max(np.abs(values))) or 1.0, period_s=period)
-        found |= sites.scales(self.model, ports, z, self.runs, period)
+            found[name] = Scales(y=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
+        found |= {n: replace(x, memory_s=memory) for n, x in sites.scales(self.model, ports, z, self.runs, period).items()}
         units = {v.name: v.unit for v in self.model.states}
         for axis in ports.axes:
             i = self.model.index("states", axis.velocity)
@@ -207,16 +223,20 @@ class Core:
                 inertia=inertia,
                 f=inertia * size or 1.0,
                 period_s=period,
+                memory_s=memory,
             )
         self.scales = found
-        self.kalman.sizes = {n: (s.u, s.y) if n in self.outputs or n in [v.name for v in self.model.inputs] else (s.q, s.v) for n, s in found.items()}
+        self.kalman.sizes = {
+            n: (s.u, s.y) if n in self.outputs or n in [v.name for v in self.model.inputs] else (s.q, s.v)
+            for n, s in found.items()
+        }
         self.values |= self._absent()
 
     def _absent(self) -> Values:
         """All effects absent: amplitudes and gates at nothing, shapes at their first start."""
         values: Values = {}
         for a in self.candidates:
-            s = self.scales.get(a.port, Scales(period_s=self.period))
+            s = self.scales.get(a.port, Scales(period_s=self.period, memory_s=self.memory_s))
             values |= {a.name(n): v for n, v in a.effect.start(s, 0).items()}
             values |= {a.name(q.name): 0.0 for q in a.effect.amplitudes}
             if a.effect.gated:
@@ -236,7 +256,14 @@ class Core:
             found += [
                 Free(SIGMA + place, 0.1 * size, 1.5, True, 1e-4 * size, 30.0 * size),
                 Free(TAU + place, tau, 1.0, True, 2.0 * self.period, 30.0 * max(tau, self.period)),
-                Free(WHITE + place, 0.02 * size * np.sqrt(self.period), 2.0, True, 1e-5 * size * np.sqrt(self.period), size * np.sqrt(self.period)),
+                Free(
+                    WHITE + place,
+                    0.02 * size * np.sqrt(self.period),
+                    2.0,
+                    True,
+                    1e-5 * size * np.sqrt(self.period),
+                    size * np.sqrt(self.period),
+                ),
             ]
         for n in self.outputs:
             start = max(self.values[NOISE + n], self.floor[n])
@@ -258,10 +285,14 @@ class Core:
         if high <= low:
             return None
         size = BROAD * abs(v.start) or v.nominal or (0.25 * (high - low) if high - low < 1e6 else 1.0)
-        if np.isfinite(high - low):
+        if v.tolerance:
+            size = v.tolerance * abs(v.start) or v.tolerance
+        elif np.isfinite(high - low):
             size = min(size, high - low)
         log = v.start > 0.0 and low >= 0.0 and size >= 0.5 * v.start
-        return Free(v.name, v.start, BROAD if log else size, log, max(low, 1e-9 * v.start) if log else low, high)
+        return Free(
+            v.name, v.start, BROAD if log else size, log, max(low, 1e-9 * v.start) if log else low, high
+        )
 
     def free_of(self, a: Attached) -> list[Free]:
         """An effect's parameters as they are fitted, centred at the middle of their starts."""
@@ -287,10 +318,16 @@ class Core:
         names["other"] = other.y if a.effect.place == "output" else other.u
         duration = max(r.end_s - r.start_s for r in self.runs)
         text = unit.format(**{n: f"({v!r})" for n, v in names.items()}).replace("^", "**")
-        known = {"s": duration if "/s" in unit else self.memory_s, "rad": 0.1, "kg": self._of("kg"), "m": 1.0, "Pa": s.p}
+        known = {
+            "s": duration if "/s" in unit else self.memory_s,
+            "rad": 0.1,
+            "kg": self._of("kg"),
+            "m": 1.0,
+            "Pa": s.p,
+        }
         known |= {"s2": self.memory_s**2}
         try:
-            return abs(float(eval(text, {"__builtins__": {}}, known))) or 1.0  # noqa: S307 - units of the catalogue
+            return abs(float(eval(text, {"__builtins__": {}}, known))) or 1.0
         except Exception:  # a unit of its own kind: sized by its first start, or one
             starts = [abs(v) for q in a.effect.parameters if q.unit == unit for v in q.starts(s)]
             return max(starts, default=0.0) or 1.0

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from reconcile import holdout, regimes, replicates
+from reconcile.ahead import horizon_s
 from reconcile.answer import Answer
 from reconcile.core import Core, Floor
 from reconcile.holdout import Trace
-from reconcile.judge import horizon_s
 from reconcile.localise import Located, locate
 from reconcile.regimes import Regime
 

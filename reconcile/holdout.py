@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from reconcile.ahead import horizon_s, windows
 from reconcile.core import Core
 from reconcile.data import Run
 from reconcile.filter.fit import Point
-from reconcile.judge import horizon_s, windows
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,10 @@ def predict(core: Core, point: Point | None, which: Sequence[str] = ("holdout",)
     """Every stretch of the parts named, from the parameters of a point; None where the model runs away."""
     if point is None:
         return None
-    ids = [np.max(np.array(each), axis=0) for each in zip(*(windows(core, w, horizon_s(core)) for w in which), strict=True)]
+    ids = [
+        np.max(np.array(each), axis=0)
+        for each in zip(*(windows(core, w, horizon_s(core)) for w in which), strict=True)
+    ]
     run = core.kalman.run(point.values, point.present, windows=ids, own=True)
     if run is None:
         return None

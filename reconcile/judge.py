@@ -4,15 +4,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
+from reconcile.ahead import ahead, confirmed, noise
 from reconcile.beam import Beam, Key
 from reconcile.catalogue.kinds import kind
-from reconcile.core import Core
 from reconcile.filter.fit import Point
-from reconcile.filter.kalman import NOISE
 from reconcile.model import Attached
-from reconcile.tolerances import OF_ALL, SHORTENED, SURE
+from reconcile.tolerances import NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD
 
 MOST_DECLARED = 4
 ENOUGH = 0.9  # of the probability that the declared sets hold together
@@ -85,7 +82,9 @@ class Judge:
             dict(self._ahead),
         )
 
-    def _rivals(self, answer: Key, ranked: Sequence[Key], by_names: Mapping[tuple[str, ...], float]) -> list[Key]:
+    def _rivals(
+        self, answer: Key, ranked: Sequence[Key], by_names: Mapping[tuple[str, ...], float]
+    ) -> list[Key]:
         """Sets that share the probability with the answer, until they hold ENOUGH of it."""
         total, found = by_names.get(_names(answer), 0.0), []
         for key in ranked:
@@ -101,14 +100,26 @@ class Judge:
         refused, base = [], self.ahead(frozenset())
         while key:
             shares = {a: self._shortened(key, a) for a in key}
-            worst = min(shares, key=lambda a: shares[a][0])
-            left, whole = shares[worst]
-            if left >= SHORTENED and whole >= OF_ALL * max(base, 1e-12):
+            weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
+            weak = [a for a in weak if not self._told(key, a)]
+            if not weak:
                 break
+            worst = min(weak, key=lambda a: shares[a][0])
+            left, whole = shares[worst]
             text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
             refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
             key = key - {worst}
         return key, refused
+
+    def _told(self, key: Key, a: Attached) -> bool:
+        """Whether the model errs so little that an effect's likelihood on confirm may tell it."""
+        less = self.beam.points[key - {a}]
+        if self.ahead(key) > max(NEAR, noise(self.core, less)):
+            return False
+        with_it, none = self.beam.points[key], self.beam.points[frozenset()]
+        gained = confirmed(self.core, less) - confirmed(self.core, with_it)
+        whole = confirmed(self.core, none) - confirmed(self.core, with_it)
+        return gained > max(TOLD, OF_NATS * whole)
 
     def _shortened(self, key: Key, a: Attached) -> tuple[float, float]:
         """Share of the error left without an effect that it takes away, and that in spreads."""
@@ -141,46 +152,6 @@ def _simplest(beam: Beam) -> dict[Key, float]:
 def _nothing(point: Point, a: Attached) -> bool:
     names = {a.name(q.name) for q in a.effect.amplitudes}
     held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
-    return bool(names) and all(point.values[n] == 0.0 or n in held and abs(point.values[n]) < 1e-12 for n in names)
-
-
-def horizon_s(core: Core) -> float:
-    """Time over which the model is to predict by itself: in which the outputs forget, within the blocks."""
-    blocks = [b.end_s - b.start_s for b in core.parts.confirm]
-    return float(min(max(core.memory_s, 10.0 * core.period), min(blocks)))
-
-
-def windows(core: Core, which: str, horizon: float) -> list[np.ndarray]:
-    """Numbers of the stretches [n] of every recording in which the model runs by itself (0: none)."""
-    found, number = [], 0
-    for record in core.records:
-        inside = getattr(record, which)
-        ids = np.zeros(len(record.time), int)
-        begun = -np.inf
-        for k in np.flatnonzero(inside):
-            if k == 0:
-                continue
-            if not inside[k - 1] or record.time[k] - begun >= horizon:
-                number, begun = number + 1, record.time[k]
-            ids[k] = number
-        found.append(ids)
-    return found
-
-
-def ahead(core: Core, point: Point, which: str = "confirm") -> float:
-    """Error ahead of a point; see Judge.ahead."""
-    ids = windows(core, which, horizon_s(core))
-    run = core.kalman.run(point.values, point.present, windows=ids, own=True)
-    if run is None:
-        return float("inf")
-    total, count = 0.0, 0
-    spread = np.array([core.spread[n] for n in core.outputs])
-    noise = np.array([point.values[NOISE + n] for n in core.outputs])
-    for f, i in zip(run, ids, strict=True):
-        error = (f.y - f.free)[i > 0] / spread
-        good = ~np.isnan(error)
-        # an error that runs away counts as the whole motion, not as more
-        error = np.clip(error, -3.0, 3.0)
-        total += float(np.sum(np.where(good, error, 0.0) ** 2 - good * (noise / spread) ** 2))
-        count += int(good.sum())
-    return float(np.sqrt(max(total, 0.0) / max(count, 1)))
+    return bool(names) and all(
+        point.values[n] == 0.0 or (n in held and abs(point.values[n]) < 1e-12) for n in names
+    )

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from reconcile import holdout, localise, tolerances
+from reconcile.ahead import horizon_s
 from reconcile.answer import Answer, standard_errors
 from reconcile.beam import Key
 from reconcile.data import Parts
 from reconcile.findings import STAGES, Findings, above, gather
-from reconcile.judge import horizon_s
 from reconcile.model import Attached
 from reconcile.source import write_model
 from reconcile.verdict import Verdict, moved_parameters
@@ -52,6 +52,7 @@ def figures(found: Findings, verdict: Verdict) -> dict[str, Any]:
         "iso18571": overall(scored),
         "next_experiment": None,
         "considered": _considered(answer),
+        "sets": [{"effects": list(n), "probability": p} for n, p in judged.sets],
         "told_apart": [_apart(found, k) for k in answer.alternatives],
         "data": stretches(core.parts),
         "tolerances": {n: v for n, v in vars(tolerances).items() if n.isupper()},
@@ -190,7 +191,12 @@ def _apart(found: Findings, other: Key) -> dict[str, Any]:
         return {"effects": names, "differs": None, "gap": None}
     differs = {}
     for n in found.outputs:
-        between = np.concatenate([b.predicted[n] - a.predicted[n] for a, b in zip(here, there, strict=True)])
+        # a delay of a sensor moves samples into other steps
+        pairs = [
+            np.interp(a.window.times[n], b.window.times[n], b.predicted[n]) - a.predicted[n]
+            for a, b in zip(here, there, strict=True)
+        ]
+        between = np.concatenate(pairs)
         differs[n] = float(np.sqrt(np.mean(between**2))) / found.floors[n].level
     left = {n: above(rms(holdout.pairs(there, n)), found.floors[n]) for n in found.outputs}
     return {"effects": names, "differs": differs, "gap": left}

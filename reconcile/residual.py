@@ -55,7 +55,7 @@ def residuals(core: Core, point: Point, errors: Sequence[str] = ()) -> list[Resi
 
 def missing_forces(core: Core, point: Point) -> list[Residual]:
     """The filter's disturbance at every place it pushes, in the steps of fit and confirm."""
-    run = core.kalman.run(point.values, point.present, states=True, own=True)
+    run = core.kalman.run(point.values, point.present, smooth=True, own=True)
     if run is None:
         return []
     nx, found = len(core.model.states), []
@@ -109,4 +109,6 @@ def _error(core: Core, point: Point, name: str, unit: str, traces) -> Residual:
     values = np.concatenate([t.error(name) for t in traces])
     states = np.vstack([t.state_at(t.window.times[name]) for t in traces])
     noise = np.full(len(values), point.values[NOISE + name])
-    return Residual(f"error of {name}", unit, None, (name,), values, noise, moments, states, np.zeros((len(values), 0)))
+    return Residual(
+        f"error of {name}", unit, None, (name,), values, noise, moments, states, np.zeros((len(values), 0))
+    )

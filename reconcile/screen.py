@@ -1,7 +1,7 @@
 """What every candidate would gain, from one fit: score tests of its amplitudes, finite probes of what has none."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,9 +9,10 @@ from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.filter.kalman import Values
 from reconcile.model import Attached
+from reconcile.shapes import Shapes
 from reconcile.tolerances import SEPARABLE, WORTH
 
-PROBE = 0.02  # of an amplitude's size: small against what bends, large against rounding
+PROBE = 0.1  # of an amplitude's size: dry friction does not show when it is much smaller
 TRUSTED = 3.0  # times what a step really gains, that slopes may promise
 MOST_PROBES = 24  # starts of one effect that are tried
 
@@ -24,13 +25,14 @@ class Scored:
     gain: float
     values: Values
     separable: bool = True
+    start: int = 0  # which of the effect's starts it is
 
 
 class Screen:
     """Scores at a fitted point."""
 
-    def __init__(self, core: Core, point: Point):
-        self.core, self.point, self.fitter = core, point, core.fitter
+    def __init__(self, core: Core, point: Point, shapes: Shapes):
+        self.core, self.point, self.fitter, self.shapes = core, point, core.fitter, shapes
         free, self.e, self.s = point.free, point.e, point.s
         de, ds = point.slopes
         moving = ~point.held
@@ -39,21 +41,30 @@ class Screen:
         self.known = np.linalg.inv(information + np.eye(int(moving.sum())))
         del free
 
-    def all(self, candidates: Sequence[Attached]) -> list[Scored]:
-        """Every candidate at its best start, best first; those that run away are left out."""
-        found = [s for a in candidates if (s := self.one(a)) is not None]
+    def all(
+        self, candidates: Sequence[Attached], starts: Mapping[Attached, int] | None = None
+    ) -> list[Scored]:
+        """Every candidate at its best start, or that of `starts`, best first; those that run away are left out."""
+        known = starts or {}
+        found = [s for a in candidates if (s := self.one(a, known.get(a))) is not None]
         return sorted(found, key=lambda s: -s.gain)
 
-    def one(self, a: Attached) -> Scored | None:
-        """A candidate at its best start."""
-        scales = self.core.scales[a.port]
-        tried = []
-        for k in np.unique(np.linspace(0, a.effect.grid(scales) - 1, MOST_PROBES).round().astype(int)):
-            start = {a.name(n): v for n, v in a.effect.start(scales, int(k)).items()}
-            found = self._gated(a, start) if a.effect.gated else self._linear(a, start)
+    def one(self, a: Attached, start: int | None = None) -> Scored | None:
+        """A candidate at its best start, or at one of them."""
+        tried, every = [], self._starts(a)
+        for k in range(len(every)) if start is None else (start,):
+            found = self._gated(a, every[k]) if a.effect.gated else self._linear(a, every[k])
             if found is not None:
-                tried.append(found)
+                tried.append(replace(found, start=k))
         return max(tried, key=lambda s: s.gain, default=None)
+
+    def _starts(self, a: Attached) -> list[Values]:
+        """Starts of an effect's parameters: those of the catalogue, and what the missing force suggests."""
+        scales = self.core.scales[a.port]
+        grid = a.effect.grid(scales)
+        every = np.unique(np.linspace(0, grid - 1, MOST_PROBES).round().astype(int))
+        found = [{a.name(n): v for n, v in a.effect.start(scales, int(k)).items()} for k in every]
+        return found + [found[0] | s for s in self.shapes.starts(a)]
 
     def _linear(self, a: Attached, start: Values) -> Scored | None:
         free = [f for f in self.core.free_of(a) if f.name in a.columns]
@@ -86,13 +97,22 @@ class Screen:
         reached, found = self._walked(present, shapes, free, at, beside)
         return Scored(a, min(gain, max(TRUSTED * reached, 2.0 * WORTH)), found)
 
-    def _walked(self, present, shapes: Values, free, at: np.ndarray, beside: np.ndarray) -> tuple[float, Values]:
+    def _walked(
+        self, present, shapes: Values, free, at: np.ndarray, beside: np.ndarray
+    ) -> tuple[float, Values]:
         """The best of some lengths of the step that the slopes ask for, others moved with it: nats, values."""
         before = float(self.fitter.loss(self.e, self.s).sum())
-        moved = [(f, f.coordinate(self.point.values[f.name])) for f, h in zip(self.point.free, self.point.held, strict=True) if not h]
+        moved = [
+            (f, f.coordinate(self.point.values[f.name]))
+            for f, h in zip(self.point.free, self.point.held, strict=True)
+            if not h
+        ]
         best, found = -np.inf, shapes | {f.name: f.value(at[j]) for j, f in enumerate(free)}
         for length in (1.0, 0.3):
-            others = {f.name: f.value(z - length * float(d)) for (f, z), d in zip(moved, np.clip(beside @ at, -1.0, 1.0), strict=True)}
+            others = {
+                f.name: f.value(z - length * float(d))
+                for (f, z), d in zip(moved, np.clip(beside @ at, -1.0, 1.0), strict=True)
+            }
             values = shapes | {f.name: f.value(length * at[j]) for j, f in enumerate(free)} | others
             there = self.fitter.innovations(self.point.values | values, present)
             gained = -np.inf if there is None else before - float(self.fitter.loss(*there).sum())

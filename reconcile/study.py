@@ -13,12 +13,12 @@ from reconcile.data import Parts, Run, still
 from reconcile.extended import Extended
 from reconcile.fit import whitening
 from reconcile.fit.compiled import Compiled
-from reconcile.fit.noise import high_pass_level, quantum
 from reconcile.fit.point import Point
 from reconcile.fit.problem import Problem
 from reconcile.fit.solve import LONGER, Fitted, Free, fit
 from reconcile.fit.windows import FIRST_S, HOLDOUT_S, SHORT_S, WINDOW_S, Window, cut, few, span
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
+from reconcile.noise import high_pass_level, quantum
 from reconcile.slopes import Slopes
 from reconcile.starting import WIDTHS
 from specs.errors import InputError

@@ -11,7 +11,6 @@ from reconcile.data import Run, still
 from reconcile.model import Folder, candidates
 from reconcile.tolerances import KNOWN
 
-
 # Effects that only a further channel tells apart: what is lacking, and what it is then taken for.
 TWINS = (
     ("internal_leakage", "viscous_friction", "pressures", ("Pa",)),

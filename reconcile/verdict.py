@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 
 from reconcile import words
+from reconcile.ahead import ahead, noise
 from reconcile.answer import Answer, standard_errors
 from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.filter.kalman import SIGMA
-from reconcile.judge import ahead
 from reconcile.model import Attached
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
+
+OPEN = ("ambiguous", "insufficient_excitation")  # verdicts that an experiment may settle, the worse first
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,8 @@ def unseen(core: Core) -> list[str]:
 def judge(answer: Answer) -> Verdict:
     """The verdict on an answer."""
     core, point = answer.core, answer.point
-    share = unexplained(core, point)
-    left = "unexplained" if share > AT_FLOOR else "at_floor"
+    share = ahead(core, point)
+    left = "unexplained" if share > AT_FLOOR * noise(core, point) else "at_floor"
     names = words.together(_pairs(answer.present))
     if answer.present and answer.alternatives:
         sets = (answer.present, *answer.alternatives)
@@ -74,11 +76,6 @@ def judge(answer: Answer) -> Verdict:
     if moved := moved_parameters(core, point):
         return Verdict("reestimated", f"The model fits with other values of {', '.join(moved)}.", left)
     return Verdict("agrees", "Model and recordings agree within the noise.", left)
-
-
-def unexplained(core: Core, point: Point) -> float:
-    """Share of the outputs' motion by which the model errs over its own time, above the noise."""
-    return ahead(core, point, "confirm")
 
 
 def _unexplained(answer: Answer, share: float) -> str:

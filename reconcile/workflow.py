@@ -22,7 +22,6 @@ from reconcile.beam import Beam
 from reconcile.core import Core
 from reconcile.data import Run, read_run, split
 from reconcile.experiment import plan
-from reconcile.experiment.propose import OPEN, Proposal, propose
 from reconcile.judge import Judge
 from reconcile.model import Folder
 from reconcile.start import units
@@ -71,7 +70,7 @@ def reconcile(
     for doubt in units.doubts(folder.model, [r for runs in sets for r in runs], renamed):
         raise InputError(doubt.sentence)
     figures, answer = examine(folder, *sets, report=said)
-    moved = _moved(given, folder, renamed) if figures["verdict"] in OPEN else None
+    moved = _moved(given, folder, renamed) if figures["verdict"] in verdicts.OPEN else None
     proposal = _next(answer, figures, said, moved)
     if then:
         figures |= then(answer, figures)
@@ -153,11 +152,16 @@ def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _next(
-    answer: Answer, figures: dict[str, Any], said: Report, moved: Part | None
-) -> Proposal | None:
+def _next(answer: Answer, figures: dict[str, Any], said: Report, moved: Part | None) -> Any:
     """The experiment that would settle what is open; it goes into the figures."""
-    proposal = propose(answer, figures["verdict"], said, moved)
+    proposal = None
+    if figures["verdict"] in verdicts.OPEN:
+        try:
+            from reconcile.experiment.propose import propose
+        except ImportError:
+            return None
+
+        proposal = propose(answer, figures["verdict"], said, moved)
     figures["next_experiment"] = proposal.figures if proposal else None
     return proposal
 

@@ -30,7 +30,7 @@ class Stepped(Assembly):
         self.state_names = [n for n in extended.state_names if n not in names]
         self.shown = [a for a in extended.attached if a.effect.place == "output" and a.effect.hidden]
         self.pushed_states = tuple(pushed_states)
-        model, axes = self.model, extended.folder.ports.axes
+        axes = extended.folder.ports.axes
         self.dt = ca.SX.sym("dt")
         self.early = ca.SX.sym("early", len(self.recorded))
         self.more = ca.SX.sym("push", len(self.pushed_states))
@@ -51,8 +51,9 @@ class Stepped(Assembly):
     @cached_property
     def stages(self) -> dict[str, ca.Function]:
         """All functions of filter.c but the derivatives."""
-        step, self.step = self.step, self.dt
+        step, self.step, self.averaged = self.step, self.dt, True
         felt = super()._inputs()  # memories of inputs step exactly
+        self.averaged = False
         moved = [self.next[n] for n in self.memory_names]
         first = [self.starts[n] for n in self.memory_names]
         self.step = step
@@ -61,9 +62,9 @@ class Stepped(Assembly):
         for made in (self.rates, self.starts):
             made |= dict.fromkeys(self.memory_names, ca.SX(0))  # they are no part of the motion
         f, dry, h = self._motion_parts()
-        self.step = self.dt
+        self.step, self.slope = self.dt, lambda e: self._slope(e, f)
         after = self._after()
-        self.step = step
+        self.step, self.slope = step, None
         x, u, m, p = self.arguments
         rest = ca.vertcat(*[u[i] for i in range(len(self.model.inputs), u.numel())])
         hidden = self.state_names[self.nx :]  # they come last
@@ -74,11 +75,12 @@ class Stepped(Assembly):
             "kf_dry": (self.arguments, [dry]),
             "kf_post": (self.arguments, [after]),
             "kf_h": (self.arguments, [h]),
-            "kf_first": ([self.memory, *self.arguments], [ca.vertcat(*first, ca.SX(0, 1)), ca.vertcat(*rest_starts, ca.SX(0, 1))]),
+            "kf_first": (
+                [self.memory, *self.arguments],
+                [ca.vertcat(*first, ca.SX(0, 1)), ca.vertcat(*rest_starts, ca.SX(0, 1))],
+            ),
         }
-        return {
-            n: ca.Function(n, i, [ca.densify(ca.SX(r)) for r in o]) for n, (i, o) in made.items()
-        }
+        return {n: ca.Function(n, i, [ca.densify(ca.SX(r)) for r in o]) for n, (i, o) in made.items()}
 
     def _inputs(self) -> ca.SX:
         return ca.SX(self.u[: len(self.model.inputs)])  # felt already
@@ -108,15 +110,20 @@ class Stepped(Assembly):
 
     def _earlier(self, outputs: ca.SX, rates: ca.SX) -> ca.SX:
         """Outputs by Taylor's series where their samples are earlier than the step."""
-        x = self.arguments[0]
-        if self.model.kind == "discrete":
-            slope = (ca.substitute(outputs, x, rates) - outputs) / self.model.step
-            return outputs - self.early * slope
-        slope = ca.jtimes(outputs, x, rates)
-        bend = ca.jtimes(slope, x, rates)
+        slope = self._slope(outputs, rates)
+        bend = self._slope(slope, rates)
         if ca.Function("bend", [*self.arguments], [bend]).n_instructions() > BENDS:
             bend = 0.0
         return outputs - self.early * slope + 0.5 * self.early**2 * bend
+
+    def _slope(self, expression: ca.SX, rates: ca.SX) -> ca.SX:
+        """An expression of the states by time; of a model in steps by its next two."""
+        x = self.arguments[0]
+        if self.model.kind == "continuous":
+            return ca.jtimes(expression, x, rates)
+        next_one = ca.substitute(expression, x, rates)
+        after = ca.substitute(next_one, x, rates)
+        return (4.0 * next_one - 3.0 * expression - after) / (2.0 * self.model.step)
 
     def _after(self) -> ca.SX:
         """States after a step: the memories of sensors follow what they show."""

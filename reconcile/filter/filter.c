@@ -10,7 +10,8 @@
  *   kf_first (memory, x, u, m, p) -> where the memory and the NH states of effects begin
  *
  * The state is (x, w).  A step is ROS2 (Verwer and others 1999: linearly implicit, order 2, L-stable), then the
- * dry friction as an implicit step of its own (Moreau: what would turn a speed round stops it).  Each w is an
+ * dry friction as a step of its own: it takes off the speed until that is zero, and what stands goes on only where it is
+ * driven by more.  Each w is an
  * Ornstein-Uhlenbeck process.  Outputs come one at a time; a missing one (NaN) is passed over.
  */
 #include <math.h>
@@ -47,6 +48,8 @@ typedef struct {
   double *z, *v;                  /* N a step, or NULL: filtered states and their variances */
   const int *window;              /* a step, or NULL: number of the window in which the model also runs by itself */
   double *free, *zfree;           /* NY and NX a step, or NULL: what it does there */
+  double *phi, *before, *after;   /* W * W a step (W: active + NW), or NULL: transition, variances before and after */
+  double *ahead;                  /* W a step, or NULL: what was expected of the step */
 } Run;
 
 static double scratch[SZ_W + 1];
@@ -152,6 +155,8 @@ static int substep(const Run *run, double *x, const double *u, const double *m, 
       }
     }
     solve(lu, pivot, n, k2, all);
+    static double started[NX];
+    memcpy(started, x, sizeof started);
     for (int i = 0; i < n; i++) {
       x[at[i]] += h * (1.5 * k1[i * all] + 0.5 * k2[i * all]);
       for (int j = 1; j < all; j++) {
@@ -162,11 +167,19 @@ static int substep(const Run *run, double *x, const double *u, const double *m, 
     static double dry[2 * AXES];
     call(kf_dry, x, u, m, run->p, dry, 0, 0);
     for (int k = 0; k < AXES; k++) {
-      double forwards = dry[k] * h, backwards = dry[AXES + k] * h, v = x[axis_v[k]], after = 0.0;
+      const double forwards = dry[k] * h, backwards = dry[AXES + k] * h;
       if (forwards == 0.0 && backwards == 0.0) continue;
-      if (v > forwards) after = v - forwards;
-      if (v < -backwards) after = v + backwards;
-      double slope = after == 0.0 ? LEAK : 1.0, back = 0.5 * h * (v - after);
+      /* it slows down to where it stops within the step, if it does; from there it goes on or sticks */
+      const double v = x[axis_v[k]], old = started[axis_v[k]], driven = v - old;
+      double after = v - (old > 0.0 ? forwards : -backwards), slides = 1.0;
+      if (old == 0.0 || after * old <= 0.0) {
+        const double rest = old == 0.0 ? 1.0 : 1.0 - old / (old - after);
+        after = driven > forwards ? rest * (driven - forwards) : driven < -backwards ? rest * (driven + backwards) : 0.0;
+        slides = 1.0 - rest;
+      }
+      const double slope = after == 0.0 ? LEAK : 1.0;
+      const double moved = slides == 1.0 ? old + after : slides * old + (1.0 - slides) * after;
+      const double back = 0.5 * h * (old + v - moved);
       x[axis_v[k]] = after;
       int row = -1, place = -1;
       for (int i = 0; i < n; i++) {
@@ -216,12 +229,28 @@ static void spread(double *P, const double *phi, int n) {
   }
 }
 
-static int advance(const Run *run, double *x, const double *u, const double *m, double dt, double *P, double *phi) {
+/* total = phi total: the transition over all of a step */
+static void follow(double *total, const double *phi, int n) {
+  static double t[NX * N];
+  const int wide = n + NW;
+  memset(t, 0, sizeof t);
+  for (int i = 0; i < n; i++) {
+    for (int l = 0; l < wide; l++) {
+      const double a = phi[i * wide + l];
+      for (int j = 0; a != 0.0 && j < wide; j++) t[i * wide + j] += a * total[l * wide + j];
+    }
+  }
+  memcpy(total, t, sizeof(double) * (size_t)(n * wide));
+}
+
+static int advance(const Run *run, double *x, const double *u, const double *m, double dt, double *P, double *phi,
+                   double *total) {
   static double posted[NX], px[NX * NX], full[NX * N];
   const int n = run->active, wide = n + NW, *at = run->state;
   for (int q = 0; q < run->substeps; q++) {
     if (!substep(run, x, u, m, dt / run->substeps, phi, P != 0)) return 0;
     if (P) spread(P, phi, n);
+    if (total) follow(total, phi, n);
   }
   if (!POSTS) return 1;
   call(kf_post, x, u, m, run->p, posted, px, 0);
@@ -231,6 +260,7 @@ static int advance(const Run *run, double *x, const double *u, const double *m, 
       for (int j = 0; j < n; j++) full[i * wide + j] = px[at[j] * NX + at[i]];
     }
     spread(P, full, n);
+    if (total) follow(total, full, n);
   }
   for (int i = 0; i < n; i++) x[at[i]] = posted[at[i]];
   return 1;
@@ -291,12 +321,17 @@ EXPORT int run_filter(const Run *run) {
       if (NI) memcpy(memory, next, sizeof(double) * NI);
       if (window) {
         if (window != run->window[k - 1]) memcpy(alone, x, sizeof x);
-        if (!advance(run, alone, u, m, dt, 0, phi)) return k;
+        if (!advance(run, alone, u, m, dt, 0, phi, 0)) return k;
       }
       for (int i = 0; i < NW; i++) u[W0 + i] += w[i];
-      if (!advance(run, x, u, m, dt, P, phi)) return k;
+      double *total = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : 0;
+      for (int i = 0; total && i < wide * wide; i++) total[i] = i % (wide + 1) == 0;
+      if (!advance(run, x, u, m, dt, P, phi, total)) return k;
       shake(run, x, u, m, dt, w, P);
+      for (int i = 0; total && i < NW; i++) total[(n + i) * (wide + 1)] = exp(-dt * run->keep[i]);
     }
+    if (run->before) memcpy(run->before + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));
+    for (int i = 0; run->ahead && i < wide; i++) run->ahead[(size_t)k * (size_t)wide + (size_t)i] = i < n ? x[at[i]] : w[i - n];
     const double *now = run->u + (size_t)k * NU, *m = run->m + (size_t)k * NM;
     const double *arg[4] = {memory, now, m, run->p};
     double *res[2] = {u, next};
@@ -336,6 +371,7 @@ EXPORT int run_filter(const Run *run) {
     }
     for (int i = 0; i < n; i++) x[at[i]] += moved[i];
     for (int i = 0; i < NW; i++) w[i] += moved[n + i];
+    if (run->after) memcpy(run->after + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));
     if (run->z) {
       memcpy(run->z + (size_t)k * N, x, sizeof x);
       memcpy(run->z + (size_t)k * N + NX, w, sizeof(double) * NW);

@@ -1,14 +1,13 @@
 """Parameters that make the innovations likeliest: Fisher scoring in unit-free coordinates."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from reconcile.filter.kalman import Filtered, Kalman, Values
 from reconcile.model import Attached
 from reconcile.tolerances import STEP, STUDENT
-
 
 STALE = 1.0  # nats gained since slopes were computed, from which they are computed again at the end
 
@@ -72,7 +71,9 @@ class Point:
         """Of the coordinates; nothing for parameters at a limit."""
         moving = np.flatnonzero(~self.held)
         c = np.zeros_like(self.information)
-        c[np.ix_(moving, moving)] = np.linalg.inv(self.information[np.ix_(moving, moving)] + np.eye(len(moving)))
+        c[np.ix_(moving, moving)] = np.linalg.inv(
+            self.information[np.ix_(moving, moving)] + np.eye(len(moving))
+        )
         return c
 
 
@@ -180,6 +181,9 @@ class Fitter:
                     continue
                 break
             if gained < enough:
+                if age > 1:
+                    slopes = None
+                    continue
                 break
             if k >= 3 and loss + prior > hopeless and gained < 0.2 * (loss + prior - hopeless):
                 break
@@ -201,7 +205,8 @@ class Fitter:
         """Parameters at a limit that the data push against: they leave the fit and its projections."""
         return np.array(
             [
-                (values[f.name] <= f.low * (1 + 1e-12 * np.sign(f.low)) and g > 0) or (values[f.name] >= f.high * (1 - 1e-12 * np.sign(f.high)) and g < 0)
+                (values[f.name] <= f.low * (1 + 1e-12 * np.sign(f.low)) and g > 0)
+                or (values[f.name] >= f.high * (1 - 1e-12 * np.sign(f.high)) and g < 0)
                 for f, g in zip(free, gradient, strict=True)
             ],
             bool,

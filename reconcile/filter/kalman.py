@@ -12,6 +12,7 @@ from reconcile.extended import Extended
 from reconcile.filter.equations import Stepped
 from reconcile.filter.library import Library
 from reconcile.filter.record import Record
+from reconcile.filter.smooth import smoothed
 from reconcile.fit.late import Late
 from reconcile.model import Attached, Folder
 
@@ -86,12 +87,14 @@ class Kalman:
         present: Sequence[Attached],
         windows: Sequence[np.ndarray] | None = None,
         states: bool = False,
+        smooth: bool = False,
         own: bool = False,
     ) -> list[Filtered] | None:
         """Innovations over every recording; None where the states run away.
 
         `windows` [n] of each: numbers of the stretches in which the model also runs by itself, without
-        disturbance, from the filtered state (0: none).  `own`: by equations of these effects alone.
+        disturbance, from the filtered state (0: none).  `states`: what the filter knows of them by then,
+        `smooth`: what all of the recording tells of them.  `own`: by equations of these effects alone.
         """
         part = self._part(present, own)
         names, index = part.extended.parameter_names, self.whole.index
@@ -112,11 +115,21 @@ class Kalman:
             self.runs_done += 1
             more = {"u": u, "m": self.modes[k], "y": y, "x0": x0, "p0": p0}
             run = part.library.run(
-                self.substeps, active, given | more, None if windows is None else windows[k], states
+                self.substeps,
+                active,
+                given | more,
+                None if windows is None else windows[k],
+                states or smooth,
+                smooth,
             )
             if run is None:
                 return None
-            found.append(Filtered(run["e"], run["s"], run.get("z"), run.get("v"), run.get("free"), run.get("zfree"), y))
+            if smooth:
+                own = np.concatenate([active, part.library.nx + np.arange(part.library.nw)])
+                run["z"], run["v"] = smoothed(run, own)
+            found.append(
+                Filtered(run["e"], run["s"], run.get("z"), run.get("v"), run.get("free"), run.get("zfree"), y)
+            )
         return found
 
     def over(self, records: Sequence[Record]) -> "Kalman":
@@ -130,6 +143,41 @@ class Kalman:
         """States of a run with these effects, in the order of its columns."""
         return self._part(present, own).library.stepped.state_names
 
+    def forces(self, values: Values, present: Sequence[Attached], z: Sequence[np.ndarray]) -> np.ndarray:
+        """What effects in the motion do at every place [n, places], at states z [n, NX + NW] of each recording.
+
+        In the unit of the place's disturbance.  Effects of inputs and outputs are no forces: they count nothing.
+        """
+        part = self._part(present, own=True)
+        stepped, stages = part.library.stepped, part.library.stepped.stages
+        absent = dict(values)
+        for a in present:
+            if a.effect.place not in ("input", "output"):
+                absent |= dict.fromkeys(a.columns, 0.0)
+        names = part.extended.parameter_names
+        p, p0 = (np.array([v[n] for n in names]) for v in (values, absent))
+        found = []
+        full = np.array([values[n] for n in self.whole.index])
+        for k, states in enumerate(z):
+            x, u = states[:, : part.library.nx].T, self._rows(k, full)[0].T
+            n, m = x.shape[1], self.modes[k].T
+            rates = [np.asarray(stages["kf_f"].map(n)(x, u, m, np.repeat(q[:, None], n, 1))) for q in (p, p0)]
+            dry = np.asarray(stages["kf_dry"].map(n)(x, u, m, np.repeat(p[:, None], n, 1)))
+            found.append(self._at_places(stepped, rates[0] - rates[1], dry, x))
+        return np.vstack(found)
+
+    def _at_places(self, stepped: Stepped, change: np.ndarray, dry: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Changes of rates [NX, n] as forces at the places [n, places]."""
+        per = self.model.step if self.model.kind == "discrete" else 1.0
+        columns = []
+        for k, axis in enumerate(self.folder.ports.axes):
+            row = stepped.state_names.index(axis.velocity)
+            v = x[row]
+            levels = np.where(v > 0.0, dry[k], -dry[len(self.folder.ports.axes) + k])
+            columns.append((change[row] / per - np.sign(np.abs(v)) * levels) * self.whole.inertia(axis))
+        columns += [change[stepped.state_names.index(n)] / per for n in self.pushed_states]
+        return np.column_stack(columns)
+
     def _part(self, present: Sequence[Attached], own: bool) -> _Part:
         """The library for a set: of its effects alone, or with all candidates that it may be compared with.
 
@@ -141,9 +189,13 @@ class Kalman:
         elif not states:
             kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"}
         else:
-            kept = {a for a in self.candidates if a.effect.hidden and a.effect.place != "input"} | set(present[:-1])
+            kept = {a for a in self.candidates if a.effect.hidden and a.effect.place != "input"} | set(
+                present[:-1]
+            )
             if states[-1] != present[-1]:  # what is looked for beside it has no states: all of those
-                kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"} | set(states)
+                kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"} | set(
+                    states
+                )
         key = frozenset(kept)
         if key not in self._parts:
             attached = [a for a in self.candidates if a in kept or a.effect.delays]

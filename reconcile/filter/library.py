@@ -15,7 +15,7 @@ from reconcile.filter.equations import Stepped
 HERE = Path(__file__).parent
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower
 POINTERS = ("u", "m", "y", "p", "sigma", "keep", "white", "r", "x0", "p0")
-RESULTS = ("e", "s", "z", "v", "window", "free", "zfree")
+RESULTS = ("e", "s", "z", "v", "window", "free", "zfree", "phi", "before", "after", "ahead")
 
 
 class _Run(ctypes.Structure):
@@ -40,8 +40,15 @@ class Library:
         self._library.run_filter.restype = ctypes.c_int
         self._library.run_filter.argtypes = (ctypes.c_void_p,)
 
-    def run(self, substeps: int, state: np.ndarray, given: dict[str, np.ndarray], window: np.ndarray | None = None,
-            states: bool = False) -> dict[str, np.ndarray] | None:
+    def run(
+        self,
+        substeps: int,
+        state: np.ndarray,
+        given: dict[str, np.ndarray],
+        window: np.ndarray | None = None,
+        states: bool = False,
+        smooth: bool = False,
+    ) -> dict[str, np.ndarray] | None:
         """Innovations `e`, variances `s` [steps, NY]; on demand `z`, `v` [steps, NX + NW], `free`, `zfree`.
 
         None where the states run away.
@@ -50,6 +57,10 @@ class Library:
         found = {"e": np.empty((steps, self.ny)), "s": np.empty((steps, self.ny))}
         if states:
             found |= {n: np.empty((steps, self.nx + self.nw)) for n in ("z", "v")}
+        if smooth:
+            wide = len(state) + self.nw
+            found |= {n: np.empty((steps, wide, wide)) for n in ("phi", "before", "after")}
+            found["ahead"] = np.empty((steps, wide))
         if window is not None:
             found |= {"free": np.full((steps, self.ny), np.nan), "zfree": np.full((steps, self.nx), np.nan)}
         held = {n: np.ascontiguousarray(a, float) for n, a in given.items()}

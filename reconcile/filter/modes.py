@@ -33,11 +33,16 @@ def _by_guards(model: Model, record: Record) -> np.ndarray:
     m = np.array([mode.start for mode in model.modes])
     held, result = np.zeros(len(m)), np.zeros((len(u), len(m)))
     limits = [
-        [0.0 if d is None else float(p[model.index("parameters", d)]) for d in (mode.on_delay, mode.off_delay)]
+        [
+            0.0 if d is None else float(p[model.index("parameters", d)])
+            for d in (mode.on_delay, mode.off_delay)
+        ]
         for mode in model.modes
     ]
     states = np.repeat(x0[:, None], len(u), 1)
-    on, off = (np.asarray(g) for g in model.guards.map(len(u))(states, u.T, np.repeat(m[:, None], len(u), 1), p))
+    on, off = (
+        np.asarray(g) for g in model.guards.map(len(u))(states, u.T, np.repeat(m[:, None], len(u), 1), p)
+    )
     for k, dt in enumerate(record.steps):
         for i in range(len(m)):
             side = int(m[i] > 0.5)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from reconcile.data import Block, Run
-from reconcile.fit.windows import Held
+from reconcile.held import Held
 
 NEAR = 0.51  # of a step, by which a sample may be away from it
 
@@ -26,7 +26,9 @@ class Record:
         """Lengths of the steps [n] (s)."""
         return np.diff(self.time, append=2.0 * self.time[-1] - self.time[-2])
 
-    def inputs(self, names: Sequence[str], defaults: np.ndarray, late: Mapping[str, float], linear: bool) -> np.ndarray:
+    def inputs(
+        self, names: Sequence[str], defaults: np.ndarray, late: Mapping[str, float], linear: bool
+    ) -> np.ndarray:
         """Inputs [n, names] over each step, `late` (s)."""
         u = np.repeat(defaults[None, :], len(self.time), 0)
         edges = np.append(self.time, self.time[-1] + self.steps[-1])
@@ -63,8 +65,7 @@ class Record:
 def _means(signal, edges: np.ndarray, linear: bool) -> np.ndarray:
     """Mean of a signal between edges: held between its samples, or a straight line."""
     if not linear:
-        held = Held(signal)
-        return np.diff(np.interp(edges, held._knots, held._area)) / np.diff(edges)
+        return Held(signal).means(edges)
     t, v = signal.time, signal.values
     t = np.concatenate([[t[0] - 1e6], t, [t[-1] + 1e6]])
     v = np.concatenate([[v[0]], v, [v[-1]]])
@@ -87,7 +88,11 @@ def records(runs: Sequence[Run], blocks: Mapping[str, Sequence[Block]], most: in
         if len(time) < 8:
             time = signal.time
         inside = {
-            which: np.any([(time >= b.start_s - 1e-9) & (time < b.end_s - 1e-9) for b in own if b.run is run] or [time < -np.inf], axis=0)
+            which: np.any(
+                [(time >= b.start_s - 1e-9) & (time < b.end_s - 1e-9) for b in own if b.run is run]
+                or [time < -np.inf],
+                axis=0,
+            )
             for which, own in blocks.items()
         }
         found.append(Record(run, time, inside["fit"], inside["confirm"], inside["holdout"]))

@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import lapack
 
-from reconcile.fit.noise import high_pass_level
 from reconcile.fit.windows import Window
+from reconcile.noise import high_pass_level
 
 BIN_S = 0.1  # the responses are computed to forces that are constant over bins
 LINES = 48  # cosines of a window, at most

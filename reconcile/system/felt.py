@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from reconcile.core import Core
 from reconcile.data import Run
 from reconcile.filter.fit import Point
-from reconcile.fit.noise import high_pass_level
+from reconcile.noise import high_pass_level
 
 HALF_WIDTH = 5  # samples each side that smoothing looks at
 LEAST = 1e-6  # rad, rad/s: noise of a recording without any

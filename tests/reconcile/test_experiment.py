@@ -93,7 +93,7 @@ def undriven(rig: Folder) -> tuple[list, Core]:
 @pytest.fixture(scope="module")
 def lags(rig: Folder) -> Doubt:
     """A speed that comes late: smoothed, or delayed?  The motion was too slow to show it."""
-    return Doubt(rig, Truth(velocity=lag(0.03)), ("sensor_lag", "sensor_delay"), 12.0, 1.5)
+    return Doubt(rig, Truth(velocity=lag(0.03)), ("sensor_lag", "sensor_delay"), 8.0, 1.5)
 
 
 @pytest.fixture(scope="module")
@@ -233,7 +233,8 @@ def test_a_rig_that_was_not_driven_is_told_what_to_drive_for_each_parameter(rig)
     new = runs_of(record_driven(Truth(), proposal.commands["force"], 3, NOISE), rig, "experiment")
     second = Core(rig, split([*new, *runs], (), ()), [])
     for p in proposal.figures["parameters"]:
-        assert 0.3 < seen(second.base, p["name"]) / p["predicted_margin"] < 3.0
+        error = (p["predicted_margin"] / seen(second.base, p["name"])) ** 0.5  # over the foretold one
+        assert 0.3 < error < 3.0
 
 
 def test_where_recordings_led_the_fit_astray_the_model_as_it_came_counts_as_well(rig):
