@@ -1,6 +1,7 @@
 """The filter of a model folder with candidate effects over its recordings: parameters in, innovations out."""
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -130,6 +131,13 @@ class Kalman:
                 Filtered(run["e"], run["s"], run.get("z"), run.get("v"), run.get("free"), run.get("zfree"), y)
             )
         return found
+
+    def over(self, records: Sequence[Record]) -> "Kalman":
+        """The same filter over other recordings."""
+        other = copy(self)
+        other.records, other._kept = list(records), {}
+        other.modes = [other._modes(r) for r in other.records]
+        return other
 
     def state_names(self, present: Sequence[Attached], own: bool = False) -> list[str]:
         """States of a run with these effects, in the order of its columns."""
