@@ -102,7 +102,11 @@ class Beam:
         less = key - {a}
         if less not in self.points:
             return None
-        limits = [s for s in self.scores(less) if s.attached.effect.name in a.effect.becomes and s.attached.port == a.port]
+        limits = [
+            s
+            for s in self.scores(less)
+            if s.attached.effect.name in a.effect.becomes and s.attached.port == a.port
+        ]
         return self.attempt(less, limits[0]) if limits else None
 
     def evidence(self, key: Key) -> float:
@@ -145,7 +149,15 @@ class Beam:
         found, less = [], [p for k, p in self.points.items() if k < key]
         for start in starts:
             most = min((p.total for p in (*found, *less)), default=np.inf)
-            point = core.fitter.fit(start, present, free, iterations, every=3 if iterations == SHORT else 4, hopeless=most, own=True)
+            point = core.fitter.fit(
+                start,
+                present,
+                free,
+                iterations,
+                every=3 if iterations == SHORT else 4,
+                hopeless=most,
+                own=True,
+            )
             if point is not None:
                 found.append(point)
         if found:

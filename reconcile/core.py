@@ -206,7 +206,10 @@ class Core:
         for name in self.outputs:
             values = np.concatenate([r.outputs[name].values for r in self.runs])
             found[name] = Scales(y=float(np.max(np.abs(values))) or 1.0, period_s=period, memory_s=memory)
-        found |= {n: replace(x, memory_s=memory) for n, x in sites.scales(self.model, ports, z, self.runs, period).items()}
+        found |= {
+            n: replace(x, memory_s=memory)
+            for n, x in sites.scales(self.model, ports, z, self.runs, period).items()
+        }
         units = {v.name: v.unit for v in self.model.states}
         for axis in ports.axes:
             i = self.model.index("states", axis.velocity)

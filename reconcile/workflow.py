@@ -156,10 +156,7 @@ def _next(answer: Answer, figures: dict[str, Any], said: Report, moved: Part | N
     """The experiment that would settle what is open; it goes into the figures."""
     proposal = None
     if figures["verdict"] in verdicts.OPEN:
-        try:
-            from reconcile.experiment.propose import propose
-        except ImportError:
-            return None
+        from reconcile.experiment.propose import propose
 
         proposal = propose(answer, figures["verdict"], said, moved)
     figures["next_experiment"] = proposal.figures if proposal else None

@@ -35,8 +35,6 @@ def _pressure(*shares: float) -> Starts:
     return lambda s: [a * s.p for a in shares]
 
 
-
-
 def _orifice(drop: Scalar) -> Scalar:
     """Flow of an edge of size 1 m3/s (at 100 bar), turbulent above LAMINAR."""
     return drop / ca.sqrt(ca.sqrt(drop * drop + LAMINAR * LAMINAR) * REFERENCE)

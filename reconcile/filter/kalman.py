@@ -10,10 +10,10 @@ import numpy as np
 
 from reconcile.extended import Extended
 from reconcile.filter.equations import Stepped
+from reconcile.filter.late import Late
 from reconcile.filter.library import Library
 from reconcile.filter.record import Record
 from reconcile.filter.smooth import smoothed
-from reconcile.fit.late import Late
 from reconcile.model import Attached, Folder
 
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name

@@ -108,8 +108,14 @@ def missing(number: int, m: Missing) -> list[Figure]:
             some = some[np.argsort(x[some], kind="stable")]
             edge = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
             data.append(_points(x[some], (m.before - m.band)[some], "band", **edge))
-            data.append(_points(x[some], (m.before + m.band)[some], "band", **edge, fill="tonexty", fillcolor=SHADE))
-            data.append(_points(x[some], m.before[some], "before", line={"color": COLOURS["reestimated"], "width": 1.4}))
+            data.append(
+                _points(x[some], (m.before + m.band)[some], "band", **edge, fill="tonexty", fillcolor=SHADE)
+            )
+            data.append(
+                _points(
+                    x[some], m.before[some], "before", line={"color": COLOURS["reestimated"], "width": 1.4}
+                )
+            )
         else:
             data.append(_points(x[some], m.before[some], "samples", marker=dots, mode="markers"))
             data.append(_means(x, m.before, "mean before", COLOURS["reestimated"]))
@@ -122,7 +128,9 @@ def missing(number: int, m: Missing) -> list[Figure]:
             "xaxis": {"title": {"text": _title(label, unit)}},
             "yaxis": {"title": {"text": _title("force", m.unit)}, "range": _middle(m.before)},
         }
-        figures.append(Figure(f"missing-{number}-{k}", f"{_capital(m.name)} over {label}", "", data, layout, 320))
+        figures.append(
+            Figure(f"missing-{number}-{k}", f"{_capital(m.name)} over {label}", "", data, layout, 320)
+        )
     return figures
 
 

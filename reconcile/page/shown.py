@@ -106,9 +106,14 @@ def missing(found: Findings) -> list[Missing]:
         z = [f.z for f in run or ()]
         whole = core.kalman.forces(answer.point.values, answer.present, z) if z else None
         effect = None if whole is None else whole[np.concatenate(inside)]
-    sizes = [float(np.std(r.values)) / core.force_size(p) for r, p in zip(before, core.kalman.places, strict=True)]
+    sizes = [
+        float(np.std(r.values)) / core.force_size(p) for r, p in zip(before, core.kalman.places, strict=True)
+    ]
     order = sorted(range(len(before)), key=lambda k: -sizes[k])[:MISSING]
-    return [_missing(found, before[k], after[k] if after else None, None if effect is None else effect[:, k]) for k in order]
+    return [
+        _missing(found, before[k], after[k] if after else None, None if effect is None else effect[:, k])
+        for k in order
+    ]
 
 
 def _missing(found: Findings, r, after, effect: np.ndarray | None) -> Missing:
@@ -116,7 +121,11 @@ def _missing(found: Findings, r, after, effect: np.ndarray | None) -> Missing:
     ends = np.cumsum([0, *(len(t) for _, t in r.moments)])
     parts = list(zip(r.moments, ends[:-1], ends[1:], strict=True))
     over = [
-        (g.label, g.unit, np.concatenate([regimes.values(found.core, g, w, t, r.states[a:b]) for (w, t), a, b in parts]))
+        (
+            g.label,
+            g.unit,
+            np.concatenate([regimes.values(found.core, g, w, t, r.states[a:b]) for (w, t), a, b in parts]),
+        )
         for g in known
     ]
     own = _nearest(found, r, over)
@@ -126,7 +135,9 @@ def _missing(found: Findings, r, after, effect: np.ndarray | None) -> Missing:
         begun = float(times[-1][-1]) + float(np.median(np.diff(t)))
     time = ("time, one recording after the other", "s", np.concatenate(times))
     seen = effect if effect is not None and np.any(effect) else None
-    return Missing(r.name, r.unit, [*own[:3], time], r.values, 2.0 * r.noise, after.values if after else None, seen)
+    return Missing(
+        r.name, r.unit, [*own[:3], time], r.values, 2.0 * r.noise, after.values if after else None, seen
+    )
 
 
 def _nearest(found: Findings, r, over: list) -> list:

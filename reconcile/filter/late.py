@@ -5,7 +5,8 @@ from functools import cached_property
 import numpy as np
 
 from reconcile.extended import Extended
-from reconcile.fit.reading import Delay
+
+Delay = tuple[float, float]  # s, and what it gains per second of the recording
 
 
 class Late:
