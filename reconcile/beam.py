@@ -22,7 +22,7 @@ FAR = 0.3  # of the evidence that the best set gains: what gains less is not bui
 SETTLED = 3  # best sets that are fitted to the end
 SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
 QUIET = 0.2  # of the noise of the motion, from which a fit to the end begins as well
-FRESH = 4  # best sets and first effects that are fitted from the model as it came too: else d keeps what it absorbed
+FRESH = 4  # sets that are fitted from the model as it came too: else the disturbance keeps what it absorbed
 
 
 @dataclass
@@ -78,17 +78,17 @@ class Beam:
             if len(key) > 1:
                 point = self.points[key]
                 own = {n: v for n, v in point.values.items() if any(n.startswith(a.key + ".") for a in key)}
-                self._fit(key, point.present, [self.core.fresh | own])
+                self.fit(key, point.present, [self.core.fresh | own])
 
     def _settle(self) -> None:
-        """Fit the best sets to the end, as they are and from less noise: one that has not settled looks worse."""
+        """Fit the best sets to the end, also from less noise: one that has not settled looks worse."""
         done: set[Key] = set()
         while todo := [k for k in self._foremost() if k not in done]:
             key = todo[0]
             done.add(key)
             point = self.points[key]
             quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
-            self._fit(key, point.present, [point.values | quiet, point.values], LONG)
+            self.fit(key, point.present, [point.values | quiet, point.values], LONG)
 
     def _foremost(self) -> list[Key]:
         """The best sets, and the best one with one effect less, or a limit of it in its place."""
@@ -138,12 +138,13 @@ class Beam:
             starts = [base.values | scored.values]
             if not key and len(self.points) <= FRESH:
                 starts.append(self.core.fresh | self._own(scored))
-            self._fit(grown, (*base.present, scored.attached), starts)
+            self.fit(grown, (*base.present, scored.attached), starts)
         return grown if grown in self.points else None
 
-    def _fit(
+    def fit(
         self, key: Key, present: Sequence[Attached], starts: Iterable[Values], iterations: int = SHORT
     ) -> None:
+        """Fit a set from some starts; the best of them is kept, and of what is known of it."""
         core = self.core
         free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
         found, less = [], [p for k, p in self.points.items() if k < key]
@@ -166,13 +167,13 @@ class Beam:
                 self.points[key] = best
 
     def _neighbours(self, key: Key) -> bool:
-        """Sets with one effect less, and with another of its kind or score in its place; whether one is better."""
+        """Sets with one effect less, or with another one in its place; whether one is better."""
         before = self.evidence(key)
         for a in key:
             less = key - {a}
             present = tuple(x for x in self.points[key].present if x != a)
-            # from where it is in the larger set too: a smaller one that has not settled makes crumbs of others
-            self._fit(less, present, self.starts(key, present)[: 1 if less in self.points else 2])
+            # from where it is in the larger set too: what has not settled makes others look needed
+            self.fit(less, present, self.starts(key, present)[: 1 if less in self.points else 2])
             if less not in self.points:
                 continue
             for scored in self.scores(less)[: SINGLES[1]]:
@@ -219,7 +220,7 @@ class Beam:
         """Nats by which the difference of two sets may change with the blocks drawn."""
         ranked = self.ranked()[:4]
         losses = np.array([self._blocks(k) for k in ranked])
-        spread = [np.std(l - losses[0]) * np.sqrt(losses.shape[1]) for l in losses[1:]]
+        spread = [np.std(other - losses[0]) * np.sqrt(losses.shape[1]) for other in losses[1:]]
         return 2.0 * float(max(spread, default=0.0))
 
     def _blocks(self, key: Key) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Clocks of recordings: a time offset between inputs and outputs, or a drift of it, that differs by recording.
+"""Clocks of recordings: a time offset between inputs and outputs that differs by recording.
 
 An offset that all recordings share cannot be told from a delay of the inputs or of all sensors: it is a
 hypothesis of the catalogue.  One that differs from recording to recording is not the machine's.  Every
@@ -26,7 +26,7 @@ ALIKE = ("input_delay", "sensor_delay")
 
 @dataclass(frozen=True)
 class Clock:
-    """A recording's outputs against its inputs: late by `offset_s` + `drift` times the time since its start."""
+    """A recording's outputs are late by `offset_s` + `drift` times the time since its start."""
 
     offset_s: float = 0.0
     drift: float = 0.0

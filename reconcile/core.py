@@ -178,8 +178,8 @@ class Core:
             )
             if found is None:
                 raise InputError(
-                    f"model {self.model.name} runs away on the recordings from its start parameters: is it stable, "
-                    "and are the recordings in its units?"
+                    f"model {self.model.name} runs away on the recordings from its start parameters: is it "
+                    "stable, and are the recordings in its units?"
                 )
             self.values = found.values
             self.base = found
@@ -190,11 +190,10 @@ class Core:
         if run is None:
             raise InputError(f"model {self.model.name} runs away on the recordings from its start parameters")
         n = len(self.model.states)
-        z = np.vstack([f.z[:, :n] for f in run if f.z is not None])
+        z = np.vstack([f.z[:, :n] for f in run])
         fast = [
             np.diff(f.z[:, :n], axis=0) / np.diff(r.time)[:, None]
             for f, r in zip(run, self.records, strict=True)
-            if f.z is not None
         ]
         period, memory, ports = self.period, self.memory_s, self.folder.ports
         found = {ALL_OUTPUTS: Scales(period_s=period, memory_s=memory)}
@@ -331,7 +330,12 @@ class Core:
         known |= {"s2": self.memory_s**2}
         try:
             return abs(float(eval(text, {"__builtins__": {}}, known))) or 1.0
-        except Exception:  # a unit of its own kind: sized by its first start, or one
+        except (
+            NameError,
+            SyntaxError,
+            TypeError,
+            ZeroDivisionError,
+        ):  # a unit of its own kind: sized by its first start, or one
             starts = [abs(v) for q in a.effect.parameters if q.unit == unit for v in q.starts(s)]
             return max(starts, default=0.0) or 1.0
 

@@ -24,7 +24,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Trace:
-    """A stretch as a model predicts it, by output at its own times [n]; `states` [steps, NX] at `time` [steps]."""
+    """A stretch as a model predicts it, by output; `states` [steps, NX] at `time` [steps]."""
 
     window: Stretch
     predicted: dict[str, np.ndarray]

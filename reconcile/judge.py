@@ -1,6 +1,5 @@
-"""What an answer amounts to: what is probable must also shorten the error over many steps on data it was not fitted to."""
+"""The answer: what is probable must also shorten the error ahead, on data that it was not fitted to."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -12,6 +11,7 @@ from reconcile.model import Attached
 from reconcile.tolerances import NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD
 
 MOST_DECLARED = 4
+MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
 ENOUGH = 0.9  # of the probability that the declared sets hold together
 
 
@@ -50,17 +50,20 @@ class Judge:
         beam, refused = self.beam, []
         posterior = _simplest(beam)
         names = {k: _names(k) for k in posterior}
-        effects, kinds = Counter(), Counter()
+        effects: dict[str, float] = {}
+        kinds: dict[str, float] = {}
         for k, p in posterior.items():
-            effects.update(dict.fromkeys(_held_in(k), p))
-            kinds.update(dict.fromkeys({kind(n) for n in names[k]}, p))
-        by_names = Counter()
+            for n in _held_in(k):
+                effects[n] = effects.get(n, 0.0) + p
+            for n in {kind(n) for n in names[k]}:
+                kinds[n] = kinds.get(n, 0.0) + p
+        by_names: dict[tuple[str, ...], float] = {}
         best: dict[tuple[str, ...], Key] = {}
         for k, p in posterior.items():
-            by_names[names[k]] += p
+            by_names[names[k]] = by_names.get(names[k], 0.0) + p
             if names[k] not in best or beam.evidence(k) > beam.evidence(best[names[k]]):
                 best[names[k]] = k
-        order = [n for n, _ in by_names.most_common()]
+        order = sorted(by_names, key=lambda n: -by_names[n])
         answer, refused = self._earning(best[order[0]])
         doubted = [a for a in answer if effects[a.effect.name] < SURE]
         declared = [answer] if answer else []
@@ -74,9 +77,9 @@ class Judge:
         return Judged(
             answer,
             tuple(k for k in declared if _names(k) != _names(answer)),
-            {n: float(min(p, 1.0)) for n, p in effects.most_common() if p > 0.01},
-            {n: float(min(p, 1.0)) for n, p in kinds.most_common() if p > 0.01},
-            [(n, float(p)) for n, p in by_names.most_common(8)],
+            _shown(effects),
+            _shown(kinds),
+            [(n, float(by_names[n])) for n in order[:MOST_SHOWN]],
             gains,
             refused,
             dict(self._ahead),
@@ -105,7 +108,7 @@ class Judge:
             if not weak:
                 break
             worst = min(weak, key=lambda a: shares[a][0])
-            left, whole = shares[worst]
+            left, _ = shares[worst]
             text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
             refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
             key = key - {worst}
@@ -126,7 +129,9 @@ class Judge:
         less = key - {a}
         if less not in self.beam.points:
             present = tuple(x for x in self.beam.points[key].present if x != a)
-            self.beam._fit(less, present, self.beam.starts(key, present))
+            self.beam.fit(less, present, self.beam.starts(key, present))
+        if less not in self.beam.points:  # without it the model runs away
+            return 1.0, float("inf")
         without, with_it = self.ahead(less), self.ahead(key)
         return (without - with_it) / max(without, 1e-12), without - with_it
 
@@ -134,6 +139,12 @@ class Judge:
         less = self.beam.points.get(key - {a})
         gained = less.loss - self.beam.points[key].loss if less else float("nan")
         return 2.0 * gained, self._shortened(key, a)[0]
+
+
+def _shown(probability: Mapping[str, float]) -> dict[str, float]:
+    """Probabilities worth showing, the largest first."""
+    ranked = sorted(probability.items(), key=lambda row: -row[1])
+    return {n: min(float(p), 1.0) for n, p in ranked if p > LEAST_SHOWN}
 
 
 def _held_in(key: Key) -> set[str]:
@@ -148,11 +159,12 @@ def _names(key: Key) -> tuple[str, ...]:
 
 def _simplest(beam: Beam) -> dict[Key, float]:
     """Probabilities of sets; an effect that the fit left at nothing is none."""
-    found: Counter = Counter()
+    found: dict[Key, float] = {}
     for key, p in beam.posterior().items():
-        point = beam.points[key]
-        found[frozenset(a for a in key if not _nothing(point, a))] += p
-    return {k: p for k, p in found.items() if k in beam.points}
+        simplest = frozenset(a for a in key if not _nothing(beam.points[key], a))
+        kept = simplest if simplest in beam.points else key
+        found[kept] = found.get(kept, 0.0) + p
+    return found
 
 
 def _nothing(point: Point, a: Attached) -> bool:

@@ -5,6 +5,7 @@ The missing force is the filter's disturbance: what has to push there for the mo
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Residual:
     signals: tuple[str, ...]
     values: np.ndarray
     noise: np.ndarray
-    moments: tuple[tuple[Stretch, np.ndarray], ...]
+    moments: tuple[tuple[Any, np.ndarray], ...]
     states: np.ndarray
     columns: np.ndarray
 

@@ -1,4 +1,4 @@
-"""What every candidate would gain, from one fit: score tests of its amplitudes, finite probes of what has none."""
+"""What every candidate would gain, from one fit: score tests of amplitudes, finite probes of other shapes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ class Screen:
     def all(
         self, candidates: Sequence[Attached], starts: Mapping[Attached, int] | None = None
     ) -> list[Scored]:
-        """Every candidate at its best start, or that of `starts`, best first; those that run away are left out."""
+        """Candidates at their best start, or that of `starts`, best first, without those that run away."""
         known = starts or {}
         found = [s for a in candidates if (s := self.one(a, known.get(a))) is not None]
         return sorted(found, key=lambda s: -s.gain)
@@ -100,7 +100,7 @@ class Screen:
     def _walked(
         self, present, shapes: Values, free, at: np.ndarray, beside: np.ndarray
     ) -> tuple[float, Values]:
-        """The best of some lengths of the step that the slopes ask for, others moved with it: nats, values."""
+        """The best of some lengths of the step that the slopes ask for: nats, values."""
         before = float(self.fitter.loss(self.e, self.s).sum())
         moved = [
             (f, f.coordinate(self.point.values[f.name]))
@@ -139,7 +139,7 @@ class Screen:
         return Scored(a, gain, start | {a.name("gate"): 1.0})
 
     def _schur(self, de: np.ndarray, ds: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Gradient, information beside what is fitted, own information; how what is fitted gives way [F, K]."""
+        """Gradient, information beside what is fitted, own; how what is fitted gives way [F, K]."""
         n = de.shape[1]
         g, whole = self.fitter.score(self.e, self.s, np.hstack([self.de, de]), np.hstack([self.ds, ds]))
         between, own = whole[-n:, :-n], whole[-n:, -n:]

@@ -1,4 +1,4 @@
-"""Starts of shapes that a grid would miss, read off the missing force: the period of a ripple, where a stop is."""
+"""Starts of shapes that a grid would miss, from the missing force: a ripple's period, a stop's place."""
 
 from collections.abc import Sequence
 

@@ -38,9 +38,10 @@ def _entries(answer: Answer) -> list[Entry]:
 def _source(answer: Answer, entries: list[Entry]) -> str:
     parameters = {f.name: float(answer.point.values[f.name]) for f in answer.core.base_free}
     effects = "".join(f"    {entry!r},\n" for entry in entries)
+    name = answer.core.model.name
     named = ", ".join(key.partition(".")[0] for key, *_ in entries) or "re-estimated parameters"
     return (
-        f'"""Model {answer.core.model.name} with {named}, found by `slewright reconcile`; see README.md."""\n\n'
+        f'"""Model {name} with {named}, found by `slewright reconcile`; see README.md."""\n\n'
         "from pathlib import Path\n\nfrom reconcile.extend import declared_ports, extend\n\n"
         f"EFFECTS = [\n{effects}]\n"
         f"PARAMETERS = {json.dumps(parameters, indent=4)}\n\n"

@@ -80,7 +80,8 @@ def judge(answer: Answer) -> Verdict:
 
 def _unexplained(answer: Answer, share: float) -> str:
     """What is left, and the kind that it most likely is."""
-    text = f"The model errs by {words.percent(share)} of the outputs' motion over its own time, and no effect explains it"
+    errs = words.percent(share)
+    text = f"The model errs by {errs} of the outputs' motion over its own time, and no effect explains it"
     kinds = answer.judged.kinds
     sure = next((k for k, p in kinds.items() if p >= SURE), None)
     core, values = answer.core, answer.point.values

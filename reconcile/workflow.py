@@ -99,7 +99,7 @@ def examine(
 ):
     """Find and name, without writing: the report's figures and the answer.
 
-    Where the clocks of inputs and outputs differ by recording, the recordings are set right and examined again.
+    Where clocks differ by recording, the recordings are set right and examined again.
     """
     said = report or (lambda *_: None)
     given = (runs, confirm, holdout)

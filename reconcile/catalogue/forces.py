@@ -19,7 +19,7 @@ TRAVELS = tuple(0.5 * n for n in range(2, 25))
 
 STOP = "Johnson, Contact Mechanics, Cambridge 1985, ch. 11: impact with damping (Kelvin-Voigt)"
 STOP_WIDTH = 0.02  # of other kinks: a stop gives way by little of the travel, and its force does not jump
-# where fits of a stop start: its speed there as a share of the largest, and by how much it swings in it a sample, rad
+# where fits of a stop start: its speed there as a share of the largest, and how far it swings a sample, rad
 STOPS = ((0.15, 0.5), (0.5, 0.5), (1.0, 0.5), (0.3, 1.6))
 
 

@@ -1,4 +1,4 @@
-"""Kinds of effects: what several effects have in common that recordings often tell before they tell which it is."""
+"""Kinds of effects: recordings often tell the kind before they tell which effect of it it is."""
 
 KINDS: dict[str, tuple[str, ...]] = {
     "friction": (

@@ -1,8 +1,8 @@
 """Effects with a memory: what they show now, how the memory moves, and its exact step in models with steps.
 
-Each gives (value, Result fields `rates`, `next`) for one hidden state.  `c.averaged`: the value is the mean
-over the step instead of what the memory is after it; `c.slope`: slope by time of a target that is not held.  On a model in steps the value is the
+Each gives (value, Result fields `rates`, `next`) for one hidden state.  On a model in steps the value is the
 memory after the step that the present target makes: a held target is followed at once, as at a sampler.
+`c.averaged`: the value is the mean over the step instead; `c.slope`: slope by time of a target that moves on.
 """
 
 from typing import Any

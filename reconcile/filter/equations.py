@@ -1,7 +1,7 @@
 """The equations of an extended model as the filter steps them: inputs, motion, dry friction, sensors.
 
-Beside the model's inputs, `u` holds the time, the disturbances w, the length of a step and for every output by
-how much its sample is earlier than the step (s).
+Beside the model's inputs, `u` holds the time, the disturbances w, the length of a step and for every
+output by how much its sample is earlier than the step (s).
 """
 
 from collections.abc import Sequence
@@ -65,7 +65,7 @@ class Stepped(Assembly):
         self.step, self.slope = self.dt, lambda e: self._slope(e, f)
         after = self._after()
         self.step, self.slope = step, None
-        x, u, m, p = self.arguments
+        _, u, m, p = self.arguments
         rest = ca.vertcat(*[u[i] for i in range(len(self.model.inputs), u.numel())])
         hidden = self.state_names[self.nx :]  # they come last
         rest_starts = [self.starts[n] for n in hidden]
@@ -140,7 +140,7 @@ class Stepped(Assembly):
 
     def code(self) -> tuple[str, str]:
         """Generated C code and header for filter.c."""
-        x, u, m, p = self.arguments
+        x, u, m, _ = self.arguments
         s = self.stages
         f, h, after = s["kf_f"](*self.arguments), s["kf_h"](*self.arguments), s["kf_post"](*self.arguments)
 

@@ -9,12 +9,18 @@ from reconcile.filter.kalman import Filtered, Kalman, Values
 from reconcile.model import Attached
 from reconcile.tolerances import STEP, STUDENT
 
+PATIENCE, HOPE = (
+    3,
+    0.2,
+)  # steps after which a fit that is hopeless so far has to gain that share of what it lacks
+LONGEST = 3.0  # of a step in a coordinate
+TRIES = 6  # dampings of a step
 STALE = 1.0  # nats gained since slopes were computed, from which they are computed again at the end
 
 
 @dataclass(frozen=True)
 class Free:
-    """A parameter that is fitted: its coordinate is log(p/center)/size, or (p − center)/size; prior N(0, 1)."""
+    """A parameter that is fitted: coordinate log(p/center)/size, or (p − center)/size, prior N(0, 1)."""
 
     name: str
     center: float
@@ -77,6 +83,21 @@ class Point:
         return c
 
 
+@dataclass(frozen=True)
+class _At:
+    """Values, innovations and variances [n], nats of the data and of the prior."""
+
+    values: Values
+    e: np.ndarray
+    s: np.ndarray
+    loss: float
+    prior: float
+
+    @property
+    def total(self) -> float:
+        return self.loss + self.prior
+
+
 class Fitter:
     """Likelihood over the scored samples of a filter; `scored` [n] a recording."""
 
@@ -137,64 +158,35 @@ class Fitter:
     ) -> Point | None:
         """Damped Fisher scoring from `start`; `every`: iterations that slopes are kept for.
 
-        Ends when a step gains less than `enough` nats.  None if the filter runs away at the start.
+        Ends when a step gains less than `enough` nats, or after `iterations` of them; gives up above
+        `hopeless` nats when it no longer falls quickly.  None if the filter runs away.
         """
         free = tuple(free)
         values = start | {f.name: f.value(f.coordinate(start[f.name])) for f in free}
+        at = self._at(values, present, free, own)
+        if at is None:
+            return None
+        descent = _Descent(self, tuple(present), free, own, every, at)
+        for k in range(iterations):
+            if not descent.linearised():
+                return None
+            gained = descent.step()
+            left = descent.at.total - hopeless
+            if gained < enough:
+                if descent.fresh:
+                    break
+                descent.slopes = None
+            elif k >= PATIENCE and left > 0.0 and gained < HOPE * left:
+                break
+        return descent.point()
+
+    def _at(
+        self, values: Values, present: Sequence[Attached], free: Sequence[Free], own: bool
+    ) -> "_At | None":
         found = self.innovations(values, present, own)
         if found is None:
             return None
-        e, s = found
-        loss, prior = float(self.loss(e, s).sum()), self._prior(values, free)
-        damping, slopes, age, since = 1e-2, None, 0, np.inf
-        held = np.zeros(len(free), bool)
-        for k in range(iterations):
-            if slopes is None or age >= every:
-                slopes, age, since = self.columns(values, present, free, e, s, own), 0, 0.0
-                if slopes is None:
-                    return None
-            g, information = self.score(e, s, *slopes)
-            z = np.array([f.coordinate(values[f.name]) for f in free])
-            g = g + z
-            held = self._held(values, free, g)
-            moved = False
-            for _ in range(6):
-                step = np.zeros(len(free))
-                m = ~held
-                h = information[np.ix_(m, m)] + np.eye(int(m.sum()))
-                h += damping * np.diag(np.diag(h))
-                step[m] = np.clip(-np.linalg.solve(h, g[m]), -3.0, 3.0)
-                trial = values | {f.name: f.value(z[j] + step[j]) for j, f in enumerate(free) if m[j]}
-                other = self.innovations(trial, present, own)
-                if other is not None:
-                    l, q = float(self.loss(*other).sum()), self._prior(trial, free)
-                    if l + q < loss + prior:
-                        gained = loss + prior - l - q
-                        values, (e, s), loss, prior, moved = trial, other, l, q, True
-                        damping, since = max(damping / 5.0, 1e-4), since + gained
-                        break
-                damping = min(damping * 8.0, 1e6)
-            age += 1
-            if not moved:
-                if age > 1:
-                    slopes = None
-                    continue
-                break
-            if gained < enough:
-                if age > 1:
-                    slopes = None
-                    continue
-                break
-            if k >= 3 and loss + prior > hopeless and gained < 0.2 * (loss + prior - hopeless):
-                break
-        if slopes is None or since > STALE:
-            slopes = self.columns(values, present, free, e, s, own)
-        if slopes is None:
-            return None
-        g, information = self.score(e, s, *slopes)
-        z = np.array([f.coordinate(values[f.name]) for f in free])
-        held = self._held(values, free, g + z)
-        return Point(tuple(present), free, values, loss, prior, g + z, information, held, e, s, slopes)
+        return _At(values, *found, float(self.loss(*found).sum()), self._prior(values, free))
 
     @staticmethod
     def _prior(values: Values, free: Sequence[Free]) -> float:
@@ -211,3 +203,89 @@ class Fitter:
             ],
             bool,
         )
+
+
+class _Descent:
+    """One fit on its way: where it is, slopes that are kept for some steps, the damping."""
+
+    def __init__(
+        self,
+        fitter: Fitter,
+        present: tuple[Attached, ...],
+        free: tuple[Free, ...],
+        own: bool,
+        every: int,
+        at: _At,
+    ):
+        self.fitter, self.present, self.free, self.own, self.every, self.at = (
+            fitter,
+            present,
+            free,
+            own,
+            every,
+            at,
+        )
+        self.slopes: tuple[np.ndarray, np.ndarray] | None = None
+        self.age, self.since, self.damping = 0, np.inf, 1e-2
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the slopes were made for the last step."""
+        return self.age <= 1
+
+    def linearised(self) -> bool:
+        """Make slopes where there are none or they are old; whether the filter bears it."""
+        if self.slopes is None or self.age >= self.every:
+            at = self.at
+            self.slopes = self.fitter.columns(at.values, self.present, self.free, at.e, at.s, self.own)
+            self.age, self.since = 0, 0.0
+        return self.slopes is not None
+
+    def step(self) -> float:
+        """Nats that the best of some steps gains; 0 where none does."""
+        z, g, information, held = self._state()
+        moving, self.age = ~held, self.age + 1
+        for _ in range(TRIES):
+            h = information[np.ix_(moving, moving)] + np.eye(int(moving.sum()))
+            h += self.damping * np.diag(np.diag(h))
+            step = np.zeros(len(z))
+            step[moving] = np.clip(-np.linalg.solve(h, g[moving]), -LONGEST, LONGEST)
+            moved = {f.name: f.value(z[j] + step[j]) for j, f in enumerate(self.free) if moving[j]}
+            there = self.fitter._at(self.at.values | moved, self.present, self.free, self.own)
+            if there is not None and there.total < self.at.total:
+                gained, self.at = self.at.total - there.total, there
+                self.damping, self.since = max(self.damping / 5.0, 1e-4), self.since + gained
+                return gained
+            self.damping = min(self.damping * 8.0, 1e6)
+        return 0.0
+
+    def point(self) -> Point | None:
+        """Where it is, with slopes made there unless they hardly changed since."""
+        if self.slopes is None or self.since > STALE:
+            self.slopes = None
+            if not self.linearised():
+                return None
+        _, g, information, held = self._state()
+        at, slopes = self.at, self.slopes
+        if slopes is None:
+            return None
+        return Point(
+            self.present,
+            self.free,
+            at.values,
+            at.loss,
+            at.prior,
+            g,
+            information,
+            held,
+            at.e,
+            at.s,
+            slopes,
+        )
+
+    def _state(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates, gradient, information, and which parameters are held at a limit."""
+        slopes = self.slopes or (np.zeros((len(self.at.e), len(self.free))),) * 2
+        g, information = self.fitter.score(self.at.e, self.at.s, *slopes)
+        z = np.array([f.coordinate(self.at.values[f.name]) for f in self.free])
+        return z, g + z, information, self.fitter._held(self.at.values, self.free, g + z)

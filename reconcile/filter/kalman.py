@@ -17,6 +17,7 @@ from reconcile.filter.smooth import smoothed
 from reconcile.model import Attached, Folder
 
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
+NOTHING = np.empty((0, 0))
 SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 
 
@@ -26,11 +27,11 @@ class Filtered:
 
     e: np.ndarray
     s: np.ndarray
-    z: np.ndarray | None = None  # states and disturbances [n, NX + NW]
-    v: np.ndarray | None = None  # their variances
-    free: np.ndarray | None = None  # outputs [n, NY] of the model by itself in windows
-    zfree: np.ndarray | None = None
-    y: np.ndarray | None = None
+    z: np.ndarray  # states and disturbances [n, NX + NW]
+    v: np.ndarray  # their variances
+    free: np.ndarray  # outputs [n, NY] of the model by itself in windows
+    zfree: np.ndarray
+    y: np.ndarray
 
 
 @dataclass
@@ -43,7 +44,7 @@ class _Part:
 
 
 class Kalman:
-    """Filters of one model: with all effects without hidden states at once, with others as they are asked for.
+    """Filters of one model: effects without hidden states all at once, others as they are asked for.
 
     `places`: names of what the disturbances w push, axes first.
     """
@@ -109,7 +110,7 @@ class Kalman:
             "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.outputs]),
         }
         found = []
-        for k, record in enumerate(self.records):
+        for k in range(len(self.records)):
             u, y = self._rows(k, full)
             x0, p0 = self._start(part, p, y)
             self.runs_done += 1
@@ -125,10 +126,10 @@ class Kalman:
             if run is None:
                 return None
             if smooth:
-                own = np.concatenate([active, part.library.nx + np.arange(part.library.nw)])
-                run["z"], run["v"] = smoothed(run, own)
+                columns = np.concatenate([active, part.library.nx + np.arange(part.library.nw)])
+                run["z"], run["v"] = smoothed(run, columns)
             found.append(
-                Filtered(run["e"], run["s"], run.get("z"), run.get("v"), run.get("free"), run.get("zfree"), y)
+                Filtered(**{n: run.get(n, NOTHING) for n in ("e", "s", "z", "v", "free", "zfree")}, y=y)
             )
         return found
 
@@ -144,9 +145,9 @@ class Kalman:
         return self._part(present, own).library.stepped.state_names
 
     def forces(self, values: Values, present: Sequence[Attached], z: Sequence[np.ndarray]) -> np.ndarray:
-        """What effects in the motion do at every place [n, places], at states z [n, NX + NW] of each recording.
+        """What effects in the motion do at every place [n, places], at states z [n, NX + NW].
 
-        In the unit of the place's disturbance.  Effects of inputs and outputs are no forces: they count nothing.
+        In the unit of the place's disturbance.  Effects of inputs and outputs are no forces.
         """
         part = self._part(present, own=True)
         stepped, stages = part.library.stepped, part.library.stepped.stages
@@ -213,7 +214,7 @@ class Kalman:
 
     @cached_property
     def unsure(self) -> list[int]:
-        """The model's states that more than inputs move; those of a model in steps that inputs alone move are known."""
+        """The model's states but those that inputs alone move, step by step: these are known."""
         model = self.model
         every = list(range(len(model.states)))
         if model.kind == "continuous":
@@ -248,7 +249,7 @@ class Kalman:
         return self._kept[key]
 
     def _start(self, part: _Part, p: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Initial state and its variances: outputs that are states begin as recorded, effects' own at rest."""
+        """Initial state and its variances: outputs that are states begin as recorded."""
         nx, n = part.library.nx, len(self.model.states)
         x0, p0 = np.zeros(nx), np.ones(nx)
         x0[:n] = self._model_start(p[: len(self.model.parameters)])
@@ -267,7 +268,7 @@ class Kalman:
         found = []
         for name in part.library.stepped.state_names[len(self.model.states) :]:
             port = name.split("@")[1].partition(".")[0].split("+")[0]
-            sizes = [s for s in self.sizes.get(port, ())]
+            sizes = self.sizes.get(port, ())
             found.append(0.1 * max(sizes) if sizes else 0.1)
         return np.array(found)
 

@@ -13,7 +13,7 @@ NEAR = 0.51  # of a step, by which a sample may be away from it
 
 @dataclass(frozen=True)
 class Record:
-    """A run in steps: `time` [n] (s), which steps count (`scored`) and the number of their block, -1: none."""
+    """A run in steps: their `time` [n] (s), and which of them are in which part."""
 
     run: Run
     time: np.ndarray

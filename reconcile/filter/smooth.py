@@ -1,4 +1,4 @@
-"""The smoother of Rauch, Tung and Striebel (AIAA J. 3 (1965) 1445): states as all of a recording tells them."""
+"""The smoother of Rauch, Tung and Striebel (AIAA J. 3 (1965) 1445): states as a whole record tells them."""
 
 from collections.abc import Mapping
 

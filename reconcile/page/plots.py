@@ -32,8 +32,8 @@ def overlay(number: int, stretch: Stretch) -> Figure:
         panels.append((_inputs(stretch.inputs), _title(names, stretch.inputs[0].unit), {}))
     title = f"{stretch.run}, {stretch.start_s:.1f} to {stretch.end_s:.1f} s"
     caption = (
-        "Held out: nothing was fitted to it. Each model starts from its filtered state and runs by itself on the "
-        "inputs alone, without the missing force. Errors are measured minus model."
+        "Held out: nothing was fitted to it. Each model starts from its filtered state and runs by itself on "
+        "the inputs alone, without the missing force. Errors are measured minus model."
     )
     data, layout, height = _stacked(panels)
     if stretch.scored_s > stretch.start_s:
@@ -140,7 +140,8 @@ def probabilities(rows: Sequence[Mapping[str, Any]], kinds: Mapping[str, float])
     shown += [(f"kind: {k}", p, "kind") for k, p in kinds.items()]
     shown = [(n[:70], p, what) for n, p, what in shown if p >= 0.01][::-1]
     bar = {
-        "type": "bar", "orientation": "h", "y": [n for n, _, _ in shown], "x": [round(100 * p, 1) for _, p, _ in shown],
+        "type": "bar", "orientation": "h", "y": [n for n, _, _ in shown],
+        "x": [round(100 * p, 1) for _, p, _ in shown],
         "marker": {"color": [COLOURS["after"] if w == "set" else COLOURS["reestimated"] for *_, w in shown]},
         "showlegend": False, "hovertemplate": "%{y}: %{x} %<extra></extra>",
     }  # fmt: skip
