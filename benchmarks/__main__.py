@@ -6,8 +6,8 @@ from slewright.__main__ import main
 from slewright.app import CommandGroup, options
 
 NAMES = (
-    *("orchestrator", "campaign", "slew_nn", "nmpc", "training", "pendulum", "showcases"),
-    *("testpack", "reconcile-suite", "dossier"),
+    *("orchestrator", "campaign", "slew_nn", "nmpc", "training", "showcases"),
+    *("testpack", "reconcile-suite", "rigs", "dossier"),
 )
 MODULES = {name: f"benchmarks.commands.{name.replace('-', '_')}" for name in NAMES}
 

@@ -42,6 +42,7 @@ class Variable:
     nominal: float | None = None
     vr: int | None = None
     fixed: bool = False  # parameters: not tunable after initialisation
+    tolerance: float | None = None  # parameters: relative standard deviation of `start`, where it is known
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,10 @@ LAST = ("input_dead_zone", "valve_flow_curve", "input_saturation", "input_rate_l
 class Assembly:
     """Puts the equations together, place by place."""
 
+    averaged = False  # whether memories show their mean over a step
+    slope = None  # of an expression by time, where targets of memories are not held
+    stops = False  # whether dry friction is taken off a speed by whoever steps, and is in no rate
+
     def __init__(self, extended: "Extended"):
         self.e, self.model = extended, extended.model
         self.x, self.u, self.m, self.p = extended.symbols
@@ -273,7 +277,8 @@ class Assembly:
             raise InputError(f"effect {a.key} has no equation")
         p = SimpleNamespace(**{q.name: self._parameter(a.name(q.name)) for q in a.effect.parameters})
         w = SimpleNamespace(**{h: self.x[self.e.state_names.index(a.name(h))] for h in a.effect.hidden})
-        c = SimpleNamespace(**context, width=self._width(a, 1.0), step=self.step)
+        stepping = {"step": self.step, "stops": self.stops, "averaged": self.averaged, "slope": self.slope}
+        c = SimpleNamespace(**context, width=self._width(a, 1.0), **stepping)
         result = build(c, p, w)
         self.rates |= {a.name(k): r for k, r in result.rates.items()}
         self.next |= {a.name(k): r for k, r in result.next.items()}

@@ -22,12 +22,14 @@ from specs.errors import InputError
 if TYPE_CHECKING:
     from reconcile.closed.box import Box
 
-BLOCK_S = 2.0  # of interleaved blocks, at most
+BLOCKS = 30  # interleaved ones of all runs together, at least
+LEAST_BLOCK = 12  # samples of a block
 PATTERN = ("fit", "fit", "confirm", "fit", "fit", "holdout", "fit")  # of blocks, in order
+SHORT_PATTERN = ("fit", "fit", "confirm")  # of few samples: confirm is held out as well
+FEW = 210  # samples in all from which a part of seven has enough
 WHOLE = 8  # runs: with fewer, every kind of excitation must be in every part
-LEAST_SAMPLES = 20  # of any output, in each part
+LEAST_SAMPLES = 8  # of any output, in each part
 LEAST_STRETCH = 20  # samples without a gap
-LONGEST_PERIOD_S = 0.5  # between samples: windows of some seconds are simulated, and must hold several
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,6 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
     units = {v.name: v.unit for v in (*folder.model.inputs, *folder.model.outputs)}
     channels = {n: _in_unit(measured[n], units[n], where) for n in (*inputs, *outputs)}
     _check_numbers(channels, where)
-    _check_clock(channels, where)
     sizes.check(measured, channels, folder, where)
     step = max(c.period_s for c in channels.values())
     runs = []
@@ -149,15 +150,6 @@ def _check_numbers(channels: Mapping[str, Channel], where: str) -> None:
             raise InputError(f"{where}: channel {n} is not a number at {float(c.time[~good][0]):.6g} s")
         if len(c.time) < 2:
             raise InputError(f"{where}: channel {n} has one sample")
-
-
-def _check_clock(channels: Mapping[str, Channel], where: str) -> None:
-    name, slowest = max(((n, c.period_s) for n, c in channels.items()), key=lambda x: x[1])
-    if slowest > LONGEST_PERIOD_S:
-        raise InputError(
-            f"{where}: channel {name} has a sample every {slowest:.4g} s, and {LONGEST_PERIOD_S:g} s is the "
-            "most; is the time in s? (--map: theirs = 'time [ms]')"
-        )
 
 
 def _no_stretch(
@@ -212,11 +204,14 @@ def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run]) -
         dealt = {k: list(_whole(v)) for k, v in zip(dealt, (runs[:-2], runs[-2:-1], runs[-1:]), strict=True)}
     else:
         wanted = {"fit"} | ({"confirm"} if not confirm else set()) | ({"holdout"} if not holdout else set())
-        extremes = _extremes(runs)
+        extremes, whole = _extremes(runs), sum(r.end_s - r.start_s for r in runs)
+        short = wanted == {"fit", "confirm", "holdout"} and _count(runs) < FEW
         for run in runs:
-            pattern = [p for p in PATTERN if p in wanted]
-            for which, block in _interleaved(run, pattern, extremes[run.name]):
+            pattern = [p for p in (SHORT_PATTERN if short else PATTERN) if p in wanted]
+            for which, block in _interleaved(run, pattern, extremes[run.name], whole / BLOCKS):
                 dealt[which].append(block)
+        if short:
+            dealt["holdout"] = list(dealt["confirm"])
     if confirm:
         dealt["confirm"] = list(_whole(confirm))
     if holdout:
@@ -229,10 +224,19 @@ def _whole(runs: Iterable[Run]) -> tuple[Block, ...]:
     return tuple(Block(r, r.start_s, r.end_s) for r in runs)
 
 
-def _interleaved(run: Run, pattern: Sequence[str], telling: Sequence[float]) -> list[tuple[str, Block]]:
+def _count(runs: Sequence[Run]) -> int:
+    """Samples of the output that has fewest."""
+    names = {n for r in runs for n in r.outputs}
+    return min(sum(len(r.outputs[n].time) for r in runs if n in r.outputs) for n in names)
+
+
+def _interleaved(
+    run: Run, pattern: Sequence[str], telling: Sequence[float], block_s: float
+) -> list[tuple[str, Block]]:
     """Blocks of a run by turns; `telling`: times (s) of extremes, which are best in a block to fit."""
     length = run.end_s - run.start_s
-    count = max(len(pattern), int(np.ceil(length / BLOCK_S)))
+    slowest = max(s.period_s for s in run.outputs.values())
+    count = max(len(pattern), int(np.ceil(length / max(block_s, LEAST_BLOCK * slowest))))
     edges = np.linspace(run.start_s, run.end_s, count + 1)
     # every second round is turned about, so that a periodic excitation does not fall into step with it
     order = [*pattern, *reversed(pattern)]

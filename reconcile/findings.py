@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from reconcile import holdout, regimes, replicates
-from reconcile.fit.solve import Fitted
+from reconcile.ahead import horizon_s
+from reconcile.answer import Answer
+from reconcile.core import Core, Floor
 from reconcile.holdout import Trace
 from reconcile.localise import Located, locate
 from reconcile.regimes import Regime
-from reconcile.search import Answer
-from reconcile.study import Floor, Study, unique
 
 STAGES = ("nominal", "reestimated", "after")
 MOST_REGIMES = 4
@@ -19,12 +19,12 @@ MOST_REGIMES = 4
 
 @dataclass(frozen=True)
 class Findings:
-    """A study and its answer with predictions of the held-out part by stage (None where the model runs away).
+    """An answer with predictions of the held-out part by stage (None where the model runs away).
 
     `located`: where the re-estimated model without effects disagrees; `floors` may rest on replicate runs.
     """
 
-    study: Study
+    core: Core
     answer: Answer
     traces: Mapping[str, list[Trace] | None]
     located: list[Located]
@@ -33,12 +33,12 @@ class Findings:
     @property
     def outputs(self) -> list[str]:
         """Signals that are compared."""
-        return list(self.study.floors)
+        return list(self.core.outputs)
 
     def gap(self, stage: str, name: str, inside: Sequence[np.ndarray] | None = None) -> float:
         """√max(0, rms² − floor²) of an output on the held-out part; NaN without a prediction.
 
-        `inside`: for each window which of the samples scored count.
+        `inside`: for each stretch which of the samples count.
         """
         traces = self.traces[stage]
         if traces is None:
@@ -56,12 +56,12 @@ class Findings:
         return list({r.words: r for r in found}.values())[:MOST_REGIMES]
 
     def inside(self, regime: Regime, name: str) -> list[np.ndarray]:
-        """For each held-out window, which samples scored of an output lie in a regime."""
+        """For each held-out stretch, which samples of an output lie in a regime."""
         traces = self.traces["after"] or self.traces["reestimated"] or []
         found = []
         for t in traces:
-            times = t.window.times[name][t.scored[name]]
-            values = regimes.values(self.study, regime.regressor, t.window, times, t.state_at(times))
+            times = t.window.times[name]
+            values = regimes.values(self.core, regime.regressor, t.window, times, t.state_at(times))
             found.append(regime.mask(values))
         return found
 
@@ -71,38 +71,20 @@ def above(rms: float, floor: Floor) -> float:
     return float(np.sqrt(max(0.0, rms**2 - floor.level**2))) if np.isfinite(rms) else float("nan")
 
 
-def gather(study: Study, answer: Answer, before: Fitted | None) -> Findings:
-    """Measure everything that is shown; `before`: the model as it came."""
-    base = _reestimated(study, answer)
-    fits = dict(zip(STAGES, (before, base, answer.fitted), strict=True))
-    traces = {stage: holdout.predict(study, f) for stage, f in fits.items()}
-    return Findings(study, answer, traces, locate(study, base), _floors(study))
+def gather(answer: Answer) -> Findings:
+    """Measure everything that is shown."""
+    core = answer.core
+    points = dict(zip(STAGES, (core.nominal(), answer.base, answer.point), strict=True))
+    traces = {stage: holdout.predict(core, p) for stage, p in points.items()}
+    return Findings(core, answer, traces, locate(core, answer.base), _floors(core))
 
 
-def _reestimated(study: Study, answer: Answer) -> Fitted:
-    """The model without effects, fitted as well as its own parameters can.
-
-    The search weighs errors by what noise would look like if nothing were missing; what a missing effect does
-    is anything but that, so that without the effect the plain sum of squares is what predicts best.
-    """
-    if not answer.present:
-        return answer.base
-    problem = study.fit_problem
-    weighed, problem.whiteners = problem.whiteners, None
-    try:
-        return study.fit_set(answer.base.point, (), {}) or answer.base
-    finally:
-        problem.whiteners = weighed
-
-
-def _floors(study: Study) -> dict[str, Floor]:
+def _floors(core: Core) -> dict[str, Floor]:
     """Floors of what is predicted: from replicate runs where there are some, else those of the fit."""
-    runs = unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
-    found = replicates.pairs(runs, study.folder.ports.controls)
+    found = replicates.pairs(core.runs, core.folder.ports.controls)
     if not found:
-        return dict(study.floors)
-    horizon = (1.0 - holdout.PREFIX) * holdout.WINDOW_S
-    levels = replicates.levels(found, list(study.floors), horizon)
+        return dict(core.floors)
+    levels = replicates.levels(found, list(core.outputs), horizon_s(core))
     names = ", ".join(sorted({r.name for pair in found for r in pair}))
     source = f"replicate runs ({names})"
-    return {n: Floor(levels[n], source) if n in levels else f for n, f in study.floors.items()}
+    return {n: Floor(levels[n], source) if n in levels else f for n, f in core.floors.items()}

@@ -1,97 +1,81 @@
-"""Predictions of the held-out part: a window's initial state comes from a prefix, errors count after it."""
+"""Predictions by the model alone: from the filtered state on, without disturbance, over its own time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from reconcile.fit.problem import Problem
-from reconcile.fit.solve import Fitted, fit
-from reconcile.fit.windows import Window, cut
-from reconcile.study import Study
+from reconcile.ahead import horizon_s, windows
+from reconcile.core import Core
+from reconcile.data import Run
+from reconcile.filter.fit import Point
 
-WINDOW_S = 4.0  # of held-out windows, at most
-PREFIX = 0.4  # of a window
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch that is predicted; `times` and `samples` [n] by output."""
+
+    run: Run
+    start_s: float
+    end_s: float
+    times: dict[str, np.ndarray]
+    samples: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Trace:
-    """A held-out window as a model predicts it; all by output and at the output's own times [n].
+    """A stretch as a model predicts it, by output; `states` [steps, NX] at `time` [steps]."""
 
-    `scored`: whether a sample comes after the prefix.  `states` [steps + 1, NX]: at the window's steps.
-    """
-
-    window: Window
+    window: Stretch
     predicted: dict[str, np.ndarray]
-    scored: dict[str, np.ndarray]
+    time: np.ndarray
     states: np.ndarray
 
     def error(self, name: str) -> np.ndarray:
-        """Measured minus predicted of the samples scored."""
-        inside = self.scored[name]
-        return self.window.samples[name][inside] - self.predicted[name][inside]
+        """Measured minus predicted [n]."""
+        return self.window.samples[name] - self.predicted[name]
 
     def state_at(self, times: np.ndarray) -> np.ndarray:
         """States [n, NX] at the nearest steps to times [n]."""
-        rows = np.round((times - self.window.start_s) / self.window.step_s).astype(int)
-        return self.states[np.clip(rows, 0, len(self.states) - 1)]
+        at = np.searchsorted(0.5 * (self.time[1:] + self.time[:-1]), times)
+        return self.states[at]
 
 
-def predict(
-    study: Study, fitted: Fitted | None, windows: Sequence[Window] | None = None
-) -> list[Trace] | None:
-    """Every held-out window, or those given, from the parameters of a fit; None where the model runs away."""
-    if fitted is None:
+def predict(core: Core, point: Point | None, which: Sequence[str] = ("holdout",)) -> list[Trace] | None:
+    """Every stretch of the parts named, from the parameters of a point; None where the model runs away."""
+    if point is None:
         return None
-    windows = windows or cut(study.parts.holdout, WINDOW_S, study.step_s)
-    sigma = {n: f.level for n, f in study.floors.items()}
-    whole, first = (Problem(study.compiled, w, sigma) for w in (windows, [_prefix(w) for w in windows]))
-    for problem in (whole, first):
-        problem.set_scale(study.fit_problem.scale)
-        problem.smooth(study.fit_problem.widths)
-    start = first.with_present(first.start(study.named(fitted.point.p)), fitted.point.present)
-    found = fit(first, start, [], iterations=0)
-    if found is None:
+    ids = [
+        np.max(np.array(each), axis=0)
+        for each in zip(*(windows(core, w, horizon_s(core)) for w in which), strict=True)
+    ]
+    run = core.kalman.run(point.values, point.present, windows=ids, own=True)
+    if run is None:
         return None
     traces = []
-    for k, window in enumerate(windows):
-        run = whole.simulate(found.point, k)
-        if run is None:
-            return None
-        raw = whole.compare(found.point, k, run)[0]
-        predicted = {n: window.samples[n] - sigma[n] * e for n, e in raw.items()}
-        scored = {n: window.times[n] >= _end_of_prefix(window) for n in raw}
-        traces.append(Trace(window, predicted, scored, run[0]))
-    return traces
+    at = {n: core.kalman.outputs.index(n) for n in core.outputs}
+    nx = len(core.model.states)
+    for record, f, numbers in zip(core.records, run, ids, strict=True):
+        for number in np.unique(numbers[numbers > 0]):
+            inside = np.flatnonzero(numbers == number)
+            time = record.time[inside]
+            seen = {n: ~np.isnan(f.y[inside, k]) for n, k in at.items()}
+            if len(inside) < 2 or not any(s.any() for s in seen.values()):
+                continue
+            window = Stretch(
+                record.run,
+                float(time[0]),
+                float(time[-1]),
+                {n: time[seen[n]] for n in at},
+                {n: f.y[inside, k][seen[n]] for n, k in at.items()},
+            )
+            predicted = {n: f.free[inside, k][seen[n]] for n, k in at.items()}
+            if not all(np.isfinite(p).all() for p in predicted.values()):
+                return None
+            traces.append(Trace(window, predicted, time, f.zfree[inside, :nx]))
+    return traces or None
 
 
 def pairs(traces: Sequence[Trace] | None, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Measured and predicted samples scored of an output, window by window; nothing without a prediction."""
-    found = []
-    for t in traces or ():
-        inside = t.scored[name]
-        found.append((t.window.samples[name][inside], t.predicted[name][inside]))
-    return found
-
-
-def horizon_s(traces: Sequence[Trace]) -> float:
-    """Length of what is scored after the prefix, on average (s)."""
-    return float(np.mean([(1.0 - PREFIX) * (b - a) for a, b in map(_span, (t.window for t in traces))]))
-
-
-def _span(window: Window) -> tuple[float, float]:
-    return min(t[0] for t in window.times.values()), max(t[-1] for t in window.times.values())
-
-
-def _end_of_prefix(window: Window) -> float:
-    first, last = _span(window)
-    return first + PREFIX * (last - first)
-
-
-def _prefix(window: Window) -> Window:
-    keep = {n: t < _end_of_prefix(window) for n, t in window.times.items()}
-    return replace(
-        window,
-        times={n: t[keep[n]] for n, t in window.times.items()},
-        samples={n: s[keep[n]] for n, s in window.samples.items()},
-    )
+    """Measured and predicted samples of an output, stretch by stretch; nothing without a prediction."""
+    return [(t.window.samples[name], t.predicted[name]) for t in traces or ()]

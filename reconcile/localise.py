@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from reconcile import regimes
-from reconcile.fit.solve import Fitted
+from reconcile.core import Core
+from reconcile.filter.fit import Point
 from reconcile.regimes import Known, Regime, Regressor
 from reconcile.residual import Residual, residuals
-from reconcile.study import Study
 
 BINS = 15  # of a regressor
 SURE, KNOWN = (
@@ -80,9 +80,9 @@ def _best(accounts: dict[Regressor, float], constant: float) -> Regressor | None
     return ranked[0] if accounts[ranked[0]] > min(lead, AHEAD * max(others, default=0.0)) else None
 
 
-def locate(study: Study, fitted: Fitted) -> list[Located]:
+def locate(core: Core, point: Point) -> list[Located]:
     """Every quantity that stands above its noise, the largest first."""
-    return gathered(study, residuals(study, fitted))
+    return gathered(core, residuals(core, point))
 
 
 def gathered(study: Known, left: Sequence[Residual]) -> list[Located]:

@@ -21,7 +21,7 @@ import numpy as np
 
 from fmus.definition import Model
 from reconcile.data import Run
-from reconcile.fit.noise import ORDER
+from reconcile.noise import ORDER
 
 LEAST_LEVELS = 6  # different values: a switch or a staircase of few is no lattice
 OFF = 0.1  # of a step, by which a value may lie off the lattice

@@ -11,7 +11,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from reconcile.data import Parts
-from reconcile.fit.windows import Window
 from reconcile.words import written
 
 CHANGE_S = 0.2  # over which a command's change is looked at
@@ -74,7 +73,7 @@ def regressors(study: Known) -> list[Regressor]:
     return found
 
 
-def values(study: Known, r: Regressor, window: Window, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+def values(study: Known, r: Regressor, window: Any, times: np.ndarray, states: np.ndarray) -> np.ndarray:
     """A regressor [n] at times [n] of a window, where the model's states are `states` [n, NX]."""
     if r.kind in ("speed", "pose"):
         return states[:, study.model.index("states", r.port)]

@@ -14,7 +14,7 @@ import numpy as np
 from reconcile.data import Run, Signal
 
 SAME = 0.02  # of the control's rms: difference between inputs that were told the same
-LEAST_S = 5.0  # of a replicate
+LEAST = 50  # samples of a replicate
 
 
 def pairs(runs: Sequence[Run], controls: Sequence[str]) -> list[tuple[Run, Run]]:
@@ -36,7 +36,11 @@ def levels(found: Sequence[tuple[Run, Run]], names: Sequence[str], stretch_s: fl
 def _same_inputs(a: Run, b: Run, controls: Sequence[str]) -> bool:
     shared = [n for n in controls if n in a.inputs and n in b.inputs]
     length = min(a.end_s - a.start_s, b.end_s - b.start_s)
-    if not shared or length < LEAST_S or len(shared) != len([n for n in controls if n in a.inputs]):
+    if (
+        not shared
+        or length < LEAST * min(a.period_s, b.period_s)
+        or len(shared) != len([n for n in controls if n in a.inputs])
+    ):
         return False
     moved = False
     for name in shared:

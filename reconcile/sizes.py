@@ -19,7 +19,7 @@ import numpy as np
 from fmus.definition import Model
 from fmus.toolchain.discrete import DiscreteStepper
 from fmus.toolchain.stepper import Stepper
-from reconcile.fit.noise import high_pass_level
+from reconcile.noise import high_pass_level
 from records.measurement import Channel, Measurement
 from specs.errors import InputError, RunError
 from specs.units import UNITS, compatible

@@ -8,10 +8,8 @@ import numpy as np
 from fmus.definition import Model
 from reconcile.catalogue import ALL, Effect
 from reconcile.data import Run, still
-from reconcile.fit.solve import Fitted
 from reconcile.model import Folder, candidates
-
-UNKNOWN = 0.5  # of its prior spread: a parameter known less well cannot be seen
+from reconcile.tolerances import KNOWN
 
 # Effects that only a further channel tells apart: what is lacking, and what it is then taken for.
 TWINS = (
@@ -103,23 +101,20 @@ def _behind(model: Model, rows: Sequence[int]) -> set[int]:
     return {int(i) for i in found}
 
 
-def unseen(study, fitted: Fitted) -> list[dict[str, object]]:
+def unseen(core) -> list[dict[str, object]]:
     """Base parameters that the recordings say nothing about: [{"parameter", "because", "drive"}].
 
     `drive` names the inputs to drive for it; empty where no input would help.  A model that says which of its
     parameters are doubtful is asked for no others.
     """
-    model: Model = study.model
-    doubtful = study.folder.ports.doubtful
-    known = {f.name: f for f in fitted.free if f.prior}
-    errors = dict(zip((f.name for f in fitted.free), np.sqrt(np.diag(fitted.covariance)), strict=True))
+    model: Model = core.model
+    doubtful, known = core.folder.ports.doubtful, core.known()
     rows = []
     for v in model.parameters:
-        f = known.get(v.name)
-        told = f is not None and f.prior is not None and errors[v.name] <= UNKNOWN * f.prior[1]
+        told = known.get(v.name, 1.0) < KNOWN
         asked = v.name in doubtful if doubtful is not None else v.name not in _sensing(model)
         if asked and not (told or v.fixed):
-            rows.append(_advice(study.folder, study.floors, v.name))
+            rows.append(_advice(core.folder, core.outputs, v.name))
     return sorted(rows, key=lambda r: not r["drive"])
 
 

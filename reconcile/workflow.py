@@ -8,22 +8,23 @@ from pathlib import Path
 from typing import Any
 
 from reconcile import (
-    apart,
     checks,
+    clocks as recorded_clocks,
     contract,
-    nuisance,
     quantization,
     report as reports,
     target,
     untold,
     verdict as verdicts,
 )
+from reconcile.answer import Answer
+from reconcile.beam import Beam
+from reconcile.core import Core
 from reconcile.data import Run, read_run, split
 from reconcile.experiment import plan
-from reconcile.experiment.propose import OPEN, Proposal, propose
+from reconcile.judge import Judge
 from reconcile.model import Folder
-from reconcile.search import Answer, Search
-from reconcile.study import Study, unique
+from reconcile.start import units
 from reconcile.system.parts import Part, part_named, parts_of, with_signals
 from records.formats import read_measurement
 from specs.errors import InputError, RunError
@@ -43,12 +44,12 @@ def reconcile(
     names: Path | None = None,
     report: Report | None = None,
     report_only: bool = False,
-    then: Callable[[Study, Answer, dict[str, Any]], dict[str, Any]] | None = None,
+    then: Callable[[Answer, dict[str, Any]], dict[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """Run the whole workflow, write DIR/report.json and DIR/model, and return the report.
 
     `report_only` leaves out what is made from the figures: the extended model and the page.  What `then`
-    makes of study, answer and figures is added to the report.
+    makes of answer and figures is added to the report.
     Raises InputError for recordings or a model that cannot be used; nothing is written then.
     """
     said = report or (lambda *_: None)
@@ -66,22 +67,24 @@ def reconcile(
     said("reading")
     renamed = checks.read_names(names, _variables(folder))
     sets = _read(given, folder, renamed)
-    figures, study, answer = examine(folder, *sets, report=said)
-    moved = _moved(given, folder, renamed) if figures["verdict"] in OPEN else None
-    proposal = _next(study, answer, figures, said, moved)
+    for doubt in units.doubts(folder.model, [r for runs in sets for r in runs], renamed):
+        raise InputError(doubt.sentence)
+    figures, answer = examine(folder, *sets, report=said)
+    moved = _moved(given, folder, renamed) if figures["verdict"] in verdicts.OPEN else None
+    proposal = _next(answer, figures, said, moved)
     if then:
-        figures |= then(study, answer, figures)
+        figures |= then(answer, figures)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
     said("writing")
     with target.staged(out) as part:
         if not report_only and _extended(figures):
             steps = quantization.steps(figures)
-            built = _build(reports.write_model(study, answer, part / MODEL, steps), part)
+            built = _build(reports.write_model(answer, part / MODEL, steps), part)
             figures["model"] = {"folder": MODEL, "fmu": built}
         if proposal and proposal.commands:
             plan.write_for(part, proposal, folder, [p for paths in given for p in paths])
         if not report_only:
-            _show(part, figures, [(study, answer)], folder.model.name)
+            _show(part, figures, [answer], folder.model.name)
         figures["files"] = sorted(p.name for p in part.iterdir())
         _write(part / target.REPORT, figures)
     return figures
@@ -94,58 +97,52 @@ def examine(
     holdout: Sequence[Run] = (),
     report: Report | None = None,
 ):
-    """Find and name, without writing: the report's figures, the study and the answer.
+    """Find and name, without writing: the report's figures and the answer.
 
-    Where the clocks of inputs and outputs differ by run, the recordings are set right and examined again.
+    Where clocks differ by recording, the recordings are set right and examined again.
     """
     said = report or (lambda *_: None)
     given = (runs, confirm, holdout)
-    figures, study, answer = _examined(folder, given, said)
-    clocks, told_by = apart.differing(folder, given, study, answer, said)
+    answer = _searched(folder, given, said)
+    clocks = recorded_clocks.differing(answer.core, answer)
     if clocks:
         said("clocks that differ by recording")
-        clocks = nuisance.settled(given, clocks, study, told_by)
-        right = [nuisance.corrected(runs, clocks) for runs in given]
-        figures, study, answer = _examined(folder, right, said)
-        figures["sentence"] += f" {nuisance.said(clocks)}."
-        figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
-    figures |= told(study, answer, figures)
-    steps = quantization.examine(study.model, _runs(study))
-    figures |= quantization.added(figures, steps, study.model.name)
-    return figures, study, answer
-
-
-def _examined(folder: Folder, given: Sequence[Sequence[Run]], said: Report):
-    """One study of the recordings of each purpose, its search, and the report's figures."""
-    said("compiling")
-    study = Study(folder, split(*given))
-    answer = Search(study, said).run()
-    before = verdicts.nominal(study)
-    missing = verdicts.unseen(study, answer.base)
-    free = verdicts.free_form(study, answer)
-    verdict = verdicts.judge(study, answer, before, missing, free)
+        again = lambda sets: Core(folder, split(*sets))  # noqa: E731
+        clocks = recorded_clocks.settled(given, clocks, again, answer.point)
+        answer = _searched(folder, [recorded_clocks.corrected(runs, clocks) for runs in given], said)
     said("measuring the gap")
-    figures = reports.build(study, answer, verdict, before)
-    figures["free_form"] = free.figures(verdict)
-    return figures, study, answer
+    figures = reports.build(answer, verdicts.judge(answer))
+    if clocks:
+        figures["sentence"] += f" {recorded_clocks.said(clocks)}."
+        figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
+    figures |= told(answer, figures)
+    steps = quantization.examine(answer.core.model, answer.core.runs)
+    figures |= quantization.added(figures, steps, answer.core.model.name)
+    return figures, answer
 
 
-def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
+def _searched(folder: Folder, given: Sequence[Sequence[Run]], said: Report) -> Answer:
+    """One filter over the recordings of each purpose, and the search on it."""
+    said("filtering")
+    core = Core(folder, split(*given))
+    beam = Beam(core, said)
+    beam.run()
+    said("judging")
+    return Answer(core, beam, Judge(beam).decide())
+
+
+def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
     """What the recordings cannot tell, and what reading them mended."""
-    runs = _runs(study)
-    parameters = untold.unseen(study, answer.base)
-    found: dict[str, Any] = {"untold": untold.untold(study.folder, runs), "unseen": parameters}
+    core = answer.core
+    parameters = untold.unseen(core)
+    found: dict[str, Any] = {"untold": untold.untold(core.folder, core.runs), "unseen": parameters}
     if figures["verdict"] == "insufficient_excitation" and parameters:
         found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
-    alike = nuisance.alike(answer.present, runs)
-    mended = [f"{n} does not change: it is left out, since it tells nothing" for n in sorted(study.still)]
-    mended += [
-        f"{n} carries noise that did not drive the machine: smoothed over {w} samples"
-        for n, w in study.fit_problem.widths.items()
-    ]
+    alike = recorded_clocks.alike(answer.present, core.runs)
+    mended = [f"{n} does not change: it is left out, since it tells nothing" for n in sorted(core.still)]
     found["nuisances"] = {
         r.name: row
-        for r in runs
+        for r in core.runs
         if (
             row := figures["nuisances"].get(r.name, {})
             | alike.get(r.name, {})
@@ -155,15 +152,13 @@ def told(study: Study, answer: Answer, figures: dict[str, Any]) -> dict[str, Any
     return found
 
 
-def _runs(study: Study) -> list[Run]:
-    return unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
-
-
-def _next(
-    study: Study, answer: Answer, figures: dict[str, Any], said: Report, moved: Part | None
-) -> Proposal | None:
+def _next(answer: Answer, figures: dict[str, Any], said: Report, moved: Part | None) -> Any:
     """The experiment that would settle what is open; it goes into the figures."""
-    proposal = propose(study, answer, figures["verdict"], said, moved)
+    proposal = None
+    if figures["verdict"] in verdicts.OPEN:
+        from reconcile.experiment.propose import propose
+
+        proposal = propose(answer, figures["verdict"], said, moved)
     figures["next_experiment"] = proposal.figures if proposal else None
     return proposal
 
@@ -175,7 +170,7 @@ def _system(
     names: Path | None,
     said: Report,
     report_only: bool,
-    then: Callable[[Study, Answer, dict[str, Any]], dict[str, Any]] | None,
+    then: Callable[[Answer, dict[str, Any]], dict[str, Any]] | None,
 ) -> dict[str, Any]:
     """The same for a system: every part is examined, and its extended model lies in DIR/model/PART."""
     from reconcile.system.doubt import next_experiment
@@ -192,7 +187,7 @@ def _system(
     figures["next_experiment"] = doubt[1].figures if doubt else None
     if then is not None:
         for e in done:
-            figures |= then(e.study, e.answer, figures)
+            figures |= then(e.answer, figures)
     figures |= {"seed": SEED, "versions": {"slewright": VERSION}, "elapsed_s": time.monotonic() - began}
     said("writing")
     with target.staged(out) as part:
@@ -200,7 +195,7 @@ def _system(
         for found in [] if report_only else extended:
             folder = part / MODEL / found.part.name
             steps = quantization.steps(found.figures)
-            built = _build(reports.write_model(found.study, found.answer, folder, steps), part)
+            built = _build(reports.write_model(found.answer, folder, steps), part)
             figures.setdefault("model", {"folder": MODEL, "parts": {}})["parts"][found.part.name] = {
                 "folder": f"{MODEL}/{found.part.name}",
                 "fmu": built,
@@ -208,7 +203,7 @@ def _system(
         if doubt and doubt[1].commands:
             plan.write_for(part, doubt[1], doubt[0].folder, [p for paths in given for p in paths])
         if not report_only:
-            _show(part, figures, [(e.study, e.answer) for e in done], ", ".join(e.part.name for e in done))
+            _show(part, figures, [e.answer for e in done], ", ".join(e.part.name for e in done))
         figures["files"] = sorted(p.name for p in part.iterdir())
         _write(part / target.REPORT, figures)
     return figures
@@ -246,7 +241,7 @@ def _closed(
     return figures
 
 
-def _show(folder: Path, figures: dict[str, Any], answers: Sequence[tuple[Study, Answer]], title: str) -> None:
+def _show(folder: Path, figures: dict[str, Any], answers: Sequence[Answer], title: str) -> None:
     """Write the page of an answer, or of those of a system's parts, into a folder."""
     from reconcile.page.page import write_for
 
@@ -292,7 +287,7 @@ def _moved(given: Sequence[Sequence[Path]], folder: Folder, names: dict[str, str
 
 def _extended(figures: dict[str, Any]) -> bool:
     """Whether a report has anything to put into a model."""
-    return bool(figures["effects"] or figures["nearest"] or figures["reestimated"])
+    return bool(figures["effects"] or figures["reestimated"])
 
 
 def _build(folder: Path, out: Path) -> str:

@@ -13,18 +13,30 @@ from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Sca
 
 SHAFT = "Meriam and Kraige, Engineering Mechanics: Dynamics: two inertias on a shaft with damping"
 GEAR = "Nordin and Gutman, Automatica 38 (2002) 1633: dead-zone model of backlash"
-FREQUENCIES = (6.0, 15.0, 40.0, 100.0)  # rad/s, of the two ends against each other, where fits start
+COUNT = 4  # frequencies, of the two ends against each other, where fits start
 SHARES = (0.3, 0.7)
+GAPS = (7e-4, 7e-3, 0.07)  # of the largest place: where fits of a gear start
 CONTACT = 0.5  # damping ratio of a closed gear where fits start: it hardly bounces
 
 
-def _stiffness(*frequencies: float) -> Starts:
+def _frequencies(s: Scales) -> list[float]:
+    """From what the outputs forget in to what their samples still show, rad/s."""
+    low, high = 2.0 / s.memory_s, 2.0 / s.period_s
+    return [low * (max(high / low, 2.0)) ** (k / (COUNT - 1)) for k in range(COUNT)]
+
+
+def _stiffness(s: Scales) -> list[float]:
     """Stiffness for natural frequencies of the ends against each other, for each of SHARES."""
-    return lambda s: [s.inertia * a * (1.0 - a) * f**2 for a in SHARES for f in frequencies]
+    return [s.inertia * a * (1.0 - a) * f**2 for a in SHARES for f in _frequencies(s)]
+
+
+def _closed(s: Scales) -> list[float]:
+    """Stiffness of a closed gear, which swings hardly slower than samples show."""
+    return [s.inertia * a * (1.0 - a) * (1.6 / s.period_s) ** 2 for a in SHARES for _ in GAPS]
 
 
 def _damping(s: Scales) -> list[float]:
-    return [0.2 * s.inertia * a * (1.0 - a) * f for a in SHARES for f in FREQUENCIES]
+    return [0.2 * s.inertia * a * (1.0 - a) * f for a in SHARES for f in _frequencies(s)]
 
 
 def _compliance(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -54,9 +66,9 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         "coupling",
         "share J v_m' = drive − T, (1 − share) J v' = rest + T, T = k (q_m − q) + c (v_m − v)",
         (
-            Parameter("k", "{f}/({q})", _stiffness(*FREQUENCIES), "Stiffness"),
+            Parameter("k", "{f}/({q})", _stiffness, "Stiffness"),
             Parameter("c", "{f}/({v})", _damping, "Damping"),
-            _share(lambda s: [a for a in SHARES for _ in FREQUENCIES]),
+            _share(lambda s: [a for a in SHARES for _ in range(COUNT)]),
         ),
         _compliance,
         SHAFT,
@@ -64,15 +76,14 @@ def _entries(form: str, shows: str) -> tuple[Effect, Effect]:
         becomes={"": "k → ∞"},
         **common,  # type: ignore[arg-type]
     )
-    gaps = (7e-4, 7e-3, 0.07)
     gear = Effect(
         "gear_backlash",
         "coupling",
         "share J v_m' = drive − T, (1 − share) J v' = rest + T, T = 0 within the gap of q_m − q, else stiff",
         (
-            Parameter("gap", "{q}", lambda s: [a * s.q for _ in SHARES for a in gaps], "Full gap"),
-            _share(lambda s: [a for a in SHARES for _ in gaps]),
-            Parameter("k", "{f}/({q})", _stiffness(*(80.0 for _ in gaps)), "Stiffness of the closed gear"),
+            Parameter("gap", "{q}", lambda s: [a * s.q for _ in SHARES for a in GAPS], "Full gap"),
+            _share(lambda s: [a for a in SHARES for _ in GAPS]),
+            Parameter("k", "{f}/({q})", _closed, "Stiffness of the closed gear"),
             Parameter("damping", "1", lambda s: (CONTACT,), "Ratio, of the closed gear", low=0.02, high=2.0),
         ),
         _gear,

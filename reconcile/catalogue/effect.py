@@ -23,7 +23,7 @@ class Scales:
 
     `u`: largest of the input; `v`, `q`, `f`: of speed, position and force at a force port (f: inertia times
     acceleration); `y`: of the output; `p`, `d`: of pressure difference and demand at a hydraulic port;
-    `period_s`: sample period.  All > 0.
+    `period_s`: sample period; `memory_s`: time over which the outputs forget where they were.  All > 0.
     """
 
     u: float = 1.0
@@ -33,6 +33,7 @@ class Scales:
     y: float = 1.0
     inertia: float = 1.0
     period_s: float = 0.02
+    memory_s: float = 0.3
     q_low: float = -1.0
     q_high: float = 1.0
     angular: bool = False  # the port turns: q in rad
@@ -142,7 +143,7 @@ class Effect:
 
     def grid(self, scales: Scales) -> int:
         """How many starts it has."""
-        return max(len(tuple(p.starts(scales))) for p in self.parameters)
+        return max((len(tuple(p.starts(scales))) for p in self.parameters), default=1)
 
     def start(self, scales: Scales, k: int) -> dict[str, float]:
         """The k-th start (the last one, if there are fewer)."""

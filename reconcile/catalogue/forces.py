@@ -19,8 +19,8 @@ TRAVELS = tuple(0.5 * n for n in range(2, 25))
 
 STOP = "Johnson, Contact Mechanics, Cambridge 1985, ch. 11: impact with damping (Kelvin-Voigt)"
 STOP_WIDTH = 0.02  # of other kinks: a stop gives way by little of the travel, and its force does not jump
-# where fits of a stop start: its speed there as a share of the largest, and how fast it swings in it, rad/s
-STOPS = ((0.15, 25.0), (0.5, 25.0), (1.0, 25.0), (0.3, 80.0))
+# where fits of a stop start: its speed there as a share of the largest, and how far it swings a sample, rad
+STOPS = ((0.15, 0.5), (0.5, 0.5), (1.0, 0.5), (0.3, 1.6))
 
 
 def speed(*shares: float) -> Starts:
@@ -30,7 +30,7 @@ def speed(*shares: float) -> Starts:
 
 def _dry(c: Namespace, forwards: Any, backwards: Any) -> Result:
     """Dry friction of a level each way: a force with a steep flank at standstill, or in steps exactly."""
-    if c.step is not None:
+    if c.step is not None or c.stops:
         return Result(0.0, dry=(forwards, backwards))
     s = smooth.sign(c.v, c.width)
     return Result(-0.5 * (forwards * (1.0 + s) - backwards * (1.0 - s)))
@@ -66,6 +66,21 @@ def _asymmetric_viscous(c: Namespace, p: Namespace, w: Namespace) -> Result:
 def _load_dependent(c: Namespace, p: Namespace, w: Namespace) -> Result:
     level = p.mu * ca.fabs(c.drive)
     return _dry(c, level, level)
+
+
+def _load_dependent_sides(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    load = ca.fabs(c.drive)
+    return _dry(c, p.mu_positive * load, p.mu_negative * load)
+
+
+def _load_dependent_stribeck(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    """As _stribeck, in proportion to the load."""
+    more = ca.fmax(p.mu_static - p.mu, 0.0)
+
+    def level(v: Any) -> Any:
+        return (p.mu + more * ca.exp(-((ca.fmax(v, 0.0) / p.vs) ** 2))) * ca.fabs(c.drive)
+
+    return _dry(c, level(c.v), level(-c.v))
 
 
 def _quadratic(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -133,7 +148,7 @@ def _reached(low: bool) -> Starts:
     """Positions of a stop that explain the travel met: less what the axis runs into it."""
 
     def starts(s: Scales) -> list[float]:
-        into = [a * s.v / f for a, f in STOPS]
+        into = [a * s.v * s.period_s / f for a, f in STOPS]
         return [s.q_low + d if low else s.q_high - d for d in into]
 
     return starts
@@ -141,7 +156,7 @@ def _reached(low: bool) -> Starts:
 
 def _stops(s: Scales) -> list[float]:
     """Stiffness at which the axis would swing in its stop at these frequencies."""
-    return [s.inertia * f**2 for _, f in STOPS]
+    return [s.inertia * (f / s.period_s) ** 2 for _, f in STOPS]
 
 
 def _fewest(s: Scales) -> float:
@@ -219,6 +234,32 @@ EFFECTS = (
         source=FRICTION,
         width="v",
         needs=("driven",),
+    ),
+    _entry(
+        "load_dependent_friction",
+        "F = −mu_positive |drive force| for v > 0, mu_negative |drive force| for v < 0",
+        (_amplitude("mu_positive", "1"), _amplitude("mu_negative", "1")),
+        _load_dependent_sides,
+        source=FRICTION,
+        width="v",
+        needs=("driven",),
+        form="sides",
+        becomes={"load_dependent_friction": "mu_positive = mu_negative"},
+    ),
+    _entry(
+        "load_dependent_friction",
+        "F = −(mu + (mu_static − mu) exp(−(v/vs)²)) |drive force| sgn(v), mu_static ≥ mu",
+        (
+            _amplitude("mu", "1"),
+            _amplitude("mu_static", "1"),
+            Parameter("vs", "{v}", speed(0.02, 0.05, 0.1, 0.2, 0.4)),
+        ),
+        _load_dependent_stribeck,
+        source=FRICTION,
+        width="v",
+        needs=("driven",),
+        form="stribeck",
+        becomes={"load_dependent_friction": "mu_static = mu or vs → 0"},
     ),
     _entry("quadratic_drag", "F = −k v |v|", (_amplitude("k", "{f}/({v})^2"),), _quadratic, width="v"),
     _entry(
@@ -305,7 +346,7 @@ EFFECTS = (
             (
                 "",
                 _end_stops,
-                lambda s: [max(s.q - a * s.v / f, 0.1 * s.q) for a, f in STOPS],
+                lambda s: [max(s.q - a * s.v * s.period_s / f, 0.1 * s.q) for a, f in STOPS],
                 0.0,
                 "F = −sgn(q) max(k (|q| − position + relaxation v sgn(q)), 0) beyond ±position",
             ),

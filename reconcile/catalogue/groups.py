@@ -5,8 +5,8 @@ from typing import Literal
 import casadi as ca
 
 from reconcile.catalogue import memory
-from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, none
-from reconcile.catalogue.inputs import LINEAR, seconds
+from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Starts, none
+from reconcile.catalogue.inputs import LINEAR, shortest, times
 
 
 def _lag(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -27,15 +27,13 @@ def _turned(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return Result(None, at={"0": cosine * first - sine * second, "1": sine * first + cosine * second})
 
 
-def _late(
-    name: str, place: Literal["input", "output"], equation: str, times: tuple[float, ...], low: float
-) -> Effect:
+def _late(name: str, place: Literal["input", "output"], equation: str, starts: Starts) -> Effect:
     """A lag of all signals of a group, which is called as that of one is."""
     return Effect(
         name,
         place,
         f"{equation} for all {place}s of the group",
-        (Parameter("time", "s", seconds(*times), low=low),),
+        (Parameter("time", "s", starts, least=shortest),),
         _lag,
         LINEAR,
         hidden=("lagged",),
@@ -47,8 +45,8 @@ def _late(
 
 
 EFFECTS = (
-    _late("input_lag", "input", "time du'/dt = u − u'", (0.03, 0.1, 0.3, 1.0), low=2e-3),
-    _late("sensor_lag", "output", "time dy'/dt = y − y'", (0.005, 0.03, 0.1, 0.3), low=5e-4),
+    _late("input_lag", "input", "time du'/dt = u − u'", times(1.5, 3.0)),
+    _late("sensor_lag", "output", "time dy'/dt = y − y'", times(0.3, 1.0)),
     Effect(
         "cross_axis_misalignment",
         "output",

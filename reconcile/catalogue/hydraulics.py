@@ -21,6 +21,7 @@ import casadi as ca
 
 from reconcile.catalogue import smooth
 from reconcile.catalogue.effect import Effect, Namespace, Parameter, Result, Scales, Starts, none
+from reconcile.catalogue.inputs import shortest, times
 
 MERRITT = "Merritt, Hydraulic Control Systems, Wiley 1967"
 REFERENCE = 100e5  # Pa: sizes of edges and valves are flows at this drop
@@ -32,10 +33,6 @@ Scalar = Any
 def _pressure(*shares: float) -> Starts:
     """Starts as shares of the largest pressure difference."""
     return lambda s: [a * s.p for a in shares]
-
-
-def _seconds(*values: float) -> Starts:
-    return lambda s: list(values)
 
 
 def _orifice(drop: Scalar) -> Scalar:
@@ -185,7 +182,7 @@ EFFECTS = (
         "b' = b (1 − fall (1 − exp(−t/time))), t since the recording began",
         (
             Parameter("fall", "1", none, amplitude=True, low=-2.0, high=0.99),
-            Parameter("time", "s", _seconds(4.0, 15.0, 60.0)),
+            Parameter("time", "s", lambda s: (4.0, 15.0, 60.0)),
         ),
         _warming,
         ("viscous",),
@@ -204,7 +201,7 @@ EFFECTS = (
     _entry(
         "brake_engagement",
         "brake torque grips and lets go with a lag: time dg/dt = engaged − g",
-        (Parameter("time", "s", _seconds(0.05, 0.15, 0.5), low=2e-3),),
+        (Parameter("time", "s", times(2.5, 1.5, 3), least=shortest),),
         _engagement,
         ("brake", "released", "axis"),
         hidden=("grip",),

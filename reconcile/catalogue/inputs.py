@@ -27,9 +27,25 @@ def share(*shares: float) -> Starts:
     return lambda s: [a * s.u for a in shares]
 
 
-def seconds(*values: float) -> Starts:
-    """Starts in s, none below a quarter of a sample period."""
-    return lambda s: [max(v, 0.25 * s.period_s) for v in values]
+def rates(*shares: float) -> Starts:
+    """Starts as shares of the largest input in the time in which the outputs forget."""
+    return lambda s: [a * s.u / s.memory_s for a in shares]
+
+
+def times(first: float = 0.5, last: float = 2.0, count: int = 4) -> Starts:
+    """Starts in s, from `first` sample periods to `last` times what the outputs forget in."""
+
+    def starts(s: Scales) -> list[float]:
+        low, high = first * s.period_s, last * s.memory_s
+        ratio = max(high / low, 2.0) ** (1.0 / (count - 1))
+        return [low * ratio**k for k in range(count)]
+
+    return starts
+
+
+def shortest(s: Scales) -> float:
+    """A time that no recording tells from nothing."""
+    return 0.02 * s.period_s
 
 
 def _dead_zone(c: Namespace, p: Namespace, w: Namespace) -> Result:
@@ -163,7 +179,7 @@ EFFECTS = (
     _gated(
         "input_lag",
         "time du'/dt = u − u'",
-        Parameter("time", "s", seconds(0.01, 0.05, 0.2, 0.8), low=5e-4),
+        Parameter("time", "s", times(), least=shortest),
         _lag,
         hidden=("lagged",),
         becomes={"input_delay": "time small against the motion"},
@@ -179,7 +195,7 @@ EFFECTS = (
     _gated(
         "input_rate_limit",
         "du'/dt = rate sgn(u − u')",
-        Parameter("rate", "{u}/s", share(0.5, 1.0, 2.0, 4.0, 8.0, 30.0)),
+        Parameter("rate", "{u}/s", rates(0.15, 0.3, 0.6, 1.2, 2.4, 9.0)),
         _rate_limit,
         hidden=("limited",),
         width="time",

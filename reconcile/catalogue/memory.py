@@ -2,6 +2,7 @@
 
 Each gives (value, Result fields `rates`, `next`) for one hidden state.  On a model in steps the value is the
 memory after the step that the present target makes: a held target is followed at once, as at a sampler.
+`c.averaged`: the value is the mean over the step instead; `c.slope`: slope by time of a target that moves on.
 """
 
 from typing import Any
@@ -19,8 +20,12 @@ def lag(c: Namespace, target: Scalar, name: str, state: Scalar, time: Scalar) ->
     """First order: time dw/dt = target - w; over a step with the target held, by exp(-step/time)."""
     if c.step is None:
         return Result(state, {name: (target - state) / time}, {name: target})
-    after = state + (1.0 - ca.exp(-c.step / time)) * (target - state)
-    return Result(after, starts={name: target}, next={name: after})
+    kept = ca.exp(-c.step / time)
+    after = state + (1.0 - kept) * (target - state)
+    if c.slope is not None:  # the target went up to here in a straight line
+        after += c.slope(target) * (c.step * kept - time * (1.0 - kept))
+    value = target + (state - target) * (1.0 - kept) * time / c.step if c.averaged else after
+    return Result(value, starts={name: target}, next={name: after})
 
 
 def play(c: Namespace, target: Scalar, name: str, state: Scalar, gap: Scalar) -> Result:
@@ -40,7 +45,9 @@ def rate_limit(c: Namespace, target: Scalar, name: str, state: Scalar, rate: Sca
         return Result(state + c.width * speed, {name: speed}, {name: target})
     most = rate * c.step
     after = state + ca.fmin(ca.fmax(target - state, -most), most)
-    return Result(after, starts={name: target}, next={name: after})
+    moving = ca.fmin(ca.fabs(target - state) / most, 1.0)  # share of the step
+    value = 0.5 * (state + after) * moving + after * (1.0 - moving) if c.averaged else after
+    return Result(value, starts={name: target}, next={name: after})
 
 
 def bristle(c: Namespace, name: str, state: Scalar, distance: Scalar) -> Result:

@@ -1,8 +1,8 @@
 """Effects between the model's output and its recording."""
 
-from reconcile.catalogue import memory
+from reconcile.catalogue import memory, smooth
 from reconcile.catalogue.effect import ANY, Effect, Namespace, Parameter, Result, Starts, none
-from reconcile.catalogue.inputs import LINEAR, NONSMOOTH, seconds
+from reconcile.catalogue.inputs import LINEAR, NONSMOOTH, shortest, times
 
 
 def share(*shares: float) -> Starts:
@@ -26,6 +26,10 @@ def _backlash(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return memory.play(c, c.y, "shown", w.shown, p.gap)
 
 
+def _absolute(c: Namespace, p: Namespace, w: Namespace) -> Result:
+    return Result(smooth.magnitude(c.y, c.width))
+
+
 def _drift(c: Namespace, p: Namespace, w: Namespace) -> Result:
     return Result(c.y + p.rate * c.t)
 
@@ -42,6 +46,16 @@ EFFECTS = (
         (Parameter("bias", "{y}", none, amplitude=True, low=ANY),),
         _bias,
         LINEAR,
+    ),
+    Effect(
+        "absolute_value_sensor",
+        "output",
+        "y' = |y|",
+        (),
+        _absolute,
+        NONSMOOTH,
+        gated=True,
+        width="y",
     ),
     Effect(
         "sensor_scale",
@@ -64,7 +78,7 @@ EFFECTS = (
         "sensor_lag",
         "output",
         "time dy'/dt = y − y'",
-        (Parameter("time", "s", seconds(0.005, 0.03, 0.1, 0.3), low=5e-4),),
+        (Parameter("time", "s", times(0.3, 1.0), least=shortest),),
         _lag,
         LINEAR,
         hidden=("shown",),

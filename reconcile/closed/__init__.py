@@ -7,7 +7,7 @@ simulation  what box and ports answer to a recording
 problem   simulation error over whole recordings, and its least-squares fit
 starts    what initial states do that its inputs reach: no error
 fitted    a fit and what it is worth
-search    one effect after the other, accepted by the rules of reconcile/evidence.py; rivals
+search    one effect after the other, accepted by the rules of evidence.py; rivals
 where     where it and the recordings disagree
 untold    what they cannot tell
 report    the figures in the form of the contract

@@ -7,10 +7,11 @@ import numpy as np
 from reconcile.catalogue import ALL, Effect, Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.closed.box import Box, Feedback
+from reconcile.closed.least_squares import Free
 from reconcile.data import Run
-from reconcile.fit.solve import Free
 from reconcile.model import ALL_OUTPUTS, Attached
-from reconcile.study import SPREAD
+
+SPREAD = 0.5  # of a parameter, as a share of its start: how far it may be wrong
 
 WIDTH = 1e-3  # of the largest input: over which a kink is rounded
 FLANK = 2e-3  # of the largest speed: over which dry friction turns

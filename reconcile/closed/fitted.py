@@ -1,15 +1,15 @@
-"""A fit of a closed FMU with a set of effects, and what it is worth by the rules of reconcile/evidence.py."""
+"""A fit of a closed FMU with a set of effects, and what it is worth by the rules of evidence.py."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from reconcile import evidence
-from reconcile.evidence import Confirmed, Sample
-from reconcile.fit.noise import worth
-from reconcile.fit.solve import Free
+from reconcile.closed import evidence
+from reconcile.closed.evidence import Confirmed, Sample
+from reconcile.closed.least_squares import Free
 from reconcile.model import Attached
+from reconcile.noise import worth
 
 
 @dataclass(frozen=True)

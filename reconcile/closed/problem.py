@@ -12,10 +12,10 @@ from scipy.optimize import least_squares
 
 from reconcile.closed.box import Box
 from reconcile.closed.fitted import ClosedFit
+from reconcile.closed.least_squares import Free, covariance_of
 from reconcile.closed.simulation import Simulation
 from reconcile.closed.starts import Starts, within
 from reconcile.data import Parts, Run, still
-from reconcile.fit.solve import Free, covariance_of
 from reconcile.model import Attached
 from specs.errors import InputError, RunError
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from reconcile import evidence, quantization, untold as open_untold, words
-from reconcile.closed import candidates, holdout, untold, where, wrap
+from reconcile import quantization, untold as open_untold, words
+from reconcile.closed import candidates, evidence, holdout, untold, where, wrap
 from reconcile.closed.box import Box
 from reconcile.closed.fitted import ClosedFit, names, sample, standard_errors
 from reconcile.closed.problem import ClosedProblem
@@ -15,9 +15,12 @@ from reconcile.closed.search import ClosedAnswer, ClosedSearch
 from reconcile.data import Run, split
 from reconcile.findings import STAGES
 from reconcile.model import Attached
-from reconcile.report import considered, stretches
-from reconcile.verdict import AT_FLOOR, MOVED, SEEN, WHITE
+from reconcile.report import MOST_CONSIDERED, stretches
+from reconcile.tolerances import MOVED, SEEN
 from records.scores import overall
+
+AT_FLOOR = 1.25  # rms error of the answer, in units of the floor
+WHITE = 0.35  # share of samples that count as independent, below which what is left has a shape
 
 Report = Callable[..., None]
 
@@ -147,11 +150,20 @@ def _effect(problem: ClosedProblem, answer: ClosedAnswer, a: Attached) -> dict[s
 
 def _considered(answer: ClosedAnswer) -> list[dict[str, Any]]:
     fitted, s = answer.fitted, sample(answer.fitted)
-    tried = {
-        k: (evidence.bic(f, s), float(np.sqrt(f.squares("fit") / s.count))) for k, f in answer.tried.items()
-    }
-    alternatives = [f.effects for f in answer.alternatives]
-    return considered(fitted.effects, evidence.bic(fitted, s), alternatives, tried, answer.refused)
+    own, best = frozenset(fitted.effects), evidence.bic(fitted, s)
+    declared = {frozenset(f.effects) for f in answer.alternatives}
+    rows: list[dict[str, Any]] = []
+    for key, f in answer.tried.items():
+        nats = 0.5 * (evidence.bic(f, s) - best)
+        because = "the answer" if frozenset(key) == own else "cannot be told from the answer"
+        if frozenset(key) not in {own, *declared}:
+            because = f"{abs(nats):.0f} nats of evidence {'less' if nats > 0 else 'more'} than the answer"
+        rows.append({"effects": sorted(a.key for a in key), "nats_below_answer": nats, "because": because})
+    rows.sort(key=lambda r: r["nats_below_answer"])
+    turned_down = [
+        {"effects": [f"{r['effect']}@{r['port']}"], "because": r["because"]} for r in answer.refused
+    ]
+    return rows[:MOST_CONSIDERED] + turned_down
 
 
 def _gaps(problem: ClosedProblem, stages: holdout.Errors) -> dict[str, Any]:

@@ -5,13 +5,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from reconcile import evidence
+from reconcile.closed import evidence
 from reconcile.closed.candidates import candidates
+from reconcile.closed.evidence import Sample
 from reconcile.closed.fitted import ClosedFit, confirmed, from_nothing, names, sample
 from reconcile.closed.problem import ClosedProblem
-from reconcile.evidence import Sample
 from reconcile.model import Attached
-from reconcile.rivals import CLOSE, MOST_RIVALS
+
+CLOSE = 2.0 * float(np.log(5.0))  # of twice the log-likelihood: odds of less than five do not tell apart
+MOST_RIVALS = 4
 
 LARGEST = 3  # effects in a set
 REFITS = 6  # fitted of each ranking

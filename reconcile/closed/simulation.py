@@ -13,11 +13,12 @@ from orchestrator.system.system import System
 from reconcile.closed.box import Box, answer
 from reconcile.closed.candidates import Sizes
 from reconcile.closed.port import Passing, Port, Side, identifier
+from reconcile.closed.windows import STEP_S
+from reconcile.core import unique
 from reconcile.data import Parts, Run
-from reconcile.fit.noise import high_pass_level, quantum
-from reconcile.fit.windows import STEP_S, Held
+from reconcile.held import Held
 from reconcile.model import ALL_OUTPUTS, Attached
-from reconcile.study import unique
+from reconcile.noise import high_pass_level, quantum
 from specs.errors import InputError
 
 REMEMBERED = 400  # answers of the FMU

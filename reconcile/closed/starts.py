@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reconcile.closed.box import answer
+from reconcile.closed.windows import MARGIN_S, PREFIX
 from reconcile.data import Block, Run
-from reconcile.fit.windows import MARGIN_S
-from reconcile.holdout import PREFIX
 from specs.errors import RunError
 
 if TYPE_CHECKING:

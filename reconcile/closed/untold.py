@@ -6,7 +6,8 @@ from reconcile.catalogue import ALL, Effect
 from reconcile.closed.candidates import BIAS, candidates
 from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.problem import ClosedProblem
-from reconcile.untold import NEEDS, UNKNOWN
+from reconcile.tolerances import KNOWN
+from reconcile.untold import NEEDS
 
 INSIDE = "the FMU is closed: it would have to change within"
 FORCE = "the FMU is closed: only a disturbance input and an output with its speed let a force be told"
@@ -49,7 +50,7 @@ def unseen(problem: ClosedProblem, fitted: ClosedFit) -> list[dict[str, object]]
     `drive` names the inputs that no recording moves; what else would help, a closed FMU does not say.
     """
     errors = dict(zip((f.name for f in fitted.free), np.sqrt(np.diag(fitted.covariance)), strict=True))
-    told = {f.name for f in fitted.free if f.prior and errors[f.name] <= UNKNOWN * f.prior[1]}
+    told = {f.name for f in fitted.free if f.prior and errors[f.name] <= KNOWN * f.prior[1]}
     drive = problem.still_inputs
     return [
         {"parameter": v.name, "because": UNFELT if v.start else SIZELESS, "drive": drive if v.start else []}

@@ -19,12 +19,12 @@ from reconcile import localise
 from reconcile.closed.box import VELOCITIES
 from reconcile.closed.fitted import ClosedFit
 from reconcile.closed.problem import ClosedProblem
+from reconcile.closed.windows import MARGIN_S, Window, cut
 from reconcile.data import Run, Signal
-from reconcile.fit.windows import MARGIN_S, Window, cut
 from reconcile.localise import Located
 from reconcile.ports import Axis
 from reconcile.regimes import CHANGE_S
-from reconcile.residual import MOST_WINDOWS, WINDOW_S, Residual
+from reconcile.residual import Residual
 
 LAGS, LAG_S = 2, 0.1  # earlier errors that later ones follow from
 OWN = 0.3  # of a speed's size: by which a position's sample differences may differ from it
@@ -161,10 +161,8 @@ def _residual(
 
 def _moments(problem: ClosedProblem, name: str) -> tuple[tuple[Window, np.ndarray], ...]:
     """Windows of the part to fit with the times of an output's samples; evenly chosen of many."""
-    windows = cut(problem.parts.fit, WINDOW_S, None)
-    chosen = np.unique(np.linspace(0, len(windows) - 1, min(len(windows), MOST_WINDOWS)).round().astype(int))
     found = []
-    for w in (windows[i] for i in chosen):
+    for w in cut(problem.parts.fit):
         first = w.run.start_s + MARGIN_S + LAGS * LAG_S  # errors before must be known as well
         found.append((w, w.times[name][w.times[name] >= first]))
     return tuple((w, t) for w, t in found if len(t))

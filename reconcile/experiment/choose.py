@@ -1,7 +1,7 @@
 """Which experiment to drive next: the one that tells best what is worst told.
 
 A spread of excitations is played with every candidate; what leaves the limits is made smaller until it does
-not.  The best are varied at random.
+not.  The best are varied at random.  Times are shares of the bench's duration.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,20 +11,20 @@ import numpy as np
 
 from reconcile.experiment.excitation import SHAPES, TICKS, Excitation
 from reconcile.experiment.predict import Bench, Played
-from reconcile.fit.solve import Fitted
+from reconcile.filter.fit import Point
 
 AMPLITUDES = (1.0, 0.25)
-PERIODS_S = (0.6, 2.0, 6.0, 15.0)
+PERIODS = (0.03, 0.1, 0.3, 0.75)
 OFFSETS = (0.0, 0.0, 0.25, -0.25)  # of the amplitude
-DURATION_S, LONGEST_S = 20.0, 60.0  # while excitations are compared, and of the best
-SHORTER_S = (12.0, 30.0)  # that do, if they tell by PLENTY
+LONGEST = 3.0  # of the best
+SHORTER = (0.6, 1.5)  # that do, if they tell by PLENTY
 NEEDED = 2.0 * float(np.log(10.0))  # of twice the log-likelihood: so much an experiment is to tell
 HOPELESS = 0.02  # times what is needed: nothing near an excitation that tells so little tells enough
 PLENTY = 10.0  # times what is needed: beyond it an experiment had better be gentle and short
 PLACES = (0.5, 0.15, 0.85)  # of a position's range, where an experiment may start
 TRIES = 3  # of making an excitation smaller until it stays within the limits
 TIGHTER, LEAST_SHARE = 0.9, 0.2
-SURE = 4  # of the best, whose motion is checked with uncertain parameters
+CHECKED = 4  # of the best, whose motion is checked with uncertain parameters
 SMALLEST = 0.01  # of an input's range: less is no excitation
 VARIED, ROUNDS = 3, 4  # of the best excitations, of different kinds, and how often each
 FEW_STATES = 6  # beyond which fewer excitations are tried, for the time that each takes
@@ -43,8 +43,8 @@ class Rated:
     played: tuple[Played, ...]
 
 
-def best(bench: Bench, fits: Sequence[Fitted], judge: Judge, enough: float, report=None) -> list[Rated]:
-    """Excitations that stay within the limits with every one of `fits`, best first.
+def best(bench: Bench, points: Sequence[Point], judge: Judge, enough: float, report=None) -> list[Rated]:
+    """Excitations that stay within the limits with every one of `points`, best first.
 
     What no excitation tells by `enough` does not count: the rest is told as well as can be.
     """
@@ -53,7 +53,7 @@ def best(bench: Bench, fits: Sequence[Fitted], judge: Judge, enough: float, repo
     total = len(first) + VARIED * ROUNDS
     for done, e in enumerate(first):
         said("next experiment", done, total)
-        rated += _rate(bench, e, fits, judge)
+        rated += _rate(bench, e, points, judge)
         if rated and np.min(rated[-1].margins) >= PLENTY * enough:
             break
     rng = np.random.default_rng(SEED)
@@ -61,31 +61,34 @@ def best(bench: Bench, fits: Sequence[Fitted], judge: Judge, enough: float, repo
     least = max((float(np.min(r.margins)) for r in rated), default=np.inf)
     worthwhile = most > HOPELESS * enough and least < PLENTY * enough
     for turn in range(ROUNDS if worthwhile else 0):
-        for i, r in enumerate(_different(ranked(rated, enough))):
+        kinds: dict[str, Rated] = {}
+        for r in ranked(rated, enough):
+            kinds.setdefault(r.excitation.kind, r)
+        for i, r in enumerate(list(kinds.values())[:VARIED]):
             said("next experiment", len(first) + turn * VARIED + i, total)
-            rated += _rate(bench, _varied(bench, r.excitation, rng), fits, judge)
-    found = ranked([_sure(bench, r, fits, judge) for r in ranked(rated, enough)[:SURE]], enough)
-    return [_short(bench, found[0], fits, judge, enough), *found[1:]] if found else []
+            rated += _rate(bench, _varied(bench, r.excitation, rng), points, judge)
+    found = ranked([_kept(bench, r, points, judge) for r in ranked(rated, enough)[:CHECKED]], enough)
+    return [_short(bench, found[0], points, judge, enough), *found[1:]] if found else []
 
 
-def _short(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge, enough: float) -> Rated:
+def _short(bench: Bench, r: Rated, points: Sequence[Point], judge: Judge, enough: float) -> Rated:
     """The excitation, as short as still tells by PLENTY what it tells at all."""
     told = tellable([r], enough)
-    for seconds in SHORTER_S:
+    for seconds in (share * bench.duration_s for share in SHORTER):
         if seconds < r.excitation.duration_s:
-            for shorter in _rate(bench, replace(r.excitation, duration_s=seconds), fits, judge):
+            for shorter in _rate(bench, replace(r.excitation, duration_s=seconds), points, judge):
                 if np.min(shorter.margins[told]) >= PLENTY * enough:
                     return shorter
     return r
 
 
-def _sure(bench: Bench, r: Rated, fits: Sequence[Fitted], judge: Judge) -> Rated:
+def _kept(bench: Bench, r: Rated, points: Sequence[Point], judge: Judge) -> Rated:
     """The excitation, made smaller until it keeps the limits with parameters as uncertain as they are."""
     for _ in range(TRIES):
-        excess = bench.doubtful(r.excitation, fits)
+        excess = bench.doubtful(r.excitation, points)
         if excess <= 1.0:
             return r
-        smaller = _rate(bench, _shrunk(r.excitation, excess), fits, judge)
+        smaller = _rate(bench, _shrunk(r.excitation, excess), points, judge)
         if not smaller:
             break
         r = smaller[0]
@@ -103,14 +106,6 @@ def ranked(rated: Sequence[Rated], enough: float) -> list[Rated]:
         return -min(least, PLENTY * enough), rough(r.excitation), -least
 
     return sorted(rated, key=order)
-
-
-def _different(best_first: Sequence[Rated]) -> list[Rated]:
-    """The first of each kind, as many as are varied."""
-    found: dict[str, Rated] = {}
-    for r in best_first:
-        found.setdefault(r.excitation.kind, r)
-    return list(found.values())[:VARIED]
 
 
 def tellable(rated: Sequence[Rated], enough: float) -> np.ndarray:
@@ -133,9 +128,9 @@ def spread(bench: Bench) -> list[Excitation]:
             kind,
             chosen,
             amplitude,
-            PERIODS_S[(2 * i + k) % len(PERIODS_S)],
+            max(PERIODS[(2 * i + k) % len(PERIODS)] * bench.duration_s, shortest_s(bench)),
             float(rng.choice(OFFSETS)) * amplitude,
-            DURATION_S,
+            bench.duration_s,
             int(rng.integers(1, 1000)),
             starts[int(rng.integers(len(starts)))],
             shortest_s(bench),
@@ -146,7 +141,7 @@ def spread(bench: Bench) -> list[Excitation]:
         for i in range(2)
     ]
     # a stride without a factor in common with the numbers of amplitudes and periods, so that all are left
-    few = len(bench.study.model.states) <= FEW_STATES and len(driven) == 1
+    few = len(bench.core.model.states) <= FEW_STATES and len(driven) == 1
     kept = found if few else found[:: 3 if len(driven) == 1 else 2 * len(driven) - 1]
     return sorted(kept, key=rough)
 
@@ -171,13 +166,13 @@ def _starts(bench: Bench) -> list[tuple[tuple[str, float], ...]]:
     return [tuple((n, float(r.low + at * (r.high - r.low))) for n, r in ranges.items()) for at in PLACES]
 
 
-def _rate(bench: Bench, e: Excitation, fits: Sequence[Fitted], judge: Judge) -> list[Rated]:
+def _rate(bench: Bench, e: Excitation, points: Sequence[Point], judge: Judge) -> list[Rated]:
     """The excitation, made smaller until every candidate stays within the limits; none if that fails."""
     for _ in range(TRIES):
-        played = [p for f in fits if (p := bench.play(e, f)) is not None]
-        if len(played) < len(fits) or not all(bench.rests(e, p) for p in played):
+        played = [p for point in points if (p := bench.play(e, point)) is not None]
+        if len(played) < len(points) or not all(bench.rests(e, p.run) for p in played):
             return []
-        excess = max(bench.excess(p) for p in played)
+        excess = max(bench.excess(e, p.run) for p in played)
         if excess <= 1.0:
             return [Rated(e, np.asarray(judge(bench, played)), tuple(played))]
         e = _shrunk(e, excess)
@@ -193,11 +188,12 @@ def _shrunk(e: Excitation, excess: float) -> Excitation:
 
 def _varied(bench: Bench, e: Excitation, rng: np.random.Generator) -> Excitation:
     """Another one near it, as long as an experiment may be."""
+    period = e.period_s * np.exp(0.5 * rng.standard_normal())
     return replace(
         e,
         amplitude=float(min(1.0, e.amplitude * np.exp(0.4 * rng.standard_normal()))),
-        period_s=float(np.clip(e.period_s * np.exp(0.5 * rng.standard_normal()), shortest_s(bench), 20.0)),
+        period_s=float(np.clip(period, shortest_s(bench), bench.duration_s)),
         offset=float(np.clip(e.offset * np.exp(0.5 * rng.standard_normal()), -0.5, 0.5)),
-        duration_s=LONGEST_S,
+        duration_s=LONGEST * bench.duration_s,
         seed=int(rng.integers(1, 1000)),
     )

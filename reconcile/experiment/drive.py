@@ -65,10 +65,11 @@ def drive(
 def compare(first: dict[str, Any], new: Path) -> Callable[..., dict[str, Any]]:
     """What a second answer adds to its report: predicted against achieved margins of the first's doubt."""
 
-    def then(study, answer, figures: dict[str, Any]) -> dict[str, Any]:
-        if study.folder.model.name != first["next_experiment"].get("subsystem", study.folder.model.name):
+    def then(answer, figures: dict[str, Any]) -> dict[str, Any]:
+        name = answer.core.folder.model.name
+        if name != first["next_experiment"].get("subsystem", name):
             return {}
-        found = compared(study, answer, first)
+        found = compared(answer, first)
         return {"experiment": found | {"recording": str(new), "after": figures["verdict"]}}
 
     return then

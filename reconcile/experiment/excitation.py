@@ -17,12 +17,11 @@ from typing import Any
 
 import numpy as np
 
-LEAD_S = 1.0  # of rest before it begins
-SHORTEST_S = 0.4  # period, where nothing else is said
+LEAD = 0.05  # of its duration: rest before it begins, and after it
 TICKS = 4  # changes of a command in the shortest period: with fewer no shape is left
 FASTER = {"reversals": 4.0, "multisine": 16.0, "chirp": 4.0, "binary": 16.0}  # than the period, at most
 RUNGS = 6  # of a ladder
-FADE_S = 2.0  # over which an oscillation comes up, so that it does not push the axis away
+FADE = 0.1  # of a shape's time, over which an oscillation comes up: it does not push the axis away then
 
 Times = np.ndarray  # of a shape, [n] in s from its beginning
 Rng = np.random.Generator
@@ -44,13 +43,18 @@ class Excitation:
     duration_s: float = 30.0
     seed: int = 1
     start: tuple[tuple[str, float], ...] = ()
-    shortest_s: float = SHORTEST_S
+    shortest_s: float = 0.0
 
     @property
     def fastest_s(self) -> float:
         """The shortest period in it."""
         quick = self.period_s / FASTER.get(self.kind, 1.0)
         return min(self.period_s, max(quick, self.shortest_s))
+
+    def centre(self, low: float, high: float) -> float:
+        """Of a range: a small excitation stays near where the input rests."""
+        rest, middle = neutral(low, high), 0.5 * (low + high)
+        return rest + self.amplitude * (middle - rest) + self.offset * 0.5 * (high - low)
 
     def as_dict(self) -> dict[str, Any]:
         """For a report; `of_dict` reads it again."""
@@ -74,10 +78,11 @@ def commands(
         found[name] = np.full(n, rest)
         if name in chosen.inputs:
             rng = np.random.default_rng([chosen.seed, i])
-            time = tick_s * np.arange(n) - LEAD_S
-            inside = (time >= 0.0) & (time < chosen.duration_s - 2.0 * LEAD_S)
+            lead = LEAD * chosen.duration_s
+            time = tick_s * np.arange(n) - lead
+            inside = (time >= 0.0) & (time < chosen.duration_s - 2.0 * lead)
             shape = SHAPES[chosen.kind](time[inside], chosen.period_s, chosen.fastest_s, rng)
-            centre = 0.5 * (low + high) + chosen.offset * half
+            centre = chosen.centre(low, high)
             found[name][inside] = np.clip(centre + chosen.amplitude * half * shape, low, high)
     return found
 
@@ -160,7 +165,7 @@ def _strokes(t: Times, period: float, fast: float, rng: Rng) -> np.ndarray:
 
 
 def _fade(t: np.ndarray) -> np.ndarray:
-    return np.clip(t / FADE_S, 0.0, 1.0)
+    return np.clip(t / max(FADE * float(t[-1]), 1e-9), 0.0, 1.0)
 
 
 SHAPES: dict[str, Callable[[Times, float, float, Rng], np.ndarray]] = {

@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmus.definition import Variable
+from reconcile.core import Core
 from reconcile.data import Run, Signal
-from reconcile.study import Study, unique
 from specs.errors import InputError
 from specs.signals import signals
 
 WIDER = 0.25  # of the recorded span of a signal, to either side, where nothing is stated
 ROOM = 0.05  # of a stated range that a predicted motion keeps off its ends, but no more than
 HALF = 0.5  # of the way there: an oil at rest has a pressure near the lower end
-FIRST_S = 0.2  # of a recording, whose mean is where the machine starts
+FIRST = 10  # samples of a recording, whose mean is where the machine starts
 RATE = 0.5  # share of an input that is not the slope of another, if it is said to be its rate
 Range = tuple[float, float]
 
@@ -54,42 +54,41 @@ class Limits:
     followers: dict[str, str] = field(default_factory=dict)
 
 
-def limits_of(study: Study, wide: bool = False, kept: Mapping[str, Range] | None = None) -> Limits:
-    """Limits of a study's machine, `kept` before what its model states.
+def limits_of(core: Core, wide: bool = False, kept: Mapping[str, Range] | None = None) -> Limits:
+    """Limits of a machine, `kept` before what its model states.
 
     `wide`: where outputs have none stated, what was recorded is none either.
     Raises InputError where no input has a range, stated or recorded.
     """
-    runs = unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
-    axes = study.folder.ports.axes
-    shown = {n: _shows(study, n) for n in study.floors}
-    model = {v.name: v for v in (*study.model.inputs, *study.model.outputs)}
+    runs, axes, names = core.runs, core.folder.ports.axes, core.outputs
+    shown = {n: core.model.states[i].name for i, n, _ in core.kalman.shown}
+    model = {v.name: v for v in (*core.model.inputs, *core.model.outputs)}
     followers = _followers(model, runs)
-    inputs = _inputs(study, model, runs, set(followers.values()))
+    inputs = _inputs(core, model, runs, set(followers.values()))
     followers = {rate: place for rate, place in followers.items() if rate in inputs}
-    moving = {n: [r.outputs[n].values for r in runs] for n in study.floors}
+    moving = {n: [r.outputs[n].values for r in runs] for n in names}
     outputs = {n: _output(model[n], values, wide, kept or {}) for n, values in moving.items()}
     for place in followers.values():
         outputs[place] = _output(model[place], [r.inputs[place].values for r in runs], False, {})
     rates = {a.velocity for a in axes}
-    start = {n: 0.0 if shown[n] in rates else _first(runs[0].outputs[n]) for n in study.floors}
-    places = tuple(n for n in study.floors if shown[n] in {a.position for a in axes})
+    start = {n: 0.0 if shown.get(n) in rates else _first(runs[0].outputs[n]) for n in names}
+    places = tuple(n for n in names if n in shown and shown[n] in {a.position for a in axes})
     held = {n: float(np.median(s.values)) for n, s in runs[0].inputs.items() if n not in inputs}
     held |= {n: 0.0 for n in _followers(model, runs) if n in held}
     return Limits(inputs, outputs, start, places, held, followers)
 
 
 def _inputs(
-    study: Study, model: Mapping[str, Variable], runs: Sequence[Run], led: set[str]
+    core: Core, model: Mapping[str, Variable], runs: Sequence[Run], led: set[str]
 ) -> dict[str, Range]:
     """Ranges of the inputs that may be driven: as stated for commands and own rigs, else as recorded."""
     found = {}
-    for name in study.folder.ports.controls:
+    for name in core.folder.ports.controls:
         recorded = [r.inputs[name].values for r in runs if name in r.inputs]
         if name not in led and (span := _range(model[name], recorded)):
             found[name] = span
     if not found:
-        names = ", ".join(study.folder.ports.controls)
+        names = ", ".join(core.folder.ports.controls)
         raise InputError(f"no input has a range ({names}): state min and max in model.py")
     return found
 
@@ -140,10 +139,4 @@ def _rate_of(run: Run, rate: str, place: str) -> bool:
 
 
 def _first(signal: Signal) -> float:
-    return float(np.mean(signal.values[signal.time <= signal.time[0] + FIRST_S]))
-
-
-def _shows(study: Study, output: str) -> str:
-    """The state that an output shows, or an empty name."""
-    shown = study.fit_problem.shown.items()
-    return next((study.model.states[i].name for i, (n, order) in shown if n == output and not order), "")
+    return float(np.mean(signal.values[:FIRST]))

@@ -1,53 +1,51 @@
-"""What an experiment would show: played with fitted models, and how far apart that sets two of them.
+"""What an experiment would show: played with fitted sets of effects, and how far that sets two of them apart.
 
-The margin of a pair is twice the difference in log-likelihood that recordings and experiment together will
-show between the true set and its rival, once the rival is fitted to both.  It is worked out to first order:
-what the true set's outputs differ by is freed of what the rival's parameters and initial states could make
-up for; that the recordings at hand hold the rival's parameters counts in full.
+The margin of a set over a rival is twice the nats by which recordings and experiment together favour it if it
+is true.  The set's play is filtered with the rival; the rival's parameters go where play and recordings
+together want them, and the recordings hold them by their information.  A play is without noise: what noise
+adds to the innovations is what the true set's own filter expects.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
-from reconcile import evidence, starting
-from reconcile.data import PATTERN, WHOLE, Block, Run, Signal
+from reconcile.core import Core
+from reconcile.data import Run, Signal
 from reconcile.experiment.carried import Carrier
-from reconcile.experiment.excitation import LEAD_S, Excitation, commands, smooth
+from reconcile.experiment.excitation import LEAD, Excitation, commands, smooth
 from reconcile.experiment.limits import Limits
-from reconcile.fit import whitening
-from reconcile.fit.point import Point
-from reconcile.fit.problem import Problem
-from reconcile.fit.solve import Fitted
-from reconcile.fit.whitening import Whitener
-from reconcile.fit.windows import STEP_S, WINDOW_S, Window, span
-from reconcile.study import Study, unique
+from reconcile.filter.fit import Fitter, Point
+from reconcile.filter.kalman import NOISE, Kalman, Values
+from reconcile.filter.record import Record
+from reconcile.tolerances import OUTPUT_FLOOR, STUDENT
 
-FOLLOWS_S = 0.5  # lag, twice, of an input that another follows: it is moved by a machine
-FINER = 4.0
-QUICK_BIN_S = 0.5  # of the noise's forces, while excitations are compared
-DOUBT, WAYS = 2.0, 2
+SAMPLES = 1000  # of an experiment while excitations are compared
+COMMANDS = 200  # in that time, at least
+MEMORIES = 10.0  # of the outputs in it, where the recordings are as long
+FOLLOWS = 0.5  # of the outputs' memory: lag, twice, of an input that another follows; a machine moves it
+STEPPED, FINEST = 0.1, 8  # of the noise, by which a play may depend on its steps; times the filter's substeps
+DOUBT, WAYS = 2.0, 2  # deviations by which parameters may be off, in the ways in which they are known least
 RESTS = 0.05  # of the motion: a machine that moves less by itself stays where it is
+THOROUGH = 6  # steps of a rival's fit to an experiment that was chosen
+CERTAIN = 1e6  # margin over a rival that cannot even follow the experiment
+LENGTHS = (1.0, 0.4, 0.1)  # of a step of that fit, which are tried
 
 
 @dataclass(frozen=True)
 class Played:
-    """An experiment as a fitted set of effects predicts it: the run, and states [n + 1, NX] at `step_s`."""
+    """An experiment as a fitted set predicts it; `loss`, `noise` [N]: what its own filter expects of it."""
 
     chosen: Excitation
     run: Run
-    states: np.ndarray
-    step_s: float
-
-    def at(self, time_s: float) -> np.ndarray:
-        """States at a time."""
-        return self.states[min(round(time_s / self.step_s), len(self.states) - 1)]
+    fitter: Fitter
+    loss: np.ndarray
+    noise: np.ndarray
 
 
 class Bench:
-    """Plays excitations with the fitted sets of a study; inputs change every `tick_s`.
+    """Plays excitations with fitted sets; inputs change every `tick_s`.
 
     `fixed_start`: the machine cannot be asked to start elsewhere than in the recordings.  `carrier`: takes
     the commands and moves the model's inputs.
@@ -55,42 +53,38 @@ class Bench:
 
     def __init__(
         self,
-        study: Study,
+        core: Core,
         limits: Limits,
         tick_s: float,
         fixed_start: bool = False,
         carrier: Carrier | None = None,
     ):
-        self.study, self.limits, self.tick_s, self.fixed_start = study, limits, tick_s, fixed_start
+        self.core, self.limits, self.tick_s, self.fixed_start = core, limits, tick_s, fixed_start
         self.carrier = carrier
         self._carried: dict[Excitation, dict[str, np.ndarray]] = {}  # motion of the carrier, found once
-        self.finer = 1.0  # steps of the simulation than the fits'
-        self.runs = unique([b.run for b in (*study.parts.fit, *study.parts.confirm, *study.parts.holdout)])
-        self.period_s = min(r.period_s for r in self.runs)
-
-    def checking(self) -> "Bench":
-        """The same with finer steps: what differs between the two is no property of the machine."""
-        found = Bench(self.study, self.limits, self.tick_s, self.fixed_start, self.carrier)
-        found.finer, found._carried = FINER, self._carried
-        return found
+        self.substeps = core.kalman.substeps
+        recorded = max(r.end_s - r.start_s for r in core.runs)
+        remembered = min(MEMORIES * core.memory_s, recorded)
+        self.duration_s = max(SAMPLES * core.period, COMMANDS * tick_s, remembered)
+        # of a recording that a later fit takes; the rest judges it
+        self.share = float(np.mean([r.fit.mean() for r in core.records if r.fit.any()]))
 
     # ---------------------------------------------------------------- playing
 
     def inputs(self, chosen: Excitation) -> dict[str, Signal]:
         """The model's inputs over time: driven, what follows from that, and the others as they were."""
         limits, tick = self.limits, self.tick_s
-        told = self.told(chosen)
         if self.carrier is not None:
             moved = self.carrier.inputs(self._moved(self.carrier, chosen))
             time = next(iter(moved.values())).time
             return {n: Signal(time, np.full(len(time), v)) for n, v in limits.held.items()} | moved
+        told = self.told(chosen)
         for rate, place in limits.followers.items():
-            told[rate] = smooth(told[rate], FOLLOWS_S / tick)
+            told[rate] = smooth(told[rate], FOLLOWS * max(self.core.memory_s, tick) / tick)
             told[place] = limits.held[place] + tick * np.cumsum(told[rate])
         time = tick * np.arange(len(next(iter(told.values()))))
-        for name, value in limits.held.items():
-            told.setdefault(name, np.full(len(time), value))
-        return {n: Signal(time, u) for n, u in told.items()}
+        held = {n: np.full(len(time), v) for n, v in limits.held.items()}
+        return {n: Signal(time, u) for n, u in (held | told).items()}
 
     def told(self, chosen: Excitation) -> dict[str, np.ndarray]:
         """What is commanded at every tick, [n] each."""
@@ -101,204 +95,190 @@ class Bench:
             self._carried[chosen] = carrier.moved(self.told(chosen), self.tick_s)
         return self._carried[chosen]
 
-    def play(self, chosen: Excitation, fitted: Fitted) -> Played | None:
+    def motion(self, chosen: Excitation, point: Point) -> Run | None:
         """The whole experiment from rest, without noise; None if the model runs away."""
-        time = np.arange(0.0, chosen.duration_s - 1e-9, self.period_s)
+        core, kalman = self.core, self.core.kalman
+        time = np.arange(0.0, chosen.duration_s - 1e-6 * core.period, core.period)
+        p = np.array([point.values[n] for n in kalman.whole.index])
+        late = {n: kalman.late.of_output(n, p) for n in core.outputs}
         first = self.limits.start | dict(chosen.start)
-        rest = {n: Signal(time, np.full(len(time), y)) for n, y in first.items()}
-        run = Run("experiment", 0.0, chosen.duration_s, self.inputs(chosen), rest)
-        h = self._step()
-        zero = {n: np.zeros(len(time)) for n in rest}
-        window = Window(run, 0.0, int(np.ceil(chosen.duration_s / h)), h, dict.fromkeys(rest, time), zero)
-        problem = self._problem([window])
-        point = self._point(problem, fitted)
-        found = problem.simulate(point, 0)
-        if found is None:
+        start = {
+            n: Signal(np.array([d / (1.0 - drift)]), np.array([first[n]])) for n, (d, drift) in late.items()
+        }
+        run = Run("experiment", 0.0, chosen.duration_s, self.inputs(chosen), start)
+        shown = self._shown(run, time, point)
+        if shown is None:
             return None
-        errors = problem.compare(point, 0, found)[0]
-        outputs = {n: Signal(time, -e * problem.sigma[n]) for n, e in errors.items()}
-        return Played(chosen, replace(run, outputs=outputs), found[0], h)
+        outputs = {
+            n: Signal(time, np.interp(time - d - drift * time, time, shown[:, o]))
+            for o, (n, (d, drift)) in enumerate(late.items())
+        }
+        return replace(run, outputs=outputs)
 
-    def excess(self, played: Played) -> float:
-        """By what factor the outputs leave their limits, seen from their start; at most 1 if they do not."""
-        moving = {n: s.values for n, s in (*played.run.inputs.items(), *played.run.outputs.items())}
-        if self.carrier is not None:
-            moving = self._moved(self.carrier, played.chosen) | moving
-        return max(limit.excess(moving[n]) for n, limit in self.limits.outputs.items())
+    def _shown(self, run: Run, time: np.ndarray, point: Point) -> np.ndarray | None:
+        """Outputs [n, NY] of the model by itself.
 
-    def doubtful(self, chosen: Excitation, fits: Sequence[Fitted]) -> float:
-        """The largest excess with parameters off by DOUBT errors, the ways they are known least."""
-        found = 0.0
-        for fitted in fits:
-            for p in _off(self.study, fitted):
-                played = self.play(chosen, replace(fitted, point=replace(fitted.point, p=p)))
-                found = max(found, np.inf if played is None else self.excess(played))
+        What is driven harder than it was may need finer steps: from then on they are taken.
+        """
+        alone = [(np.arange(len(time)) > 0).astype(int)]
+        noise = np.array([point.values[NOISE + n] for n in self.core.outputs])
+
+        def by(substeps: int) -> np.ndarray | None:
+            found = self._over(run, time, substeps).run(point.values, point.present, alone, own=True)
+            shown = found[0].free if found else None
+            if shown is None or not np.isfinite(shown[1:]).all():
+                return None
+            shown[0] = shown[1]
+            return shown
+
+        shown = by(self.substeps)
+        while self.core.model.kind == "continuous" and self.substeps < FINEST * self.core.kalman.substeps:
+            finer = by(2 * self.substeps)
+            if finer is None:
+                break
+            if shown is not None and np.all(np.mean((finer - shown) ** 2, 0) < (STEPPED * noise) ** 2):
+                break
+            shown, self.substeps = finer, 2 * self.substeps
+        return shown
+
+    def _over(self, run: Run, time: np.ndarray, substeps: int) -> Kalman:
+        every = np.ones(len(time), bool)
+        found = self.core.kalman.over([Record(run, time, every, ~every, ~every)])
+        found.substeps = substeps
         return found
 
-    def rests(self, chosen: Excitation, played: Played) -> bool:
+    def play(self, chosen: Excitation, point: Point) -> Played | None:
+        """The experiment as a set predicts it, with what its filter expects; None if it runs away."""
+        run = self.motion(chosen, point)
+        if run is None:
+            return None
+        time = next(iter(run.outputs.values())).time
+        rest = 0.5 * LEAD * chosen.duration_s  # delays move samples there, and nothing else does
+        inside = (time >= rest) & (time < chosen.duration_s - rest)
+        fitter = Fitter(self._over(run, time, self.substeps), [inside])
+        found = fitter.innovations(seen_by(point.values, run), point.present, own=True)
+        if found is None:
+            return None
+        loss = fitter.loss(np.hypot(found[0], np.sqrt(found[1])), found[1])
+        return Played(chosen, run, fitter, loss, found[1])
+
+    def excess(self, chosen: Excitation, run: Run) -> float:
+        """By what factor the outputs leave their limits, seen from their start; at most 1 if they do not."""
+        moving = {n: s.values for n, s in (*run.inputs.items(), *run.outputs.items())}
+        if self.carrier is not None:
+            moving = self._moved(self.carrier, chosen) | moving
+        return max((limit.excess(moving[n]) for n, limit in self.limits.outputs.items()), default=0.0)
+
+    def doubtful(self, chosen: Excitation, points: Sequence[Point]) -> float:
+        """The largest excess with parameters off by DOUBT errors, the ways they are known least."""
+        runs = [self.motion(chosen, replace(p, values=v)) for p in points for v in self._off(p)]
+        return max((np.inf if r is None else self.excess(chosen, r) for r in runs), default=0.0)
+
+    def _off(self, point: Point) -> list[Values]:
+        at = self.moving(point)
+        values, vectors = np.linalg.eigh(point.covariance()[np.ix_(at, at)])
+        found = []
+        for i in range(max(0, len(at) - WAYS), len(at)):
+            for side in (-DOUBT, DOUBT):
+                off = side * np.sqrt(max(values[i], 0.0)) * vectors[:, i]
+                found.append(_moved_by(point, at, _coordinates(point.values, point)[at] + off))
+        return found
+
+    def rests(self, chosen: Excitation, run: Run) -> bool:
         """Whether the machine stays where the experiment starts until it is driven."""
         for name, place in chosen.start:
-            signal = played.run.outputs[name]
-            moved = np.abs(signal.values[signal.time < LEAD_S] - place)
-            if np.max(moved) > RESTS * np.ptp(signal.values) + 3.0 * self.study.floors[name].level:
+            signal = run.outputs[name]
+            moved = np.abs(signal.values[signal.time < LEAD * chosen.duration_s] - place)
+            if np.max(moved) > RESTS * np.ptp(signal.values) + 3.0 * self.core.floors[name].level:
                 return False
         return True
 
-    def _step(self) -> float:
-        if self.study.step_s is not None:
-            return self.study.step_s
-        return float(np.clip(0.5 * self.period_s, *STEP_S)) / self.finer
-
-    def _problem(self, windows: list[Window]) -> Problem:
-        known = self.study.fit_problem
-        problem = Problem(self.study.compiled, windows, known.sigma)
-        problem.set_scale(known.scale)
-        return problem
-
-    def _point(self, problem: Problem, fitted: Fitted) -> Point:
-        """Initial states from the outputs, parameters and effects of a fit."""
-        start = problem.start(self.study.named(fitted.point.p))
-        return problem.with_present(start, fitted.point.present)
-
-    # ---------------------------------------------------------------- what a later fit will see
-
-    def windows(self, played: Played) -> list[Window]:
-        """The windows of the new run that a later fit will take: as much of it as is not held out."""
-        run = played.run
-        whole = len(self.runs) + 1 >= WHOLE or _whole(self.study)
-        share = 1.0 if whole else 1.0 - PATTERN.count("holdout") / len(PATTERN)
-        block = Block(run, run.start_s, run.start_s + share * (run.end_s - run.start_s))
-        return span([block], WINDOW_S, self._step())
-
-    def there(
-        self, played: Played, fitted: Fitted, whiteners: list[Whitener] | None = None
-    ) -> tuple[Problem, Point]:
-        """The fit's problem on the new run, at a fit's parameters and the states that were played."""
-        problem = self._problem(self.windows(played))
-        point = self._point(problem, fitted)
-        x0 = point.x0.copy()
-        own = len(self.study.model.states)
-        for k, window in enumerate(problem.windows):
-            x0[k, :own] = played.at(window.start_s)[:own]
-        problem.whiteners = whiteners
-        return problem, replace(point, x0=x0)
-
-    def whiteners(self, played: Played, fitted: Fitted, bin_s: float = QUICK_BIN_S) -> list[Whitener] | None:
-        """Of the windows of the new run, with the noise that the recordings showed."""
-        noise = getattr(self.study, "noise", None)
-        if noise is None or not noise.present or self.study.fit_problem.whiteners is None:
-            return None
-        problem, point = self.there(played, fitted)
-        felt = replace(noise, sources=tuple(s for s in noise.sources if s.size > 0.0))
-        blurred = starting.blurred(self.study, point)
-        return whitening.transferred(felt, problem, point, bin_s, blurred).whiteners()
-
     # ---------------------------------------------------------------- margins
 
-    def margin(
-        self, played: Played, truth: Fitted, rival: Fitted, whiteners: list[Whitener] | None = None
-    ) -> float:
-        """Predicted margin of `truth`, whose play it is, over `rival`, to first order; see the module."""
-        problem, point = self.there(played, rival, whiteners)
-        linear = problem.linear(point, [problem.parameter(f.name) for f in rival.free])
-        if linear is None:
-            return np.inf  # the rival cannot even be simulated
-        left = remaining(self.study, linear.errors, linear.slopes, rival)
-        return gain(truth, rival.cost - truth.cost + left, len(linear.errors))
+    def moving(self, point: Point, noise: bool = False) -> np.ndarray:
+        """Free coordinates that are at no limit; with those of the noise, or without."""
+        left = set() if noise else {f.name for f in self.core.noise_free}
+        free = zip(point.free, point.held, strict=True)
+        return np.array([k for k, (f, held) in enumerate(free) if not held and f.name not in left], int)
 
-    def as_fitted(
-        self, fine: Played, truth: Fitted, rival: Fitted, whiteners: list[Whitener] | None
-    ) -> float:
-        """The margin to first order with a play of finer steps than the fits' in the machine's place.
+    def margin(self, played: Played, truth: Point, rival: Point, thorough: bool = False) -> float:
+        """Predicted margin of `truth`, whose play it is, over `rival`; see the module."""
+        left = self._refitted(played, rival, thorough)
+        return min(2.0 * (rival.total - truth.total + left), CERTAIN)
 
-        Where the steps of a later fit are too coarse for what differs, both sets leave as much.
-        """
-        left = []
-        for fitted in (truth, rival):
-            problem, point = self.there(fine, fitted, whiteners)
-            linear = problem.linear(point, [problem.parameter(f.name) for f in fitted.free])
-            if linear is None:
-                return self.margin(fine, truth, rival, whiteners)
-            left.append(fitted.cost + remaining(self.study, linear.errors, linear.slopes, fitted))
-        return gain(truth, left[1] - left[0], sum(len(s.values) for s in fine.run.outputs.values()))
+    def _refitted(self, played: Played, rival: Point, thorough: bool) -> float:
+        """Nats that the rival loses on play and recordings; few steps from where the recordings left it."""
+        at = self.moving(rival, thorough)
+        held = rival.information[np.ix_(at, at)] + np.eye(len(at))
+        begin = _coordinates(rival.values, rival)[at]
 
-    def refitted(self, played: Played, truth: Fitted, rival: Fitted) -> float:
-        """The same with both sets really fitted to recordings and experiment together."""
-        costs, whiteners = [], self.whiteners(played, truth, whitening.BIN_S)
-        for fitted in (truth, rival):
-            found = self._joint(played, fitted, whiteners)
+        def lost(values: Values):
+            found = played.fitter.innovations(seen_by(values, played.run), rival.present, own=True)
             if found is None:
-                return self.margin(played, truth, rival, whiteners)
-            costs.append(found.cost)
-        samples = sum(len(s.values) for s in played.run.outputs.values())
-        return gain(truth, costs[1] - costs[0], samples)
+                return np.inf, None
+            loss = played.fitter.loss(np.hypot(found[0], np.sqrt(played.noise)), found[1])
+            both = ~np.isnan(found[0]) & ~np.isnan(played.noise)
+            off = _coordinates(values, rival)[at] - begin
+            return self.share * float((loss - played.loss)[both].sum()) + 0.5 * float(off @ held @ off), found
 
-    def _joint(self, played: Played, fitted: Fitted, whiteners: list[Whitener] | None) -> Fitted | None:
-        """A fit to the recordings and the played run."""
-        study, known = self.study, self.study.fit_problem
-        problem, point = self.there(played, fitted, whiteners)
-        joint = self._problem([*known.windows, *problem.windows])
-        if known.whiteners is not None or problem.whiteners is not None:
-            joint.whiteners = [*_whiteners(known), *_whiteners(problem)]
-        start = replace(fitted.point, x0=np.vstack([fitted.point.x0, point.x0]))
-        study.fit_problem = joint
-        try:
-            return study.fit_set(start, fitted.point.present, {})
-        finally:
-            study.fit_problem = known
+        values = rival.values
+        most, found = lost(values)
+        for _ in range(THOROUGH if thorough else 1):
+            now, before = _coordinates(values, rival)[at], most
+            step = found and self._step(played, rival, values, found, at, held, now - begin)
+            if step is None:
+                break
+            for length in LENGTHS:
+                trial = _moved_by(replace(rival, values=values), at, now + length * step)
+                less, there = lost(trial)
+                if less < most:
+                    values, most, found = trial, less, there
+                    break
+            if before - most < 0.01 * max(abs(most), 1.0):
+                break
+        return most
 
-
-def _whiteners(problem: Problem) -> list:
-    return problem.whiteners or [lambda values: values] * len(problem.windows)
-
-
-def _off(study: Study, fitted: Fitted) -> list[np.ndarray]:
-    """Parameters off by DOUBT standard errors to both sides, in the WAYS in which they are known least."""
-    if not fitted.free:
-        return []
-    size = np.array([f.size for f in fitted.free])
-    columns = [study.extended.index[f.name] for f in fitted.free]
-    values, vectors = np.linalg.eigh(fitted.covariance / np.outer(size, size))
-    found = []
-    for i in range(max(0, len(size) - WAYS), len(size)):
-        for sign in (-1.0, 1.0):
-            p = fitted.point.p.copy()
-            # what nothing tells is off by its own size, and not by as much as it may be
-            p[columns] += sign * DOUBT * np.sqrt(np.clip(values[i], 0.0, 1.0)) * vectors[:, i] * size
-            p[columns] = np.clip(p[columns], [f.low for f in fitted.free], [f.high for f in fitted.free])
-            found.append(p)
-    return found
+    def _step(self, played: Played, rival: Point, values: Values, found, at, held, off) -> np.ndarray | None:
+        """Of Fisher scoring, with the noise that the play's innovations would have."""
+        e, s = found
+        free = [rival.free[k] for k in at]
+        values = seen_by(values, played.run)
+        slopes = played.fitter.columns(values, rival.present, free, e, s, own=True)
+        if slopes is None or not free:
+            return None
+        both = ~np.isnan(e) & ~np.isnan(played.noise)
+        (de, ds), e, s, noise = (x[both] for x in slopes), e[both], s[both], played.noise[both]
+        weight = (STUDENT + 1.0) / (STUDENT * s + e * e + noise)
+        gradient = de.T @ (weight * e) + ds.T @ (0.5 - 0.5 * weight * (e * e + noise))
+        _, information = played.fitter.score(e, s, de, ds)
+        pulled = self.share * gradient + held @ off
+        return np.clip(-np.linalg.solve(self.share * information + held, pulled), -3.0, 3.0)
 
 
-def gain(truth: Fitted, more: float, samples: int) -> float:
-    """Twice the log-likelihood that `more` cost is worth, with new `samples` and noise as `truth` met it."""
-    s = evidence.sample(truth)
-    count = s.count + samples
-    expected = count * max(1.0, truth.linear.cost / max(1, s.count))
-    return evidence.likelihood_gain(max(expected + more, 1e-9), expected, evidence.Sample(count, s.share))
+def information(bench: Bench, played: Played, point: Point, at: np.ndarray) -> np.ndarray:
+    """What an experiment would tell of some free coordinates of a set, whose play it is [K, K]."""
+    values, free = seen_by(point.values, played.run), [point.free[k] for k in at]
+    found = played.fitter.innovations(values, point.present, own=True)
+    if found is None:
+        return np.zeros((len(at), len(at)))
+    slopes = played.fitter.columns(values, point.present, free, *found, own=True)
+    if slopes is None:
+        return np.zeros((len(at), len(at)))
+    return bench.share * played.fitter.score(*found, *slopes)[1]
 
 
-def information(fitted: Fitted) -> np.ndarray:
-    """Of the free parameters, from recordings and priors [K, K]."""
-    found = fitted.linear.slopes.T @ fitted.linear.slopes
-    return found + np.diag([1.0 / f.prior[1] ** 2 if f.prior else 0.0 for f in fitted.free])
+def seen_by(values: Values, run: Run) -> Values:
+    """The values with the noise that a later fit allows each output at least, by how it moves."""
+    least = {NOISE + n: OUTPUT_FLOOR * float(np.std(s.values)) for n, s in run.outputs.items()}
+    return values | {n: max(values[n], low) for n, low in least.items()}
 
 
-def remaining(study: Study, errors: np.ndarray, slopes: np.ndarray, fitted: Fitted) -> float:
-    """Squares left of new `errors`, and lost on the old ones, once the free parameters moved (in bounds)."""
-    if not fitted.free:
-        return float(errors @ errors)
-    size = np.array([f.size for f in fitted.free])
-    values, vectors = np.linalg.eigh(information(fitted) * np.outer(size, size))
-    held = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    q, r = np.linalg.qr(np.vstack([slopes * size, held]))
-    target = q.T @ np.concatenate([errors, np.zeros(len(size))])
-    outside = float(errors @ errors) - float(target @ target)
-    now = np.array([fitted.point.p[study.extended.index[f.name]] for f in fitted.free])
-    low, high = (np.array([getattr(f, end) for f in fitted.free]) for end in ("low", "high"))
-    room = (np.minimum((low - now) / size, -1e-9), np.maximum((high - now) / size, 1e-9))
-    return max(0.0, outside) + 2.0 * float(lsq_linear(r, target, room).cost)
+def _coordinates(values: Mapping[str, float], point: Point) -> np.ndarray:
+    return np.array([f.coordinate(values[f.name]) for f in point.free])
 
 
-def _whole(study: Study) -> bool:
-    return all(b.start_s <= b.run.start_s and b.end_s >= b.run.end_s for b in study.parts.fit)
+def _moved_by(point: Point, at: np.ndarray, z: np.ndarray) -> Values:
+    """Values with some coordinates elsewhere, within their limits."""
+    return dict(point.values) | {
+        point.free[k].name: point.free[k].value(c) for k, c in zip(at, z, strict=True)
+    }

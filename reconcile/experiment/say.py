@@ -8,8 +8,7 @@ import numpy as np
 from reconcile.experiment.excitation import commands, of_dict
 from reconcile.experiment.limits import Limits
 from reconcile.experiment.plan import units_of
-from reconcile.model import Attached
-from reconcile.study import Study
+from reconcile.model import Attached, Folder
 
 KINDS = {
     "steps": "random steps of up to {a}, each held for about {p}",
@@ -36,10 +35,10 @@ SENSORS = {
 }
 
 
-def drive(study: Study, figures: dict[str, Any]) -> str:
+def drive(folder: Folder, figures: dict[str, Any]) -> str:
     """What to drive."""
     e = of_dict(figures["excitation"])
-    units = units_of(study.folder)
+    units = units_of(folder)
     low, high = figures["ranges"][e.inputs[0]]
     half, unit = 0.5 * (high - low), units[e.inputs[0]]
     shown = "" if unit == "1" else f" {unit}"
@@ -48,7 +47,7 @@ def drive(study: Study, figures: dict[str, Any]) -> str:
         p=f"{e.period_s:.3g} s",
         s=f"{e.fastest_s:.3g} s",
     )
-    centre = 0.5 * (low + high) + e.offset * half
+    centre = e.centre(low, high)
     around = f" about {centre:.3g}{shown}" if abs(centre) > 1e-9 * half else ""
     reached = commands(e, figures["ranges"], figures["tick_s"])[e.inputs[0]]
     low, high = float(np.min(reached)), float(np.max(reached))
@@ -59,7 +58,7 @@ def drive(study: Study, figures: dict[str, Any]) -> str:
     return f"drive {' and '.join(e.inputs)} with {text}{around} for {e.duration_s:g} s{begin}"
 
 
-def between(study: Study, figures: dict[str, Any], limits: Limits) -> str:
+def between(folder: Folder, figures: dict[str, Any], limits: Limits) -> str:
     """For candidates that cannot be told apart."""
     needed = figures["needed_margin"]
     told = [p for p in figures["pairs"] if p["predicted_margin"] >= needed]
@@ -69,7 +68,7 @@ def between(study: Study, figures: dict[str, Any], limits: Limits) -> str:
         what = "; ".join(_pair(p) for p in told)
         least = min(p["predicted_margin"] for p in told)
         parts.append(
-            f"To tell {what}, {drive(study, figures)}: a margin of "
+            f"To tell {what}, {drive(folder, figures)}: a margin of "
             f"{least:.3g} is predicted, {needed:g} is needed.{_range(figures, limits)}"
         )
     if untold:
@@ -79,14 +78,14 @@ def between(study: Study, figures: dict[str, Any], limits: Limits) -> str:
     return " ".join(parts)
 
 
-def parameters(study: Study, figures: dict[str, Any], limits: Limits) -> str:
+def parameters(folder: Folder, figures: dict[str, Any], limits: Limits) -> str:
     """For parameters that the recordings do not show."""
     needed = figures["needed_margin"]
     told = [p["name"] for p in figures["parameters"] if p["predicted_margin"] >= needed]
     untold = [p["name"] for p in figures["parameters"] if p["predicted_margin"] < needed]
     parts = []
     if told:
-        parts.append(f"To see {', '.join(told)}, {drive(study, figures)}.{_range(figures, limits)}")
+        parts.append(f"To see {', '.join(told)}, {drive(folder, figures)}.{_range(figures, limits)}")
     if untold:
         parts.append(f"No excitation within the limits shows {', '.join(untold)} in these outputs.")
     return " ".join(parts)

@@ -6,12 +6,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from reconcile.answer import Answer
 from reconcile.findings import gather
 from reconcile.page import plots, sections
 from reconcile.page.shown import Shown, shown
-from reconcile.search import Answer
-from reconcile.study import Study
-from reconcile.verdict import nominal
 from reconcile.words import number, percent
 from records.report import shell
 from records.report.figures import Figure
@@ -21,13 +19,12 @@ LONG = 90  # characters of a sentence that need a smaller letter
 TONES = {"named": "good", "agrees": "good", "reestimated": "good", "unexplained": "bad"}
 
 
-def write_for(
-    path: Path, answers: Sequence[tuple[Study, Answer]], figures: Mapping[str, Any], title: str
-) -> Path:
+def write_for(path: Path, answers: Sequence[Answer], figures: Mapping[str, Any], title: str) -> Path:
     """Write the page of an answer, or of the answers of a system's parts; `figures`: the report as JSON."""
-    each = [shown(gather(study, answer, nominal(study))) for study, answer in answers]
+    each = [shown(gather(answer)) for answer in answers]
     stretches = [s for one in each for s in one.stretches[: max(1, MOST // len(each))]]
-    return write_page(path, figures, Shown(stretches, [g for one in each for g in one.gathered]), title)
+    gathered, missing = ([x for one in each for x in getattr(one, n)] for n in ("gathered", "missing"))
+    return write_page(path, figures, Shown(stretches, gathered, missing), title)
 
 
 def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str) -> Path:
@@ -35,10 +32,14 @@ def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str)
     overlays = [plots.overlay(i, s) for i, s in enumerate(shown.stretches)]
     gap = plots.gaps(figures["gap"])
     pairs = [(plots.gathered(i, g), plots.accounts(i, g)) for i, g in enumerate(shown.gathered)]
+    forces = [f for i, m in enumerate(shown.missing) for f in plots.missing(i, m)]
+    sure = _sure(figures)
     body = [
         f"<style>{_style()}</style>",
         _head(figures, title),
+        _forces(forces),
         sections.named(figures),
+        _grid(sure),
         sections.doubt(figures),
         _overlays(overlays),
         f"<h2>The gap</h2>{sections.gap(figures)}{_grid([gap])}{sections.by_regime(figures)}",
@@ -52,7 +53,7 @@ def write_page(path: Path, figures: Mapping[str, Any], shown: Shown, title: str)
         sections.next_experiment(figures),
         sections.measured(figures),
     ]
-    drawn = [*overlays, gap, *(f for pair in pairs for f in pair)]
+    drawn = [*forces, *overlays, *sure, gap, *(f for pair in pairs for f in pair)]
     return shell.write_whole(path, shell.document(f"reconcile {title}", body, drawn))
 
 
@@ -88,6 +89,25 @@ def _left(figures: Mapping[str, Any]) -> str:
         return "noise alone"
     terms = [t for free in (figures.get("free_form") or ())[:1] for t in free["terms"]]
     return "something unexplained" + (f", like {', '.join(terms)}" if terms else "")
+
+
+def _sure(figures: Mapping[str, Any]) -> list[Figure]:
+    rows, known = [], set()
+    for row in figures.get("sets", ()):
+        if tuple(row["effects"]) not in known:
+            known.add(tuple(row["effects"]))
+            rows.append(row)
+    return [plots.probabilities(rows, figures.get("kinds", {}))] if rows else []
+
+
+def _forces(drawn: list[Figure]) -> str:
+    if not drawn:
+        return ""
+    return (
+        "<h2>The missing force</h2><p>What would have to push there for the re-estimated model to follow the "
+        "recordings (smoothed; the band is two standard deviations). Dry friction is a step where the speed "
+        f"is zero, a spring a slope over the place. Red: what the named effect does.</p>{_grid(drawn)}"
+    )
 
 
 def _overlays(drawn: list[Figure]) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from reconcile.page.shown import Course, Gathered, Stretch
+from reconcile.page.shown import Course, Gathered, Missing, Stretch
 from reconcile.words import percent, with_unit, written
 from records.report.figures import Figure, axis, numbers
 
@@ -13,6 +13,7 @@ LABELS = {"nominal": "as it came", "reestimated": "re-estimated", "after": "afte
 COLOURS = {"measured": "#1d2730", "nominal": "#d9822b", "reestimated": "#2a8c82", "after": "#134a7c"}
 WIDTHS = {"nominal": 1.4, "reestimated": 1.6, "after": 2.0}
 SHADE = "rgba(91,102,114,0.10)"
+EFFECT = "#b3261e"
 REGIME = "rgba(179,38,30,0.09)"
 MOST_POINTS = 1500
 MOST_SIGNALS = 4  # of a stretch
@@ -31,11 +32,12 @@ def overlay(number: int, stretch: Stretch) -> Figure:
         panels.append((_inputs(stretch.inputs), _title(names, stretch.inputs[0].unit), {}))
     title = f"{stretch.run}, {stretch.start_s:.1f} to {stretch.end_s:.1f} s"
     caption = (
-        "Held out: nothing was fitted to it. In the grey part each model's initial state is estimated; from "
-        "there on it runs freely on the inputs alone. Errors are measured minus model."
+        "Held out: nothing was fitted to it. Each model starts from its filtered state and runs by itself on "
+        "the inputs alone, without the missing force. Errors are measured minus model."
     )
     data, layout, height = _stacked(panels)
-    layout["shapes"] += [_band(stretch.start_s, stretch.scored_s, SHADE)]
+    if stretch.scored_s > stretch.start_s:
+        layout["shapes"] += [_band(stretch.start_s, stretch.scored_s, SHADE)]
     layout["xaxis"] |= {"range": [stretch.start_s, stretch.end_s]}
     return Figure(f"overlay-{number}", title, caption, data, layout, height, wide=True)
 
@@ -92,6 +94,63 @@ def gathered(number: int, g: Gathered) -> Figure:
         f"{_capital(g.against)} accounts for {percent(g.accounts.get(g.against))} of it.{shade}"
     )
     return Figure(f"residual-{number}", f"{_capital(g.name)} against {g.against}", caption, data, layout, 360)
+
+
+def missing(number: int, m: Missing) -> list[Figure]:
+    """The missing force over speed, place, command and time: samples, means before and after, the effect."""
+    figures = []
+    for k, (label, unit, x) in enumerate(m.against):
+        some = np.unique(np.linspace(0, len(x) - 1, min(len(x), MOST_POINTS)).round().astype(int))
+        over_time = unit == "s"
+        dots = {"color": COLOURS["reestimated"], "size": 4, "opacity": 0.35}
+        data: list[dict[str, Any]] = []
+        if over_time:
+            some = some[np.argsort(x[some], kind="stable")]
+            edge = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
+            data.append(_points(x[some], (m.before - m.band)[some], "band", **edge))
+            data.append(
+                _points(x[some], (m.before + m.band)[some], "band", **edge, fill="tonexty", fillcolor=SHADE)
+            )
+            data.append(
+                _points(
+                    x[some], m.before[some], "before", line={"color": COLOURS["reestimated"], "width": 1.4}
+                )
+            )
+        else:
+            data.append(_points(x[some], m.before[some], "samples", marker=dots, mode="markers"))
+            data.append(_means(x, m.before, "mean before", COLOURS["reestimated"]))
+            if m.after is not None:
+                data.append(_means(x, m.after, "mean after", COLOURS["after"]))
+        if m.effect is not None:
+            look = {"marker": {"color": EFFECT, "size": 3, "opacity": 0.6}, "mode": "markers"}
+            data.append(_points(x[some], m.effect[some], "named effect", **look))
+        layout = {
+            "xaxis": {"title": {"text": _title(label, unit)}},
+            "yaxis": {"title": {"text": _title("force", m.unit)}, "range": _middle(m.before)},
+        }
+        figures.append(
+            Figure(f"missing-{number}-{k}", f"{_capital(m.name)} over {label}", "", data, layout, 320)
+        )
+    return figures
+
+
+def probabilities(rows: Sequence[Mapping[str, Any]], kinds: Mapping[str, float]) -> Figure:
+    """Probability of every set that was fitted, and of the kinds."""
+    shown = [(", ".join(r["effects"]) or "nothing is missing", r["probability"], "set") for r in rows]
+    shown += [(f"kind: {k}", p, "kind") for k, p in kinds.items()]
+    shown = [(n[:70], p, what) for n, p, what in shown if p >= 0.01][::-1]
+    bar = {
+        "type": "bar", "orientation": "h", "y": [n for n, _, _ in shown],
+        "x": [round(100 * p, 1) for _, p, _ in shown],
+        "marker": {"color": [COLOURS["after"] if w == "set" else COLOURS["reestimated"] for *_, w in shown]},
+        "showlegend": False, "hovertemplate": "%{y}: %{x} %<extra></extra>",
+    }  # fmt: skip
+    layout = {
+        "xaxis": {"title": {"text": "probability [%]"}, "range": [0, 100]},
+        "yaxis": {"type": "category", "automargin": True},
+    }
+    caption = "Of the sets of effects that were fitted, and of the kinds that their effects are of."
+    return Figure("probabilities", "How sure it is", caption, [bar], layout, 110 + 26 * len(shown), wide=True)
 
 
 def accounts(number: int, g: Gathered) -> Figure:

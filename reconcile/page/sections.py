@@ -207,18 +207,18 @@ def considered(figures: Figures) -> str:
     rows = []
     for c in figures.get("considered", []):
         names = listed(list(c.get("effects", [c.get("effect", "")])), "and") or "nothing added"
-        more, rms = c.get("bic_above_answer"), c.get("rms_over_floor")
+        more, sure = c.get("nats_below_answer"), c.get("probability")
         rows.append(
             [
                 names,
                 "–" if more is None else f"{more:.1f}".replace("-", "−"),
-                number(rms, 3),
+                percent(sure),
                 c.get("because", ""),
             ]
         )
     if not rows:
         return ""
-    head = ["Effects", "BIC above the answer", "Left, in units of the noise", "What became of it"]
+    head = ["Effects", "Evidence below the answer, nats", "Probability", "What became of it"]
     return f"<h2>What was considered</h2>{shell.table(head, rows)}"
 
 
@@ -330,8 +330,8 @@ def measured(figures: Figures) -> str:
     ]
     return (
         "<h2>How it was measured</h2><p>Parameters are fitted to the part fit; confirm accepts or turns down "
-        "an effect and then joins the last fit; holdout makes the figures of this page and nothing else. "
-        "Each held-out window's initial state is estimated from its first part and scored after it.</p>"
+        "an effect; holdout makes the figures of this page and nothing else. "
+        "A prediction starts from the filtered state and runs by itself, without the missing force.</p>"
         f"{table}{shell.facts(facts)}"
     )
 

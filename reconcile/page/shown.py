@@ -8,13 +8,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from reconcile import regimes
 from reconcile.findings import STAGES, Findings
 from reconcile.localise import Located
 from reconcile.regimes import Regime
-from reconcile.residual import residuals
+from reconcile.residual import missing_forces, residuals
 
 WINDOWS = 2  # drawn
 RESIDUALS = 3
+MISSING = 2  # places
 
 
 @dataclass(frozen=True)
@@ -61,18 +63,90 @@ class Gathered:
 
 
 @dataclass(frozen=True)
+class Missing:
+    """The missing force at a place over time [N], before and after, and what the named effects do there.
+
+    `against`: (label, unit, values [N]) of what it is drawn over; `band` [N]: two standard deviations.
+    """
+
+    name: str
+    unit: str
+    against: Sequence[tuple[str, str, np.ndarray]]
+    before: np.ndarray
+    band: np.ndarray
+    after: np.ndarray | None
+    effect: np.ndarray | None
+
+
+@dataclass(frozen=True)
 class Shown:
     """Everything that is drawn."""
 
     stretches: Sequence[Stretch] = field(default=())
     gathered: Sequence[Gathered] = field(default=())
+    missing: Sequence[Missing] = field(default=())
 
 
 def shown(found: Findings) -> Shown:
     """What to draw of what was found: the windows that tell most first."""
     order = sorted(range(_count(found)), key=lambda k: -_telling(found, k))
     located = [x for x in found.located if x.accounts][:RESIDUALS]
-    return Shown([_stretch(found, k) for k in order[:WINDOWS]], _gathered(found, located))
+    return Shown([_stretch(found, k) for k in order[:WINDOWS]], _gathered(found, located), missing(found))
+
+
+def missing(found: Findings) -> list[Missing]:
+    """The missing force at the places where it is largest beside the forces there."""
+    core, answer = found.core, found.answer
+    before = missing_forces(core, answer.base)
+    after = missing_forces(core, answer.point) if answer.present else []
+    effect = None
+    if after:
+        run = core.kalman.run(answer.point.values, answer.present, smooth=True, own=True)
+        inside = [r.fit | r.confirm for r in core.records]
+        z = [f.z for f in run or ()]
+        whole = core.kalman.forces(answer.point.values, answer.present, z) if z else None
+        effect = None if whole is None else whole[np.concatenate(inside)]
+    sizes = [
+        float(np.std(r.values)) / core.force_size(p) for r, p in zip(before, core.kalman.places, strict=True)
+    ]
+    order = sorted(range(len(before)), key=lambda k: -sizes[k])[:MISSING]
+    return [
+        _missing(found, before[k], after[k] if after else None, None if effect is None else effect[:, k])
+        for k in order
+    ]
+
+
+def _missing(found: Findings, r, after, effect: np.ndarray | None) -> Missing:
+    known = [g for g in regimes.regressors(found.core) if g.kind in ("speed", "pose", "command")]
+    ends = np.cumsum([0, *(len(t) for _, t in r.moments)])
+    parts = list(zip(r.moments, ends[:-1], ends[1:], strict=True))
+    over = [
+        (
+            g.label,
+            g.unit,
+            np.concatenate([regimes.values(found.core, g, w, t, r.states[a:b]) for (w, t), a, b in parts]),
+        )
+        for g in known
+    ]
+    own = _nearest(found, r, over)
+    begun, times = 0.0, []
+    for _, t in r.moments:  # one recording after the other
+        times.append(begun + t - t[0])
+        begun = float(times[-1][-1]) + float(np.median(np.diff(t)))
+    time = ("time, one recording after the other", "s", np.concatenate(times))
+    seen = effect if effect is not None and np.any(effect) else None
+    return Missing(
+        r.name, r.unit, [*own[:3], time], r.values, 2.0 * r.noise, after.values if after else None, seen
+    )
+
+
+def _nearest(found: Findings, r, over: list) -> list:
+    """Speed and place of the axis itself first, then a command."""
+    axis = next((a for a in found.core.folder.ports.axes if a.name == r.axis), None)
+    names = [axis.velocity, axis.position] if axis else []
+    own = [o for n in names for o in over if o[0] == n]
+    commands = [o for o in over if o[0] in found.core.folder.ports.controls]
+    return [*own, *commands[:1]] or over
 
 
 # -------------------------------------------------------------------------------- held-out windows
@@ -97,7 +171,7 @@ def _squares(found: Findings, traces, k: int) -> float:
 def _stretch(found: Findings, k: int) -> Stretch:
     known = {s: t for s in STAGES if (t := found.traces[s]) is not None}
     one = next(iter(known.values()))[k]
-    units = {v.name: v.unit for v in (*found.study.model.outputs, *found.study.model.inputs)}
+    units = {v.name: v.unit for v in (*found.core.model.outputs, *found.core.model.inputs)}
     outputs, window = [], one.window
     for n in found.outputs:
         predicted = {s: t[k].predicted[n] for s, t in known.items()}
@@ -105,17 +179,16 @@ def _stretch(found: Findings, k: int) -> Stretch:
         outputs.append(Course(n, units[n], level, window.times[n], window.samples[n], predicted))
     times = window.times[found.outputs[0]]
     inputs = []
-    for n in found.study.folder.ports.controls:
+    for n in found.core.folder.ports.controls:
         signal = window.run.inputs.get(n)
         if signal is not None:
             inside = (signal.time >= times[0]) & (signal.time <= times[-1])
             inputs.append(Course(n, units[n], 0.0, signal.time[inside], signal.values[inside], {}))
-    scored = times[one.scored[found.outputs[0]]]
     return Stretch(
         window.run.name,
         float(times[0]),
         float(times[-1]),
-        float(scored[0]),
+        float(times[0]),
         _first(found, outputs, k),
         inputs,
     )
@@ -138,7 +211,7 @@ def _gathered(found: Findings, located: Sequence[Located]) -> list[Gathered]:
     errors = [x.residual.signals[0] for x in located if x.residual.axis is None]
     after = {}
     if located and found.answer.present:
-        after = {r.name: r for r in residuals(found.study, found.answer.fitted, errors)}
+        after = {r.name: r for r in residuals(found.core, found.answer.point, errors)}
     return [_one(x, after.get(x.residual.name)) for x in located]
 
 

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from reconcile import holdout
+from reconcile.core import Core
 from reconcile.data import Parts, Signal
-from reconcile.fit.problem import Problem
-from reconcile.fit.solve import Fitted
-from reconcile.fit.windows import WINDOW_S, Window, cut
+from reconcile.holdout import Stretch, Trace
 from reconcile.model import Folder
 from reconcile.ports import Axis
-from reconcile.study import Study
 
 THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # of a term's share of the acceleration (rms)
 RIDGE = 0.01  # times the samples: terms that are nearly the same must not stand against each other
@@ -42,24 +41,18 @@ class Motion:
 
 def name(folder: Folder, parts: Parts) -> list[str]:
     """Names of the effects that stand in the equations found, strongest first."""
-    study = Study(folder, parts, catalogue=())
-    windows = cut(parts.confirm, WINDOW_S, study.step_s)
-    pieces = Problem(study.compiled, windows, study.fit_problem.sigma)
-    pieces.set_scale(study.fit_problem.scale)
-    study.problems |= {"fit": study.fit_problem, "confirm": pieces}  # without holes, to differentiate
-    base = study.fit_set(study.fit_problem.start(study.values), (), {})
+    core = Core(folder, parts, catalogue=())
+    fit, confirm = (holdout.predict(core, core.base, (which,)) or [] for which in ("fit", "confirm"))
     found: dict[str, float] = {}
     for axis in folder.ports.axes:
-        known = set() if base is None else set(_terms(study, axis, base))
-        for effect, share in _terms(study, axis, None).items():
-            if effect not in known:
+        measured, predicted = (
+            terms(*(list(_motions(core, axis, traces, of_model)) for traces in (fit, confirm)))
+            for of_model in (False, True)
+        )
+        for effect, share in measured.items():
+            if effect not in predicted:
                 found[effect] = max(share, found.get(effect, 0.0))
     return sorted(found, key=lambda e: -found[e])
-
-
-def _terms(study: Study, axis: Axis, fitted: Fitted | None) -> dict[str, float]:
-    """Effects in the sparse equation of an axis as measured, or as a fit predicts it."""
-    return terms(*(list(_motions(study, axis, fitted, which)) for which in ("fit", "confirm")))
 
 
 def terms(motions: Sequence[Motion], confirm: Sequence[Motion]) -> dict[str, float]:
@@ -136,19 +129,11 @@ def _derivative(m: Motion) -> np.ndarray:
     return np.asarray(SmoothedFiniteDifference()(m.v[:, None], t=m.time)).ravel()  # type: ignore[arg-type]
 
 
-def _motions(study: Study, axis: Axis, fitted: Fitted | None, which: str) -> Iterator[Motion]:
-    """The axis in every window of a part: as measured, or as the plain model's fit has it."""
-    problem = study.problems[which]
-    if fitted is not None and which != "fit":
-        fitted = study.elsewhere(fitted, which)
-        if fitted is None:
-            return
-    speed, place = (_shown(study.folder, s) for s in (axis.velocity, axis.position))
-    for k, window in enumerate(problem.windows):
-        values = dict(window.samples)
-        if fitted is not None:
-            raw = fitted.linear.raw[k]
-            values = {n: window.samples[n] - problem.sigma[n] * raw[n] for n in raw}
+def _motions(core: Core, axis: Axis, traces: Sequence[Trace], of_model: bool) -> Iterator[Motion]:
+    """The axis in every stretch: as measured, or as the plain model's fit has it."""
+    speed, place = (_shown(core.folder, s) for s in (axis.velocity, axis.position))
+    for trace in traces:
+        window, values = trace.window, trace.predicted if of_model else trace.window.samples
         main = speed or place
         if main is None or main not in values or len(window.times[main]) < 20:
             continue
@@ -157,11 +142,11 @@ def _motions(study: Study, axis: Axis, fitted: Fitted | None, which: str) -> Ite
         q = np.zeros(len(v))
         if place is not None and place in values:
             q = np.interp(time, window.times[place], values[place])
-        yield Motion(time, q, v, _inputs(study, window, time))
+        yield Motion(time, q, v, _inputs(core, window, time))
 
 
-def _inputs(study: Study, window: Window, time: np.ndarray) -> dict[str, np.ndarray]:
-    named = study.folder.ports.controls
+def _inputs(core: Core, window: Stretch, time: np.ndarray) -> dict[str, np.ndarray]:
+    named = core.folder.ports.controls
     return {n: _held(window.run.inputs[n], time) for n in named if n in window.run.inputs}
 
 

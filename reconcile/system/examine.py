@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from reconcile.answer import Answer
 from reconcile.data import Run, Signal, runs_of
 from reconcile.model import Folder, read_folder
-from reconcile.search import Answer
-from reconcile.study import Study
 from reconcile.system import felt
 from reconcile.system.parts import Part, with_signals
 from reconcile.system.ways import followed
@@ -19,7 +18,7 @@ from records.measurement import Channel, Measurement
 from specs.errors import InputError
 
 Report = Callable[..., None]
-Examine = Callable[..., tuple[dict[str, Any], Study, Answer]]
+Examine = Callable[..., tuple[dict[str, Any], Answer]]
 MOST = 4  # sets that an ambiguous answer declares
 STANDING = (
     "unexplained",
@@ -31,12 +30,11 @@ STANDING = (
 
 @dataclass(frozen=True)
 class Examined:
-    """A part's figures with its study and answer."""
+    """A part's figures with its answer."""
 
     part: Part
     folder: Folder
     figures: dict[str, Any]
-    study: Study
     answer: Answer
 
 
@@ -71,8 +69,8 @@ def examine(
         except InputError as error:
             left_out[part.name] = str(error)
             continue
-        figures, study, answer = one(folder, *runs, report=said)
-        done.append(Examined(part, folder, figures, study, answer))
+        figures, answer = one(folder, *runs, report=said)
+        done.append(Examined(part, folder, figures, answer))
         for group, own in zip(recordings, runs, strict=True):
             for r in group:
                 _remember(r, done[-1], [run for run in own if run.name.split("#")[0] == r.label])
@@ -141,7 +139,7 @@ def _remember(r: Recording, found: Examined, runs: Sequence[Run]) -> None:
     """Keep the motion of a part that was fitted, for those that feel it."""
     pieces: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for run in runs:
-        motion = felt.of_part(found.study, found.answer.fitted, run, tuple(felt.PAIRS))
+        motion = felt.of_part(found.answer.core, found.answer.point, run, tuple(felt.PAIRS))
         if motion is None:
             motion = felt.recorded(run, tuple(felt.PAIRS))
         for q, v in felt.PAIRS.items():

@@ -1,21 +1,19 @@
-"""The motion of a part as its neighbours feel it: the fitted part's own, and what of the rest is not noise.
+"""The motion of a part as its neighbours feel it: recorded, without what its sensors add, and smoothed.
 
-A recording has the noise, delay and errors of its sensors; a neighbour feels the true motion.  So the fitted
-part is simulated over the whole run, without the sensors that its fit found, and to this is added what the
-recording shows beside it, smoothed and shrunk by how far it stands above the noise.
+A recording has the noise, delay and errors of its sensors; a neighbour feels the true motion.  The fitted
+part knows its sensors' own effects: they are taken off.  What is left is a motion with random jerk and noise.
 """
 
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from reconcile.data import Block, Run
-from reconcile.fit.noise import high_pass_level
-from reconcile.fit.problem import Problem
-from reconcile.fit.solve import Fitted, fit
-from reconcile.fit.windows import cut
-from reconcile.study import Study
+from reconcile.core import Core
+from reconcile.data import Run
+from reconcile.filter.fit import Point
+from reconcile.noise import high_pass_level
 
 HALF_WIDTH = 5  # samples each side that smoothing looks at
 LEAST = 1e-6  # rad, rad/s: noise of a recording without any
@@ -24,51 +22,46 @@ GYROS = {"qd_slew": "imu_cabin_rate_z"}  # a rate, and the gyroscope that sees i
 PAIRS = {"q_slew": "qd_slew", "q_boom": "qd_boom", "q_stick": "qd_stick"}  # angle and its rate
 
 
-def of_part(study: Study, fitted: Fitted, run: Run, wanted: Sequence[str]) -> dict[str, np.ndarray] | None:
-    """Angles and rates among `wanted` at the angles' sample times, each [n]; None if it runs away."""
-    length = run.end_s - run.start_s + run.period_s
-    problem = Problem(
-        study.compiled,
-        cut([Block(run, run.start_s, run.end_s)], length, study.step_s),
-        study.fit_problem.sigma,
-    )
-    problem.set_scale(study.fit_problem.scale)
-    point = problem.start(study.named(fitted.point.p))
-    found = fit(problem, problem.with_present(point, fitted.point.present), [], iterations=0)
-    if found is None:
+def of_part(core: Core, point: Point, run: Run, wanted: Sequence[str]) -> dict[str, np.ndarray] | None:
+    """Angles and rates among `wanted` at the angles' sample times, each [n]; None if it runs away.
+
+    `run` is one of the recordings of `core`, by its name.
+    """
+    record = next(r for r in core.records if r.run.name == run.name)
+    each = [np.arange(len(record.time))]  # one step of the model from every filtered state
+    found = core.kalman.over([record]).run(point.values, point.present, windows=each, own=True)
+    one = found[0] if found else None
+    if one is None or one.y is None or one.free is None or one.zfree is None:
         return None
-    window, states = problem.windows[0], found.linear.states[0]
-    shown = _outputs(study, states, found.point.p)
-    grid = window.start_s + window.step_s * np.arange(len(states))
+    moved = dict(zip(core.outputs, (one.y - one.free).T, strict=True))
+    shown = _outputs(core, one.zfree, point)
+
+    def true(name: str) -> np.ndarray:
+        if name not in moved:
+            return np.interp(record.time, run.outputs[name].time, run.outputs[name].values)
+        values = moved[name] + shown[name]
+        good = ~np.isnan(values)
+        return np.interp(record.time, record.time[good], values[good])
+
     motion: dict[str, np.ndarray] = {}
     for q, v in PAIRS.items():
-        if q not in wanted or q not in run.outputs:
-            continue
-        times = run.outputs[q].time
-        own = [np.interp(times, grid, shown[n]) for n in (q, v)]
-        left = [_left(problem, found, n, times) for n in (q, v)]
-        for n, simulated, rest in zip((q, v), own, _smoothed(left[0], left[1], run.period_s), strict=True):
-            motion[n] = simulated + rest
+        if q in wanted and q in run.outputs:
+            rate = true(v) if v in run.outputs else None
+            times = np.clip(run.outputs[q].time, record.time[0], record.time[-1])
+            both = joined(true(q), rate, float(np.median(record.steps)))
+            motion |= {n: CubicSpline(record.time, x)(times) for n, x in zip((q, v), both, strict=True)}
     return motion
 
 
-def _outputs(study: Study, states: np.ndarray, p: np.ndarray) -> Mapping[str, np.ndarray]:
+def _outputs(core: Core, states: np.ndarray, point: Point) -> Mapping[str, np.ndarray]:
     """The base model's outputs [n] at states [n, NX]: what moves, without what its sensors add."""
-    model = study.model
+    model = core.model
     x, u, m, parameters = model.symbols
     shown = ca.Function("shown", [x, u, m, parameters], [model.h(x, u, m, parameters)])
-    n, fixed = len(states), p[: parameters.numel()]
+    n, p = len(states), np.array([point.values[v.name] for v in model.parameters])
     zeros = [np.zeros((s.numel(), n)) for s in (u, m)]
-    values = shown.map(n)(states[:, : x.numel()].T, *zeros, np.repeat(fixed[:, None], n, 1))
+    values = shown.map(n)(states[:, : x.numel()].T, *zeros, np.repeat(p[:, None], n, 1))
     return {v.name: row for v, row in zip(model.outputs, np.asarray(values), strict=True)}
-
-
-def _left(problem: Problem, found: Fitted, name: str, times: np.ndarray) -> np.ndarray | None:
-    """What the fitted part leaves of an output, at `times` [n]; None where it was not recorded."""
-    window = problem.windows[0]
-    if name not in problem.outputs or not len(window.times.get(name, ())):
-        return None
-    return np.interp(times, window.times[name], found.linear.raw[0][name] * problem.sigma[name])
 
 
 def recorded(
@@ -151,20 +144,6 @@ def _both(rate: np.ndarray | None, gyro: np.ndarray | None) -> np.ndarray | None
     gyro = gyro - np.mean(gyro - rate)
     weights = [1.0 / max(high_pass_level(values), 1e-12) ** 2 for values in (rate, gyro)]
     return np.average([rate, gyro], axis=0, weights=weights)
-
-
-def _smoothed(
-    angle: np.ndarray | None, rate: np.ndarray | None, period_s: float
-) -> tuple[np.ndarray | float, np.ndarray | float]:
-    """What is left of angle and rate, smoothed, and shrunk to what stands above smoothed noise."""
-    if angle is None:
-        return 0.0, 0.0
-    smoothed, noise = _parabolas(angle, rate, period_s, HALF_WIDTH)
-    parts = []
-    for values, level in zip(smoothed, noise, strict=True):
-        power = float(np.mean(values**2))
-        parts.append(values * max(0.0, 1.0 - level**2 / power) if power > 0.0 else values)
-    return parts[0], parts[1]
 
 
 def _parabolas(angle: np.ndarray, rate: np.ndarray | None, period_s: float, half_width: int):

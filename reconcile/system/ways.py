@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from reconcile.core import Core
 from reconcile.data import Run, split
 from reconcile.model import Folder
-from reconcile.study import Study
 from reconcile.system.parts import Part
 from specs.errors import InputError
 
@@ -31,10 +31,9 @@ def followed(part: Part, folder: Folder, read: Callable[[Part], Sets]) -> Sets:
 
 
 def _left(folder: Folder, sets: Sets) -> float:
-    """Mean square of what the base model leaves in short windows, in units of the noise."""
+    """Nats a sample of the base model, its parameters and the noise fitted."""
     try:
-        study = Study(folder, split(*sets, *[()] * (3 - len(sets))))
+        core = Core(folder, split(*sets, *[()] * (3 - len(sets))), ())
     except InputError:  # said where the answer is looked for
         return np.inf
-    fitted = study.fit_set(study.fit_problem.start(study.values), (), {})
-    return np.inf if fitted is None else fitted.cost / len(fitted.linear.errors)
+    return core.base.total / max(1, int(np.isfinite(core.base.e).sum()))

@@ -83,8 +83,8 @@ def test_predicted_and_achieved_margins_stand_side_by_side(monkeypatch):
     reached = [{"one": ["b"], "other": ["a"], "achieved_margin": 31.0}]
     monkeypatch.setattr(achieved, "margins", lambda *_: reached)
     model = SimpleNamespace(name="slew")
-    study = SimpleNamespace(candidates=[], folder=SimpleNamespace(model=model))
-    found = drive.compare(first, Path("new.parquet"))(study, None, {"verdict": "named"})["experiment"]
+    answer = SimpleNamespace(core=SimpleNamespace(candidates=[], folder=SimpleNamespace(model=model)))
+    found = drive.compare(first, Path("new.parquet"))(answer, {"verdict": "named"})["experiment"]
     assert found["pairs"] == [reached[0] | {"predicted_margin": 40.0, "promised": True}]
     figures = {"experiment": found, "sentence": "The model lacks b.", "next_experiment": None}
     json.dumps(figures)

@@ -11,8 +11,11 @@ from fmus.models.arm.model import MODEL as ARM
 from fmus.models.machine.model import MODEL as MACHINE
 from fmus.toolchain.discrete import DiscreteStepper
 from fmus.toolchain.stepper import Stepper
+from reconcile.beam import Beam
+from reconcile.catalogue import ALL
 from reconcile.contract import check
-from reconcile.data import Run, Signal, runs_of
+from reconcile.core import Core
+from reconcile.data import Run, Signal, runs_of, split
 from reconcile.model import read_folder
 from reconcile.system import felt
 from reconcile.system.examine import Recording, _given, merged
@@ -21,7 +24,9 @@ from reconcile.workflow import _plain, _read
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
 from tests.conftest import ROOT
+from tests.reconcile.effects import delay
 from tests.reconcile.reports import REPORT
+from tests.reconcile.truth import DT, PERIOD as TRUE_PERIOD, Truth, record_driven, simulate
 from verification.runs import replacement
 
 PERIOD = 0.02
@@ -115,6 +120,29 @@ def test_what_is_felt_is_nearer_to_the_truth_than_the_recording() -> None:
     found = felt.recorded(Run("run", 0.0, t[-1], {}, noisy), ("q_slew", "qd_slew"))
     assert np.std(found["q_slew"] - angle) < 0.6 * 2e-4
     assert np.std(found["qd_slew"] - rate) < 0.5 * 1e-3
+
+
+def test_what_is_felt_of_a_fitted_part_is_its_motion_without_its_sensors(rig, monkeypatch) -> None:
+    """A carriage whose speed sensor is late: its neighbours feel the true speed."""
+    monkeypatch.setattr(felt, "PAIRS", {"position": "velocity"})
+    truth = Truth(velocity=delay(0.06))
+    time = TRUE_PERIOD * np.arange(1000)
+    command = 6.0 * np.sin(2.0 * time) + 3.0 * np.sin(5.3 * time)
+    (run,) = runs_of(record_driven(truth, command, 3), rig, "run")
+    core = Core(rig, split([run], (), ()), [e for e in ALL if e.name == "sensor_delay"])
+    beam = Beam(core)
+    beam.points[frozenset()] = core.base
+    for scored in beam.scores(frozenset()):
+        beam.attempt(frozenset(), scored)
+    found = felt.of_part(core, beam.points[beam.ranked()[0]], run, ("position", "velocity"))
+    assert found is not None
+    each = round(TRUE_PERIOD / DT)
+    names, noises = ("position", "velocity"), (2e-4, 2e-3)
+    for name, true, noise in zip(names, simulate(truth, command), noises, strict=True):
+        seen = np.std(run.outputs[name].values - true[::each])
+        left = np.std(found[name][20:] - true[::each][20:])
+        assert left < noise
+        assert name == "position" or left < 0.1 * seen
 
 
 def test_a_late_rate_is_moved_and_a_gyroscope_helps() -> None:

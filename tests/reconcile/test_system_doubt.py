@@ -8,7 +8,6 @@ import pytest
 
 from reconcile.experiment.propose import Proposal
 from reconcile.system import doubt
-from specs.errors import InputError
 
 
 def part(name: str, verdict: str, gain: float = 0.0, each: str = "ambiguous") -> Any:
@@ -16,22 +15,19 @@ def part(name: str, verdict: str, gain: float = 0.0, each: str = "ambiguous") ->
     return SimpleNamespace(
         part=SimpleNamespace(name=name),
         figures={"verdict": verdict, "effects": effects},
-        study=name,
-        answer=None,
+        answer=name,
         folder=name,
     )
 
 
 @pytest.fixture
 def proposals(monkeypatch):
-    """What is proposed by part: commands, none that help, or no range."""
+    """What is proposed by part: commands, none that help, or nothing."""
     known: dict[str, Any] = {}
 
-    def propose(study, answer, verdict, report, moved):
-        assert (moved is None) == (study != "tool"), "the machine moves the tool, and drives the others"
-        if known[study] is None:
-            raise InputError("no input has a range")
-        return Proposal({"sentence": study}, 0.1, known[study])
+    def propose(answer, verdict, report, moved):
+        assert (moved is None) == (answer != "tool"), "the machine moves the tool, and drives the others"
+        return None if known[answer] is None else Proposal({"sentence": answer}, 0.1, known[answer])
 
     monkeypatch.setattr(doubt, "propose", propose)
     monkeypatch.setattr(doubt, "drivable", lambda folder: folder != "tool")
@@ -55,7 +51,7 @@ def test_the_strongest_effect_of_open_name_comes_first_and_what_did_not_move_las
     [
         ({"tool": {"u": np.ones(3)}, "slew": {}, "arm": {}}, "tool"),
         ({"tool": {}, "slew": {"u": np.ones(3)}, "arm": {}}, "slew"),  # that of the tool would not help
-        ({"tool": None, "slew": {}, "arm": {}}, "slew"),  # the tool cannot be driven; nothing helps
+        ({"tool": None, "slew": {}, "arm": {}}, "slew"),  # nothing is to be told of the tool; nothing helps
     ],
 )
 def test_its_proposal_is_the_systems_or_else_the_next_ones(proposals, given, wanted):

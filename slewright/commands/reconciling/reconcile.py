@@ -15,9 +15,11 @@ from specs.errors import InputError
 def reconcile(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Recordings to fit.")],
     model: Annotated[
-        str, typer.Option(metavar="MODEL", help="A model folder, a model of the project, or an .fmu.")
-    ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report and the extended model.")],
+        str | None, typer.Option(metavar="MODEL", help="A model folder, a model of the project, or an .fmu.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the report and the extended model.")
+    ] = None,
     confirm: Annotated[
         list[Path] | None, typer.Option(metavar="RUN", help="Recordings that accept or turn down an effect.")
     ] = None,
@@ -46,6 +48,15 @@ def reconcile(
             help="The report.json that proposed the experiment which the first RUN is: shows what it told.",
         ),
     ] = None,
+    init: Annotated[
+        Path | None,
+        typer.Option("--init", metavar="DIR", help="Write a first model.py and map.toml for RUN, and stop."),
+    ] = None,
+    template: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of --init: rotary, linear, pendulum, first-order, chain, free."),
+    ] = None,
+    dof: Annotated[int | None, typer.Option(metavar="N", help="Of --init: joints of a chain.")] = None,
     json: JsonOption = None,
 ) -> None:
     """Find where model and recordings disagree, name the missing effect, add it, show the gap shrink.
@@ -57,6 +68,11 @@ def reconcile(
     from reconcile.workflow import reconcile as run
     from specs import draws
 
+    if init is not None or template is not None or dof is not None:
+        _begin(runs, init, template, dof)
+        return
+    if model is None or out is None:
+        raise InputError("reconcile needs --model MODEL and --out DIR; --init DIR writes a first model")
     given = (confirm or [], holdout or [], names)
     if driven and before:
         raise InputError("--drive and --before: one or the other")
@@ -74,3 +90,15 @@ def reconcile(
     write(json, figures, figures["seed"])
     page = out / "report.html"
     typer.echo(f"report: {page if page.is_file() else out / 'report.json'}")
+
+
+def _begin(runs: list[Path], folder: Path | None, template: str | None, dof: int | None) -> None:
+    """Write a first model and map, and say how to go on."""
+    from reconcile.start.write import start
+
+    if folder is None or len(runs) != 1:
+        raise InputError("--init DIR takes one recording; --template and --dof go with it")
+    for line in start(runs[0], folder, template, dof):
+        typer.echo(line)
+    typer.echo(f"wrote {folder / 'model.py'} and {folder / 'map.toml'}; read and correct both, then:")
+    typer.echo(f"slewright reconcile {runs[0]} --model {folder} --map {folder / 'map.toml'} --out found")

@@ -1,0 +1,230 @@
+"""Which effects the recordings ask for: a small beam over sets, and how probable each of them is."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from reconcile.catalogue.kinds import kind
+from reconcile.core import Core
+from reconcile.filter.fit import Point
+from reconcile.filter.kalman import SIGMA, WHITE, Values
+from reconcile.model import Attached
+from reconcile.screen import Scored, Screen
+from reconcile.shapes import Shapes
+from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PLAIN, PRIOR, RESAMPLED, SINGLES, WORTH
+
+Key = frozenset[Attached]
+Report = Callable[..., None]
+ASKED = 40  # candidates, the best of the first screen, that are asked beside others
+FAR = 0.3  # of the evidence that the best set gains: what gains less is not built on
+SETTLED = 3  # best sets that are fitted to the end
+SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
+QUIET = 0.2  # of the noise of the motion, from which a fit to the end begins as well
+FRESH = 4  # sets that are fitted from the model as it came too: else the disturbance keeps what it absorbed
+
+
+@dataclass
+class Beam:
+    """One search over sets of effects; `points` are the fitted ones."""
+
+    core: Core
+    report: Report = lambda *_: None
+    points: dict[Key, Point] = field(default_factory=dict)
+    scored: dict[Key, list[Scored]] = field(default_factory=dict)
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """Starts that the missing force of the model without effects suggests."""
+        return Shapes(self.core)
+
+    def run(self) -> list[Key]:
+        """Fitted sets, most evidence first."""
+        self.points[frozenset()] = self.core.base
+        kept: list[Key] = [frozenset()]
+        for level, (width, keep) in enumerate(zip(SINGLES, KEPT, strict=True)):
+            found: set[Key] = set()
+            best = self.evidence(self.ranked()[0])
+            for at, key in enumerate(kept):
+                self.report(f"sets of {level + 1}", at, len(kept))
+                for scored in self.scores(key)[:width]:
+                    if scored.gain < WORTH:
+                        break
+                    grown = self.attempt(key, scored)
+                    found |= {grown} if grown is not None else set()
+            kept = sorted(found, key=lambda k: -self.evidence(k))[:keep]
+            nothing = self.evidence(frozenset())
+            kept = [k for k in kept if self.evidence(k) - nothing >= FAR * (self.evidence(kept[0]) - nothing)]
+            if not kept or self.evidence(kept[0]) < best + WORTH:
+                break
+        self.report("best sets again")
+        self._refresh()
+        for _ in range(2):
+            self.report("neighbours")
+            if not self._neighbours(self.ranked()[0]):
+                break
+        self.report("settling")
+        self._settle()
+        return self.ranked()
+
+    def _own(self, scored: Scored) -> Values:
+        """What a score says of the effect itself."""
+        return {n: v for n, v in scored.values.items() if n.startswith(scored.attached.key + ".")}
+
+    def _refresh(self) -> None:
+        """Fit the best sets again from the model as it came."""
+        for key in self.ranked()[:FRESH]:
+            if len(key) > 1:
+                point = self.points[key]
+                own = {n: v for n, v in point.values.items() if any(n.startswith(a.key + ".") for a in key)}
+                self.fit(key, point.present, [self.core.fresh | own])
+
+    def _settle(self) -> None:
+        """Fit the best sets to the end, also from less noise: one that has not settled looks worse."""
+        done: set[Key] = set()
+        while todo := [k for k in self._foremost() if k not in done]:
+            key = todo[0]
+            done.add(key)
+            point = self.points[key]
+            quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
+            self.fit(key, point.present, [point.values | quiet, point.values], LONG)
+
+    def _foremost(self) -> list[Key]:
+        """The best sets, and the best one with one effect less, or a limit of it in its place."""
+        ranked = self.ranked()
+        simpler = [ranked[0] - {a} for a in ranked[0]]
+        simpler += [k for a in ranked[0] if (k := self._simpler(ranked[0], a)) is not None]
+        return [*ranked[:SETTLED], *(k for k in simpler if k in self.points)]
+
+    def _simpler(self, key: Key, a: Attached) -> Key | None:
+        """The set with what an effect becomes in a limit in its place."""
+        less = key - {a}
+        if less not in self.points:
+            return None
+        limits = [
+            s
+            for s in self.scores(less)
+            if s.attached.effect.name in a.effect.becomes and s.attached.port == a.port
+        ]
+        return self.attempt(less, limits[0]) if limits else None
+
+    def evidence(self, key: Key) -> float:
+        """Log of a set's probability up to a constant: sets of as many effects share the same prior."""
+        parameters = sum(len(a.effect.parameters) for a in key)
+        return self.points[key].evidence - PRIOR * len(key) - PLAIN * parameters
+
+    def ranked(self) -> list[Key]:
+        """Sets, most evidence first."""
+        return sorted(self.points, key=lambda k: -self.evidence(k))
+
+    def scores(self, key: Key) -> list[Scored]:
+        """Candidates beside a set, best first."""
+        if key not in self.scored:
+            taken = {(a.effect.name, a.port) for a in key}
+            others = [a for a in self.core.candidates if (a.effect.name, a.port) not in taken]
+            if key and frozenset() in self.scored:  # what cannot be told at all, or is far from it, stays out
+                told = {s.attached for s in self.scored[frozenset()][:ASKED] if np.isfinite(s.gain)}
+                others = [a for a in others if a in told]
+            starts = {s.attached: s.start for s in self.scored.get(frozenset(), ())}
+            self.scored[key] = Screen(self.core, self.points[key], self.shapes).all(others, starts)
+        return self.scored[key]
+
+    def attempt(self, key: Key, scored: Scored) -> Key | None:
+        """Fit a set with one effect more, from its values and from a quiet disturbance."""
+        grown = key | {scored.attached}
+        if grown not in self.points:
+            base = self.points[key]
+            starts = [base.values | scored.values]
+            if not key and len(self.points) <= FRESH:
+                starts.append(self.core.fresh | self._own(scored))
+            self.fit(grown, (*base.present, scored.attached), starts)
+        return grown if grown in self.points else None
+
+    def fit(
+        self, key: Key, present: Sequence[Attached], starts: Iterable[Values], iterations: int = SHORT
+    ) -> None:
+        """Fit a set from some starts; the best of them is kept, and of what is known of it."""
+        core = self.core
+        free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
+        found, less = [], [p for k, p in self.points.items() if k < key]
+        for start in starts:
+            most = min((p.total for p in (*found, *less)), default=np.inf)
+            point = core.fitter.fit(
+                start,
+                present,
+                free,
+                iterations,
+                every=3 if iterations == SHORT else 4,
+                hopeless=most,
+                own=True,
+            )
+            if point is not None:
+                found.append(point)
+        if found:
+            best = min(found, key=lambda p: p.total)
+            if key not in self.points or best.total < self.points[key].total:
+                self.points[key] = best
+
+    def _neighbours(self, key: Key) -> bool:
+        """Sets with one effect less, or with another one in its place; whether one is better."""
+        before = self.evidence(key)
+        for a in key:
+            less = key - {a}
+            present = tuple(x for x in self.points[key].present if x != a)
+            # from where it is in the larger set too: what has not settled makes others look needed
+            self.fit(less, present, self.starts(key, present)[: 1 if less in self.points else 2])
+            if less not in self.points:
+                continue
+            for scored in self.scores(less)[: SINGLES[1]]:
+                if scored.gain >= WORTH:
+                    self.attempt(less, scored)
+            siblings = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
+            for scored in siblings[: SINGLES[2]]:
+                self.attempt(less, scored)
+        return self.evidence(self.ranked()[0]) > before + 0.1
+
+    def starts(self, key: Key, present: Sequence[Attached]) -> list[Values]:
+        """Where a fit of some effects of a set begins: where they are in it, and the model as it came."""
+        own = self._of(key, present)
+        effects = {n: v for n, v in own.items() if any(n.startswith(a.key + ".") for a in present)}
+        return [self.core.values | own, self.core.fresh | effects]
+
+    def _of(self, key: Key, present: Sequence[Attached]) -> Values:
+        """A set's values without those of effects that are not present."""
+        own = {f.name for a in key if a not in present for f in self.core.free_of(a)}
+        return {
+            n: v
+            for n, v in self.points[key].values.items()
+            if n not in own and not any(n == a.name("gate") for a in key if a not in present)
+        }
+
+    # ---------------------------------------------------------------- how probable
+
+    def posterior(self, seed: int = 0) -> dict[Key, float]:
+        """Probability of every fitted set near the best: its softmax over resampled blocks of the data."""
+        best = self.evidence(self.ranked()[0])
+        keys = [k for k in self.ranked() if self.evidence(k) > best - CLOSE - self._noise()]
+        losses = np.array([self._blocks(k) for k in keys])  # [sets, blocks]
+        rest = np.array([self.evidence(k) for k in keys]) + losses.sum(1)
+        rng = np.random.default_rng(seed)
+        total = np.zeros(len(keys))
+        for _ in range(RESAMPLED):
+            weight = np.bincount(rng.integers(0, losses.shape[1], losses.shape[1]), minlength=losses.shape[1])
+            nats = rest - losses @ weight
+            share = np.exp(nats - nats.max())
+            total += share / share.sum()
+        return dict(zip(keys, total / RESAMPLED, strict=True))
+
+    def _noise(self) -> float:
+        """Nats by which the difference of two sets may change with the blocks drawn."""
+        ranked = self.ranked()[:4]
+        losses = np.array([self._blocks(k) for k in ranked])
+        spread = [np.std(other - losses[0]) * np.sqrt(losses.shape[1]) for other in losses[1:]]
+        return 2.0 * float(max(spread, default=0.0))
+
+    def _blocks(self, key: Key) -> np.ndarray:
+        """Nats of the training data by block [BLOCKS]."""
+        p = self.points[key]
+        loss = self.core.fitter.loss(p.e, p.s)
+        return np.array([b.sum() for b in np.array_split(loss, BLOCKS)])

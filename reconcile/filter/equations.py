@@ -1,0 +1,184 @@
+"""The equations of an extended model as the filter steps them: inputs, motion, dry friction, sensors.
+
+Beside the model's inputs, `u` holds the time, the disturbances w, the length of a step and for every
+output by how much its sample is earlier than the step (s).
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import casadi as ca
+
+from fmus.toolchain.codegen import CASADI_OPTIONS
+from reconcile.assembly import Assembly
+from reconcile.extended import Extended
+
+BENDS = 4000  # operations of an output's second derivative by time above which it is left out
+
+
+class Stepped(Assembly):
+    """An extended model taken apart for the filter; arguments of all functions are (x, u, m, p)."""
+
+    stops = True
+
+    def __init__(self, extended: Extended, outputs: Sequence[str], pushed_states: Sequence[str] = ()):
+        super().__init__(extended)
+        self.recorded = [self.model.index("outputs", n) for n in outputs]
+        self.memories = [a for a in extended.attached if a.effect.place == "input" and a.effect.hidden]
+        names = {a.name(h) for a in self.memories for h in a.effect.hidden}
+        self.memory_names = [n for n in extended.state_names if n in names]
+        self.state_names = [n for n in extended.state_names if n not in names]
+        self.shown = [a for a in extended.attached if a.effect.place == "output" and a.effect.hidden]
+        self.pushed_states = tuple(pushed_states)
+        axes = extended.folder.ports.axes
+        self.dt = ca.SX.sym("dt")
+        self.early = ca.SX.sym("early", len(self.recorded))
+        self.more = ca.SX.sym("push", len(self.pushed_states))
+        pushes = self.u[extended.clock + 1 :]
+        self.w = ca.vertcat(pushes, self.more)
+        self.arguments = [
+            ca.vertcat(*[self.x[extended.state_names.index(n)] for n in self.state_names]),
+            ca.vertcat(self.u, self.more, self.dt, self.early),
+            self.m,
+            self.p,
+        ]
+        self.memory = ca.vertcat(
+            *[self.x[extended.state_names.index(n)] for n in self.memory_names], ca.SX(0, 1)
+        )
+        self.w0, self.axes = extended.clock + 1, axes
+        self.dt_at = self.u.numel() + len(self.pushed_states)
+
+    @cached_property
+    def stages(self) -> dict[str, ca.Function]:
+        """All functions of filter.c but the derivatives."""
+        step, self.step, self.averaged = self.step, self.dt, True
+        felt = super()._inputs()  # memories of inputs step exactly
+        self.averaged = False
+        moved = [self.next[n] for n in self.memory_names]
+        first = [self.starts[n] for n in self.memory_names]
+        self.step = step
+        self.built.clear()
+        self.next.clear()
+        for made in (self.rates, self.starts):
+            made |= dict.fromkeys(self.memory_names, ca.SX(0))  # they are no part of the motion
+        f, dry, h = self._motion_parts()
+        self.step, self.slope = self.dt, lambda e: self._slope(e, f)
+        after = self._after()
+        self.step, self.slope = step, None
+        _, u, m, p = self.arguments
+        rest = ca.vertcat(*[u[i] for i in range(len(self.model.inputs), u.numel())])
+        hidden = self.state_names[self.nx :]  # they come last
+        rest_starts = [self.starts[n] for n in hidden]
+        made = {
+            "kf_in": ([self.memory, u, m, p], [ca.vertcat(felt, rest), ca.vertcat(*moved, ca.SX(0, 1))]),
+            "kf_f": (self.arguments, [f]),
+            "kf_dry": (self.arguments, [dry]),
+            "kf_post": (self.arguments, [after]),
+            "kf_h": (self.arguments, [h]),
+            "kf_first": (
+                [self.memory, *self.arguments],
+                [ca.vertcat(*first, ca.SX(0, 1)), ca.vertcat(*rest_starts, ca.SX(0, 1))],
+            ),
+        }
+        return {n: ca.Function(n, i, [ca.densify(ca.SX(r)) for r in o]) for n, (i, o) in made.items()}
+
+    def _inputs(self) -> ca.SX:
+        return ca.SX(self.u[: len(self.model.inputs)])  # felt already
+
+    def _motion_parts(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        f, h, _ = Assembly.functions(self)
+        whole = [self.x, self.u, self.m, self.p]
+        rates, outputs = f(*whole), h(*whole)[self.recorded]
+        kept = [self.e.state_names.index(n) for n in self.state_names]
+        rates = ca.vertcat(*[rates[i] for i in kept])
+        still = {a.name(s) for a in self.shown for s in a.effect.hidden}
+        for i, n in enumerate(self.state_names):
+            if n in still:
+                rates[i] = 0.0 if self.model.kind == "continuous" else self.x[kept[i]]
+        per = self.model.step if self.model.kind == "discrete" else 1.0
+        for k, n in enumerate(self.pushed_states):
+            rates[self.state_names.index(n)] += per * self.more[k]
+        inputs = self._inputs()
+        dry = ca.SX.zeros(2 * len(self.axes))
+        for k, axis in enumerate(self.axes) if self.model.kind == "continuous" else ():
+            added, _ = self._added(axis, inputs)
+            for a in self._at("force", axis.name):
+                levels = self._force(a, axis, inputs).dry
+                for side, level in enumerate(levels or ()):
+                    dry[side * len(self.axes) + k] += level / (self.inertia(axis) + added)
+        return rates, dry, self._earlier(outputs, rates)
+
+    def _earlier(self, outputs: ca.SX, rates: ca.SX) -> ca.SX:
+        """Outputs by Taylor's series where their samples are earlier than the step."""
+        slope = self._slope(outputs, rates)
+        bend = self._slope(slope, rates)
+        if ca.Function("bend", [*self.arguments], [bend]).n_instructions() > BENDS:
+            bend = 0.0
+        return outputs - self.early * slope + 0.5 * self.early**2 * bend
+
+    def _slope(self, expression: ca.SX, rates: ca.SX) -> ca.SX:
+        """An expression of the states by time; of a model in steps by its next two."""
+        x = self.arguments[0]
+        if self.model.kind == "continuous":
+            return ca.jtimes(expression, x, rates)
+        next_one = ca.substitute(expression, x, rates)
+        after = ca.substitute(next_one, x, rates)
+        return (4.0 * next_one - 3.0 * expression - after) / (2.0 * self.model.step)
+
+    def _after(self) -> ca.SX:
+        """States after a step: the memories of sensors follow what they show."""
+        x = self.arguments[0]
+        after = ca.SX(x)
+        if not self.shown:
+            return after
+        self.built.clear()
+        self._outputs(ca.SX(self.model.h(self.x[: self.nx], self._inputs(), self.m, self.used_p)))
+        for a in self.shown:
+            for h in a.effect.hidden:
+                after[self.state_names.index(a.name(h))] = self.next[a.name(h)]
+        return after
+
+    def code(self) -> tuple[str, str]:
+        """Generated C code and header for filter.c."""
+        x, u, m, _ = self.arguments
+        s = self.stages
+        f, h, after = s["kf_f"](*self.arguments), s["kf_h"](*self.arguments), s["kf_post"](*self.arguments)
+
+        def by(e: ca.SX, z: ca.SX) -> ca.SX:
+            return ca.densify(ca.jacobian(e, z))
+
+        functions = [
+            s["kf_in"],
+            s["kf_f"],
+            s["kf_dry"],
+            s["kf_h"],
+            ca.Function("kf_post", self.arguments, [after, by(after, x)]),
+            ca.Function("kf_fj", self.arguments, [f, by(f, x), by(f, self.w)], {"cse": True}),
+            ca.Function("kf_hj", self.arguments, [h, by(h, x), by(h, self.w)], {"cse": True}),
+            s["kf_first"],
+        ]
+        generator = ca.CodeGenerator("equations.c", CASADI_OPTIONS)
+        for function in functions:
+            generator.add(function)
+        index = self.state_names.index
+        axes = [(index(a.velocity), index(a.position) if a.position else -1) for a in self.axes]
+        sizes = {
+            "NX": x.numel(),
+            "NU": u.numel(),
+            "NM": m.numel(),
+            "NW": self.w.numel(),
+            "NY": h.numel(),
+            "NI": len(self.memory_names),
+            "NH": len(self.state_names) - len(self.model.states),
+            "AXES": len(axes) if self.model.kind == "continuous" else 0,
+            "POSTS": int(bool(self.shown)),
+            "W0": self.w0,
+            "DT": self.dt_at,
+            "DISCRETE": int(self.model.kind == "discrete"),
+            "SZ_W": max(1, *(g.sz_w() for g in functions)),
+            "SZ_IW": max(1, *(g.sz_iw() for g in functions)),
+        }
+        header = "".join(f"#define {n} {v}\n" for n, v in sizes.items())
+        for name, column in (("axis_v", 0), ("axis_q", 1)):
+            header += f"static const int {name}[] = {{{', '.join(str(a[column]) for a in axes) or '-1'}}};\n"
+        return generator.dump().replace("#include <math.h>", '#include "slw_math.h"'), header

@@ -1,0 +1,301 @@
+"""The filter of a model folder with candidate effects over its recordings: parameters in, innovations out."""
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from reconcile.extended import Extended
+from reconcile.filter.equations import Stepped
+from reconcile.filter.late import Late
+from reconcile.filter.library import Library
+from reconcile.filter.record import Record
+from reconcile.filter.smooth import smoothed
+from reconcile.model import Attached, Folder
+
+Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
+NOTHING = np.empty((0, 0))
+SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
+
+
+@dataclass
+class Filtered:
+    """What the filter makes of one recording: innovations and their variances [n, NY], and more on demand."""
+
+    e: np.ndarray
+    s: np.ndarray
+    z: np.ndarray  # states and disturbances [n, NX + NW]
+    v: np.ndarray  # their variances
+    free: np.ndarray  # outputs [n, NY] of the model by itself in windows
+    zfree: np.ndarray
+    y: np.ndarray
+
+
+@dataclass
+class _Part:
+    """A library of some effects: its parameters among all, and its states' names."""
+
+    library: Library
+    extended: Extended
+    index: np.ndarray
+
+
+class Kalman:
+    """Filters of one model: effects without hidden states all at once, others as they are asked for.
+
+    `places`: names of what the disturbances w push, axes first.
+    """
+
+    def __init__(
+        self,
+        folder: Folder,
+        candidates: Sequence[Attached],
+        records: Sequence[Record],
+        outputs: Sequence[str],
+    ):
+        self.folder, self.model, self.records = folder, folder.model, list(records)
+        self.candidates, self.outputs = tuple(candidates), tuple(outputs)
+        self.all_outputs = [v.name for v in self.model.outputs]
+        self.pushed_states = self._pushed()
+        self.whole = Extended(folder, self.candidates)
+        self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
+        self.late = Late(self.whole, list(self.outputs))
+        self.substeps, self.linear = 1, False
+        self.extra = (0.0, 0.0)  # of all outputs: late by so much (s), and a drift, beside the parameters
+        self.scale = np.array([v.nominal or 1.0 for v in self.model.states])
+        self._begins: tuple[bytes, np.ndarray] | None = None
+        self._parts: dict[frozenset, _Part] = {}
+        self._kept: dict[tuple, tuple] = {}
+        self.modes: list[np.ndarray] = [self._modes(r) for r in self.records]
+        self.runs_done = 0
+
+    def _pushed(self) -> tuple[str, ...]:
+        """States beside the axes' that a disturbance pushes: those that are recorded; without axes, all."""
+        axes, names = self.folder.ports.axes, [v.name for v in self.model.states]
+        if not axes:
+            return tuple(names)
+        moving = {n for a in axes for n in (a.position, a.velocity)}
+        return tuple(names[i] for i, _, _ in self.shown if names[i] not in moving)
+
+    # ---------------------------------------------------------------- one run of the filter
+
+    def run(
+        self,
+        values: Values,
+        present: Sequence[Attached],
+        windows: Sequence[np.ndarray] | None = None,
+        states: bool = False,
+        smooth: bool = False,
+        own: bool = False,
+    ) -> list[Filtered] | None:
+        """Innovations over every recording; None where the states run away.
+
+        `windows` [n] of each: numbers of the stretches in which the model also runs by itself, without
+        disturbance, from the filtered state (0: none).  `states`: what the filter knows of them by then,
+        `smooth`: what all of the recording tells of them.  `own`: by equations of these effects alone.
+        """
+        part = self._part(present, own)
+        names, index = part.extended.parameter_names, self.whole.index
+        p = np.array([values[n] for n in names])
+        full = np.array([values[n] for n in index])
+        active = self._active(part, present)
+        given = {
+            "p": p,
+            "sigma": np.array([values[SIGMA + n] for n in self.places]),
+            "keep": np.array([1.0 / values[TAU + n] for n in self.places]),
+            "white": np.array([values[WHITE + n] for n in self.places]),
+            "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.outputs]),
+        }
+        found = []
+        for k in range(len(self.records)):
+            u, y = self._rows(k, full)
+            x0, p0 = self._start(part, p, y)
+            self.runs_done += 1
+            more = {"u": u, "m": self.modes[k], "y": y, "x0": x0, "p0": p0}
+            run = part.library.run(
+                self.substeps,
+                active,
+                given | more,
+                None if windows is None else windows[k],
+                states or smooth,
+                smooth,
+            )
+            if run is None:
+                return None
+            if smooth:
+                columns = np.concatenate([active, part.library.nx + np.arange(part.library.nw)])
+                run["z"], run["v"] = smoothed(run, columns)
+            found.append(
+                Filtered(**{n: run.get(n, NOTHING) for n in ("e", "s", "z", "v", "free", "zfree")}, y=y)
+            )
+        return found
+
+    def over(self, records: Sequence[Record]) -> "Kalman":
+        """The same filter over other recordings."""
+        other = copy(self)
+        other.records, other._kept = list(records), {}
+        other.modes = [other._modes(r) for r in other.records]
+        return other
+
+    def state_names(self, present: Sequence[Attached], own: bool = False) -> list[str]:
+        """States of a run with these effects, in the order of its columns."""
+        return self._part(present, own).library.stepped.state_names
+
+    def forces(self, values: Values, present: Sequence[Attached], z: Sequence[np.ndarray]) -> np.ndarray:
+        """What effects in the motion do at every place [n, places], at states z [n, NX + NW].
+
+        In the unit of the place's disturbance.  Effects of inputs and outputs are no forces.
+        """
+        part = self._part(present, own=True)
+        stepped, stages = part.library.stepped, part.library.stepped.stages
+        absent = dict(values)
+        for a in present:
+            if a.effect.place not in ("input", "output"):
+                absent |= dict.fromkeys(a.columns, 0.0)
+        names = part.extended.parameter_names
+        p, p0 = (np.array([v[n] for n in names]) for v in (values, absent))
+        found = []
+        full = np.array([values[n] for n in self.whole.index])
+        for k, states in enumerate(z):
+            x, u = states[:, : part.library.nx].T, self._rows(k, full)[0].T
+            n, m = x.shape[1], self.modes[k].T
+            rates = [np.asarray(stages["kf_f"].map(n)(x, u, m, np.repeat(q[:, None], n, 1))) for q in (p, p0)]
+            dry = np.asarray(stages["kf_dry"].map(n)(x, u, m, np.repeat(p[:, None], n, 1)))
+            found.append(self._at_places(stepped, rates[0] - rates[1], dry, x))
+        return np.vstack(found)
+
+    def _at_places(self, stepped: Stepped, change: np.ndarray, dry: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Changes of rates [NX, n] as forces at the places [n, places]."""
+        per = self.model.step if self.model.kind == "discrete" else 1.0
+        columns = []
+        for k, axis in enumerate(self.folder.ports.axes):
+            row = stepped.state_names.index(axis.velocity)
+            v = x[row]
+            levels = np.where(v > 0.0, dry[k], -dry[len(self.folder.ports.axes) + k])
+            columns.append((change[row] / per - np.sign(np.abs(v)) * levels) * self.whole.inertia(axis))
+        columns += [change[stepped.state_names.index(n)] / per for n in self.pushed_states]
+        return np.column_stack(columns)
+
+    def _part(self, present: Sequence[Attached], own: bool) -> _Part:
+        """The library for a set: of its effects alone, or with all candidates that it may be compared with.
+
+        Effects with hidden states of their own share one library, the others another one.
+        """
+        states = [a for a in present if a.effect.hidden and a.effect.place != "input"]
+        if own:
+            kept = set(present)
+        elif not states:
+            kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"}
+        else:
+            kept = {a for a in self.candidates if a.effect.hidden and a.effect.place != "input"} | set(
+                present[:-1]
+            )
+            if states[-1] != present[-1]:  # what is looked for beside it has no states: all of those
+                kept = {a for a in self.candidates if not a.effect.hidden or a.effect.place == "input"} | set(
+                    states
+                )
+        key = frozenset(kept)
+        if key not in self._parts:
+            attached = [a for a in self.candidates if a in kept or a.effect.delays]
+            extended = Extended(self.folder, attached)
+            stepped = Stepped(extended, self.outputs, self.pushed_states)
+            library = Library(stepped)
+            index = np.array([self.whole.index[n] for n in extended.parameter_names])
+            self._parts[key] = _Part(library, extended, index)
+        return self._parts[key]
+
+    def _active(self, part: _Part, present: Sequence[Attached]) -> np.ndarray:
+        names = part.library.stepped.state_names
+        own = [a.name(h) for a in present if a.effect.place != "input" for h in a.effect.hidden]
+        return np.array([*self.unsure, *(names.index(n) for n in own)], np.int32)
+
+    @cached_property
+    def unsure(self) -> list[int]:
+        """The model's states but those that inputs alone move, step by step: these are known."""
+        model = self.model
+        every = list(range(len(model.states)))
+        if model.kind == "continuous":
+            return every
+        x, u, m, p = model.symbols
+        pattern = ca.jacobian_sparsity(model.f(x, u, m, p), x)
+        feels = set(zip(pattern.row(), pattern.get_col(), strict=True))
+        axes = {n for a in self.folder.ports.axes for n in (a.position, a.velocity)} | set(self.pushed_states)
+        found = {i for i in every if model.states[i].name in axes}
+        while more := {i for i in every if i not in found and any((i, j) in feels for j in found)}:
+            found |= more
+        return sorted(found)
+
+    def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """u [n, NU] and y [n, NY] of a recording for the delays among the parameters [NP]."""
+        late_in = {self.model.inputs[i].name: d for i, d in self.late.of_inputs(p).items()}
+        late_out = {n: self.late.of_output(n, p) for n in self.outputs}
+        if any(self.extra):
+            late_out = {n: (d + self.extra[0], drift + self.extra[1]) for n, (d, drift) in late_out.items()}
+        key = (k, self.linear, tuple(late_in.items()), tuple(late_out.items()))
+        if key not in self._kept:
+            if len(self._kept) > 200:
+                self._kept.clear()
+            record = self.records[k]
+            names = [v.name for v in self.model.inputs]
+            defaults = np.array([v.start for v in self.model.inputs])
+            u = record.inputs(names, defaults, late_in, self.linear)
+            y, early = record.outputs(self.outputs, late_out)
+            clock = (record.time - record.run.began_s)[:, None]
+            pushes = np.zeros((len(y), len(self.places)))
+            self._kept[key] = np.hstack([u, clock, pushes, record.steps[:, None], early]), y
+        return self._kept[key]
+
+    def _start(self, part: _Part, p: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Initial state and its variances: outputs that are states begin as recorded."""
+        nx, n = part.library.nx, len(self.model.states)
+        x0, p0 = np.zeros(nx), np.ones(nx)
+        x0[:n] = self._model_start(p[: len(self.model.parameters)])
+        p0[:n] = (2.0 * self.scale) ** 2
+        for state, output, sign in self.shown:
+            seen = y[:, self.outputs.index(output)]
+            good = np.flatnonzero(~np.isnan(seen))
+            if len(good):
+                x0[state] = sign * seen[good[0]]
+        if nx > n:
+            p0[n:] = self._hidden_scale(part) ** 2
+        return x0, p0
+
+    def _hidden_scale(self, part: _Part) -> np.ndarray:
+        """Sizes of effects' hidden states: of what they follow, or of the motion beside which they are."""
+        found = []
+        for name in part.library.stepped.state_names[len(self.model.states) :]:
+            port = name.split("@")[1].partition(".")[0].split("+")[0]
+            sizes = self.sizes.get(port, ())
+            found.append(0.1 * max(sizes) if sizes else 0.1)
+        return np.array(found)
+
+    sizes: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    def _model_start(self, p: np.ndarray) -> np.ndarray:
+        key = p.tobytes()
+        if self._begins is None or self._begins[0] != key:
+            self._begins = key, np.asarray(self.model.x0(p)).ravel()
+        return self._begins[1]
+
+    @cached_property
+    def shown(self) -> list[tuple[int, str, float]]:
+        """States that recorded outputs are, up to sign: (state, output, sign)."""
+        x, u, m, p = self.model.symbols
+        h, found, seen = self.model.h(x, u, m, p), [], set()
+        for i in range(x.numel()):
+            for k, name in enumerate(self.all_outputs):
+                for sign in (1.0, -1.0):
+                    if name in self.outputs and i not in seen and ca.is_equal(h[k], sign * x[i], 2):
+                        found.append((i, name, sign))
+                        seen.add(i)
+        return found
+
+    def _modes(self, record: Record) -> np.ndarray:
+        if not self.model.modes:
+            return np.zeros((len(record.time), 0))
+        from reconcile.filter.modes import modes_of
+
+        return modes_of(self.model, record)

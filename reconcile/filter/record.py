@@ -1,0 +1,99 @@
+"""Recordings as the filter takes them: one row a step, every sample at the step nearest to it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from reconcile.data import Block, Run
+from reconcile.held import Held
+
+NEAR = 0.51  # of a step, by which a sample may be away from it
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run in steps: their `time` [n] (s), and which of them are in which part."""
+
+    run: Run
+    time: np.ndarray
+    fit: np.ndarray
+    confirm: np.ndarray
+    holdout: np.ndarray
+
+    @property
+    def steps(self) -> np.ndarray:
+        """Lengths of the steps [n] (s)."""
+        return np.diff(self.time, append=2.0 * self.time[-1] - self.time[-2])
+
+    def inputs(
+        self, names: Sequence[str], defaults: np.ndarray, late: Mapping[str, float], linear: bool
+    ) -> np.ndarray:
+        """Inputs [n, names] over each step, `late` (s)."""
+        u = np.repeat(defaults[None, :], len(self.time), 0)
+        edges = np.append(self.time, self.time[-1] + self.steps[-1])
+        for i, name in enumerate(names):
+            signal = self.run.inputs.get(name)
+            if signal is not None:
+                u[:, i] = _means(signal, edges - late.get(name, 0.0), linear)
+        return u
+
+    def outputs(
+        self, names: Sequence[str], late: Mapping[str, tuple[float, float]]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Samples [n, names] (NaN: none) and by how much they are earlier than their step (s).
+
+        `late`: delay of an output (s), and what it gains per second of the recording.
+        """
+        y, early = np.full((len(self.time), len(names)), np.nan), np.zeros((len(self.time), len(names)))
+        middle = 0.5 * (self.time[1:] + self.time[:-1])
+        for o, name in enumerate(names):
+            signal = self.run.outputs.get(name)
+            if signal is None:
+                continue
+            fixed, drift = late.get(name, (0.0, 0.0))
+            true = signal.time - fixed - drift * (signal.time - self.run.began_s)
+            k = np.searchsorted(middle, true)
+            away = np.abs(self.time[k] - true)
+            order = np.argsort(-away, kind="stable")  # the nearest is written last
+            order = order[away[order] <= NEAR * self.steps[k[order]]]
+            y[k[order], o] = signal.values[order]
+            early[k[order], o] = (self.time[k] - true)[order]
+        return y, early
+
+
+def _means(signal, edges: np.ndarray, linear: bool) -> np.ndarray:
+    """Mean of a signal between edges: held between its samples, or a straight line."""
+    if not linear:
+        return Held(signal).means(edges)
+    t, v = signal.time, signal.values
+    t = np.concatenate([[t[0] - 1e6], t, [t[-1] + 1e6]])
+    v = np.concatenate([[v[0]], v, [v[-1]]])
+    area = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (v[1:] + v[:-1]))])
+    k = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 2)
+    past = edges - t[k]
+    slope = (v[k + 1] - v[k]) / np.maximum(t[k + 1] - t[k], 1e-300)
+    area = area - np.interp(edges[0], t, area)
+    return np.diff(area[k] + past * (v[k] + 0.5 * slope * past)) / np.diff(edges)
+
+
+def records(runs: Sequence[Run], blocks: Mapping[str, Sequence[Block]], most: int) -> list[Record]:
+    """Every run in steps, all together about `most` of them."""
+    whole = sum(max(len(s.time) for s in r.outputs.values()) for r in runs)
+    every = max(1, round(whole / most))
+    found = []
+    for run in runs:
+        signal = max(run.outputs.values(), key=lambda s: len(s.time))
+        time = signal.time[::every]
+        if len(time) < 8:
+            time = signal.time
+        inside = {
+            which: np.any(
+                [(time >= b.start_s - 1e-9) & (time < b.end_s - 1e-9) for b in own if b.run is run]
+                or [time < -np.inf],
+                axis=0,
+            )
+            for which, own in blocks.items()
+        }
+        found.append(Record(run, time, inside["fit"], inside["confirm"], inside["holdout"]))
+    return found

@@ -1,1 +1,0 @@
-"""Simulation-error fits over windows with free initial states and exact sensitivities."""

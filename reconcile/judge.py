@@ -1,0 +1,175 @@
+"""The answer: what is probable must also shorten the error ahead, on data that it was not fitted to."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from reconcile.ahead import ahead, confirmed, noise
+from reconcile.beam import Beam, Key
+from reconcile.catalogue.kinds import kind
+from reconcile.filter.fit import Point
+from reconcile.model import Attached
+from reconcile.tolerances import NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD
+
+MOST_DECLARED = 4
+MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
+ENOUGH = 0.9  # of the probability that the declared sets hold together
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An answer: its set, sets that may be it as well, probabilities by effect and kind, errors ahead.
+
+    `gains`: by effect the nats that it gains, and the share of the error left that it takes away.
+    """
+
+    answer: Key
+    alternatives: tuple[Key, ...]
+    probability: Mapping[str, float]
+    kinds: Mapping[str, float]
+    sets: Sequence[tuple[tuple[str, ...], float]]
+    gains: Mapping[Attached, tuple[float, float]]
+    refused: Sequence[Mapping[str, str]]
+    errors: Mapping[Key, float] = field(default_factory=dict)
+
+
+class Judge:
+    """Judges a search by the error over the model's own time on `confirm`."""
+
+    def __init__(self, beam: Beam):
+        self.beam, self.core = beam, beam.core
+        self._ahead: dict[Key, float] = {}
+
+    def ahead(self, key: Key) -> float:
+        """Error of a set over many steps on confirm, above the noise, in spreads of the outputs (rms)."""
+        if key not in self._ahead:
+            self._ahead[key] = ahead(self.core, self.beam.points[key])
+        return self._ahead[key]
+
+    def decide(self) -> Judged:
+        """The answer."""
+        beam, refused = self.beam, []
+        posterior = _simplest(beam)
+        names = {k: _names(k) for k in posterior}
+        effects: dict[str, float] = {}
+        kinds: dict[str, float] = {}
+        for k, p in posterior.items():
+            for n in _held_in(k):
+                effects[n] = effects.get(n, 0.0) + p
+            for n in {kind(n) for n in names[k]}:
+                kinds[n] = kinds.get(n, 0.0) + p
+        by_names: dict[tuple[str, ...], float] = {}
+        best: dict[tuple[str, ...], Key] = {}
+        for k, p in posterior.items():
+            by_names[names[k]] = by_names.get(names[k], 0.0) + p
+            if names[k] not in best or beam.evidence(k) > beam.evidence(best[names[k]]):
+                best[names[k]] = k
+        order = sorted(by_names, key=lambda n: -by_names[n])
+        answer, refused = self._earning(best[order[0]])
+        doubted = [a for a in answer if effects[a.effect.name] < SURE]
+        declared = [answer] if answer else []
+        if doubted:
+            declared += self._rivals(answer, [best[n] for n in order if n], by_names)
+        if doubted and (nothing := by_names.get((), 0.0)) > 1.0 - SURE:
+            text = f"nothing at all is as probable as {nothing:.2f}"
+            refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
+            answer, declared = frozenset(), []
+        gains = {a: self._gain(answer, a) for a in answer}
+        return Judged(
+            answer,
+            tuple(k for k in declared if _names(k) != _names(answer)),
+            _shown(effects),
+            _shown(kinds),
+            [(n, float(by_names[n])) for n in order[:MOST_SHOWN]],
+            gains,
+            refused,
+            dict(self._ahead),
+        )
+
+    def _rivals(
+        self, answer: Key, ranked: Sequence[Key], by_names: Mapping[tuple[str, ...], float]
+    ) -> list[Key]:
+        """Sets that share the probability with the answer, until they hold ENOUGH of it."""
+        total, found = by_names.get(_names(answer), 0.0), []
+        for key in ranked:
+            if total >= ENOUGH or len(found) == MOST_DECLARED - 1:
+                break
+            if _names(key) != _names(answer) and not set(_names(answer)) <= _held_in(key):
+                total += by_names[_names(key)]
+                found.append(key)
+        return found
+
+    def _earning(self, key: Key) -> tuple[Key, list[dict[str, str]]]:
+        """The set without effects that take too little of the error away."""
+        refused, base = [], self.ahead(frozenset())
+        while key:
+            shares = {a: self._shortened(key, a) for a in key}
+            weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
+            weak = [a for a in weak if not self._told(key, a)]
+            if not weak:
+                break
+            worst = min(weak, key=lambda a: shares[a][0])
+            left, _ = shares[worst]
+            text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
+            refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
+            key = key - {worst}
+        return key, refused
+
+    def _told(self, key: Key, a: Attached) -> bool:
+        """Whether the model errs so little that an effect's likelihood on confirm may tell it."""
+        less = self.beam.points[key - {a}]
+        if self.ahead(key) > max(NEAR, noise(self.core, less)):
+            return False
+        with_it, none = self.beam.points[key], self.beam.points[frozenset()]
+        gained = confirmed(self.core, less) - confirmed(self.core, with_it)
+        whole = confirmed(self.core, none) - confirmed(self.core, with_it)
+        return gained > max(TOLD, OF_NATS * whole)
+
+    def _shortened(self, key: Key, a: Attached) -> tuple[float, float]:
+        """Share of the error left without an effect that it takes away, and that in spreads."""
+        less = key - {a}
+        if less not in self.beam.points:
+            present = tuple(x for x in self.beam.points[key].present if x != a)
+            self.beam.fit(less, present, self.beam.starts(key, present))
+        if less not in self.beam.points:  # without it the model runs away
+            return 1.0, float("inf")
+        without, with_it = self.ahead(less), self.ahead(key)
+        return (without - with_it) / max(without, 1e-12), without - with_it
+
+    def _gain(self, key: Key, a: Attached) -> tuple[float, float]:
+        less = self.beam.points.get(key - {a})
+        gained = less.loss - self.beam.points[key].loss if less else float("nan")
+        return 2.0 * gained, self._shortened(key, a)[0]
+
+
+def _shown(probability: Mapping[str, float]) -> dict[str, float]:
+    """Probabilities worth showing, the largest first."""
+    ranked = sorted(probability.items(), key=lambda row: -row[1])
+    return {n: min(float(p), 1.0) for n, p in ranked if p > LEAST_SHOWN}
+
+
+def _held_in(key: Key) -> set[str]:
+    """Effects of a set, and what they become in a limit: the richer holds the simpler."""
+    limits = {n for a in key for n in a.effect.becomes if n}
+    return limits | set(_names(key))
+
+
+def _names(key: Key) -> tuple[str, ...]:
+    return tuple(sorted({a.effect.name for a in key}))
+
+
+def _simplest(beam: Beam) -> dict[Key, float]:
+    """Probabilities of sets; an effect that the fit left at nothing is none."""
+    found: dict[Key, float] = {}
+    for key, p in beam.posterior().items():
+        simplest = frozenset(a for a in key if not _nothing(beam.points[key], a))
+        kept = simplest if simplest in beam.points else key
+        found[kept] = found.get(kept, 0.0) + p
+    return found
+
+
+def _nothing(point: Point, a: Attached) -> bool:
+    names = {a.name(q.name) for q in a.effect.amplitudes}
+    held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
+    return bool(names) and all(
+        point.values[n] == 0.0 or (n in held and abs(point.values[n]) < 1e-12) for n in names
+    )

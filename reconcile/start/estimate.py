@@ -1,0 +1,35 @@
+"""First values of parameters: least squares of changes of a signal on integrals of what may move it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+STRETCHES = 60  # that a record is cut into, for changes large against the noise
+FEWEST = 5  # samples of a stretch, unless the record is very short
+
+
+def slopes(
+    time: np.ndarray, values: np.ndarray, moved_by: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients c and their deviations of values' = sum c_i moved_by_i, in integrated form."""
+    lag = max(1, len(time) // STRETCHES, min(FEWEST, len(time) // 8))
+    step = np.diff(time)
+    areas = [np.append(0.0, np.cumsum(0.5 * (m[1:] + m[:-1]) * step)) for m in moved_by]
+    matrix = np.column_stack([a[lag:] - a[:-lag] for a in areas])
+    change = values[lag:] - values[:-lag]
+    size = np.linalg.norm(matrix, axis=0)
+    size[size == 0.0] = 1.0
+    found, *_ = np.linalg.lstsq(matrix / size, change, rcond=1e-8)
+    left = change - matrix / size @ found
+    free = max(1, len(change) // lag - len(found))  # stretches that do not overlap
+    information = np.linalg.pinv((matrix / size).T @ (matrix / size)) * lag
+    deviations = np.sqrt(np.diag(information) * float(left @ left) / lag / free)
+    return found / size, deviations / size
+
+
+def speed(time: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Slope of a position, over some samples."""
+    width = max(1, len(time) // (10 * STRETCHES))
+    low, high = np.arange(len(time)) - width, np.arange(len(time)) + width
+    low, high = np.clip(low, 0, None), np.clip(high, None, len(time) - 1)
+    return (position[high] - position[low]) / (time[high] - time[low])

@@ -1,0 +1,145 @@
+"""Units and signs asked first: outputs that are rates of others must change them by what they say."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+RATIOS = {
+    57.29578: "degrees against radians",
+    9.549297: "revolutions per minute against rad/s",
+    1000.0: "a factor of 1000, such as mm against m or ms against s",
+    -1.0: "the sign is turned",
+}
+CLOSE = 0.02  # of a ratio, relative
+SURE = 0.95  # correlation between changes of a position and its integrated speed
+LAGS = (1, 2, 5, 10, 20, 50)  # samples
+SHORTEST = 12  # changes to compare
+SATURATED = 0.5  # share of samples at one extreme value, and not all of them
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A channel whose unit or sign is not what it is taken for; `sentence` says it and what settles it."""
+
+    rate: str
+    position: str
+    ratio: float
+    sentence: str
+
+
+def doubts(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = None) -> list[Doubt]:
+    """Pairs of recorded channels, one the rate of the other by the model, whose ratio is a known mistake.
+
+    `names`: the map, {their column: ours}, to say the line that settles it.
+    """
+    found = []
+    for position, rate in pairs(model):
+        measured = [m for r in runs if (m := _ratio(r, position, rate)) is not None]
+        if not measured:
+            continue
+        ratio = float(np.median(measured))
+        for known, words in _known().items():
+            if abs(ratio / known - 1.0) < CLOSE:
+                text = _sentence(model, position, rate, ratio, words, names or {})
+                found.append(Doubt(rate, position, ratio, text))
+                break
+    return found
+
+
+def notes(runs: Sequence[Any]) -> list[str]:
+    """Sentences about channels that keep one value, or lie at an extreme value for long."""
+    found = []
+    for name in dict.fromkeys(n for r in runs for n in (*r.inputs, *r.outputs)):
+        values = np.concatenate([s.values for r in runs if (s := r.inputs.get(name) or r.outputs.get(name))])
+        if np.ptp(values) == 0.0:
+            found.append(f"{name} keeps one value, {values[0]:g}")
+            continue
+        for word, extreme in (("largest", values.max()), ("smallest", values.min())):
+            share = float(np.mean(values == extreme))
+            if share > SATURATED and len(np.unique(values)) > 3:
+                found.append(
+                    f"{name} is at its {word} value, {extreme:g}, for {100 * share:.0f} % of the time"
+                )
+    return found
+
+
+def pairs(model: Any) -> list[tuple[str, str]]:
+    """(position, rate): outputs, the second (or an input) being the first's derivative in the model."""
+    if model.kind != "continuous" or model.symbolic == "MX":
+        return []
+    x, u, m, p = model.symbols
+    h, f = model.h(x, u, m, p), model.f(x, u, m, p)
+    slope = ca.jtimes(h, x, f)
+    still = [not ca.depends_on(h[i], u) if model.inputs else True for i in range(len(model.outputs))]
+    both = ca.Function("rates", [x, u, m, p], [slope, ca.vertcat(h, u)])
+    rng = np.random.default_rng(0)  # points to compare at, no matter which
+    p0, m0 = model.start_parameters(), ca.DM([v.start for v in model.modes])
+    points = [
+        (rng.uniform(0.1, 1, len(model.states)), rng.uniform(0.1, 1, len(model.inputs))) for _ in range(3)
+    ]
+    seen = [[np.asarray(a).ravel() for a in both(a, b, m0, p0)] for a, b in points]
+    slopes, values = (np.array([s[k] for s in seen]) for k in (0, 1))
+    names = [v.name for v in (*model.outputs, *model.inputs)]
+    return [
+        (o.name, names[j])
+        for i, o in enumerate(model.outputs)
+        if still[i]
+        for j in range(len(names))
+        if j != i and np.any(slopes[:, i]) and np.allclose(slopes[:, i], values[:, j], rtol=1e-6)
+    ]
+
+
+def _known() -> dict[float, str]:
+    """Ratios to recognise, their inverses and both signs."""
+    signed = {r: w for k, w in RATIOS.items() for r in ({k, 1 / k} if k > 0 else {k})}
+    turned = {-r: w + ", and the sign is turned" for r, w in signed.items() if r > 0}
+    return signed | turned
+
+
+def _ratio(run: Any, position: str, rate: str) -> float | None:
+    """Integral of the rate over the change of the position; None where they do not go together."""
+    q = run.outputs.get(position)
+    v = run.outputs.get(rate) or run.inputs.get(rate)
+    if q is None or v is None:
+        return None
+    values = np.interp(q.time, v.time, v.values)
+    area = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(q.time)))
+    best, found = SURE, None
+    for lag in LAGS:
+        if len(area) < lag + SHORTEST:
+            break
+        a, b = area[lag:] - area[:-lag], q.values[lag:] - q.values[:-lag]
+        kept = np.abs(b) < 0.5 * np.ptp(q.values) + 1e-300  # where a sensor wraps, it jumps
+        a, b = a[kept], b[kept]
+        if len(a) < SHORTEST or not np.ptp(a) or not np.ptp(b):
+            continue
+        c = float(np.corrcoef(a, b)[0, 1])
+        if abs(c) > best:
+            best, found = abs(c), float(np.copysign(np.sqrt(np.mean(a**2) / np.mean(b**2)), c))
+    return found
+
+
+def _sentence(
+    model: Any, position: str, rate: str, ratio: float, words: str, names: Mapping[str, str]
+) -> str:
+    units = {v.name: v.unit for v in (*model.outputs, *model.inputs)}
+    theirs = {_bare(ours): column for column, ours in names.items()}
+    column, base = theirs.get(rate, rate), theirs.get(position, position)
+    if ratio < 0 and abs(ratio + 1) < CLOSE:
+        line = f"'{column}' = '-{rate}' or '{base}' = '-{position}' in [names] of --map turns one of them"
+    else:
+        line = (
+            f"state the unit of the wrong one in [names] of --map: '{column}' = '{rate} [unit]' or "
+            f"'{base}' = '{position} [unit]'"
+        )
+    return (
+        f"column {column} ({rate} in {units[rate]}) is {ratio:.4g} times the slope of column {base} "
+        f"({position} in {units[position]}): {words}; {line}"
+    )
+
+
+def _bare(ours: str) -> str:
+    return ours.partition("[")[0].strip().removeprefix("-").strip()

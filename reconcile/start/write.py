@@ -1,0 +1,415 @@
+"""`--init DIR`: a first model.py and map.toml from a recording and a template."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from reconcile import target
+from reconcile.start import estimate, templates
+from reconcile.start.columns import Column, is_of, read_columns
+from reconcile.start.templates import MOVES, TURNS, Draft, Motion, Quantity
+from records.formats.units import converted
+from specs.errors import InputError
+from specs.units import known
+
+ESTIMATED = "estimated from the recording by least squares"
+SCALED = "estimated from the recording by least squares, in proportion to the inertia above, which is a guess"
+GUESS = "a guess: the recording does not tell it in this way; put in what you know"
+EXAMPLES = {"position": "deg", "velocity": "rpm", "input": "N.m"}
+SURE = 3.0  # deviations from zero that a coefficient must have to be used
+
+
+def start(recording: Path, out: Path, template: str | None = None, dof: int | None = None) -> list[str]:
+    """Write DIR/model.py and DIR/map.toml; returns what was chosen and why, in sentences."""
+    if template is not None and template not in templates.TEMPLATES:
+        raise InputError(f"--template {template}: valid: {', '.join(templates.TEMPLATES)}")
+    if dof is not None and (template not in (None, "chain") or dof < 1):
+        raise InputError("--dof N goes with --template chain, N from 1 on")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out} is there and not empty; name a new folder for --init")
+    columns = read_columns(recording)
+    usable = [c for c in columns if not c.constant]
+    if not usable:
+        raise InputError(f"{recording}: every column keeps one value, so there is nothing to model")
+    said = []
+    if template is None:
+        template, why = ("chain", f"--dof {dof}") if dof else _pick(usable, recording)
+        said.append(f"template {template}: {why}")
+    draft, used = _draft(template, dof, usable, recording)
+    notes = _notes(columns, used)
+    step = _step(usable)
+    name = re.sub(r"\W+", "_", out.name.lower()).strip("_") or "rig"
+    name = name if name[0].isalpha() else "rig_" + name
+    model = templates.text(draft, name, step, notes, "{:.6g}".format)
+    with target.staged(out) as part:
+        (part / "model.py").write_text(model, encoding="utf-8")
+        (part / "map.toml").write_text(_map(used), encoding="utf-8")
+    said += [f"{ours}: column {c.name} ({c.reason or 'as the only one left'})" for ours, c in used.items()]
+    return said + [n for n in notes if "not used" in n]
+
+
+def _pick(usable: Sequence[Column], recording: Path) -> tuple[str, str]:
+    """The template that the columns make plain; InputError with the valid ones where they do not."""
+    moving = [c for c in usable if c.role in ("position", "velocity") and c.unit]
+    turning, straight = [c for c in moving if c.turns], [c for c in moving if not c.turns]
+    per_role = max((sum(c.role == r for c in moving) for r in ("position", "velocity")), default=0)
+    if per_role == 1 and bool(turning) != bool(straight):
+        kind = "rotary" if turning else "linear"
+        return kind, f"column {moving[0].name} is in {moving[0].unit}, and there is one axis"
+    if per_role > 1 and bool(turning) != bool(straight):
+        return "chain", f"there are {per_role} axes ({', '.join(c.name for c in moving)})"
+    others = [c for c in usable if c.role == "other"]
+    if not moving and len(others) == 1:
+        return "first-order", f"{others[0].name} is the one output, in {others[0].unit}"
+    listed = ", ".join(f"{c.name} [{c.unit or 'no unit'}]" for c in usable[:8])
+    raise InputError(
+        f"{recording}: the columns {listed} do not tell which template fits; "
+        f"say --template {' | '.join(templates.TEMPLATES)}"
+    )
+
+
+def _draft(
+    template: str, dof: int | None, usable: Sequence[Column], recording: Path
+) -> tuple[Draft, dict[str, Column]]:
+    if template in ("rotary", "linear", "pendulum"):
+        return _axis(template, usable, recording)
+    if template == "chain":
+        return _chain(dof, usable, recording)
+    return _other(template, usable, recording)
+
+
+def _first(usable: Sequence[Column], role: str, kind: Motion, joint: int | None = None) -> Column | None:
+    wanted = {"position": kind.position, "velocity": kind.velocity}.get(role)
+    for c in usable:
+        fits = wanted is None or not c.unit or c.turns == (kind is TURNS)
+        if c.role == role and fits and (joint is None or c.joint == joint):
+            return c
+    return None
+
+
+def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
+    kind = MOVES if template == "linear" else TURNS
+    found = {r: c for r in ("position", "velocity") if (c := _first(usable, r, kind))}
+    if not found:
+        listed = ", ".join(f"{c.name} [{c.unit or 'no unit'}]" for c in usable[:8])
+        raise InputError(
+            f"{recording} has no position or speed in {kind.position} or the like; it has {listed}; "
+            "put the unit into the heading, as in 'angle [deg]', or name another --template"
+        )
+    if template == "pendulum" and "position" not in found:
+        raise InputError(f"{recording} has no angle, which --template pendulum needs; try rotary")
+    used = dict(found)
+    drive = _first(usable, "input", kind)
+    unit = None if drive is None else _drive_unit(drive, kind)
+    if drive is not None:
+        used[kind.noun if unit == kind.force else "command"] = drive
+    titles = {"rotary": "A drive that turns", "linear": "A drive along a line", "pendulum": "A pendulum"}
+    draft = Draft(titles[template])
+    templates.axis(draft, kind, list(found), unit, template == "pendulum")
+    draft.parameters = _axis_values(template, kind, found, drive, unit)
+    return draft, used
+
+
+def _drive_unit(drive: Column, kind: Motion) -> str:
+    """Unit of the input in the model: a force where its unit or name is one."""
+    name = drive.name.lower()
+    words = ("torque", "tau", "moment", "nm") if kind is TURNS else ("force", "kraft")
+    if drive.unit in ("N", "kN", "N.m") or (not drive.unit and any(w in name for w in words)):
+        return kind.force
+    return _model_unit(drive.unit)
+
+
+def _model_unit(unit: str) -> str:
+    """A unit in which models of other quantities are written: no percent, no zero but the natural one."""
+    for wanted in ("rad", "rad/s", "m", "m/s", "N", "N.m", "Pa", "V", "A", "K", "1"):
+        if is_of(unit, wanted):
+            return wanted
+    return unit if known(unit) else "1"
+
+
+def _si(column: Column, unit: str) -> np.ndarray:
+    if not column.unit:
+        return column.values
+    try:
+        return converted(column.values, column.unit, unit, column.name)
+    except InputError:
+        return column.values
+
+
+def _positive(name: str, unit: str, text: str, value: float, sure: bool, guess: float) -> Quantity:
+    found = value if sure and np.isfinite(value) and value > 0 else guess
+    source = ESTIMATED if found == value else GUESS
+    return Quantity(name, unit, text, found, 1e-3 * found, 1e3 * found, source)
+
+
+def _damped(name: str, unit: str, text: str, value: float, sure: bool, guess: float) -> Quantity:
+    q = _positive(name, unit, text, value, sure, guess)
+    return Quantity(name, unit, text, q.start, 0.0, 1e3 * q.start, q.source)
+
+
+def _axis_values(
+    template: str, kind: Motion, found: dict[str, Column], drive: Column | None, unit: str | None
+) -> list[Quantity]:
+    base = found.get("velocity") or found["position"]
+    t = base.time
+    q = (
+        np.interp(t, found["position"].time, _si(found["position"], kind.position))
+        if "position" in found
+        else 0 * t
+    )
+    v = _si(base, kind.velocity) if "velocity" in found else estimate.speed(t, q)
+    columns = [-v]
+    pendulum = template == "pendulum"
+    if drive is not None and unit is not None:
+        columns.append(np.interp(t, drive.time, _si(drive, unit)))
+    if pendulum:
+        columns.append(-np.sin(q))
+    elif drive is None:
+        columns.append(np.ones_like(t))
+    c, deviation = estimate.slopes(t, v, columns)
+    sure = np.abs(c) > SURE * deviation
+    accelerates = kind.velocity + "2"
+    if drive is not None and unit == kind.force:
+        inertia = _positive(
+            kind.named, kind.inertia, "Of all that moves", 1 / c[1] if c[1] else 0.0, bool(sure[1]), 1.0
+        )
+        own = inertia.start
+        rows = [
+            inertia,
+            _damped("friction", kind.friction, "Viscous friction", c[0] * own, bool(sure[0]), 0.1 * own),
+        ]
+        if pendulum:
+            rows.append(
+                _positive(
+                    "gravity_torque",
+                    "N.m",
+                    "Weight times its distance from the axis, lying",
+                    c[2] * own,
+                    bool(sure[2]),
+                    9.81 * own,
+                )
+            )
+        if inertia.source == GUESS:
+            rows[1:] = [replace(q, source=SCALED) if q.source == ESTIMATED else q for q in rows[1:]]
+        return rows
+    rows = []
+    if drive is not None and unit is not None:
+        value = float(c[1]) if sure[1] else 1.0
+        wide = 1e3 * abs(value)
+        rows.append(
+            Quantity(
+                "gain",
+                templates.per(accelerates, unit),
+                "Acceleration for one unit of command",
+                value,
+                -wide,
+                wide,
+                ESTIMATED if sure[1] else GUESS,
+            )
+        )
+    if pendulum:
+        rows.append(
+            Quantity("gravity", "m/s2", "Acceleration of free fall", 9.81, None, None, "known", 0.001)
+        )
+        rows.append(
+            _positive(
+                "length",
+                "m",
+                "From the axis to the weight, of a point mass",
+                9.81 / c[-1] if c[-1] else 0.0,
+                bool(sure[-1]),
+                1.0,
+            )
+        )
+    elif drive is None:
+        value = float(c[1]) if sure[1] else 0.0
+        wide = 1e3 * max(abs(value), 1.0)
+        rows.append(
+            Quantity(
+                "acceleration",
+                accelerates,
+                "Of a constant force, such as a weight",
+                value,
+                -wide,
+                wide,
+                ESTIMATED if sure[1] else GUESS,
+            )
+        )
+    return [*rows, _damped("damping", "1/s", "Viscous friction by inertia", c[0], bool(sure[0]), 0.1)]
+
+
+def _chain(dof: int | None, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
+    moving = [c for c in usable if c.role in ("position", "velocity")]
+    kind = TURNS if any(c.turns for c in moving) or not any(c.unit for c in moving) else MOVES
+    by_role = {r: [c for c in usable if c.role == r] for r in ("position", "velocity", "input")}
+    count = max(len(by_role["position"]), len(by_role["velocity"]))
+    n = dof or count
+    if n < 1 or count < 1 or n < count:
+        raise InputError(
+            f"{recording} has {count} positions or speeds, and a chain of {n} needs 1 to {n}; state --dof N"
+        )
+    numbered = sorted({c.joint for c in moving if c.joint is not None})
+    used: dict[str, Column] = {}
+    recorded, driven = [], []
+    for i in range(1, n + 1):
+        joint = numbered[i - 1] if len(numbered) == count and i <= count else None
+        has = []
+        for role in ("position", "velocity"):
+            c = _of_joint(by_role[role], i, joint)
+            if c is not None:
+                used[f"{role}{i}"], _ = c, has.append(role)
+        force = _of_joint(by_role["input"], i, joint)
+        if force is not None:
+            used[f"{kind.noun}{i}"] = force
+        recorded.append(has)
+        driven.append(force is not None)
+    draft = Draft(f"{n} inertias in a row, joined by springs and dampers")
+    templates.chain(draft, kind, recorded, driven)
+    draft.parameters = _chain_values(n, kind, used)
+    return draft, used
+
+
+def _of_joint(columns: Sequence[Column], i: int, joint: int | None) -> Column | None:
+    if joint is not None:
+        return next((c for c in columns if c.joint == joint), None)
+    return columns[i - 1] if i <= len(columns) else None
+
+
+def _chain_values(n: int, kind: Motion, used: dict[str, Column]) -> list[Quantity]:
+    rows = []
+    for i in range(1, n + 1):
+        value = [0.0, 0.0]
+        sure = [False, False]
+        force, v = used.get(f"{kind.noun}{i}"), used.get(f"velocity{i}")
+        if force is not None and v is not None:
+            speed = _si(v, kind.velocity)
+            c, deviation = estimate.slopes(
+                v.time, speed, [-speed, np.interp(v.time, force.time, _si(force, kind.force))]
+            )
+            value = [1 / c[1] if c[1] else 0.0, c[0] / c[1] if c[1] else 0.0]
+            sure = [bool(abs(c[k]) > SURE * deviation[k]) for k in (1, 0)]
+        rows.append(_positive(f"{kind.named}{i}", kind.inertia, f"Of joint {i}", value[0], sure[0], 1.0))
+        rows.append(_damped(f"friction{i}", kind.friction, f"Viscous, of joint {i}", value[1], sure[1], 0.1))
+        if i < n:
+            rows.append(_damped(f"stiffness{i}", kind.stiffness, f"Between {i} and {i + 1}", 0, False, 1.0))
+            rows.append(_damped(f"damping{i}", kind.friction, f"Between {i} and {i + 1}", 0, False, 0.1))
+    return rows
+
+
+def _other(template: str, usable: Sequence[Column], recording: Path) -> tuple[Draft, dict[str, Column]]:
+    inputs = [c for c in usable if c.role == "input"]
+    outputs = [c for c in usable if c.role not in ("input", "setpoint")]
+    outputs = outputs[:1] if template == "first-order" else outputs
+    if not outputs:
+        raise InputError(
+            f"{recording}: no column is left as an output beside {', '.join(c.name for c in inputs)}"
+        )
+    inputs = inputs[:1] if template == "first-order" else inputs
+    ours = {_identifier(c.name): c for c in (*outputs, *inputs)}
+    names = [(n, _model_unit(c.unit), c) for n, c in ours.items()]
+    ins = [(n, u) for n, u, c in names if c in inputs]
+    outs = [(n, u) for n, u, c in names if c in outputs]
+    draft = Draft("A plant of first order" if template == "first-order" else "Put in the equations you know")
+    length = float(np.ptp(usable[0].time))
+    if template == "first-order":
+        templates.first_order(draft, outs[0], ins[0] if ins else None)
+        draft.parameters = _lag_values(outs[0], ins[0] if ins else None, ours, length)
+    else:
+        templates.free(draft, outs, ins)
+        draft.parameters = _free_values(outs, ins, ours)
+    return draft, ours
+
+
+def _lag_values(
+    out: tuple[str, str], drive: tuple[str, str] | None, ours: dict[str, Column], length: float
+) -> list[Quantity]:
+    y = ours[out[0]]
+    values = _si(y, out[1])
+    columns = [-values, np.ones_like(values)]
+    if drive:
+        u = ours[drive[0]]
+        columns.append(np.interp(y.time, u.time, _si(u, drive[1])))
+    c, deviation = estimate.slopes(y.time, values, columns)
+    good = bool(c[0] > SURE * deviation[0])
+    lag = 1 / c[0] if good else length / 10
+    rows = [_positive("time_constant", "s", "Time to 63 % of a step", lag, good, length / 10)]
+    if drive:
+        gain = float(c[2] * lag) if good else 1.0
+        wide = 1e3 * max(abs(gain), 1e-6)
+        rows.append(
+            Quantity(
+                "gain",
+                templates.per(out[1], drive[1]),
+                "Output for one of input",
+                gain,
+                -wide,
+                wide,
+                ESTIMATED if good else GUESS,
+            )
+        )
+    offset = float(c[1] * lag) if good else float(np.mean(values))
+    wide = 1e3 * max(abs(offset), float(np.ptp(values)))
+    return [
+        *rows,
+        Quantity("offset", out[1], "Output without input", offset, -wide, wide, ESTIMATED if good else GUESS),
+    ]
+
+
+def _free_values(
+    outs: Sequence[tuple[str, str]], ins: Sequence[tuple[str, str]], ours: dict[str, Column]
+) -> list[Quantity]:
+    rows = []
+    for name, unit in outs:
+        y = ours[name]
+        values = _si(y, unit)
+        columns = [np.ones_like(values), -values]
+        columns += [np.interp(y.time, ours[n].time, _si(ours[n], u)) for n, u in ins]
+        c, _ = estimate.slopes(y.time, values, columns)
+        rate = unit + "/s" if "/" not in unit else f"{unit.partition('/')[0]}/({unit.partition('/')[2]}.s)"
+        rate = "1/s" if unit == "1" else "m/s2" if unit == "m/s" else "rad/s2" if unit == "rad/s" else rate
+        units = [rate, "1/s", *(templates.per(rate, u) for _, u in ins)]
+        labels = [f"pull_{name}", f"decay_{name}", *(f"gain_{name}_{n}" for n, _ in ins)]
+        for label, u, value in zip(labels, units, c, strict=True):
+            wide = 1e3 * max(abs(float(value)), 1e-3)
+            rows.append(Quantity(label, u, "Linear coefficient", float(value), -wide, wide, ESTIMATED))
+    return rows
+
+
+def _identifier(name: str) -> str:
+    text = re.sub(r"\W+", "_", name).strip("_").lower()
+    return text if text and text[0].isalpha() else "c_" + text
+
+
+def _step(usable: Sequence[Column]) -> float:
+    """A step of integration: a sample, or half of one where they are rare."""
+    return float(f"{min(float(np.median(np.diff(c.time))) for c in usable):.2g}")
+
+
+def _notes(columns: Sequence[Column], used: dict[str, Column]) -> list[str]:
+    """What is uncertain, and what was left out and why."""
+    taken = [c.name for c in used.values()]
+    notes = [f"{ours} is column {c.name!r}: {c.reason}" for ours, c in used.items() if "guess" in c.reason]
+    notes += [f"column {c.name!r}: no unit found; map.toml asks for it" for c in used.values() if not c.unit]
+    for c in columns:
+        if c.name not in taken:
+            why = "it keeps one value" if c.constant else c.reason or "its name and unit tell no role"
+            notes.append(f"column {c.name!r} is not used: {why}")
+    return notes
+
+
+def _map(used: dict[str, Column]) -> str:
+    lines = ["# Columns of the recording and what the model calls them: 'theirs' = 'ours [unit]'.",
+             "# A minus turns the sign: 'theirs' = '-ours [unit]'.", "[names]"]  # fmt: skip
+    for ours, c in used.items():
+        if not c.unit:
+            lines.append(
+                f"# FILL IN the unit of {c.name!r}, as in '{ours} [{EXAMPLES.get(c.role, '%')}]'; "
+                "without one, the model's own is meant"
+            )
+        unit = f" [{c.unit}]" if c.unit and not c.stated else ""
+        theirs = c.name.replace("\\", "\\\\").replace('"', '\\"')
+        lines.append(f'"{theirs}" = "{ours}{unit}"')
+    return "\n".join([*lines, ""])

@@ -1,0 +1,236 @@
+"""`slewright reconcile RECORDING --init DIR` on recordings as other tools and other people write them."""
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from reconcile.checks import open_folder, read_names
+from reconcile.data import read_run
+from reconcile.model import Folder
+from reconcile.start.columns import read_columns, unit_in_name
+from reconcile.start.write import start
+from slewright.__main__ import run
+from specs.units import known
+
+INERTIA, FRICTION = 0.2, 0.3
+
+
+def rig(rows: int = 1500, step: float = 0.01) -> dict[str, np.ndarray]:
+    """A flywheel on a bearing, driven by steps of torque."""
+    t = step * np.arange(rows)
+    torque = np.repeat(np.random.default_rng(3).uniform(-1, 1, rows // 50 + 1), 50)[:rows]
+    q, v = np.zeros(rows), np.zeros(rows)
+    for k in range(rows - 1):
+        v[k + 1] = v[k] + step * (torque[k] - FRICTION * v[k]) / INERTIA
+        q[k + 1] = q[k] + step * 0.5 * (v[k] + v[k + 1])
+    return {"t": t, "q": q, "v": v, "torque": torque}
+
+
+def table(path: Path, columns: dict[str, np.ndarray], mark: str = ",", decimal: str = ".") -> Path:
+    rows = [
+        mark.join(f"{x:.9g}".replace(".", decimal) for x in r) for r in zip(*columns.values(), strict=True)
+    ]
+    path.write_text("\n".join([mark.join(columns), *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def opened(recording: Path, out: Path) -> tuple[Folder, list]:
+    """The folder that was written, and the recording read with the map beside it."""
+    folder = open_folder(str(out))
+    names = read_names(out / "map.toml", [v.name for v in (*folder.model.inputs, *folder.model.outputs)])
+    return folder, read_run(recording, folder, names)
+
+
+def value(folder: Folder, name: str) -> float:
+    return next(v.start for v in folder.model.parameters if v.name == name)
+
+
+def test_a_german_table_in_degrees(tmp_path: Path):
+    r = rig()
+    columns = {
+        "Zeit [ms]": 1000 * r["t"], "Winkel [deg]": np.degrees(r["q"]),
+        "Drehzahl [1/min]": r["v"] * 30 / np.pi,
+        "Drehmoment [Nm]": r["torque"], "Temperatur [°C]": 20 + 0 * r["t"],
+    }  # fmt: skip
+    file = table(tmp_path / "rig.csv", columns, ";", ",")
+    said = start(file, tmp_path / "first")
+    assert said[0].startswith("template rotary")
+    assert any("Temperatur" in s and "one value" in s for s in said)
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert np.allclose(only.outputs["velocity"].values, r["v"], atol=1e-6)
+    assert value(folder, "inertia") == pytest.approx(INERTIA, rel=0.05)
+    assert value(folder, "friction") == pytest.approx(FRICTION, rel=0.05)
+
+
+def test_units_at_the_end_of_names(tmp_path: Path):
+    r = rig()
+    columns = {
+        "time_s": r["t"],
+        "q_deg": np.degrees(r["q"]),
+        "speed_rpm": r["v"] * 30 / np.pi,
+        "tau_Nm": r["torque"],
+    }
+    file = table(tmp_path / "rig.csv", columns)
+    start(file, tmp_path / "first")
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert np.allclose(only.outputs["position"].values, r["q"], atol=1e-6)
+    assert np.allclose(only.outputs["velocity"].values, r["v"], atol=1e-6)
+    assert value(folder, "inertia") == pytest.approx(INERTIA, rel=0.05)
+
+
+def test_names_that_say_nothing_are_told_by_the_data(tmp_path: Path):
+    r = rig()
+    columns = {"time": r["t"], "enc1_pos [rad]": r["q"], "ch2": r["v"], "ch3": r["torque"]}
+    file = table(tmp_path / "rig.csv", columns)
+    start(file, tmp_path / "first")
+    text = (tmp_path / "first" / "model.py").read_text()
+    assert "velocity is column 'ch2': guessed" in text
+    assert "command is column 'ch3': guessed" in text
+    assert "FILL IN the unit of 'ch2'" in (tmp_path / "first" / "map.toml").read_text()
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert value(folder, "gain") == pytest.approx(1 / INERTIA, rel=0.05)
+    assert set(only.outputs) == {"position", "velocity"}
+
+
+def test_names_as_of_a_can_log_and_no_speed(tmp_path: Path):
+    r = rig()
+    columns = {"time": r["t"], "EEC1.ActPos [deg]": np.degrees(r["q"]), "DRV_TrqCmd [N.m]": r["torque"]}
+    file = table(tmp_path / "rig.csv", columns)
+    start(file, tmp_path / "first", "rotary")
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert set(only.outputs) == {"position"}
+    assert set(only.inputs) == {"torque"}
+    assert value(folder, "inertia") == pytest.approx(INERTIA, rel=0.2)
+
+
+def test_two_joints_are_a_chain(tmp_path: Path):
+    r = rig()
+    columns = {"time": r["t"]}
+    for j in (1, 2):
+        columns |= {f"q{j} [rad]": r["q"] * j, f"dq{j} [rad/s]": r["v"] * j, f"tau{j} [Nm]": r["torque"]}
+    file = table(tmp_path / "rig.csv", columns)
+    assert start(file, tmp_path / "first")[0].startswith("template chain: there are 2 axes")
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert len(folder.model.states) == 4
+    assert set(only.inputs) == {"torque1", "torque2"}
+    assert np.allclose(only.outputs["position2"].values, 2 * r["q"], atol=1e-6)
+
+
+def test_without_an_input(tmp_path: Path):
+    t = 0.02 * np.arange(200)
+    file = table(tmp_path / "fall.csv", {"time [s]": t, "height [m]": 30 - 0.5 * 9.81 * t**2})
+    start(file, tmp_path / "first")
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert folder.model.inputs == ()
+    assert set(only.outputs) == {"position"}
+    assert value(folder, "acceleration") == pytest.approx(-9.81, rel=0.05)
+
+
+TEMPLATES = [
+    ("rotary", None),
+    ("pendulum", None),
+    ("first-order", None),
+    ("chain", 1),
+    ("chain", 3),
+    ("free", None),
+]
+
+
+@pytest.mark.parametrize("driven", [True, False])
+@pytest.mark.parametrize(("template", "dof"), TEMPLATES)
+def test_every_template_runs_with_equations_of_one_unit(
+    tmp_path: Path, template: str, dof: int | None, driven: bool
+):
+    r = rig(300)
+    columns = {"time [s]": r["t"], "angle [deg]": np.degrees(r["q"]), "speed [rpm]": r["v"] * 30 / np.pi}
+    columns |= {"torque [Nm]": r["torque"]} if driven else {}
+    file = table(tmp_path / "rig.csv", columns)
+    start(file, tmp_path / "first", template, dof)
+    folder, runs = opened(file, tmp_path / "first")
+    assert runs
+    scaled(folder.model)
+
+
+@pytest.mark.parametrize("unit", ["V", "A", "%", "N"])
+def test_a_line_driven_by_any_command(tmp_path: Path, unit: str):
+    r = rig(300)
+    file = table(
+        tmp_path / "rig.csv", {"time [s]": r["t"], "x [mm]": 1000 * r["q"], f"u [{unit}]": r["torque"]}
+    )
+    start(file, tmp_path / "first")
+    folder, runs = opened(file, tmp_path / "first")
+    assert runs
+    scaled(folder.model)
+
+
+def scaled(model) -> None:
+    """Rates and outputs have their units: with other base units for everything they are the same ones."""
+    bases = {"kg": 1.7, "m": 2.3, "s": 0.6, "A": 3.1, "K": 1.3}
+
+    def size(name: str) -> float:
+        unit = known(name)
+        assert unit is not None, name
+        return float(np.prod([bases.get(b, 1.0) ** n for b, n in unit.exponents.items()]))
+
+    rng = np.random.default_rng(1)
+    groups = (model.states, model.inputs, (), model.parameters)
+    at = [rng.uniform(0.5, 1.5, len(g)) for g in groups]
+    sizes = [np.array([size(v.unit) for v in g]) for g in groups]
+    other = [a * s if len(a) else a for a, s in zip(at, sizes, strict=True)]
+    for function, wanted in (
+        (model.f, [size(v.unit) / bases["s"] for v in model.states]),
+        (model.h, [size(v.unit) for v in model.outputs]),
+    ):
+        was, now = (np.asarray(function(*map(ca.DM, p))).ravel() for p in (at, other))
+        assert np.allclose(now, was * wanted, rtol=1e-9)
+
+
+def test_the_tolerance_of_what_is_known(tmp_path: Path):
+    r = rig(300)
+    file = table(tmp_path / "rig.csv", {"time [s]": r["t"], "angle [rad]": r["q"]})
+    start(file, tmp_path / "first", "pendulum")
+    gravity = next(v for v in open_folder(str(tmp_path / "first")).model.parameters if v.name == "gravity")
+    assert gravity.tolerance == 0.001
+
+
+@pytest.mark.parametrize(
+    ("columns", "arguments", "said"),
+    [
+        ({"time": np.arange(20.0), "angle [deg]": np.arange(20.0)}, (), "20 samples, and 30 are needed"),
+        ({"time": np.arange(50.0), "angle [deg]": np.ones(50)}, (), "every column keeps one value"),
+        ({"angle [deg]": np.sin(np.arange(50.0)), "b": np.cos(np.arange(50.0))}, (), "time"),
+        ({"time": np.arange(50.0), "foo": np.sin(np.arange(50.0))}, (), "rotary | linear | pendulum"),
+        ({"time": np.arange(50.0), "angle [deg]": np.arange(50.0)}, ("--template", "rotor"), "valid: rotary"),
+        ({"time": np.arange(50.0), "angle [deg]": np.arange(50.0)}, ("--template", "linear"), "no position"),
+        ({"time": np.arange(50.0), "angle [deg]": np.arange(50.0)}, ("--dof", "0"), "--dof N"),
+    ],
+)  # fmt: skip
+def test_what_no_model_can_start_from(tmp_path: Path, capsys, columns, arguments, said: str):
+    file = table(tmp_path / "rig.csv", columns)
+    assert run(["reconcile", str(file), "--init", str(tmp_path / "first"), *arguments]) == 2
+    assert said in capsys.readouterr().err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["rig.csv"]
+
+
+def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path: Path, capsys):
+    file = table(tmp_path / "rig.csv", {"time": np.arange(50.0), "angle [deg]": np.arange(50.0)})
+    assert run(["reconcile", str(file), "--init", str(tmp_path)]) == 2
+    assert "not empty" in capsys.readouterr().err
+    assert run(["reconcile", str(file)]) == 2
+    assert "--model MODEL and --out DIR" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("q_rad", "rad"), ("torque(Nm)", "N.m"), ("speed rpm", "rpm"), ("rate_degps", "deg/s"), ("joint_s", "")],
+)  # fmt: skip
+def test_units_read_out_of_names(name: str, unit: str):
+    assert unit_in_name(name) == unit
+
+
+def test_a_wanted_value_is_no_output(tmp_path: Path):
+    r = rig(300)
+    file = table(tmp_path / "rig.csv", {"time": r["t"], "q_des [rad]": r["q"] + 1, "q [rad]": r["q"]})
+    assert [c.role for c in read_columns(file)] == ["setpoint", "position"]

@@ -1,0 +1,73 @@
+"""Channels whose unit or sign is not what the model and the map take them for."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reconcile.data import read_run
+from reconcile.model import read_folder
+from reconcile.start.units import doubts, notes, pairs
+from slewright.__main__ import run
+from tests.conftest import ROOT
+from tests.reconcile.start.test_init import rig, table
+
+DATA = ROOT / "tests" / "data" / "dfki_simple_pendulum"
+
+
+def recorded(path: Path, velocity: float = 1.0, position: float = 1.0, noise: float = 0.0) -> Path:
+    r = rig()
+    noisy = np.random.default_rng(5).normal(0, 1, (2, len(r["t"]))) * noise
+    columns = {"time": r["t"], "position [rad]": position * (r["q"] + noisy[0])}
+    return table(
+        path, columns | {"velocity [rad/s]": velocity * (r["v"] + noisy[1]), "torque [Nm]": r["torque"]}
+    )
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize(
+    "ratio", [57.29578, 1 / 57.29578, 9.549297, 1 / 9.549297, 1000.0, 0.001, -1.0, -57.29578]
+)
+def test_a_ratio_that_is_a_known_mistake_is_said(tmp_path: Path, ratio: float, noise: float):
+    folder = read_folder(DATA / "model")
+    runs = read_run(recorded(tmp_path / "a.csv", velocity=ratio, noise=noise), folder)
+    (doubt,) = doubts(folder.model, runs, {"velocity": "velocity"})
+    assert doubt.ratio == pytest.approx(ratio, rel=0.02)
+    assert "column velocity" in doubt.sentence
+    assert "--map" in doubt.sentence
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.1, 0.8, 2.0])
+def test_other_ratios_are_left_to_the_search(tmp_path: Path, ratio: float):
+    folder = read_folder(DATA / "model")
+    assert not doubts(folder.model, read_run(recorded(tmp_path / "a.csv", velocity=ratio), folder))
+
+
+def test_recordings_of_a_real_rig_raise_no_doubt():
+    folder = read_folder(DATA / "model")
+    runs = [r for f in sorted(DATA.glob("*.csv")) for r in read_run(f, folder)]
+    assert pairs(folder.model) == [("position", "velocity")]
+    assert doubts(folder.model, runs) == []
+
+
+def test_reconcile_asks_before_it_computes(tmp_path: Path, capsys):
+    file = recorded(tmp_path / "a.csv", position=57.29578)
+    out = tmp_path / "out"
+    assert run(["reconcile", str(file), "--model", str(DATA / "model"), "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert "degrees against radians" in said
+    assert "[names] of --map" in said
+    assert not out.exists()
+
+
+def test_constant_and_saturated_channels_are_said(tmp_path: Path):
+    r = rig(400)
+    columns = {
+        "time": r["t"],
+        "position [rad]": r["q"],
+        "velocity [rad/s]": np.minimum(r["v"], np.quantile(r["v"], 0.3)),
+    }
+    file = table(tmp_path / "a.csv", columns | {"torque [Nm]": 0 * r["t"]})
+    said = notes(read_run(file, read_folder(DATA / "model")))
+    assert any(s.startswith("torque keeps one value") for s in said)
+    assert any(s.startswith("velocity is at its largest value") for s in said)
