@@ -165,7 +165,8 @@ class Core:
         """By base parameter the deviation that the recordings leave it, as a share of its prior's."""
         size = np.sqrt(np.maximum(np.diag(self.base.covariance()), 0.0))
         found = {f.name: float(s) for f, s in zip(self.base.free, size, strict=True)}
-        return {f.name: found[f.name] for f in self.base_free}
+        stated = {v.name for v in self.model.parameters if v.tolerance}  # known well enough without
+        return {f.name: found[f.name] for f in self.base_free if f.name not in stated}
 
     def settle(self) -> None:
         """Scales, and the fit of the base model with its noise, one after the other, twice."""

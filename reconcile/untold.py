@@ -113,7 +113,7 @@ def unseen(core) -> list[dict[str, object]]:
     for v in model.parameters:
         told = known.get(v.name, 1.0) < KNOWN
         asked = v.name in doubtful if doubtful is not None else v.name not in _sensing(model)
-        if asked and not (told or v.fixed):
+        if asked and not (told or v.fixed or v.tolerance):
             rows.append(_advice(core.folder, core.outputs, v.name))
     return sorted(rows, key=lambda r: not r["drive"])
 

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CPU_S = 300.0
 SURE = 0.9  # probability of a kind from which on it counts as named
 GOOD = ("right", "kind_right")
-KEYS = {"data", "fit", "confirm", "holdout", "map", "model", "null_model", "truth", "kind"}
+KEYS = {"data", "fit", "confirm", "holdout", "map", "model", "null_model", "truth", "kind", "also"}
 NEEDED = ("data", "fit", "model", "truth")
 
 
@@ -35,6 +35,7 @@ class Rig:
     confirm: tuple[Path, ...] = ()
     holdout: tuple[Path, ...] = ()
     names: Path | None = None
+    also: tuple[str, ...] = ()  # what these recordings show whatever the model
 
     def command(self, out: Path) -> list[str]:
         """The command line of its reconcile."""
@@ -66,16 +67,18 @@ def _rig(file: Path, name: str, t: Any) -> list[Rig]:
     data = ROOT / t["data"]
     sets: dict[str, Any] = {k: tuple(data / f for f in t.get(k, ())) for k in ("fit", "confirm", "holdout")}
     names = file.parent / t["map"] if "map" in t else None
+    also = tuple(t.get("also", ()))
     rig = Rig(
         name,
         model=file.parent / t["model"],
         truth=tuple(t["truth"]),
         kind=t.get("kind", ""),
         names=names,
+        also=also,
         **sets,
     )
     null = (
-        [Rig(f"{name}/null", model=file.parent / t["null_model"], truth=(), names=names, **sets)]
+        [Rig(f"{name}/null", model=file.parent / t["null_model"], truth=(), names=names, also=also, **sets)]
         if ("null_model" in t)
         else []
     )
@@ -147,7 +150,7 @@ def judged(rig: Rig, code: int, late: bool, report: Mapping[str, Any] | None) ->
         return "no_answer" if late else "crashed"
     if report is None:
         return "crashed"
-    named = {e["name"] for e in report["effects"] if e["verdict"] == "named"}
+    named = {e["name"] for e in report["effects"] if e["verdict"] == "named"} - set(rig.also)
     if not rig.truth:
         return "wrong" if named or report["verdict"] == "ambiguous" else "right"
     if report["verdict"] == "ambiguous":
