@@ -16,7 +16,7 @@ from reconcile import regimes
 from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.regimes import Known, Regime, Regressor
-from reconcile.residual import Residual, residuals
+from reconcile.residual import LARGE, Residual, residuals
 
 BINS = 15  # of a regressor
 SURE, KNOWN = (
@@ -31,7 +31,6 @@ GOES_WITH, AHEAD = 0.3, 1.4  # share that a regressor must account for, and how 
 MINOR = 0.3  # of the largest residual, in units of noise: less is what that one drags along
 BEYOND = 0.3  # of what a constant leaves: no more may be left by what it goes with instead
 SPANNED = 0.8  # of a regressor that the base parameters' columns make up: its slope is theirs
-LARGE = 2.0  # times its noise (root mean square): else there is nothing to localise
 ALL_OVER = "over the whole range of {0}, with which it goes"
 THROUGHOUT = "throughout, whatever the speed, pose or command"
 
@@ -88,9 +87,9 @@ def locate(core: Core, point: Point) -> list[Located]:
 def gathered(study: Known, left: Sequence[Residual]) -> list[Located]:
     """The same of residuals that are known."""
     known = regimes.regressors(study)
-    least = max(LARGE, MINOR * max(map(_size, left), default=0.0))
-    found = [_located(study, r, known) for r in left if _size(r) > least]
-    return sorted(found, key=lambda x: -_size(x.residual))
+    least = max(LARGE, MINOR * max((r.size for r in left), default=0.0))
+    found = [_located(study, r, known) for r in left if r.size > least]
+    return sorted(found, key=lambda x: -x.residual.size)
 
 
 def rows(study: Known, located: Sequence[Located]) -> list[dict]:
@@ -114,12 +113,6 @@ def subsystem(study: Known, port: str) -> str:
     """Which part of the machine a port belongs to: what comes before the dot, in a model made of several."""
     head, dot, _ = port.partition(".")
     return head if dot else study.model.name
-
-
-def _size(r: Residual) -> float:
-    """Root mean square of a residual in units of its noise."""
-    noise = float(np.mean(r.noise**2))
-    return float(np.sqrt(np.mean(r.values**2) / noise)) if noise > 0.0 else 0.0
 
 
 def _located(study: Known, residual: Residual, known: Sequence[Regressor]) -> Located:

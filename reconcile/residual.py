@@ -12,10 +12,9 @@ import numpy as np
 from reconcile import holdout
 from reconcile.core import Core
 from reconcile.filter.fit import Point
-from reconcile.filter.kalman import NOISE
 from reconcile.holdout import Stretch
 
-ACCOUNTED = 0.7  # of the errors ahead above which an axis' missing force is what they come from
+LARGE = 2.0  # times its noise (root mean square): else there is nothing to localise
 
 
 @dataclass(frozen=True)
@@ -42,16 +41,25 @@ class Residual:
         """Number of the stretch of each value [N]."""
         return np.repeat(np.arange(len(self.moments)), [len(t) for _, t in self.moments])
 
+    @property
+    def size(self) -> float:
+        """Root mean square in units of its noise."""
+        noise = float(np.mean(self.noise**2))
+        return float(np.sqrt(np.mean(self.values**2) / noise)) if noise > 0.0 else 0.0
+
 
 def residuals(core: Core, point: Point, errors: Sequence[str] = ()) -> list[Residual]:
-    """What a point leaves on fit and confirm; `errors`: outputs whose errors are looked at in any case."""
+    """What a point leaves on fit and confirm: missing forces, and errors of outputs where no force accounts for them.
+
+    `errors`: outputs whose errors are looked at in any case.
+    """
     forces = missing_forces(core, point)
     traces = holdout.predict(core, point, ("fit", "confirm"))
     units = {v.name: v.unit for v in core.model.outputs}
     shown = [f for f in forces if f.signals]
-    accounted = {n for f in shown for n in f.signals}
+    accounted = {n for f in shown if f.size > LARGE for n in f.signals}
     rest = [n for n in core.outputs if n in errors or n not in accounted]
-    return shown + ([_error(core, point, n, units[n], traces) for n in rest] if traces else [])
+    return shown + ([_error(core, n, units[n], traces) for n in rest] if traces else [])
 
 
 def missing_forces(core: Core, point: Point) -> list[Residual]:
@@ -105,11 +113,12 @@ def _moved(core: Core, place: str, axis) -> tuple[str, ...]:
     return shown or tuple(core.outputs[:1])
 
 
-def _error(core: Core, point: Point, name: str, unit: str, traces) -> Residual:
+def _error(core: Core, name: str, unit: str, traces) -> Residual:
     moments = tuple((t.window, t.window.times[name]) for t in traces)
     values = np.concatenate([t.error(name) for t in traces])
     states = np.vstack([t.state_at(t.window.times[name]) for t in traces])
-    noise = np.full(len(values), point.values[NOISE + name])
+    # not the fitted noise: that is as large as the error, whatever the error is
+    noise = np.full(len(values), max(core.floors[name].level, core.floor[name]))
     return Residual(
         f"error of {name}", unit, None, (name,), values, noise, moments, states, np.zeros((len(values), 0))
     )

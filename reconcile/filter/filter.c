@@ -64,6 +64,7 @@ static int call(Function f, const double *x, const double *u, const double *m, c
 
 /* LU with partial pivoting of a [n x n] row-major; 0 if singular. */
 static int factor(double *a, int *pivot, int n) {
+  if (n > NX) return 0; /* never: it tells the compiler how large a is */
   for (int k = 0; k < n; k++) {
     int best = k;
     for (int i = k + 1; i < n; i++) {
@@ -90,6 +91,7 @@ static int factor(double *a, int *pivot, int n) {
 
 /* Solves for `columns` right-hand sides in b [n x columns], row-major. */
 static void solve(const double *a, const int *pivot, int n, double *b, int columns) {
+  if (n > NX) return;
   for (int k = 0; k < n; k++) {
     if (pivot[k] != k) {
       for (int j = 0; j < columns; j++) {
@@ -202,6 +204,7 @@ static int substep(const Run *run, double *x, const double *u, const double *m, 
 
 /* Covariance over a substep: P = phi P phi' of the states, the disturbances kept. */
 static void spread(double *P, const double *phi, int n) {
+  if (n > NX) return;
   static double t[N * N];
   const int wide = n + NW;
   for (int i = 0; i < n; i++) {
@@ -342,7 +345,7 @@ EXPORT int run_filter(const Run *run) {
     call(kf_hj, x, u, m, run->p, y, hx, hw);
     memset(moved, 0, sizeof moved);
     for (int o = 0; o < NY; o++) {
-      const double seen = run->y[(size_t)k * NY + o];
+      const double seen = run->y[(size_t)k * NY + (size_t)o];
       double *e = run->e + (size_t)k * NY + o, *s = run->s + (size_t)k * NY + o;
       *e = *s = NAN;
       if (isnan(seen)) continue;

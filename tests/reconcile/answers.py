@@ -3,16 +3,20 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from reconcile import verdict as verdicts
+from reconcile.answer import Answer
+from reconcile.beam import Beam, Key
+from reconcile.catalogue import ALL
+from reconcile.catalogue.kinds import kind
+from reconcile.core import Core
 from reconcile.data import Run, runs_of, split
 from reconcile.findings import Findings, gather
+from reconcile.judge import Judge, Judged
 from reconcile.model import Folder, read_folder
-from reconcile.score import Score, starts
-from reconcile.search import Answer, Tried
-from reconcile.study import Study
+from reconcile.screen import Screen
 from tests.reconcile.truth import Truth, record
 
 RIG = Path(__file__).with_name("rig")
+REFUSED = {"effect": "sensor_lag", "port": "position", "because": "takes 0.3 % of the error ahead away"}
 
 
 def rig() -> Folder:
@@ -25,22 +29,37 @@ def recorded(truth: Truth, **options) -> list[Run]:
     return runs_of(record(truth, **options), rig(), "run")
 
 
+def cored(runs: Sequence[Run], *keys: str, folder: Folder | None = None) -> Core:
+    """The rig (or another folder) against runs, with those effects of the catalogue that are named."""
+    catalogue = [e for e in ALL if e.key in {k.partition("@")[0] for k in keys}]
+    return Core(folder or rig(), split(runs, (), ()), catalogue)
+
+
+def fitted(beam: Beam, keys: Sequence[str]) -> Key:
+    """The set of effects `keys` (NAME@PORT), fitted one after the other from their scores."""
+    beam.points.setdefault(frozenset(), beam.core.base)
+    key: Key = frozenset()
+    for k in keys:
+        (a,) = (a for a in beam.core.candidates if a.key == k)
+        scored = Screen(beam.core, beam.points[key]).one(a)
+        assert scored is not None
+        grown = beam.attempt(key, scored)
+        assert grown is not None
+        key = grown
+    return key
+
+
+def judged(beam: Beam, key: Key) -> Judged:
+    """That a set is certain, and that something else was turned down."""
+    names = tuple(sorted(a.effect.name for a in key))
+    judge = Judge(beam)
+    gains = {a: judge._gain(key, a) for a in key}
+    sure = dict.fromkeys(names, 1.0)
+    return Judged(key, (), sure, {kind(n): 1.0 for n in names}, [(names, 1.0)], gains, [REFUSED])
+
+
 def answered(runs: Sequence[Run], keys: Sequence[str] = ()) -> Findings:
     """What is shown of an answer that holds the effects `keys` (NAME@PORT)."""
-    study = Study(rig(), split(runs, (), ()))
-    base = study.fit_set(study.fit_problem.start(study.values), (), {})
-    assert base is not None
-    present = tuple(next(a for a in study.candidates if a.key == k) for k in keys)
-    fitted = base
-    if present:
-        score = Score(study, base, list(present))
-        chosen = [
-            max((v for v in score.variants if v.attached == a), key=lambda v: score.scored((v,)).gain)
-            for a in present
-        ]
-        fitted = study.fit_set(base.point, present, starts(score.scored(tuple(chosen))))
-        assert fitted is not None
-    refused = [{"effect": "sensor_lag", "port": "position", "because": "BIC gains 3.1, not more than 10"}]
-    tried = Tried({frozenset(): base, frozenset(present): fitted}, {}, refused)
-    answer = Answer(present, fitted, base, (), {a.key: (1000.0, 0.95) for a in present}, tried)
-    return gather(study, answer, verdicts.nominal(study))
+    beam = Beam(cored(runs, *keys))
+    key = fitted(beam, keys)
+    return gather(Answer(beam.core, beam, judged(beam, key)))

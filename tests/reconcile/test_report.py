@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from reconcile import freeform, replicates, report as reports, verdict as verdicts, words
+from reconcile import replicates, report as reports, verdict as verdicts, words
 from reconcile.contract import Report, check
 from reconcile.data import Run, Signal
 from reconcile.findings import Findings, above
@@ -15,7 +15,7 @@ from reconcile.page.equation import equation, spelt
 from reconcile.page.page import _facts, write_page
 from reconcile.page.shown import Shown, shown
 from reconcile.workflow import _plain
-from tests.reconcile.answers import answered, recorded
+from tests.reconcile.answers import REFUSED, answered, recorded
 from tests.reconcile.truth import Truth, coulomb
 
 DATED = {"seed": 0, "versions": {"slewright": "0"}, "elapsed_s": 1.5}
@@ -28,7 +28,7 @@ def friction() -> Findings:
 
 @pytest.fixture(scope="module")
 def figures(friction: Findings) -> dict:
-    verdict = verdicts.judge(friction.study, friction.answer, None, [])
+    verdict = verdicts.judge(friction.answer)
     return json.loads(json.dumps(_plain(reports.figures(friction, verdict)) | DATED, allow_nan=False))
 
 
@@ -36,17 +36,6 @@ def figures(friction: Findings) -> dict:
 def page(friction: Findings, figures: dict, tmp_path_factory) -> str:
     path = tmp_path_factory.mktemp("page") / "report.html"
     return write_page(path, figures, shown(friction), "rig").read_text("utf-8")
-
-
-@pytest.mark.parametrize(
-    ("more", "better", "verdict"),
-    [(20.0, 6.0, "named"), (20.0, 12.0, "unexplained"), (0.0, 12.0, "named"), (0.0, 20.0, "unexplained")],
-)
-def test_free_terms_take_the_place_of_effects_by_as_much_as_an_effect_must_gain(
-    friction, more, better, verdict
-):
-    free = verdicts.Free(freeform.NONE, freeform.NONE, more, better)
-    assert verdicts.judge(friction.study, friction.answer, None, [], free).name == verdict
 
 
 def test_the_report_has_the_contracts_form(figures):
@@ -74,14 +63,6 @@ def test_what_is_not_in_the_contracts_form_is_found(figures, spoil, said):
     assert any(said in line for line in check(report)), check(report)
 
 
-def test_effects_that_free_terms_beat_are_nearest_and_not_named(friction):
-    verdict = verdicts.Verdict("unexplained", "Free terms explain it better.", "unexplained")
-    report = json.loads(json.dumps(_plain(reports.figures(friction, verdict)) | DATED))
-    assert check(report) == []
-    assert (report["effects"], report["alternatives"]) == ([], [])
-    assert [e["name"] for e in report["nearest"]] == ["coulomb_friction"]
-
-
 def test_the_gap_is_the_held_out_error_above_the_floor(figures, friction):
     for name, gap in figures["gap"].items():
         errors = np.concatenate([t.error(name) for t in friction.traces["after"] or []])
@@ -102,7 +83,7 @@ def test_only_held_out_blocks_are_scored(figures, friction):
     held = [(b["start_s"], b["end_s"]) for b in figures["data"]["holdout"]]
     other = [(b["start_s"], b["end_s"]) for part in ("fit", "confirm") for b in figures["data"][part]]
     for trace in friction.traces["after"] or []:
-        times = trace.window.times["position"][trace.scored["position"]]
+        times = trace.window.times["position"]
         assert any(a - 1e-6 <= times[0] and times[-1] <= b + 1e-6 for a, b in held)
         assert not any(a < times[-1] and times[0] < b for a, b in other)
 
@@ -116,8 +97,8 @@ def test_regimes_and_the_rest_make_up_the_whole(figures):
 def test_what_was_turned_down_is_there_with_its_reason(figures):
     reasons = {tuple(c["effects"]): c["because"] for c in figures["considered"]}
     assert reasons["coulomb_friction@v",] == "the answer"
-    assert "BIC" in reasons[()]
-    assert reasons["sensor_lag@position",] == "BIC gains 3.1, not more than 10"
+    assert "nats of evidence less" in reasons[()]
+    assert reasons["sensor_lag@position",] == REFUSED["because"]
 
 
 # -------------------------------------------------------------------------------- the page

@@ -1,0 +1,253 @@
+"""The filter: against a textbook Kalman filter, its step, dry friction, delays, and what any model may be."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fmus.paths import SHIM
+from fmus.toolchain import compiler
+from reconcile.catalogue import ALL
+from reconcile.extended import Extended
+from reconcile.filter.equations import Stepped
+from reconcile.filter.fit import Fitter
+from reconcile.filter.kalman import Kalman
+from reconcile.filter.library import HERE
+from reconcile.model import Folder, candidates
+from tests.reconcile import models
+
+MASS, DRAG, STIFFNESS = 2.0, 1.5, 8.0
+SIGMA, TAU, WHITE, OUT = 0.7, 0.3, 0.2, 0.01
+GAMMA = 1.0 - np.sqrt(0.5)
+
+
+def ros2(a: np.ndarray) -> np.ndarray:
+    """Stability function of ROS2 of a matrix: what a step makes of a linear system."""
+    one = np.eye(len(a))
+    top = one + (1.0 - 2.0 * GAMMA) * a + (0.5 - 2.0 * GAMMA + GAMMA**2) * a @ a
+    bottom = np.linalg.inv(one - GAMMA * a)
+    return top @ bottom @ bottom
+
+
+def textbook(time: np.ndarray, force: np.ndarray, y: np.ndarray, p0: np.ndarray, substeps: int):
+    """Innovations and variances [n, 2] of the spring with a lagged random force; NaN where missing."""
+    a = np.zeros((4, 4))  # x, v, force that nobody recorded, input
+    a[0, 1] = 1.0
+    a[1] = [-STIFFNESS / MASS, -DRAG / MASS, 1.0 / MASS, 1.0 / MASS]
+    z = np.array([y[0, 0], y[0, 1], 0.0])
+    p = np.diag([*p0, SIGMA**2])
+    e, s = np.full(y.shape, np.nan), np.full(y.shape, np.nan)
+    for k in range(len(time)):
+        if k:
+            dt = time[k] - time[k - 1]
+            phi = np.linalg.matrix_power(ros2(a * dt / substeps), substeps)
+            keep = np.exp(-dt / TAU)
+            z = phi[:3, :3] @ z + phi[:3, 3] * force[k - 1]
+            p = phi[:3, :3] @ p @ phi[:3, :3].T
+            p[1, 1] += WHITE**2 * dt / MASS**2
+            fade = np.diag([1.0, 1.0, keep])
+            z, p = fade @ z, fade @ p @ fade
+            p[2, 2] += SIGMA**2 * (1.0 - keep**2)
+        seen = np.flatnonzero(~np.isnan(y[k]))
+        h = np.eye(3)[seen]
+        whole = h @ p @ h.T + OUT**2 * np.eye(len(seen))
+        lower = np.linalg.cholesky(whole)
+        unit = lower / np.diag(lower)
+        v = y[k, seen] - z[seen]
+        e[k, seen], s[k, seen] = np.linalg.solve(unit, v), np.diag(lower) ** 2  # one output after the other
+        gain = p @ h.T @ np.linalg.inv(whole)
+        z, p = z + gain @ v, p - gain @ h @ p
+    return e, s
+
+
+def driven(time: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """A held force [n] and what the spring does under it and a random force, with the sensors' noise [n, 2]."""
+    rng = np.random.default_rng(seed)
+    force = 3.0 * np.repeat(rng.uniform(-1, 1, len(time) // 10 + 1), 10)[: len(time)]
+    z, y = np.zeros(2), np.empty((len(time), 2))
+    other = 0.0
+    for k in range(len(time)):
+        if k:
+            dt = time[k] - time[k - 1]
+            for _ in range(20):
+                rate = (force[k - 1] + other - DRAG * z[1] - STIFFNESS * z[0]) / MASS
+                z = z + dt / 20.0 * np.array([z[1], rate])
+            other = (
+                np.exp(-dt / TAU) * other + SIGMA * np.sqrt(1 - np.exp(-2 * dt / TAU)) * rng.standard_normal()
+            )
+        y[k] = z + OUT * rng.standard_normal(2)
+    return force, y
+
+
+STEADY = 0.05 * np.arange(300)
+IRREGULAR = np.cumsum(np.random.default_rng(3).uniform(0.02, 0.08, 300))
+
+
+@pytest.mark.parametrize("substeps", [1, 3])
+@pytest.mark.parametrize("missing", [False, True], ids=["whole", "missing samples"])
+@pytest.mark.parametrize("time", [STEADY, IRREGULAR], ids=["steady", "irregular"])
+def test_innovations_are_those_of_a_textbook_kalman_filter(time, missing, substeps):
+    force, y = driven(time)
+    kept = [np.arange(len(time)), np.arange(len(time))]
+    if missing:
+        kept = [np.flatnonzero(np.arange(len(time)) % 3 == 0), np.r_[0:100, 104 : len(time)]]
+        for column, own in enumerate(kept):
+            y[np.setdiff1d(np.arange(len(time)), own), column] = np.nan
+    both = {
+        n: (time[k], y[k, i]) for i, (n, k) in enumerate(zip(("position", "velocity"), kept, strict=True))
+    }
+    one = models.run({"force": (time, force)}, both)
+    rows = models.recorded(one)
+    if missing:  # steps are those of the denser output
+        time, force, y = time[kept[1]], force[kept[1]], y[kept[1]]
+    kalman = Kalman(models.spring(), (), rows, ["position", "velocity"])
+    kalman.scale, kalman.substeps = np.array([0.5, 1.0]), substeps
+    found = kalman.run(models.noise(kalman, SIGMA, TAU, WHITE, OUT), ())
+    assert found is not None
+    if missing:  # the force goes on changing in the gap, over which the filter makes one step
+        whole = np.repeat(np.nan, len(time))
+        full = STEADY if np.array_equal(one.inputs["force"].time, STEADY) else IRREGULAR
+        for k in range(len(time) - 1):
+            inside = (full >= time[k] - 1e-12) & (full < time[k + 1] - 1e-12)
+            ends = np.append(full[inside][1:], time[k + 1])
+            whole[k] = np.sum(one.inputs["force"].values[inside] * (ends - full[inside])) / (
+                time[k + 1] - time[k]
+            )
+        force = whole
+    e, s = textbook(time, force, y, (2.0 * kalman.scale) ** 2, substeps)
+    assert np.nanmax(np.abs(e) / np.sqrt(s)) < 4.0  # none is clipped
+    np.testing.assert_allclose(found[0].e, e, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found[0].s, s, rtol=1e-9, atol=1e-12)
+
+
+def by_itself(folder: Folder, substeps: int, step: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """States [steps, NX] of a model that runs by itself from a recorded start, and that start."""
+    time = step * np.arange(steps + 2)
+    one = models.run({}, {"angle": (time, np.full(len(time), 2.0)), "rate": (time, np.zeros(len(time)))})
+    kalman = Kalman(folder, (), models.recorded(one), ["angle", "rate"])
+    kalman.substeps = substeps
+    window = np.r_[0, np.ones(steps + 1, int)]
+    run = kalman.run(models.noise(kalman), (), windows=[window], states=True)
+    assert run is not None
+    return run[0].zfree[1:], run[0].z[0, :2]
+
+
+def test_a_step_is_of_order_two_for_a_model_that_is_not_linear():
+    step, steps = 0.1, 20
+    errors = []
+    for substeps in (1, 2, 4, 8):
+        found, start = by_itself(models.pendulum(), substeps, step, steps)
+        time = step * np.arange(1, steps + 2)
+        true = solve_ivp(
+            lambda t, z: [z[1], -9.0 * np.sin(z[0])],
+            (0, time[-1]),
+            start,
+            t_eval=time,
+            rtol=1e-11,
+            atol=1e-12,
+        )
+        errors.append(np.abs(found - true.y.T).max())
+    assert np.array(errors[1:-1]) / np.array(errors[2:]) == pytest.approx([4.0, 4.0], rel=0.25)
+
+
+def sliding(step: float, velocity: float, force: float, steps: int = 150) -> tuple[np.ndarray, np.ndarray]:
+    """A carriage with 1 N of dry friction: its position and speed [steps], by itself from a speed."""
+    folder = models.spring(stiffness=0.0, drag=0.0)
+    (friction,) = (
+        a for a in candidates(folder, ["force", "position", "velocity"]) if a.key == "coulomb_friction@v"
+    )
+    time = step * np.arange(steps)
+    one = models.run(
+        {"force": (time, np.full(steps, force))},
+        {
+            "position": (time[:1], np.zeros(1)),
+            "velocity": (time, np.r_[velocity, np.full(steps - 1, np.nan)]),
+        },
+    )
+    kalman = Kalman(folder, (friction,), models.recorded(one), ["position", "velocity"])
+    values = models.noise(kalman) | {friction.name("Fc"): 1.0, friction.name("width"): 1e-3}
+    run = kalman.run(values, (friction,), windows=[np.r_[0, np.ones(steps - 1, int)]])
+    assert run is not None
+    return run[0].zfree[1:, 0], run[0].zfree[1:, 1]
+
+
+@pytest.mark.parametrize("step", [1e-5, 1e-2, 4.0])
+def test_dry_friction_holds_what_does_not_break_away_and_does_not_creep(step):
+    x, v = sliding(step, 0.0, 0.999)
+    assert not v.any()
+    assert np.abs(x).max() < 1e-12 * step**2  # of what a step without friction would make: rounding
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+def test_dry_friction_brings_a_speed_to_rest_and_there_it_stays(step):
+    x, v = sliding(step, 0.5, 0.0)
+    assert v[0] == pytest.approx(0.5 - 0.5 * step)  # 1 N on 2 kg
+    stopped = np.flatnonzero(v == 0.0)[0]
+    assert step * (stopped + 1) == pytest.approx(1.0, abs=1.01 * step)
+    assert not v[stopped:].any()
+    assert np.ptp(x[stopped:]) < 1e-12
+    assert x[-1] == pytest.approx(0.25, abs=0.3 * step)
+
+
+def test_what_breaks_away_is_pushed_by_what_friction_leaves():
+    _, v = sliding(0.01, 0.0, 3.0)
+    assert v[-1] == pytest.approx(0.01 * len(v) * 1.0, rel=1e-6)  # (3 - 1) N on 2 kg
+
+
+@pytest.mark.parametrize(
+    ("key", "late"),
+    [("input_delay@force", 0.0137), ("sensor_delay@velocity", 0.0137), ("sensor_delay@velocity", 0.037)],
+)
+def test_a_delay_of_a_fraction_of_a_sample_is_the_likeliest_there(key, late):
+    folder, period, fine = models.spring(), 0.02, 1e-4
+    rng = np.random.default_rng(2)
+    steps = round(12.0 / period)
+    command = np.repeat(rng.uniform(-5, 5, steps // 20 + 1), 20)[:steps]
+    time = period * np.arange(steps)
+    t = fine * np.arange(round(12.0 / fine))
+    shift = late if key.startswith("input") else 0.0
+    felt = command[np.clip(np.floor((t - shift) / period + 1e-9).astype(int), 0, steps - 1)]
+    x = np.zeros((len(t) + 1, 2))
+    for k in range(len(t)):
+        v = x[k, 1] + fine * (felt[k] - DRAG * x[k, 1] - STIFFNESS * x[k, 0]) / MASS
+        x[k + 1] = x[k, 0] + fine * 0.5 * (v + x[k, 1]), v
+    moment = time - (late if key.startswith("sensor") else 0.0)
+    y = np.column_stack([np.interp(time, t, x[:-1, 0]), np.interp(moment, t, x[:-1, 1])])
+    y += 1e-3 * rng.standard_normal(y.shape)
+    (delay,) = (
+        a
+        for a in candidates(folder, ["force", "position", "velocity"], [e for e in ALL if e.delays])
+        if a.key == key
+    )
+    one = models.run({"force": (time, command)}, {"position": (time, y[:, 0]), "velocity": (time, y[:, 1])})
+    kalman = Kalman(folder, (delay,), models.recorded(one), ["position", "velocity"])
+    kalman.substeps = 2
+    fitter = Fitter(kalman, [np.ones(len(time), bool)])
+    values = models.noise(kalman, sigma=0.01, out=1e-3)
+    grid = late + period * np.arange(-0.5, 0.51, 0.1)
+    found = [fitter.innovations(values | {delay.name("delay"): d}, (delay,)) for d in grid]
+    loss = np.array([fitter.loss(*f).sum() for f in found if f is not None])
+    assert grid[np.argmin(loss)] == pytest.approx(late, abs=0.11 * period)
+    assert loss[0] > loss.min() + 100.0
+    assert loss[-1] > loss.min() + 100.0
+
+
+@pytest.mark.parametrize(
+    "folder",
+    [models.cooling(), models.cooling(driven=False), models.chain(3), models.spring()],
+    ids=lambda f: f.model.name,
+)
+def test_the_filter_of_any_model_compiles_without_a_warning(folder, tmp_path):
+    pushed = [] if folder.ports.axes else [v.name for v in folder.model.states]
+    code, header = Stepped(Extended(folder, ()), [v.name for v in folder.model.outputs], pushed).code()
+    assert f"#define NX {len(folder.model.states)}\n" in header
+    (tmp_path / "filter.h").write_text(header, encoding="utf-8")
+    (tmp_path / "equations.c").write_text(code, encoding="utf-8")
+    assert "-Werror" in compiler.WARNINGS
+    include = [f"-I{SHIM}", f"-I{tmp_path}"]
+    for level in ("-O1", "-O2"):  # what the optimiser sees it warns of
+        out = compiler.compile_object(
+            HERE / "filter.c", Path(tmp_path, f"filter{level}.o"), compiler.host().name, [*include, level]
+        )
+        assert out.stat().st_size
