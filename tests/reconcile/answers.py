@@ -41,7 +41,7 @@ def fitted(beam: Beam, keys: Sequence[str]) -> Key:
     key: Key = frozenset()
     for k in keys:
         (a,) = (a for a in beam.core.candidates if a.key == k)
-        scored = Screen(beam.core, beam.points[key]).one(a)
+        scored = Screen(beam.core, beam.points[key], beam.shapes).one(a)
         assert scored is not None
         grown = beam.attempt(key, scored)
         assert grown is not None

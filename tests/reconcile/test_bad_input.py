@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reconcile.answer import Answer
+from reconcile.beam import Beam
+from reconcile.core import Core
 from reconcile.data import runs_of, split
+from reconcile.judge import Judge
 from reconcile.model import read_folder
-from reconcile.search import Answer, Tried
-from reconcile.study import Study
 from reconcile.target import check as check_target, staged
 from reconcile.untold import untold
 from reconcile.workflow import examine, reconcile, told
@@ -416,9 +418,9 @@ def _constant(**values: float) -> Measurement:
 @pytest.mark.parametrize("value", [0.0, 3.0])
 def test_what_only_an_input_that_moves_would_tell_is_left_out_and_said(rig, value):
     runs = runs_of(_constant(force=value), rig, "a")
-    study = Study(rig, split(runs, (), ()))
-    keys = {a.key for a in study.candidates}
-    assert not [a.key for a in study.candidates if a.effect.place == "input" or a.effect.shaft]
+    core = Core(rig, split(runs, (), ()))
+    keys = {a.key for a in core.candidates}
+    assert not [a.key for a in core.candidates if a.effect.place == "input" or a.effect.shaft]
     late = ("sensor_delay", "sensor_lag.together", "clock_drift")
     assert not keys & {f"{n}@all outputs" for n in late}
     assert keys >= {"coulomb_friction@v", "stiffness@v", "sensor_delay@position", "sensor_scale@velocity"}
@@ -430,7 +432,7 @@ def test_what_only_an_input_that_moves_would_tell_is_left_out_and_said(rig, valu
 
 def test_an_input_that_changes_from_run_to_run_is_not_constant(rig):
     runs = [r for v in (1.0, 2.0) for r in runs_of(_constant(force=v), rig, f"at {v}")]
-    assert "input_dead_zone@force" in {a.key for a in Study(rig, split(runs, (), ())).candidates}
+    assert "input_dead_zone@force" in {a.key for a in Core(rig, split(runs, (), ())).candidates}
 
 
 @pytest.mark.slow
@@ -491,11 +493,11 @@ def test_what_cannot_be_seen_is_said_with_what_to_drive(tmp_path):
 @pytest.mark.parametrize("value", [1.0, 0.7])  # 1: not taken for a switch
 def test_an_output_that_never_changes_is_left_out_and_said_to_be(rig, value):
     stuck = dict(TABLE.channels) | {"position": replace(TABLE["position"], values=np.full(len(TIME), value))}
-    study = Study(rig, split(runs_of(Measurement(stuck), rig, "a"), (), ()))
-    assert study.still == {"position"}
-    assert list(study.floors) == ["velocity"]
-    base = study.fit_set(study.fit_problem.start(study.values), (), {})
-    assert base is not None
-    answer = Answer((), base, base, (), {}, Tried())
-    noted = told(study, answer, {"verdict": "agrees", "nuisances": {}})["nuisances"]["a"]["mended"]
+    core = Core(rig, split(runs_of(Measurement(stuck), rig, "a"), (), ()), ())
+    assert core.still == {"position"}
+    assert list(core.floors) == ["velocity"]
+    beam = Beam(core)
+    beam.run()
+    answer = Answer(core, beam, Judge(beam).decide())
+    noted = told(answer, {"verdict": "agrees", "nuisances": {}})["nuisances"]["a"]["mended"]
     assert any("position does not change: it is left out" in n for n in noted)

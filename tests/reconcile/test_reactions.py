@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from reconcile import untold
+from reconcile.beam import Beam
+from reconcile.core import Core
 from reconcile.data import Run, runs_of, split
 from reconcile.model import Folder, read_folder
 from reconcile.ports import find_ports
-from reconcile.score import Score, starts
-from reconcile.study import Study
 from reconcile.workflow import examine
 from records.measurement import Channel, Measurement
 from specs.errors import InputError
@@ -61,16 +61,14 @@ def runs(hung) -> list[Run]:
 
 
 def test_it_gains_most_of_what_a_force_may_be_and_its_mass_is_right(hung, runs):
-    study = Study(hung, split(runs, (), ()))
-    base = study.fit_set(study.fit_problem.start(study.values), (), {})
-    assert base is not None
-    forces = [a for a in study.candidates if a.effect.place in ("force", "coupling") and not a.effect.hidden]
-    best = Score(study, base, forces).best(1, 1)[0]
-    assert [v.attached.key for v in best.variants] == ["tool_reaction@load"]
-    fitted = study.fit_set(base.point, [v.attached for v in best.variants], starts(best))
-    assert fitted is not None
-    assert fitted.cost < 0.01 * base.cost
-    assert fitted.values(study.fit_problem)["tool_reaction@load.mass"] == pytest.approx(LOAD, rel=0.05)
+    core = Core(hung, split(runs, (), ()))
+    beam = Beam(core, points={frozenset(): core.base})
+    forces = [s for s in beam.scores(frozenset()) if s.attached.effect.place in ("force", "coupling")]
+    best = next(s for s in forces if not s.attached.effect.hidden)
+    assert best.attached.key == "tool_reaction@load"
+    grown = beam.attempt(frozenset(), best)
+    assert grown is not None
+    assert beam.points[grown].values["tool_reaction@load.mass"] == pytest.approx(LOAD, rel=0.05)
 
 
 @pytest.mark.slow
@@ -94,16 +92,13 @@ def reaching(hung) -> Folder:
 
 
 def test_a_swing_that_nobody_recorded_is_told_by_what_it_does_to_the_axis(reaching, runs):
-    study = Study(reaching, split([without_swing(r) for r in runs], (), ()))
-    (swing,) = (a for a in study.candidates if a.effect.name == "tool_reaction")
-    base = study.fit_set(study.fit_problem.start(study.values), (), {})
-    assert base is not None
-    best = Score(study, base, [a for a in study.candidates if a.effect.place == "coupling"]).best(1, 1)[0]
-    assert best.variants[0].attached is swing
-    fitted = study.fit_set(base.point, (swing,), starts(best))
-    assert fitted is not None
-    assert fitted.cost < 0.01 * base.cost
-    values = fitted.values(study.fit_problem)
+    core = Core(reaching, split([without_swing(r) for r in runs], (), ()))
+    (swing,) = (a for a in core.candidates if a.effect.name == "tool_reaction")
+    beam = Beam(core, points={frozenset(): core.base})
+    scored = next(s for s in beam.scores(frozenset()) if s.attached is swing)
+    grown = beam.attempt(frozenset(), scored)
+    assert grown is not None
+    values = beam.points[grown].values
     assert values[swing.name("mass")] == pytest.approx(LOAD, rel=0.05)
     assert values[swing.name("frequency")] == pytest.approx(np.sqrt(GRAVITY / LENGTH), rel=0.03)
 

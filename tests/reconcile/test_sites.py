@@ -12,11 +12,8 @@ import pytest
 from fmus.models.tool.model import MODEL as TOOL
 from fmus.toolchain.build import build_fmu
 from reconcile.catalogue import ALL
-from reconcile.data import Block, Run, Signal
+from reconcile.data import Run, Signal
 from reconcile.extended import Extended
-from reconcile.fit.compiled import Compiled
-from reconcile.fit.problem import Problem
-from reconcile.fit.windows import cut
 from reconcile.model import candidates, read_folder
 from reconcile.ports import find_ports
 from specs.errors import InputError
@@ -79,17 +76,17 @@ def recorded(inputs: dict[str, np.ndarray], outputs: list[str]) -> Run:
     return Run("run", 0.0, float(time[-1]), made, {k: Signal(time, np.zeros(n)) for k in outputs})
 
 
+FINER = 40  # steps of a PERIOD
+
+
 class Simulated:
-    """A base model with effects as a fit simulates it, over one window from the model's own start."""
+    """A base model with effects by the equations of its extended model, from its own start (RK4)."""
 
     def __init__(self, name: str, effects: dict[tuple[str, str], dict[str, float]], run: Run):
         folder = read_folder(name)
         by_key = {a.key: a for a in candidates(folder, [*run.inputs, *run.outputs])}
         self.attached = [by_key[f"{key}@{port}"] for key, port in effects]
-        self.extended = Extended(folder, self.attached)
-        step = folder.model.step if folder.model.kind == "discrete" else None
-        window = cut([Block(run, run.start_s, run.end_s)], 100.0, step)
-        self.problem = Problem(Compiled(self.extended), window, dict.fromkeys(run.outputs, 1.0))
+        self.extended, self.run = Extended(folder, self.attached), run
         self.values = self.extended.base_start()
         for a, own in zip(self.attached, effects.values(), strict=True):
             self.values |= {a.name(k): v for k, v in own.items()}
@@ -97,14 +94,39 @@ class Simulated:
 
     def outputs(self) -> dict[str, np.ndarray]:
         """Outputs at every PERIOD."""
-        problem, model = self.problem, self.extended.model
-        point = problem.start(self.values)
-        point.x0[:, : len(model.states)] = np.asarray(model.x0(model.start_parameters())).ravel()
-        point = problem.with_present(point, self.attached)
-        run = problem.simulate(point, 0)
-        assert run is not None
-        per = round(PERIOD / problem.windows[0].step_s)
-        return {v.name: run[1][::per, i] for i, v in enumerate(model.outputs)}
+        model, (f, h, first) = self.extended.model, self.extended.functions
+        p = [self.values[n] for n in self.extended.parameter_names]
+        m = [v.start for v in model.modes]
+        forces = [0.0] * len(self.extended.folder.ports.axes)
+        base = np.asarray(model.x0(model.start_parameters())).ravel()
+        rows, x = [], np.concatenate([base, np.zeros(len(self.extended.state_names) - len(base))])
+        columns = [
+            self.run.inputs[v.name].values if v.name in self.run.inputs else None for v in model.inputs
+        ]
+        for k in range(len(next(iter(self.run.inputs.values())).values)):
+            given = [v.start if c is None else c[k] for v, c in zip(model.inputs, columns, strict=True)]
+            u = [*given, PERIOD * k, *forces]
+            if k == 0:
+                x[len(base) :] = np.asarray(first(x, u, m, p)).ravel()
+            rows.append(np.asarray(h(x, u, m, p)).ravel())
+            x = self._after(f, x, u, m, p)
+        return dict(zip([v.name for v in model.outputs], np.array(rows).T, strict=True))
+
+    def _after(self, f, x, u, m, p) -> np.ndarray:
+        """States a PERIOD later, inputs held."""
+        model = self.extended.model
+        if model.kind == "discrete":
+            for _ in range(round(PERIOD / model.step)):
+                x = np.asarray(f(x, u, m, p)).ravel()
+            return x
+        step = PERIOD / FINER
+        for _ in range(FINER):
+            k1 = np.asarray(f(x, u, m, p)).ravel()
+            k2 = np.asarray(f(x + 0.5 * step * k1, u, m, p)).ravel()
+            k3 = np.asarray(f(x + 0.5 * step * k2, u, m, p)).ravel()
+            k4 = np.asarray(f(x + step * k3, u, m, p)).ravel()
+            x = x + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        return x
 
 
 def extended_folder(tmp_path: Path, base: str, effects: dict[tuple[str, str], dict[str, float]]) -> Path:
