@@ -178,18 +178,21 @@ class Core:
                 self.values, (), [*self.base_free, *self.noise_free], iterations=25, own=True
             )
             if found is None:
-                raise InputError(
-                    f"model {self.model.name} runs away on the recordings from its start parameters: is it "
-                    "stable, and are the recordings in its units?"
-                )
+                raise InputError(self._runs_away())
             self.values = found.values
             self.base = found
+
+    def _runs_away(self) -> str:
+        return (
+            f"model {self.model.name} runs away on the recordings from its start parameters: is it stable, "
+            "and are the recordings in its units?"
+        )
 
     def _measure(self) -> None:
         """Scales at all ports from the filtered states; widths of kinks and shapes of effects follow."""
         run = self.kalman.run(self.values, (), states=True)
         if run is None:
-            raise InputError(f"model {self.model.name} runs away on the recordings from its start parameters")
+            raise InputError(self._runs_away())
         n = len(self.model.states)
         z = np.vstack([f.z[:, :n] for f in run])
         fast = [

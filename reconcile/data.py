@@ -29,6 +29,7 @@ SHORT_PATTERN = ("fit", "fit", "confirm")  # of few samples: confirm is held out
 FEW = 210  # samples in all from which a part of seven has enough
 WHOLE = 8  # runs: with fewer, every kind of excitation must be in every part
 LEAST_SAMPLES = 8  # of any output, in each part
+LEAST = 30  # samples in all
 LEAST_STRETCH = 20  # samples without a gap
 
 
@@ -191,11 +192,11 @@ def still(runs: Sequence[Run], names: Iterable[str]) -> set[str]:
     return found
 
 
-def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run]) -> Parts:
+def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run], least_s: float = 0.0) -> Parts:
     """Deal runs to the three sets.
 
     Whole runs where `confirm` and `holdout` are given or there are at least eight runs; else interleaved
-    blocks of the runs, of which the sets not given take their share.
+    blocks of the runs, `least_s` long at least, of which the sets not given take their share.
     """
     dealt: dict[str, list[Block]] = {"fit": [], "confirm": [], "holdout": []}
     if confirm and holdout:
@@ -208,7 +209,7 @@ def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run]) -
         short = wanted == {"fit", "confirm", "holdout"} and _count(runs) < FEW
         for run in runs:
             pattern = [p for p in (SHORT_PATTERN if short else PATTERN) if p in wanted]
-            for which, block in _interleaved(run, pattern, extremes[run.name], whole / BLOCKS):
+            for which, block in _interleaved(run, pattern, extremes[run.name], max(whole / BLOCKS, least_s)):
                 dealt[which].append(block)
         if short:
             dealt["holdout"] = list(dealt["confirm"])
@@ -271,7 +272,10 @@ def _extremes(runs: Sequence[Run]) -> dict[str, list[float]]:
 
 
 def _check(dealt: Mapping[str, Sequence[Block]]) -> None:
-    """Every part holds enough samples of the output that has fewest."""
+    """Every part holds enough samples of the output that has fewest, and so do all together."""
+    runs = list({id(b.run): b.run for blocks in dealt.values() for b in blocks}.values())
+    if runs and (count := _count(runs)) < LEAST:
+        raise InputError(f"{count} samples are left for all parts, and {LEAST} are needed: record longer")
     for which, blocks in dealt.items():
         samples = min(_samples(blocks).values(), default=0)
         if samples < LEAST_SAMPLES:

@@ -14,6 +14,7 @@ from reconcile.core import Core
 from reconcile.filter.fit import Point
 from reconcile.holdout import Stretch
 
+PIECES = 30  # of the missing force over all recordings
 LARGE = 2.0  # times its noise (root mean square): else there is nothing to localise
 
 
@@ -49,7 +50,7 @@ class Residual:
 
 
 def residuals(core: Core, point: Point, errors: Sequence[str] = ()) -> list[Residual]:
-    """What a point leaves on fit and confirm: missing forces, and errors of outputs where no force accounts for them.
+    """What a point leaves on fit and confirm: missing forces, and errors of outputs that none accounts for.
 
     `errors`: outputs whose errors are looked at in any case.
     """
@@ -68,6 +69,7 @@ def missing_forces(core: Core, point: Point) -> list[Residual]:
     if run is None:
         return []
     nx, found = len(core.model.states), []
+    whole = sum(int((r.fit | r.confirm).sum()) for r in core.records)
     names = core.kalman.state_names(point.present, own=True)
     for k, place in enumerate(core.kalman.places):
         column = len(names) + k
@@ -80,7 +82,9 @@ def missing_forces(core: Core, point: Point) -> list[Residual]:
             noise.append(np.sqrt(np.maximum(f.v[inside, column], 0.0)))
             states.append(f.z[inside, :nx])
             time = record.time[inside]
-            moments.append((Stretch(record.run, float(time[0]), float(time[-1]), {}, {}), time))
+            # in pieces, whose scatter tells what is chance
+            for piece in np.array_split(time, max(1, round(PIECES * len(time) / whole))):
+                moments.append((Stretch(record.run, float(piece[0]), float(piece[-1]), {}, {}), piece))
         every = np.concatenate(values)
         axis = next((a for a in core.folder.ports.axes if a.name == place), None)
         unit = axis.unit if axis else _per_second(core, place)

@@ -116,7 +116,8 @@ class Port:
         own = SimpleNamespace(**{q.name: getattr(p, identifier(a.name(q.name))) for q in a.effect.parameters})
         memory = SimpleNamespace(**{h: getattr(x, identifier(a.name(h))) for h in a.effect.hidden})
         width = getattr(p, identifier(a.name("width"))) if a.effect.width else 1.0
-        c = SimpleNamespace(width=width, step=step, t=getattr(x, CLOCK) + self.step_s)
+        clock = getattr(x, CLOCK) + self.step_s
+        c = SimpleNamespace(width=width, step=step, t=clock, averaged=False, slope=None, stops=False)
         if self.side == "force":
             c.v = getattr(u, self.motion["velocity"].name)
             c.q = getattr(u, self.motion["position"].name) if "position" in self.motion else None

@@ -20,6 +20,7 @@ from reconcile.tolerances import MOVED, SEEN
 from records.scores import overall
 
 AT_FLOOR = 1.25  # rms error of the answer, in units of the floor
+BLOCK_S = 2.0  # of a block: shorter ones hardly show what parameters and ports do
 WHITE = 0.35  # share of samples that count as independent, below which what is left has a shape
 
 Report = Callable[..., None]
@@ -33,7 +34,7 @@ def examine(
     report: Report | None = None,
 ) -> tuple[dict[str, Any], ClosedProblem, ClosedAnswer]:
     """Find and name, without writing: the report's figures, the problem and the answer."""
-    problem = ClosedProblem(box, split(runs, confirm, holdout))
+    problem = ClosedProblem(box, split(runs, confirm, holdout, BLOCK_S))
     answer = ClosedSearch(problem, report).run()
     figures = build(problem, answer)
     steps = quantization.examine(box.model, problem.runs)

@@ -62,7 +62,7 @@ def textbook(time: np.ndarray, force: np.ndarray, y: np.ndarray, p0: np.ndarray,
 
 
 def driven(time: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """A held force [n] and what the spring does under it and a random force, with the sensors' noise [n, 2]."""
+    """A held force [n] and what the spring does under it and a random force, with noise [n, 2]."""
     rng = np.random.default_rng(seed)
     force = 3.0 * np.repeat(rng.uniform(-1, 1, len(time) // 10 + 1), 10)[: len(time)]
     z, y = np.zeros(2), np.empty((len(time), 2))

@@ -105,7 +105,7 @@ class Simulated:
         ]
         for k in range(len(next(iter(self.run.inputs.values())).values)):
             given = [v.start if c is None else c[k] for v, c in zip(model.inputs, columns, strict=True)]
-            u = [*given, PERIOD * k, *forces]
+            u = [*given, PERIOD * k + (0.5 * model.step if model.kind == "discrete" else 0.0), *forces]
             if k == 0:
                 x[len(base) :] = np.asarray(first(x, u, m, p)).ravel()
             rows.append(np.asarray(h(x, u, m, p)).ravel())
