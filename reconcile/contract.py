@@ -5,7 +5,7 @@ Keys beyond these may be there.  A number that could not be measured (the model 
 
 import math
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -19,6 +19,7 @@ class _Form(BaseModel):
 
 
 Number = float | int | None
+Share = Annotated[float | int, Field(ge=0.0, le=1.0)]
 
 
 class Value(_Form):
@@ -41,6 +42,7 @@ class Effect(_Form):
     parameters: dict[str, Value]
     gain_fit: Number
     gain_confirm: Number
+    probability: Share | None = None
 
 
 class Moved(_Form):
@@ -58,7 +60,7 @@ class Where(_Form):
     signal: str
     subsystem: str
     regime: str = Field(min_length=1)
-    share: float | int = Field(ge=0.0, le=1.0)
+    share: Share
 
 
 class Gap(_Form):
@@ -82,7 +84,11 @@ class Rating(_Form):
 
 
 class Report(_Form):
-    """report.json."""
+    """report.json.
+
+    `probability`, `kinds`: of effects and of their kinds to be in the machine, whatever else is there.  With
+    `tolerances` (reconcile/tolerances.py) they are missing for a closed FMU, whose search has none.
+    """
 
     verdict: Verdict
     sentence: str = Field(min_length=1)
@@ -98,6 +104,9 @@ class Report(_Form):
     seed: int
     versions: dict[str, str]
     elapsed_s: float | int = Field(ge=0.0)
+    probability: dict[str, Share] | None = None
+    kinds: dict[str, Share] | None = None
+    tolerances: dict[str, Any] | None = None
 
 
 def check(report: Mapping[str, Any]) -> list[str]:

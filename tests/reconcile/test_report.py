@@ -54,6 +54,9 @@ def test_the_report_has_the_contracts_form(figures):
         (lambda r: r["effects"][0]["parameters"]["Fc"].update(ci95=[2.0, 3.0]), "is not in its interval"),
         (lambda r: r["gap"]["position"].update(after=float("nan")), "gap.position.after"),
         (lambda r: r["where"][0].update(share=1.2), "where.0.share"),
+        (lambda r: r["effects"][0].update(probability=1.2), "effects.0.probability"),
+        (lambda r: r["probability"].update(coulomb_friction=float("nan")), "probability.coulomb_friction"),
+        (lambda r: r["kinds"].update(friction=-0.1), "kinds.friction"),
         (lambda r: r["where"][0].update(signal="pressure"), "where: pressure has no gap"),
     ],
 )
@@ -61,6 +64,14 @@ def test_what_is_not_in_the_contracts_form_is_found(figures, spoil, said):
     report = copy.deepcopy(figures)
     spoil(report)
     assert any(said in line for line in check(report)), check(report)
+
+
+def test_a_report_of_a_closed_fmu_has_no_probabilities(figures):
+    report = copy.deepcopy(figures)
+    for key in ("probability", "kinds", "tolerances"):
+        report.pop(key)
+    report["effects"][0].pop("probability")
+    assert check(report) == []
 
 
 def test_the_gap_is_the_held_out_error_above_the_floor(figures, friction):
