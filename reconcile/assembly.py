@@ -81,8 +81,12 @@ class Assembly:
         """What the base model's own equations say: rates, or the next states."""
         return ca.SX(self.model.f(x, inputs, self.m, self.used_p))
 
+    def _recorded_inputs(self) -> ca.SX:
+        """The model's own inputs, a column also where there are none: a slice of one element would be a row."""
+        return ca.vertcat(ca.SX(0, 1), *[self.u[i] for i in range(len(self.model.inputs))])
+
     def _inputs(self) -> ca.SX:
-        inputs = ca.SX(self.u[: len(self.model.inputs)])
+        inputs = self._recorded_inputs()
         raw = ca.SX(inputs)
         for name in self.e.folder.ports.controls:
             i = self.model.index("inputs", name)
@@ -231,8 +235,8 @@ class Assembly:
         per = self.step or 1.0
         at = motion.at_start(self.model)
         found = ca.Function("j", [x, u, m, p], [slope])
-        start = found(at[0], self.u[: len(self.model.inputs)], at[2], self.base_p)
-        here = found(self.x[: self.nx], self.u[: len(self.model.inputs)], self.m, self.base_p)
+        start = found(at[0], self._recorded_inputs(), at[2], self.base_p)
+        here = found(self.x[: self.nx], self._recorded_inputs(), self.m, self.base_p)
         if self.step is None:
             return per / here
         # against a stop that the model's step has, a force moves nothing

@@ -34,8 +34,9 @@ class Stepped(Assembly):
         self.dt = ca.SX.sym("dt")
         self.early = ca.SX.sym("early", len(self.recorded))
         self.more = ca.SX.sym("push", len(self.pushed_states))
-        pushes = self.u[extended.clock + 1 :]
-        self.w = ca.vertcat(pushes, self.more)
+        # one by one: a slice beyond a vector of one element is a row
+        pushes = [self.u[i] for i in range(extended.clock + 1, self.u.numel())]
+        self.w = ca.vertcat(*pushes, self.more)
         self.arguments = [
             ca.vertcat(*[self.x[extended.state_names.index(n)] for n in self.state_names]),
             ca.vertcat(self.u, self.more, self.dt, self.early),
@@ -83,7 +84,7 @@ class Stepped(Assembly):
         return {n: ca.Function(n, i, [ca.densify(ca.SX(r)) for r in o]) for n, (i, o) in made.items()}
 
     def _inputs(self) -> ca.SX:
-        return ca.SX(self.u[: len(self.model.inputs)])  # felt already
+        return self._recorded_inputs()  # felt already
 
     def _motion_parts(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         f, h, _ = Assembly.functions(self)

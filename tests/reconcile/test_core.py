@@ -1,0 +1,195 @@
+"""Fit, scores, sets and their probabilities on the new core: laws that hold whatever the numbers are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fmus.definition import Variable
+from reconcile.answer import standard_errors
+from reconcile.beam import Beam
+from reconcile.catalogue import ALL
+from reconcile.core import Core
+from reconcile.data import Run, Signal, split
+from reconcile.filter.fit import Free
+from reconcile.judge import Judge
+from reconcile.model import Folder
+from reconcile.screen import Screen
+from tests.reconcile import models
+from tests.reconcile.answers import cored, fitted, recorded, rig
+from tests.reconcile.truth import Truth, coulomb
+
+FRICTION = "coulomb_friction@v"
+FEW = (FRICTION, "quadratic_drag@v", "stiffness@v", "sensor_scale@velocity", "constant_load@v")
+
+
+@pytest.fixture(scope="module")
+def friction() -> Beam:
+    """A carriage with dry friction, and a search among a few effects."""
+    beam = Beam(cored(recorded(Truth(**coulomb(1.0)), seconds=20.0, seed=4), *FEW))
+    beam.run()
+    return beam
+
+
+# ---------------------------------------------------------------- fit
+
+
+def test_the_gradient_is_that_of_the_loss(friction: Beam):
+    core = friction.core
+    free = [*core.base_free, *core.noise_free]
+    values = core.base.values | {"mass": 2.2}
+    found = core.fitter.innovations(values, (), own=True)
+    assert found is not None
+    slopes = core.fitter.columns(values, (), free, *found, own=True)
+    assert slopes is not None
+    gradient, information = core.fitter.score(*found, *slopes)
+    assert np.all(np.linalg.eigvalsh(information) > -1e-6)
+    for j, f in enumerate(free):
+        around = [f.value(f.coordinate(values[f.name]) + d) for d in (-1e-4, 1e-4)]
+        if values[f.name] in around:
+            continue  # at its limit
+        sides = []
+        for sign in (1.0, -1.0):
+            there = values | {f.name: f.value(f.coordinate(values[f.name]) + sign * 1e-4)}
+            other = core.fitter.innovations(there, (), own=True)
+            assert other is not None
+            sides.append(core.fitter.loss(*other).sum())
+        by_differences = (sides[0] - sides[1]) / 2e-4
+        assert gradient[j] == pytest.approx(by_differences, rel=0.02, abs=0.05), f.name
+
+
+def test_a_parameter_at_its_limit_leaves_the_fit_and_what_is_projected_out(friction: Beam):
+    core = friction.core
+    tight = [replace(f, high=1.9) if f.name == "mass" else f for f in core.base_free]  # the data ask for 2
+    start = core.base.values | {"mass": 1.9}
+    point = core.fitter.fit(start, (), [*tight, *core.noise_free], own=True)
+    assert point is not None
+    at = [f.name for f in point.free].index("mass")
+    assert point.values["mass"] == pytest.approx(1.9)
+    assert point.held[at]
+    assert not point.covariance()[at].any()
+    screen = Screen(core, point, friction.shapes)
+    assert screen.de.shape[1] == len(point.free) - int(point.held.sum())
+
+
+def test_a_known_parameter_stays_within_its_tolerance_where_the_data_say_little():
+    folder = rig()
+    known = [replace(v, tolerance=0.001) if v.name == "mass" else v for v in folder.model.parameters]
+    tight = replace(folder, model=replace(folder.model, parameters=tuple(known)))
+    core = Core(tight, split(recorded(Truth(mass=2.3), seconds=12.0), (), ()), ())
+    assert core.base.values["mass"] == pytest.approx(2.0, abs=0.06)
+    assert Core(folder, core.parts, ()).base.values["mass"] == pytest.approx(2.3, abs=0.01)
+
+
+def test_coordinates_and_limits_of_a_parameter():
+    for f in (Free("a", 2.0, 0.7, True, 1.0, 5.0), Free("b", 2.0, 0.7, False, 1.0, 5.0)):
+        assert f.value(f.coordinate(3.3)) == pytest.approx(3.3)
+        assert (f.value(-9.0), f.value(9.0)) == (1.0, 5.0)
+        assert f.slope(3.3) == pytest.approx((f.value(f.coordinate(3.3) + 1e-6) - 3.3) / 1e-6, rel=1e-4)
+
+
+# ---------------------------------------------------------------- sets and probabilities
+
+
+def test_what_was_put_in_has_the_best_score_and_is_the_answer(friction: Beam):
+    best = friction.scores(frozenset())[0]
+    assert best.attached.key == FRICTION
+    judged = Judge(friction).decide()
+    assert [a.key for a in judged.answer] == [FRICTION]
+    point = friction.points[judged.answer]
+    error = standard_errors(point)[f"{FRICTION}.Fc"]
+    assert point.values[f"{FRICTION}.Fc"] == pytest.approx(1.0, abs=max(5.0 * error, 0.03))
+
+
+def test_probabilities_are_probabilities_and_the_same_twice(friction: Beam):
+    first = friction.posterior()
+    assert sum(first.values()) == pytest.approx(1.0)
+    assert min(first.values()) >= 0.0
+    assert friction.posterior() == first
+    judged = Judge(friction).decide()
+    assert judged == Judge(friction).decide()
+    assert sum(p for _, p in judged.sets) <= 1.0 + 1e-9
+    assert all(0.0 <= p <= 1.0 for p in [*judged.probability.values(), *judged.kinds.values()])
+    assert judged.probability["coulomb_friction"] > 0.9
+
+
+def test_what_does_not_shorten_the_error_ahead_is_refused(friction: Beam):
+    key = fitted(friction, [FRICTION, "constant_load@v"])
+    kept, refused = Judge(friction)._earning(key)
+    assert [a.key for a in kept] == [FRICTION]
+    assert [(r["effect"], r["port"]) for r in refused] == [("constant_load", "v")]
+    assert "data it was not fitted to" in refused[0]["because"]
+
+
+# ---------------------------------------------------------------- any pace, any model
+
+
+def paced(folder: Folder, factor: float) -> Folder:
+    """The rig with its time scaled: mass by the square, drag by the factor, so that forces stay."""
+    by = {"mass": factor**2, "drag": factor}
+
+    def scaled(v: Variable) -> Variable:
+        f = by[v.name]
+        return replace(v, start=f * v.start, min=f * (v.min or 0.0), max=f * (v.max or 0.0))
+
+    model = folder.model
+    parameters = tuple(scaled(v) for v in model.parameters)
+    return replace(folder, model=replace(model, parameters=parameters, step=factor * model.step))
+
+
+def slowed(run: Run, factor: float) -> Run:
+    """A run of the same motion, `factor` times as long."""
+    inputs = {n: Signal(factor * s.time, s.values) for n, s in run.inputs.items()}
+    outputs = {
+        n: Signal(factor * s.time, s.values / (factor if n == "velocity" else 1.0))
+        for n, s in run.outputs.items()
+    }
+    return Run(run.name, factor * run.start_s, factor * run.end_s, inputs, outputs)
+
+
+@pytest.mark.parametrize("factor", [200.0, 5e-4], ids=["a sample every 4 s", "every 10 us"])
+def test_an_answer_does_not_depend_on_the_unit_of_time(friction: Beam, factor: float):
+    (run,) = friction.core.runs
+    catalogue = [e for e in ALL if e.key in {k.partition("@")[0] for k in FEW}]
+    parts = split([slowed(run, factor)], (), ())
+    core = Core(paced(friction.core.folder, factor), parts, catalogue)
+    beam = Beam(core)
+    beam.run()
+    here, there = Judge(friction).decide(), Judge(beam).decide()
+    assert {a.key for a in there.answer} == {a.key for a in here.answer}
+    mine, other = friction.points[here.answer], beam.points[there.answer]
+    assert other.values[f"{FRICTION}.Fc"] == pytest.approx(mine.values[f"{FRICTION}.Fc"], rel=0.01)
+    assert other.values["mass"] == pytest.approx(factor**2 * mine.values["mass"], rel=0.01)
+    assert there.probability["coulomb_friction"] == pytest.approx(
+        here.probability["coulomb_friction"], abs=0.1
+    )
+
+
+def cooled(heat: bool, seed: int = 1, period: float = 0.5) -> Run:
+    """A body whose time constant is 40 s instead of 30 s, sampled at a pace of its own."""
+    rng, time = np.random.default_rng(seed), period * np.arange(400)
+    u = 20.0 * (np.sin(0.05 * time) > 0.3) if heat else np.zeros(len(time))
+    y = np.empty(len(time))
+    y[0] = 20.0
+    for k in range(len(time) - 1):
+        y[k + 1] = 0.5 * u[k] + (y[k] - 0.5 * u[k]) * np.exp(-period / 40.0)
+    y += 0.02 * rng.standard_normal(len(time))
+    return models.run({"heat": (time, u)} if heat else {}, {"temperature": (time, y)})
+
+
+@pytest.mark.parametrize("driven", [True, False], ids=["with a heater", "without inputs"])
+def test_a_model_of_one_state_is_fitted_with_inputs_and_without(driven: bool):
+    core = Core(models.cooling(driven), split([cooled(driven)], (), ()), ())
+    assert core.base.values["time"] == pytest.approx(40.0, rel=0.02)
+    error = standard_errors(core.base)["time"]
+    assert abs(core.base.values["time"] - 40.0) < 5.0 * error
+
+
+def test_missing_samples_move_a_fit_by_no_more_than_its_errors():
+    run = cooled(True)
+    s = run.outputs["temperature"]
+    keep = np.random.default_rng(2).random(len(s.time)) > 0.3
+    fewer = replace(run, outputs={"temperature": Signal(s.time[keep], s.values[keep])})
+    whole, part = (Core(models.cooling(), split([r], (), ()), ()).base for r in (run, fewer))
+    error = standard_errors(part)["time"]
+    assert abs(whole.values["time"] - part.values["time"]) < 4.0 * error
