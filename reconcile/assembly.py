@@ -82,7 +82,7 @@ class Assembly:
         return ca.SX(self.model.f(x, inputs, self.m, self.used_p))
 
     def _recorded_inputs(self) -> ca.SX:
-        """The model's own inputs, a column also where there are none: a slice of one element would be a row."""
+        """The model's own inputs; a column even if there are none, where a slice may be a row."""
         return ca.vertcat(ca.SX(0, 1), *[self.u[i] for i in range(len(self.model.inputs))])
 
     def _inputs(self) -> ca.SX:
