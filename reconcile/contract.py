@@ -5,7 +5,7 @@ Keys beyond these may be there.  A number that could not be measured (the model 
 
 import math
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -19,6 +19,7 @@ class _Form(BaseModel):
 
 
 Number = float | int | None
+Probability = Annotated[float | int, Field(ge=0.0, le=1.0)]
 
 
 class Value(_Form):
@@ -38,6 +39,7 @@ class Effect(_Form):
     port: str
     verdict: Literal["named", "ambiguous"]
     equation: str = Field(min_length=1)
+    probability: float | int = Field(default=1.0, ge=0.0, le=1.0)
     parameters: dict[str, Value]
     gain_fit: Number
     gain_confirm: Number
@@ -89,6 +91,9 @@ class Report(_Form):
     effects: list[Effect]
     residual_status: Literal["at_floor", "unexplained"]
     alternatives: list[list[str]]
+    probability: dict[str, Probability] = Field(default_factory=dict)  # by effect; of a model folder
+    kinds: dict[str, Probability] = Field(default_factory=dict)
+    tolerances: dict[str, Any] = Field(default_factory=dict)
     reestimated: dict[str, Moved]
     nuisances: dict[str, dict[str, Any]]
     where: list[Where]
