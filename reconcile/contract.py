@@ -19,7 +19,7 @@ class _Form(BaseModel):
 
 
 Number = float | int | None
-Share = Annotated[float | int, Field(ge=0.0, le=1.0)]
+Probability = Annotated[float | int, Field(ge=0.0, le=1.0)]
 
 
 class Value(_Form):
@@ -39,10 +39,10 @@ class Effect(_Form):
     port: str
     verdict: Literal["named", "ambiguous"]
     equation: str = Field(min_length=1)
+    probability: float | int = Field(default=1.0, ge=0.0, le=1.0)
     parameters: dict[str, Value]
     gain_fit: Number
     gain_confirm: Number
-    probability: Share | None = None
 
 
 class Moved(_Form):
@@ -60,7 +60,7 @@ class Where(_Form):
     signal: str
     subsystem: str
     regime: str = Field(min_length=1)
-    share: Share
+    share: float | int = Field(ge=0.0, le=1.0)
 
 
 class Gap(_Form):
@@ -84,17 +84,16 @@ class Rating(_Form):
 
 
 class Report(_Form):
-    """report.json.
-
-    `probability`, `kinds`: of effects and of their kinds to be in the machine, whatever else is there.  With
-    `tolerances` (reconcile/tolerances.py) they are missing for a closed FMU, whose search has none.
-    """
+    """report.json."""
 
     verdict: Verdict
     sentence: str = Field(min_length=1)
     effects: list[Effect]
     residual_status: Literal["at_floor", "unexplained"]
     alternatives: list[list[str]]
+    probability: dict[str, Probability] = Field(default_factory=dict)  # by effect; of a model folder
+    kinds: dict[str, Probability] = Field(default_factory=dict)
+    tolerances: dict[str, Any] = Field(default_factory=dict)
     reestimated: dict[str, Moved]
     nuisances: dict[str, dict[str, Any]]
     where: list[Where]
@@ -104,9 +103,6 @@ class Report(_Form):
     seed: int
     versions: dict[str, str]
     elapsed_s: float | int = Field(ge=0.0)
-    probability: dict[str, Share] | None = None
-    kinds: dict[str, Share] | None = None
-    tolerances: dict[str, Any] | None = None
 
 
 def check(report: Mapping[str, Any]) -> list[str]:

@@ -1,6 +1,6 @@
 """Small models and recordings for tests of the filter, made in place."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import casadi as ca
@@ -120,11 +120,11 @@ def run(
     inputs: Mapping[str, tuple[np.ndarray, np.ndarray]], outputs: Mapping[str, tuple[np.ndarray, np.ndarray]]
 ) -> Run:
     """A run of (time, values) by name."""
-    made = [
+    felt, shown = (
         {n: Signal(np.asarray(t), np.asarray(v)) for n, (t, v) in own.items()} for own in (inputs, outputs)
-    ]
-    times = np.concatenate([s.time for s in made[1].values()])
-    return Run("run", float(times.min()), float(times.max()), *made)
+    )
+    times = np.concatenate([s.time for s in shown.values()])
+    return Run("run", float(times.min()), float(times.max()), felt, shown)
 
 
 def recorded(one: Run) -> list[Record]:
@@ -143,5 +143,3 @@ def noise(
         found |= {SIGMA + place: sigma, TAU + place: tau, WHITE + place: white}
     return found | {NOISE + n: out for n in kalman.outputs}
 
-
-Rates = Callable[[float, np.ndarray], np.ndarray]
