@@ -142,4 +142,3 @@ def noise(
     for place in kalman.places:
         found |= {SIGMA + place: sigma, TAU + place: tau, WHITE + place: white}
     return found | {NOISE + n: out for n in kalman.outputs}
-

@@ -1,5 +1,6 @@
 """The filter: against a textbook Kalman filter, its step, dry friction, delays, and what any model may be."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,16 @@ from scipy.integrate import solve_ivp
 from fmus.paths import SHIM
 from fmus.toolchain import compiler
 from reconcile.catalogue import ALL
+from reconcile.data import runs_of
 from reconcile.extended import Extended
 from reconcile.filter.equations import Stepped
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Kalman
 from reconcile.filter.library import HERE
 from reconcile.model import Folder, candidates
+from records.measurement import Measurement
 from tests.reconcile import models
+from tests.reconcile.truth import Truth, record
 
 MASS, DRAG, STIFFNESS = 2.0, 1.5, 8.0
 SIGMA, TAU, WHITE, OUT = 0.7, 0.3, 0.2, 0.01
@@ -251,3 +255,29 @@ def test_the_filter_of_any_model_compiles_without_a_warning(folder, tmp_path):
             HERE / "filter.c", Path(tmp_path, f"filter{level}.o"), compiler.host().name, [*include, level]
         )
         assert out.stat().st_size
+
+
+def clocks(measured: Measurement, rig: Folder) -> list[np.ndarray]:
+    """The time that effects which drift are given, by stretch of a recording [n]."""
+    rows = [r for run in runs_of(measured, rig, "run") for r in models.recorded(run)]
+    kalman = Kalman(rig, (), rows, ["position", "velocity"])
+    values = np.array(list(kalman.whole.base_start().values()))
+    return [kalman._rows(k, values)[0][:, len(rig.model.inputs)] for k in range(len(rows))]
+
+
+def test_a_drift_counts_from_where_the_recording_begins_and_goes_on_through_a_gap(rig):
+    measured = record(Truth(), seconds=8.0)
+
+    def changed(kept, shift: float) -> Measurement:
+        channels = {
+            n: replace(c, time=c.time[kept(c.time)] + shift, values=c.values[kept(c.time)])
+            for n, c in measured.channels.items()
+        }
+        return replace(measured, channels=channels)
+
+    (here,) = clocks(measured, rig)
+    (later,) = clocks(changed(lambda t: t > -1.0, 4321.0), rig)
+    assert later == pytest.approx(here, abs=1e-9)
+    assert here[0] == 0.0
+    first, second = clocks(changed(lambda t: (t < 3.0) | (t > 5.0), 0.0), rig)
+    assert first[-1] < 3.0 < 4.9 < second[0]
