@@ -192,7 +192,9 @@ def still(runs: Sequence[Run], names: Iterable[str]) -> set[str]:
     return found
 
 
-def split(runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run], least_s: float = 0.0) -> Parts:
+def split(
+    runs: Sequence[Run], confirm: Sequence[Run], holdout: Sequence[Run], *, least_s: float = 0.0
+) -> Parts:
     """Deal runs to the three sets.
 
     Whole runs where `confirm` and `holdout` are given or there are at least eight runs; else interleaved

@@ -34,7 +34,7 @@ def examine(
     report: Report | None = None,
 ) -> tuple[dict[str, Any], ClosedProblem, ClosedAnswer]:
     """Find and name, without writing: the report's figures, the problem and the answer."""
-    problem = ClosedProblem(box, split(runs, confirm, holdout, BLOCK_S))
+    problem = ClosedProblem(box, split(runs, confirm, holdout, least_s=BLOCK_S))
     answer = ClosedSearch(problem, report).run()
     figures = build(problem, answer)
     steps = quantization.examine(box.model, problem.runs)

@@ -124,7 +124,7 @@ def run(
         {n: Signal(np.asarray(t), np.asarray(v)) for n, (t, v) in own.items()} for own in (inputs, outputs)
     ]
     times = np.concatenate([s.time for s in made[1].values()])
-    return Run("run", float(times.min()), float(times.max()), *made)
+    return Run("run", float(times.min()), float(times.max()), made[0], made[1])
 
 
 def recorded(one: Run) -> list[Record]:

@@ -202,7 +202,7 @@ def test_an_fmu_of_fixed_inner_steps_goes_in_its_own_and_its_delays_are_felt():
     units = {v.name: v.unit for v in (*box.model.inputs, *box.model.outputs)}
     recorded = told | {n: y[n] for n in ("q_boom", "qd_boom")}
     channels = {n: Channel(n, units[n], time, v) for n, v in recorded.items()}
-    problem = ClosedProblem(box, split(runs_of(Measurement(channels), box, "arm"), (), (), 2.0))
+    problem = ClosedProblem(box, split(runs_of(Measurement(channels), box, "arm"), (), (), least_s=2.0))
     assert "boom_delay" in {f.name for f in problem.base}
     fitted = problem.fit((), {})
     assert fitted is not None

@@ -62,7 +62,7 @@ def later(measured: Measurement, start_s: float) -> Measurement:
 def located(fmu: Path, measured: Measurement) -> list[dict]:
     """The report's `where`, without a search."""
     box = Box(fmu)
-    problem = ClosedProblem(box, split(runs_of(measured, box, "a"), (), (), 2.0))
+    problem = ClosedProblem(box, split(runs_of(measured, box, "a"), (), (), least_s=2.0))
     base = problem.fit((), {})
     assert base is not None
     return where.rows(problem, base)
