@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from reconcile.core import Core
-from reconcile.filter.fit import Point
+from reconcile.filter.fit import Free, Point
 from reconcile.filter.kalman import Values
 from reconcile.model import Attached
 from reconcile.shapes import Shapes
@@ -66,8 +66,10 @@ class Screen:
         found = [{a.name(n): v for n, v in a.effect.start(scales, int(k)).items()} for k in every]
         return found + [found[0] | s for s in self.shapes.starts(a)]
 
-    def _linear(self, a: Attached, start: Values) -> Scored | None:
-        free = [f for f in self.core.free_of(a) if f.name in a.columns]
+    def _slopes(
+        self, a: Attached, start: Values, free: Sequence[Free]
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Slopes of e and log s by an effect's amplitudes [n, K]; None where the filter runs away."""
         shapes = {n: v for n, v in start.items() if n not in a.columns}
         present = (*self.point.present, a)
         de, ds = np.zeros((2, len(self.e), len(free)))
@@ -85,7 +87,16 @@ class Screen:
             if other is None:
                 return None
             de[:, j], ds[:, j] = (other[0] - e) / step, (np.log(other[1]) - np.log(s)) / step
-        de, ds = np.nan_to_num(de), np.nan_to_num(ds)
+        return np.nan_to_num(de), np.nan_to_num(ds)
+
+    def _linear(self, a: Attached, start: Values) -> Scored | None:
+        free = [f for f in self.core.free_of(a) if f.name in a.columns]
+        shapes = {n: v for n, v in start.items() if n not in a.columns}
+        present = (*self.point.present, a)
+        columns = self._slopes(a, start, free)
+        if columns is None:
+            return None
+        de, ds = columns
         g, c, own, beside = self._schur(de, ds)
         separable = bool(np.all(np.diag(c) > SEPARABLE * np.maximum(np.diag(own), 1e-300)))
         at = _bounded(c + np.eye(len(g)), -g, free)
@@ -96,6 +107,18 @@ class Screen:
         at = np.clip(at, -3.0, 3.0)
         reached, found = self._walked(present, shapes, free, at, beside)
         return Scored(a, min(gain, max(TRUSTED * reached, 2.0 * WORTH)), found)
+
+    def least(self, a: Attached) -> float | None:
+        """The amplitude that shows at two deviations, in its size; None where it is not separable."""
+        values = self._starts(a)[0]
+        free = [f for f in self.core.free_of(a) if f.name in a.columns]
+        columns = self._slopes(a, values, free)
+        if columns is None:
+            return None
+        _, c, own, _ = self._schur(*columns)
+        if np.any(np.diag(c) <= SEPARABLE * np.maximum(np.diag(own), 1e-300)):
+            return None
+        return float(2.0 / np.sqrt(np.max(np.diag(c))))
 
     def _walked(
         self, present, shapes: Values, free, at: np.ndarray, beside: np.ndarray

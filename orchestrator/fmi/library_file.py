@@ -16,6 +16,7 @@ MACHO_MACHINES = {7: "x86", 12: "arm", 0x1000007: "x86_64", 0x100000C: "aarch64"
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 MAX_SYMBOLS = 2**20
 MAX_SIZE = 2**31
+LONGEST_NAME = 2**16
 
 LOAD, DYNAMIC = 1, 2  # types of program headers
 NEEDED, HASH, STRINGS, SYMBOLS, RPATH, RUNPATH, GNU_HASH = 1, 4, 5, 6, 15, 29, 0x6FFFFEF5
@@ -47,7 +48,9 @@ class NotALibrary(ValueError):
 
 def read_library(path: Path) -> LibraryFile:
     """Read a file; NotALibrary for one that no system could load."""
-    data = path.read_bytes() if path.stat().st_size < MAX_SIZE else b""
+    if path.stat().st_size >= MAX_SIZE:
+        raise NotALibrary("is too large")
+    data = path.read_bytes()
     if not data:
         raise NotALibrary("is empty")
     try:
@@ -163,7 +166,12 @@ class _Elf:
 
     def _text(self, known: Mapping[int, int], at: int) -> str:
         start = self._offset(known[STRINGS]) + at if STRINGS in known else len(self.data)
-        return self.data[start : self.data.index(b"\0", start)].decode() if start < len(self.data) else ""
+        if start >= len(self.data):
+            return ""
+        end = self.data.find(b"\0", start, start + LONGEST_NAME)
+        if end < 0:
+            raise NotALibrary("is truncated or damaged")
+        return self.data[start:end].decode()
 
     def _symbols(self, known: Mapping[int, int]) -> tuple[dict[str, int], set[str]]:
         """Functions with their addresses, and the names that must be found elsewhere."""

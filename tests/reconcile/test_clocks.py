@@ -34,7 +34,8 @@ def runs(rig, *offsets: float) -> list[Run]:
 
 
 def clocks_of(rig, *offsets: float) -> dict[str, Clock]:
-    given = (runs(rig, *offsets), [], [])
+    none: list[Run] = []
+    given = (runs(rig, *offsets), none, none)
     core = Core(rig, split(*given), ())
     beam = Beam(core)
     beam.run()

@@ -33,6 +33,9 @@ def reconcile(
     report_only: Annotated[
         bool, typer.Option("--report-only", help="Write report.json alone: no extended model, no page.")
     ] = False,
+    check_only: Annotated[
+        bool, typer.Option("--check-only", help="Say what the recordings can and cannot tell, and stop.")
+    ] = False,
     driven: Annotated[
         str | None,
         typer.Option(
@@ -70,6 +73,14 @@ def reconcile(
 
     if init is not None or template is not None or dof is not None:
         _begin(runs, init, template, dof)
+        return
+    if check_only and model is not None:
+        from reconcile.start import tellable
+
+        figures = tellable.examine(runs, model, names)
+        for line in tellable.lines(figures):
+            typer.echo(line)
+        write(json, figures, figures["seed"])
         return
     if model is None or out is None:
         raise InputError("reconcile needs --model MODEL and --out DIR; --init DIR writes a first model")

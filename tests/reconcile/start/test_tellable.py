@@ -1,0 +1,44 @@
+"""What recordings can tell is said before anything is searched."""
+
+import numpy as np
+import pytest
+
+from reconcile.core import Core
+from reconcile.data import runs_of, split
+from reconcile.model import read_folder
+from reconcile.start.tellable import lines, told
+from tests.reconcile.conftest import RIG
+from tests.reconcile.truth import Truth, record
+
+
+def figures(size: float) -> dict:
+    folder = read_folder(RIG)
+    runs = runs_of(record(Truth(), 12.0, 1, size=size), folder, "a")
+    return told(Core(folder, split(runs, (), ())), runs)
+
+
+def test_a_moving_rig_tells_its_parameters_and_frictions():
+    found = figures(8.0)
+    assert all(p["told"] for p in found["parameters"].values())
+    assert found["effects"]["coulomb_friction@v"]["told"] == "well"
+    dry, own = (found["effects"][f"{n}@v"]["least"] for n in ("coulomb_friction", "viscous_friction"))
+    assert own is None or dry < own  # the model has drag itself
+    assert "mass" in " ".join(lines(found))
+
+
+def test_less_motion_tells_less():
+    effects = figures(8.0)["effects"], figures(0.5)["effects"]
+    strong, weak = (e["quadratic_drag@v"]["least"] for e in effects)
+    assert np.isfinite(strong)
+    assert weak is None or weak > strong
+
+
+def test_command_says_it(tmp_path, capfd):
+    from slewright.__main__ import main
+    from tests.reconcile.test_bad_input import COLUMNS, UNITS, csv
+
+    run = csv(tmp_path / "a.csv", COLUMNS, UNITS)
+    with pytest.raises(SystemExit) as ended:
+        main(["reconcile", str(run), "--model", str(RIG), "--check-only"])
+    assert not ended.value.code
+    assert "sampling:" in capfd.readouterr().out
