@@ -101,7 +101,7 @@ class Beam:
         return list(dict.fromkeys([*ranked[:SETTLED], *(k for k in simpler if k in self.points)]))
 
     def _kin(self, key: Key, a: Attached) -> list[Key]:
-        """Sets with another effect of the same kind in an effect's place, from the same values: often they look alike.
+        """Sets with another effect of the same kind in an effect's place, from the same values.
 
         A score from the model without either is blind to that where the effect is large.
         """
