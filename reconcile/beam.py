@@ -19,6 +19,7 @@ Key = frozenset[Attached]
 Report = Callable[..., None]
 ASKED = 40  # candidates, the best of the first screen, that are asked beside others
 FAR = 0.3  # of the evidence that the best set gains: what gains less is not built on
+KIN = 6  # effects of the same kind that take an effect's place
 SETTLED = 3  # best sets that are fitted to the end
 SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
 QUIET = 0.2  # of the noise of the motion, from which a fit to the end begins as well
@@ -33,6 +34,7 @@ class Beam:
     report: Report = lambda *_: None
     points: dict[Key, Point] = field(default_factory=dict)
     scored: dict[Key, list[Scored]] = field(default_factory=dict)
+    _tried: set[Key] = field(default_factory=set)
 
     @cached_property
     def shapes(self) -> Shapes:
@@ -95,7 +97,42 @@ class Beam:
         ranked = self.ranked()
         simpler = [ranked[0] - {a} for a in ranked[0]]
         simpler += [k for a in ranked[0] if (k := self._simpler(ranked[0], a)) is not None]
-        return [*ranked[:SETTLED], *(k for k in simpler if k in self.points)]
+        simpler += [k for a in ranked[0] for k in self._kin(ranked[0], a)]
+        return list(dict.fromkeys([*ranked[:SETTLED], *(k for k in simpler if k in self.points)]))
+
+    def _kin(self, key: Key, a: Attached) -> list[Key]:
+        """Sets with another effect of the same kind in an effect's place, from the same values.
+
+        A score from the model without either is blind to that where the effect is large.
+        """
+        less, point, found = key - {a}, self.points[key], []
+        if less not in self.points:
+            return []
+        alike = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
+        rest = tuple(x for x in point.present if x != a)
+        for scored in alike[:KIN]:
+            other = scored.attached
+            grown = less | {other}
+            if other != a and grown not in self._tried:
+                self._tried.add(grown)
+                own = self._own(scored) | self._same(a, other, point.values)
+                self.fit(
+                    grown,
+                    (*rest, other),
+                    [self.core.values | self._of(key, rest) | own, self.core.fresh | own],
+                )
+            found.append(grown)
+        return found
+
+    def _same(self, a: Attached, other: Attached, values: Values) -> Values:
+        """Parameters of another effect that have the units of an effect's, with its values."""
+        found, left = {}, list(a.effect.parameters)
+        for q in other.effect.parameters:
+            twin = next((p for p in left if p.unit == q.unit), None)
+            if twin is not None:
+                left.remove(twin)
+                found[other.name(q.name)] = values[a.name(twin.name)]
+        return found
 
     def _simpler(self, key: Key, a: Attached) -> Key | None:
         """The set with what an effect becomes in a limit in its place."""

@@ -190,22 +190,6 @@ HYDRAULIC = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.long
-def test_the_fmu_of_an_extended_drive_is_what_the_fit_simulates(tmp_path: Path) -> None:
-    n = 250
-    u = np.where(np.arange(n) < 10, 0.0, np.where(np.arange(n) < 120, 0.9, -0.5))
-    names = ["q_slew", "qd_slew", "p_slew_a", "p_slew_b"]
-    run = recorded({"u_slew": u, "inertia": np.full(n, 4e5), "inertia_rate": np.zeros(n)}, names)
-    wanted = Simulated("slew", HYDRAULIC, run).outputs()
-    got = stepped(build_fmu(extended_folder(tmp_path, "slew", HYDRAULIC), 2, out=tmp_path), run, names)
-    plain = Simulated("slew", {}, run).outputs()
-    for name in names:
-        size = np.max(np.abs(wanted[name]))
-        assert np.sqrt(np.mean((got[name] - wanted[name][:n]) ** 2)) < 5e-3 * size
-        assert np.max(np.abs(plain[name] - wanted[name])) > 0.05 * size
-
-
 def test_coupling_terms_are_those_of_a_point_in_a_turning_frame() -> None:
     """With the plain terms they are the projected acceleration of the point, by differences of it."""
     length, h = 2.0, 1e-4
