@@ -189,12 +189,14 @@ def _apart(found: Findings, other: Key) -> dict[str, Any]:
     here, there = found.traces["after"], holdout.predict(found.core, found.answer.beam.points[other])
     if here is None or there is None:
         return {"effects": names, "differs": None, "gap": None}
+    beside = {(t.window.run.name, t.window.start_s): t for t in there}
     differs = {}
     for n in found.outputs:
-        # a delay of a sensor moves samples into other steps
+        # a delay of a sensor moves samples into other steps, the last ones out of a short stretch
         pairs = [
             np.interp(a.window.times[n], b.window.times[n], b.predicted[n]) - a.predicted[n]
-            for a, b in zip(here, there, strict=True)
+            for a in here
+            if (b := beside.get((a.window.run.name, a.window.start_s))) and len(b.window.times[n])
         ]
         between = np.concatenate(pairs)
         differs[n] = float(np.sqrt(np.mean(between**2))) / found.floors[n].level

@@ -174,21 +174,25 @@ def _stretch(found: Findings, k: int) -> Stretch:
     units = {v.name: v.unit for v in (*found.core.model.outputs, *found.core.model.inputs)}
     outputs, window = [], one.window
     for n in found.outputs:
-        predicted = {s: t[k].predicted[n] for s, t in known.items()}
+        # with a sensor's delay fitted, samples lie in other steps
+        predicted = {
+            s: np.interp(window.times[n], t[k].window.times[n], t[k].predicted[n])
+            for s, t in known.items()
+            if len(t[k].window.times[n])
+        }
         level = found.floors[n].level
         outputs.append(Course(n, units[n], level, window.times[n], window.samples[n], predicted))
-    times = window.times[found.outputs[0]]
     inputs = []
     for n in found.core.folder.ports.controls:
         signal = window.run.inputs.get(n)
         if signal is not None:
-            inside = (signal.time >= times[0]) & (signal.time <= times[-1])
+            inside = (signal.time >= window.start_s) & (signal.time <= window.end_s)
             inputs.append(Course(n, units[n], 0.0, signal.time[inside], signal.values[inside], {}))
     return Stretch(
         window.run.name,
-        float(times[0]),
-        float(times[-1]),
-        float(times[0]),
+        window.start_s,
+        window.end_s,
+        window.start_s,
         _first(found, outputs, k),
         inputs,
     )
