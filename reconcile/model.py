@@ -118,7 +118,7 @@ def candidates(
             found += [Attached(effect, a.name) for a in ports.axes if _fits(effect, a, folder)]
     found = [a for a in found if a.effect.name not in ports.has.get(a.port, ())]
     moves = any(v.name in recorded and v.name not in constant for v in folder.model.inputs)
-    if constant and not moves:
+    if (constant or not folder.model.inputs) and not moves:
         found = [a for a in found if not _undriven(a, ports, outputs)]
     return [a for a in found if not _idle(a, ports, recorded, constant)]
 
