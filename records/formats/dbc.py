@@ -14,6 +14,7 @@ import numpy as np
 from cantools.database.errors import Error
 
 from records.formats.codes import means_no_value
+from records.formats.encoding import Damaged, decoded
 from records.formats.raw import RawColumn
 from records.recording import first_line
 from specs import e2e
@@ -138,15 +139,6 @@ class Field:
         return (whole.astype(np.int64).view(np.uint64) if low < 0 else whole.astype(np.uint64)) & mask, bad
 
 
-def _text(path: Path) -> str:
-    """UTF-8 where it is, else the Windows code page that DBC files are written in."""
-    data = path.read_bytes()
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("cp1252", "replace")
-
-
 class Dbc:
     """The messages of a DBC file, found by the identifiers of frames."""
 
@@ -157,9 +149,12 @@ class Dbc:
         if not path.is_file():
             raise InputError(f"no DBC at {path}")
         try:
-            database: Any = cantools.database.load_string(_text(path), "dbc", strict=False)
+            text = decoded(path.read_bytes())
+            database: Any = cantools.database.load_string(text, "dbc", strict=False)
             _protocols(database, protocol)
             self.messages = list(database.messages)
+        except Damaged as error:
+            raise InputError(f"{path}: {error}; save it as UTF-8 or Windows-1252") from None
         except (Error, ValueError, KeyError, AttributeError) as error:
             raise InputError(f"{path} is not a DBC: {first_line(error)}") from None
         if not self.messages:
