@@ -116,13 +116,12 @@ class Field:
             bits, kind = kinds[s.length]
             number = raw.astype(bits).view(kind).astype(np.float64)
         elif s.is_signed:
-            shift = np.uint64(64 - s.length)
-            number = ((raw << shift).view(np.int64) >> np.int64(64 - s.length)).astype(np.float64)
+            number = (raw << np.uint64(64 - s.length)).view(np.int64) >> np.int64(64 - s.length)
         else:
-            number = raw.astype(np.float64)
+            number = raw if s.length > 63 else raw.astype(np.int64)
         if self.place.scale == 1 and self.place.offset == 0 and not s.is_float:
-            return number.astype(np.int64) if s.length < 63 else number
-        return number * self.place.scale + self.place.offset
+            return number
+        return number.astype(np.float64) * self.place.scale + self.place.offset
 
     def encoded(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Raw numbers [n, uint64] of values in the DBC's unit, and which of them the field cannot hold."""
@@ -259,7 +258,12 @@ def protect(data: np.ndarray, identifier: int) -> np.ndarray:
 
 
 def columns(message: Any, data: np.ndarray, lengths: np.ndarray | None = None) -> list[RawColumn]:
-    """The signals of frames of one message, data [n, bytes, uint8]; not those that are never available.
+    """The signals of frames of one message, data [n, bytes, uint8]; not those that are never available."""
+    return [c for c in all_columns(message, data, lengths) if c.absent is None or not c.absent.all()]
+
+
+def all_columns(message: Any, data: np.ndarray, lengths: np.ndarray | None = None) -> list[RawColumn]:
+    """The signals of frames of one message, data [n, bytes, uint8], in the order of its fields.
 
     `lengths` [n] is how many bytes of each frame were sent: a signal that is not whole in it is absent.
     """
@@ -275,4 +279,4 @@ def columns(message: Any, data: np.ndarray, lengths: np.ndarray | None = None) -
         if lengths is not None:
             there &= lengths > one.last_byte
         made.append(one.column(bits, there))
-    return [c for c in made if c.absent is None or not c.absent.all()]
+    return made
