@@ -11,6 +11,8 @@ from pathlib import Path
 
 from can import Message
 
+from records.formats.can_frames import FrameLog
+from records.formats.log_lines import LeftOut, LogLines
 from specs.errors import InputError
 
 MONTHS = {
@@ -43,14 +45,11 @@ EVENT = re.compile(
 
 
 @dataclass
-class AscLog:
-    """A log's frames and what its lines said besides."""
+class AscLog(FrameLog):
+    """What a log's lines say besides its frames."""
 
-    start: datetime | None = None
-    notes: list[str] = field(default_factory=list)
     skipped: Counter[str] = field(default_factory=Counter)
-    unread: int = 0
-    first_unread: str = ""
+    unread: LeftOut = field(default_factory=LeftOut)
     base: int = 16  # of the numbers of frames
     dated: bool = False  # a line of the head came
     open_block: bool = False  # a trigger block began and did not end
@@ -58,28 +57,26 @@ class AscLog:
 
 def read_asc(path: Path, named: dict[str, tuple[int, bool]], log: AscLog) -> Iterator[Message]:
     """The data frames; `named` gives identifiers of messages by name, for logs with names for numbers."""
-    lines = _text(path).split("\n")
-    if lines[-1].strip():
-        log.notes.append(
-            "the log was not closed: read as far as it was written, but for its last line, which is cut"
-        )
-    lines.pop()
-    found: list[Message] = []
+    lines, first = LogLines(path), None
     for number, line in enumerate(lines, 1):
         match = TIMED.match(line)
         if match is None:
-            _head_line(path, number, line.strip(), log, bool(found))
+            _head_line(path, number, line.strip(), log, first is not None)
             continue
         if not log.dated:
             raise InputError(f"{path} is not ASC: no line with its date or base before line {number}")
         message = _frame(match, log.base, named, log, number)
         if message is not None:
-            found.append(message)
+            first = message.timestamp if first is None else first
+            yield message
     if not log.dated:
         raise InputError(f"{path} is not ASC: no line with its date")
-    _time_of_day(log, found)
+    if lines.cut.strip():
+        log.notes.append(
+            "the log was not closed: read as far as it was written, but for its last line, which is cut"
+        )
+    _time_of_day(log, first)
     _conclude(log)
-    return iter(found)
 
 
 def _head_line(path: Path, number: int, bare: str, log: AscLog, begun: bool) -> None:
@@ -94,7 +91,7 @@ def _head_line(path: Path, number: int, bare: str, log: AscLog, begun: bool) -> 
         if "relative" in low:
             raise InputError(f"{path}: times since the event before are not read; export with absolute ones")
     elif bare and not low.startswith(("//", "internal events", "no internal events")):
-        _unread(log, number, bare)
+        log.unread.add(number, bare)
 
 
 def _dated(path: Path, number: int, bare: str, log: AscLog, begun: bool) -> None:
@@ -119,37 +116,17 @@ def _conclude(log: AscLog) -> None:
     if log.skipped:
         shown = ", ".join(f"{n} {what}" for what, n in sorted(log.skipped.items()))
         log.notes.append(f"lines that are no data frames: {shown}")
-    if log.unread:
-        log.notes.append(
-            f"lines that are not understood: left out {log.unread}; the first: {log.first_unread}"
-        )
+    log.notes += log.unread.said("lines that are not understood")
 
 
-def _time_of_day(log: AscLog, found: list[Message]) -> None:
+def _time_of_day(log: AscLog, first: float | None) -> None:
     """Times that are the time of day at the start count from midnight."""
-    if log.start is None or not found:
+    if log.start is None or first is None:
         return
     midnight = log.start.replace(hour=0, minute=0, second=0, microsecond=0)
-    if found[0].timestamp > NEAR and abs((log.start - midnight).total_seconds() - found[0].timestamp) < NEAR:
+    if first > NEAR and abs((log.start - midnight).total_seconds() - first) < NEAR:
         log.start = midnight
         log.notes.append("times are times of day: they count from midnight")
-
-
-def _text(path: Path) -> str:
-    data = path.read_bytes()
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        text = data.decode("utf-16", "replace")
-    else:
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("cp1252", "replace")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _unread(log: AscLog, number: int, bare: str) -> None:
-    log.unread += 1
-    log.first_unread = log.first_unread or f"line {number} ('{bare[:50]}')"
 
 
 def _frame(
@@ -169,7 +146,7 @@ def _frame(
         made = _message(match, frame, base, named) if frame else None
         if made is not None:
             return made
-        _unread(log, number, match.string.strip())
+        log.unread.add(number, match.string)
     return None
 
 

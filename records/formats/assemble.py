@@ -15,6 +15,7 @@ from records.measurement import GAP, Channel, Measurement
 from specs.errors import InputError, nearest
 from specs.signals import signals
 
+INT64 = np.iinfo(np.int64)
 OFFSET = "time_offset_s"  # in the metadata: what the file's own time showed at 0 s
 OURS = re.compile(r"^(?P<sign>-?)\s*(?P<name>[^\s\[\]]+)\s*(\[(?P<unit>[^\]]*)\])?$")
 
@@ -166,7 +167,7 @@ def _in_unit(
     """Values and unit: a signal's own unit for a channel of its name, else the file's."""
     unit = spelled(wanted.unit or column.unit)
     if wanted.sign < 0:
-        values = -values.astype(np.float64)
+        values = _negated(values)
     known = signals().get(wanted.name)
     if known is None:
         return values, unit
@@ -178,6 +179,12 @@ def _in_unit(
     if unit != known.unit:
         notes.append(f"{wanted.name}: converted from {unit} to {known.unit}")
     return values, known.unit
+
+
+def _negated(values: np.ndarray) -> np.ndarray:
+    """Values of the other sign; whole numbers stay whole where they can."""
+    whole = values.dtype.kind in "iu" and (values <= INT64.max).all() and (values > INT64.min).all()
+    return -values.astype(np.int64 if whole else np.float64)
 
 
 def _beyond(name: str, values: np.ndarray, time: np.ndarray, shown: float) -> list[str]:

@@ -18,21 +18,26 @@ def count(path: Path) -> Counter[int]:
     """How many objects of each type there are; raises InputError for one of no size, behind
     which nothing is found.
     """
-    data = path.read_bytes()
-    if len(data) < 8 or data[:4] != b"LOGG":
-        return Counter()
     found: Counter[int] = Counter()
-    at, rest = struct.unpack_from("<L", data, 4)[0], b""
-    while (at := data.find(b"LOBJ", at, at + 8)) >= 0 and at + HEAD.size <= len(data):
-        _, _, _, size, kind = HEAD.unpack_from(data, at)
-        if size < HEAD.size:
-            raise InputError(f"{path} is damaged: an object of size {size} at byte {at}")
-        if kind == CONTAINER:
-            rest = _inner(path, rest + _unpacked(data[at + HEAD.size : at + size]), found)
-        else:
+    with path.open("rb") as file:
+        head = file.read(8)
+        if len(head) < 8 or head[:4] != b"LOGG":
+            return found
+        at, rest = struct.unpack_from("<L", head, 4)[0], b""
+        while True:
+            file.seek(at)
+            data = file.read(HEAD.size + 8)
+            begin = data.find(b"LOBJ", 0, 8)
+            if begin < 0 or begin + HEAD.size > len(data):
+                return found
+            _, _, _, size, kind = HEAD.unpack_from(data, begin)
+            if size < HEAD.size:
+                raise InputError(f"{path} is damaged: an object of size {size} at byte {at + begin}")
+            if kind == CONTAINER:
+                file.seek(at + begin + HEAD.size)
+                rest = _inner(path, rest + _unpacked(file.read(size - HEAD.size)), found)
             found[kind] += 1
-        at += size
-    return found
+            at += begin + size
 
 
 def _unpacked(body: bytes) -> bytes:
@@ -49,9 +54,8 @@ def _inner(path: Path, data: bytes, found: Counter[int]) -> bytes:
     while (begin := data.find(b"LOBJ", at, at + 8)) >= 0 and begin + HEAD.size <= len(data):
         _, _, _, size, kind = HEAD.unpack_from(data, begin)
         if size < HEAD.size:
-            raise InputError(
-                f"{path} is damaged: an object of size {size}, behind {sum(found.values())} others"
-            )
+            before = found.total() - found[CONTAINER]
+            raise InputError(f"{path} is damaged: an object of size {size}, behind {before} others")
         if begin + size > len(data):
             break
         found[kind] += 1

@@ -14,6 +14,7 @@ import numpy as np
 from cantools.database.errors import Error
 
 from records.formats.codes import means_no_value
+from records.formats.encoding import Damaged, decoded
 from records.formats.raw import RawColumn
 from records.recording import first_line
 from specs import e2e
@@ -115,13 +116,12 @@ class Field:
             bits, kind = kinds[s.length]
             number = raw.astype(bits).view(kind).astype(np.float64)
         elif s.is_signed:
-            shift = np.uint64(64 - s.length)
-            number = ((raw << shift).view(np.int64) >> np.int64(64 - s.length)).astype(np.float64)
+            number = (raw << np.uint64(64 - s.length)).view(np.int64) >> np.int64(64 - s.length)
         else:
-            number = raw.astype(np.float64)
+            number = raw if s.length > 63 else raw.astype(np.int64)
         if self.place.scale == 1 and self.place.offset == 0 and not s.is_float:
-            return number.astype(np.int64) if s.length < 63 else number
-        return number * self.place.scale + self.place.offset
+            return number
+        return number.astype(np.float64) * self.place.scale + self.place.offset
 
     def encoded(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Raw numbers [n, uint64] of values in the DBC's unit, and which of them the field cannot hold."""
@@ -138,15 +138,6 @@ class Field:
         return (whole.astype(np.int64).view(np.uint64) if low < 0 else whole.astype(np.uint64)) & mask, bad
 
 
-def _text(path: Path) -> str:
-    """UTF-8 where it is, else the Windows code page that DBC files are written in."""
-    data = path.read_bytes()
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("cp1252", "replace")
-
-
 class Dbc:
     """The messages of a DBC file, found by the identifiers of frames."""
 
@@ -157,9 +148,12 @@ class Dbc:
         if not path.is_file():
             raise InputError(f"no DBC at {path}")
         try:
-            database: Any = cantools.database.load_string(_text(path), "dbc", strict=False)
+            text = decoded(path.read_bytes())
+            database: Any = cantools.database.load_string(text, "dbc", strict=False)
             _protocols(database, protocol)
             self.messages = list(database.messages)
+        except Damaged as error:
+            raise InputError(f"{path}: {error}; save it as UTF-8 or Windows-1252") from None
         except (Error, ValueError, KeyError, AttributeError) as error:
             raise InputError(f"{path} is not a DBC: {first_line(error)}") from None
         if not self.messages:
@@ -264,7 +258,12 @@ def protect(data: np.ndarray, identifier: int) -> np.ndarray:
 
 
 def columns(message: Any, data: np.ndarray, lengths: np.ndarray | None = None) -> list[RawColumn]:
-    """The signals of frames of one message, data [n, bytes, uint8]; not those that are never available.
+    """The signals of frames of one message, data [n, bytes, uint8]; not those that are never available."""
+    return [c for c in all_columns(message, data, lengths) if c.absent is None or not c.absent.all()]
+
+
+def all_columns(message: Any, data: np.ndarray, lengths: np.ndarray | None = None) -> list[RawColumn]:
+    """The signals of frames of one message, data [n, bytes, uint8], in the order of its fields.
 
     `lengths` [n] is how many bytes of each frame were sent: a signal that is not whole in it is absent.
     """
@@ -280,4 +279,4 @@ def columns(message: Any, data: np.ndarray, lengths: np.ndarray | None = None) -
         if lengths is not None:
             there &= lengths > one.last_byte
         made.append(one.column(bits, there))
-    return [c for c in made if c.absent is None or not c.absent.all()]
+    return made

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from records.formats.can_log import Frames, decoded
+from records.formats.can_frames import Frames, decoded
 from records.formats.dbc import Dbc
 from records.formats.raw import Raw
 from specs.errors import InputError
@@ -59,6 +59,4 @@ def _collect(file: Any, number: int, names: Mapping[str, int], found: dict[tuple
         strict=True,
     ):
         key = (int(b), int(i) & 0x1FFF_FFFF, bool(e) or int(i) > 0x7FF)
-        frames = found.setdefault(key, Frames())
-        frames.times.append(t)
-        frames.data.append(bytes(np.asarray(d, dtype=np.uint8).ravel()[:n]))
+        found.setdefault(key, Frames()).add(t, bytes(np.asarray(d, dtype=np.uint8).ravel()[:n]))

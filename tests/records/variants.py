@@ -61,7 +61,13 @@ def judged(written: Written) -> tuple[str, str]:
             return "silent", f"{name}: {len(channel.values)} samples instead of {len(values)}"
         if not np.allclose(channel.time, np.asarray(time) - zero, rtol=1e-9, atol=written.resolution):
             return "silent", f"{name}: times {channel.time[:3]} instead of {np.asarray(time)[:3] - zero}"
-        if not np.allclose(channel.values.astype(float), values, rtol=1e-9, atol=1e-12):
+        exact = all(isinstance(v, int) for v in values) and "rounded to floats" not in notes
+        same = (
+            channel.values.tolist() == values
+            if exact
+            else np.allclose(channel.values.astype(float), values, rtol=1e-9, atol=1e-12)
+        )
+        if not same:
             return "silent", f"{name}: {channel.values[:4]} instead of {values[:4]}"
     extra = set(found.channels) - set(written.channels) - set(written.may)
     return ("silent", f"{sorted(extra)} was not written") if extra else ("right", "")

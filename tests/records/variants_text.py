@@ -25,7 +25,7 @@ PREAMBLES = (
 NOTES = ("ok", '2" hose', "a, b", "x;y", "start", "5 bar", "stop\ttab", "7", "1,5")
 CLOCKS = (
     "s", "ms", "us", "bare", "epoch_s", "epoch_ms", "epoch_ns", "iso", "iso_z", "iso_comma", "german",
-    "slash", "of_day", "excel", "day_and_time",
+    "slash", "of_day", "excel", "day_and_time", "half", "half_of_day", "day_and_half",
 )  # fmt: skip
 FORMS = {
     "iso": "%Y-%m-%d %H:%M:%S",
@@ -35,6 +35,8 @@ FORMS = {
     "slash": "%d/%m/%Y %H:%M:%S",
     "of_day": "%H:%M:%S",
 }
+HALVES = ("AM", "PM"), ("am", "pm"), ("a.m.", "p.m."), ("A", "P"), ("\u202fAM", "\u202fPM")
+WIDE = 2**62
 ZERO = datetime(2026, 3, 29, 1, 59, 59, 900_000)
 
 
@@ -60,7 +62,8 @@ def clock_cells(
     kind: str, times: list[Decimal], decimal: str, group: str
 ) -> tuple[str, str, list[list[str]]]:
     """Name, unit and cells (one or two a row) of a clock."""
-    stamps = [ZERO + timedelta(microseconds=int(t * 1_000_000)) for t in times]
+    noon = timedelta(hours=10) if "half" in kind else timedelta()
+    stamps = [ZERO + noon + timedelta(microseconds=int(t * 1_000_000)) for t in times]
     dot = lambda d, form: d.strftime(form) + f".{d.microsecond:06d}"[: 4 if not d.microsecond % 1000 else 7]  # noqa: E731
     per = {"s": 1, "ms": 1000, "us": 1_000_000}
     if kind in per:
@@ -76,6 +79,13 @@ def clock_cells(
         return "time", "", [[f"{46110 + t / 86400:.12f}".replace(".", decimal)] for t in times]
     if kind == "bare":
         return "t", "", [[f"{t:.3f}".replace(".", decimal)] for t in times]
+    if "half" in kind:
+        forms = random.Random(str(times)).choice(HALVES)
+        clocks = [dot(d, "%I:%M:%S").removeprefix("0") + " " + forms[d.hour >= 12] for d in stamps]
+        if kind == "day_and_half":
+            return "Date", "", [[d.strftime("%Y-%m-%d"), c] for d, c in zip(stamps, clocks, strict=True)]
+        days = [d.strftime("%Y-%m-%d ") if kind == "half" else "" for d in stamps]
+        return "time", "", [[d + c] for d, c in zip(days, clocks, strict=True)]
     if kind == "day_and_time":
         return "Date", "", [[d.strftime("%Y-%m-%d"), dot(d, "%H:%M:%S")] for d in stamps]
     cells = [dot(d, FORMS[kind]) + ("Z" if kind == "iso_z" else "") for d in stamps]
@@ -116,6 +126,7 @@ def text(r: random.Random, folder: Path) -> Written:  # noqa: C901 - one table i
         places, size = r.choice([0, 0, 1, 2, 3, 6]), r.choice([1, 10, 1000, 2000, 1_000_000])
         form, missing = r.choice(["", "", "sci", "minus", "plus", "short"]), r.choice(MISSING)
         holes = r.choice([0, 0, 0, 0.2])
+        wide = r.choice([0] * 12 + [2**54, WIDE, 2**63 + 5, 2**64 - 1])  # whole numbers that floats round
         kept_t, kept_v = [], []
         for i in range(rows):
             value = Decimal(r.randint(-size, size * 3) if r.random() < 0.7 else r.randint(0, 999)) / (
@@ -125,8 +136,13 @@ def text(r: random.Random, folder: Path) -> Written:  # noqa: C901 - one table i
             if r.random() < holes:
                 cells[i].append(missing)
                 continue
-            cells[i].append(number(r, value, decimal, group, places, form))
             kept_t.append(float(times[i] - times[0]))
+            if wide:
+                value = r.randint(0 if wide > WIDE else -wide, wide)
+                cells[i].append(number(r, Decimal(value), decimal, group, 0, ""))
+                kept_v.append(value)
+                continue
+            cells[i].append(number(r, value, decimal, group, places, form))
             kept_v.append(float(f"{value:.6E}") if form == "sci" else float(value))
         heads.append(own)
         head_units.append(spelled)
@@ -165,6 +181,11 @@ def text(r: random.Random, folder: Path) -> Written:  # noqa: C901 - one table i
         data = body.encode(encoding)
     except UnicodeEncodeError:
         encoding, data = "utf-8", body.encode()
+    if r.random() < 0.02:  # one byte is damaged
+        at = r.randrange(len(data))
+        hit = data[at : at + 1]
+        if hit.isalpha() and encoding == "utf-8" and not data.isascii():
+            data = data[:at] + b"\xfc" + data[at + 1 :]
     path = folder / f"r{r.choice(['.csv', '.txt', '.tsv'])}"
     path.write_bytes(data)
     options, stated = {}, {}

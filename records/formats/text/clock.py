@@ -1,7 +1,6 @@
-"""The clock of a table: numbers with a unit, days and times of day in the usual forms, exactly subtracted.
+"""The clock of a table: numbers with a unit, or days and times of day (`dates.py`), exactly subtracted.
 
-What a form leaves open is refused with the option that says it: numbers without a unit that may be days or
-seconds, days whose month may be their day, times without hours.
+Numbers without a unit that may be days or seconds are refused with the option that says it.
 """
 
 import re
@@ -16,6 +15,7 @@ import pyarrow.compute as pc
 
 from records.formats.metadata import at_ns
 from records.formats.text.columns import array
+from records.formats.text.dates import NONE, Dates
 from records.formats.text.marks import Marks
 from records.formats.text.words import MISSING, NOT_A_NUMBER, is_number
 from records.formats.units import PER_SECOND, seconds, spelled
@@ -24,10 +24,6 @@ from specs.errors import InputError
 FORMS = {"dd/mm/yyyy": "dmy", "mm/dd/yyyy": "mdy", "yyyymmdd": "ymd", "excel": "excel"}
 YEAR_2001, YEAR_2100 = 978_307_200, 4_102_444_800  # s since 1970
 DAYS_1900 = 25_569  # of a spreadsheet at 1970
-DATES = {
-    "dmy": (r"^(\d{1,2})\.(\d{1,2})\.(\d{4})", r"\3-\2-\1"),
-    "ymd": (r"^(\d{4})/(\d{1,2})/(\d{1,2})", r"\1-\2-\3"),
-}
 SLOWEST = 3600.0  # s between rows: more is no recording with times since 1970
 
 
@@ -41,12 +37,13 @@ class Clock:
     says_date: bool = False  # the heading's name does
     kind: str = ""
     first: Decimal | None = None
-    order: str = ""
     rows: int = 0  # room for so many, so that nothing has to be copied at the end
     filled: int = 0
     held: np.ndarray = field(default_factory=lambda: np.empty(0))
-    zone: bool | None = None
-    form: str = ""  # of the first date: all others have it
+    dates: Dates = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.dates = Dates(self.where, {"dmy": "dmy", "mdy": "mdy"}.get(FORMS.get(self.unit, ""), ""))
 
     def add(self, column: pa.ChunkedArray | pa.Array, numbers: Sequence[int]) -> None:
         """Add cells; raises InputError with the line of one that is no time."""
@@ -60,7 +57,7 @@ class Clock:
         if not self.kind:
             some = next(c.as_py() for c in cells if c.is_valid)
             self.kind = self._kind(some)
-        self._keep(self._numbers(cells, numbers) if self.kind == "number" else self._dates(cells, numbers))
+        self._keep(self._numbers(cells, numbers) if self.kind == "number" else self.dates.ns(cells, numbers))
 
     def _keep(self, part: np.ndarray) -> None:
         """Put times behind those before."""
@@ -74,7 +71,7 @@ class Clock:
     def _kind(self, cell: str) -> str:
         eight = self.says_date and not self.unit and re.fullmatch(r"(19|20)\d\d[01]\d[0-3]\d", cell)
         if eight or FORMS.get(self.unit) == "ymd":
-            return "ymd"
+            return "date"
         if self.marks.plain(cell) is None and is_number(cell):
             raise InputError(
                 f"{self.where}: '{cell}' is no number with '{self.marks.decimal}' before its decimals; "
@@ -127,74 +124,6 @@ class Clock:
             found.append(text)
         return pa.array(found, pa.string())
 
-    def _dates(self, cells: pa.Array, numbers: Sequence[int]) -> np.ndarray:
-        """ns since 1970, or since midnight for times of day; the smallest number for none."""
-        iso = self._as_iso(cells, numbers)
-        has_zone = pc.match_substring_regex(iso, r"(Z|z|[+-]\d\d:?\d\d)$")  # type: ignore[attr-defined]
-        zoned = bool(pc.any(has_zone).as_py())  # type: ignore[attr-defined]
-        all_zoned = bool(pc.all(has_zone).as_py())  # type: ignore[attr-defined]
-        if zoned != all_zoned or (self.zone is not None and zoned != self.zone):
-            wrong = pc.index(
-                has_zone, not (self.zone if self.zone is not None else has_zone[_there(iso)].as_py())
-            ).as_py()  # type: ignore[attr-defined]
-            raise InputError(
-                f"{self.where}: line {numbers[wrong]}: '{cells[wrong]}' "
-                + ("states a time zone, lines before do not" if has_zone[wrong].as_py() else "states no "
-                    "time zone, lines before do")
-            )  # fmt: skip
-        self.zone = zoned
-        try:
-            stamps = pc.cast(iso, pa.timestamp("ns", "UTC") if zoned else pa.timestamp("ns"))  # type: ignore[attr-defined]
-        except pa.ArrowException:
-            bad = next((i for i, c in enumerate(iso.to_pylist()) if c is not None and not _is_iso(c)), 0)
-            raise InputError(
-                f"{self.where}: line {numbers[bad]}: '{cells[bad]}' is neither a number nor a date in a "
-                f"form that is "
-                "read: 2026-03-29 01:59:59.900, 29.03.2026 01:59:59, 01:59:59.900"
-            ) from None
-        return np.asarray(array(pc.cast(stamps, pa.int64()).fill_null(NONE)), dtype=np.int64)  # type: ignore[attr-defined]
-
-    def _as_iso(self, cells: pa.Array, numbers: Sequence[int]) -> pa.Array:
-        """Cells as ISO 8601; times of day on the first day of 1970."""
-        re_ = pc.replace_substring_regex  # type: ignore[attr-defined]
-        some = cells[_there(cells)].as_py()
-        if re.search(r"\d\s*[AaPp]\.?[Mm]\.?$", some):
-            raise InputError(
-                f"{self.where}: line {numbers[_there(cells)]}: '{some}': times with AM and PM are not "
-                f"read; export with 24 hours"
-            )
-        if self.kind == "ymd":
-            return re_(cells, r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3")
-        out = re_(cells, r"(\d:\d\d),(\d+)", r"\1.\2")
-        self.form = self.form or next((k for k, form in DATES.items() if re.match(form[0], some)), "other")
-        if self.form in DATES:  # one form in the whole file
-            out = re_(out, *DATES[self.form])
-        if re.match(r"\d{1,2}/\d{1,2}/\d{4}", some):
-            swap = {"dmy": r"\3-\2-\1", "mdy": r"\3-\1-\2"}[self._order(some, numbers)]
-            out = re_(out, r"^(\d{1,2})/(\d{1,2})/(\d{4})", swap)
-        out = re_(re_(out, r"^(\d{4})-(\d)-", r"\1-0\2-"), r"^(\d{4}-\d\d)-(\d)(\D|$)", r"\1-0\2\3")
-        out = re_(out, r"^(\d{4}-\d\d-\d\d)[ T](\d):", r"\1 0\2:")
-        out = re_(out, r"^(\d{4}-\d\d-\d\d)  +", r"\1 ")
-        if re.match(r"\d{1,3}:\d\d", some):
-            self.kind = "time of day"
-            if re.fullmatch(r"\d{1,3}:\d\d", some):
-                raise InputError(
-                    f"{self.where}: line {numbers[_there(cells)]}: '{some}' may be hours and minutes, or "
-                    f"minutes and seconds; write it with both"
-                )
-            out = re_(out, r"^(\d{1,2}):(\d\d\.\d+)$", r"00:\1:\2")
-            out = re_(re_(out, r"^(\d):", r"0\1:"), r"^(\d\d):(\d):", r"\1:0\2:")
-            out = re_(out, r"^", "1970-01-01 ")
-        return re_(out, r"(\.\d{9})\d+", r"\1")
-
-    def _order(self, some: str, numbers: Sequence[int]) -> str:
-        if FORMS.get(self.unit) in ("dmy", "mdy"):
-            return FORMS[self.unit]
-        raise InputError(
-            f"{self.where}: line {numbers[0]}: '{some}': day or month first? --clock 'NAME [dd/mm/yyyy]' or "
-            "'NAME [mm/dd/yyyy]' says which"
-        )
-
     def of_floats(self, held: np.ndarray, notes: list[str]) -> tuple[np.ndarray, datetime | None, float]:
         """The result of a column that holds floats already."""
         there = held[np.isfinite(held)]
@@ -213,10 +142,10 @@ class Clock:
         there = found != NONE
         first = int(found[there][0]) if there.any() else 0
         time = np.where(there, (found - first) / 1e9, np.nan)
-        if self.kind == "time of day":
+        if self.dates.of_day:
             notes.append("the times are times of day without a date: the start is not known")
             return time, None, first / 1e9
-        if not self.zone:
+        if not self.dates.zone:
             notes.append("the times state no time zone: taken as UTC")
         return time, at_ns(first), 0.0
 
@@ -264,9 +193,6 @@ class Clock:
         return found, None, first
 
 
-NONE = np.iinfo(np.int64).min
-
-
 def _days(held: np.ndarray) -> np.ndarray:
     """Times as whole ns; what was NaN is none."""
     return held if held.dtype == np.int64 else np.full(len(held), NONE, dtype=np.int64)
@@ -274,19 +200,3 @@ def _days(held: np.ndarray) -> np.ndarray:
 
 def _since_1970(first: Decimal, per: int) -> datetime:
     return at_ns(int(first * (1_000_000_000 // per)))
-
-
-def _there(cells: pa.Array) -> int:
-    """Index of the first cell that is not empty."""
-    return pc.index(pc.is_valid(cells), True).as_py()  # type: ignore[attr-defined]
-
-
-def _is_iso(cell: str) -> bool:
-    try:
-        pc.cast(
-            pa.array([cell]),
-            pa.timestamp("ns", "UTC") if re.search(r"(Z|z|[+-]\d\d:?\d\d)$", cell) else pa.timestamp("ns"),
-        )  # type: ignore[attr-defined]
-    except pa.ArrowException:
-        return False
-    return True

@@ -47,6 +47,7 @@ class Column:
     text: bool = False  # cells that are no numbers came: read as text from then on
     grouped: str = ""
     wide: bool = False
+    whole: np.ndarray | None = None  # the values as exact whole numbers, 0 where there is none
 
     def put(
         self, at: int, cells: pa.ChunkedArray, numbers: Sequence[int], marks: Marks, missing: frozenset[str]
@@ -99,7 +100,7 @@ class Column:
             return FLAGS[low], False
         if low in NOT_A_NUMBER:
             return np.nan, False
-        text = marks.plain(cell) or self._grouped(cell, marks)
+        text = self.plain(cell, marks)
         if text is None:
             _count(self.words, cell, word)
             return np.nan, True
@@ -108,6 +109,10 @@ class Column:
             _count(self.missing, cell, word)
             return np.nan, True
         return value, False
+
+    def plain(self, cell: str, marks: Marks) -> str | None:
+        """A number's text as Python writes it; None for what is none."""
+        return marks.plain(cell) or self._grouped(cell, marks)
 
     def _grouped(self, cell: str, marks: Marks) -> str | None:
         """A number whose digits a mark groups that does nothing else."""
@@ -150,9 +155,12 @@ class Column:
             notes.append(f"{name}: words are 1 and 0: {', '.join(sorted(strange))}")
         if self.grouped:
             notes.append(f"{name}: '{self.grouped}' groups the digits")
+        absent = None if self.absent is None else self.absent[:rows]
+        if self.whole is not None:
+            broken = np.isnan(self.values[:rows])
+            return RawColumn(name, self.head.unit, self.whole, "", absent, broken, self.head.text)
         if self.wide:
             notes.append(f"{name}: numbers beyond 2^53 are rounded to floats")
-        absent = None if self.absent is None else self.absent[:rows]
         return RawColumn(name, self.head.unit, self.values[:rows], "", absent, None, self.head.text)
 
     def _is_text(self, words: int) -> bool:

@@ -83,12 +83,11 @@ class Evidence:
     any: dict[str, Seen]
     sure: dict[str, Seen]
     mixed: Seen | None = None  # groups of three in a column whose other numbers have no mark
-    looked: bool = False
 
 
 def decide(
     blocks: Callable[[], Iterator[Block]],
-    strings: Callable[[bytes], pa.Table],
+    strings: Callable[..., pa.Table],
     names: Sequence[str],
     delimiter: str,
     decimal: str | None,
@@ -126,16 +125,15 @@ def decide(
 
 def _look(
     blocks: Iterable[Block],
-    strings: Callable[[bytes], pa.Table],
+    strings: Callable[..., pa.Table],
     names: Sequence[str],
     delimiter: str,
     known: set[str],
 ) -> Evidence:
     """The evidence of all blocks; a block that can say nothing new is not looked into."""
-    found = Evidence({}, {})
+    found, open_ones = Evidence({}, {}), {i: Groups() for i in range(len(names))}
     for one in blocks:
-        if found.mixed is None and one.numbers and not found.looked:
-            found.looked, found.mixed = True, _mixed(strings(one.data), one, names)
+        _look_for_groups(strings, one, names, open_ones, known)
         block = one.data
         comma = b"," in block and (delimiter != "," or b'"' in block)
         there = [m for m, is_there in ((".", b"." in block), (",", comma)) if is_there]
@@ -149,7 +147,43 @@ def _look(
                 _note(cells, mark, one, name, found)
         if len(found.any) == 2:
             return found
+    found.mixed = next((g.first for g in open_ones.values() if g.first is not None and g.small), None)
     return found
+
+
+@dataclass
+class Groups:
+    """A column whose numbers are groups of three behind a mark, and whole ones below 1000, and nothing else.
+
+    Fixed decimals would stand in all its cells.
+    """
+
+    first: Seen | None = None  # group of three
+    small: bool = False
+
+
+def _look_for_groups(
+    strings: Callable[..., pa.Table],
+    block: Block,
+    names: Sequence[str],
+    open_ones: dict[int, Groups],
+    known: set[str],
+) -> None:
+    """Look into the columns that held nothing else so far; others are no longer looked at."""
+    table = strings(block.data, list(open_ones)) if open_ones else None
+    for i, seen in list(open_ones.items()) if table is not None else ():
+        column = table.column(str(i)).unique()  # type: ignore[union-attr]
+        groups = pc.match_substring_regex(column, GROUP_CELL)  # type: ignore[attr-defined]
+        small = pc.match_substring_regex(column, SMALL_CELL)  # type: ignore[attr-defined]
+        rest = column.filter(pc.invert(pc.or_(groups, small))).to_pylist()  # type: ignore[attr-defined]
+        if any(c and c.strip().lower() not in known for c in rest):
+            del open_ones[i]
+            continue
+        seen.small = seen.small or bool(pc.any(small).as_py())  # type: ignore[attr-defined]
+        if seen.first is None and pc.any(groups).as_py():  # type: ignore[attr-defined]
+            cell = column.filter(groups)[0].as_py()
+            at = pc.index(table.column(str(i)), cell).as_py()  # type: ignore[attr-defined,union-attr]
+            seen.first = Seen(int(block.numbers[at]), names[i], cell)
 
 
 def _numbers_only(column: pa.ChunkedArray, known: set[str]) -> pa.ChunkedArray | None:
@@ -161,26 +195,6 @@ def _numbers_only(column: pa.ChunkedArray, known: set[str]) -> pa.ChunkedArray |
     plain = pc.match_substring_regex(bare, NUMERIC_RE2)  # type: ignore[attr-defined]
     others = set(pc.unique(bare.filter(pc.invert(plain))).to_pylist())  # type: ignore[attr-defined]
     return None if any(c and c.lower() not in known for c in others) else column
-
-
-def _mixed(table: pa.Table, block: Block, names: Sequence[str]) -> Seen | None:
-    """The first group of three in a column of such groups and whole numbers below 1000, and nothing else.
-
-    Fixed decimals would stand in all its cells.
-    """
-    for i, name in enumerate(names):
-        column = table.column(i)
-        groups = pc.match_substring_regex(column, GROUP_CELL)  # type: ignore[attr-defined]
-        at = pc.index(groups, True).as_py()  # type: ignore[attr-defined]
-        if at < 0:
-            continue
-        others = column.filter(pc.invert(groups))  # type: ignore[attr-defined]
-        small = pc.match_substring_regex(others, SMALL_CELL)  # type: ignore[attr-defined]
-        others = pc.unique(others.filter(pc.invert(small)))  # type: ignore[attr-defined]
-        rest = [c for c in others.to_pylist() if c and is_number(c)]
-        if not rest and pc.any(small).as_py():  # type: ignore[attr-defined]
-            return Seen(int(block.numbers[at]), name, column[at].as_py())
-    return None
 
 
 def _note(column: pa.ChunkedArray, mark: str, block: Block, name: str, found: Evidence) -> None:

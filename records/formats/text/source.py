@@ -1,6 +1,6 @@
 """The bytes of a text file: its encoding, decided from all of it, and its lines as UTF-8 in blocks.
 
-UTF-8 where all of the file is UTF-8, UTF-16 where its mark or its zero bytes say so, else Windows-1252.
+`../encoding.py` has the rules.
 """
 
 import codecs
@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from records.formats.encoding import Damaged, marked, single_byte
 from specs.errors import InputError
 
 CHUNK = 4 << 20  # bytes read at once
@@ -23,8 +24,8 @@ OTHERS = {
     b"LOGG": "BLF: name it .blf",
     b"%PDF": "PDF",
 }
+SAYS = "--encoding says what it is, such as utf-8, cp1252 or utf-16"
 CANDUMP = re.compile(rb"\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)")
-BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 
 @dataclass(frozen=True)
@@ -51,20 +52,32 @@ class Source:
                 rest += begun
 
     def decoded(self) -> Iterator[bytes]:
-        """The file as UTF-8 with \\n as the end of a line."""
-        plain = self.encoding == "utf-8"
+        """The file as UTF-8 with \\n as the end of a line.
+
+        Raises UnicodeError for what is not of its encoding.
+        """
         decoder = codecs.getincrementaldecoder(self.encoding)(errors="strict")
-        left, held = self.path.stat().st_size - self.zeros, b""
+        held = b""
+        for raw in self.chunks():
+            as_it_is = self.encoding == "utf-8" and raw.isascii() and not decoder.getstate()[0]
+            data = held + (raw if as_it_is else decoder.decode(raw).encode())
+            held = b"\r" if data.endswith(b"\r") else b""
+            data = data[: len(data) - len(held)]
+            if b"\r" in data:
+                data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+            if data:
+                yield data
+        decoder.decode(b"", True)
+        if held:
+            yield b"\n"
+
+    def chunks(self) -> Iterator[bytes]:
+        """The bytes of the file but for the zeros at its end."""
+        left = self.path.stat().st_size - self.zeros
         with self.path.open("rb") as file:
             while left > 0 and (data := file.read(min(CHUNK, left))):
                 left -= len(data)
-                data = held + (data if plain else decoder.decode(data, left <= 0).encode())
-                held = b"\r" if data.endswith(b"\r") and left > 0 else b""
-                data = data[: len(data) - len(held)]
-                if b"\r" in data:
-                    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-                if data:
-                    yield data
+                yield data
 
 
 def opened(path: Path, encoding: str | None, notes: list[str]) -> Source:
@@ -79,24 +92,32 @@ def opened(path: Path, encoding: str | None, notes: list[str]) -> Source:
     zeros = _zeros_at_the_end(path, head)
     if zeros:
         notes.append("dropped zero bytes at the end: the file was not written to its end")
-    found = Source(path, encoding or _encoding(path, head, zeros), zeros)
-    return _counted(found, notes)
+    stated = encoding or marked(head)
+    found = Source(path, stated or "utf-8", zeros)
+    try:
+        return _counted(found, notes)
+    except Damaged as error:
+        if stated:
+            raise InputError(f"{path}: {error}; {SAYS}") from None
+    try:
+        return _counted(replace(found, encoding=single_byte(found.chunks())), notes)
+    except Damaged as error:
+        raise InputError(f"{path}: {error}; {SAYS}") from None
 
 
 def _counted(found: Source, notes: list[str]) -> Source:
-    """The source with the number of its lines."""
+    """The source with the number of its lines; raises Damaged for what is not of its encoding."""
     path, lines, tail = found.path, 0, b""
     try:
         for text in found.decoded():
             lines += text.count(b"\n")
             _, end, begun = text.rpartition(b"\n")
             tail = begun if end else tail + begun
+    except UnicodeDecodeError as error:
+        line = lines + 1 + error.object[: error.start].count(b"\n")
+        raise Damaged(f"line {line} is not {found.encoding} ({error.reason})") from None
     except UnicodeError as error:
-        raise InputError(
-            f"{path}: line {lines + 1} or after it is not {found.encoding} "
-            f"({getattr(error, 'reason', error)}); "
-            "--encoding says what it is, such as utf-8, cp1252 or utf-16"
-        ) from None
+        raise Damaged(f"it is not {found.encoding} ({error})") from None
     if tail.strip():
         notes.append(f"dropped line {lines + 1}: it has no end, so nobody knows whether it is whole")
     if not lines:
@@ -106,7 +127,7 @@ def _counted(found: Source, notes: list[str]) -> Source:
 
 def _zeros_at_the_end(path: Path, head: bytes) -> int:
     """How many zero bytes end the file, as after a power cut; UTF-16 has zeros of its own."""
-    if _zero_sides(head) or any(head.startswith(b) for b, e in BOMS if e == "utf-16"):
+    if marked(head).startswith("utf-16"):
         return 0
     size, at = path.stat().st_size, 0
     with path.open("rb") as file:
@@ -119,30 +140,3 @@ def _zeros_at_the_end(path: Path, head: bytes) -> int:
             if bare:
                 return at
     return at
-
-
-def _zero_sides(head: bytes) -> str:
-    """utf-16-le or utf-16-be where every second byte of the head is zero, else nothing."""
-    some = head[: len(head) // 2 * 2]
-    if len(some) < 8:
-        return ""
-    even, odd = some[0::2].count(0) * 2 / len(some), some[1::2].count(0) * 2 / len(some)
-    return "utf-16-le" if odd > 0.7 and even < 0.1 else "utf-16-be" if even > 0.7 and odd < 0.1 else ""
-
-
-def _encoding(path: Path, head: bytes, zeros: int) -> str:
-    for bom, name in BOMS:
-        if head.startswith(bom):
-            return name
-    if sides := _zero_sides(head):
-        return sides
-    decoder, left = codecs.getincrementaldecoder("utf-8")(), path.stat().st_size - zeros
-    with path.open("rb") as file:
-        try:
-            while left > 0 and (data := file.read(min(CHUNK, left))):
-                left -= len(data)
-                if not data.isascii() or decoder.getstate()[0]:
-                    decoder.decode(data, left <= 0)
-        except UnicodeDecodeError:
-            return "cp1252"
-    return "utf-8"

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +16,19 @@ from records.formats.raw import Group, Raw
 from records.formats.tables import Heading, check_twice, clock_name, clock_unit, one_clock, stated_clock
 from records.formats.text.clock import Clock
 from records.formats.text.columns import Column
-from records.formats.text.layout import BLANKS, HEAD_LINES, Line, cells_of, layout_of
+from records.formats.text.head import head_of
+from records.formats.text.layout import BLANKS, cells_of, layout_of
 from records.formats.text.lvm import is_lvm, lvm_layout
 from records.formats.text.marks import decide
 from records.formats.text.options import TextOptions
 from records.formats.text.rows import Block, Rows
-from records.formats.text.source import Source, opened
+from records.formats.text.source import opened
+from records.formats.text.whole import keep_whole_numbers
 from records.formats.text.words import is_date, is_number, is_value
 from records.formats.units import of_time
 from records.recording import first_line
 from specs.errors import InputError
 
-HEAD_BYTES = 8 << 20
 DAY = "day"
 
 
@@ -37,7 +39,7 @@ class TextTable:
         """Make the decisions; raises InputError where one cannot be made."""
         self.path, self.options, self.notes = path, options, list[str]()
         self.source = opened(path, options.encoding, self.notes)
-        self.head = _head(self.source, options.skip)
+        self.head = head_of(self.source, options.skip)
         stated = [options.clock or "", *names]
         clocks = [c for c in (options.clock, *(t for t, o in names.items() if o)) if c] if any(stated) else []
         clocks += [c.rsplit(" [", 1)[0] for c in clocks]
@@ -91,18 +93,32 @@ class TextTable:
             return named, heads[named[0]].unit or clock_unit(heads[named[0]].name)
         if pair := _day_and_time(column):
             return pair, DAY
-        possible = [
-            i
-            for i in named
-            if any(map(is_value, column[i])) and (len(set(column[i])) > 1 or len(sample) == 1)
-        ]
+        changing = self._changing(named)
+        possible = [i for i in named if i in changing]
         at = one_clock(heads, possible or named, source)
         return [at], heads[at].unit or clock_unit(heads[at].name)
 
-    def strings(self, data: bytes) -> pa.Table:
-        """The cells of rows as text."""
+    def _changing(self, columns: Sequence[int]) -> set[int]:
+        """Those of the columns that hold values which change somewhere in the file, or in its only row."""
+        values: dict[int, set[str]] = {i: set() for i in columns}
+        rows = 0
+        for block in self.rows.blocks():
+            rows += len(block.numbers)
+            open_ones = [i for i, held in values.items() if len(held) < 2]
+            table = self.strings(block.data, open_ones)
+            for i in open_ones:
+                cells = (c.strip() for c in table.column(str(i)).unique().to_pylist() if c)
+                values[i] |= set(islice(filter(is_value, cells), 2))
+            if rows > 1 and all(len(held) > 1 for held in values.values()):
+                break
+        return {i for i, held in values.items() if len(held) > 1 or (held and rows == 1)}
+
+    def strings(self, data: bytes, columns: Sequence[int] = ()) -> pa.Table:
+        """The cells of rows as text, of all columns or of some."""
+        names = [str(i) for i in columns]
         return self._parsed(data, csv.ConvertOptions(
-            column_types=dict.fromkeys(self.names, pa.string()), null_values=[""], strings_can_be_null=True,
+            column_types=dict.fromkeys(names or self.names, pa.string()), include_columns=names,
+            null_values=[""], strings_can_be_null=True,
         ))  # fmt: skip
 
     def _parsed(self, data: bytes, options: csv.ConvertOptions) -> pa.Table:
@@ -137,6 +153,7 @@ class TextTable:
             at += table.num_rows
             numbers.append(block.numbers)
         self._count(at)
+        keep_whole_numbers(self.rows.blocks, self.strings, columns, self.marks, at)
         return self._raw(clock, columns, at, numbers)
 
     def _clock_cells(self, table: pa.Table) -> pa.ChunkedArray:
@@ -227,42 +244,6 @@ class TextTable:
 def read_text(path: Path, names: Mapping[str, str], options: TextOptions) -> Raw:
     """Read a text file; raises InputError naming the line that cannot be read."""
     return TextTable(path, names, options).read()
-
-
-def _head(source: Source, skip: int) -> list[Line]:
-    """The first lines of the file behind those that are skipped."""
-    lines, at, size = [], 1, 0
-    for block in source.blocks():
-        count = block.count(b"\n")
-        if at + count > skip:
-            texts = block.split(b"\n", HEAD_LINES + max(skip - at + 1, 0))
-            for k, text in enumerate(texts[:-1]):
-                if at + k > skip and len(lines) < HEAD_LINES and size < HEAD_BYTES:
-                    lines.append(Line(at + k, text.decode()))
-                    size += len(text)
-            if len(lines) >= HEAD_LINES or size >= HEAD_BYTES:
-                break
-        at += count
-    if not any(line.text.strip() for line in lines):
-        raise InputError(f"{source.path} is empty" + (f" behind the {skip} lines skipped" if skip else ""))
-    return _joined_quotes(lines)
-
-
-def _joined_quotes(lines: list[Line]) -> list[Line]:
-    """Lines with a cell in quotes that goes over their end joined, within the first ones: a header may."""
-    found: list[Line] = []
-    for line in lines:
-        if (
-            found
-            and len(found) <= 5
-            and found[-1].text.count('"') % 2
-            and line.text.count('"') % 2
-            and not found[-1].text[:1].isdigit()
-        ):
-            found[-1].text += " " + line.text
-            continue
-        found.append(Line(line.number, line.text))
-    return found
 
 
 def _day_and_time(columns: Mapping[int, list[str]]) -> list[int] | None:

@@ -256,3 +256,73 @@ def test_asc_with_times_relative_to_the_event_before_is_refused(tmp_path):
     (tmp_path / "r.asc").write_text(text)
     with pytest.raises(InputError, match="export with absolute"):
         read_measurement(tmp_path / "r.asc")
+
+
+WIDE = """VERSION ""
+BS_:
+BU_: A
+BO_ 256 Wide: 8 A
+ SG_ number : 0|%d@1%s (1,0) [0|0] "" A
+"""
+
+
+@pytest.mark.parametrize(
+    ("bits", "sign", "value"),
+    [
+        (56, "+", 2**56 - 3),
+        (62, "-", -(2**61) + 1),
+        (63, "+", 2**62 + 1),
+        (64, "-", -(2**63) + 1),
+        (64, "+", 2**64 - 3),
+    ],
+)
+def test_whole_numbers_of_many_bits_stay_exact(tmp_path, bits, sign, value):
+    (tmp_path / "w.dbc").write_text(WIDE % (bits, sign))
+    data = (value % 2**bits).to_bytes(8, "little").hex()
+    (tmp_path / "w.log").write_text(f"(0.0) can0 100#{data}\n(0.1) can0 100#{'01' + 14 * '0'}\n")
+    found = read_measurement(tmp_path / "w.log", dbc=tmp_path / "w.dbc")
+    assert found["number"].values.tolist() == [value, 1]
+
+
+def blf(path: Path, count: int) -> bytearray:
+    with can.BLFWriter(path) as log:
+        for k in range(count):
+            log(
+                can.Message(
+                    timestamp=0.1 * k, arbitration_id=257, is_extended_id=False, data=[1, k, 0, 0], channel=0
+                )
+            )
+    return bytearray(path.read_bytes())
+
+
+def test_objects_that_a_blf_head_states_and_that_are_not_there(tmp_path, other):
+    data = blf(tmp_path / "a.blf", 20)
+    assert not any("states" in s for s in read_measurement(tmp_path / "a.blf", dbc=other).repairs)
+    data[32:36] = (25).to_bytes(4, "little")  # its count of objects
+    (tmp_path / "a.blf").write_bytes(data)
+    said = read_measurement(tmp_path / "a.blf", dbc=other).repairs
+    assert "the log's head states 25 objects, 20 are there" in said
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".candump", ".blf"])
+def test_frames_are_decoded_in_blocks_as_in_one(tmp_path, other, monkeypatch, suffix):
+    path = tmp_path / f"a{suffix}"
+    with can.Logger(path) if suffix != ".candump" else can.CanutilsLogWriter(path) as log:
+        for k in range(50):
+            data = [1 + k % 2, k, 0, 0] if k % 7 else [1, k]
+            log(
+                can.Message(timestamp=0.1 * k, arbitration_id=257, is_extended_id=False, data=data, channel=0)
+            )
+            log(
+                can.Message(
+                    timestamp=0.1 * k, arbitration_id=256, is_extended_id=False, data=[k] * 8, channel=0
+                )
+            )
+    whole = read_measurement(path, dbc=other)
+    monkeypatch.setattr("records.formats.can_frames.BLOCK", 8)
+    parts = read_measurement(path, dbc=other)
+    assert set(parts.channels) == set(whole.channels) >= {"selector", "two", "motorola"}
+    for name in whole.channels:
+        np.testing.assert_array_equal(parts[name].time, whole[name].time)
+        np.testing.assert_array_equal(parts[name].values, whole[name].values)
+    assert parts.repairs == whole.repairs

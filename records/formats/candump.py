@@ -1,0 +1,115 @@
+"""Logs of candump and traces of PEAK's PCAN-View, line by line."""
+
+import re
+from collections.abc import Iterator
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import can
+
+from records.formats.can_frames import FrameLog
+from records.formats.log_lines import LeftOut, LogLines
+from records.formats.metadata import at_ns
+from records.recording import first_line
+from specs.errors import InputError
+
+STORED = re.compile(
+    r"^\s*\((?P<time>\d+\.\d+)\)\s+(?P<bus>\S+)\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#[0-9A-Fa-f])?(?P<remote>R\d?)?"
+    r"(?P<data>(?:[0-9A-Fa-f]{2}\.?)*)(?P<length>)(?:\s+[RT])?\s*$"
+)
+SHOWN = re.compile(
+    r"^\s*\((?P<time>\d+\.\d+)\)\s+(?P<bus>\S+)\s+(?:[RT]X\s+\S+\s+\S+\s+)?(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[(?P<length>\d+)\]"
+    r"\s*(?P<remote>remote request)?(?P<data>(?:\s*[0-9A-Fa-f]{2})*)\s*(?:'.*)?$"
+)
+ERROR_FLAG = 0x2000_0000
+SINCE_1970 = 10**8  # s: times from here on count from 1970
+
+
+def read_candump(path: Path, log: FrameLog) -> Iterator[Any]:
+    """Frames of `-l` (`(time) can0 100#0011`) and of `-t a` (`(time) can0 100 [2] 00 11`), from the first
+    one's time.
+    """
+    lines, buses, frames = LogLines(path), dict[str, int](), 0
+    unread, others, first_text = LeftOut(), LeftOut(), ""
+    first: Decimal | None = None
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        first_text = first_text or line
+        match = STORED.match(line) or SHOWN.match(line)
+        data = _data(match) if match else None
+        if match is None or data is None:
+            unread.add(number, line)
+        elif match["remote"] or (len(match["id"]) == 8 and int(match["id"], 16) & ERROR_FLAG):
+            others.add(number, line)
+        else:
+            first = Decimal(match["time"]) if first is None else first
+            frames += 1
+            yield can.Message(
+                timestamp=float(Decimal(match["time"]) - first),
+                arbitration_id=int(match["id"], 16) & 0x1FFF_FFFF, is_extended_id=len(match["id"]) > 3,
+                data=data, channel=buses.setdefault(match["bus"], len(buses)), is_fd=len(data) > 8,
+            )  # fmt: skip
+    if not frames:
+        raise InputError(
+            f"{path} is no log of candump: none of its lines is a frame; the first: {first_text[:50]!r}"
+        )
+    log.start = _start(first)
+    if lines.cut.strip():
+        log.notes.append("the log was not closed: its last line is left out")
+    log.notes += others.said("remote and error frames") + unread.said("lines that are not understood")
+
+
+def _data(match: re.Match[str]) -> bytes | None:
+    """The bytes of a frame; None where they are not as many as the line says."""
+    data = bytes.fromhex(match["data"].replace(" ", "").replace("\t", "").replace(".", ""))
+    wrong = match["length"] and not match["remote"] and int(match["length"]) != len(data)
+    return None if wrong or len(data) > 64 else data
+
+
+class _Counted:
+    """Lines as a file gives them, those with frames counted."""
+
+    def __init__(self, lines: LogLines) -> None:
+        self.lines, self.rows = iter(lines), 0
+
+    def __iter__(self) -> "_Counted":
+        return self
+
+    def __next__(self) -> str:
+        line = next(self.lines)
+        self.rows += bool(line.strip()) and not line.startswith(";")
+        return line + "\n"
+
+    read = close = lambda self, *_: None  # python-can takes what has both for a file
+
+
+def read_trc(path: Path, log: FrameLog) -> Iterator[Any]:
+    """Frames of a PCAN trace from the first one's time; its lines are counted beside its frames."""
+    lines = LogLines(path)
+    counted, frames = _Counted(lines), 0
+    first: Decimal | None = None
+    reader = can.TRCReader(counted)  # type: ignore[arg-type]
+    messages = iter(reader)
+    while True:
+        try:
+            message = next(messages)
+        except StopIteration:
+            break
+        except Exception as error:  # noqa: BLE001 - a damaged log makes python-can raise anything
+            raise InputError(f"{path} is damaged or no PCAN trace: {first_line(error)}") from None
+        time = round(Decimal(message.timestamp), 6)  # its resolution
+        first = time if first is None else first
+        frames += 1
+        message.timestamp = float(time - first)
+        yield message
+    log.start = _start(first)
+    if lines.cut.strip():
+        log.notes.append("the log was not closed: its last line is left out")
+    if counted.rows != frames:
+        log.notes.append(f"the trace has {counted.rows} lines, of which {frames} were read as frames")
+
+
+def _start(first: Decimal | None) -> Any:
+    return at_ns(int(first * 10**9)) if first is not None and first > SINCE_1970 else None
