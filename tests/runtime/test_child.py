@@ -89,7 +89,10 @@ def test_a_folder_of_an_older_version_is_named_when_nobody_uses_it(tmp_path: Pat
     assert not left_by_older(folder)  # this process has it in its memory
     cell.close()
     assert left_by_older(folder)
-    waiting = subprocess.Popen([sys.executable, "-c", "input()", str(folder)], stdin=subprocess.PIPE)
+    command = [sys.executable, "-c", "print(flush=True); input()", str(folder)]
+    waiting = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert waiting.stdout
+    waiting.stdout.readline()  # its arguments are to be read once it runs
     assert not left_by_older(folder)  # another has it in its arguments
     waiting.communicate(b"\n")
     assert left_by_older(folder)
