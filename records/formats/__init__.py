@@ -20,7 +20,15 @@ from specs.errors import InputError, RunError
 from specs.schema import ROOT
 
 FOLDER = Path(__file__).parent
-FIRST = ("parquet_file", "csv_file", "mdf4", "mcap_file", "can_log", "ros2_bag")  # others come after them
+FIRST = (
+    "parquet_file",
+    "csv_file",
+    "mdf4",
+    "mcap_file",
+    "can_log",
+    "ros2_bag",
+    "ros2_sqlite",
+)  # others come after them
 STATED = re.compile(r"^(READS|WRITES) = (\(.*\))$", re.MULTILINE)
 
 
@@ -69,10 +77,15 @@ def read_measurement(
     Raises InputError naming the file and the place of what cannot be mended.
     """
     path = Path(path)
-    if path.suffix.lower() in WRITE_ONLY and not is_segments(path):
-        raise InputError(f"{path}: a bag of ROS 2 is read where it is a folder with .mcap files in it")
-    if path.is_dir() and not is_segments(path):
-        raise InputError(f"{path} is a folder, and none of the recorder's (*.mcap); name a recording")
+    if path.suffix.lower() in WRITE_ONLY and not _in_folder(path):
+        raise InputError(
+            f"{path}: a bag of ROS 2 is read where it is a folder with .mcap or .db3 files in it"
+        )
+    if path.is_dir() and not _in_folder(path):
+        raise InputError(
+            f"{path} is a folder, neither the recorder's (*.mcap) nor a bag of ROS 2 (*.mcap, *.db3); name a "
+            "recording"
+        )
     module, options = _module(path, dbc)
     if not path.exists() and not Path(f"{path}.recording").is_file():
         raise InputError(f"no recording at {path}")
@@ -124,6 +137,11 @@ def is_segments(path: Path) -> bool:
     return path.is_dir() and any(path.glob("*.mcap"))
 
 
+def _in_folder(path: Path) -> str:
+    """The suffix of the recordings in a folder; "" for what is no folder with any."""
+    return next((s for s in (".mcap", ".db3") if path.is_dir() and any(path.glob(f"*{s}"))), "")
+
+
 def check_format(path: Path) -> None:
     """Raise InputError for a file that is of no format that is written."""
     if path.suffix.lower() not in FORMATS or path.suffix.lower() in READ_ONLY:
@@ -142,7 +160,7 @@ def _for_text(path: Path, text: TextOptions, options: dict[str, Any]) -> None:
 
 def _module(path: Path, dbc: Path | str | None) -> tuple[Any, dict[str, Any]]:
     """The module that reads and writes files of this name, and its options."""
-    suffix = ".mcap" if is_segments(path) else path.suffix.lower()
+    suffix = _in_folder(path) or path.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{path}: unknown format '{path.suffix}'; valid: {', '.join(FORMATS)}")
     frames = suffix in CAN_LOGS or (suffix in MAY_HOLD_FRAMES and dbc is not None)

@@ -1,31 +1,43 @@
 """Messages of MCAP topics in Protocol Buffers, read by the schema that the file carries."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
-from mcap.records import Message, Schema
+from mcap.records import Schema
 
 from specs.errors import InputError
 
 ENCODING = "protobuf"
 
 
-def rows(messages: Sequence[Message], schema: Schema, topic: str) -> list[dict[str, float | int | bool]]:
-    """The numbers of each message by their path in it; raises InputError for what is not of the schema."""
+def decoder(schema: Schema, topic: str) -> Callable[[bytes], dict[str, float | int | bool]]:
+    """Gives the numbers of a message by their path in it; raises InputError for what is not of the schema."""
     try:  # not in the extra `formats`: few files need it
         from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
         from google.protobuf.message import DecodeError
     except ImportError:
         raise InputError(f"{topic} is in Protocol Buffers: pip install protobuf") from None
+    wrong = (DecodeError, KeyError, TypeError, ValueError, RecursionError)
+
+    def refused(error: Exception) -> InputError:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        return InputError(f"{topic}: a message is not of its schema {schema.name}: {reason}")
+
     try:
         pool = descriptor_pool.DescriptorPool()
         for file in _in_order(descriptor_pb2.FileDescriptorSet.FromString(schema.data).file):
             pool.Add(file)
         kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
-        return [dict(_numbers(kind.FromString(m.data), "")) for m in messages]
-    except (DecodeError, KeyError, TypeError, ValueError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{topic}: a message is not of its schema {schema.name}: {reason}") from None
+    except wrong as error:
+        raise refused(error) from None
+
+    def decode(data: bytes) -> dict[str, float | int | bool]:
+        try:
+            return dict(_numbers(kind.FromString(data), ""))
+        except wrong as error:
+            raise refused(error) from None
+
+    return decode
 
 
 def _in_order(files: Any) -> list[Any]:

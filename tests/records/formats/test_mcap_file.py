@@ -165,3 +165,45 @@ def test_times_before_1970_are_refused(tmp_path):
     sent = Measurement(recording().channels, datetime(1969, 1, 1, tzinfo=UTC))
     with pytest.raises(InputError, match="before 1970"):
         write_measurement(sent, tmp_path / "w.mcap")
+
+
+@pytest.mark.parametrize(
+    ("cells", "kind", "expected"),
+    [
+        ([True, None, True, False], "b", [True, True, False]),
+        ([1, True, 2, None, 2**53 + 1], "i", [1, 1, 2, 2**53 + 1]),
+        ([2**63, 5, None, 2**64 - 1, 0], "u", [2**63, 5, 2**64 - 1, 0]),
+        ([1, 2, 3, 0.5], "f", [1, 2, 3, 0.5]),
+        ([-1, 1, 1, 2**63], "f", [-1, 1, 1, 2.0**63]),
+        ([None, None, None, None, 7], "i", [7]),
+        ([0.5, 1, 1, 10**400], "f", [0.5, 1, 1]),
+    ],
+)
+@pytest.mark.parametrize("block", [1, 2, 3, 1000])
+def test_a_field_has_the_type_that_holds_all_of_it_however_it_is_cut(
+    tmp_path, monkeypatch, cells, kind, expected, block
+):
+    monkeypatch.setattr("records.formats.mcap_topics.BLOCK", block)
+    sent = [(10**6 * k, json.dumps({"n": v, "k": k}).encode()) for k, v in enumerate(cells)]
+    save(tmp_path / "t.mcap", {"/a": ("json", None, {}, sent)})
+    found = read_measurement(tmp_path / "t.mcap")
+    assert found["a.n"].values.dtype.kind == kind
+    assert found["a.n"].values.tolist() == expected
+    assert len(found["a.k"].values) == len(cells)
+
+
+def test_json_that_is_nested_too_deeply_is_refused(tmp_path):
+    save(tmp_path / "t.mcap", {"/a": ("json", None, {}, [(0, b'{"a":' * 100_000 + b"1" + b"}" * 100_000)])})
+    with pytest.raises(InputError, match="message 1 of /a is not JSON"):
+        read_measurement(tmp_path / "t.mcap")
+
+
+def test_messages_of_a_topic_that_only_a_damaged_chunk_declares(tmp_path):
+    messages = rows(400, 10**6, lambda k: {"v": k})
+    save(tmp_path / "t.mcap", {"/a": ("json", None, {}, messages)}, CompressionType.NONE, chunk_size=2000)
+    data = bytearray((tmp_path / "t.mcap").read_bytes())
+    at = data.find(b'{"v": 3}')
+    data[at] ^= 1
+    (tmp_path / "t.mcap").write_bytes(data)
+    with pytest.raises(InputError, match=r"no messages.*damaged chunk"):
+        read_measurement(tmp_path / "t.mcap")
