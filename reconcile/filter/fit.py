@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconcile.filter.kalman import Filtered, Kalman, Values
+from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Filtered, Kalman, Values
 from reconcile.model import Attached
 from reconcile.tolerances import STEP, STUDENT
 
@@ -14,8 +14,12 @@ PATIENCE, HOPE = (
     0.2,
 )  # steps after which a fit that is hopeless so far has to gain that share of what it lacks
 LONGEST = 3.0  # of a step in a coordinate
+JUMP_EVERY = 4  # steps of a fit without the noise after which delays may jump
+JUMPS = (-8, -4, -2, -1, 1, 2, 4, 8)  # samples
+NOISES = (SIGMA, TAU, WHITE, NOISE)
 TRIES = 6  # dampings of a step
 STALE = 1.0  # nats gained since slopes were computed, from which they are computed again at the end
+SLOW = 20.0  # nats gained, up to which slopes by the noise serve on between steps
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,7 @@ class Fitter:
 
     def __init__(self, kalman: Kalman, scored: Sequence[np.ndarray]):
         self.kalman, self.scored = kalman, [np.asarray(s, bool) for s in scored]
+        self.period = min(float(np.median(r.steps)) for r in kalman.records)
 
     def gather(self, found: Sequence[Filtered]) -> tuple[np.ndarray, np.ndarray]:
         """Innovations and variances [n] of all samples scored, NaN where missing."""
@@ -121,13 +126,23 @@ class Fitter:
         return None if found is None else self.gather(found)
 
     def columns(
-        self, values: Values, present: Sequence[Attached], free: Sequence[Free], e, s, own: bool = False
+        self,
+        values: Values,
+        present: Sequence[Attached],
+        free: Sequence[Free],
+        e,
+        s,
+        own: bool = False,
+        coarse: bool = False,
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Slopes of e and of log s by the coordinates of `free` [n, K]."""
+        """Slopes of e and of log s by the coordinates of `free` [n, K]; `coarse`: of delays over a sample."""
         de, ds = np.zeros((2, len(e), len(free)))
         for j, f in enumerate(free):
             z = f.coordinate(values[f.name])
-            step = STEP if f.value(z + STEP) != values[f.name] else -STEP
+            over = STEP
+            if coarse and f.name in self.kalman.delays:
+                over = f.coordinate(values[f.name] + self.period) - z
+            step = over if f.value(z + over) != values[f.name] else -over
             other = self.innovations(values | {f.name: f.value(z + step)}, present, own)
             if other is None:
                 return None
@@ -155,25 +170,40 @@ class Fitter:
         every: int = 1,
         hopeless: float = np.inf,
         own: bool = False,
+        near: Point | None = None,
+        staged: bool = False,
     ) -> Point | None:
         """Damped Fisher scoring from `start`; `every`: iterations that slopes are kept for.
 
         Ends when a step gains less than `enough` nats, or after `iterations` of them; gives up above
-        `hopeless` nats when it no longer falls quickly.  None if the filter runs away.
+        `hopeless` nats when it no longer falls quickly.  None if the filter runs away.  `near`: a point
+        beside the start, whose slopes by parameters that both have serve at first.  `staged`: the noise
+        stays as it is at first, so that what moves slowly is fitted before the disturbance takes it up.
         """
         free = tuple(free)
+        motion = [f for f in free if not f.name.startswith(NOISES)]
+        if staged and motion:
+            first = self.fit(start, present, motion, iterations, 10.0 * enough, 1, own=own)
+            if first is None:
+                return None
+            start = first.values
         values = start | {f.name: f.value(f.coordinate(start[f.name])) for f in free}
         at = self._at(values, present, free, own)
         if at is None:
             return None
         descent = _Descent(self, tuple(present), free, own, every, at)
+        if near is not None:
+            descent.take(near)
         for k in range(iterations):
             if not descent.linearised():
                 return None
             gained = descent.step()
             left = descent.at.total - hopeless
+            if descent.coarse and (gained < enough or descent.motion and k % JUMP_EVERY == JUMP_EVERY - 1):
+                gained += descent.jump()
+                descent.coarse = gained >= enough
             if gained < enough:
-                if descent.fresh:
+                if descent.fresh and not descent.coarse:
                     break
                 descent.slopes = None
             elif k >= PATIENCE and left > 0.0 and gained < HOPE * left:
@@ -227,18 +257,43 @@ class _Descent:
         )
         self.slopes: tuple[np.ndarray, np.ndarray] | None = None
         self.age, self.since, self.damping = 0, np.inf, 1e-2
+        self.taken: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.coarse = any(f.name in fitter.kalman.delays for f in free)
+        self.motion = not any(f.name.startswith(NOISES) for f in free)
+        self.exact = True  # whether what was taken belongs to where the fit begins
 
     @property
     def fresh(self) -> bool:
         """Whether the slopes were made for the last step."""
         return self.age <= 1
 
+    def take(self, near: Point) -> None:
+        """Slopes of a point nearby, for the first steps."""
+        de, ds = near.slopes
+        if len(de) == len(self.at.e):
+            self.exact = near.loss == self.at.loss
+            self.coarse &= not self.exact
+            self.taken = {f.name: (de[:, j], ds[:, j]) for j, f in enumerate(near.free)}
+
     def linearised(self) -> bool:
         """Make slopes where there are none or they are old; whether the filter bears it."""
-        if self.slopes is None or self.age >= self.every:
-            at = self.at
-            self.slopes = self.fitter.columns(at.values, self.present, self.free, at.e, at.s, self.own)
-            self.age, self.since = 0, 0.0
+        if self.slopes is not None and self.age >= self.every:
+            if not self.taken and self.since < SLOW:
+                columns = zip(self.free, self.slopes[0].T, self.slopes[1].T, strict=True)
+                self.taken = {f.name: (de, ds) for f, de, ds in columns if f.name.startswith(NOISES)}
+                self.exact = not self.taken
+            self.slopes = None
+        if self.slopes is None:
+            at, asked = self.at, [f for f in self.free if f.name not in self.taken]
+            made = self.fitter.columns(at.values, self.present, asked, at.e, at.s, self.own, self.coarse)
+            if made is None:
+                self.slopes = None
+                return False
+            every = self.taken | {f.name: (made[0][:, j], made[1][:, j]) for j, f in enumerate(asked)}
+            de, ds = zip(*(every[f.name] for f in self.free), strict=True)
+            self.slopes = np.column_stack(de), np.column_stack(ds)
+            self.age, self.since = (0, 0.0) if self.exact else (1, 2.0 * STALE)
+            self.taken, self.exact = {}, True
         return self.slopes is not None
 
     def step(self) -> float:
@@ -259,10 +314,33 @@ class _Descent:
             self.damping = min(self.damping * 8.0, 1e6)
         return 0.0
 
+    def jump(self) -> float:
+        """Nats gained by delays that are some samples longer or shorter, all else giving way; 0 if none is.
+
+        Between samples the inputs are blurred, so that small steps do not lead from one to the next.
+        """
+        z, _, information, held = self._state()
+        before, best, period = self.at.total, self.at, self.fitter.period
+        for j, f in enumerate(self.free):
+            if f.name not in self.fitter.kalman.delays or held[j]:
+                continue
+            others = [i for i in range(len(z)) if i != j and not held[i]]
+            h = information[np.ix_(others, others)] + np.eye(len(others))
+            gives = np.linalg.solve(h, information[others, j])
+            for samples in JUMPS:
+                value = f.value(f.coordinate(self.at.values[f.name] + samples * period))
+                way = np.clip((f.coordinate(value) - z[j]) * gives, -1.0, 1.0)
+                moved = {self.free[i].name: self.free[i].value(z[i] - w) for i, w in zip(others, way, strict=True)}
+                there = self.fitter._at(self.at.values | moved | {f.name: value}, self.present, self.free, self.own)
+                if there is not None and there.total < best.total:
+                    best = there
+        self.at, self.slopes, self.since = best, None, np.inf
+        return before - best.total
+
     def point(self) -> Point | None:
         """Where it is, with slopes made there unless they hardly changed since."""
-        if self.slopes is None or self.since > STALE:
-            self.slopes = None
+        if self.slopes is None or self.since > STALE or self.coarse:
+            self.slopes, self.coarse = None, False
             if not self.linearised():
                 return None
         _, g, information, held = self._state()
