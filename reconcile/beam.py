@@ -18,7 +18,7 @@ from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PLAIN, PRIOR, RESAMPLED, S
 Key = frozenset[Attached]
 Report = Callable[..., None]
 ASKED = 40  # candidates, the best of the first screen, that are asked beside others
-FAR = 0.3  # of the evidence that the best set gains: what gains less is not built on
+FAR = 0.5  # of the evidence that the best set gains: what gains less is not built on
 KIN = 6  # effects of the same kind that take an effect's place
 SETTLED = 3  # best sets that are fitted to the end
 SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
@@ -204,6 +204,8 @@ class Beam:
         every += [] if fresh is None else [(core.fresh | fresh, True)]
         for number, (start, staged) in enumerate(every):
             least = min((p.total for p in (*found, *less)), default=np.inf)
+            if found and least > most:
+                break
             point = core.fitter.fit(
                 start,
                 present,

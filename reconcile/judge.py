@@ -64,7 +64,7 @@ class Judge:
             if names[k] not in best or beam.evidence(k) > beam.evidence(best[names[k]]):
                 best[names[k]] = k
         order = sorted(by_names, key=lambda n: -by_names[n])
-        answer, refused = self._earning(best[order[0]], effects)
+        answer, refused = self._earning(best[order[0]], kinds)
         doubted = [a for a in answer if effects[a.effect.name] < SURE]
         declared = [answer] if answer else []
         if doubted:
@@ -98,13 +98,13 @@ class Judge:
                 found.append(key)
         return found
 
-    def _earning(self, key: Key, effects: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:
-        """The set without effects, of these probabilities, that take too little of the error away."""
+    def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:
+        """The set without effects, of kinds so probable, that take too little of the error away."""
         refused, base = [], self.ahead(frozenset())
         while key:
             shares = {a: self._shortened(key, a) for a in key}
             weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
-            weak = [a for a in weak if not self._told(key, a, effects[a.effect.name])]
+            weak = [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
             if not weak:
                 break
             worst = min(weak, key=lambda a: shares[a][0])
@@ -117,7 +117,7 @@ class Judge:
     def _told(self, key: Key, a: Attached, probability: float) -> bool:
         """Whether the model errs so little that an effect's likelihood on confirm may tell it.
 
-        Where confirm hardly moves it, it has to be all but certain elsewhere, and not denied there.
+        Where confirm hardly moves it, its kind has to be all but certain elsewhere, and not denied there.
         """
         less = self.beam.points[key - {a}]
         if self.ahead(key) > max(NEAR, noise(self.core, less)):

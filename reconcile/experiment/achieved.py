@@ -106,6 +106,6 @@ def _fitted(answer: Answer, c: Candidate) -> Point | None:
     """The better fit of where the second search came and of going on from the first answer."""
     core, known = answer.core, answer.beam.points.get(frozenset(c.present))
     free = [*core.base_free, *core.noise_free, *(f for a in c.present for f in core.free_of(a))]
-    starts = [core.values | c.values, core.fresh | c.values]
-    again = [core.fitter.fit(start, c.present, free, every=2, own=True) for start in starts]
+    starts = [(core.values | c.values, False), (core.fresh | c.values, True)]
+    again = [core.fitter.fit(at, c.present, free, every=2, own=True, staged=late) for at, late in starts]
     return min((p for p in (known, *again) if p is not None), key=lambda p: p.total, default=None)

@@ -330,8 +330,12 @@ class _Descent:
             for samples in JUMPS:
                 value = f.value(f.coordinate(self.at.values[f.name] + samples * period))
                 way = np.clip((f.coordinate(value) - z[j]) * gives, -1.0, 1.0)
-                moved = {self.free[i].name: self.free[i].value(z[i] - w) for i, w in zip(others, way, strict=True)}
-                there = self.fitter._at(self.at.values | moved | {f.name: value}, self.present, self.free, self.own)
+                moved = {
+                    self.free[i].name: self.free[i].value(z[i] - w) for i, w in zip(others, way, strict=True)
+                }
+                there = self.fitter._at(
+                    self.at.values | moved | {f.name: value}, self.present, self.free, self.own
+                )
                 if there is not None and there.total < best.total:
                     best = there
         self.at, self.slopes, self.since = best, None, np.inf
