@@ -8,8 +8,8 @@ import numpy as np
 
 from reconcile.catalogue.kinds import kind
 from reconcile.core import QUIET, Core
-from reconcile.filter.fit import Point
 from reconcile.filter.kalman import SIGMA, WHITE, Values
+from reconcile.filter.point import Point
 from reconcile.model import Attached
 from reconcile.screen import Scored, Screen
 from reconcile.shapes import Shapes
@@ -206,7 +206,8 @@ class Beam:
             least = min((p.total for p in (*found, *less)), default=np.inf)
             if found and least > most:
                 break
-            point = core.fitter.fit(
+            fit = core.fitter.fit_staged if staged else core.fitter.fit
+            point = fit(
                 start,
                 present,
                 free,
@@ -215,7 +216,6 @@ class Beam:
                 hopeless=min(least, most),
                 own=True,
                 near=None if number or staged else near,
-                staged=staged,
             )
             if point is not None:
                 found.append(point)

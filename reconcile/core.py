@@ -11,8 +11,9 @@ from reconcile import sites
 from reconcile.catalogue import ALL, Effect, Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run, still
-from reconcile.filter.fit import Fitter, Free, Point
+from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
+from reconcile.filter.point import Free, Point
 from reconcile.filter.record import records
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.noise import high_pass_level, quantum
@@ -183,10 +184,12 @@ class Core:
         """The model without effects: from where it is, and from less noise, which slow motion shows in."""
         less = {n: QUIET * v for n, v in self.values.items() if n.startswith((SIGMA, WHITE))}
         start = {v.name: v.start for v in self.model.parameters}
-        free, found = [*self.base_free, *self.noise_free], []
-        for values, staged in ((self.values, False), (self.values | less | start, True)):
-            point = self.fitter.fit(values, (), free, iterations=25, own=True, staged=staged)
-            found += [point] if point is not None else []
+        free = [*self.base_free, *self.noise_free]
+        points = [
+            self.fitter.fit(self.values, (), free, 25, own=True),
+            self.fitter.fit_staged(self.values | less | start, (), free, 25, own=True),
+        ]
+        found = [p for p in points if p is not None]
         if not found:
             raise InputError(self._runs_away())
         return min(found, key=lambda p: p.total)

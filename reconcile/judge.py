@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from reconcile.ahead import ahead, confirmed, noise
 from reconcile.beam import Beam, Key
 from reconcile.catalogue.kinds import kind
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 from reconcile.model import Attached
 from reconcile.tolerances import CERTAIN, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD
 

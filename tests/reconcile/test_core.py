@@ -11,7 +11,7 @@ from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.core import Core
 from reconcile.data import Run, Signal, split
-from reconcile.filter.fit import Free
+from reconcile.filter.point import Free
 from reconcile.judge import Judge
 from reconcile.model import Folder
 from reconcile.screen import Screen
