@@ -3,8 +3,8 @@
 import numpy as np
 
 from reconcile.core import Core
-from reconcile.filter.fit import Point
 from reconcile.filter.kalman import NOISE
+from reconcile.filter.point import Point
 
 
 def horizon_s(core: Core) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from reconcile.beam import Beam, Key
 from reconcile.core import Core
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 from reconcile.judge import Judged
 from reconcile.model import Attached
 

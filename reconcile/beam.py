@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from reconcile.catalogue.kinds import kind
-from reconcile.core import Core
-from reconcile.filter.fit import Point
+from reconcile.core import QUIET, Core
 from reconcile.filter.kalman import SIGMA, WHITE, Values
+from reconcile.filter.point import Point
 from reconcile.model import Attached
 from reconcile.screen import Scored, Screen
 from reconcile.shapes import Shapes
@@ -18,11 +18,11 @@ from reconcile.tolerances import BLOCKS, CLOSE, KEPT, PLAIN, PRIOR, RESAMPLED, S
 Key = frozenset[Attached]
 Report = Callable[..., None]
 ASKED = 40  # candidates, the best of the first screen, that are asked beside others
-FAR = 0.3  # of the evidence that the best set gains: what gains less is not built on
+FAR = 0.5  # of the evidence that the best set gains: what gains less is not built on
 KIN = 6  # effects of the same kind that take an effect's place
 SETTLED = 3  # best sets that are fitted to the end
 SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
-QUIET = 0.2  # of the noise of the motion, from which a fit to the end begins as well
+BEHIND = 4 * CLOSE  # nats behind the best set, from which a set is not fitted to the end
 FRESH = 4  # sets that are fitted from the model as it came too: else the disturbance keeps what it absorbed
 
 
@@ -80,7 +80,7 @@ class Beam:
             if len(key) > 1:
                 point = self.points[key]
                 own = {n: v for n, v in point.values.items() if any(n.startswith(a.key + ".") for a in key)}
-                self.fit(key, point.present, [self.core.fresh | own])
+                self.fit(key, point.present, [], fresh=own)
 
     def _settle(self) -> None:
         """Fit the best sets to the end, also from less noise: one that has not settled looks worse."""
@@ -90,7 +90,7 @@ class Beam:
             done.add(key)
             point = self.points[key]
             quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
-            self.fit(key, point.present, [point.values | quiet, point.values], LONG)
+            self.fit(key, point.present, [point.values, point.values | quiet], LONG, near=point)
 
     def _foremost(self) -> list[Key]:
         """The best sets, and the best one with one effect less, or a limit of it in its place."""
@@ -98,7 +98,9 @@ class Beam:
         simpler = [ranked[0] - {a} for a in ranked[0]]
         simpler += [k for a in ranked[0] if (k := self._simpler(ranked[0], a)) is not None]
         simpler += [k for a in ranked[0] for k in self._kin(ranked[0], a)]
-        return list(dict.fromkeys([*ranked[:SETTLED], *(k for k in simpler if k in self.points)]))
+        least = self.evidence(ranked[0]) - BEHIND
+        near = [k for k in (*ranked[:SETTLED], *simpler) if k in self.points and self.evidence(k) > least]
+        return list(dict.fromkeys(near))
 
     def _kin(self, key: Key, a: Attached) -> list[Key]:
         """Sets with another effect of the same kind in an effect's place, from the same values.
@@ -119,7 +121,10 @@ class Beam:
                 self.fit(
                     grown,
                     (*rest, other),
-                    [self.core.values | self._of(key, rest) | own, self.core.fresh | own],
+                    [self.core.values | self._of(key, rest) | own],
+                    fresh=own,
+                    near=point,
+                    most=point.total + BEHIND,
                 )
             found.append(grown)
         return found
@@ -172,29 +177,45 @@ class Beam:
         grown = key | {scored.attached}
         if grown not in self.points:
             base = self.points[key]
-            starts = [base.values | scored.values]
-            if not key and len(self.points) <= FRESH:
-                starts.append(self.core.fresh | self._own(scored))
-            self.fit(grown, (*base.present, scored.attached), starts)
+            fresh = self._own(scored) if not key and len(self.points) <= FRESH else None
+            present, starts = (*base.present, scored.attached), [base.values | scored.values]
+            self.fit(grown, present, starts, near=base, fresh=fresh)
         return grown if grown in self.points else None
 
     def fit(
-        self, key: Key, present: Sequence[Attached], starts: Iterable[Values], iterations: int = SHORT
+        self,
+        key: Key,
+        present: Sequence[Attached],
+        starts: Iterable[Values],
+        iterations: int = SHORT,
+        near: Point | None = None,
+        most: float = np.inf,
+        fresh: Values | None = None,
     ) -> None:
-        """Fit a set from some starts; the best of them is kept, and of what is known of it."""
+        """Fit a set from some starts, `near` a point for the first of them; the best is kept, of all known.
+
+        `fresh`: values of its effects, with which it starts from the model as it came too.  `most`: nats
+        above which it is of no use.
+        """
         core = self.core
         free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
         found, less = [], [p for k, p in self.points.items() if k < key]
-        for start in starts:
-            most = min((p.total for p in (*found, *less)), default=np.inf)
-            point = core.fitter.fit(
+        every = [(start, False) for start in starts]
+        every += [] if fresh is None else [(core.fresh | fresh, True)]
+        for number, (start, staged) in enumerate(every):
+            least = min((p.total for p in (*found, *less)), default=np.inf)
+            if found and least > most:
+                break
+            fit = core.fitter.fit_staged if staged else core.fitter.fit
+            point = fit(
                 start,
                 present,
                 free,
                 iterations,
                 every=3 if iterations == SHORT else 4,
-                hopeless=most,
+                hopeless=min(least, most),
                 own=True,
+                near=None if number or staged else near,
             )
             if point is not None:
                 found.append(point)
@@ -210,7 +231,7 @@ class Beam:
             less = key - {a}
             present = tuple(x for x in self.points[key].present if x != a)
             # from where it is in the larger set too: what has not settled makes others look needed
-            self.fit(less, present, self.starts(key, present)[: 1 if less in self.points else 2])
+            self.refit(key, present, less not in self.points)
             if less not in self.points:
                 continue
             for scored in self.scores(less)[: SINGLES[1]]:
@@ -221,11 +242,12 @@ class Beam:
                 self.attempt(less, scored)
         return self.evidence(self.ranked()[0]) > before + 0.1
 
-    def starts(self, key: Key, present: Sequence[Attached]) -> list[Values]:
-        """Where a fit of some effects of a set begins: where they are in it, and the model as it came."""
+    def refit(self, key: Key, present: Sequence[Attached], fresh: bool = True) -> None:
+        """Fit some effects of a set from where they are in it, and from the model as it came."""
         own = self._of(key, present)
         effects = {n: v for n, v in own.items() if any(n.startswith(a.key + ".") for a in present)}
-        return [self.core.values | own, self.core.fresh | effects]
+        starts, near = [self.core.values | own], self.points[key]
+        self.fit(frozenset(present), present, starts, near=near, fresh=effects if fresh else None)
 
     def _of(self, key: Key, present: Sequence[Attached]) -> Values:
         """A set's values without those of effects that are not present."""

@@ -14,7 +14,7 @@ import numpy as np
 from reconcile.answer import Answer
 from reconcile.core import Core
 from reconcile.data import Run, Signal
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 from reconcile.model import Attached
 from reconcile.tolerances import CLOCK_GAIN
 

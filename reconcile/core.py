@@ -11,8 +11,9 @@ from reconcile import sites
 from reconcile.catalogue import ALL, Effect, Scales
 from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run, still
-from reconcile.filter.fit import Fitter, Free, Point
+from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
+from reconcile.filter.point import Free, Point
 from reconcile.filter.record import records
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.noise import high_pass_level, quantum
@@ -29,6 +30,7 @@ class Floor:
 
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
+QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 BROAD = 0.7  # log of a base parameter's ratio to its start: half or twice
 
 
@@ -67,7 +69,8 @@ class Core:
         self._choose_substeps()
         self.settle()
         noise = {f.name: v for f in self.noise_free if (v := first.get(f.name)) is not None}
-        self.fresh = self.values | noise | {v.name: v.start for v in self.model.parameters}
+        quiet = {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
+        self.fresh = self.values | noise | quiet | {v.name: v.start for v in self.model.parameters}
 
     # ---------------------------------------------------------------- sizes
 
@@ -174,13 +177,22 @@ class Core:
             self._measure()
             self.noise_free = self._noise_free()
             self.base_free = [f for v in self._doubtful() if (f := self._base(v))]
-            found = self.fitter.fit(
-                self.values, (), [*self.base_free, *self.noise_free], iterations=25, own=True
-            )
-            if found is None:
-                raise InputError(self._runs_away())
-            self.values = found.values
-            self.base = found
+            self.base = self._base_fit()
+            self.values = self.base.values
+
+    def _base_fit(self) -> Point:
+        """The model without effects: from where it is, and from less noise, which slow motion shows in."""
+        less = {n: QUIET * v for n, v in self.values.items() if n.startswith((SIGMA, WHITE))}
+        start = {v.name: v.start for v in self.model.parameters}
+        free = [*self.base_free, *self.noise_free]
+        points = [
+            self.fitter.fit(self.values, (), free, 25, own=True),
+            self.fitter.fit_staged(self.values | less | start, (), free, 25, own=True),
+        ]
+        found = [p for p in points if p is not None]
+        if not found:
+            raise InputError(self._runs_away())
+        return min(found, key=lambda p: p.total)
 
     def _runs_away(self) -> str:
         return (

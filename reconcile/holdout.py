@@ -8,7 +8,7 @@ import numpy as np
 from reconcile.ahead import horizon_s, windows
 from reconcile.core import Core
 from reconcile.data import Run
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from reconcile.ahead import ahead, confirmed, noise
 from reconcile.beam import Beam, Key
 from reconcile.catalogue.kinds import kind
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 from reconcile.model import Attached
-from reconcile.tolerances import NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD
+from reconcile.tolerances import CERTAIN, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD
 
 MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
@@ -64,7 +64,7 @@ class Judge:
             if names[k] not in best or beam.evidence(k) > beam.evidence(best[names[k]]):
                 best[names[k]] = k
         order = sorted(by_names, key=lambda n: -by_names[n])
-        answer, refused = self._earning(best[order[0]])
+        answer, refused = self._earning(best[order[0]], kinds)
         doubted = [a for a in answer if effects[a.effect.name] < SURE]
         declared = [answer] if answer else []
         if doubted:
@@ -98,13 +98,13 @@ class Judge:
                 found.append(key)
         return found
 
-    def _earning(self, key: Key) -> tuple[Key, list[dict[str, str]]]:
-        """The set without effects that take too little of the error away."""
+    def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:
+        """The set without effects, of kinds so probable, that take too little of the error away."""
         refused, base = [], self.ahead(frozenset())
         while key:
             shares = {a: self._shortened(key, a) for a in key}
             weak = [a for a, (left, whole) in shares.items() if left < SHORTENED or whole < OF_ALL * base]
-            weak = [a for a in weak if not self._told(key, a)]
+            weak = [a for a in weak if not self._told(key, a, kinds[kind(a.effect.name)])]
             if not weak:
                 break
             worst = min(weak, key=lambda a: shares[a][0])
@@ -114,22 +114,26 @@ class Judge:
             key = key - {worst}
         return key, refused
 
-    def _told(self, key: Key, a: Attached) -> bool:
-        """Whether the model errs so little that an effect's likelihood on confirm may tell it."""
+    def _told(self, key: Key, a: Attached, probability: float) -> bool:
+        """Whether the model errs so little that an effect's likelihood on confirm may tell it.
+
+        Where confirm hardly moves it, its kind has to be all but certain elsewhere, and not denied there.
+        """
         less = self.beam.points[key - {a}]
         if self.ahead(key) > max(NEAR, noise(self.core, less)):
             return False
         with_it, none = self.beam.points[key], self.beam.points[frozenset()]
         gained = confirmed(self.core, less) - confirmed(self.core, with_it)
         whole = confirmed(self.core, none) - confirmed(self.core, with_it)
-        return gained > max(TOLD, OF_NATS * whole)
+        enough = 0.0 if probability > CERTAIN else TOLD
+        return gained > max(enough, OF_NATS * whole)
 
     def _shortened(self, key: Key, a: Attached) -> tuple[float, float]:
         """Share of the error left without an effect that it takes away, and that in spreads."""
         less = key - {a}
         if less not in self.beam.points:
             present = tuple(x for x in self.beam.points[key].present if x != a)
-            self.beam.fit(less, present, self.beam.starts(key, present))
+            self.beam.refit(key, present)
         if less not in self.beam.points:  # without it the model runs away
             return 1.0, float("inf")
         without, with_it = self.ahead(less), self.ahead(key)

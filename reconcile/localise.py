@@ -14,7 +14,7 @@ import numpy as np
 
 from reconcile import regimes
 from reconcile.core import Core
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 from reconcile.regimes import Known, Regime, Regressor
 from reconcile.residual import LARGE, Residual, residuals
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from reconcile import holdout
 from reconcile.core import Core
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 from reconcile.holdout import Stretch
 
 PIECES = 30  # of the missing force over all recordings

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from reconcile.core import Core
-from reconcile.filter.fit import Free, Point
 from reconcile.filter.kalman import Values
+from reconcile.filter.point import Free, Point
 from reconcile.model import Attached
 from reconcile.shapes import Shapes
 from reconcile.tolerances import SEPARABLE, WORTH

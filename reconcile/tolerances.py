@@ -21,6 +21,9 @@ CLOSE = 12.0  # nats below the best evidence within which a set counts for the p
 RESAMPLED = 400  # draws of the training blocks: probabilities then move by some per cent from draw to draw
 BLOCKS = 30  # of all training data, for that
 SURE = 0.9  # probability from which an effect, or a kind, is named
+CERTAIN = (
+    0.99  # probability from which data that hardly show an effect need not say more than that it is there
+)
 SHORTENED, OF_ALL = (
     0.05,
     0.01,

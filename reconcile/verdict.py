@@ -10,8 +10,8 @@ from reconcile import words
 from reconcile.ahead import ahead, noise
 from reconcile.answer import Answer, standard_errors
 from reconcile.core import Core
-from reconcile.filter.fit import Point
 from reconcile.filter.kalman import SIGMA
+from reconcile.filter.point import Point
 from reconcile.model import Attached
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
 

@@ -9,7 +9,7 @@ from reconcile.answer import Answer
 from reconcile.core import Core
 from reconcile.experiment.choose import NEEDED
 from reconcile.experiment.judges import difference
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 from reconcile.model import Attached
 
 
@@ -106,6 +106,8 @@ def _fitted(answer: Answer, c: Candidate) -> Point | None:
     """The better fit of where the second search came and of going on from the first answer."""
     core, known = answer.core, answer.beam.points.get(frozenset(c.present))
     free = [*core.base_free, *core.noise_free, *(f for a in c.present for f in core.free_of(a))]
-    starts = [core.values | c.values, core.fresh | c.values]
-    again = [core.fitter.fit(start, c.present, free, every=2, own=True) for start in starts]
+    again = [
+        core.fitter.fit(core.values | c.values, c.present, free, every=2, own=True),
+        core.fitter.fit_staged(core.fresh | c.values, c.present, free, 12, every=2, own=True),
+    ]
     return min((p for p in (known, *again) if p is not None), key=lambda p: p.total, default=None)

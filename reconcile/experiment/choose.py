@@ -11,7 +11,7 @@ import numpy as np
 
 from reconcile.experiment.excitation import SHAPES, TICKS, Excitation
 from reconcile.experiment.predict import Bench, Played
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 
 AMPLITUDES = (1.0, 0.25)
 PERIODS = (0.03, 0.1, 0.3, 0.75)

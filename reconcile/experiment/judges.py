@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from reconcile.experiment.predict import Bench, Played, information
-from reconcile.filter.fit import Free, Point
+from reconcile.filter.point import Free, Point
 from reconcile.model import Attached
 
 

@@ -16,8 +16,9 @@ from reconcile.data import Run, Signal
 from reconcile.experiment.carried import Carrier
 from reconcile.experiment.excitation import LEAD, Excitation, commands, smooth
 from reconcile.experiment.limits import Limits
-from reconcile.filter.fit import Fitter, Point
+from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import NOISE, Kalman, Values
+from reconcile.filter.point import Point
 from reconcile.filter.record import Record
 from reconcile.tolerances import OUTPUT_FLOOR, STUDENT
 

@@ -26,7 +26,7 @@ Function kf_f, kf_fj, kf_dry, kf_post, kf_h, kf_hj, kf_in, kf_first;
 #define GAMMA 0.29289321881345254
 #define LEAK 0.1 /* slope of a stuck speed by the one before: a filter that sees none never comes loose */
 #define CLIP 4.0 /* deviations beyond which an innovation counts no more */
-#define OUTLIERS 2 /* in a row that are clipped; the next ones are not: the filter is lost, not the sensor */
+#define OFTEN 0.3 /* share of a sample in how often innovations lately reached that */
 
 #if defined(_WIN32)
 #define EXPORT __declspec(dllexport)
@@ -294,15 +294,24 @@ static void shake(const Run *run, const double *x, const double *u, const double
   }
 }
 
+/* An innovation without what lies beyond `most`, unless the one before was out on the same side or many lately were:
+ * then the filter is lost, not the sensor.  Continuous in all of them, or the likelihood would have steps. */
+static double trusted(double error, double most, double *side, double *often) {
+  const double share = error > most ? 1.0 : error < -most ? -1.0 : error / most, again = error > 0.0 ? *side : -*side;
+  const double by_side = fmin(fmax(2.0 * again - 1.0, 0.0), 1.0), by_many = fmin(fmax(5.0 * *often - 4.0, 0.0), 1.0);
+  *side = share;
+  *often += OFTEN * (fabs(share) - *often);
+  return share * most + fmax(by_side, by_many) * (error - share * most);
+}
+
 /* Steps done: fewer than run->steps where the states run away. */
 EXPORT int run_filter(const Run *run) {
   const int n = run->active, wide = n + NW, *at = run->state;
   static double x[NX], alone[NX], P[N * N], phi[NX * N], u[NU], memory[NI + 1], next[NI + 1];
   static double y[NY], hx[NY * NX], hw[NY * NW + 1], gain[N], row[N], moved[N];
-  double w[NW + 1] = {0}, side[NY];
-  int out[NY];
+  double w[NW + 1] = {0}, side[NY], often[NY]; /* where the innovation before was, and how far they were lately, in CLIP */
   memset(side, 0, sizeof side);
-  memset(out, 0, sizeof out);
+  memset(often, 0, sizeof often);
   memset(P, 0, sizeof P);
   memcpy(x, run->x0, sizeof x);
   memset(memory, 0, sizeof memory);
@@ -363,10 +372,7 @@ EXPORT int run_filter(const Run *run) {
       if (!isfinite(error) || !(size > 0.0)) return k;
       *e = error;
       *s = size;
-      const double most = CLIP * sqrt(size), beyond = error > most ? 1.0 : error < -most ? -1.0 : 0.0;
-      out[o] = beyond == 0.0 ? 0 : out[o] + 1;
-      if (out[o] && out[o] <= OUTLIERS && side[o] != beyond && k > 3) error = beyond * most;
-      side[o] = beyond;
+      error = k > 3 ? trusted(error, CLIP * sqrt(size), side + o, often + o) : error;
       for (int i = 0; i < wide; i++) moved[i] += gain[i] / size * error;
       for (int i = 0; i < wide; i++) {
         for (int j = 0; j < wide; j++) P[i * wide + j] -= gain[i] * gain[j] / size;

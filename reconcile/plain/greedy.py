@@ -8,7 +8,7 @@ from reconcile.beam import Beam, Key
 from reconcile.catalogue import ALL, Effect
 from reconcile.core import Core
 from reconcile.data import Parts
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 from reconcile.model import Folder
 
 FITTED = 5  # of the best by score, at each step

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from reconcile.core import Core
 from reconcile.data import Run
-from reconcile.filter.fit import Point
+from reconcile.filter.point import Point
 from reconcile.noise import high_pass_level
 
 HALF_WIDTH = 5  # samples each side that smoothing looks at

@@ -11,7 +11,7 @@ from reconcile.beam import Beam
 from reconcile.catalogue import ALL
 from reconcile.core import Core
 from reconcile.data import Run, Signal, split
-from reconcile.filter.fit import Free
+from reconcile.filter.point import Free
 from reconcile.judge import Judge
 from reconcile.model import Folder
 from reconcile.screen import Screen
@@ -115,7 +115,7 @@ def test_probabilities_are_probabilities_and_the_same_twice(friction: Beam):
 
 def test_what_does_not_shorten_the_error_ahead_is_refused(friction: Beam):
     key = fitted(friction, [FRICTION, "constant_load@v"])
-    kept, refused = Judge(friction)._earning(key)
+    kept, refused = Judge(friction)._earning(key, {"friction": 1.0, "load": 0.5})
     assert [a.key for a in kept] == [FRICTION]
     assert [(r["effect"], r["port"]) for r in refused] == [("constant_load", "v")]
     assert "data it was not fitted to" in refused[0]["because"]

@@ -1,0 +1,91 @@
+"""How likely the innovations are, and how that changes with the parameters."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from reconcile.filter.kalman import Filtered, Kalman, Values
+from reconcile.filter.point import At, Free
+from reconcile.model import Attached
+from reconcile.tolerances import STEP, STUDENT
+
+
+class Likelihood:
+    """Likelihood over the scored samples of a filter; `scored` [n] a recording."""
+
+    def __init__(self, kalman: Kalman, scored: Sequence[np.ndarray]):
+        self.kalman, self.scored = kalman, [np.asarray(s, bool) for s in scored]
+        self.period = min(float(np.median(r.steps)) for r in kalman.records)
+
+    def gather(self, found: Sequence[Filtered]) -> tuple[np.ndarray, np.ndarray]:
+        """Innovations and variances [n] of all samples scored, NaN where missing."""
+        e = np.concatenate([f.e[s].ravel() for f, s in zip(found, self.scored, strict=True)])
+        v = np.concatenate([f.s[s].ravel() for f, s in zip(found, self.scored, strict=True)])
+        return e, v
+
+    def loss(self, e: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """Nats of each sample [n]; 0 where missing."""
+        out = 0.5 * np.log(s) + 0.5 * (STUDENT + 1.0) * np.log1p(e * e / (STUDENT * s))
+        return np.where(np.isnan(e), 0.0, out)
+
+    def innovations(self, values: Values, present: Sequence[Attached], own: bool = False):
+        """(e, s) [n] or None where the filter runs away."""
+        found = self.kalman.run(values, present, own=own)
+        return None if found is None else self.gather(found)
+
+    def columns(
+        self,
+        values: Values,
+        present: Sequence[Attached],
+        free: Sequence[Free],
+        e,
+        s,
+        own: bool = False,
+        coarse: bool = False,
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Slopes of e and of log s by the coordinates of `free` [n, K]; `coarse`: of delays over a sample."""
+        de, ds = np.zeros((2, len(e), len(free)))
+        for j, f in enumerate(free):
+            z = f.coordinate(values[f.name])
+            over = STEP
+            if coarse and f.name in self.kalman.delays:
+                over = f.coordinate(values[f.name] + self.period) - z
+            step = over if f.value(z + over) != values[f.name] else -over
+            other = self.innovations(values | {f.name: f.value(z + step)}, present, own)
+            if other is None:
+                return None
+            de[:, j], ds[:, j] = (other[0] - e) / step, (np.log(other[1]) - np.log(s)) / step
+        return np.nan_to_num(de), np.nan_to_num(ds)
+
+    def score(self, e, s, de, ds) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient of the loss and Fisher information [K, K]."""
+        e, s = np.where(np.isnan(e), 0.0, e), np.where(np.isnan(s), 1.0, s)
+        weight = (STUDENT + 1.0) / (STUDENT * s + e * e)
+        by_e = weight * e
+        by_s = 0.5 - 0.5 * weight * e * e
+        gradient = de.T @ by_e + ds.T @ by_s
+        a, b = (STUDENT + 1.0) / (STUDENT + 3.0), 0.5 * STUDENT / (STUDENT + 3.0)
+        information = (de * (a / s)[:, None]).T @ de + b * ds.T @ ds
+        return gradient, information
+
+    def at(self, values: Values, present: Sequence[Attached], free: Sequence[Free], own: bool) -> At | None:
+        found = self.innovations(values, present, own)
+        if found is None:
+            return None
+        return At(values, *found, float(self.loss(*found).sum()), self.prior(values, free))
+
+    @staticmethod
+    def prior(values: Values, free: Sequence[Free]) -> float:
+        return 0.5 * float(sum(f.coordinate(values[f.name]) ** 2 for f in free))
+
+    @staticmethod
+    def held(values: Values, free: Sequence[Free], gradient: np.ndarray) -> np.ndarray:
+        """Parameters at a limit that the data push against: they leave the fit and its projections."""
+        return np.array(
+            [
+                (values[f.name] <= f.low * (1 + 1e-12 * np.sign(f.low)) and g > 0)
+                or (values[f.name] >= f.high * (1 - 1e-12 * np.sign(f.high)) and g < 0)
+                for f, g in zip(free, gradient, strict=True)
+            ],
+            bool,
+        )

@@ -1,0 +1,88 @@
+"""What is fitted: parameters in unit-free coordinates, and fitted points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reconcile.filter.kalman import Values
+from reconcile.model import Attached
+
+
+@dataclass(frozen=True)
+class Free:
+    """A parameter that is fitted: coordinate log(p/center)/size, or (p − center)/size, prior N(0, 1)."""
+
+    name: str
+    center: float
+    size: float
+    log: bool
+    low: float = -np.inf
+    high: float = np.inf
+
+    def value(self, z: float) -> float:
+        """The parameter at a coordinate."""
+        v = self.center * np.exp(self.size * z) if self.log else self.center + self.size * z
+        return float(min(max(v, self.low), self.high))
+
+    def coordinate(self, value: float) -> float:
+        """Its coordinate."""
+        if self.log:
+            return float(np.log(max(value / self.center, 1e-12)) / self.size)
+        return (value - self.center) / self.size
+
+    def slope(self, value: float) -> float:
+        """Change of the parameter by its coordinate."""
+        return self.size * value if self.log else self.size
+
+
+@dataclass(frozen=True)
+class Point:
+    """A fitted set: values of all parameters, nats of the data and the prior, its slopes and information."""
+
+    present: tuple[Attached, ...]
+    free: tuple[Free, ...]
+    values: Values
+    loss: float  # minus log-likelihood
+    prior: float  # ½|z|²
+    gradient: np.ndarray
+    information: np.ndarray  # Fisher, of the data alone
+    held: np.ndarray  # which parameters lie at a limit
+    e: np.ndarray  # [n] innovations scored
+    s: np.ndarray
+    slopes: tuple[np.ndarray, np.ndarray]  # of e and log s by the free coordinates [n, K]
+
+    @property
+    def total(self) -> float:
+        """Nats to make small."""
+        return self.loss + self.prior
+
+    @property
+    def evidence(self) -> float:
+        """Laplace: log of the marginal likelihood, up to a constant that all sets share."""
+        moving = ~self.held
+        h = self.information[np.ix_(moving, moving)] + np.eye(int(moving.sum()))
+        return -self.total - 0.5 * float(np.linalg.slogdet(h)[1])
+
+    def covariance(self) -> np.ndarray:
+        """Of the coordinates; nothing for parameters at a limit."""
+        moving = np.flatnonzero(~self.held)
+        c = np.zeros_like(self.information)
+        c[np.ix_(moving, moving)] = np.linalg.inv(
+            self.information[np.ix_(moving, moving)] + np.eye(len(moving))
+        )
+        return c
+
+
+@dataclass(frozen=True)
+class At:
+    """Values, innovations and variances [n], nats of the data and of the prior."""
+
+    values: Values
+    e: np.ndarray
+    s: np.ndarray
+    loss: float
+    prior: float
+
+    @property
+    def total(self) -> float:
+        return self.loss + self.prior
