@@ -21,6 +21,8 @@ from typing import Any, Literal
 
 import casadi as ca
 
+from fmus.constants import split
+from fmus.factors import factorised
 from specs import parameters as parameter_specs, signals as signal_specs
 from specs.errors import InputError
 
@@ -94,6 +96,7 @@ class Model:
     sensors: Mapping[str, Sensor] = field(default_factory=dict)  # output -> how it is measured
     sample_time: float = 0.02  # s, of the sensors
     symbolic: Literal["SX", "MX"] = "SX"
+    serves: int = 1  # internal steps that one Jacobian serves (continuous models)
 
     def __post_init__(self) -> None:
         _check_names(self)
@@ -131,6 +134,27 @@ class Model:
         """(x, u, m, p) -> dense df/dx, column-major."""
         x, u, m, p = self.symbols
         return self._function("slw_jac", ca.densify(ca.jacobian(self.f(x, u, m, p), x)))
+
+    @cached_property
+    def rates(self) -> tuple[ca.Function, ca.Function]:
+        """`slw_constants`: p -> q, and `slw_f`: (x, u, m, q) -> dx/dt, as the FMU computes it."""
+        if self.symbolic == "SX":
+            return split(self.f, "slw_constants", "slw_f")
+        p = self.symbols[3]
+        return ca.Function("slw_constants", [p], [p]), self.f
+
+    @cached_property
+    def factors(self) -> tuple[ca.Function, ca.Function]:
+        """`slw_factors`: (x, u, m, q) -> dx/dt, factors; `slw_solve`: (factors, b) -> x of A x = b."""
+        f = self.rates[1]
+        given: list[Any] = f.sx_in() if self.symbolic == "SX" else f.mx_in()
+        rates: Any = f(*given)
+        jacobian = ca.jacobian(rates, given[0])
+        if self.symbolic == "SX":
+            jacobian = ca.cse(jacobian)
+        factorise, solve = factorised(jacobian.sparsity(), self.step)
+        results = [rates, factorise(jacobian.get_nz(False, ca.Slice()))]
+        return ca.Function("slw_factors", given, results), solve
 
     @cached_property
     def directional(self) -> ca.Function:
