@@ -136,25 +136,24 @@ class Model:
         return self._function("slw_jac", ca.densify(ca.jacobian(self.f(x, u, m, p), x)))
 
     @cached_property
-    def rates(self) -> tuple[ca.Function, ca.Function]:
-        """`slw_constants`: p -> q, and `slw_f`: (x, u, m, q) -> dx/dt, as the FMU computes it."""
-        if self.symbolic == "SX":
-            return split(self.f, "slw_constants", "slw_f")
-        p = self.symbols[3]
-        return ca.Function("slw_constants", [p], [p]), self.f
+    def inner(self) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
+        """What an internal step of the FMU computes, with q for all that parameters alone decide.
 
-    @cached_property
-    def factors(self) -> tuple[ca.Function, ca.Function]:
-        """`slw_factors`: (x, u, m, q) -> dx/dt, factors; `slw_solve`: (factors, b) -> x of A x = b."""
-        f = self.rates[1]
-        given: list[Any] = f.sx_in() if self.symbolic == "SX" else f.mx_in()
-        rates: Any = f(*given)
-        jacobian = ca.jacobian(rates, given[0])
-        if self.symbolic == "SX":
-            jacobian = ca.cse(jacobian)
+        `slw_constants`: p -> q; `slw_f`: (x, u, m, q) -> dx/dt; `slw_factors`: (x, u, m, q) -> dx/dt and the
+        factors of I - gamma h df/dx; `slw_solve`: (factors, b) -> the solution of that matrix for b.
+        """
+        x, u, m, p = self.symbols
+        rates = self.f(x, u, m, p)
+        jacobian = ca.jacobian(rates, x)
         factorise, solve = factorised(jacobian.sparsity(), self.step)
-        results = [rates, factorise(jacobian.get_nz(False, ca.Slice()))]
-        return ca.Function("slw_factors", given, results), solve
+        both = ca.Function("both", [x, u, m, p], [rates, factorise(jacobian.get_nz(False, ca.Slice()))])
+        if self.symbolic == "MX":
+            given: list[Any] = [x, u, m, p]
+            constants, results = ca.Function("slw_constants", [p], [p]), both(*given)
+        else:
+            constants, given, results = split(both)
+        f = ca.Function("slw_f", given, [results[0]])
+        return constants, f, ca.Function("slw_factors", given, list(results)), solve
 
     @cached_property
     def directional(self) -> ca.Function:

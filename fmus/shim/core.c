@@ -197,7 +197,7 @@ int slw_step(SlwCore *c, double h) {
       sample_sensors(c);
     }
   }
-  slw_evaluate(c, slw_h, c->s.x, c->h);
+  if (SLW_NSENSORS == 0 || c->s.tick % SLW_TICKS_PER_SAMPLE != 0) slw_evaluate(c, slw_h, c->s.x, c->h);
   publish_outputs(c);
   return check_finite(c);
 }

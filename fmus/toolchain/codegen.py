@@ -66,8 +66,8 @@ def model_config_h(model: Model, token: str) -> str:
         "SLW_LINE": whole(model.max_delay, model.step, "max_delay") + 1,
         "SLW_ECHO": whole(model.max_delay, model.sample_time, "max_delay") + 1,
         "SLW_TICKS_PER_SAMPLE": whole(model.sample_time, model.step, "sample_time"),
-        "SLW_NF": model.factors[0].size1_out(1) if continuous else 0,
-        "SLW_NQ": model.rates[0].size1_out(0) if continuous else 0,
+        "SLW_NF": model.inner[2].size1_out(1) if continuous else 0,
+        "SLW_NQ": model.inner[0].size1_out(0) if continuous else 0,
         "SLW_SERVES": model.serves,
         "SLW_CONTINUOUS": int(continuous),
         "SLW_SEED_START": int(seeded),
@@ -106,8 +106,8 @@ def check_no_feedthrough(model: Model) -> None:
 
 
 def _functions(model: Model) -> list[ca.Function]:
-    steps = [*model.rates, *model.factors] if model.kind == "continuous" else [model.f]
-    return [*steps, model.h, model.x0, model.guards, model.directional]
+    step = model.inner if model.kind == "continuous" else [model.f]
+    return [*step, model.h, model.x0, model.guards, model.directional]
 
 
 def _tables(model: Model) -> str:

@@ -43,7 +43,7 @@ STATES = (
     Variable("pump_pressure", "Pa", "Pump line", nominal=1e7),
 )
 STEP = 0.0005  # s: halving it moves the scenarios' metrics by less than 1 % (docs/results/dossier.md)
-SERVES = 4  # steps with one Jacobian: metrics as with a new one each step (docs/decisions/machine-step.md)
+SERVES = 4  # steps with one Jacobian; the metrics hardly change (docs/decisions/machine-step.md)
 COMMANDS = ("u_slew", "u_boom", "u_stick")
 DISTURBANCES = tuple(
     f"disturbance_{n}"
