@@ -85,7 +85,7 @@ typedef struct {
   int stale; /* initial values must be computed again before they are read */
   char message[256]; /* what went wrong, for the importer's log */
   double ud[SLW_LEN(SLW_NU)]; /* inputs as the equations see them: delayed */
-  double f[SLW_LEN(SLW_NX)], f2[SLW_LEN(SLW_NX)], k1[SLW_LEN(SLW_NX)], k2[SLW_LEN(SLW_NX)];
+  double f[SLW_LEN(SLW_NX)], k1[SLW_LEN(SLW_NX)], k2[SLW_LEN(SLW_NX)];
   double x1[SLW_LEN(SLW_NX)];
   double q[SLW_LEN(SLW_NQ)]; /* constants of the present parameters */
   double dx[SLW_LEN(SLW_NX)], du[SLW_LEN(SLW_NU)], dp[SLW_LEN(SLW_NP)];

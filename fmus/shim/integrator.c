@@ -18,11 +18,11 @@ int slw_evaluate(SlwCore *c, SlwFunction *function, const double *x, double *res
 
 #if SLW_CONTINUOUS
 
-/* dx/dt into k1 and new factors, at the present point; -1 when a pivot was zero. */
+/* dx/dt into f and new factors, at the present point; -1 when a pivot was zero. */
 static int factorise(SlwCore *c) {
   SlwState *s = &c->s;
   const double *arg[8] = {s->x, c->ud, s->m, c->q};
-  double *res[8] = {c->k1, s->factors};
+  double *res[8] = {c->f, s->factors};
   if (slw_factors(arg, res, c->iw, c->w, 0)) return -1;
   for (int i = 0; i < SLW_NF; i++)
     if (!slw_is_finite(s->factors[i])) return -1;
@@ -38,24 +38,22 @@ static int serving(const SlwCore *c) {
          memcmp(c->s.served_m, c->s.m, sizeof c->s.m) == 0;
 }
 
-static int solve(SlwCore *c, double *b) {
+static int solve(SlwCore *c, const double *b, double *result) {
   const double *arg[8] = {c->s.factors, b};
-  double *res[8] = {c->x1};
-  const int failed = slw_solve(arg, res, c->iw, c->w, 0);
-  memcpy(b, c->x1, sizeof c->x1);
-  return failed;
+  double *res[8] = {result};
+  return slw_solve(arg, res, c->iw, c->w, 0);
 }
 
 int slw_advance(SlwCore *c) {
   const int n = SLW_NX;
   const double h = SLW_STEP;
-  if (serving(c) ? slw_rates(c, c->s.x, c->k1) : factorise(c)) return -1;
+  if (serving(c) ? slw_rates(c, c->s.x, c->f) : factorise(c)) return -1;
   c->s.serves -= 1;
-  if (solve(c, c->k1)) return -1;
+  if (solve(c, c->f, c->k1)) return -1;
   for (int i = 0; i < n; i++) c->x1[i] = c->s.x[i] + h * c->k1[i];
-  if (slw_rates(c, c->x1, c->k2)) return -1;
-  for (int i = 0; i < n; i++) c->k2[i] -= 2.0 * c->k1[i];
-  if (solve(c, c->k2)) return -1;
+  if (slw_rates(c, c->x1, c->f)) return -1;
+  for (int i = 0; i < n; i++) c->f[i] -= 2.0 * c->k1[i];
+  if (solve(c, c->f, c->k2)) return -1;
   for (int i = 0; i < n; i++) c->s.x[i] += h * (1.5 * c->k1[i] + 0.5 * c->k2[i]);
   return 0;
 }
