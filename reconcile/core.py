@@ -37,7 +37,10 @@ BROAD = 0.7  # log of a base parameter's ratio to its start: half or twice
 class Core:
     """A folder against its recordings."""
 
-    def __init__(self, folder: Folder, parts: Parts, catalogue: Sequence[Effect] = ALL):
+    def __init__(
+        self, folder: Folder, parts: Parts, catalogue: Sequence[Effect] = ALL, floor: float = OUTPUT_FLOOR
+    ):
+        self.share = floor  # of an output's spread: its least noise
         self.folder, self.model, self.parts = folder, folder.model, parts
         blocks = {"fit": parts.fit, "confirm": parts.confirm, "holdout": parts.holdout}
         runs = unique([b.run for own in blocks.values() for b in own])
@@ -115,7 +118,7 @@ class Core:
                 TAU + place: tau,
                 WHITE + place: 1e-3 * size * np.sqrt(self.period),
             }
-        self.floor = {n: OUTPUT_FLOOR * self.spread[n] for n in self.outputs}
+        self.floor = {n: self.share * self.spread[n] for n in self.outputs}
         for n in self.outputs:
             seen = float(np.sqrt(np.mean([high_pass_level(r.outputs[n].values) ** 2 for r in self.runs])))
             step = max(quantum(r.outputs[n].values) for r in self.runs)

@@ -7,6 +7,8 @@ STUDENT = 6.0  # degrees of freedom of the innovations' distribution: outliers o
 OUTPUT_FLOOR = (
     2e-3  # of an output's spread: its least noise; below it the likelihood lives on what no model has
 )
+OF_ERROR = 0.1  # the same, of the error ahead where that is less: errors of one step go with those of many
+LEAST_FLOOR = 2e-5  # the same, whatever the error: steps of the numbers in a recording are as large
 MOST_SAMPLES = (
     8000  # steps of all runs together that are filtered: more are thinned, since cost goes with them
 )

@@ -17,6 +17,7 @@ from reconcile import (
     untold,
     verdict as verdicts,
 )
+from reconcile.ahead import ahead
 from reconcile.answer import Answer
 from reconcile.beam import Beam
 from reconcile.core import Core
@@ -26,6 +27,7 @@ from reconcile.judge import Judge
 from reconcile.model import Folder
 from reconcile.start import units
 from reconcile.system.parts import Part, part_named, parts_of, with_signals
+from reconcile.tolerances import LEAST_FLOOR, OF_ERROR
 from records.formats import read_measurement
 from specs.errors import InputError, RunError
 from specs.version import VERSION
@@ -122,13 +124,23 @@ def examine(
 
 
 def _searched(folder: Folder, given: Sequence[Sequence[Run]], said: Report) -> Answer:
-    """One filter over the recordings of each purpose, and the search on it."""
+    """The search, with as little noise as the model's own error by then allows."""
     said("filtering")
-    core = Core(folder, split(*given))
-    beam = Beam(core, said)
-    beam.run()
-    said("judging")
-    return Answer(core, beam, Judge(beam).decide())
+    parts = split(*given)
+    core = Core(folder, parts)
+    share = max(OF_ERROR * ahead(core, core.base), LEAST_FLOOR)
+    while True:
+        if share < 0.5 * core.share:
+            core = Core(folder, parts, floor=share)
+        beam = Beam(core, said)
+        beam.run()
+        said("judging")
+        judge = Judge(beam)
+        judged = judge.decide()
+        share = max(OF_ERROR * judge.ahead(judged.answer), LEAST_FLOOR)
+        if not judged.answer or share >= 0.5 * core.share:
+            return Answer(core, beam, judged)
+        said("again, with less noise")
 
 
 def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
