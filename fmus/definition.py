@@ -21,6 +21,8 @@ from typing import Any, Literal
 
 import casadi as ca
 
+from fmus.constants import split
+from fmus.factors import factorised
 from specs import parameters as parameter_specs, signals as signal_specs
 from specs.errors import InputError
 
@@ -94,6 +96,7 @@ class Model:
     sensors: Mapping[str, Sensor] = field(default_factory=dict)  # output -> how it is measured
     sample_time: float = 0.02  # s, of the sensors
     symbolic: Literal["SX", "MX"] = "SX"
+    serves: int = 1  # internal steps that one Jacobian serves (continuous models)
 
     def __post_init__(self) -> None:
         _check_names(self)
@@ -131,6 +134,26 @@ class Model:
         """(x, u, m, p) -> dense df/dx, column-major."""
         x, u, m, p = self.symbols
         return self._function("slw_jac", ca.densify(ca.jacobian(self.f(x, u, m, p), x)))
+
+    @cached_property
+    def inner(self) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
+        """What an internal step of the FMU computes, with q for all that parameters alone decide.
+
+        `slw_constants`: p -> q; `slw_f`: (x, u, m, q) -> dx/dt; `slw_factors`: (x, u, m, q) -> dx/dt and the
+        factors of I - gamma h df/dx; `slw_solve`: (factors, b) -> the solution of that matrix for b.
+        """
+        x, u, m, p = self.symbols
+        rates = self.f(x, u, m, p)
+        jacobian = ca.jacobian(rates, x)
+        factorise, solve = factorised(jacobian.sparsity(), self.step)
+        both = ca.Function("both", [x, u, m, p], [rates, factorise(jacobian.get_nz(False, ca.Slice()))])
+        if self.symbolic == "MX":
+            given: list[Any] = [x, u, m, p]
+            constants, results = ca.Function("slw_constants", [p], [p]), both(*given)
+        else:
+            constants, given, results = split(both)
+        f = ca.Function("slw_f", given, [results[0]])
+        return constants, f, ca.Function("slw_factors", given, list(results)), solve
 
     @cached_property
     def directional(self) -> ca.Function:

@@ -11,6 +11,25 @@ static int64_t to_count(double duration, double step) {
 
 static double parameter_or_zero(const SlwState *s, int index) { return index < 0 ? 0.0 : s->p[index]; }
 
+/* ---- the equations ---- */
+
+#if SLW_CONTINUOUS
+void slw_prepare(SlwCore *c) {
+  const double *arg[8] = {c->s.p};
+  double *res[8] = {c->q};
+  slw_constants(arg, res, c->iw, c->w, 0);
+}
+
+int slw_rates(SlwCore *c, const double *x, double *result) {
+  const double *arg[8] = {x, c->ud, c->s.m, c->q};
+  double *res[8] = {result};
+  return slw_f(arg, res, c->iw, c->w, 0);
+}
+#else
+void slw_prepare(SlwCore *c) { (void)c; }
+int slw_rates(SlwCore *c, const double *x, double *result) { return slw_evaluate(c, slw_f, x, result); }
+#endif
+
 /* ---- delay lines of the inputs: position tick % SLW_LINE holds the input during that tick ---- */
 
 static void fill_lines(SlwCore *c) {
@@ -130,6 +149,7 @@ void slw_initialise(SlwCore *c) {
   double *res[8] = {c->s.x};
   c->s.tick = 0;
   c->s.sample = 0;
+  c->s.serves = 0;
   slw_x0(arg, res, c->iw, c->w, 0);
   for (int i = 0; i < SLW_NM; i++) {
     c->s.m[i] = slw_modes[i].start;
@@ -161,6 +181,7 @@ int slw_step(SlwCore *c, double h) {
              SLW_STEP);
     return -1;
   }
+  slw_prepare(c);
   for (int64_t i = 0; i < steps; i++) {
     write_lines(c);
     read_lines(c);
@@ -176,7 +197,7 @@ int slw_step(SlwCore *c, double h) {
       sample_sensors(c);
     }
   }
-  slw_evaluate(c, slw_h, c->s.x, c->h);
+  if (SLW_NSENSORS == 0 || c->s.tick % SLW_TICKS_PER_SAMPLE != 0) slw_evaluate(c, slw_h, c->s.x, c->h);
   publish_outputs(c);
   return check_finite(c);
 }
@@ -205,7 +226,8 @@ int slw_get(SlwCore *c, uint32_t vr, double *value) {
   case SLW_TIME: *value = c->s.start_time + (double)c->s.tick * SLW_STEP; return 0;
   case SLW_DERIVATIVE:
     read_lines(c);
-    slw_evaluate(c, slw_f, c->s.x, c->f);
+    slw_prepare(c);
+    slw_rates(c, c->s.x, c->f);
     *value = c->f[v->index];
     return 0;
   case SLW_SEED: break;
@@ -225,6 +247,7 @@ int slw_set(SlwCore *c, uint32_t vr, double value) {
                value, v->min, v->max);
       return -1;
     }
+    if (c->s.p[v->index] != value) c->s.serves = 0;
     c->s.p[v->index] = value;
   } else {
     snprintf(c->message, sizeof c->message, "value reference %lu cannot be set", (unsigned long)vr);

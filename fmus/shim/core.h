@@ -5,7 +5,7 @@
  * Time is `tick`, a count of internal steps; no function reads a clock.
  *
  * The generated model_config.h gives the sizes (SLW_NX ...) and the generated model.c the equations
- * (slw_f, slw_h, slw_jac, slw_guards, slw_x0, slw_dir) and the tables declared below.
+ * (slw_f, slw_h ...) and the tables declared below.
  */
 #ifndef SLW_CORE_H
 #define SLW_CORE_H
@@ -49,9 +49,11 @@ extern const char *const slw_state_names[SLW_LEN(SLW_NX)];
 
 /* Generated equations, in CasADi's calling convention; 0 on success. */
 typedef int SlwFunction(const double **arg, double **res, long long *iw, double *w, int mem);
-SlwFunction slw_f;      /* (x, u, m, p) -> dx/dt, or the next state of a discrete model */
+SlwFunction slw_constants; /* p -> q: what is computed once for many steps (continuous models) */
+SlwFunction slw_f;      /* (x, u, m, q) -> dx/dt, or (x, u, m, p) -> the next state of a discrete model */
 SlwFunction slw_h;      /* (x, u, m, p) -> outputs */
-SlwFunction slw_jac;    /* (x, u, m, p) -> df/dx, column-major (continuous models) */
+SlwFunction slw_factors; /* (x, u, m, q) -> dx/dt, factors of I - gamma h df/dx (continuous models) */
+SlwFunction slw_solve;  /* (factors, b) -> (I - gamma h df/dx)^-1 b */
 SlwFunction slw_guards; /* (x, u, m, p) -> on guards, off guards */
 SlwFunction slw_x0;     /* p -> initial x */
 SlwFunction slw_dir;    /* (x, u, m, p, dx, du, dp) -> df, dh */
@@ -69,6 +71,8 @@ typedef struct {
   double p[SLW_LEN(SLW_NP)];
   double y[SLW_LEN(SLW_NY)]; /* outputs as the outside sees them */
   int64_t held[SLW_LEN(SLW_NM)]; /* ticks for which a mode's guard has held */
+  int64_t serves;                /* internal steps that the factors still serve; 0: new ones are made */
+  double factors[SLW_LEN(SLW_NF)], served_u[SLW_LEN(SLW_NU)], served_m[SLW_LEN(SLW_NM)]; /* and made for these */
   double line[SLW_LEN(SLW_NDELAYS)][SLW_LEN(SLW_LINE)]; /* input delay lines, one entry a tick */
   double echo[SLW_LEN(SLW_NSENSORS)][SLW_LEN(SLW_ECHO)]; /* sensor delay lines, one entry a sample */
 } SlwState;
@@ -81,10 +85,9 @@ typedef struct {
   int stale; /* initial values must be computed again before they are read */
   char message[256]; /* what went wrong, for the importer's log */
   double ud[SLW_LEN(SLW_NU)]; /* inputs as the equations see them: delayed */
-  double f[SLW_LEN(SLW_NX)], f2[SLW_LEN(SLW_NX)], k1[SLW_LEN(SLW_NX)], k2[SLW_LEN(SLW_NX)];
+  double f[SLW_LEN(SLW_NX)], k1[SLW_LEN(SLW_NX)], k2[SLW_LEN(SLW_NX)];
   double x1[SLW_LEN(SLW_NX)];
-  double a[SLW_LEN(SLW_NX * SLW_NX)];
-  int pivot[SLW_LEN(SLW_NX)];
+  double q[SLW_LEN(SLW_NQ)]; /* constants of the present parameters */
   double dx[SLW_LEN(SLW_NX)], du[SLW_LEN(SLW_NU)], dp[SLW_LEN(SLW_NP)];
   double w[SLW_LEN(SLW_SZ_W)]; /* work space of the generated functions */
   long long iw[SLW_LEN(SLW_SZ_IW)];
@@ -98,9 +101,12 @@ void slw_initialise(SlwCore *c);
 /* `h` seconds on: 0 done, -1 failed (c->message says why). */
 int slw_step(SlwCore *c, double h);
 
-/* integrator.c: one internal step of the states, 0 on success; `function` at x and the delayed inputs. */
+/* integrator.c: one internal step of the states, 0 on success. */
 int slw_advance(SlwCore *c);
+/* `function` of (x, u, m, p) at x and the delayed inputs; dx/dt there, once the constants are prepared. */
 int slw_evaluate(SlwCore *c, SlwFunction *function, const double *x, double *result);
+int slw_rates(SlwCore *c, const double *x, double *result);
+void slw_prepare(SlwCore *c);
 
 /* Float64 variables; NULL or -1 for an unknown or wrong value reference (c->message names it). */
 int slw_get(SlwCore *c, uint32_t vr, double *value);

@@ -94,6 +94,7 @@ SLW_FN int slw_reduce(double x, double *y0, double *y1) {
 
 SLW_FN double slw_sin(double x) {
   double y0, y1;
+  if (slw_fabs(x) < 0.785) return slw_sin_kernel(x, 0.0); /* what the reduction would leave */
   if (!(slw_fabs(x) < 1.0e6)) return slw_is_finite(x) ? slw_sin_kernel(0.0, 0.0) : x - x;
   switch (slw_reduce(x, &y0, &y1)) {
   case 0: return slw_sin_kernel(y0, y1);
@@ -105,6 +106,7 @@ SLW_FN double slw_sin(double x) {
 
 SLW_FN double slw_cos(double x) {
   double y0, y1;
+  if (slw_fabs(x) < 0.785) return slw_cos_kernel(x, 0.0);
   if (!(slw_fabs(x) < 1.0e6)) return slw_is_finite(x) ? 1.0 : x - x;
   switch (slw_reduce(x, &y0, &y1)) {
   case 0: return slw_cos_kernel(y0, y1);

@@ -52,6 +52,7 @@ def _roomy(f: ca.Function) -> str:
 
 def model_config_h(model: Model, token: str) -> str:
     """`model_config.h`: the sizes of the model."""
+    continuous = model.kind == "continuous"
     seeded = any(s.noise for s in model.sensors.values())
     sizes = {
         "SLW_NX": len(model.states),
@@ -65,7 +66,10 @@ def model_config_h(model: Model, token: str) -> str:
         "SLW_LINE": whole(model.max_delay, model.step, "max_delay") + 1,
         "SLW_ECHO": whole(model.max_delay, model.sample_time, "max_delay") + 1,
         "SLW_TICKS_PER_SAMPLE": whole(model.sample_time, model.step, "sample_time"),
-        "SLW_CONTINUOUS": int(model.kind == "continuous"),
+        "SLW_NF": model.inner[2].size1_out(1) if continuous else 0,
+        "SLW_NQ": model.inner[0].size1_out(0) if continuous else 0,
+        "SLW_SERVES": model.serves,
+        "SLW_CONTINUOUS": int(continuous),
         "SLW_SEED_START": int(seeded),
         "SLW_SZ_W": max(f.sz_w() for f in _functions(model)),
         "SLW_SZ_IW": max(f.sz_iw() for f in _functions(model)),
@@ -102,8 +106,8 @@ def check_no_feedthrough(model: Model) -> None:
 
 
 def _functions(model: Model) -> list[ca.Function]:
-    base = [model.f, model.h, model.x0, model.guards, model.directional]
-    return base + ([model.jacobian] if model.kind == "continuous" else [])
+    step = model.inner if model.kind == "continuous" else [model.f]
+    return [*step, model.h, model.x0, model.guards, model.directional]
 
 
 def _tables(model: Model) -> str:

@@ -5,10 +5,12 @@ It is the reference that the FMUs' C code is held to.  One internal tick:
 1. the inputs enter their delay lines; an input delayed by d is read round(d / step) ticks back;
 2. guards are evaluated at the delayed inputs; a mode switches when its guard has been positive for more than
    round(delay / step) ticks in a row;
-3. one step of ROS2 (Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456) with the exact
+3. one step of ROS2 (Verwer, Spee, Blom, Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456) with the
    Jacobian J of the right-hand side f and inputs held over the step, gamma = 1 - 1/sqrt(2):
 
        (I - gamma h J) k1 = f(x),    (I - gamma h J) k2 = f(x + h k1) - 2 k1,    x += h (3 k1 + k2) / 2
+
+   J serves `Model.serves` steps, fewer when a delayed input, a mode, a parameter or the state is changed.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,10 +20,10 @@ import numpy as np
 from scipy.linalg import get_lapack_funcs
 
 from fmus.definition import Model
+from fmus.factors import GAMMA
 from specs.errors import InputError, RunError
 
 _factorise, _solve = get_lapack_funcs(("getrf", "getrs"))
-GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
 
 Inputs = Mapping[str, float] | Callable[[float], Mapping[str, float]]
 
@@ -44,6 +46,9 @@ class Stepper:
         self.m = np.array([mode.start for mode in model.modes])
         self.tick = 0
         self._held = [0] * len(model.modes)
+        self._factors: tuple[np.ndarray, np.ndarray] | None = None
+        self._serves = 0
+        self._served: list[np.ndarray] = []
         self._delays = [(model.index("inputs", n), self._ticks(d)) for n, d in model.delays.items()]
         self._history = [np.full(ticks + 1, self.u[i]) for i, ticks in self._delays]
         self._switch = [(self._ticks(mode.on_delay), self._ticks(mode.off_delay)) for mode in model.modes]
@@ -133,13 +138,25 @@ class Stepper:
                 self.m[i], self._held[i] = 1.0 - self.m[i], 0
 
     def _ros2(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        h, n = self.step_s, len(x)
-        matrix = np.eye(n) - GAMMA * h * self._jacobian(x, u, self.m, self.p)[0]
-        lu, pivots, _ = _factorise(matrix)
+        h = self.step_s
+        lu, pivots = self._factorised(x, u)
         k1 = _solve(lu, pivots, self._f(x, u, self.m, self.p)[0].ravel())[0]
         second = self._f(x + h * k1, u, self.m, self.p)[0].ravel() - 2 * k1
         k2 = _solve(lu, pivots, second)[0]
-        return x + h * (1.5 * k1 + 0.5 * k2)
+        reached = x + h * (1.5 * k1 + 0.5 * k2)
+        self._serves -= 1
+        self._served = [reached.copy(), u, self.m.copy(), self.p.copy()]
+        return reached
+
+    def _factorised(self, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """LU factors and pivots of I - gamma h J: those of an earlier step as long as they serve."""
+        now = (x, u, self.m, self.p)
+        same = bool(self._served) and all(map(np.array_equal, self._served, now))
+        if self._factors is None or self._serves == 0 or not same:
+            matrix = np.eye(len(x)) - GAMMA * self.step_s * self._jacobian(*now)[0]
+            lu, pivots, _ = _factorise(matrix)
+            self._factors, self._serves = (lu, pivots), self.model.serves
+        return self._factors
 
 
 class _Evaluation:

@@ -16,7 +16,7 @@ SAID = {
     "own_controller": ["damped (verified)", "Not accepted: 4 of 6 limits met"],
     "own_controller_fmu": ["pd (verified)", "│ reference │ 12.68 │"],
     "calibrate_lut": ["dead band positive: 0.1", "points without data: none"],
-    "reconcile_rig": ["The model lacks coulomb_friction.", "'Fc': '1.2 N'"],
+    "reconcile_rig": ["The model lacks coulomb_friction.", "put into the simulation: 1.2 N"],
     "read_record": ["complete: True", "q_slew"],
     "drive_over_modbus": ["mode 3, fault 0, slew angle 0."],
 }

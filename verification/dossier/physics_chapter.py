@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fmus.models.machine.model import MODEL
 from records.record import Record
 from records.report.picture import Panel
 from specs.progress import Report
@@ -81,6 +82,7 @@ def _text(found: Mapping[str, Any], checks: Sequence[Check]) -> str:
         knee=f"{physics.HELD_KNEE:g}",
         swings=table(columns, [_swing_row(n, s) for n, s in found["swing"].items()]),
         designed=physics.DESIGNED_ORDER,
+        serves=MODEL.serves,
         order=number(order["order"]),
         steps=", ".join(f"{1e3 * h:g}" for h in order["steps_s"]),
         finest=f"{1e3 * physics.FINEST:g}",

@@ -43,6 +43,7 @@ STATES = (
     Variable("pump_pressure", "Pa", "Pump line", nominal=1e7),
 )
 STEP = 0.0005  # s: halving it moves the scenarios' metrics by less than 1 % (docs/results/dossier.md)
+SERVES = 4  # steps with one Jacobian; the metrics hardly change (docs/decisions/machine-step.md)
 COMMANDS = ("u_slew", "u_boom", "u_stick")
 DISTURBANCES = tuple(
     f"disturbance_{n}"
@@ -79,6 +80,7 @@ MODEL = Model(
     description="Reference machine: hydraulics on three joints, shared pump, spatial tool, sensors",
     kind="continuous",
     step=STEP,
+    serves=SERVES,
     states=STATES,
     inputs=from_signals(*COMMANDS, *DISTURBANCES),
     outputs=from_signals(*OUTPUTS),

@@ -1,4 +1,4 @@
-"""`slewright bench`: how late a cycle of the runtime is on this computer, against cyclictest."""
+"""`slewright bench`: how late the runtime's cycle is on this computer, and how fast the machine steps."""
 
 from typing import Annotated, Any
 
@@ -15,7 +15,7 @@ MOVED = ("orchestrator", "campaign", "slew_nn", "nmpc", "training", "pendulum", 
 
 
 class Benches(TyperGroup):
-    """`bench runtime`; the others are for developers."""
+    """`bench runtime` and `bench machine`; the others are for developers."""
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of this name; InputError for one that has moved."""
@@ -27,13 +27,15 @@ class Benches(TyperGroup):
 
 
 app = typer.Typer(
-    cls=Benches, help="Measure how late a cycle of the runtime is on this computer.", no_args_is_help=True
+    cls=Benches,
+    help="Measure the runtime's cycle and the machine's step on this computer.",
+    no_args_is_help=True,
 )
 
 
 @app.callback()
 def bench() -> None:
-    """Measure how late a cycle of the runtime is on this computer."""
+    """Measure the runtime's cycle and the machine's step on this computer."""
 
 
 @app.command()
@@ -68,3 +70,21 @@ def runtime(
         rows = [(name, *(f"{row[c]:+.0f}" for c in columns)) for name, row in cost.items()]
         show(f"what three open pages add, µs: {load_} less idle, within a block", ["", *columns], rows)
     exit_if_missed(result.misses())
+
+
+@app.command()
+def machine(
+    blocks: Annotated[int, typer.Option(min=1, help="Blocks of interleaved timings, a second each.")] = 60,
+    json: JsonOption = None,
+) -> None:
+    """Speed of the reference machine's internal step, against a dense one with a new Jacobian every time."""
+    from verification.machine_bench import BUILDS, missed, run
+
+    with progress("bench machine") as report:
+        figures = run(blocks, report)
+    write(json, figures)
+    columns = ("step_us", "speed_up", "speed_up_p25", "speed_up_p75", "realtime_factor")
+    rows = [(name, *(figures[name][c] for c in columns)) for name in BUILDS]
+    heads = ["", "step, µs", "speed-up", "lower quartile", "upper quartile", "× real time"]
+    show("internal step of the reference machine, median", heads, rows)
+    exit_if_missed(missed(figures))

@@ -9,6 +9,7 @@ MODEL = Model(
     description="Pendulum with friction, a fast follower, a delayed torque and a noisy late sensor",
     kind="continuous",
     step=0.002,
+    serves=3,  # which does not divide the ten internal steps of a communication step
     states=(Variable("q", "rad"), Variable("v", "rad/s"), Variable("follower", "rad")),
     inputs=(Variable("torque", "N.m"), Variable("push", "N.m")),
     outputs=(
