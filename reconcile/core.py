@@ -6,15 +6,15 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.definition import Model, Variable
+from fmus.definition import Model
 from reconcile import sites
 from reconcile.catalogue import ALL, Effect, Scales
-from reconcile.catalogue.effect import Parameter
 from reconcile.data import Parts, Run, still
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.point import Free, Point
 from reconcile.filter.record import records
+from reconcile.free import FreeParameters
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.noise import high_pass_level, quantum
 from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
@@ -31,7 +31,6 @@ class Floor:
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
-BROAD = 0.7  # log of a base parameter's ratio to its start: half or twice
 
 
 class Core:
@@ -179,7 +178,7 @@ class Core:
         for _ in range(2):
             self._measure()
             self.noise_free = self._noise_free()
-            self.base_free = [f for v in self._doubtful() if (f := self._base(v))]
+            self.base_free = self._free.of_base()
             self.base = self._base_fit()
             self.values = self.base.values
 
@@ -291,76 +290,14 @@ class Core:
             found.append(Free(NOISE + n, start, 1.0, True, self.floor[n], self.spread[n]))
         return found
 
-    def _doubtful(self) -> list[Variable]:
-        model, doubtful = self.model, self.folder.ports.doubtful
-        left = {n for s in model.sensors.values() for n in (s.noise, s.bias, s.quantum) if n}
-        left |= {n for m in model.modes for n in (m.on_delay, m.off_delay) if n}
-        names = [v for v in model.parameters if not v.fixed and v.name not in left]
-        return [v for v in names if doubtful is None or v.name in doubtful]
-
-    def _base(self, v: Variable) -> Free | None:
-        low = -np.inf if v.min is None else v.min
-        high = np.inf if v.max is None else v.max
-        if v.unit == "s":
-            low = max(low, 0.0)
-        if high <= low:
-            return None
-        size = BROAD * abs(v.start) or v.nominal or (0.25 * (high - low) if high - low < 1e6 else 1.0)
-        if v.tolerance:
-            size = v.tolerance * abs(v.start) or v.tolerance
-        elif np.isfinite(high - low):
-            size = min(size, high - low)
-        log = v.start > 0.0 and low >= 0.0 and size >= 0.5 * v.start
-        return Free(
-            v.name, v.start, BROAD if log else size, log, max(low, 1e-9 * v.start) if log else low, high
-        )
-
     def free_of(self, a: Attached) -> list[Free]:
-        """An effect's parameters as they are fitted, centred at the middle of their starts."""
-        s = self.scales[a.port]
-        return [self._own(a, q, s) for q in a.effect.parameters]
+        """An effect's parameters as they are fitted."""
+        return self._free.of_effect(a, self.scales)
 
-    def _own(self, a: Attached, q: Parameter, s: Scales) -> Free:
-        low, high = q.bounds(s)
-        starts = np.array(q.starts(s), float)
-        if q.amplitude or np.min(starts) <= 0.0:
-            size = self.unit_size(a, q.unit, s)
-            if q.name in ("factor",):
-                size = 1.0
-            return Free(a.name(q.name), 0.0, size, False, low, high)
-        center = float(np.exp(np.mean(np.log(starts))))
-        size = max(0.7, 0.5 * float(np.log(starts.max() / starts.min())))
-        return Free(a.name(q.name), center, size, True, max(low, 1e-9 * center), high)
-
-    def unit_size(self, a: Attached, unit: str, s: Scales) -> float:
-        """Size of an amplitude from its unit: a force of the recording's own size at its port, and so on."""
-        other = self.scales.get(a.other or "", s)
-        names = {"f": s.f, "v": s.v, "q": s.q, "inertia": s.inertia, "u": s.u, "y": s.y, "demand": s.d}
-        names["other"] = other.y if a.effect.place == "output" else other.u
+    @cached_property
+    def _free(self) -> FreeParameters:
         duration = max(r.end_s - r.start_s for r in self.runs)
-        text = unit.format(**{n: f"({v!r})" for n, v in names.items()}).replace("^", "**")
-        known = {
-            "s": duration if "/s" in unit else self.memory_s,
-            "rad": 0.1,
-            "kg": self._of("kg"),
-            "m": 1.0,
-            "Pa": s.p,
-        }
-        known |= {"s2": self.memory_s**2}
-        try:
-            return abs(float(eval(text, {"__builtins__": {}}, known))) or 1.0
-        except (
-            NameError,
-            SyntaxError,
-            TypeError,
-            ZeroDivisionError,
-        ):  # a unit of its own kind: sized by its first start, or one
-            starts = [abs(v) for q in a.effect.parameters if q.unit == unit for v in q.starts(s)]
-            return max(starts, default=0.0) or 1.0
-
-    def _of(self, unit: str) -> float:
-        found = [abs(v.start) for v in self.model.parameters if v.unit == unit and v.start]
-        return max(found, default=1.0)
+        return FreeParameters(self.folder, duration, self.memory_s)
 
 
 def unique(runs: Sequence[Run]) -> list[Run]:
