@@ -99,7 +99,8 @@ def compare(
     """Compare controllers on both tasks and all loads, on re-drawn machines; four metrics, intervals."""
     if plants:
         asked = Asked(targets, seed, load[0].value if load else "unknown", None, jobs or os.cpu_count() or 1)
-        _on_plants([*(controller or ()), *map(str, policy or ())], plants, our_inertia, asked, json)
+        texts = [*(controller or ()), *map(str, policy or ())]
+        _on_plants(texts, plants, our_inertia, asked, json, page)
         return
     from baselines import gains as from_files, registry
     from specs import draws
@@ -147,13 +148,18 @@ def compare(
 
 
 def _on_plants(
-    texts: list[str], plants: list[str], our_inertia: bool, asked: Asked, json: Path | None
+    texts: list[str], plants: list[str], our_inertia: bool, asked: Asked, json: Path | None, page: Path | None
 ) -> None:
     """One table, controllers by plants; without a name every controller and the policy that ships."""
-    from verification.plants import study
+    from verification.plants import page as pages, study
 
+    if page is not None:
+        pages.check(page)
     on = study.find_plants(plants, our_inertia)
     controllers = study.find_controllers(texts) if texts else study.everyone()
     found, task = tried(controllers, on, study.task_of(texts), asked)
     figures = {"plants": found, "worst": study.worst(found), "task": task, "targets": asked.targets}
     write(json, {**figures, "load": asked.load}, asked.seed)
+    if page is not None:
+        words = [f"--plants {p}" for p in plants] + [f"--targets {asked.targets}", f"--seed {asked.seed}"]
+        pages.fill(page, on, found, " ".join(["slewright compare", *words, f"--load {asked.load}"]))
