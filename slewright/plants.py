@@ -1,17 +1,20 @@
 """What commands that try controllers on plants share: `--plant` and its like, the trial and its table."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from json import dumps
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from records.figures_file import write
+from records.figures_file import plain, write
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
 
+ADMISSION_TARGETS = 20
 HELP = "nominal, networks, networks-forward, published, published-mirror, machine; or a .npz, FMU or folder"
 PlantOption = Annotated[str | None, typer.Option("--plant", metavar="PLANT", help=f"Plant: {HELP}.")]
 OurInertiaOption = Annotated[
@@ -76,3 +79,15 @@ def tried(controllers: Sequence[Any], on: Sequence[Any], task: str, asked: Asked
                     f"slewright: warning: {c} on {plant}: {share:.0f} % {study.FLAG}: no physics", err=True
                 )
     return found, task
+
+
+def admission(controller: str, plants: Sequence[str]) -> tuple[dict[str, bytes], list[str]]:
+    """({file of a bundle: content}, where the controller fails): a table over plants, unknown load."""
+    from verification.plants import study
+
+    on = study.find_plants(plants)
+    asked = Asked(ADMISSION_TARGETS, 1, "unknown", None, os.cpu_count() or 1)
+    found, task = tried(study.find_controllers([controller]), on, study.task_of([controller]), asked)
+    failures = study.failures(found)
+    content = {"plants": found, "task": task, "load": asked.load, "seed": asked.seed, "failures": failures}
+    return {"plants.json": (dumps(plain(content), indent=1) + "\n").encode()}, failures

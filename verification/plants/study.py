@@ -19,6 +19,10 @@ ALL = "all"
 COLUMNS = (
     "missed %", "overshoot °", "largest °", "error", "speed °/s", "tool °/s", "rest °", "signs 1/s", "note",
 )  # fmt: skip
+MOST = {  # that a controller may do on a plant: (limit, what it is, form)
+    "missed_share": (0.01, "targets missed", "{:.0%}"),
+    "overshoot": (2.0, "mean overshoot", "{:.1f}°"),
+}
 FLAG = "out of the trained region"
 
 
@@ -89,3 +93,14 @@ def rows(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Iterator[list[
             values = [f"{cell[n]:.2f}" for n in (*names, "sign_changes")]
             note = f"{100 * cell['outside']:.0f} % {FLAG}" if cell["flagged"] else ""
             yield [c, plant, f"{100 * cell['missed_share']:.0f}", *values, note]
+
+
+def failures(found: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> list[str]:
+    """A sentence for each plant on which a controller does what it may not."""
+    return [
+        f"{controller} on {plant}: {what} {form.format(cell[key])}, at most {form.format(most)}"
+        for plant, cells in found.items()
+        for controller, cell in cells.items()
+        for key, (most, what, form) in MOST.items()
+        if cell[key] > most
+    ]

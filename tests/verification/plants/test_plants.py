@@ -16,7 +16,7 @@ from slewright import __main__ as entry
 from specs import systems
 from specs.errors import InputError
 from tests.conftest import ROOT
-from verification.plants import plant, study, trial
+from verification.plants import page as pages, plant, study, trial
 from verification.plants.plant import find, of_network as plant_of
 from verification.plants.trial import Ran, Trial
 
@@ -120,7 +120,46 @@ def _rows() -> list[Any]:
     return [TargetMetrics(1, 0.0, 90.0, 90.0, True, True, 9.0, 10.0, 0.5, 0.2, 1.0, 5.0)]
 
 
+def test_a_controller_fails_where_it_misses_or_overshoots() -> None:
+    (good,) = _figures()
+    bad = {**good, "missed_share": 0.5, "overshoot": 3.0}
+    found = study.failures({"nominal": {"pd": good}, "published": {"pd": bad}})
+    assert found == [
+        "pd on published: targets missed 50%, at most 1%",
+        "pd on published: mean overshoot 3.0°, at most 2.0°",
+    ]
+
+
+def _figures() -> list[dict[str, Any]]:
+    return [trial.figures([Ran(_rows(), [1.0], 3, 15.0, None)], "full")]
+
+
+def test_characters_tell_plants_apart(tmp_path: Path) -> None:
+    page = tmp_path / "plants.md"
+    (good,) = _figures()
+    page.write_text("".join(f"<!-- {n}:begin -->\n<!-- {n}:end -->\n" for n in ("plants", "controllers")))
+    on = study.find_plants(["nominal", "published"])
+    pages.fill(page, on, {p.name: {"pd": good} for p in on}, "slewright compare --plants nominal")
+    lines = [line for line in page.read_text().splitlines() if line.startswith("|")]
+    assert [line.split(" | ")[0] for line in lines if " | published | " in line] == ["| pd"]
+    first, second = (line for line in lines if line.startswith(("| published", "| nominal")))
+    assert first.startswith("| published")  # what the others are compared with
+    assert float(first.split("|")[-2]) == 0.0 < float(second.split("|")[-2])
+
+
 # ---- the commands ----
+
+
+@pytest.mark.slow
+def test_a_bundle_carries_its_table_over_plants(tmp_path: Path) -> None:
+    from runtime.bundle import load
+
+    words = ["bundle", "pi", "--out", str(tmp_path / "b"), "--plants", "nominal"]
+    assert entry.run([*words, "--json", str(tmp_path / "figures.json")]) == 1  # the PI overshoots
+    load(tmp_path / "b")
+    table = json.loads((tmp_path / "b" / "plants.json").read_text())
+    assert table["failures"] == json.loads((tmp_path / "figures.json").read_text())["failures"]
+    assert "mean overshoot" in " ".join(table["failures"])
 
 
 def test_evaluate_on_a_plant_writes_its_keys(tmp_path: Path, capsys: Any) -> None:
