@@ -32,6 +32,9 @@ class Randomisation:
     inertia_scale: Range = (0.8, 1.3)  # what the pose's own inertia leaves out, and the drive's torque
     gain: Range = (0.88, 1.25)  # of the joystick's flow, as specs/draws.toml spreads it
     latency: Range = (0.0, 5.0)  # ticks of 0.02 s from answer to command, beyond the networks' own delay
+    slew_delay: Range = (0.0, 0.0)  # s, of the slew drive alone, beyond latency and the networks' own delay
+    edge: Range = (0.0, 0.0)  # share of the joystick's change in a period that is added to it or taken off
+    rate_filter: Range = (0.0, 0.0)  # share of the last value in what gyro and tool IMU show of a rate
     slew_error: Range = (0.35, 2.5)  # rad, either way
     small_moves: float = 0.1  # share of targets nearer than that
     pace: Range = (0.5, 1.5)
@@ -50,6 +53,7 @@ class Randomisation:
             oil_hz=(0.0, 0.0), dead_rate=(0.0, 0.0), arm_gain=(1.0, 1.0),
             tool_length=(2.0, 2.0), tool_damping=(0.1, 0.1), dead_band=(-1.0, -1.0),
             inertia_scale=(1.0, 1.0), gain=(1.0, 1.0), latency=(0.0, 0.0), pace=(1.0, 1.0),
+            slew_delay=(0.0, 0.0), edge=(0.0, 0.0), rate_filter=(0.0, 0.0),
             angle_noise=0.0, rate_noise=0.0, imu_angle_noise=0.0, imu_rate_noise=0.0,
             imu_angle_bias=0.0, imu_rate_bias=0.0, angle_bias=0.0,
         )  # fmt: skip
@@ -65,6 +69,8 @@ class Recipe:
     method: Method = "gradient"
     history: int = HISTORY
     prior: str = ""  # the law that the network's answer is added to (specs.policy.PRIORS)
+    change: float = 0.0  # of the joystick in a period: a limit inside the policy; 0: without
+    start: str = ""  # policy (ONNX) of the same inputs and layers whose weights training begins with
     layers: tuple[int, ...] = (256, 128, 128)  # paper
     network: str = ""  # of NETWORKS: plain, one that treats left and right alike, filters along the history
     weights: Mapping[str, float] = field(default_factory=dict)
@@ -81,6 +87,7 @@ class Recipe:
     ahead_s: float = (
         0.2  # what is taken off the slew networks' speed, which is late (plant.py); 0: as in the FMU
     )
+    family: bool = False  # each slew network also as its mirror image, and with and without `ahead_s`
     spatial: bool = False  # the tool is the reference machine's spatial pendulum, not the paper's plane ones
     envs: int = 2048
     iterations: int = 1000
@@ -182,6 +189,17 @@ _RECIPES = (
         first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25,
         fade=0.99, level=2.0, spatial=True,
         random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
+        episode_s=15.0, consecutive=0.5, envs=192, iterations=1500, rate=1.5e-3,
+    ),
+    Recipe(
+        "family", "as full, on a family of drives, with the joystick's change limited and priced", prior="gentle",
+        change=0.2, family=True, weights={**_OURS, "action": 1.0}, **_EVEN,
+        first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25,
+        fade=0.99, level=2.0, spatial=True,
+        random=Randomisation(
+            oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), gain=(0.75, 1.33),
+            inertia_scale=(0.7, 1.4), slew_delay=(0.0, 0.25), edge=(-0.2, 0.5), rate_filter=(0.0, 0.4),
+        ),
         episode_s=15.0, consecutive=0.5, envs=192, iterations=1500, rate=1.5e-3,
     ),
     Recipe(

@@ -158,7 +158,8 @@ def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> 
     torch.set_num_threads(1)
     networks = load_networks(paths)
     trainer = _made(chosen, networks, seed, device)
-    trainer.sources = [str(path) for path in paths]
+    if not chosen.family:
+        trainer.sources = [str(path) for path in paths]
     return trainer
 
 
@@ -203,6 +204,7 @@ def _export(training: Training, options: Options, commit: str, figures: Mapping[
         chosen.task,
         chosen.history,
         prior=chosen.prior,
+        change=chosen.change,
         data_sha256=training.data,
         ranges=ranges(training.trainer, chosen),
         made=made,

@@ -20,7 +20,7 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +106,14 @@ class SlewNetwork:
             index.append(np.clip((share * count).astype(int), 0, count - 1))
         return beyond | ~self.visited[tuple(index)]
 
+    def mirrored(self) -> "SlewNetwork":
+        """The network of the mirrored machine: left is its right; exact, since only weights change places."""
+        turned = {p: tuple(_mirrored(net, p) for net in getattr(self, p)) for p in PARTS}
+        region = {MIRRORED.get(n, n): limits for n, limits in self.region.items()}
+        region |= {n: (-region[n][1], -region[n][0]) for n in ("u", "omega") if n in region}
+        visited = None if self.visited is None else self.visited[:, ::-1, ::-1].copy()
+        return replace(self, **turned, region=region, visited=visited)
+
     def predict(
         self, u: np.ndarray, p_l: np.ndarray, p_r: np.ndarray, omega: np.ndarray, inertia: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -175,7 +183,25 @@ class SlewNetwork:
 
 
 PARTS = ("pressure", "velocity")
+MIRRORED = {"p_l": "p_r", "p_r": "p_l"}
 NORMALISATION = ("mean_in", "std_in", "mean_out", "std_out")
+
+
+def _mirrored(net: Mlp, part: str) -> Mlp:
+    """One member for inputs and outputs seen in a mirror: joystick and speed negated, chambers swapped."""
+    inputs = net.sizes[0]
+    order, signs = np.arange(inputs), np.ones(inputs)
+    rows = 4 * HISTORY
+    blocks = np.split(np.arange(rows), 4) if inputs >= rows else np.split(np.arange(2 * HISTORY), 2)
+    if inputs >= rows:
+        order[:rows] = np.concatenate([blocks[0], blocks[2], blocks[1], blocks[3]])
+    signs[np.concatenate([blocks[0], blocks[-1]])] = -1.0
+    ends, turn = ([1, 0], 1.0) if part == "pressure" else ([0], -1.0)
+    return replace(
+        net, weights=(net.weights[0][:, order] * signs, *net.weights[1:-1], net.weights[-1][ends] * turn),
+        biases=(*net.biases[:-1], net.biases[-1][ends] * turn), mean_in=net.mean_in[order] * signs,
+        std_in=net.std_in[order], mean_out=net.mean_out[ends] * turn, std_out=net.std_out[ends],
+    )  # fmt: skip
 
 
 def _arrays(net: Mlp) -> dict[str, np.ndarray]:

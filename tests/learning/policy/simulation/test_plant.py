@@ -110,9 +110,11 @@ def test_networks_are_those_of_numpy_also_several_at_once() -> None:
 
 @pytest.mark.parametrize(("residual", "ahead"), [(True, 0), (False, 2)])
 def test_one_operation_for_the_drive_is_what_its_parts_are(residual: bool, ahead: int) -> None:
-    """Histories a period on and all gradients: against the way that several networks take."""
+    """Histories a period on and all gradients: against the way that ensembles take."""
     net = untrained(1, (24, 16), (16,), residual=residual)
-    short, long = Drive([net], dtype=torch.float64), Drive([net, net], dtype=torch.float64)
+    short = Drive([net], dtype=torch.float64, ahead=[ahead])
+    long = Drive([net], dtype=torch.float64, ahead=[ahead])
+    long.groups[0].plain = False
     draw = torch.Generator().manual_seed(2)
     rows, scales = (9, 10, 10, 10, 1, 1), (1.0, 1e7, 1e7, 0.5, 1.0, 4e5)
     inputs = [
@@ -121,7 +123,7 @@ def test_one_operation_for_the_drive_is_what_its_parts_are(residual: bool, ahead
     ]
     found = []
     for drive in (short, long):
-        after = drive.onward(inputs[:4], inputs[4][0], inputs[5][0], ahead)
+        after = drive.onward(inputs[:4], inputs[4][0], inputs[5][0])
         total = sum(
             (torch.sin(a) * torch.linspace(1, 2, a.shape[0], dtype=a.dtype)[:, None]).sum() for a in after
         )
