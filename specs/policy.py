@@ -2,7 +2,8 @@
 
 An ONNX policy has one input `observation` float32 [1, N] and one output `action` float32 [1, 3], both in
 SI.  The history is inside the observation; scaling, slew inertia and clipping are inside the network's
-graph, and so is a limit on the joystick's change a period where a policy has one (`change`, from the newest u_slew on), so that whoever fills the observation needs no kinematics:
+graph, so that whoever fills the observation needs no kinematics.  So is a limit on the joystick's change a
+period, where a policy has one (`change`): it starts from the newest u_slew of the observation.
 
     channel by channel, H values each, oldest first, SPACING_S apart; the newest is now
         u_slew, qd_boom_ref, qd_stick_ref      the commands that were held up to that instant

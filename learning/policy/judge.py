@@ -64,12 +64,19 @@ def judge(
 
 
 def judge_file(
-    policy: Policy, networks: Sequence[SlewNetwork], machines: Randomisation, pace: float, n: int = 256,
-    loads: Sequence[str] = tuple(LOADS), **changed: Any,
+    policy: Policy,
+    networks: Sequence[SlewNetwork],
+    machines: Randomisation,
+    pace: float,
+    n: int = 256,
+    loads: Sequence[str] = tuple(LOADS),
+    **changed: Any,
 ) -> dict[str, dict[str, float]]:
     """`judge` of an exported policy on machines of these ranges."""
     c = policy.contract
-    recipe = replace(RECIPES[c.task], history=c.history, prior=c.prior, change=c.change, random=machines, **changed)
+    recipe = replace(
+        RECIPES[c.task], history=c.history, prior=c.prior, change=c.change, random=machines, **changed
+    )
     mlp = perceptron([policy.weights[0][0].shape[1], *(len(b) for _, b in policy.weights)])
     set_weights(mlp, policy.weights)
     return judge(recipe, networks, mlp, pace, n, loads=loads)

@@ -192,7 +192,7 @@ _RECIPES = (
         episode_s=15.0, consecutive=0.5, envs=192, iterations=1500, rate=1.5e-3,
     ),
     Recipe(
-        "family", "as full, on a family of drives, with the joystick's change limited and priced", prior="gentle",
+        "family", "ours, on a family of drives, the joystick's change limited and priced", prior="gentle",
         change=0.2, family=True, weights={**_OURS, "action": 1.0}, **_EVEN,
         first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25,
         fade=0.99, level=2.0, spatial=True,

@@ -5,7 +5,7 @@
 Each slew network is driven as it is and as its mirror image, and each of the two changed in one thing at a
 time (CHANGES), in the training environment, load not told.  Changes are at or beyond the ends of what the
 recipe `family` is trained over; "retrained" is the network with its weights disturbed, another network of
-about the same machine.
+about the same machine.  Beside them stand two drives that no network was trained on (simulation/lag.py).
 
 The rule: of each figure of LIMITS the worst over the plants, over its limit; the policy with the smallest sum
 is chosen.  A share of 1 % missed weighs as much as 2 degrees of overshoot, so that a policy that misses is
@@ -28,6 +28,7 @@ from learning.policy.judge import judge_file
 from learning.policy.recipe import RECIPES, Randomisation
 from learning.policy.session import NETWORKS
 from learning.policy.simulation.environment import load_networks
+from learning.policy.simulation.lag import lag
 
 LIMITS = {"missed": 0.01, "overshoot": 2.0, "error": 0.47, "tool": 10.0}  # of which less is better
 SPEED = 10.8  # degrees per second, of which more is better
@@ -65,7 +66,9 @@ def disturbed(network: SlewNetwork, seed: int = DISTURBED_SEED) -> SlewNetwork:
 
 def plants(networks: Mapping[str, SlewNetwork]) -> dict[str, tuple[SlewNetwork, Mapping[str, object]]]:
     """Every plant of the family by name: a network, and what of the machine is changed."""
-    found: dict[str, tuple[SlewNetwork, Mapping[str, object]]] = {}
+    found: dict[str, tuple[SlewNetwork, Mapping[str, object]]] = {
+        "sketched drive": (lag(), {}), "sketched drive, late and lively": (lag(delay=4, lag_s=0.15), {}),
+    }  # fmt: skip
     for name, network in networks.items():
         for side, one in (("", network), (", mirrored", network.mirrored())):
             found |= {f"{name}{side}, {change}": (one, how) for change, how in CHANGES.items()}
@@ -114,7 +117,9 @@ def main(words: Sequence[str] | None = None) -> None:
     told = parser.parse_args(words)
     torch.set_num_threads(1)
     paths = told.networks or list(NETWORKS)
-    networks = dict(zip((path.parent.name + "/" + path.stem for path in paths), load_networks(paths), strict=True))
+    networks = dict(
+        zip((path.parent.name + "/" + path.stem for path in paths), load_networks(paths), strict=True)
+    )
     rows = []
     for path in told.policy:
         found = judged(read(path), networks, told.pace, told.machines)

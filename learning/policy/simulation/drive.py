@@ -112,9 +112,7 @@ class _Group:
         if self.plain:
             return _Onward.apply(self, u, p_l, p_r, omega, inertia)  # type: ignore[return-value]
         new = self(u, p_l, p_r, omega, inertia)
-        return tuple(
-            torch.cat([old[1:], row[None]]) for old, row in zip((p_l, p_r, omega), new, strict=True)
-        )
+        return tuple(torch.cat([old[1:], row[None]]) for old, row in zip((p_l, p_r, omega), new, strict=True))
 
     def _one_way(
         self, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor, inertia: Tensor

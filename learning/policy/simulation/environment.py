@@ -48,9 +48,7 @@ class Environment:
         self.members = members(recipe, networks)
         self.n = n - n % len(self.members)
         self.device = device
-        drive = Drive(
-            [m.network for m in self.members], device, ahead=[m.ahead for m in self.members]
-        )
+        drive = Drive([m.network for m in self.members], device, ahead=[m.ahead for m in self.members])
         self.plant = Plant(drive, recipe.task == "slew", recipe.spatial)
         self.boost = parameters.load("slew")["slew_boost_pressure"].value  # Pa, of a drive at rest
         self.generator = torch.Generator(device).manual_seed(seed)
@@ -251,10 +249,10 @@ class Environment:
 
 @cache
 def _sense(history: int) -> ca.Function:
-    """A period on: (sensors, rates, action, angle, arm, tool, speeds, bias, noise, filter) -> (sensors, rates).
+    """(sensors, rates, action, angle, arm, tool, speeds, bias, noise, share) -> (sensors, rates) a period on.
 
     The sensors' newest row is what they show of angle, arm, tool and speed; the arm's rates are LATE, those
-    of gyro and tool IMU keep a share (`filter`) of their last value.
+    of gyro and tool IMU keep a `share` of their last value.
     """
     sensors, rates = ca.SX.sym("sensors", len(CHANNELS) * history), ca.SX.sym("rates", 2 * (LATE + 1))
     sizes = {"action": 3, "q": 1, "arm": 4, "tool": 6, "omega": SPEEDS, "bias": 7, "noise": len(SENSORS),

@@ -1,8 +1,9 @@
-"""The machines that a policy must be right on: slew networks as they are, mirrored, late and taken forward.
+"""The drives that a policy must be right on: slew networks as they are, mirrored, late and taken forward.
 
-A policy that is trained on one network learns that network's own answer to fast changes of the joystick.  With
+A policy that is trained on one network learns that network's own answer to fast changes of the joystick. With
 a family each network takes part four times: as it is and as its mirror image, with the speed that it was
-trained on and with that speed taken forward (plant.py, `ahead`).  Nothing tells the policy which one it drives.
+trained on and with that speed taken forward (plant.py, `ahead`).  Nothing tells the policy which one it
+drives.
 """
 
 from collections.abc import Sequence

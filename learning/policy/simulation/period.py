@@ -31,7 +31,15 @@ VARIED = (  # parameters of each simulated machine, by the FMUs' names
 
 OWN_DEAD_BAND = parameters.load("control")["control_dead_band"].value  # of the machine of the recordings
 STOP = parameters.load("machine")["grab_swing_limit"].value  # rad, of the tool's joint
-OWN = ("latency", "dead_band", "gain", "load", "inertia_scale", "slew_delay", "edge")  # of a machine, beside VARIED
+OWN = (
+    "latency",
+    "dead_band",
+    "gain",
+    "load",
+    "inertia_scale",
+    "slew_delay",
+    "edge",
+)  # of a machine, beside VARIED
 ARM_OWN = {  # what the arm's FMU leaves out, and the value that leaves it out here, too
     "boom_oil": 0.0, "stick_oil": 0.0,  # rad/s, of boom and stick on the oil of their cylinders
     "oil_damping": 0.0,

@@ -160,6 +160,7 @@ def nominal(n: int, device: str = "cpu", dtype: Any = torch.float32, **changed: 
     known = parameters.load("arm", "tool")
     full = lambda value: torch.as_tensor(value, device=device, dtype=dtype).expand(n).clone()  # noqa: E731
     ticks = lambda s: torch.full((n,), int(s / TICK_S + 0.5), device=device)  # noqa: E731
+    added = [full(changed.get(name, 0.0)) for name in ("slew_delay", "edge", "rate_filter")]
     varied = torch.stack([full(changed.get(name, known[name].value)) for name in VARIED])
     boom, stick = (known[f"{j}_delay"].value for j in ("boom", "stick"))
     return Machine(
@@ -167,6 +168,6 @@ def nominal(n: int, device: str = "cpu", dtype: Any = torch.float32, **changed: 
         ticks(changed.get("boom_delay", boom)), ticks(changed.get("stick_delay", stick)),
         full(changed.get("latency", 0.0)), full(changed.get("dead_band", OWN_DEAD_BAND)),
         full(changed.get("inertia_scale", 1.0)), full(changed.get("gain", 1.0)),
-        *(full(changed.get(name, 0.0)) for name in ("slew_delay", "edge", "rate_filter")),
+        added[0], added[1], added[2],
         torch.stack([full(changed.get(name, value)) for name, value in ARM_OWN.items()]),
     )  # fmt: skip
