@@ -44,10 +44,16 @@ class Acceptance:
         return self.network.velocity_mae >= self.held.velocity_mae
 
 
-def trajectories(path: Path) -> list[Trajectory]:
-    """A recording of any known format, or a CSV of the slew traces' form."""
+def trajectories(path: Path, inertia: tuple[float, float] | None = None) -> list[Trajectory]:
+    """A recording of any known format, or a CSV of the slew traces' form.
+
+    A recording's inertia is the project's, of its poses; a trace states the number that the network was
+    trained on, which `inertia` (SlewNetwork.inertia_map) takes to the project's.
+    """
     if path.suffix == ".csv" and path.is_file() and _is_trace(path):
-        return [of_trace(traces.read(path))]
+        scale, offset = inertia or (1.0, 0.0)
+        found = of_trace(traces.read(path))
+        return [replace(found, inertia=(found.inertia - offset) / scale)]
     return of_measurement(read_measurement(path), path.stem)
 
 
@@ -139,7 +145,7 @@ def _statistics(net: Mlp) -> Iterator[tuple[str, float, float]]:
 
 
 def _outside(network: SlewNetwork, recording: Sequence[Trajectory]) -> float | None:
-    if network.visited is None:
+    if not network.knows_region:
         return None
     return float(np.mean(np.concatenate([network.outside(t.inertia, t.u, t.omega) for t in recording])))
 

@@ -83,6 +83,6 @@ def bring(
     report("reading the networks")
     network = read_pair(*files, description)
     report("predicting the recording")
-    found = accept(network, trajectories(recording))
+    found = accept(network, trajectories(recording, network.inertia_map))
     report("writing")
     return Imported(network, found, target.write(network))

@@ -246,18 +246,17 @@ class _Layers(torch.autograd.Function):
 
 
 def _visited(network: SlewNetwork, device: str) -> dict[str, Any]:
-    if network.visited is None:
-        return {}
-    return {"cells": torch.tensor(network.visited, device=device), "region": network.region}
+    cells = None if network.visited is None else torch.tensor(network.visited.copy(), device=device)
+    return {"cells": cells, "region": network.region}
 
 
 def _outside(known: Mapping[str, Any], inertia: Tensor, u: Tensor, omega: Tensor) -> Tensor:
-    if not known:
-        return torch.zeros_like(u, dtype=torch.bool)
     index, beyond = [], torch.zeros_like(u, dtype=torch.bool)
     for (name, count), value in zip(CELL_AXES.items(), (inertia, u, omega), strict=True):
+        if name not in known["region"]:
+            continue
         low, high = known["region"][name]
         share = (value - low) / (high - low)
         beyond |= (share < -TOLERANCE) | (share > 1 + TOLERANCE)
         index.append((share * count).long().clamp(0, count - 1))
-    return beyond | ~known["cells"][tuple(index)]
+    return beyond if known["cells"] is None else beyond | ~known["cells"][tuple(index)]
