@@ -24,8 +24,10 @@ from learning.policy.simulation.situation import HIDDEN, Situation, Step, hidden
 from learning.policy.trainer import Trainer
 from specs.errors import InputError, RunError
 from specs.policy import SPACING_S
+from specs.schema import ROOT
 
 LOOK = 10  # steps between looks at what is outside of data and keep-out: a sample is enough
+SHIPPED = ROOT.parent / "learning" / "policies"
 WARM_UP = 0.02  # share of the iterations in which the rate rises
 
 
@@ -131,7 +133,8 @@ def _teacher(recipe: Recipe, way: Interface) -> nn.Sequential:
 
 def begin(mlp: nn.Sequential, recipe: Recipe, way: Interface) -> None:
     """Give a new network the weights of the recipe's `start`; InputError if they are of another network."""
-    policy = read(Path(recipe.start))
+    path = Path(recipe.start)
+    policy = read(SHIPPED / path if len(path.parts) == 1 else path)
     told, wanted = policy.contract, (recipe.task, recipe.history, recipe.prior)
     shapes = [w.shape for w, _ in weights_of(mlp)]
     fits = (told.task, told.history, told.prior) == wanted and shapes == [w.shape for w, _ in policy.weights]

@@ -34,7 +34,9 @@ from specs.schema import ROOT
 BUDGETS = ("full", "short", "tiny")  # what is told of a recipe stays as it is told
 DEVICES = ("auto", "cpu", "cuda")
 SHORT = 0.2  # of the iterations
-NETWORKS = (ROOT.parent / "fmus" / "models" / "slew_nn" / "weights.npz",)
+_MODELS = ROOT.parent / "fmus" / "models"
+NETWORKS = (_MODELS / "slew_nn" / "weights.npz",)
+FAMILY = (*NETWORKS, _MODELS / "slew_published" / "weights.npz")  # of a recipe with a family
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ def changes(texts: Sequence[str]) -> dict[str, Any]:
 def run(options: Options, report: Report) -> dict[str, Any]:
     """Train, or go on; returns the figures.  RunError if training fails: the last good checkpoint stays."""
     chosen = options.chosen()
-    paths = options.networks or NETWORKS
+    paths = options.networks or (FAMILY if chosen.family else NETWORKS)
     if chosen.envs < len(paths):
         raise InputError(f"envs = {chosen.envs}: valid is from {len(paths)}, one machine a slew network")
     data, commit = digest(paths), source_state()

@@ -26,7 +26,7 @@ from fmus.models.slew_nn.network import PARTS, Mlp, SlewNetwork
 from learning.policy.export import Policy, read
 from learning.policy.judge import judge_file
 from learning.policy.recipe import RECIPES, Randomisation
-from learning.policy.session import NETWORKS
+from learning.policy.session import FAMILY
 from learning.policy.simulation.environment import load_networks
 from learning.policy.simulation.lag import lag
 
@@ -116,9 +116,13 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--all", action="store_true", help="every plant, not only the worst")
     told = parser.parse_args(words)
     torch.set_num_threads(1)
-    paths = told.networks or list(NETWORKS)
+    paths = told.networks or list(FAMILY)
     networks = dict(
-        zip((path.parent.name + "/" + path.stem for path in paths), load_networks(paths), strict=True)
+        zip(
+            (path.parent.name if path.stem == "weights" else path.stem for path in paths),
+            load_networks(paths),
+            strict=True,
+        )
     )
     rows = []
     for path in told.policy:
