@@ -193,7 +193,7 @@ _RECIPES = (
         episode_s=15.0, consecutive=0.5, envs=192, iterations=1500, rate=1.5e-3,
     ),
     Recipe(
-        "family", "ours, on a family of drives: goes on from a policy, the joystick's change limited and priced",
+        "family", "ours, on a family of drives: goes on from `full`, the joystick's change limited",
         prior="gentle", start="full.onnx", change=0.2, family=True, weights=_CALM, **_EVEN,
         first=Shape(0.7, 0.5, 0.05, 0.06), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.0,
         fade=0.99, level=2.0, spatial=True,

@@ -1,6 +1,6 @@
 """The worst that a policy does over a family of drives, and the rule by which one of several is chosen.
 
-    python -m learning.policy.worst POLICY... [--networks FILE]... [--machines 64] [--pace 1]
+    python -m learning.policy.worst POLICY... [--networks FILE]... [--machines 64] [--pace 1] [--change C]
 
 Each slew network is driven as it is and as its mirror image, and each of the two changed in one thing at a
 time (CHANGES), in the training environment, load not told.  Changes are at or beyond the ends of what the
@@ -113,6 +113,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--networks", type=Path, action="append", default=[])
     parser.add_argument("--machines", type=int, default=64)
     parser.add_argument("--pace", type=float, default=1.0)
+    parser.add_argument("--change", type=float, help="limit on the joystick, in place of the policy's own")
     parser.add_argument("--all", action="store_true", help="every plant, not only the worst")
     told = parser.parse_args(words)
     torch.set_num_threads(1)
@@ -126,7 +127,10 @@ def main(words: Sequence[str] | None = None) -> None:
     )
     rows = []
     for path in told.policy:
-        found = judged(read(path), networks, told.pace, told.machines)
+        policy = read(path)
+        if told.change is not None:
+            policy = replace(policy, contract=replace(policy.contract, change=told.change))
+        found = judged(policy, networks, told.pace, told.machines)
         row = {"policy": str(path), "score": score(found), "worst": worst(found)}
         rows.append(row | {"plants": found} if told.all else row)
     print(json.dumps(sorted(rows, key=lambda row: row["score"]), indent=1))
