@@ -105,13 +105,13 @@ def _step(trainer: Any) -> Callable[[], None]:
 def _products(trainer: Any) -> Callable[[], None]:
     """The same number of evaluations of the slew networks' products alone."""
     plant: Plant = trainer.environment.plant
-    drive = plant.drive
+    parts = [part for group in plant.drive.groups for part in group.parts.values()]
     x = torch.rand(1, 41, trainer.environment.n, device=trainer.device)
 
     @torch.no_grad()
     def job() -> None:
         for _ in range(STEPS):
-            for part in drive.parts.values():
+            for part in parts:
                 for member in part:
                     y = x
                     for w, b in member:

@@ -2,7 +2,8 @@
 
 An ONNX policy has one input `observation` float32 [1, N] and one output `action` float32 [1, 3], both in
 SI.  The history is inside the observation; scaling, slew inertia and clipping are inside the network's
-graph, so that whoever fills the observation needs no kinematics:
+graph, so that whoever fills the observation needs no kinematics.  So is a limit on the joystick's change a
+period, where a policy has one (`change`): it starts from the newest u_slew of the observation.
 
     channel by channel, H values each, oldest first, SPACING_S apart; the newest is now
         u_slew, qd_boom_ref, qd_stick_ref      the commands that were held up to that instant
@@ -57,6 +58,7 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "qd_boom_ref": (-ARM_LIMIT, ARM_LIMIT),
     "qd_stick_ref": (-ARM_LIMIT, ARM_LIMIT),
 }
+MOST_CHANGE = 2.0  # of the joystick in a period: from one end to the other
 PRIORS = ("", "pd", "parabola", "gentle")
 META = "slewright.policy"  # key of the ONNX metadata that holds `Contract.as_json`
 
@@ -87,6 +89,7 @@ class Contract:
     spacing_s: float = SPACING_S
     format: int = FORMAT
     specs_version: str = VERSION
+    change: float = 0.0  # limit inside the graph: u_slew's change a period stays below it; 0: without limit
     prior: str = ""  # a law inside the graph that the network's answer is added to (PRIORS)
     data_sha256: str = ""  # of the slew networks it was trained with
     ranges: Mapping[str, tuple[float, float]]
@@ -101,6 +104,8 @@ class Contract:
         wanted = contract(self.task if self.task in TASKS else TASKS[-1], self.history)
         found = [f"task {self.task!r} (valid: {', '.join(TASKS)})"] if self.task not in TASKS else []
         found += [f"prior {self.prior!r} (valid: {', '.join(PRIORS)})"] if self.prior not in PRIORS else []
+        if not 0.0 <= self.change <= MOST_CHANGE:
+            found.append(f"change {self.change!r} (valid: 0 to {MOST_CHANGE:g})")
         for name in ("format", "rate_hz", "spacing_s"):
             if getattr(self, name) != getattr(wanted, name):
                 found.append(f"{name} {getattr(self, name)!r}, specs say {getattr(wanted, name)!r}")

@@ -33,12 +33,14 @@ class Controller:
     models    model folders that take the place of the systems' own; without one for the controller it is a PI
     settings  values of parameters: "component.parameter" -> value
     packages  systems that are packed already, by name
+    plant     models in the place of parts of the machine, by the name that the systems know them by
     """
 
     name: str = SLOT
     models: Sequence[Path] = ()
     settings: Mapping[str, float] = field(default_factory=dict)
     packages: Mapping[str, Path] = field(default_factory=dict)
+    plant: Mapping[str, Path] = field(default_factory=dict)
 
 
 PI = Controller()
@@ -134,6 +136,7 @@ def _jobs(
 ) -> Iterator[Job]:
     """The runs of a controller; its systems are packed and checked first."""
     replaced = {name: path for m in controller.models for name, path in replacement(m, systems).items()}
+    replaced |= controller.plant
     _make_folder(out / "records")
     for system in systems:
         report(f"building {system}")

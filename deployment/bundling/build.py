@@ -56,17 +56,20 @@ def bundle(
     engine: str = form.NATIVE,
     calibration: Path | None = None,
     commissioning: Path | None = None,
+    files: Mapping[str, bytes] | None = None,
 ) -> form.Bundle:
     """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
 
     What was in `out` before is replaced.  `platforms` are names of fmus.toolchain.compiler.TARGETS (default:
     this machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is
     evaluated: "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`,
-    `commissioning` the calibration.json of `slewright commission`, whose tare a `calibration` replaces.
+    `commissioning` the calibration.json of `slewright commission`, whose tare a `calibration` replaces;
+    `files` lie beside the core.
     Raises InputError for an unknown controller, platform, parameter or engine, a controller that no core can
     run, or a folder that holds something else; RunError if C fails.
     """
     content = _content(controller, engine)
+    content = dataclasses.replace(content, files={**content.files, **(files or {})})
     if commissioning is not None:
         found = commissioned.read(commissioning)
         calibration = calibration or found.load_calibration

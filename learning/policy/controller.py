@@ -139,7 +139,7 @@ def _answer(policy: Policy, observation: ca.MX) -> ca.MX:
     for number, (w, b) in enumerate(policy.weights):
         y = ca.mtimes(ca.MX(ca.DM(w.astype(np.float64))), y) + ca.MX(ca.DM(b.astype(np.float64)))
         y = ca.tanh(y) if number + 1 < len(policy.weights) else y
-    return single(limited()(commands(c.task, c.history, c.prior)(y, observation)))
+    return single(limited()(commands(c.task, c.history, c.prior, c.change)(y, observation)))
 
 
 def write_folder(policy: Policy, name: str, parent: Path) -> Path:

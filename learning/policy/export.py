@@ -48,7 +48,7 @@ class Policy:
         for number, (w, b) in enumerate(self.weights):
             y = w.astype(np.float64) @ y + b
             y = np.tanh(y) if number + 1 < len(self.weights) else y
-        return np.array(limited()(commands(c.task, c.history, c.prior)(y, observation))).ravel()
+        return np.array(limited()(commands(c.task, c.history, c.prior, c.change)(y, observation))).ravel()
 
 
 def write(policy: Policy, path: Path) -> Path:
@@ -77,7 +77,7 @@ def model(policy: Policy) -> Any:
         y = graph.op("Gemm", y, *wide, transB=1)
         if number + 1 < len(policy.weights):
             y = graph.op("Tanh", y)
-    (asked,) = to_onnx(commands(c.task, c.history, c.prior), graph, [y, observation])
+    (asked,) = to_onnx(commands(c.task, c.history, c.prior, c.change), graph, [y, observation])
     (action,) = to_onnx(limited(), graph, [asked])
     graph.nodes.append(helper.make_node("Cast", [action], [OUTPUT], to=TensorProto.FLOAT))
     ends = [

@@ -92,11 +92,12 @@ def mirrored(task: str, history: int, end: str) -> tuple[float, ...]:
 
 
 @cache
-def commands(task: str, history: int, prior: str = "") -> ca.Function:
+def commands(task: str, history: int, prior: str = "", change: float = 0.0) -> ca.Function:
     """(outputs of the network, observation) -> commands [3] in SI before they are limited.
 
     With a prior the answer is added to a plain law: slew by PD ("pd") or braking parabola ("parabola") with
-    its dead band undone, arm to the target's pose.
+    its dead band undone, arm to the target's pose.  With a `change` the joystick stays within it of the one
+    that was held; the rounded limit leaves a slope to train through.
     """
     observation = ca.SX.sym("observation", len(CHANNELS) * history + len(ONCE))
     y = ca.SX.sym("y", OUTPUTS[task])
@@ -106,6 +107,9 @@ def commands(task: str, history: int, prior: str = "") -> ca.Function:
     found = [y[0] + law[0], *arm]
     if task == "full":
         found = [y[i] * ACTION_SCALE[name] + law[i] for i, name in enumerate(ACTIONS)]
+    if change:
+        held = read.now("u_slew")
+        found[0] = held + change * ca.tanh((found[0] - held) / change)
     return ca.Function("commands", [y, observation], [ca.cse(ca.vertcat(*found))])
 
 

@@ -10,20 +10,24 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
 from fmus.models.slew_nn.network import SlewNetwork
 from learning.policy import checkpoint
-from learning.policy.network import Interface, shaped
+from learning.policy.export import read
+from learning.policy.network import Interface, set_weights, shaped, weights_of
 from learning.policy.recipe import Recipe
 from learning.policy.simulation import finite
 from learning.policy.simulation.situation import HIDDEN, Situation, Step, hidden
 from learning.policy.trainer import Trainer
 from specs.errors import InputError, RunError
 from specs.policy import SPACING_S
+from specs.schema import ROOT
 
 LOOK = 10  # steps between looks at what is outside of data and keep-out: a sample is enough
+SHIPPED = ROOT.parent / "learning" / "policies"
 WARM_UP = 0.02  # share of the iterations in which the rate rises
 
 
@@ -35,6 +39,8 @@ class GradientTrainer(Trainer):
     ) -> None:
         super().__init__(recipe, networks, seed, device)
         self.mlp = shaped(recipe, self.interface, HIDDEN * recipe.privileged).to(device)
+        if recipe.start:
+            begin(self.mlp, recipe, self.interface)
         self.teacher = _teacher(recipe, self.interface).to(device) if recipe.teacher else None
         self.optimiser = torch.optim.Adam(self.mlp.parameters(), lr=recipe.rate, betas=(0.9, 0.99))
         self.last: Situation | None = None
@@ -123,6 +129,24 @@ def _teacher(recipe: Recipe, way: Interface) -> nn.Sequential:
     except (InputError, RuntimeError) as error:  # missing, damaged, or a network of other sizes
         raise InputError(f"teacher {path}: {error}; train one with --set privileged=true") from error
     return mlp.requires_grad_(False)
+
+
+def begin(mlp: nn.Sequential, recipe: Recipe, way: Interface) -> None:
+    """Give a new network the weights of the recipe's `start`; InputError if they are of another network."""
+    path = Path(recipe.start)
+    policy = read(SHIPPED / path if len(path.parts) == 1 else path)
+    told, wanted = policy.contract, (recipe.task, recipe.history, recipe.prior)
+    shapes = [w.shape for w, _ in weights_of(mlp)]
+    fits = (told.task, told.history, told.prior) == wanted and shapes == [w.shape for w, _ in policy.weights]
+    if fits:
+        set_weights(mlp, policy.weights)
+        pairs = zip(weights_of(mlp), policy.weights, strict=True)
+        fits = all(np.allclose(a, b, atol=1e-5) for (a, _), (b, _) in pairs)
+    if not fits:
+        raise InputError(
+            f"start {recipe.start}: not a {recipe.task} policy of history {recipe.history}, prior "
+            f"'{recipe.prior}' and layers {list(recipe.layers)} ({recipe.network or 'plain'})"
+        )
 
 
 def schedule(progress: float) -> float:

@@ -28,6 +28,7 @@ from records.metrics import BAND_DEG, LAST_S
 from specs.policy import SPACING_S
 
 DURATION_S = 15.0
+REST_S = 5.0  # of the end, in which a machine should rest
 TRAVEL = (math.radians(45), math.radians(135))  # of the scenarios
 LOADS = {
     "empty": (0.0, 0.0, 1.0),
@@ -43,10 +44,12 @@ def judge(
     pace: float = 1.0,
     n: int = 256,
     seed: int = 99,
+    loads: Sequence[str] = tuple(LOADS),
 ) -> dict[str, dict[str, float]]:
     """Metrics by load at one pace, on random machines of the recipe; a seed of its own, not training's."""
     found = {}
-    for load, (low, high, told) in LOADS.items():
+    for load in loads:
+        low, high, told = LOADS[load]
         random = replace(
             recipe.random,
             load=(low, high),
@@ -61,34 +64,46 @@ def judge(
 
 
 def judge_file(
-    policy: Policy, networks: Sequence[SlewNetwork], machines: Randomisation, pace: float, n: int = 256
+    policy: Policy,
+    networks: Sequence[SlewNetwork],
+    machines: Randomisation,
+    pace: float,
+    n: int = 256,
+    loads: Sequence[str] = tuple(LOADS),
+    **changed: Any,
 ) -> dict[str, dict[str, float]]:
     """`judge` of an exported policy on machines of these ranges."""
     c = policy.contract
-    recipe = replace(RECIPES[c.task], history=c.history, prior=c.prior, random=machines)
+    recipe = replace(
+        RECIPES[c.task], history=c.history, prior=c.prior, change=c.change, random=machines, **changed
+    )
     mlp = perceptron([policy.weights[0][0].shape[1], *(len(b) for _, b in policy.weights)])
     set_weights(mlp, policy.weights)
-    return judge(recipe, networks, mlp, pace, n)
+    return judge(recipe, networks, mlp, pace, n, loads=loads)
 
 
 @torch.no_grad()
-def roll_out(e: Environment, mlp: nn.Module) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Slew error [periods + 1, n] rad, distance [periods, n] m, tool rate [periods, n] rad/s, ended [n]."""
-    way = Interface(e.recipe.task, e.recipe.history, e.recipe.prior, e.device)
+def roll_out(e: Environment, mlp: nn.Module) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    """Slew error [periods + 1, n] rad; distance m, tool rate rad/s, joystick [periods, n]; ended [n]."""
+    way = Interface(e.recipe.task, e.recipe.history, e.recipe.prior, e.device, e.recipe.change)
     s = e.fresh()
-    slew, distance, tool, ended = [s.state.q], [], [], torch.zeros(e.n, dtype=torch.bool)
+    slew, distance, tool, lever, ended = [s.state.q], [], [], [], torch.zeros(e.n, dtype=torch.bool)
     for _ in range(e.periods):
         observation = e.observe(s)
         s = e.advance(s, way.limited(way.asked(mlp(way.features(observation)), observation)))
         slew.append(s.state.q)
         distance.append(e.error(s).norm(dim=0))
         tool.append(torch.hypot(s.state.tool[2], s.state.tool[3]))
+        lever.append(s.action[0])
         ended = ended | e.ended(s)
-    return torch.stack(slew), torch.stack(distance), torch.stack(tool), ended
+    return torch.stack(slew), torch.stack(distance), torch.stack(tool), torch.stack(lever), ended
 
 
-def metrics(slew: Tensor, distance: Tensor, tool: Tensor, ended: Tensor) -> dict[str, float]:
-    """The four metrics, means over machines; °/s, °, m (and ° for the slew alone), °/s."""
+def metrics(slew: Tensor, distance: Tensor, tool: Tensor, lever: Tensor, ended: Tensor) -> dict[str, float]:
+    """The four metrics, means over machines; °/s, °, m (and ° for the slew alone), °/s; and how calm it is.
+
+    Beside them: ° from peak to peak in the last REST_S, sign changes of the joystick a second.
+    """
     travel = torch.rad2deg(slew[0].abs())
     past = torch.rad2deg(slew * -torch.sign(slew[0]))  # positive beyond the target
     outside = past.abs() > BAND_DEG
@@ -96,13 +111,16 @@ def metrics(slew: Tensor, distance: Tensor, tool: Tensor, ended: Tensor) -> dict
     settled = (outside * periods).max(dim=0).values  # periods until it stays inside
     missed = settled == len(slew)
     time = torch.where(missed, float(len(slew) - 1), settled.float().clamp(min=1.0)) * SPACING_S
-    last = round(LAST_S / SPACING_S)
+    last, rest = round(LAST_S / SPACING_S), past[-round(REST_S / SPACING_S) :]
+    turned = torch.sign(lever[1:]) * torch.sign(lever[:-1]) < 0
     found: dict[str, Any] = {
         "speed": (travel / time).mean(),
         "overshoot": past.max(dim=0).values.clamp(min=0.0).mean(),
         "error": distance[-last:].mean(),
         "slew_error": past[-last:].abs().mean(),
         "tool": torch.rad2deg(tool.mean()),
+        "rest_peak_to_peak": (rest.max(dim=0).values - rest.min(dim=0).values).mean(),
+        "sign_changes": turned.float().sum(0).mean() / (len(lever) * SPACING_S),
         "missed": missed.float().mean(),
         "ended": ended.float().mean(),
     }

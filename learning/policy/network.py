@@ -107,21 +107,26 @@ def _inputs(first: "_Twice | _InTime") -> int:
 
 
 def set_weights(mlp: nn.Sequential, weights: Weights) -> None:
-    """Copy weights into the linear layers."""
-    linear = [layer for layer in mlp if isinstance(layer, nn.Linear)]
+    """Copy weights into the linear layers; of layers that treat left and right alike, one half of them."""
+    layers = [layer for layer in mlp if isinstance(layer, nn.Linear | _Twice)]
     with torch.no_grad():
-        for layer, (w, b) in zip(linear, weights, strict=True):
-            layer.weight.copy_(torch.tensor(w))
-            layer.bias.copy_(torch.tensor(b))
+        for layer, (w, b) in zip(layers, weights, strict=True):
+            own = layer.own if isinstance(layer, _Twice) else layer
+            mean = isinstance(layer, _Twice) and layer.answered is not None
+            rows, columns = own.weight.shape
+            own.weight.copy_(torch.tensor(w[:rows, :columns]) * (2.0 if mean else 1.0))
+            own.bias.copy_(torch.tensor(b[:rows]))
 
 
 class Interface:
     """Observations [N, n] to the network's inputs [n, M], and its outputs [n, k] to commands [3, n]."""
 
-    def __init__(self, task: str, history: int, prior: str = "", device: str = "cpu") -> None:
+    def __init__(
+        self, task: str, history: int, prior: str = "", device: str = "cpu", change: float = 0.0
+    ) -> None:
         self.inputs = features(task, history).numel_out(0)
         self.outputs = OUTPUTS[task]
-        self._commands = Kernel(commands(task, history, prior))
+        self._commands = Kernel(commands(task, history, prior, change))
         self._features = Kernel(features(task, history))
         low, high = zip(*(LIMITS[name] for name in ACTIONS), strict=True)
         self.low = torch.tensor(low, device=device)[:, None]

@@ -32,6 +32,9 @@ class Randomisation:
     inertia_scale: Range = (0.8, 1.3)  # what the pose's own inertia leaves out, and the drive's torque
     gain: Range = (0.88, 1.25)  # of the joystick's flow, as specs/draws.toml spreads it
     latency: Range = (0.0, 5.0)  # ticks of 0.02 s from answer to command, beyond the networks' own delay
+    slew_delay: Range = (0.0, 0.0)  # s, of the slew drive alone, beyond latency and the networks' own delay
+    edge: Range = (0.0, 0.0)  # share of the joystick's change in a period that is added to it or taken off
+    rate_filter: Range = (0.0, 0.0)  # share of the last value in what gyro and tool IMU show of a rate
     slew_error: Range = (0.35, 2.5)  # rad, either way
     small_moves: float = 0.1  # share of targets nearer than that
     pace: Range = (0.5, 1.5)
@@ -50,6 +53,7 @@ class Randomisation:
             oil_hz=(0.0, 0.0), dead_rate=(0.0, 0.0), arm_gain=(1.0, 1.0),
             tool_length=(2.0, 2.0), tool_damping=(0.1, 0.1), dead_band=(-1.0, -1.0),
             inertia_scale=(1.0, 1.0), gain=(1.0, 1.0), latency=(0.0, 0.0), pace=(1.0, 1.0),
+            slew_delay=(0.0, 0.0), edge=(0.0, 0.0), rate_filter=(0.0, 0.0),
             angle_noise=0.0, rate_noise=0.0, imu_angle_noise=0.0, imu_rate_noise=0.0,
             imu_angle_bias=0.0, imu_rate_bias=0.0, angle_bias=0.0,
         )  # fmt: skip
@@ -65,6 +69,8 @@ class Recipe:
     method: Method = "gradient"
     history: int = HISTORY
     prior: str = ""  # the law that the network's answer is added to (specs.policy.PRIORS)
+    change: float = 0.0  # of the joystick in a period: a limit inside the policy; 0: without
+    start: str = ""  # ONNX policy whose weights training begins with; a bare name is one that ships
     layers: tuple[int, ...] = (256, 128, 128)  # paper
     network: str = ""  # of NETWORKS: plain, one that treats left and right alike, filters along the history
     weights: Mapping[str, float] = field(default_factory=dict)
@@ -81,6 +87,7 @@ class Recipe:
     ahead_s: float = (
         0.2  # what is taken off the slew networks' speed, which is late (plant.py); 0: as in the FMU
     )
+    family: bool = False  # each slew network also as its mirror image, and with and without `ahead_s`
     spatial: bool = False  # the tool is the reference machine's spatial pendulum, not the paper's plane ones
     envs: int = 2048
     iterations: int = 1000
@@ -166,6 +173,7 @@ _OURS = {
     "one_shot": 0.05, "keep_out": 2.0, "limits": 0.05,
 }  # fmt: skip
 _FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
+_CALM = {**_OURS, "settle": 1.7, "closing": 0.25, "action": 1.0, "one_shot": 0.5}
 _EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense, the paper's 256, 128, 128
 _RECIPES = (
     Recipe(
@@ -183,6 +191,17 @@ _RECIPES = (
         fade=0.99, level=2.0, spatial=True,
         random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
         episode_s=15.0, consecutive=0.5, envs=192, iterations=1500, rate=1.5e-3,
+    ),
+    Recipe(
+        "family", "ours, on a family of drives: goes on from `full`, the joystick's change limited",
+        prior="gentle", start="full.onnx", change=0.2, family=True, weights=_CALM, **_EVEN,
+        first=Shape(0.7, 0.5, 0.05, 0.06), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.0,
+        fade=0.99, level=2.0, spatial=True,
+        random=Randomisation(
+            oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), gain=(0.75, 1.33),
+            inertia_scale=(0.7, 1.4), slew_delay=(0.0, 0.25), edge=(-0.2, 0.5), rate_filter=(0.0, 0.4),
+        ),
+        episode_s=15.0, consecutive=0.5, envs=192, iterations=420, rate=1e-3,
     ),
     Recipe(
         "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST, **_EVEN,

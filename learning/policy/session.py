@@ -34,7 +34,9 @@ from specs.schema import ROOT
 BUDGETS = ("full", "short", "tiny")  # what is told of a recipe stays as it is told
 DEVICES = ("auto", "cpu", "cuda")
 SHORT = 0.2  # of the iterations
-NETWORKS = (ROOT.parent / "fmus" / "models" / "slew_nn" / "weights.npz",)
+_MODELS = ROOT.parent / "fmus" / "models"
+NETWORKS = (_MODELS / "slew_nn" / "weights.npz",)
+FAMILY = (*NETWORKS, _MODELS / "slew_published" / "weights.npz")  # of a recipe with a family
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ def changes(texts: Sequence[str]) -> dict[str, Any]:
 def run(options: Options, report: Report) -> dict[str, Any]:
     """Train, or go on; returns the figures.  RunError if training fails: the last good checkpoint stays."""
     chosen = options.chosen()
-    paths = options.networks or NETWORKS
+    paths = options.networks or (FAMILY if chosen.family else NETWORKS)
     if chosen.envs < len(paths):
         raise InputError(f"envs = {chosen.envs}: valid is from {len(paths)}, one machine a slew network")
     data, commit = digest(paths), source_state()
@@ -158,7 +160,8 @@ def make_trainer(chosen: Recipe, paths: Any, seed: int, device: str = "cpu") -> 
     torch.set_num_threads(1)
     networks = load_networks(paths)
     trainer = _made(chosen, networks, seed, device)
-    trainer.sources = [str(path) for path in paths]
+    if not chosen.family:
+        trainer.sources = [str(path) for path in paths]
     return trainer
 
 
@@ -203,6 +206,7 @@ def _export(training: Training, options: Options, commit: str, figures: Mapping[
         chosen.task,
         chosen.history,
         prior=chosen.prior,
+        change=chosen.change,
         data_sha256=training.data,
         ranges=ranges(training.trainer, chosen),
         made=made,

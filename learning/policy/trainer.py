@@ -29,9 +29,9 @@ class Trainer:
         torch.manual_seed(seed)
         self.recipe, self.device = recipe, device
         self.environment = Environment(recipe, networks, recipe.envs, seed, device)
-        self.interface = Interface(recipe.task, recipe.history, recipe.prior, device)
+        self.interface = Interface(recipe.task, recipe.history, recipe.prior, device, recipe.change)
         self.done = 0
-        self.sources = [f"{i + 1}" for i in range(len(networks))]  # names of the slew networks, for messages
+        self.sources = [member.name for member in self.environment.members]  # for messages
 
     @property
     def progress(self) -> float:

@@ -11,11 +11,12 @@ from typing import Any
 
 from learning.policy.simulation.rewards import TERMS
 from specs.errors import InputError
-from specs.policy import MOST_HISTORY, PRIORS, SPACING_S
+from specs.policy import MOST_CHANGE, MOST_HISTORY, PRIORS, SPACING_S
 
 ABSENT = (-1.0, -1.0)  # a range that leaves the nominal value
 MOST_AHEAD_S = 0.9  # of the ten speeds that the slew networks see one must be there
 LARGEST, MOST = 1e30, 1e9  # what single precision holds with room for products; what can be counted
+MOST_SLEW_DELAY_S = 0.5  # with the latency: six periods
 MOST_DELAY_S, MOST_LATENCY = 0.6, 5.0  # together seven periods: the eight commands that are kept
 
 
@@ -102,6 +103,7 @@ RECIPE: Mapping[str, Rule] = {
     "layers": SIZES, "weights": Rule(lambda v: isinstance(v, Mapping), "weights.TERM=NUMBER"),
     "quiet": SOME_TERMS, "gentle": FINITE, "first": Rule(is_dataclass, "first.WIDTH=NUMBER"),
     "last": Rule(is_dataclass, "last.WIDTH=NUMBER"), "curriculum": NO_LESS, "late_terms": SOME_TERMS,
+    "change": number(0, MOST_CHANGE), "start": TEXT, "family": TRUTH,
     "random": Rule(is_dataclass, "random.NAME=[LOW,HIGH]"), "episode_s": number(SPACING_S),
     "consecutive": SHARE, "swinging": SHARE, "ahead_s": number(0, MOST_AHEAD_S), "spatial": TRUTH,
     "envs": whole(1), "iterations": whole(1), "rate": POSITIVE,
@@ -117,7 +119,8 @@ RANDOM: Mapping[str, Rule] = {
     "arm_delay": span(0, MOST_DELAY_S, absent=True), "oil_hz": span(0), "oil_damping": span(0),
     "dead_rate": span(0), "arm_gain": span(0), "tool_length": span(0, above=True), "tool_damping": span(0),
     "dead_band": span(0, 1, absent=True), "inertia_scale": span(0, above=True), "gain": span(0, above=True),
-    "latency": span(0, MOST_LATENCY), "slew_error": span(0, math.pi), "small_moves": SHARE,
+    "latency": span(0, MOST_LATENCY), "slew_delay": span(0, MOST_SLEW_DELAY_S), "edge": span(-1, 1),
+    "rate_filter": span(0, 0.9), "slew_error": span(0, math.pi), "small_moves": SHARE,
     "pace": span(0, above=True),
     **dict.fromkeys(("angle_noise", "rate_noise", "imu_angle_noise", "imu_rate_noise"), NO_LESS),
     **dict.fromkeys(("imu_angle_bias", "imu_rate_bias", "angle_bias"), NO_LESS),

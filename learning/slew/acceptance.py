@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from fmus.models.slew import traces
 from fmus.models.slew_nn.network import HISTORY, Mlp, SlewNetwork
@@ -22,6 +23,7 @@ from specs.signals import signal
 FAR = 6.0  # deviations from a stated mean: beyond, data and statistics are of different things
 MOST_FAR = 0.05  # share of samples beyond: a pressure peak is not a wrong unit
 TURNED = 0.5  # with a channel turned, an error this much smaller says that its sense is wrong
+STRETCH = (0.7, 1.4)  # of the joystick, in which a better full scale is looked for
 SIGNALS = {"u": "u_slew", "p_l": "p_slew_b", "p_r": "p_slew_a", "omega": "qd_slew", "inertia": "inertia"}
 SENSES: dict[str, Callable[[Trajectory], Trajectory]] = {
     "channel u turned round": lambda t: replace(t, u=-t.u),
@@ -44,10 +46,16 @@ class Acceptance:
         return self.network.velocity_mae >= self.held.velocity_mae
 
 
-def trajectories(path: Path) -> list[Trajectory]:
-    """A recording of any known format, or a CSV of the slew traces' form."""
+def trajectories(path: Path, inertia: tuple[float, float] | None = None) -> list[Trajectory]:
+    """A recording of any known format, or a CSV of the slew traces' form.
+
+    A recording's inertia is the project's, of its poses; a trace states the number that the network was
+    trained on, which `inertia` (SlewNetwork.inertia_map) takes to the project's.
+    """
     if path.suffix == ".csv" and path.is_file() and _is_trace(path):
-        return [of_trace(traces.read(path))]
+        scale, offset = inertia or (1.0, 0.0)
+        found = of_trace(traces.read(path))
+        return [replace(found, inertia=(found.inertia - offset) / scale)]
     return of_measurement(read_measurement(path), path.stem)
 
 
@@ -65,6 +73,7 @@ def accept(network: SlewNetwork, recording: Sequence[Trajectory]) -> Acceptance:
             "the network runs away on this recording: its predictions are not finite within 10 s"
         )
     _check_senses(network, recording)
+    _check_scale(network, recording)
     return Acceptance(found, score(_held, cut), _outside(network, recording))
 
 
@@ -117,6 +126,20 @@ def _check_senses(network: SlewNetwork, recording: Sequence[Trajectory]) -> None
         )
 
 
+def _check_scale(network: SlewNetwork, recording: Sequence[Trajectory]) -> None:
+    """A network that does far better with the joystick stretched was given another full scale."""
+
+    def error(stretch: float) -> float:
+        return float(_mismatch(network, [replace(t, u=stretch * t.u) for t in recording]).sum())
+
+    found = minimize_scalar(error, bounds=STRETCH, method="bounded", options={"xatol": 0.002, "maxiter": 20})
+    if found.fun < TURNED * error(1.0):
+        raise InputError(
+            f"10 s errors of pressures and speed are {found.fun / error(1.0):.0%} of those as described with "
+            f"channel u times {found.x:.3g}: wrong full scale of the joystick?"
+        )
+
+
 def _mismatch(network: SlewNetwork, recording: Sequence[Trajectory]) -> np.ndarray:
     """Mean 10 s open-loop errors of (pressures, speed), in deviations of the recorded ones."""
     cut = windows(recording, HISTORY, HORIZON, STRIDE)
@@ -139,7 +162,7 @@ def _statistics(net: Mlp) -> Iterator[tuple[str, float, float]]:
 
 
 def _outside(network: SlewNetwork, recording: Sequence[Trajectory]) -> float | None:
-    if network.visited is None:
+    if not network.knows_region:
         return None
     return float(np.mean(np.concatenate([network.outside(t.inertia, t.u, t.omega) for t in recording])))
 

@@ -25,12 +25,18 @@
     mean_out = [60, 60]            # in order of `outputs`
     std_out = [50, 50]
 
-    [region]                       # SI: what the networks were trained on, if known
+    [inertia]                      # the number that the networks were trained on:
+    scale = 0.82                   # scale * I + offset, with the project's I [kg m2]; 1 and 0 if it is that
+    offset = -55500.0
+    applied = false                # true in exports: the networks take the project's number already
+
+    [region]                       # SI: what the networks were trained on, if known; inertia in their number
     u = [-1.0, 1.0]
 
 Only the tables `pressure` and `velocity` with inputs and outputs must be there.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -140,6 +146,21 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Inertia:
+    """The inertia number of the networks from the project's: scale * I + offset [kg m2]."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    scale: float = 1.0
+    offset: float = 0.0
+    applied: bool = False
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.scale < math.inf and math.isfinite(self.offset)):
+            raise InputError(f"scale = {self.scale:g}, offset = {self.offset:g}: finite, scale above 0")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Description:
     """The whole file."""
 
@@ -154,6 +175,7 @@ class Description:
     activation: Literal["relu"] = "relu"
     symmetric: bool = False
     normalisation: Literal["inside", "outside"] = "outside"
+    inertia: Inertia | None = None
     region: dict[str, tuple[float, float]] = field(default_factory=dict)
     visited: str | None = None
     meta: dict[str, Any] = field(default_factory=dict)
@@ -166,6 +188,9 @@ class Description:
             )
         for name in {*self.channels, *self.region} - {*CHANNELS}:
             raise InputError(f"no channel '{name}'; valid: {', '.join(CHANNELS)}")
+        for name, (low, high) in self.region.items():
+            if not -math.inf < low < high < math.inf:
+                raise InputError(f"region.{name} = [{low:g}, {high:g}]: two finite numbers, the lower first")
         self.cells_visited()
         for name, outputs in OUTPUTS.items():
             self._check_part(name, self.part(name), outputs)

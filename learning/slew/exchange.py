@@ -7,7 +7,7 @@ SlewNetwork in SI: scales and turned channels go into means, deviations and weig
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from fmus.models.slew_nn.network import HISTORY, INPUTS, PERIOD_S, Mlp, SlewNetwork
 from learning.slew import description as described
-from learning.slew.description import CHANNELS, OUTPUTS, PLACES, SI, Description, Part
+from learning.slew.description import CHANNELS, OUTPUTS, PLACES, SI, Description, Inertia, Part
 from specs.errors import InputError
 
 WRAPPERS = ("state_dict", "model_state_dict", "model")  # under which training scripts put a state dict
@@ -140,9 +140,18 @@ def _stored(path: Path) -> dict[str, np.ndarray]:
 
 def _network(parts: dict[str, tuple[Mlp, ...]], told: Description, files: tuple[Path, Path]) -> SlewNetwork:
     meta = {**told.meta, "imported": [path.name for path in files]}
-    return SlewNetwork(
+    made = SlewNetwork(
         parts["pressure"], parts["velocity"], told.symmetric, told.region, meta, told.cells_visited()
     )
+    return made if told.inertia is None else _on_our_inertia(made, told.inertia)
+
+
+def _on_our_inertia(network: SlewNetwork, told: Inertia) -> SlewNetwork:
+    """The network for the project's inertia number; one that takes it already only has it written down."""
+    if not told.applied:
+        return network.told_in_our_inertia(told.scale, told.offset)
+    known = {"inertia": {"scale": told.scale, "offset": told.offset}}
+    return replace(network, meta={**network.meta, **known})
 
 
 def _in_si(raw: Raw, name: str, told: Description, path: Path) -> Mlp:
@@ -271,6 +280,8 @@ def _description(network: SlewNetwork) -> str:
             first, *others = [np.asarray(getattr(net, attribute)) for net in members]
             if all(np.array_equal(first, other) for other in others):
                 lines += [f"{key} = {_toml(first)}"]
+    if (inertia := network.inertia_map) is not None:
+        lines += ["", "[inertia]", f"scale = {inertia[0]!r}", f"offset = {inertia[1]!r}", "applied = true"]
     for name in ("region", "meta"):
         lines += [
             "",

@@ -1,6 +1,6 @@
 """A system definition made ready to run, in memory: for tools that measure, tune or drive models."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,9 +14,16 @@ STEP_S = 0.02
 ARM = ("boom", "stick")
 
 
-def assemble(spec: systems.SystemSpec) -> System:
-    """Build the FMUs (FMI 2.0) of a system definition and load it as the orchestrator would its package."""
-    fmus = {f"{component.fmu}.fmu": build_fmu(component.fmu, 2) for component in spec.components}
+def assemble(spec: systems.SystemSpec, models: Mapping[str, Path] | None = None) -> System:
+    """Build the FMUs (FMI 2.0) of a system definition and load it as the orchestrator would its package.
+
+    `models` replaces models by their names with model folders or FMUs.
+    """
+    known = {c.fmu: (models or {}).get(c.fmu, c.fmu) for c in spec.components}
+    fmus = {
+        f"{name}.fmu": model if isinstance(model, Path) and model.suffix == ".fmu" else build_fmu(model, 2)
+        for name, model in known.items()
+    }
     with TemporaryDirectory(prefix="slewright-") as folder:
         return load_system(pack(ssd.render(spec, 2), fmus, Path(folder) / f"{spec.name}.ssp"))
 

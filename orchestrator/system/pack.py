@@ -21,14 +21,14 @@ def pack_system(
 ) -> Path:
     """Build the FMUs of the system `name`, pack it and return the path, e.g. build/systems/nominal-fmi3.ssp.
 
-    `models` replaces model folders by the name the system knows them by; a model there gets the signals that
-    the system offers in its place and that it has as inputs.
+    `models` replaces model folders by the name the system knows them by, with other folders or with FMUs; a
+    model there gets the signals that the system offers in its place and that it has as inputs.
     Raises InputError for an unknown system or a component without a model folder.
     """
     spec = systems.load(name)
     known = model_folders() | dict(models or {})
     for component in spec.components:
-        if component.fmu in (models or {}):
+        if component.fmu in (models or {}) and known[component.fmu].suffix != ".fmu":
             inputs = {v.name for v in load_model(known[component.fmu]).inputs}
             spec = spec.fitted(component.name, inputs)
     resources: dict[str, Path] = {}
@@ -38,7 +38,8 @@ def pack_system(
                 f"system {name}: component {component.name} needs the model '{component.fmu}'; "
                 f"{nearest(component.fmu, known)}"
             )
-        resources[f"{component.fmu}.fmu"] = build_fmu(known[component.fmu], fmi_version)
+        model = known[component.fmu]
+        resources[f"{component.fmu}.fmu"] = model if model.suffix == ".fmu" else build_fmu(model, fmi_version)
     return pack(render(spec, fmi_version), resources, out / f"{stem(name, fmi_version)}.ssp")
 
 

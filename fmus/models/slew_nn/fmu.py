@@ -16,7 +16,7 @@ from pathlib import Path
 from fmus.models.slew_nn.model import of_network
 from fmus.models.slew_nn.network import SlewNetwork
 
-MODEL = of_network(SlewNetwork.load(Path(__file__).with_name("weights.npz")), "{name}")
+MODEL = of_network(SlewNetwork.load(Path(__file__).with_name("weights.npz")), "{name}", {ahead})
 '''
 
 
@@ -43,11 +43,11 @@ def check_name(name: str) -> None:
         raise InputError(f"'{name}' cannot name an FMU; valid: letters, digits and _, no digit first")
 
 
-def write_folder(network: SlewNetwork, name: str, parent: Path) -> Path:
+def write_folder(network: SlewNetwork, name: str, parent: Path, ahead: int = 0) -> Path:
     """Write a model folder `parent`/`name` (model.py, weights.npz, README.md) and return it."""
     folder = parent / name
     folder.mkdir(parents=True)
-    (folder / "model.py").write_text(MODEL.format(name=name))
+    (folder / "model.py").write_text(MODEL.format(name=name, ahead=ahead))
     network.save(folder / "weights.npz")
     readme = Path(__file__).with_name("README.md")
     (folder / "README.md").write_text(readme.read_text())

@@ -34,12 +34,20 @@ CHANNELS = {  # name -> (length, unit, what, nominal); rows from old to new
 BRAKE_TIMES = ("slew_brake_threshold", "slew_brake_release_time", "slew_brake_engage_time")
 
 
-def of_network(network: SlewNetwork, name: str = "slew_nn") -> Model:
-    """The model with this network; same inputs and outputs as `slew`."""
-    tick = _tick(network)
+INERTIA_UNKNOWN = "inertia number not stated"
+
+
+def of_network(network: SlewNetwork, name: str = "slew_nn", ahead: int = 0) -> Model:
+    """The model with this network; same inputs and outputs as `slew`.
+
+    A network whose speed is late is run `ahead` periods before the clock, on the present joystick for what is
+    still to come: its speed is then that of the machine.
+    """
+    tick = _tick(network, ahead)
+    unknown = f"; {INERTIA_UNKNOWN}" if network.inertia_map is None else ""
     return Model(
         name=name,
-        description="Slew drive as pressure and velocity network (one step of 0.1 s ahead)",
+        description=f"Slew drive as pressure and velocity network (one step of 0.1 s ahead){unknown}",
         kind="discrete",
         step=STEP,
         states=(
@@ -81,13 +89,14 @@ def _next_state(tick: ca.Function, x: Namespace, u: Namespace, m: Namespace) -> 
     }
 
 
-def _tick(network: SlewNetwork) -> ca.Function:
+def _tick(network: SlewNetwork, ahead: int) -> ca.Function:
     """(whether a prediction is due, phase, u_slew, inertia, push, histories) -> histories one tick later."""
     phase, u_slew, inertia, push = (ca.MX.sym(n) for n in ("phase", "u_slew", "inertia", "push"))
     u, p_l, p_r, omega = past = [ca.MX.sym(key, n) for key, (n, *_) in CHANNELS.items()]
     arguments = [phase, u_slew, inertia, push, *past]
 
-    left, right, speed = predict(network)(ca.vertcat(u, u_slew), p_l, p_r, omega, inertia)
+    known = ca.vertcat(u[ahead:], ca.repmat(u_slew, ahead + 1, 1))
+    left, right, speed = predict(network)(known, p_l, p_r, omega, inertia)
     newest = (u_slew, left, right, speed + push)
     moved = [ca.vertcat(old[1:], new) for old, new in zip(past, newest, strict=True)]
     due = ca.Function("due", arguments, moved)

@@ -8,6 +8,9 @@ p_l and p_r the chambers (signals p_slew_b and p_slew_a; p_r drives positive ome
 speed as the encoder gives it in rad/s, I the slew inertia from pose and nominal masses in kg m2.  Histories
 run from old to new, inputs lie in the order written.  Source: the paper (fmus/models/slew_nn/README.md).
 
+A network from elsewhere may have been trained on another inertia number than this project's; where that is
+known (`told_in_our_inertia`), it is part of the normalisation.
+
 A model may lack an input: without `pressure` networks the speed follows from u, omega and I, and pressures
 stay; a velocity network of one input less does not see I.
 
@@ -20,7 +23,7 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,16 +98,58 @@ class SlewNetwork:
             )
 
     def outside(self, inertia: np.ndarray, u: np.ndarray, omega: np.ndarray) -> np.ndarray:
-        """Which of n states lie where no training data was, bool [n]; all False if that is not known."""
-        if self.visited is None:
-            return np.zeros(np.shape(u), dtype=bool)
+        """Which of n states lie where no training data was, bool [n]; False where that is not known.
+
+        Beyond a range of `region`, and in cells that are not `visited`.
+        """
         index, beyond = [], np.zeros(np.shape(u), dtype=bool)
         for (name, count), value in zip(CELL_AXES.items(), (inertia, u, omega), strict=True):
+            if name not in self.region:
+                continue
             low, high = self.region[name]
             share = (np.asarray(value, float) - low) / (high - low)
             beyond |= (share < -TOLERANCE) | (share > 1 + TOLERANCE)
             index.append(np.clip((share * count).astype(int), 0, count - 1))
-        return beyond | ~self.visited[tuple(index)]
+        return beyond if self.visited is None else beyond | ~self.visited[tuple(index)]
+
+    @property
+    def inertia_map(self) -> tuple[float, float] | None:
+        """(scale, offset) from the project's inertia to the number it was trained on; None if not known.
+
+        The weights take the project's number.  A network that was trained here was trained on it.
+        """
+        if "inertia" in self.meta:
+            return self.meta["inertia"]["scale"], self.meta["inertia"]["offset"]
+        return None if "imported" in self.meta else (1.0, 0.0)
+
+    @property
+    def knows_region(self) -> bool:
+        """Whether anything is known about where its training data lay."""
+        return any(name in self.region for name in CELL_AXES)
+
+    def told_in_our_inertia(self, scale: float, offset: float) -> "SlewNetwork":
+        """This network for the project's inertia I, where it was trained on `scale` * I + `offset` [kg m2].
+
+        The map goes into mean and deviation of the inertia input, so that it holds wherever the network runs,
+        and into the region; `meta` says it.
+        """
+        parts = {part: tuple(_on_ours(n, scale, offset) for n in getattr(self, part)) for part in PARTS}
+        region = dict(self.region)
+        if "inertia" in region:
+            low, high = region["inertia"]
+            region["inertia"] = ((low - offset) / scale, (high - offset) / scale)
+        meta = {**self.meta, "inertia": {"scale": scale, "offset": offset}}
+        return replace(self, **parts, region=region, meta=meta)
+
+    def mirrored(self) -> "SlewNetwork":
+        """The network of the mirror image: joystick and speed negated, chambers exchanged."""
+        parts = {part: tuple(_mirror_image(n) for n in getattr(self, part)) for part in PARTS}
+        region = {name: self.region[EXCHANGED.get(name, name)] for name in self.region}
+        for name in {"u", "omega"} & {*region}:
+            region[name] = (-region[name][1], -region[name][0])
+        visited = None if self.visited is None else self.visited[:, ::-1, ::-1]
+        meta = {**self.meta, "mirror_image": True}
+        return replace(self, **parts, region=region, meta=meta, visited=visited)
 
     def predict(
         self, u: np.ndarray, p_l: np.ndarray, p_r: np.ndarray, omega: np.ndarray, inertia: np.ndarray
@@ -175,7 +220,37 @@ class SlewNetwork:
 
 
 PARTS = ("pressure", "velocity")
+EXCHANGED = {"p_l": "p_r", "p_r": "p_l"}  # in the mirror image
 NORMALISATION = ("mean_in", "std_in", "mean_out", "std_out")
+
+
+def _on_ours(net: Mlp, scale: float, offset: float) -> Mlp:
+    """(scale I + offset - mean) / std = (I - (mean - offset) / scale) / (std / scale)."""
+    if net.sizes[0] % HISTORY == 0:
+        return net
+    mean, std = net.mean_in.copy(), net.std_in.copy()
+    mean[-1], std[-1] = (mean[-1] - offset) / scale, std[-1] / scale
+    return replace(net, mean_in=mean, std_in=std)
+
+
+def _mirror_image(net: Mlp) -> Mlp:
+    """The network that answers to mirrored inputs as this one does to the inputs, mirrored back."""
+    rows = net.sizes[0] // HISTORY
+    at, turn = np.arange(net.sizes[0]), np.ones(net.sizes[0])
+    blocks = at[: rows * HISTORY].reshape(rows, HISTORY)
+    turn[[*blocks[0], *blocks[-1]]] = -1.0
+    if rows == 4:
+        at = np.concatenate([blocks[0], blocks[2], blocks[1], blocks[3], at[4 * HISTORY :]])
+    out = [1, 0] if net.sizes[-1] == 2 else [0]
+    turn_out = 1.0 if net.sizes[-1] == 2 else -1.0
+    weights, biases = list(net.weights), list(net.biases)
+    weights[0] = (weights[0] * turn)[:, at].astype(np.float32)
+    weights[-1] = (turn_out * weights[-1])[out].astype(np.float32)
+    biases[-1] = (turn_out * biases[-1])[out].astype(np.float32)
+    return Mlp(
+        tuple(weights), tuple(biases), (turn * net.mean_in)[at], net.std_in[at],
+        (turn_out * net.mean_out)[out], net.std_out[out], net.residual,
+    )  # fmt: skip
 
 
 def _arrays(net: Mlp) -> dict[str, np.ndarray]:

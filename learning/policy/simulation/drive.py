@@ -4,70 +4,72 @@ Weights stay as they are, so that of all derivatives only those by the inputs ar
 histories are operations with derivatives of their own.  Held to numpy's networks and to the FMUs by tests.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from fmus.models.slew_nn.network import CELL_AXES, TOLERANCE, Mlp, SlewNetwork
+from fmus.models.slew_nn.network import CELL_AXES, PARTS, TOLERANCE, Mlp, SlewNetwork
 
 
 class Drive:
-    """Slew networks on [41, n]: machines are shared out among them in equal, contiguous groups."""
+    """Slew networks on [41, n]: machines are shared out among them in equal, contiguous shares.
 
-    def __init__(self, networks: Sequence[SlewNetwork], device: str = "cpu", dtype: Any = torch.float32):
+    Networks of any sizes; neighbours of the same ones are computed together.  `ahead`: by how many periods
+    each network runs ahead of the clock (plant.py).
+    """
+
+    def __init__(
+        self,
+        networks: Sequence[SlewNetwork],
+        device: str = "cpu",
+        dtype: Any = torch.float32,
+        ahead: Sequence[int] = (),
+    ):
         for network in networks:
             network.check_whole()
         self.networks = tuple(networks)
-        self.symmetric = networks[0].symmetric
-        kind = {"device": device, "dtype": dtype}
-        self.parts = {
-            name: [_stack(nets, kind) for nets in zip(*(getattr(n, name) for n in networks), strict=True)]
-            for name in ("pressure", "velocity")
-        }
+        self.ahead = tuple(ahead) or (0,) * len(networks)
+        alike = [tuple(found) for _, found in groupby(networks, _shape)]
+        self.groups = [_Group(found, device, dtype) for found in alike]
         self.maps = [_visited(n, device) for n in networks]
 
     def __call__(
         self, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor, inertia: Tensor
     ) -> tuple[Tensor, ...]:
         """Next p_l, p_r, omega [n]; u [10, n] up to now, the others [10, n] up to the last instant."""
-        found = self._one_way(u, p_l, p_r, omega, inertia)
-        if not self.symmetric:
-            return found
-        left, right, speed = self._one_way(-u, p_r, p_l, -omega, inertia)
-        return (found[0] + right) / 2, (found[1] + left) / 2, (found[2] - speed) / 2
+        return self._of_groups(lambda group, *own: group(*own), u, p_l, p_r, omega, inertia)
 
-    def onward(
-        self, past: Sequence[Tensor], joystick: Tensor, inertia: Tensor, ahead: int
-    ) -> tuple[Tensor, ...]:
+    def onward(self, past: Sequence[Tensor], joystick: Tensor, inertia: Tensor) -> tuple[Tensor, ...]:
         """Histories u [9, n], p_l, p_r, omega [10, n] a period on, with the joystick [n] held from now on."""
         u, p_l, p_r, omega = past
-        if len(self.networks) == 1 and not self.symmetric and len(self.parts["pressure"]) == 1:
-            return _Onward.apply(self, ahead, *past, joystick, inertia)  # type: ignore[return-value]
-        known = torch.cat([u[ahead:], joystick.expand(ahead + 1, -1)])
-        new = self(known, p_l, p_r, omega, inertia)
-        rows = zip(past, (joystick, *new), strict=True)
-        return tuple(torch.cat([old[1:], row[None]]) for old, row in rows)
+        known = self._known(u, joystick)
+        p_l, p_r, omega = self._of_groups(_Group.onward, known, p_l, p_r, omega, inertia)
+        return torch.cat([u[1:], joystick[None]]), p_l, p_r, omega
 
-    def _one_way(
-        self, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor, inertia: Tensor
-    ) -> tuple[Tensor, ...]:
-        seen = inertia[None]
-        p = self._mean("pressure", torch.cat([u, p_l, p_r, omega, seen]), torch.stack([p_l[-1], p_r[-1]]))
-        newer = [p_l[1:], p[:1], p_r[1:], p[1:]]
-        w = self._mean("velocity", torch.cat([u, *newer, omega, seen]), omega[-1:])
-        return p[0], p[1], w[0]
+    def _known(self, u: Tensor, joystick: Tensor) -> Tensor:
+        """The joystick [10, n] as each network sees it: one that runs ahead, the newest held from now on."""
+        share = len(joystick) // len(self.ahead)
+        parts, start = [], 0
+        for ahead, alike in groupby(self.ahead):
+            end = start + share * len(list(alike))
+            held = joystick[start:end].expand(ahead + 1, -1)
+            parts.append(torch.cat([u[ahead:, start:end], held]))
+            start = end
+        return parts[0] if len(parts) == 1 else torch.cat(parts, dim=1)
 
-    def _mean(self, part: str, x: Tensor, last: Tensor) -> Tensor:
-        """Mean over the members [outputs, n] for raw inputs x [41, n]."""
-        groups = len(self.networks)
-        y = x.view(len(x), groups, -1).transpose(0, 1)  # [groups, 41, n / groups]
-        total = sum(_forward(member, y) for member in self.parts[part]) / len(self.parts[part])
-        found = total.transpose(0, 1).reshape(last.shape)  # type: ignore[union-attr]
-        residual = getattr(self.networks[0], part)[0].residual
-        return found + last if residual else found
+    def _of_groups(self, f: Callable[..., tuple[Tensor, ...]], *inputs: Tensor) -> tuple[Tensor, ...]:
+        """What f makes of each group and its columns of the inputs, side by side."""
+        if len(self.groups) == 1:
+            return f(self.groups[0], *inputs)
+        share = inputs[0].shape[-1] // len(self.networks)
+        sizes = [share * group.count for group in self.groups]
+        columns = zip(*(x.split(sizes, dim=-1) for x in inputs), strict=True)
+        found = [f(group, *own) for group, own in zip(self.groups, columns, strict=True)]
+        return tuple(torch.cat(rows, dim=-1) for rows in zip(*found, strict=True))
 
     def outside(self, inertia: Tensor, u: Tensor, omega: Tensor) -> Tensor:
         """Which of n states lie where the networks saw no data, bool [n] (SlewNetwork.outside)."""
@@ -75,41 +77,103 @@ class Drive:
         return torch.cat([_outside(m, *(g[i] for g in groups)) for i, m in enumerate(self.maps)])
 
 
+def _shape(network: SlewNetwork) -> tuple[Any, ...]:
+    """What networks that are computed together have in common."""
+    return network.symmetric, *((net.sizes, net.residual) for part in PARTS for net in getattr(network, part))
+
+
+class _Group:
+    """Networks of the same sizes, each for an equal share of the columns."""
+
+    def __init__(self, networks: Sequence[SlewNetwork], device: str, dtype: Any) -> None:
+        self.count, self.symmetric = len(networks), networks[0].symmetric
+        kind = {"device": device, "dtype": dtype}
+        self.parts = {
+            name: [_stack(nets, kind) for nets in zip(*(getattr(n, name) for n in networks), strict=True)]
+            for name in PARTS
+        }
+        self.adds = [getattr(networks[0], part)[0].residual for part in PARTS]
+        self.plain = not self.symmetric and all(len(members) == 1 for members in self.parts.values())
+
+    def __call__(
+        self, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor, inertia: Tensor
+    ) -> tuple[Tensor, ...]:
+        """As `Drive`'s."""
+        found = self._one_way(u, p_l, p_r, omega, inertia)
+        if not self.symmetric:
+            return found
+        left, right, speed = self._one_way(-u, p_r, p_l, -omega, inertia)
+        return (found[0] + right) / 2, (found[1] + left) / 2, (found[2] - speed) / 2
+
+    def onward(
+        self, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor, inertia: Tensor
+    ) -> tuple[Tensor, ...]:
+        """Histories p_l, p_r, omega [10, n] a period on."""
+        if self.plain:
+            return _Onward.apply(self, u, p_l, p_r, omega, inertia)  # type: ignore[return-value]
+        new = self(u, p_l, p_r, omega, inertia)
+        return tuple(torch.cat([old[1:], row[None]]) for old, row in zip((p_l, p_r, omega), new, strict=True))
+
+    def _one_way(
+        self, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor, inertia: Tensor
+    ) -> tuple[Tensor, ...]:
+        seen = inertia[None]
+        p = self._mean(0, torch.cat([u, p_l, p_r, omega, seen]), torch.stack([p_l[-1], p_r[-1]]))
+        newer = [p_l[1:], p[:1], p_r[1:], p[1:]]
+        w = self._mean(1, torch.cat([u, *newer, omega, seen]), omega[-1:])
+        return p[0], p[1], w[0]
+
+    def _mean(self, part: int, x: Tensor, last: Tensor) -> Tensor:
+        """Mean over the members [outputs, n] of PARTS[part] for raw inputs x [41, n]."""
+        members = self.parts[PARTS[part]]
+        y = _shared(x, self.count)
+        found = _joined(sum(_forward(member, y) for member in members) / len(members))  # type: ignore[arg-type]
+        return found + last if self.adds[part] else found
+
+
+def _shared(x: Tensor, count: int) -> Tensor:
+    """[rows, n] -> [count, rows, n / count]."""
+    return x.view(len(x), count, -1).transpose(0, 1)
+
+
+def _joined(y: Tensor) -> Tensor:
+    """[count, rows, n / count] -> [rows, n]."""
+    return y.transpose(0, 1).reshape(y.shape[1], -1)
+
+
 class _Onward(torch.autograd.Function):
-    """`Drive.onward` for one network of each kind, as one operation: half of what its parts cost.
+    """`_Group.onward` for one network of each kind, as one operation: half of what its parts cost.
 
     Rows of the networks' input: 0-9 joystick, 10-19 left and 20-29 right pressure, 30-39 speed, 40 inertia.
     """
 
     @staticmethod
     def forward(  # type: ignore[override]
-        ctx: Any, drive: Drive, ahead: int, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor,
-        joystick: Tensor, inertia: Tensor,
-    ) -> tuple[Tensor, ...]:  # fmt: skip
-        x = torch.cat([u[ahead:], joystick.expand(ahead + 1, -1), p_l, p_r, omega, inertia[None]])
-        (pressure,), (velocity,) = drive.parts["pressure"], drive.parts["velocity"]
+        ctx: Any, group: _Group, u: Tensor, p_l: Tensor, p_r: Tensor, omega: Tensor, inertia: Tensor
+    ) -> tuple[Tensor, ...]:
+        x = torch.cat([u, p_l, p_r, omega, inertia[None]])
+        pressure, velocity = (group.parts[part][0] for part in PARTS)
         keep = any(ctx.needs_input_grad)
-        p, ctx.kept_p = _run(pressure, x, keep)
-        adds = [getattr(drive.networks[0], part)[0].residual for part in ("pressure", "velocity")]
-        if adds[0]:
-            p[0] += p_l[-1]
-            p[1] += p_r[-1]
+        y, ctx.kept_p = _run(pressure, _shared(x, group.count), keep)
+        p = _joined(y)
+        if group.adds[0]:
+            p = p + torch.stack([p_l[-1], p_r[-1]])
         newer = torch.cat([x[:10], x[11:20], p[:1], x[21:30], p[1:], x[30:]])
-        w, ctx.kept_w = _run(velocity, newer, keep)
-        if adds[1]:
-            w += omega[-1:]
-        ctx.parts, ctx.adds, ctx.ahead = (pressure, velocity), adds, ahead
-        speeds, levers = torch.cat([omega[1:], w]), torch.cat([u[1:], joystick[None]])
-        return levers, newer[10:20], newer[20:30], speeds
+        y, ctx.kept_w = _run(velocity, _shared(newer, group.count), keep)
+        w = _joined(y)
+        if group.adds[1]:
+            w = w + omega[-1:]
+        ctx.parts, ctx.adds, ctx.count = (pressure, velocity), group.adds, group.count
+        return newer[10:20], newer[20:30], torch.cat([omega[1:], w])
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Any, ...]:  # type: ignore[override]
-        levers, left, right, speeds = gradients
-        later = _back(ctx.parts[1], ctx.kept_w, speeds[9:])
+        left, right, speeds = gradients
+        later = _joined(_back(ctx.parts[1], ctx.kept_w, _shared(speeds[9:], ctx.count)))
         later[10:20] += left
         later[20:30] += right
         p = torch.stack([later[19], later[29]])
-        x = _back(ctx.parts[0], ctx.kept_p, p)
+        x = _joined(_back(ctx.parts[0], ctx.kept_p, _shared(p, ctx.count)))
         x[:10] += later[:10]
         x[11:20] += later[10:19]
         x[21:30] += later[20:29]
@@ -120,37 +184,32 @@ class _Onward(torch.autograd.Function):
         x[31:40] += speeds[:9]
         if ctx.adds[1]:
             x[39] += speeds[9]
-        kept = len(levers) - ctx.ahead  # values of the joystick that the networks saw before the new one
-        u = torch.zeros_like(levers)
-        u[ctx.ahead :] = x[:kept]
-        u[1:] += levers[:-1]
-        joystick = x[kept:10].sum(0) + levers[-1]
-        return None, None, u, x[10:20], x[20:30], x[30:40], joystick, x[40]
+        return None, x[:10], x[10:20], x[20:30], x[30:40], x[40]
 
 
 def _run(layers: Sequence[tuple[Tensor, Tensor]], x: Tensor, keep: bool) -> tuple[Tensor, list[Tensor]]:
-    """(outputs, what lies between the layers if `keep`) of networks with relu, x [(groups,) inputs, n].
+    """(outputs, what lies between the layers if `keep`) of networks with relu, x [groups, inputs, n].
 
     What is not kept is free for the next layer: it is still in the cache then.
     """
-    kept, y = [], x if x.dim() == 3 else x[None]
+    kept, y = [], x
     for number, (w, b) in enumerate(layers):
         y = torch.baddbmm(b, w, y)
         if number + 1 < len(layers):
             y.relu_()
             if keep:
                 kept.append(y)
-    return y if x.dim() == 3 else y[0], kept
+    return y, kept
 
 
 def _back(layers: Sequence[tuple[Tensor, Tensor]], kept: Sequence[Tensor], g: Tensor) -> Tensor:
     """Gradient by the inputs of `_run` for a gradient by its outputs."""
-    y = g if g.dim() == 3 else g[None]
+    y = g
     for number in reversed(range(len(layers))):
         if number + 1 < len(layers):
             y = torch.ops.aten.threshold_backward(y, kept[number], 0)
         y = torch.bmm(layers[number][0].transpose(1, 2), y)
-    return y if g.dim() == 3 else y[0]
+    return y
 
 
 def _stack(nets: Sequence[Mlp], kind: Mapping[str, Any]) -> list[tuple[Tensor, Tensor]]:
@@ -187,18 +246,17 @@ class _Layers(torch.autograd.Function):
 
 
 def _visited(network: SlewNetwork, device: str) -> dict[str, Any]:
-    if network.visited is None:
-        return {}
-    return {"cells": torch.tensor(network.visited, device=device), "region": network.region}
+    cells = None if network.visited is None else torch.tensor(network.visited.copy(), device=device)
+    return {"cells": cells, "region": network.region}
 
 
 def _outside(known: Mapping[str, Any], inertia: Tensor, u: Tensor, omega: Tensor) -> Tensor:
-    if not known:
-        return torch.zeros_like(u, dtype=torch.bool)
     index, beyond = [], torch.zeros_like(u, dtype=torch.bool)
     for (name, count), value in zip(CELL_AXES.items(), (inertia, u, omega), strict=True):
+        if name not in known["region"]:
+            continue
         low, high = known["region"][name]
         share = (value - low) / (high - low)
         beyond |= (share < -TOLERANCE) | (share > 1 + TOLERANCE)
         index.append((share * count).long().clamp(0, count - 1))
-    return beyond | ~known["cells"][tuple(index)]
+    return beyond if known["cells"] is None else beyond | ~known["cells"][tuple(index)]

@@ -19,6 +19,7 @@ from fmus.models.slew_nn.network import HISTORY as SPEEDS, INPUTS, SlewNetwork
 from learning.policy.features import errors
 from learning.policy.recipe import Randomisation, Recipe
 from learning.policy.simulation.drive import Drive
+from learning.policy.simulation.family import members
 from learning.policy.simulation.kernel import Kernel
 from learning.policy.simulation.period import tip_of
 from learning.policy.simulation.plant import Machine, Plant, nominal
@@ -29,6 +30,7 @@ from specs.errors import InputError
 from specs.policy import CHANNELS, SENSORS, SLEW_ERROR, SPACING_S, TICK_S
 
 LATE = 2  # periods by which the arm encoders' rates are late (0.2 s)
+FILTERED = ("imu_cabin_rate_z", "imu_tool_rate_x", "imu_tool_rate_y")
 POOL = 8192  # poses to draw from
 POSE = {"boom": (0.8, 1.4), "stick": (-2.1, -0.3)}  # rad, of the authors' code
 RADIUS, HEIGHT = (7.0, 14.0), (2.8, 10.0)  # m, of the grab
@@ -43,10 +45,11 @@ class Environment:
         self, recipe: Recipe, networks: Sequence[SlewNetwork], n: int, seed: int, device: str = "cpu"
     ):
         self.recipe, self.random = recipe, recipe.random
-        self.n = n - n % len(networks)
+        self.members = members(recipe, networks)
+        self.n = n - n % len(self.members)
         self.device = device
-        ahead, still = round(recipe.ahead_s / SPACING_S), recipe.task == "slew"
-        self.plant = Plant(Drive(networks, device), ahead, still, recipe.spatial)
+        drive = Drive([m.network for m in self.members], device, ahead=[m.ahead for m in self.members])
+        self.plant = Plant(drive, recipe.task == "slew", recipe.spatial)
         self.boost = parameters.load("slew")["slew_boost_pressure"].value  # Pa, of a drive at rest
         self.generator = torch.Generator(device).manual_seed(seed)
         self._miss, self._sense = Kernel(_miss()), Kernel(_sense(recipe.history))
@@ -114,6 +117,7 @@ class Environment:
             torch.stack(varied), self.uniform(*r.load), ticks(base.boom_delay), ticks(base.stick_delay),
             self.uniform(*r.latency).floor(), drawn(r.dead_band, base.dead_band),
             self.uniform(*r.inertia_scale), self.uniform(*r.gain),
+            self.uniform(*r.slew_delay) / TICK_S, self.uniform(*r.edge), self.uniform(*r.rate_filter),
             torch.cat([2 * math.pi * self.uniform(*r.oil_hz, 2), *(self.uniform(*x)[None] for x in of_arm)]),
         )  # fmt: skip
 
@@ -180,7 +184,7 @@ class Environment:
         state = self.plant.advance(s.state, action, s.machine)
         flat = s.sensors.reshape(-1, self.n), s.rates.reshape(-1, self.n)
         now = (action, state.q, state.arm, state.tool, state.omega, s.bias, self._noise())
-        sensors, rates = self._sense(*flat, *now)
+        sensors, rates = self._sense(*flat, *now, s.machine.rate_filter)
         return replace(
             s, state=state, action=action, age=s.age + 1,
             sensors=sensors.view(s.sensors.shape), rates=rates.view(s.rates.shape),
@@ -191,7 +195,7 @@ class Environment:
         state, flat = s.state, (s.sensors.reshape(-1, self.n), s.rates.reshape(-1, self.n))
         shifted = torch.cat([flat[1][:2], flat[1][:-2]])  # `_sense` moves the arm's rates on by a period
         now = (s.action, state.q, state.arm, state.tool, state.omega, s.bias, self._noise())
-        return self._sense(flat[0], shifted, *now)[0].view(s.sensors.shape)[:, -1]
+        return self._sense(flat[0], shifted, *now, s.machine.rate_filter)[0].view(s.sensors.shape)[:, -1]
 
     def _noise(self) -> Tensor:
         """Uniform (paper), about of the deviations that the recipe says, [sensors, n]."""
@@ -245,17 +249,22 @@ class Environment:
 
 @cache
 def _sense(history: int) -> ca.Function:
-    """A period on: (sensors, rates, action, angle, arm, tool, speeds, bias, noise) -> (sensors, rates).
+    """(sensors, rates, action, angle, arm, tool, speeds, bias, noise, share) -> (sensors, rates) a period on.
 
-    The sensors' newest row is what they show of angle, arm, tool and speed; the arm's rates are LATE.
+    The sensors' newest row is what they show of angle, arm, tool and speed; the arm's rates are LATE, those
+    of gyro and tool IMU keep a `share` of their last value.
     """
     sensors, rates = ca.SX.sym("sensors", len(CHANNELS) * history), ca.SX.sym("rates", 2 * (LATE + 1))
-    sizes = {"action": 3, "q": 1, "arm": 4, "tool": 6, "omega": SPEEDS, "bias": 7, "noise": len(SENSORS)}
-    action, q, arm, tool, omega, bias, noise = now = [ca.SX.sym(n, k) for n, k in sizes.items()]
+    sizes = {"action": 3, "q": 1, "arm": 4, "tool": 6, "omega": SPEEDS, "bias": 7, "noise": len(SENSORS),
+             "filter": 1}  # fmt: skip
+    action, q, arm, tool, omega, bias, noise, share = now = [ca.SX.sym(n, k) for n, k in sizes.items()]
     rates_on = ca.vertcat(rates[2:], arm[2:])
     angles = ca.vertcat(q, arm[:2], tool[:2]) + bias[:5]
     speeds = ca.vertcat(omega[SPEEDS - 1], rates_on[:2], tool[2:4] + bias[5:])
     row = ca.vertcat(action, ca.vertcat(angles, speeds) + noise)
+    for name in FILTERED:
+        i = CHANNELS.index(name)
+        row[i] += share * (sensors[(i + 1) * history - 1] - row[i])
     rows = [ca.vertcat(sensors[i * history + 1 : (i + 1) * history], row[i]) for i in range(len(CHANNELS))]
     return ca.Function("sense", [sensors, rates, *now], [ca.vertcat(*rows), rates_on])
 

@@ -31,7 +31,15 @@ VARIED = (  # parameters of each simulated machine, by the FMUs' names
 
 OWN_DEAD_BAND = parameters.load("control")["control_dead_band"].value  # of the machine of the recordings
 STOP = parameters.load("machine")["grab_swing_limit"].value  # rad, of the tool's joint
-OWN = ("latency", "dead_band", "gain", "load", "inertia_scale")  # of a machine, beside VARIED
+OWN = (
+    "latency",
+    "dead_band",
+    "gain",
+    "load",
+    "inertia_scale",
+    "slew_delay",
+    "edge",
+)  # of a machine, beside VARIED
 ARM_OWN = {  # what the arm's FMU leaves out, and the value that leaves it out here, too
     "boom_oil": 0.0, "stick_oil": 0.0,  # rad/s, of boom and stick on the oil of their cylinders
     "oil_damping": 0.0,
@@ -92,13 +100,20 @@ def tip_of() -> ca.Function:
 def _command(arm: ca.SX) -> ca.Function:
     """The commands that are under way, what of them the networks see, and the slew inertia."""
     sent, action, own = ca.SX.sym("sent", 3 * KEPT), ca.SX.sym("action", 3), ca.SX.sym("own", len(OWN))
-    latency, band, gain, load, scale = (own[i] for i in range(len(OWN)))
-    share = latency / TICKS
-    joystick = (1.0 - share) * action[0] + share * sent[3 * (KEPT - 1)]
+    latency, band, gain, load, scale, delay, edge = (own[i] for i in range(len(OWN)))
+    levers = [action[0], *(sent[3 * (KEPT - 1 - k)] for k in range(KEPT))]  # the newest first
+    back = (latency + delay) / TICKS
+    now, before = (_between(levers, back + periods) for periods in (0, 1))
+    joystick = now + edge * (now - before)
     inertia = scale * kinematics.inertia_z(arm[0], arm[1], load, kinematics.geometry())
     found: list[Any] = [ca.vertcat(sent[3:], action), _warped(joystick, band, gain), inertia]
     made: Any = ca.cse(found)
     return ca.Function("command", [sent, action, arm, own], made)
+
+
+def _between(values: list[ca.SX], back: ca.SX) -> Any:
+    """The value `back` places from the first, on straight lines between them."""
+    return sum(ca.fmax(0.0, 1.0 - ca.fabs(back - k)) * value for k, value in enumerate(values))
 
 
 def _warped(u: ca.SX, band: ca.SX, gain: ca.SX) -> ca.SX:

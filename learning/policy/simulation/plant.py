@@ -76,6 +76,9 @@ class Machine:
     dead_band: Tensor  # of the joystick: the drive's own is moved to this
     inertia_scale: Tensor  # slew inertia of the machine over that of its pose
     gain: Tensor  # of the joystick beyond the dead band: more or less flow than the networks' machine
+    slew_delay: Tensor  # ticks (float), of the slew drive alone
+    edge: Tensor  # share of the joystick's change in a period that the drive sees beside it
+    rate_filter: Tensor  # share of the last value in what gyro and tool IMU show of a rate
     of_arm: Tensor  # [5, n] ARM_OWN
 
     def take(self, other: "Machine", where: Tensor) -> "Machine":
@@ -106,8 +109,8 @@ class Machine:
 class Plant:
     """The simulation; holds no state of its own but the equations."""
 
-    def __init__(self, drive: Drive, ahead: int = 0, still: bool = False, spatial: bool = False) -> None:
-        self.drive, self.ahead = drive, ahead
+    def __init__(self, drive: Drive, still: bool = False, spatial: bool = False) -> None:
+        self.drive = drive
         self.still = still  # the arm stays where it is: slew-only, and cheaper
         made = equations(spatial)
         self.command, self.period, self.swing = made["command"], made["period"], made["swing"]
@@ -136,7 +139,7 @@ class Plant:
             state.sent.reshape(3 * KEPT, n), action, state.arm, machine.own
         )
         past = (state.u, state.p_l, state.p_r, state.omega)
-        u, p_l, p_r, omega = self.drive.onward(past, joystick.view(n), inertia.view(n), self.ahead)
+        u, p_l, p_r, omega = self.drive.onward(past, joystick.view(n), inertia.view(n))
         if self.still:
             arm, ring = state.arm, state.ring
             tool, q = self.swing(arm, state.tool, state.omega, omega, machine.varied, state.q)
@@ -157,6 +160,7 @@ def nominal(n: int, device: str = "cpu", dtype: Any = torch.float32, **changed: 
     known = parameters.load("arm", "tool")
     full = lambda value: torch.as_tensor(value, device=device, dtype=dtype).expand(n).clone()  # noqa: E731
     ticks = lambda s: torch.full((n,), int(s / TICK_S + 0.5), device=device)  # noqa: E731
+    added = [full(changed.get(name, 0.0)) for name in ("slew_delay", "edge", "rate_filter")]
     varied = torch.stack([full(changed.get(name, known[name].value)) for name in VARIED])
     boom, stick = (known[f"{j}_delay"].value for j in ("boom", "stick"))
     return Machine(
@@ -164,5 +168,6 @@ def nominal(n: int, device: str = "cpu", dtype: Any = torch.float32, **changed: 
         ticks(changed.get("boom_delay", boom)), ticks(changed.get("stick_delay", stick)),
         full(changed.get("latency", 0.0)), full(changed.get("dead_band", OWN_DEAD_BAND)),
         full(changed.get("inertia_scale", 1.0)), full(changed.get("gain", 1.0)),
+        added[0], added[1], added[2],
         torch.stack([full(changed.get(name, value)) for name, value in ARM_OWN.items()]),
     )  # fmt: skip

@@ -9,6 +9,7 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
+from slewright.plants import HELP, Asked, OurInertiaOption, SeedOption, TargetsOption, tried
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
@@ -86,9 +87,21 @@ def compare(
         Path | None,
         typer.Option("--page", metavar="FILE", exists=True, help="Write the tables into this Markdown file."),
     ] = None,
+    plants: Annotated[
+        list[str] | None,
+        typer.Option("--plants", metavar="PLANT", help=f"On plants instead (repeatable): all, {HELP}."),
+    ] = None,
+    our_inertia: OurInertiaOption = False,
+    targets: TargetsOption = 20,
+    seed: SeedOption = 1,
     json: JsonOption = None,
 ) -> None:
     """Compare controllers on both tasks and all loads, on re-drawn machines; four metrics, intervals."""
+    if plants:
+        asked = Asked(targets, seed, load[0].value if load else "unknown", None, jobs or os.cpu_count() or 1)
+        texts = [*(controller or ()), *map(str, policy or ())]
+        _on_plants(texts, plants, our_inertia, asked, json, page)
+        return
     from baselines import gains as from_files, registry
     from specs import draws
     from verification.campaign.run import run_campaign
@@ -132,3 +145,21 @@ def compare(
         tables.fill(page, found, tables.command_line(question, list(own), gains or ()))
     if found["failed"]:
         raise typer.Exit(3)
+
+
+def _on_plants(
+    texts: list[str], plants: list[str], our_inertia: bool, asked: Asked, json: Path | None, page: Path | None
+) -> None:
+    """One table, controllers by plants; without a name every controller and the policy that ships."""
+    from verification.plants import page as pages, study
+
+    if page is not None:
+        pages.check(page)
+    on = study.find_plants(plants, our_inertia)
+    controllers = study.find_controllers(texts) if texts else study.everyone()
+    found, task = tried(controllers, on, study.task_of(texts), asked)
+    figures = {"plants": found, "worst": study.worst(found), "task": task, "targets": asked.targets}
+    write(json, {**figures, "load": asked.load}, asked.seed)
+    if page is not None:
+        words = [f"--plants {p}" for p in plants] + [f"--targets {asked.targets}", f"--seed {asked.seed}"]
+        pages.fill(page, on, found, " ".join(["slewright compare", *words, f"--load {asked.load}"]))

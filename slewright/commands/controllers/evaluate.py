@@ -8,6 +8,15 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
+from slewright.plants import (
+    Asked,
+    OurInertiaOption,
+    PlantOption,
+    SeedOption,
+    TargetsOption,
+    check_excluded,
+    on_plant,
+)
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
@@ -33,7 +42,8 @@ def evaluate(
         typer.Option("--matched", min=1.0, metavar="SPEED", help="At the pace with this mean speed, °/s."),
     ] = None,
     load: Annotated[
-        list[str] | None, typer.Option("--load", metavar="LOAD", help="empty, 2t or unknown (repeatable).")
+        list[str] | None,
+        typer.Option("--load", metavar="LOAD", help="empty, 2t or unknown (repeatable); kg with --plant."),
     ] = None,
     sealed: Annotated[
         str, typer.Option("--sealed", metavar="PURPOSE", help="On the sealed test draws; it is logged.")
@@ -57,17 +67,26 @@ def evaluate(
         Path | None,
         typer.Option("--figures", metavar="DIR", help="Draw two runs on the reference machine there."),
     ] = None,
+    plant: PlantOption = None,
+    our_inertia: OurInertiaOption = False,
+    targets: TargetsOption = 100,
+    seed: SeedOption = 1,
     json: JsonOption = None,
 ) -> None:
     """Evaluate a policy through the orchestrator, on its own task; four metrics and terminations by load."""
+    if plant is not None:
+        excluded = {"--machines": machines, "--matched": matched, "--sealed": sealed, "--page": page,
+                    "--beside": beside, "--figures": figures}  # fmt: skip
+        check_excluded(excluded, load)
+        asked = Asked(targets, seed, load[0] if load else "unknown", pace, jobs)
+        on_plant(list(map(str, policy)), plant, our_inertia, asked, json)
+        return
     from specs import draws
     from verification.evaluation import evaluation, page as pages, pictures, policies
 
-    if draw_set == draws.SEALED:
-        raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
     if pace is not None and matched is not None:
         raise InputError(f"--pace {pace:g} with --matched {matched:g}: a speed asked for has its own pace")
-    chosen = draws.SEALED if sealed else draw_set
+    chosen = _set(draw_set, sealed)
     count = machines or draws.sets().get(chosen, 1)
     loads = load or policies.LOADS
     for one in policy:
@@ -82,8 +101,8 @@ def evaluate(
         found = evaluation.evaluate(policy, out, asked, report)
     title = f"{policy[0].name}, {task}: {count} machines of the {chosen} draws, simulated"
     _show(evaluation.tables(found, title), found["failed"])
-    for seed, speed in evaluation.unreached(found).items():
-        typer.echo(f"warning: seed {seed}: {speed:.1f} °/s is the nearest to {matched:g}", err=True)
+    for one, speed in evaluation.unreached(found).items():
+        typer.echo(f"warning: seed {one}: {speed:.1f} °/s is the nearest to {matched:g}", err=True)
     write(json, found, seed=1)
     if filled:
         filled.fill(found, policy[0].stem)
@@ -92,6 +111,15 @@ def evaluate(
             typer.echo(f"written: {path}")
     if found["failed"]:
         raise typer.Exit(3)
+
+
+def _set(draw_set: str, sealed: str) -> str:
+    """The set of draws; the sealed one has an option of its own."""
+    from specs.draws import SEALED
+
+    if draw_set == SEALED:
+        raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
+    return SEALED if sealed else draw_set
 
 
 def _show(

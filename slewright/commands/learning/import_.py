@@ -38,6 +38,12 @@ def slew(
         typer.Option(metavar="OUT.fmu", callback=check_target, help="Also build an FMU with these weights."),
     ] = None,
     fmi: Annotated[int, typer.Option(min=2, max=3, help="FMI version of the FMU.")] = 2,
+    most_error: Annotated[
+        float | None,
+        typer.Option(
+            "--most-error", metavar="ERROR", min=0.0, help="Speed error on the recording, °/s (default: 2)."
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Bring a slew model trained elsewhere: check it against a recording, write it as .npz, ONNX and FMU."""
@@ -45,7 +51,8 @@ def slew(
 
     target = importing.Target(out, fmu, fmi)
     with progress("import slew") as report:
-        made = importing.bring((pressure, velocity), description, check, target, report)
+        most = importing.MOST_ERROR if most_error is None else most_error
+        made = importing.bring((pressure, velocity), description, check, target, report, most)
     figures = made.figures()
     for name, members in figures["layers"].items():
         layers = "→".join(map(str, members[0]))

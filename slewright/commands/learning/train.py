@@ -80,7 +80,9 @@ def policy(
     task: Annotated[str, typer.Option(metavar="TASK", help="full, or slew (the slew alone).")] = "full",
     recipe: Annotated[
         str,
-        typer.Option(metavar="NAME", help="full, slew (ours); paper, paper_slew (PPO). Default: the task's."),
+        typer.Option(
+            metavar="NAME", help="full, slew, family (ours); paper, paper_slew (PPO). Default: the task's."
+        ),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, help="Of weights, machines and noise.")] = 1,
     budget: Annotated[

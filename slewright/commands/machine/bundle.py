@@ -7,7 +7,8 @@ import typer
 
 from records.figures_file import write
 from slewright.commands.machine.deploy_keys import passphrase
-from slewright.figures import JsonOption
+from slewright.figures import JsonOption, exit_if_missed
+from slewright.plants import HELP, admission
 from slewright.progress import progress
 from specs.errors import InputError
 
@@ -52,6 +53,12 @@ def bundle(
         Path | None,
         typer.Option("--config", metavar="FILE.toml", help="The only configuration it is to run with."),
     ] = None,
+    plants: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--plants", metavar="PLANT", help=f"Try it on these, the table goes with it: all, {HELP}."
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
@@ -66,6 +73,7 @@ def bundle(
 
         target = archive or signing.default_path(out)
         key = signing.check(target, sign, release, config, passphrase)
+    table, failures = admission(controller, plants) if plants else ({}, [])
     with progress("bundle") as report:
         report(f"compiling {controller}")
         made = build(
@@ -75,6 +83,7 @@ def bundle(
             engine=engine,
             calibration=calibration,
             commissioning=commissioning,
+            files=table,
         )
     for text in training_range.at_start(Path(controller)) if controller.endswith(".onnx") else ():
         typer.echo(f"warning: {text}", err=True)
@@ -87,4 +96,5 @@ def bundle(
         signed = signing.write(made, target, key, release, config)
         typer.echo(f"{target}: {len(signed.files)} files, digest {signed.digest}, signed by {key.public.id}")
         figures |= {"archive": str(target), "digest": signed.digest, "key": key.public.id}
-    write(json, figures, None)
+    write(json, {**figures, "failures": failures} if plants else figures, None)
+    exit_if_missed(failures)

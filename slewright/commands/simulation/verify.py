@@ -1,5 +1,6 @@
 """`slewright verify`: the main job."""
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -8,6 +9,7 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
+from slewright.plants import OurInertiaOption, PlantOption
 from slewright.progress import progress
 from specs.errors import InputError
 from specs.progress import Report
@@ -55,6 +57,8 @@ def verify(
             help="Verify the control core of this bundle, on the reference machine.",
         ),
     ] = None,
+    plant: PlantOption = None,
+    our_inertia: OurInertiaOption = False,
     json: JsonOption = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Scenarios run at the same time.")] = 2,
     readme: Annotated[
@@ -69,20 +73,48 @@ def verify(
     from verification import choice, readme as results, verify as verification
 
     systems = ["nominal", "reference"] if system is Systems.both else [system.value]
+    found = _plant(plant, our_inertia, bundle, system)
+    systems = [found.system] if found else systems
     with progress("verify") as report:
         if bundle is not None:
             chosen, systems = _bundled(bundle, controller or model, system, out, report), ["reference"]
         else:
             chosen = choice.choose(controller, model, systems)
+        if found:
+            chosen = [replace(c, plant=found.models) for c in chosen]
         outcome = verification.verify(
             scenario or None, systems, seed, out, chosen[0], chosen[1:], jobs, report
         )
     verification.show(outcome)
-    write(json, outcome.figures, seed)
+    more = {"plant": plant, "outside": _outside(found, outcome)} if found else {}
+    write(json, {**outcome.figures, **more}, seed)
     if readme is not None:
         results.fill(readme, outcome, f"slewright verify --seed {seed}")
     if not outcome.own.accepted:
         raise typer.Exit(1)
+
+
+def _plant(text: str | None, our_inertia: bool, bundle: Path | None, system: Systems) -> Any:
+    """The plant of --plant; None without it."""
+    from verification.plants.plant import find
+
+    if text is None:
+        return None
+    if bundle is not None or system is not Systems.both:
+        raise InputError("--plant excludes --bundle and --system: it says itself what runs")
+    return find(text, our_inertia)
+
+
+def _outside(plant: Any, outcome: Any) -> dict[str, float | None]:
+    """Share of each run out of the plant's trained region; said where it is too much."""
+    from verification.plants.trial import MOST_OUTSIDE, outside
+
+    shares = {s: outside(plant.network, runs[plant.system]) for s, runs in outcome.own.runs.items()}
+    for name, share in shares.items():
+        if share is not None and share > MOST_OUTSIDE:
+            text = f"{name}: {100 * share:.0f} % out of the region that {plant.name} was trained on"
+            typer.echo(f"slewright: warning: {text}: no physics", err=True)
+    return shares
 
 
 def _bundled(bundle: Path, other: object, system: Systems, out: Path, report: Report) -> list[Any]:

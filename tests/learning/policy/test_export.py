@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -68,6 +69,38 @@ def test_every_prior_is_in_the_file_as_it_is_in_the_equations(prior: str, tmp_pa
     theirs = answers(export.write(policy, tmp_path / "full.onnx"), seen)
     ours = np.array([policy(row.astype(np.float32).astype(float)) for row in seen])
     assert np.abs(ours - theirs).max() <= PARITY
+
+
+def limited_policy(change: float = 0.2) -> Policy:
+    """One whose joystick changes by less than that a period."""
+    policy = made("full")
+    return Policy(replace(policy.contract, change=change), policy.weights)
+
+
+def test_the_limit_on_the_joystick_is_in_file_torch_and_fmu(tmp_path: Path) -> None:
+    """All three answer alike, within the change of the joystick that was held; without it they pass it."""
+    policy, seen = limited_policy(), observations(20).astype(np.float32)
+    path = export.write(policy, tmp_path / "full.onnx")
+    found = answers(path, seen)
+    way = Interface("full", specs.HISTORY, PRIOR["full"], change=0.2)
+    mlp = perceptron(way.sizes(LAYERS))
+    set_weights(mlp, policy.weights)
+    batch = torch.tensor(seen.T)
+    with torch.no_grad():
+        ours = way.limited(way.asked(mlp(way.features(batch)), batch)).numpy().T
+    assert np.abs(ours - found).max() <= 1e-4  # single precision
+    held = seen[:, specs.HISTORY - 1]
+    assert np.abs(found[:, 0] - np.clip(held, -1, 1)).max() <= 0.2 + 1e-6
+    free = np.array([made("full")(row.astype(float)) for row in seen])
+    assert np.abs(free[:, 0] - held).max() > 0.4
+    check_fmu(controller.build(policy, "policy_limited", tmp_path), path, specs.HISTORY)
+    assert export.read(path).contract.change == 0.2
+
+
+def test_a_limit_that_is_none_is_refused(tmp_path: Path) -> None:
+    path = export.write(limited_policy(2.5), tmp_path / "full.onnx")
+    with pytest.raises(InputError, match=r"change 2.5 \(valid: 0 to 2\)"):
+        export.read(path)
 
 
 @pytest.mark.parametrize("task", specs.TASKS)

@@ -219,3 +219,21 @@ def test_a_gpu_is_for_ppo_and_only_where_there_is_one(monkeypatch: pytest.Monkey
         session.device_of("cuda", recipe("paper"))
     with pytest.raises(InputError, match="auto, cpu, cuda"):
         session.device_of("tpu", recipe("paper"))
+
+
+def test_a_family_goes_on_from_a_policy_and_keeps_its_limit(network: Path, tmp_path: Path) -> None:
+    """Its weights are where training begins; the limit is in the contract; another network is refused."""
+    small = {"layers": (8, 4), "network": "mirror"}
+    told = options(network, tmp_path / "a", "family", changed={**small, "start": ""})
+    first = Path(session.run(told, quiet)["policy"])
+    assert export.read(first).contract.change == recipe("family").change
+    told = options(network, tmp_path / "b", "family", changed={**small, "start": str(first), "rate": 1e-30})
+    second = export.read(Path(session.run(told, quiet)["policy"]))
+    for (a, _), (b, _) in zip(export.read(first).weights, second.weights, strict=True):
+        assert a == pytest.approx(b, abs=1e-6)
+    with pytest.raises(
+        InputError, match=r"start .*full.onnx: not a full policy of history 5, .*layers \[8, 4\]"
+    ):
+        session.run(
+            options(network, tmp_path / "c", "family", changed={**small, "start": "full.onnx"}), quiet
+        )

@@ -78,6 +78,32 @@ def test_arm_rates_are_late_and_the_gyro_is_not() -> None:
     assert torch.equal(seen["imu_cabin_rate_z[0]"], s.state.omega[-1])
 
 
+def test_gyro_and_tool_rates_pass_a_filter() -> None:
+    """A filter of a half shows the mean of what it showed and what is; angles are not filtered."""
+    e = environment()
+    s = e.fresh()
+    s.machine.rate_filter = torch.full((N,), 0.5)
+    for _ in range(6):
+        before, s = read(e, e.observe(s)), e.advance(s, torch.full((3, N), 0.2))
+    seen = read(e, e.observe(s))
+    rates = {"imu_cabin_rate_z[0]": s.state.omega[-1], "imu_tool_rate_x[0]": s.state.tool[2]}
+    for name, now in rates.items():
+        assert torch.allclose(seen[name], (before[name] + now) / 2, atol=1e-6)
+    assert torch.equal(seen["imu_tool_roll[0]"], s.state.tool[0])
+
+
+def test_a_family_has_each_network_four_times() -> None:
+    """As it is and mirrored, late and taken forward; every one drives an equal share of the machines."""
+    recipe_of = without_noise(recipe("family", envs=N))
+    e = Environment(recipe_of, [NETWORK, untrained(2, (24, 16), (16,))], N, 3)
+    assert [m.ahead for m in e.members] == [0, 0, 2, 2] * 2
+    assert [group.count for group in e.plant.drive.groups] == [4, 4]
+    s = e.fresh()
+    after = e.advance(s, torch.full((3, N), 0.3))
+    assert torch.isfinite(after.state.omega).all()
+    assert e.unknown(after).shape == (N,)
+
+
 def test_a_new_target_turns_the_whole_history() -> None:
     """Differences in the history stay; the error starts anew; the machine goes on swinging."""
     e = environment()

@@ -108,11 +108,36 @@ def test_networks_are_those_of_numpy_also_several_at_once() -> None:
             np.testing.assert_allclose(a[part].numpy(), b, rtol=1e-9)
 
 
+def test_networks_of_several_sizes_side_by_side() -> None:
+    """Neighbours of one size together, another size, its mirror image: each as numpy's, ahead or not."""
+    small = [untrained(s, (24, 16), (16,), residual=True) for s in (1, 2)]
+    large = untrained(3, (32, 8), (24, 8))
+    nets, ahead = [*small, large, large.mirrored()], [0, 2, 2, 0]
+    rng = np.random.default_rng(3)
+    u, w = rng.uniform(-1, 1, (8, 9)), rng.uniform(-0.5, 0.5, (8, 10))
+    p_l, p_r = rng.uniform(1e6, 2e7, (2, 8, 10))
+    joystick, inertia = rng.uniform(-1, 1, 8), rng.uniform(3e5, 8e5, 8)
+    drive = Drive(nets, dtype=torch.float64, ahead=ahead)
+    past = [torch.tensor(v.T.copy()) for v in (u, p_l, p_r, w)]
+    after = drive.onward(past, torch.tensor(joystick), torch.tensor(inertia))
+    assert [group.count for group in drive.groups] == [2, 2]
+    assert torch.equal(after[0], torch.cat([past[0][1:], torch.tensor(joystick)[None]]))
+    for i, (net, periods) in enumerate(zip(nets, ahead, strict=True)):
+        own = slice(2 * i, 2 * i + 2)
+        held = np.repeat(joystick[own, None], periods + 1, axis=1)
+        seen = np.hstack([u[own, periods:], held])
+        theirs = net.predict(seen, p_l[own], p_r[own], w[own], inertia[own])
+        for a, b in zip(after[1:], theirs, strict=True):
+            np.testing.assert_allclose(a[-1, own].numpy(), b, rtol=1e-9)
+
+
 @pytest.mark.parametrize(("residual", "ahead"), [(True, 0), (False, 2)])
 def test_one_operation_for_the_drive_is_what_its_parts_are(residual: bool, ahead: int) -> None:
-    """Histories a period on and all gradients: against the way that several networks take."""
+    """Histories a period on and all gradients: against the way that ensembles take."""
     net = untrained(1, (24, 16), (16,), residual=residual)
-    short, long = Drive([net], dtype=torch.float64), Drive([net, net], dtype=torch.float64)
+    short = Drive([net], dtype=torch.float64, ahead=[ahead])
+    long = Drive([net], dtype=torch.float64, ahead=[ahead])
+    long.groups[0].plain = False
     draw = torch.Generator().manual_seed(2)
     rows, scales = (9, 10, 10, 10, 1, 1), (1.0, 1e7, 1e7, 0.5, 1.0, 4e5)
     inputs = [
@@ -121,7 +146,7 @@ def test_one_operation_for_the_drive_is_what_its_parts_are(residual: bool, ahead
     ]
     found = []
     for drive in (short, long):
-        after = drive.onward(inputs[:4], inputs[4][0], inputs[5][0], ahead)
+        after = drive.onward(inputs[:4], inputs[4][0], inputs[5][0])
         total = sum(
             (torch.sin(a) * torch.linspace(1, 2, a.shape[0], dtype=a.dtype)[:, None]).sum() for a in after
         )
@@ -161,6 +186,28 @@ def test_latency_holds_back_joystick_and_references() -> None:
             now = plant.advance(now, torch.tensor([[0.0], [0.2], [0.0]]), machine)
         start[latency] = float(now.arm[0] - 1.2)
     assert start[0.0] - start[2.0] == pytest.approx(2 * 0.02 * 0.2, rel=0.05)
+
+
+def test_the_drive_alone_can_be_later() -> None:
+    """A delay of 1.5 periods: the joystick's step comes half after two, whole after three."""
+    plant = Plant(Drive([untrained(1)]))
+    one = torch.ones(1)
+    state, seen = plant.start(0 * one, 1.2 * one, -1.5 * one), []
+    for _ in range(4):
+        state = plant.advance(state, torch.tensor([[1.0], [0.0], [0.0]]), nominal(1, slew_delay=7.5))
+        seen.append(float(state.u[-1]))
+    assert seen == pytest.approx([0.0, OWN_DEAD_BAND + (0.5 - OWN_DEAD_BAND), 1.0, 1.0])
+
+
+def test_an_edge_is_more_of_a_change_and_nothing_of_what_stays() -> None:
+    """A step from 0.2 to 0.4 with an edge of a half is seen as 0.5 in its first period."""
+    plant = Plant(Drive([untrained(1)]))
+    one = torch.ones(1)
+    state, seen = plant.start(0 * one, 1.2 * one, -1.5 * one), []
+    for lever in (0.2, 0.2, 0.4, 0.4):
+        state = plant.advance(state, torch.tensor([[lever], [0.0], [0.0]]), nominal(1, edge=0.5))
+        seen.append(float(state.u[-1]))
+    assert seen[1:] == pytest.approx([0.2, 0.5, 0.4])
 
 
 def test_counts_states_outside_the_data() -> None:

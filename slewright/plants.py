@@ -1,0 +1,93 @@
+"""What commands that try controllers on plants share: `--plant` and its like, the trial and its table."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from json import dumps
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from records.figures_file import plain, write
+from slewright.progress import progress
+from slewright.tables import show
+from specs.errors import InputError
+
+ADMISSION_TARGETS = 20
+HELP = "nominal, networks, networks-forward, published, published-mirror, machine; or a .npz, FMU or folder"
+PlantOption = Annotated[str | None, typer.Option("--plant", metavar="PLANT", help=f"Plant: {HELP}.")]
+OurInertiaOption = Annotated[
+    bool,
+    typer.Option("--our-inertia", help="A plant that does not state its inertia number takes the project's."),
+]
+TargetsOption = Annotated[
+    int, typer.Option("--targets", metavar="N", min=1, max=10000, help="Targets on a plant, each 15 s.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the targets, loads and noise.")]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the options say of a trial."""
+
+    targets: int
+    seed: int
+    load: str
+    pace: float | None
+    jobs: int
+
+
+def check_excluded(given: Mapping[str, object], loads: Sequence[str] | None) -> None:
+    """Refuse options that say something about drawn machines, and more than one load."""
+    if wrong := [name for name, value in given.items() if value]:
+        raise InputError(f"--plant excludes {', '.join(wrong)}")
+    if loads and len(loads) > 1:
+        raise InputError(f"--load {', '.join(loads)}: one load with --plant")
+
+
+def on_plant(texts: Sequence[str], plant: str, our_inertia: bool, asked: Asked, json: Path | None) -> None:
+    """Try policies or controllers on one plant, show the table, write the figures."""
+    from verification.plants import study
+
+    on = study.find_plants([plant], our_inertia)
+    found, task = tried(study.find_controllers(texts), on, study.task_of(texts), asked)
+    by_controller = {c: cell for cells in found.values() for c, cell in cells.items()}
+    first = next(iter(by_controller.values()))
+    own = first if len(by_controller) == 1 else {"controllers": by_controller}
+    more = {"plant": plant, "load": asked.load, "task": task, "policy": list(texts)}
+    write(json, {**own, **more}, asked.seed)
+
+
+def tried(controllers: Sequence[Any], on: Sequence[Any], task: str, asked: Asked) -> tuple[Any, str]:
+    """(plant -> controller -> figures, task), shown as a table."""
+    from verification.plants import study
+    from verification.plants.trial import Trial
+
+    trial = Trial(asked.targets, asked.seed, asked.load, task, 1.0 if asked.pace is None else asked.pace)
+    with progress("plants") as report:
+        found = study.study(controllers, on, trial, asked.jobs, report)
+    unit = "°" if task == "slew" else "m"
+    columns = [f"error {unit}" if c == "error" else c for c in study.COLUMNS]
+    title = f"{asked.targets} targets, {asked.load}, seed {asked.seed}"
+    show(title, ("controller", "plant", *columns), study.rows(found))
+    for plant, cells in found.items():
+        for c, cell in cells.items():
+            if cell["flagged"]:
+                share = 100 * cell["outside"]
+                typer.echo(
+                    f"slewright: warning: {c} on {plant}: {share:.0f} % {study.FLAG}: no physics", err=True
+                )
+    return found, task
+
+
+def admission(controller: str, plants: Sequence[str]) -> tuple[dict[str, bytes], list[str]]:
+    """({file of a bundle: content}, where the controller fails): a table over plants, unknown load."""
+    from verification.plants import study
+
+    on = study.find_plants(plants)
+    asked = Asked(ADMISSION_TARGETS, 1, "unknown", None, os.cpu_count() or 1)
+    found, task = tried(study.find_controllers([controller]), on, study.task_of([controller]), asked)
+    failures = study.failures(found)
+    content = {"plants": found, "task": task, "load": asked.load, "seed": asked.seed, "failures": failures}
+    return {"plants.json": (dumps(plain(content), indent=1) + "\n").encode()}, failures

@@ -1,0 +1,208 @@
+"""Plants: found by name, file or folder, refused where they are none, and trials on them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmus.models.slew_nn.fmu import write_folder
+from fmus.models.slew_nn.model import of_network
+from fmus.models.slew_nn.network import SlewNetwork
+from fmus.models.slew_nn.untrained import untrained
+from slewright import __main__ as entry
+from specs import systems
+from specs.errors import InputError
+from tests.conftest import ROOT
+from verification.plants import page as pages, plant, study, trial
+from verification.plants.plant import find, of_network as plant_of
+from verification.plants.trial import Ran, Trial
+
+POLICY = ROOT / "learning" / "policies" / "full.onnx"
+KEYS = ("missed_share", "overshoot", "error", "speed", "tool", "rest_peak_to_peak", "sign_changes")
+
+
+def stranger() -> SlewNetwork:
+    """An imported network that does not say on which inertia number it was trained."""
+    return replace(untrained(1), meta={"imported": ["p.pth", "w.pth"]})
+
+
+@pytest.mark.parametrize("name", [n for n in plant.names() if n != "machine"])
+def test_every_named_plant_has_the_connectors_of_the_slew_drive(name: str) -> None:
+    from fmus.toolchain.loader import load_model
+
+    found = find(name)
+    wanted = systems.load("nominal").connectors("slew")
+    model = load_model(found.models.get("slew", "slew"))
+    names = {v.name for v in model.inputs}, {v.name for v in model.outputs}
+    assert {*wanted[0]} <= names[0]
+    assert {*wanted[1]} <= names[1]
+
+
+def test_a_plant_from_a_file_or_folder(tmp_path: Path) -> None:
+    network = untrained(1).told_in_our_inertia(0.8, 0.0)
+    network.save(tmp_path / "weights.npz")
+    assert find(str(tmp_path / "weights.npz")).network is not None
+    assert find(str(tmp_path)).models == find(str(tmp_path / "weights.npz")).models
+    (tmp_path / "b").mkdir()
+    network.save(tmp_path / "b" / "same.npz")
+    network.save(tmp_path / "same.npz")
+    with pytest.raises(InputError, match="two plants called 'same'"):
+        study.find_plants([str(tmp_path / "b" / "same.npz"), str(tmp_path / "same.npz")])
+    assert find(str(ROOT / "fmus" / "models" / "slew")).network is None
+
+
+def test_strangers_are_refused(tmp_path: Path) -> None:
+    stranger().save(tmp_path / "no_inertia.npz")
+    (net,) = untrained(1).velocity
+    broken = replace(net, weights=(np.full_like(net.weights[0], np.nan), *net.weights[1:]))
+    replace(untrained(1), velocity=(broken,)).save(tmp_path / "nan.npz")
+    (tmp_path / "noise.fmu").write_bytes(b"no FMU")
+    (tmp_path / "empty").mkdir()
+    for text, said in {
+        str(tmp_path / "no_inertia.npz"): "--our-inertia",
+        str(tmp_path / "nan.npz"): "not finite",
+        str(tmp_path / "noise.fmu"): "noise.fmu",
+        str(tmp_path / "empty"): "valid: a .npz file, an FMU, a folder",
+        str(ROOT / "fmus" / "models" / "tool"): "no slew drive of this machine: it lacks",
+        "publisht": "no plant 'publisht'.*published",
+    }.items():
+        with pytest.raises(InputError, match=said):
+            find(text)
+    assert find(str(tmp_path / "no_inertia.npz"), our_inertia=True).network is not None
+
+
+def test_an_fmu_says_whether_its_inertia_is_known() -> None:
+    assert plant.INERTIA_UNKNOWN in of_network(stranger()).description
+    assert plant.INERTIA_UNKNOWN not in of_network(untrained(1)).description
+
+
+def test_a_network_run_ahead_is_written_so(tmp_path: Path) -> None:
+    folder = write_folder(untrained(1), "forward", tmp_path, ahead=2)
+    assert '"forward", 2)' in (folder / "model.py").read_text()
+    late, forward = plant_of(untrained(1), "a"), plant_of(untrained(1), "b", ahead=2)
+    assert late.models != forward.models
+
+
+def test_targets_are_45_to_135_degrees_apart_and_within_reach() -> None:
+    found = list(Trial(targets=60, seed=3).scenarios())
+    assert [len(s.targets) for _, s in found] == [25, 25, 10]
+    assert [s for _, s in found] == [s for _, s in Trial(targets=60, seed=3).scenarios()]
+    assert found[0][1].targets != found[1][1].targets
+    slews = [t.slew_deg for t in found[0][1].targets]
+    assert max(map(abs, slews)) <= trial.MOST_SLEW_DEG
+    level = {
+        (t.radius_m, t.height_m) for _, s in Trial(targets=9, task="slew").scenarios() for t in s.targets
+    }
+    assert len(level) == 1
+
+
+@pytest.mark.parametrize("load", ["3t", "-1", "nan", "9000"])
+def test_a_load_that_is_none_is_refused(load: str) -> None:
+    with pytest.raises(InputError, match="load"):
+        list(Trial(targets=1, load=load).scenarios())
+
+
+def test_a_trial_out_of_the_trained_region_is_flagged() -> None:
+    rows = _rows()
+    for share, flagged in ((0.2, True), (0.01, False), (None, False)):
+        found = trial.figures([Ran(rows, [1.0], 3, 15.0, share)], "full")
+        assert (found["flagged"], found["sign_changes"]) == (flagged, 0.2)
+        told = next(iter(study.rows({"published": {"pd": found}})))[-1]
+        assert bool(told) is flagged
+
+
+def _rows() -> list[Any]:
+    from records.metrics import TargetMetrics
+
+    return [TargetMetrics(1, 0.0, 90.0, 90.0, True, True, 9.0, 10.0, 0.5, 0.2, 1.0, 5.0)]
+
+
+def test_a_controller_fails_where_it_misses_or_overshoots() -> None:
+    (good,) = _figures()
+    bad = {**good, "missed_share": 0.5, "overshoot": 3.0}
+    found = study.failures({"nominal": {"pd": good}, "published": {"pd": bad}})
+    assert found == [
+        "pd on published: targets missed 50%, at most 1%",
+        "pd on published: mean overshoot 3.0°, at most 2.0°",
+    ]
+
+
+def _figures() -> list[dict[str, Any]]:
+    return [trial.figures([Ran(_rows(), [1.0], 3, 15.0, None)], "full")]
+
+
+def test_characters_tell_plants_apart(tmp_path: Path) -> None:
+    page = tmp_path / "plants.md"
+    (good,) = _figures()
+    page.write_text("".join(f"<!-- {n}:begin -->\n<!-- {n}:end -->\n" for n in ("plants", "controllers")))
+    on = study.find_plants(["nominal", "published"])
+    pages.fill(page, on, {p.name: {"pd": good} for p in on}, "slewright compare --plants nominal")
+    lines = [line for line in page.read_text().splitlines() if line.startswith("|")]
+    assert [line.split(" | ")[0] for line in lines if " | published | " in line] == ["| pd"]
+    first, second = (line for line in lines if line.startswith(("| published", "| nominal")))
+    assert first.startswith("| published")  # what the others are compared with
+    assert float(first.split("|")[-2]) == 0.0 < float(second.split("|")[-2])
+
+
+# ---- the commands ----
+
+
+@pytest.mark.slow
+def test_a_bundle_carries_its_table_over_plants(tmp_path: Path) -> None:
+    from runtime.bundle import load
+
+    words = ["bundle", "pi", "--out", str(tmp_path / "b"), "--plants", "nominal"]
+    assert entry.run([*words, "--json", str(tmp_path / "figures.json")]) == 1  # the PI overshoots
+    load(tmp_path / "b")
+    table = json.loads((tmp_path / "b" / "plants.json").read_text())
+    assert table["failures"] == json.loads((tmp_path / "figures.json").read_text())["failures"]
+    assert "mean overshoot" in " ".join(table["failures"])
+
+
+def test_evaluate_on_a_plant_writes_its_keys(tmp_path: Path, capsys: Any) -> None:
+    out = tmp_path / "figures.json"
+    asked = ["--plant", "published", "--targets", "2", "--load", "empty", "--json", str(out)]
+    assert entry.run(["evaluate", str(POLICY), *asked]) == 0
+    assert "published" in capsys.readouterr().out
+    found = json.loads(out.read_text())
+    assert {*KEYS, "outside", "flagged", "plant", "load", "seed"} <= {*found}
+    assert found["targets"] == 2
+    assert all(isinstance(found[key], float) for key in KEYS)
+
+
+def test_compare_on_plants_is_one_table(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    asked = ["--plants", "nominal", "--plants", "published-mirror", "--targets", "1", "--jobs", "1"]
+    assert entry.run(["compare", "--controller", "pd", "--load", "empty", *asked, "--json", str(out)]) == 0
+    found = json.loads(out.read_text())
+    assert {p: [*c] for p, c in found["plants"].items()} == {"nominal": ["pd"], "published-mirror": ["pd"]}
+    assert found["worst"]["pd"]["overshoot"] == max(c["pd"]["overshoot"] for c in found["plants"].values())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["evaluate", str(POLICY), "--plant", "publisht"],
+        ["evaluate", str(POLICY), "--plant", "published", "--machines", "3"],
+        ["evaluate", str(POLICY), "--plant", "published", "--load", "empty", "--load", "2t"],
+        ["compare", "--plants", "nothing"],
+        ["verify", "--plant", "published", "--system", "nominal"],
+        ["verify", "--plant", "nothing"],
+    ],
+)
+def test_wrong_words_end_with_2(words: list[str], capsys: Any) -> None:
+    assert entry.run(words) == 2
+    assert "slewright: " in capsys.readouterr().err
+
+
+def test_verify_runs_on_a_plant(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    words = ["--plant", "published", "--controller", "pd", "--scenario", "four_targets_empty"]
+    code = entry.run(["verify", *words, "--out", str(tmp_path / "out"), "--json", str(out)])
+    assert code in (0, 1)
+    found = json.loads(out.read_text())
+    assert found["plant"] == "published"
+    assert found["outside"] == {"four_targets_empty": 0.0}

@@ -1,0 +1,194 @@
+"""Many targets on a plant: 45-135 degrees of slew each, 15 s for each, and what became of them.
+
+They come in runs of at most RUN, each from the start pose and with a load of its own where it is drawn.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmus.equations import kinematics
+from fmus.models.slew_nn.network import PERIOD_S, SlewNetwork
+from orchestrator.run.processes import warm_up
+from orchestrator.run.simulate import simulate
+from orchestrator.system.check import load_system
+from orchestrator.system.stimuli import Stimuli
+from records.metrics import TargetMetrics, compute
+from records.record import Record
+from records.targets import targets
+from specs import keys
+from specs.errors import InputError, nearest
+from specs.scenario import SLEW_STEP_DEG, Load, Scenario, Start, Target, load as load_scenario
+from verification.plants.plant import Plant
+from verification.runs import plant_parameters
+
+RUN = 25  # targets of a run
+RADIUS_M, HEIGHT_M = (7.0, 12.0), (3.0, 8.0)
+MOST_SLEW_DEG = 170.0  # to either side
+REST_S = 5.0  # before the next target: the machine should be still
+CHATTER = 0.01  # of the joystick: smaller values have no sign
+MOST_OUTSIDE = 0.05  # share of a run out of the trained region, above which its figures are flagged
+LOADS = ("empty", "2t", "unknown")
+NEEDED = ("true_q_slew", "true_qd_slew", "true_qd_tool_x", "true_qd_tool_y", "true_tool_x", "true_tool_y",
+          "true_tool_z", "u_slew", "inertia")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What is asked: how many targets, their seed, and the load (empty, 2t, unknown or kg, not told)."""
+
+    targets: int = 100
+    seed: int = 1
+    load: str = "unknown"
+    task: str = "full"
+    pace: float = 1.0
+
+    def scenarios(self) -> Iterator[tuple[int, Scenario]]:
+        """(seed, scenario) of each run."""
+        for number, first in enumerate(range(0, self.targets, RUN)):
+            yield self.seed + number, self._scenario(number, min(RUN, self.targets - first))
+
+    def _scenario(self, number: int, count: int) -> Scenario:
+        start = load_scenario("four_targets_empty").start
+        draw = lambda *key: keys.uniform("plant targets", self.seed, number, *key)  # noqa: E731
+        return Scenario(
+            base="plant", description="Drawn targets", interval_s=15.0, start=start,
+            targets=tuple(_targets(count, draw, start, self.task)), load=_load(self.load),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run in a process of its own."""
+
+    ssp: Path
+    plant: Plant
+    scenario: Scenario
+    seed: int
+    pace: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What became of one run."""
+
+    per_target: Sequence[TargetMetrics]
+    rest: Sequence[float]  # deg, of each target
+    sign_changes: int
+    seconds: float
+    outside: float | None
+
+
+def _load(text: str) -> Load:
+    if text in LOADS:
+        return load_scenario(f"four_targets_{text}").load
+    try:
+        kg = float(text)
+    except ValueError:
+        raise InputError(f"no load '{text}'; {nearest(text, LOADS)}, or a number of kg") from None
+    if not 0.0 <= kg <= 5000.0:
+        raise InputError(f"load {text}: valid are 0 to 5000 kg")
+    return Load(name=f"{kg:g}kg", description="Stated load, not told", low_kg=kg, high_kg=kg, told_kg=0.0)
+
+
+def _targets(count: int, draw: Any, start: Start, task: str) -> Iterator[Target]:
+    low, high = SLEW_STEP_DEG
+    slew, radius, height = start.slew_deg, 9.95, 6.18  # where the start pose has the grab
+    for k in range(count):
+        step = low + (high - low) * draw(k, "slew")
+        turn = 1.0 if draw(k, "side") < 0.5 else -1.0
+        slew += step * (turn if abs(slew + turn * step) <= MOST_SLEW_DEG else -turn)
+        if task == "full":
+            radius, height = _point(lambda *key, k=k: draw(k, *key))
+        yield Target(slew_deg=slew, radius_m=radius, height_m=height)
+
+
+def _point(draw: Any) -> tuple[float, float]:
+    for attempt in range(1000):
+        (r0, r1), (h0, h1) = RADIUS_M, HEIGHT_M
+        radius, height = r0 + (r1 - r0) * draw("r", attempt), h0 + (h1 - h0) * draw("h", attempt)
+        if kinematics.reachable(radius, 0.0, height) is None:
+            return radius, height
+    raise InputError("no target within reach")  # pragma: no cover
+
+
+def run(jobs: Sequence[Job], workers: int, report: Any) -> list[Ran]:
+    """What became of each job, in their order."""
+    with ProcessPoolExecutor(workers, get_context("spawn"), initializer=warm_up) as pool:
+        found = []
+        for number, one in enumerate(pool.map(_run, jobs)):
+            report(f"{jobs[number].plant.name}", number + 1, len(jobs))
+            found.append(one)
+    return found
+
+
+def _run(job: Job) -> Ran:
+    system, s = load_system(job.ssp), job.scenario
+    record = simulate(
+        system,
+        s.duration_ticks,
+        Stimuli(s.stimuli(job.pace)),
+        plant_parameters(system, job.plant.system, s.parameters(job.seed)) | dict(job.parameters),
+        record=[n for n in NEEDED if n in system.outputs],
+        seed=job.seed,
+        meta={
+            "scenario": s.name, "targets": s.schedule(), "target_interval_s": s.interval_s,
+            "load_kg": s.true_load(job.seed), "load_told_kg": s.load.told_kg,
+        },
+    )  # fmt: skip
+    return Ran(
+        compute(record).per_target,
+        [_rest(record, t.rows) for t in targets(record) if t.whole],
+        _sign_changes(record.column("u_slew")),
+        float(record.time[-1]),
+        outside(job.plant.network, record),
+    )
+
+
+def _rest(record: Record, rows: slice) -> float:
+    """Peak to peak of the slew angle in the last seconds of a target, deg."""
+    time = record.time[rows]
+    still = record.column("true_q_slew")[rows][time > time[-1] - REST_S]
+    return math.degrees(float(np.ptp(still)))
+
+
+def _sign_changes(u: np.ndarray) -> int:
+    signs = np.sign(u[np.abs(u) > CHATTER])
+    return int(np.count_nonzero(np.diff(signs)))
+
+
+def outside(network: SlewNetwork | None, record: Record) -> float | None:
+    """Share of the run out of the region that the network was trained on; None if that is not known."""
+    if network is None or not network.knows_region:
+        return None
+    step = round(PERIOD_S / float(record.time[1] - record.time[0]))
+    state = [record.column(name)[::step] for name in ("inertia", "u_slew", "true_qd_slew")]
+    return float(np.mean(network.outside(*state)))
+
+
+def figures(ran: Sequence[Ran], task: str) -> dict[str, Any]:
+    """The means over all targets."""
+    rows = [row for one in ran for row in one.per_target]
+    mean = lambda name: float(np.mean([getattr(r, name) for r in rows]))  # noqa: E731
+    shares = [one.outside for one in ran if one.outside is not None]
+    share = float(np.mean(shares)) if shares else None
+    return {
+        "missed_share": float(np.mean([not r.reached for r in rows])),
+        "overshoot": mean("overshoot"),
+        "overshoot_max": max(r.overshoot for r in rows),
+        "error": mean("slew_error" if task == "slew" else "error"),
+        "speed": mean("speed"),
+        "tool": mean("tool"),
+        "rest_peak_to_peak": float(np.mean([v for one in ran for v in one.rest])),
+        "sign_changes": sum(one.sign_changes for one in ran) / sum(one.seconds for one in ran),
+        "targets": len(rows),
+        "outside": share,
+        "flagged": share is not None and share > MOST_OUTSIDE,
+    }
