@@ -34,7 +34,7 @@ class Beam:
     report: Report = lambda *_: None
     points: dict[Key, Point] = field(default_factory=dict)
     scored: dict[Key, list[Scored]] = field(default_factory=dict)
-    _tried: set[Key] = field(default_factory=set)
+    _tried: set[tuple[Key, Key]] = field(default_factory=set)
 
     @cached_property
     def shapes(self) -> Shapes:
@@ -107,27 +107,29 @@ class Beam:
 
         A score from the model without either is blind to that where the effect is large.
         """
-        less, point, found = key - {a}, self.points[key], []
+        less = key - {a}
         if less not in self.points:
             return []
         alike = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
+        return [self._in_place(key, a, scored) for scored in alike[:KIN]]
+
+    def _in_place(self, key: Key, a: Attached, scored: Scored) -> Key:
+        """The set with another effect in an effect's place, fitted from its values, once."""
+        other, point = scored.attached, self.points[key]
         rest = tuple(x for x in point.present if x != a)
-        for scored in alike[:KIN]:
-            other = scored.attached
-            grown = less | {other}
-            if other != a and grown not in self._tried:
-                self._tried.add(grown)
-                own = self._own(scored) | self._same(a, other, point.values)
-                self.fit(
-                    grown,
-                    (*rest, other),
-                    [self.core.values | self._of(key, rest) | own],
-                    fresh=own,
-                    near=point,
-                    most=point.total + BEHIND,
-                )
-            found.append(grown)
-        return found
+        grown = frozenset({*rest, other})
+        if other != a and (key, grown) not in self._tried:
+            self._tried.add((key, grown))
+            own = self._own(scored) | self._same(a, other, point.values)
+            self.fit(
+                grown,
+                (*rest, other),
+                [self.core.values | self._of(key, rest) | own],
+                fresh=own,
+                near=point,
+                most=point.total + BEHIND,
+            )
+        return grown
 
     def _same(self, a: Attached, other: Attached, values: Values) -> Values:
         """Parameters of another effect that have the units of an effect's, with its values."""
@@ -149,7 +151,7 @@ class Beam:
             for s in self.scores(less)
             if s.attached.effect.name in a.effect.becomes and s.attached.port == a.port
         ]
-        return self.attempt(less, limits[0]) if limits else None
+        return self._in_place(key, a, limits[0]) if limits else None
 
     def evidence(self, key: Key) -> float:
         """Log of a set's probability up to a constant: sets of as many effects share the same prior."""

@@ -17,7 +17,7 @@ from reconcile import (
     untold,
     verdict as verdicts,
 )
-from reconcile.ahead import ahead
+from reconcile.ahead import noise
 from reconcile.answer import Answer
 from reconcile.beam import Beam
 from reconcile.core import Core
@@ -124,23 +124,27 @@ def examine(
 
 
 def _searched(folder: Folder, given: Sequence[Sequence[Run]], said: Report) -> Answer:
-    """The search, with as little noise as the model's own error by then allows."""
+    """The search, and once more with as little noise as the model's own error by then allows.
+
+    Small effects show with less noise only; what acts seldom may be found only with more.
+    """
     said("filtering")
     parts = split(*given)
-    core = Core(folder, parts)
-    share = max(OF_ERROR * ahead(core, core.base), LEAST_FLOOR)
+    core, best = Core(folder, parts), None
     while True:
-        if share < 0.5 * core.share:
-            core = Core(folder, parts, floor=share)
         beam = Beam(core, said)
         beam.run()
         said("judging")
         judge = Judge(beam)
         judged = judge.decide()
-        share = max(OF_ERROR * judge.ahead(judged.answer), LEAST_FLOOR)
-        if not judged.answer or share >= 0.5 * core.share:
-            return Answer(core, beam, judged)
+        if best is None or judged.answer:
+            best = Answer(core, beam, judged)
+        error = math.hypot(judge.ahead(judged.answer), noise(core, beam.points[judged.answer]))
+        share = max(OF_ERROR * error, LEAST_FLOOR)
+        if share >= 0.5 * core.share:
+            return best
         said("again, with less noise")
+        core = Core(folder, parts, floor=share)
 
 
 def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
