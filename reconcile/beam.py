@@ -72,15 +72,14 @@ class Beam:
 
     def _own(self, scored: Scored) -> Values:
         """What a score says of the effect itself."""
-        return {n: v for n, v in scored.values.items() if n.startswith(scored.attached.key + ".")}
+        return _effects(scored.values, (scored.attached,))
 
     def _refresh(self) -> None:
         """Fit the best sets again from the model as it came."""
         for key in self.ranked()[:FRESH]:
             if len(key) > 1:
                 point = self.points[key]
-                own = {n: v for n, v in point.values.items() if any(n.startswith(a.key + ".") for a in key)}
-                self.fit(key, point.present, [], fresh=own)
+                self.fit(key, point.present, [], fresh=_effects(point.values, point.present))
 
     def _settle(self) -> None:
         """Fit the best sets to the end, also from less noise: one that has not settled looks worse."""
@@ -247,9 +246,8 @@ class Beam:
     def refit(self, key: Key, present: Sequence[Attached], fresh: bool = True) -> None:
         """Fit some effects of a set from where they are in it, and from the model as it came."""
         own = self._of(key, present)
-        effects = {n: v for n, v in own.items() if any(n.startswith(a.key + ".") for a in present)}
-        starts, near = [self.core.values | own], self.points[key]
-        self.fit(frozenset(present), present, starts, near=near, fresh=effects if fresh else None)
+        effects = _effects(own, present) if fresh else None
+        self.fit(frozenset(present), present, [self.core.values | own], near=self.points[key], fresh=effects)
 
     def _of(self, key: Key, present: Sequence[Attached]) -> Values:
         """A set's values without those of effects that are not present."""
@@ -289,3 +287,8 @@ class Beam:
         p = self.points[key]
         loss = self.core.fitter.loss(p.e, p.s)
         return np.array([b.sum() for b in np.array_split(loss, BLOCKS)])
+
+
+def _effects(values: Values, present: Sequence[Attached]) -> Values:
+    """Of all values those of these effects."""
+    return {n: v for n, v in values.items() if any(n.startswith(a.key + ".") for a in present)}

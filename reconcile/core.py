@@ -61,7 +61,7 @@ class Core:
             for w in blocks
         }
         self.fitter = Fitter(self.kalman, self.scored["fit"])
-        self.period = min(float(np.median(r.steps)) for r in self.records)
+        self.period = self.fitter.period
         self.spread = {
             n: float(np.std(np.concatenate([r.outputs[n].values for r in runs]))) or 1.0 for n in self.outputs
         }

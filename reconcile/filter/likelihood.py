@@ -11,7 +11,7 @@ from reconcile.tolerances import STEP, STUDENT
 
 
 class Likelihood:
-    """Likelihood over the scored samples of a filter; `scored` [n] a recording."""
+    """Likelihood over the scored samples of a filter; `scored` [n] a recording, `period` the shortest (s)."""
 
     def __init__(self, kalman: Kalman, scored: Sequence[np.ndarray]):
         self.kalman, self.scored = kalman, [np.asarray(s, bool) for s in scored]
@@ -69,6 +69,7 @@ class Likelihood:
         return gradient, information
 
     def at(self, values: Values, present: Sequence[Attached], free: Sequence[Free], own: bool) -> At | None:
+        """What the innovations are at these values; None where the filter runs away."""
         found = self.innovations(values, present, own)
         if found is None:
             return None
@@ -76,6 +77,7 @@ class Likelihood:
 
     @staticmethod
     def prior(values: Values, free: Sequence[Free]) -> float:
+        """Nats that the distance of the parameters from their centres costs."""
         return 0.5 * float(sum(f.coordinate(values[f.name]) ** 2 for f in free))
 
     @staticmethod
