@@ -13,7 +13,7 @@ from fmus.toolchain.codegen import CASADI_OPTIONS
 from reconcile.assembly import Assembly
 from reconcile.extended import Extended
 
-BENDS = 4000  # operations of an output's second derivative by time above which it is left out
+ROOM = 4096  # numbers of scratch space
 
 
 class Stepped(Assembly):
@@ -63,9 +63,8 @@ class Stepped(Assembly):
         for made in (self.rates, self.starts):
             made |= dict.fromkeys(self.memory_names, ca.SX(0))  # they are no part of the motion
         f, dry, h = self._motion_parts()
-        self.step, self.slope = self.dt, lambda e: self._slope(e, f)
-        after = self._after()
-        self.step, self.slope = step, None
+        after, after_by_x = self._after(f)
+        self.step = step
         _, u, m, p = self.arguments
         rest = ca.vertcat(*[u[i] for i in range(len(self.model.inputs), u.numel())])
         hidden = self.state_names[self.nx :]  # they come last
@@ -74,14 +73,17 @@ class Stepped(Assembly):
             "kf_in": ([self.memory, u, m, p], [ca.vertcat(felt, rest), ca.vertcat(*moved, ca.SX(0, 1))]),
             "kf_f": (self.arguments, [f]),
             "kf_dry": (self.arguments, [dry]),
-            "kf_post": (self.arguments, [after]),
+            "kf_post": (self.arguments, [after, after_by_x]),
             "kf_h": (self.arguments, [h]),
             "kf_first": (
                 [self.memory, *self.arguments],
                 [ca.vertcat(*first, ca.SX(0, 1)), ca.vertcat(*rest_starts, ca.SX(0, 1))],
             ),
         }
-        return {n: ca.Function(n, i, [ca.densify(ca.SX(r)) for r in o]) for n, (i, o) in made.items()}
+        return {
+            n: ca.Function(n, i, [ca.densify(ca.SX(r)) for r in o], {"cse": True})
+            for n, (i, o) in made.items()
+        }
 
     def _inputs(self) -> ca.SX:
         return self._recorded_inputs()  # felt already
@@ -107,15 +109,7 @@ class Stepped(Assembly):
                 levels = self._force(a, axis, inputs).dry
                 for side, level in enumerate(levels or ()):
                     dry[side * len(self.axes) + k] += level / (self.inertia(axis) + added)
-        return rates, dry, self._earlier(outputs, rates)
-
-    def _earlier(self, outputs: ca.SX, rates: ca.SX) -> ca.SX:
-        """Outputs by Taylor's series where their samples are earlier than the step."""
-        slope = self._slope(outputs, rates)
-        bend = self._slope(slope, rates)
-        if ca.Function("bend", [*self.arguments], [bend]).n_instructions() > BENDS:
-            bend = 0.0
-        return outputs - self.early * slope + 0.5 * self.early**2 * bend
+        return rates, dry, outputs
 
     def _slope(self, expression: ca.SX, rates: ca.SX) -> ca.SX:
         """An expression of the states by time; of a model in steps by its next two."""
@@ -126,24 +120,40 @@ class Stepped(Assembly):
         after = ca.substitute(next_one, x, rates)
         return (4.0 * next_one - 3.0 * expression - after) / (2.0 * self.model.step)
 
-    def _after(self) -> ca.SX:
-        """States after a step: the memories of sensors follow what they show."""
+    def _after(self, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """States after a step, d/dx: the memories of sensors follow what they show.
+
+        How fast that moves on is a small correction: d/dx leaves it as it is.
+        """
         x = self.arguments[0]
         after = ca.SX(x)
         if not self.shown:
-            return after
+            return after, ca.SX.eye(x.numel())
+        moves: list[tuple[ca.SX, ca.SX]] = []
+
+        def slope(target: ca.SX) -> ca.SX:
+            moves.append((ca.SX.sym("slope"), self._slope(target, rates)))
+            return moves[-1][0]
+
         self.built.clear()
+        self.step, self.slope = self.dt, slope
         self._outputs(ca.SX(self.model.h(self.x[: self.nx], self._inputs(), self.m, self.used_p)))
+        self.slope = None
         for a in self.shown:
             for h in a.effect.hidden:
                 after[self.state_names.index(a.name(h))] = self.next[a.name(h)]
-        return after
+        begun = list(self.starts)
+        made = [after, ca.jacobian(after, x), *(ca.SX(self.starts[n]) for n in begun)]
+        for symbol, expression in reversed(moves):  # a later one may be of what an earlier one is in
+            made = ca.substitute(made, [symbol], [expression])
+        self.starts |= dict(zip(begun, made[2:], strict=True))
+        return made[0], made[1]
 
     def code(self) -> tuple[str, str]:
         """Generated C code and header for filter.c."""
         x, u, m, _ = self.arguments
         s = self.stages
-        f, h, after = s["kf_f"](*self.arguments), s["kf_h"](*self.arguments), s["kf_post"](*self.arguments)
+        f, h = s["kf_f"](*self.arguments), s["kf_h"](*self.arguments)
 
         def by(e: ca.SX, z: ca.SX) -> ca.SX:
             return ca.densify(ca.jacobian(e, z))
@@ -152,8 +162,7 @@ class Stepped(Assembly):
             s["kf_in"],
             s["kf_f"],
             s["kf_dry"],
-            s["kf_h"],
-            ca.Function("kf_post", self.arguments, [after, by(after, x)]),
+            s["kf_post"],
             ca.Function("kf_fj", self.arguments, [f, by(f, x), by(f, self.w)], {"cse": True}),
             ca.Function("kf_hj", self.arguments, [h, by(h, x), by(h, self.w)], {"cse": True}),
             s["kf_first"],
@@ -175,9 +184,12 @@ class Stepped(Assembly):
             "POSTS": int(bool(self.shown)),
             "W0": self.w0,
             "DT": self.dt_at,
+            "EARLY": self.dt_at + 1,
+            "STEP": float(self.model.step) if self.model.kind == "discrete" else 1.0,
             "DISCRETE": int(self.model.kind == "discrete"),
-            "SZ_W": max(1, *(g.sz_w() for g in functions)),
-            "SZ_IW": max(1, *(g.sz_iw() for g in functions)),
+            # in steps, so that sets of effects share the driver
+            "SZ_W": ROOM * (1 + max(g.sz_w() for g in functions) // ROOM),
+            "SZ_IW": ROOM * (1 + max(g.sz_iw() for g in functions) // ROOM),
         }
         header = "".join(f"#define {n} {v}\n" for n, v in sizes.items())
         for name, column in (("axis_v", 0), ("axis_q", 1)):

@@ -5,22 +5,21 @@
  *   kf_fj   -> the same, d/dx, d/dw (w: the disturbances, part of u)
  *   kf_dry  -> speeds per second that dry friction takes off each axis, forwards then backwards
  *   kf_post -> states after a step (memories of sensors move here), d/dx
- *   kf_h    -> outputs; kf_hj -> outputs, d/dx, d/dw
+ *   kf_hj   -> outputs, d/dx, d/dw
  *   kf_in   (memory, u, m, p) -> u as the model feels it, memory after the step
  *   kf_first (memory, x, u, m, p) -> where the memory and the NH states of effects begin
  *
- * The state is (x, w).  A step is ROS2 (Verwer and others 1999: linearly implicit, order 2, L-stable), then the
- * dry friction as a step of its own: it takes off the speed until that is zero, and what stands goes on only where it is
- * driven by more.  Each w is an
- * Ornstein-Uhlenbeck process.  Outputs come one at a time; a missing one (NaN) is passed over.
+ * The state is (x, w).  A step is ROS2 (Verwer and others 1999: linearly implicit, order 2, L-stable) in substeps that
+ * share the slopes at its start.  Dry friction is a step of its own after each: it takes off the speed until that is
+ * zero, and what stands goes on only where it is driven by more.  Each w is an Ornstein-Uhlenbeck process.  Outputs come one at a time; a missing one (NaN) is passed over.
  */
 #include <math.h>
 #include <string.h>
 
-#include "filter.h" /* generated: NX, NU, NM, NW, NY, NI, AXES, axis_v, axis_q, DT, W0, DISCRETE, SZ_W, SZ_IW */
+#include "filter.h" /* generated: NX, NU, NM, NW, NY, NI, AXES, axis_v, axis_q, DT, EARLY, STEP, W0, DISCRETE, SZ_W, SZ_IW */
 
 typedef int Function(const double **arg, double **res, long long *iw, double *w, int mem);
-Function kf_f, kf_fj, kf_dry, kf_post, kf_h, kf_hj, kf_in, kf_first;
+Function kf_f, kf_fj, kf_dry, kf_post, kf_hj, kf_in, kf_first;
 
 #define N (NX + NW)
 #define GAMMA 0.29289321881345254
@@ -120,80 +119,105 @@ static void solve(const double *a, const int *pivot, int n, double *b, int colum
   }
 }
 
-/* One substep of the active states with its slopes phi [n x (n + NW)] row-major; 0 if it runs away. */
-static int substep(const Run *run, double *x, const double *u, const double *m, double h, double *phi, int slopes) {
-  static double f[NX], g[NX], a[NX * NX], b[NX * NW + 1], lu[NX * NX], k1[NX * (N + 1)], k2[NX * (N + 1)], ab[NX * N];
-  static int pivot[NX];
-  const int n = run->active, wide = n + NW, all = slopes ? wide + 1 : 1;
+/* What a step is made with: rates and their slopes where it begins, and the factors for substeps of h. */
+typedef struct {
+  double f[NX], b[NX * NW + 1], ab[NX * N], lu[NX * NX], phi[NX * N]; /* ab, phi: [n x (n + NW)] row-major */
+  int pivot[NX];
+} Slopes;
+
+/* Slopes at the start of a step, for all of its substeps: ROS2 keeps its order with any of them; 0 if singular. */
+static int linearise(const Run *run, const double *x, const double *u, const double *m, double h, Slopes *s, int slopes) {
+  static double a[NX * NX], k1[NX * N], k2[NX * N];
+  const int n = run->active, wide = n + NW;
   const int *at = run->state;
-  call(kf_fj, x, u, m, run->p, f, a, b);
+  call(kf_fj, x, u, m, run->p, s->f, a, s->b);
   for (int i = 0; i < n; i++) {
-    for (int j = 0; j < n; j++) ab[i * wide + j] = a[at[j] * NX + at[i]];
-    for (int j = 0; j < NW; j++) ab[i * wide + n + j] = b[j * NX + at[i]];
+    for (int j = 0; j < n; j++) s->ab[i * wide + j] = a[at[j] * NX + at[i]];
+    for (int j = 0; j < NW; j++) s->ab[i * wide + n + j] = s->b[j * NX + at[i]];
   }
   if (DISCRETE) {
-    memcpy(x, f, sizeof f); /* states that follow inputs alone are known: they are not active, but move */
-    memcpy(phi, ab, sizeof(double) * (size_t)(n * wide));
-  } else {
-    static double moved[NX];
-    for (int i = 0; i < n; i++) {
-      for (int j = 0; j < n; j++) lu[i * n + j] = (i == j) - GAMMA * h * ab[i * wide + j];
+    memcpy(s->phi, s->ab, sizeof(double) * (size_t)(n * wide));
+    return 1;
+  }
+  for (int i = 0; i < n; i++) {
+    for (int j = 0; j < n; j++) s->lu[i * n + j] = (i == j) - GAMMA * h * s->ab[i * wide + j];
+  }
+  if (!factor(s->lu, s->pivot, n)) return 0;
+  if (!slopes) return 1;
+  memcpy(k1, s->ab, sizeof(double) * (size_t)(n * wide));
+  solve(s->lu, s->pivot, n, k1, wide);
+  for (int i = 0; i < n; i++) {
+    for (int j = 0; j < wide; j++) k2[i * wide + j] = s->ab[i * wide + j] - 2.0 * k1[i * wide + j];
+    for (int l = 0; l < n; l++) {
+      const double g = h * s->ab[i * wide + l];
+      if (g == 0.0) continue;
+      for (int j = 0; j < wide; j++) k2[i * wide + j] += g * k1[l * wide + j];
     }
-    if (!factor(lu, pivot, n)) return 0;
-    for (int i = 0; i < n; i++) {
-      k1[i * all] = f[at[i]];
-      for (int j = 1; j < all; j++) k1[i * all + j] = ab[i * wide + j - 1];
-    }
-    solve(lu, pivot, n, k1, all);
-    memcpy(moved, x, sizeof moved);
-    for (int i = 0; i < n; i++) moved[at[i]] += h * k1[i * all];
-    call(kf_f, moved, u, m, run->p, g, 0, 0);
-    for (int i = 0; i < n; i++) {
-      k2[i * all] = g[at[i]] - 2.0 * k1[i * all];
-      for (int j = 1; j < all; j++) {
-        double t = ab[i * wide + j - 1] - 2.0 * k1[i * all + j];
-        for (int l = 0; l < n; l++) t += h * ab[i * wide + l] * k1[l * all + j];
-        k2[i * all + j] = t;
-      }
-    }
-    solve(lu, pivot, n, k2, all);
-    static double started[NX];
-    memcpy(started, x, sizeof started);
-    for (int i = 0; i < n; i++) {
-      x[at[i]] += h * (1.5 * k1[i * all] + 0.5 * k2[i * all]);
-      for (int j = 1; j < all; j++) {
-        phi[i * wide + j - 1] = (i == j - 1) + h * (1.5 * k1[i * all + j] + 0.5 * k2[i * all + j]);
-      }
-    }
+  }
+  solve(s->lu, s->pivot, n, k2, wide);
+  for (int i = 0; i < n; i++) {
+    for (int j = 0; j < wide; j++) s->phi[i * wide + j] = (i == j) + h * (1.5 * k1[i * wide + j] + 0.5 * k2[i * wide + j]);
+  }
+  return 1;
+}
+
 #if AXES
-    static double dry[2 * AXES];
-    call(kf_dry, x, u, m, run->p, dry, 0, 0);
-    for (int k = 0; k < AXES; k++) {
-      const double forwards = dry[k] * h, backwards = dry[AXES + k] * h;
-      if (forwards == 0.0 && backwards == 0.0) continue;
-      /* it slows down to where it stops within the step, if it does; from there it goes on or sticks */
-      const double v = x[axis_v[k]], old = started[axis_v[k]], driven = v - old;
-      double after = v - (old > 0.0 ? forwards : -backwards), slides = 1.0;
-      if (old == 0.0 || after * old <= 0.0) {
-        const double rest = old == 0.0 ? 1.0 : 1.0 - old / (old - after);
-        after = driven > forwards ? rest * (driven - forwards) : driven < -backwards ? rest * (driven + backwards) : 0.0;
-        slides = 1.0 - rest;
-      }
-      const double slope = after == 0.0 ? LEAK : 1.0;
-      const double moved = slides == 1.0 ? old + after : slides * old + (1.0 - slides) * after;
-      const double back = 0.5 * h * (old + v - moved);
-      x[axis_v[k]] = after;
-      int row = -1, place = -1;
-      for (int i = 0; i < n; i++) {
-        if (at[i] == axis_v[k]) row = i;
-        if (at[i] == axis_q[k]) place = i;
-      }
-      if (place >= 0) x[axis_q[k]] -= back;
-      for (int j = 0; slopes && j < wide; j++) {
-        if (place >= 0) phi[place * wide + j] -= 0.5 * h * (1.0 - slope) * phi[row * wide + j];
-        phi[row * wide + j] *= slope;
-      }
+/* Dry friction of a substep from speeds `started`: its speed slows down to where it stops within the substep, if it
+ * does; from there it goes on or sticks. */
+static void rub(const Run *run, const double *started, double *x, const double *u, const double *m, double h, double *phi) {
+  static double dry[2 * AXES];
+  const int n = run->active, wide = n + NW;
+  call(kf_dry, x, u, m, run->p, dry, 0, 0);
+  for (int k = 0; k < AXES; k++) {
+    const double forwards = dry[k] * h, backwards = dry[AXES + k] * h;
+    if (forwards == 0.0 && backwards == 0.0) continue;
+    const double v = x[axis_v[k]], old = started[axis_v[k]], driven = v - old;
+    double after = v - (old > 0.0 ? forwards : -backwards), slides = 1.0;
+    if (old == 0.0 || after * old <= 0.0) {
+      const double rest = old == 0.0 ? 1.0 : 1.0 - old / (old - after);
+      after = driven > forwards ? rest * (driven - forwards) : driven < -backwards ? rest * (driven + backwards) : 0.0;
+      slides = 1.0 - rest;
     }
+    const double slope = after == 0.0 ? LEAK : 1.0;
+    const double moved = slides == 1.0 ? old + after : slides * old + (1.0 - slides) * after;
+    const double back = 0.5 * h * (old + v - moved);
+    x[axis_v[k]] = after;
+    int row = -1, place = -1;
+    for (int i = 0; i < n; i++) {
+      if (run->state[i] == axis_v[k]) row = i;
+      if (run->state[i] == axis_q[k]) place = i;
+    }
+    if (place >= 0) x[axis_q[k]] -= back;
+    for (int j = 0; phi && j < wide; j++) {
+      if (place >= 0) phi[place * wide + j] -= 0.5 * h * (1.0 - slope) * phi[row * wide + j];
+      phi[row * wide + j] *= slope;
+    }
+  }
+}
+#endif
+
+/* One substep of the active states from rates f; 0 if it runs away.  Dry friction changes the slopes phi, if any. */
+static int substep(const Run *run, double *x, const double *f, const double *u, const double *m, double h, const Slopes *s,
+                   double *phi) {
+  static double g[NX], k1[NX], k2[NX], moved[NX], started[NX];
+  const int n = run->active;
+  const int *at = run->state;
+  if (DISCRETE) {
+    memcpy(x, f, sizeof g); /* states that follow inputs alone are known: they are not active, but move */
+  } else {
+    for (int i = 0; i < n; i++) k1[i] = f[at[i]];
+    solve(s->lu, s->pivot, n, k1, 1);
+    memcpy(moved, x, sizeof moved);
+    memcpy(started, x, sizeof started);
+    for (int i = 0; i < n; i++) moved[at[i]] += h * k1[i];
+    call(kf_f, moved, u, m, run->p, g, 0, 0);
+    for (int i = 0; i < n; i++) k2[i] = g[at[i]] - 2.0 * k1[i];
+    solve(s->lu, s->pivot, n, k2, 1);
+    for (int i = 0; i < n; i++) x[at[i]] += h * (1.5 * k1[i] + 0.5 * k2[i]);
+#if AXES
+    rub(run, started, x, u, m, h, phi);
+#else
+    (void)phi;
 #endif
   }
   for (int i = 0; i < n; i++) {
@@ -246,12 +270,18 @@ static void follow(double *total, const double *phi, int n) {
   memcpy(total, t, sizeof(double) * (size_t)(n * wide));
 }
 
-static int advance(const Run *run, double *x, const double *u, const double *m, double dt, double *P, double *phi,
+/* All substeps of a step, and the covariance P with them, if any; s: what they were made with. */
+static int advance(const Run *run, double *x, const double *u, const double *m, double dt, double *P, Slopes *s,
                    double *total) {
-  static double posted[NX], px[NX * NX], full[NX * N];
+  static double posted[NX], px[NX * NX], full[NX * N], phi[NX * N], f[NX];
   const int n = run->active, wide = n + NW, *at = run->state;
+  const double h = dt / run->substeps;
   for (int q = 0; q < run->substeps; q++) {
-    if (!substep(run, x, u, m, dt / run->substeps, phi, P != 0)) return 0;
+    const int again = q == 0 || DISCRETE;
+    if (again && !linearise(run, x, u, m, h, s, P != 0)) return 0;
+    if (!again) call(kf_f, x, u, m, run->p, f, 0, 0);
+    if (P) memcpy(phi, s->phi, sizeof(double) * (size_t)(n * wide));
+    if (!substep(run, x, again ? s->f : f, u, m, h, s, P ? phi : 0)) return 0;
     if (P) spread(P, phi, n);
     if (total) follow(total, phi, n);
   }
@@ -269,18 +299,15 @@ static int advance(const Run *run, double *x, const double *u, const double *m, 
   return 1;
 }
 
-/* What random rates and the disturbances' own motion add over dt. */
-static void shake(const Run *run, const double *x, const double *u, const double *m, double dt, double *w, double *P) {
-  static double fx[NX], fa[NX * NX], fb[NX * NW + 1];
+/* What random rates, that push as b [NX x NW] says, and the disturbances' own motion add over dt. */
+static void shake(const Run *run, const double *b, double dt, double *w, double *P) {
   const int n = run->active, wide = n + NW, *at = run->state;
-  int rough = 0;
-  for (int i = 0; i < NW; i++) rough |= run->white[i] > 0.0;
-  if (rough) call(kf_fj, x, u, m, run->p, fx, fa, fb);
-  for (int q = 0; q < NW && rough; q++) {
+  for (int q = 0; q < NW; q++) {
     /* a model in steps moves by B w in one of them, else at the rate B w */
     const double size = run->white[q] * run->white[q] * (DISCRETE ? 1.0 / dt : dt);
+    if (size == 0.0) continue;
     for (int i = 0; i < n; i++) {
-      for (int j = 0; j < n; j++) P[i * wide + j] += size * fb[q * NX + at[i]] * fb[q * NX + at[j]];
+      for (int j = 0; j < n; j++) P[i * wide + j] += size * b[q * NX + at[i]] * b[q * NX + at[j]];
     }
   }
   for (int i = 0; i < NW; i++) {
@@ -291,6 +318,67 @@ static void shake(const Run *run, const double *x, const double *u, const double
       P[j * wide + n + i] *= keep;
     }
     P[(n + i) * wide + n + i] += run->sigma[i] * run->sigma[i] * (1.0 - keep * keep);
+  }
+}
+
+/* A row r times a [NX x columns], column-major. */
+static void times(const double *r, const double *a, int columns, double *out) {
+  for (int j = 0; j < columns; j++) {
+    out[j] = 0.0;
+    for (int i = 0; i < NX; i++) out[j] += r[i] * a[j * NX + i];
+  }
+}
+
+/* Outputs with d/dx, d/dw; of a sample that is earlier than the step at the state before, by its rates to second order. */
+static void shown(const Run *run, const double *x, const double *u, const double *m, double *y, double *hx, double *hw) {
+  static double f[NX], a[NX * NX], b[NX * NW + 1], f2[NX], a2[NX * NX], b2[NX * NW + 1], slope[NX], bend[NX];
+  static double then[NX], y1[NY], hx1[NY * NX], hw1[NY * NW + 1], r[NX], ra[NX], raa[NX], rb[NW + 1], rab[NW + 1];
+  int early = 0;
+  for (int o = 0; o < NY; o++) early |= u[EARLY + o] != 0.0;
+  call(kf_hj, x, u, m, run->p, y, hx, hw);
+  if (!early) return;
+  call(kf_fj, x, u, m, run->p, f, a, b);
+  if (DISCRETE) call(kf_fj, f, u, m, run->p, f2, a2, b2);
+  for (int i = 0; i < NX; i++) {
+    if (DISCRETE) { /* a parabola through this and the next two */
+      slope[i] = (4.0 * f[i] - 3.0 * x[i] - f2[i]) / (2.0 * STEP);
+      bend[i] = (f2[i] - 2.0 * f[i] + x[i]) / (STEP * STEP);
+    } else {
+      slope[i] = f[i];
+      bend[i] = 0.0;
+      for (int j = 0; j < NX; j++) bend[i] += a[j * NX + i] * f[j];
+    }
+  }
+  for (int o = 0; o < NY; o++) {
+    const double e = u[EARLY + o], half = 0.5 * e * e;
+    if (e == 0.0) continue;
+    for (int i = 0; i < NX; i++) then[i] = x[i] - e * slope[i] + half * bend[i];
+    call(kf_hj, then, u, m, run->p, y1, hx1, hw1);
+    y[o] = y1[o];
+    for (int i = 0; i < NX; i++) r[i] = hx1[i * NY + o];
+    times(r, a, NX, ra);
+    times(r, b, NW, rb);
+    if (DISCRETE) { /* by the step after the next: r a2 a, r (a2 b + b2) */
+      static double through[NX];
+      times(r, a2, NX, through);
+      times(through, a, NX, raa);
+      times(through, b, NW, rab);
+      for (int i = 0; i < NX; i++) {
+        hx[i * NY + o] = r[i] - e * (4.0 * ra[i] - 3.0 * r[i] - raa[i]) / (2.0 * STEP) +
+                         half * (raa[i] - 2.0 * ra[i] + r[i]) / (STEP * STEP);
+      }
+      for (int i = 0; i < NW; i++) {
+        double twice = rab[i];
+        for (int j = 0; j < NX; j++) twice += r[j] * b2[i * NX + j];
+        hw[i * NY + o] = hw1[i * NY + o] - e * (4.0 * rb[i] - twice) / (2.0 * STEP) +
+                         half * (twice - 2.0 * rb[i]) / (STEP * STEP);
+      }
+    } else {
+      times(ra, a, NX, raa);
+      times(ra, b, NW, rab);
+      for (int i = 0; i < NX; i++) hx[i * NY + o] = r[i] - e * ra[i] + half * raa[i];
+      for (int i = 0; i < NW; i++) hw[i * NY + o] = hw1[i * NY + o] - e * rb[i] + half * rab[i];
+    }
   }
 }
 
@@ -307,8 +395,9 @@ static double trusted(double error, double most, double *side, double *often) {
 /* Steps done: fewer than run->steps where the states run away. */
 EXPORT int run_filter(const Run *run) {
   const int n = run->active, wide = n + NW, *at = run->state;
-  static double x[NX], alone[NX], P[N * N], phi[NX * N], u[NU], memory[NI + 1], next[NI + 1];
+  static double x[NX], alone[NX], P[N * N], u[NU], memory[NI + 1], next[NI + 1];
   static double y[NY], hx[NY * NX], hw[NY * NW + 1], gain[N], row[N], moved[N];
+  static Slopes slopes;
   double w[NW + 1] = {0}, side[NY], often[NY]; /* where the innovation before was, and how far they were lately, in CLIP */
   memset(side, 0, sizeof side);
   memset(often, 0, sizeof often);
@@ -333,13 +422,13 @@ EXPORT int run_filter(const Run *run) {
       if (NI) memcpy(memory, next, sizeof(double) * NI);
       if (window) {
         if (window != run->window[k - 1]) memcpy(alone, x, sizeof x);
-        if (!advance(run, alone, u, m, dt, 0, phi, 0)) return k;
+        if (!advance(run, alone, u, m, dt, 0, &slopes, 0)) return k;
       }
       for (int i = 0; i < NW; i++) u[W0 + i] += w[i];
       double *total = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : 0;
       for (int i = 0; total && i < wide * wide; i++) total[i] = i % (wide + 1) == 0;
-      if (!advance(run, x, u, m, dt, P, phi, total)) return k;
-      shake(run, x, u, m, dt, w, P);
+      if (!advance(run, x, u, m, dt, P, &slopes, total)) return k;
+      shake(run, slopes.b, dt, w, P);
       for (int i = 0; total && i < NW; i++) total[(n + i) * (wide + 1)] = exp(-dt * run->keep[i]);
     }
     if (run->before) memcpy(run->before + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));
@@ -348,10 +437,10 @@ EXPORT int run_filter(const Run *run) {
     const double *arg[4] = {memory, now, m, run->p};
     double *res[2] = {u, next};
     kf_in(arg, res, iscratch, scratch, 0);
-    if (window && run->free) call(kf_h, alone, u, m, run->p, run->free + (size_t)k * NY, 0, 0);
+    if (window && run->free) shown(run, alone, u, m, run->free + (size_t)k * NY, hx, hw);
     if (window && run->zfree) memcpy(run->zfree + (size_t)k * NX, alone, sizeof alone);
     for (int i = 0; i < NW; i++) u[W0 + i] = now[W0 + i] + w[i];
-    call(kf_hj, x, u, m, run->p, y, hx, hw);
+    shown(run, x, u, m, y, hx, hw);
     memset(moved, 0, sizeof moved);
     for (int o = 0; o < NY; o++) {
       const double seen = run->y[(size_t)k * NY + (size_t)o];

@@ -3,7 +3,7 @@
 import ctypes
 import hashlib
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from fmus.toolchain import compiler
 from reconcile.filter.equations import Stepped
 
 HERE = Path(__file__).parent
+DRIVER = (HERE / "filter.c").read_text(encoding="utf-8")
 QUICK = ("-O1",)  # compiled in half the time, a tenth slower
 POINTERS = ("u", "m", "y", "p", "sigma", "keep", "white", "r", "x0", "p0")
 RESULTS = ("e", "s", "z", "v", "window", "free", "zfree", "phi", "before", "after", "ahead")
@@ -79,28 +80,48 @@ def _kept(stepped: Stepped) -> Path:
     """The compiled filter, cached under build/ by its content."""
     code, header = stepped.code()
     host = compiler.host()
-    driver = (HERE / "filter.c").read_text(encoding="utf-8")
-    parts = (code, header, driver, compiler.identity(host.name), repr(compiler.FLAGS))
+    built = repr((compiler.identity(host.name), compiler.FLAGS))
+    driver = _cached("filter", ".o", (DRIVER, header, built), _driver(header, host.name))
+    parts = (code, header, DRIVER, built)
+    name = stepped.model.name
+    return _cached(name, host.suffix, parts, _library(code, header, driver, host.name))
+
+
+def _cached(name: str, suffix: str, parts: Sequence[str], build: Callable[[Path], Path]) -> Path:
+    """What `build` makes in a folder of its own, kept by the content of what it is made of."""
     key = hashlib.sha256("".join(parts).encode()).hexdigest()[:32]
-    library = BUILD / "reconcile" / f"{stepped.model.name}-{key}{host.suffix}"
-    if not library.is_file():
-        library.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
-            _compile(Path(scratch), code, header, host.name, QUICK).replace(library)
-    return library
+    kept = BUILD / "reconcile" / f"{name}-{key}{suffix}"
+    if not kept.is_file():
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=kept.parent) as scratch:
+            build(Path(scratch)).replace(kept)
+    return kept
 
 
-def _compile(folder: Path, code: str, header: str, target: str, flags: Sequence[str]) -> Path:
-    (folder / "equations.c").write_text(code, encoding="utf-8")
-    (folder / "filter.h").write_text(header, encoding="utf-8")
-    include = [f"-I{SHIM}", f"-I{folder}", *flags]
-    objects = [
-        compiler.compile_object(
-            folder / "equations.c", folder / "equations.o", target, include, generated=True
-        ),
+def _driver(header: str, target: str) -> Callable[[Path], Path]:
+    """filter.c for a header: models of the same sizes share it."""
+
+    def build(folder: Path) -> Path:
+        (folder / "filter.h").write_text(header, encoding="utf-8")
         # a user's compiler may warn of what another finds right; the tests compile it with all warnings
-        compiler.compile_object(
-            HERE / "filter.c", folder / "filter.o", target, [f"-I{SHIM}", f"-I{folder}"], generated=True
-        ),
-    ]
-    return compiler.link_shared(objects, folder / "filter.so", target)
+        include = [f"-I{SHIM}", f"-I{folder}"]
+        return compiler.compile_object(
+            HERE / "filter.c", folder / "filter.o", target, include, generated=True
+        )
+
+    return build
+
+
+def _library(code: str, header: str, driver: Path, target: str) -> Callable[[Path], Path]:
+    """Generated equations, linked with their driver."""
+
+    def build(folder: Path) -> Path:
+        (folder / "equations.c").write_text(code, encoding="utf-8")
+        (folder / "filter.h").write_text(header, encoding="utf-8")
+        include = [f"-I{SHIM}", f"-I{folder}", *QUICK]
+        equations = compiler.compile_object(
+            folder / "equations.c", folder / "equations.o", target, include, generated=True
+        )
+        return compiler.link_shared([equations, driver], folder / "filter.so", target)
+
+    return build
