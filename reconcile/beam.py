@@ -90,6 +90,9 @@ class Beam:
             point = self.points[key]
             quiet = {n: QUIET * v for n, v in point.values.items() if n.startswith((SIGMA, WHITE))}
             self.fit(key, point.present, [point.values, point.values | quiet], LONG, near=point)
+            if key == self.ranked()[0]:
+                for a in key:  # an effect that is not there looks needed while the rest has not settled
+                    self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
 
     def _foremost(self) -> list[Key]:
         """The best sets, and the best one with one effect less, or a limit of it in its place."""
@@ -243,11 +246,17 @@ class Beam:
                 self.attempt(less, scored)
         return self.evidence(self.ranked()[0]) > before + 0.1
 
-    def refit(self, key: Key, present: Sequence[Attached], fresh: bool = True) -> None:
+    def refit(
+        self, key: Key, present: Sequence[Attached], fresh: bool = True, iterations: int = SHORT
+    ) -> None:
         """Fit some effects of a set from where they are in it, and from the model as it came."""
+        point = self.points[key]
+        absent = [a.name(q.name) for a in key if a not in present for q in a.effect.amplitudes]
+        given = point.giving({n: self.core.values[n] for n in absent})
         own = self._of(key, present)
         effects = _effects(own, present) if fresh else None
-        self.fit(frozenset(present), present, [self.core.values | own], near=self.points[key], fresh=effects)
+        start = [self.core.values | {n: given[n] for n in own}]
+        self.fit(frozenset(present), present, start, iterations, near=point, fresh=effects)
 
     def _of(self, key: Key, present: Sequence[Attached]) -> Values:
         """A set's values without those of effects that are not present."""

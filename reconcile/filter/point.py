@@ -72,6 +72,18 @@ class Point:
         )
         return c
 
+    def giving(self, wanted: Values) -> Values:
+        """Values with some parameters where they are wanted, the others giving way to first order."""
+        moves = np.array([f.name in wanted for f in self.free])
+        others = ~moves & ~self.held
+        z = np.array([f.coordinate(self.values[f.name]) for f in self.free])
+        to = np.array([f.coordinate(wanted.get(f.name, self.values[f.name])) for f in self.free])
+        h = self.information[np.ix_(others, others)] + np.eye(int(others.sum()))
+        pushed = self.information[np.ix_(others, moves)] @ (to - z)[moves]
+        z[others] -= np.clip(np.linalg.solve(h, pushed), -1.0, 1.0)
+        at = np.flatnonzero(others)
+        return self.values | wanted | {self.free[i].name: self.free[i].value(z[i]) for i in at}
+
 
 @dataclass(frozen=True)
 class At:

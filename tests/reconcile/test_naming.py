@@ -77,7 +77,6 @@ def test_a_wrong_parameter_is_reestimated_and_no_effect(examined):
     assert moved["mass"]["ci95"][0] < 2.4 < moved["mass"]["ci95"][1]
 
 
-@pytest.mark.xfail(reason="beside both a load or a mass of a few percent is named, which is not there")
 @pytest.mark.slow
 @pytest.mark.long
 def test_friction_and_dead_zone_are_told_apart(examined):
