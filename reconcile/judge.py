@@ -8,7 +8,7 @@ from reconcile.beam import Beam, Key
 from reconcile.catalogue.kinds import kind
 from reconcile.filter.point import Point
 from reconcile.model import Attached
-from reconcile.tolerances import CERTAIN, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD
+from reconcile.tolerances import CERTAIN, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE, TOLD, WORTH
 
 MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
@@ -162,13 +162,27 @@ def _names(key: Key) -> tuple[str, ...]:
 
 
 def _simplest(beam: Beam) -> dict[Key, float]:
-    """Probabilities of sets; an effect that the fit left at nothing is none."""
+    """Probabilities of sets; an effect that the fit left at nothing is none, one at its limit is that."""
     found: dict[Key, float] = {}
     for key, p in beam.posterior().items():
         simplest = frozenset(a for a in key if not _nothing(beam.points[key], a))
         kept = simplest if simplest in beam.points else key
+        while (limit := _limit(beam, kept)) is not None:
+            kept = limit
         found[kept] = found.get(kept, 0.0) + p
     return found
+
+
+def _limit(beam: Beam, key: Key) -> Key | None:
+    """The set with what one of its effects becomes in a limit, where that is as likely."""
+    for other, point in beam.points.items():
+        more, less = key - other, other - key
+        if len(more) == len(less) == 1 and len(other) == len(key):
+            (a,), (b,) = more, less
+            limit = b.effect.name in a.effect.becomes and a.port == b.port
+            if limit and point.loss < beam.points[key].loss + WORTH:
+                return other
+    return None
 
 
 def _nothing(point: Point, a: Attached) -> bool:

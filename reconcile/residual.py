@@ -11,6 +11,7 @@ import numpy as np
 
 from reconcile import holdout
 from reconcile.core import Core
+from reconcile.filter.kalman import NOISE
 from reconcile.filter.point import Point
 from reconcile.holdout import Stretch
 
@@ -59,6 +60,8 @@ def residuals(core: Core, point: Point, errors: Sequence[str] = ()) -> list[Resi
     units = {v.name: v.unit for v in core.model.outputs}
     shown = [f for f in forces if f.signals]
     accounted = {n for f in shown if f.size > LARGE for n in f.signals}
+    # noise above what the recording shows at high frequency is no noise
+    accounted = {n for n in accounted if point.values[NOISE + n] < LARGE * _noise_level(core, n)}
     rest = [n for n in core.outputs if n in errors or n not in accounted]
     return shown + ([_error(core, n, units[n], traces) for n in rest] if traces else [])
 
@@ -104,6 +107,10 @@ def missing_forces(core: Core, point: Point) -> list[Residual]:
     return found
 
 
+def _noise_level(core: Core, name: str) -> float:
+    return max(core.floors[name].level, core.floor[name])
+
+
 def _per_second(core: Core, state: str) -> str:
     unit = next(v.unit for v in core.model.states if v.name == state)
     return f"{unit}/s" if unit not in ("", "1") else "1/s"
@@ -122,7 +129,7 @@ def _error(core: Core, name: str, unit: str, traces) -> Residual:
     values = np.concatenate([t.error(name) for t in traces])
     states = np.vstack([t.state_at(t.window.times[name]) for t in traces])
     # not the fitted noise: that is as large as the error, whatever the error is
-    noise = np.full(len(values), max(core.floors[name].level, core.floor[name]))
+    noise = np.full(len(values), _noise_level(core, name))
     return Residual(
         f"error of {name}", unit, None, (name,), values, noise, moments, states, np.zeros((len(values), 0))
     )

@@ -13,6 +13,7 @@ JUMPS = (-8, -4, -2, -1, 1, 2, 4, 8)  # samples
 LONGEST = 3.0  # of a step in a coordinate
 TRIES = 6  # dampings of a step
 STALE = 1.0  # nats gained since slopes were computed, from which they are computed again at the end
+FREELY = 1e-2  # damping with which a fit begins
 SLOW = 20.0  # nats gained, up to which slopes by the noise serve on between steps
 
 
@@ -37,7 +38,7 @@ class Descent:
             at,
         )
         self.slopes: tuple[np.ndarray, np.ndarray] | None = None
-        self.age, self.since, self.damping = 0, np.inf, 1e-2
+        self.age, self.since, self.damping, self.renewed = 0, np.inf, FREELY, False
         self.taken: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.coarse = any(f.name in fitter.kalman.delays for f in free)
         self.motion = not any(f.name.startswith(NOISES) for f in free)
@@ -47,6 +48,13 @@ class Descent:
     def fresh(self) -> bool:
         """Whether the slopes were made for the last step."""
         return self.age <= 1
+
+    def renew(self) -> bool:
+        """Damp as little as at first, once: a step that hardly gains may only have been a short one."""
+        if self.renewed or self.damping <= FREELY:
+            return False
+        self.damping, self.renewed = FREELY, True
+        return True
 
     def take(self, near: Point) -> None:
         """Slopes of a point nearby, for the first steps."""
@@ -90,6 +98,7 @@ class Descent:
             there = self.fitter.at(self.at.values | moved, self.present, self.free, self.own)
             if there is not None and there.total < self.at.total:
                 gained, self.at = self.at.total - there.total, there
+                self.renewed = False
                 self.damping, self.since = max(self.damping / 5.0, 1e-4), self.since + gained
                 return gained
             self.damping = min(self.damping * 8.0, 1e6)

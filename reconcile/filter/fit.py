@@ -52,7 +52,7 @@ class Fitter(Likelihood):
             if descent.coarse and (gained < enough or (descent.motion and (k + 1) % JUMP_EVERY == 0)):
                 gained += descent.jump()
             if gained < enough:
-                if descent.fresh and not descent.coarse:
+                if descent.fresh and not descent.coarse and not descent.renew():
                     break
                 descent.slopes = None
             elif k >= PATIENCE and left > 0.0 and gained < HOPE * left:
