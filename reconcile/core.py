@@ -175,22 +175,21 @@ class Core:
 
     def settle(self) -> None:
         """Scales, and the fit of the base model with its noise, one after the other, twice."""
-        for _ in range(2):
+        for first in (True, False):
             self._measure()
             self.noise_free = self._noise_free()
             self.base_free = self._free.of_base()
-            self.base = self._base_fit()
+            self.base = self._base_fit(first)
             self.values = self.base.values
 
-    def _base_fit(self) -> Point:
-        """The model without effects: from where it is, and from less noise, which slow motion shows in."""
-        less = {n: QUIET * v for n, v in self.values.items() if n.startswith((SIGMA, WHITE))}
-        start = {v.name: v.start for v in self.model.parameters}
+    def _base_fit(self, first: bool) -> Point:
+        """The model without effects: from where it is; at `first` from less noise, which slow motion shows in."""
         free = [*self.base_free, *self.noise_free]
-        points = [
-            self.fitter.fit(self.values, (), free, 25, own=True),
-            self.fitter.fit_staged(self.values | less | start, (), free, 25, own=True),
-        ]
+        points = [self.fitter.fit(self.values, (), free, 25, own=True, every=2)]
+        if first:
+            less = {n: QUIET * v for n, v in self.values.items() if n.startswith((SIGMA, WHITE))}
+            start = self.values | less | {v.name: v.start for v in self.model.parameters}
+            points.append(self.fitter.fit_staged(start, (), free, 25, own=True, every=2))
         found = [p for p in points if p is not None]
         if not found:
             raise InputError(self._runs_away())
