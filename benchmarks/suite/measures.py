@@ -1,9 +1,10 @@
 """What is measured on one report beside its score: how far the gap shrank, parameters, places."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from benchmarks.suite.parameters import expected
+from reconcile.catalogue.kinds import kind
 
 SEEN = 1.0  # floors: a nominal gap below this is no gap that could shrink
 # What stands in the name of a port for the generator's subsystem; others have one axis.
@@ -22,6 +23,20 @@ def of_report(truth: Mapping[str, Any], report: Mapping[str, Any]) -> dict[str, 
         "parameters": [row for placed, effect in pairs for row in _rows(placed, effect, truth)],
         "port_right": [port_is_right(placed, effect["port"]) for placed, effect in pairs],
     }
+
+
+def claims(explained: Collection[Collection[str]], report: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """How probable a report calls effects and kinds, and whether a set that explains the case has them.
+
+    `explained`: sets of effects, the visible ones and those that cannot be told from them.
+    """
+    kinds = [{kind(n) for n in names} for names in explained]
+    found = []
+    for of, sets, said in (("effect", explained, "probability"), ("kind", kinds, "kinds")):
+        for name, probability in report.get(said, {}).items():
+            true = any(name in names for names in sets)
+            found.append({"of": of, "name": name, "probability": probability, "true": true})
+    return found
 
 
 def port_is_right(placed: Mapping[str, Any], port: str) -> bool:

@@ -31,6 +31,7 @@ def page(figures: Figures, seed: int) -> str:
     if visible == "drawn":
         parts += [_grouped("visible effect", figures["by_effect"]), _confusion(figures["confusion"])]
         parts.append(_sizes(figures["equivalence_sizes"]))
+        parts += [_reliability(of, rows) for of, rows in figures["reliability"].items()]
     plain = {k: b for k, b in figures["baselines"].items() if b["cases"]}
     if plain:
         parts.append(_grouped("plain way, same cases", plain))
@@ -87,6 +88,15 @@ def _confusion(confusion: Mapping[str, Mapping[str, int]]) -> str:
         for true, row in confusion.items()
     ]
     return _table(("put in", "named as, times"), rows)
+
+
+def _reliability(of: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    head = (f"probability of an {of}" if of == "effect" else f"probability of a {of}", "said", "mean", "true")
+    own = [r for r in rows if r["claims"]]
+    return _table(
+        head,
+        [(f"{r['from']:g} to {r['to']:g}", r["claims"], _number(r["mean"]), _number(r["true"])) for r in own],
+    )
 
 
 def _sizes(sizes: Mapping[str, int]) -> str:

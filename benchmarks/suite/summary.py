@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from statistics import median
 from typing import Any
 
@@ -11,6 +12,7 @@ from blindtest.effects.machine import parameters_by_name
 
 RESULTS = ("exact", "ambiguous_ok", "right", "wrong", "abstained")
 MET = ("exact", "ambiguous_ok", "right")
+BANDS = (0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.01)  # of probabilities
 NOTHING, AMBIGUOUS = "(nothing)", "(ambiguous)"
 Result = Mapping[str, Any]
 # What is demanded: (figure, at least or at most, of how much), by noise and kind of cases.
@@ -69,6 +71,7 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
         "seconds_median": _median([r["seconds"] for r in results]),
         "draw_seconds_median": _median([r["draw_seconds"] for r in results]),
         "confusion": confusion(results),
+        "reliability": {of: reliability(results, of) for of in ("effect", "kind")},
         "equivalents_added": sum(r["equivalents_added"] for r in results),
         "equivalence_sizes": _sorted(Counter(len(r["equivalents"]) for r in results)),
         "experiments": (experiments := of_experiments(results)),
@@ -92,6 +95,21 @@ def missed(figures: Mapping[str, Any], noise: str, visible: str) -> list[str]:
         if value is not None and not met(value, how, limit):
             found.append(f"{name} = {value:.3g}, must be {how} {limit:g}")
     return found
+
+
+def reliability(results: Iterable[Result], of: str) -> list[dict[str, Any]]:
+    """By how probable effects, or kinds, were called: how many, mean probability, share that is true.
+
+    Results of older suites have no probabilities.
+    """
+    said = [c for r in results for c in r.get("claims", ()) if c["of"] == of]
+    rows = []
+    for low, high in pairwise(BANDS):
+        own = [c for c in said if low <= c["probability"] < high]
+        mean = sum(c["probability"] for c in own) / len(own) if own else None
+        true = _share(c["true"] for c in own)
+        rows.append({"from": low, "to": min(high, 1.0), "claims": len(own), "mean": mean, "true": true})
+    return rows
 
 
 def confusion(results: Iterable[Result]) -> dict[str, dict[str, int]]:

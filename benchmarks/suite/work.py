@@ -121,6 +121,7 @@ def _result(task: Task, folder: Path, sha256: str) -> dict[str, Any]:
         "draw_seconds": json.loads((folder / "drawn.json").read_text())["seconds"],
         **scored(truth, report),
         **measures.of_report(content, report),
+        "claims": measures.claims([content["visible"], *truth.equivalents], report),
         "experiment": after,
         "baselines": {
             name: scored(truth, json.loads(path.read_text()))

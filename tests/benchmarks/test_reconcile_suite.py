@@ -12,7 +12,7 @@ from benchmarks.suite.membership import completed
 from benchmarks.suite.parameters import TABLE, expected
 from benchmarks.suite.plan import BLOCK, Settings, settle
 from benchmarks.suite.run import run_suite, there
-from benchmarks.suite.summary import AMBIGUOUS, NOTHING, confusion, summarise
+from benchmarks.suite.summary import AMBIGUOUS, NOTHING, confusion, reliability, summarise
 from blindtest import case, folder
 from blindtest.score import Truth, score
 from blindtest.systems.kit import KITS
@@ -316,6 +316,18 @@ def test_error_interval_and_shrinking_are_measured_against_the_truth():
     assert row["best_fit_covered"] is None  # a truth of older suites does not have it
     assert found["gap_shrink"] == {"q": pytest.approx(0.95)}
     assert measures.of_report(truth(effect), report | {"verdict": "unexplained"})["parameters"] == []
+
+
+def test_probabilities_are_held_against_every_set_that_explains_the_case():
+    report = {"probability": {"input_lag": 0.95, "stiffness": 0.2}, "kinds": {"delay": 0.97}}
+    rows = measures.claims([["input_delay"], ["input_lag"]], report)
+    assert [(r["of"], r["name"], r["true"]) for r in rows] == [
+        ("effect", "input_lag", True),
+        ("effect", "stiffness", False),
+        ("kind", "delay", True),
+    ]
+    bands = reliability([{"claims": rows}, {}], "effect")
+    assert [(b["claims"], b["true"]) for b in bands if b["claims"]] == [(1, 0.0), (1, 1.0)]
 
 
 def test_intervals_are_held_against_what_visible_effects_alone_come_to_as_well():
