@@ -30,6 +30,7 @@ class Floor:
 
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
+STEPPED_NATS = 0.02  # the same, nats a sample: few that are far off do not show in most of them
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 
 
@@ -145,7 +146,8 @@ class Core:
             found = self.fitter.innovations(self.values, ())
             if found and before:
                 moved = np.nanmedian(np.abs(found[0] - before[0]) / np.sqrt(found[1]))
-                if moved < STEPPED:
+                nats = np.mean(self.fitter.loss(*found)) - np.mean(self.fitter.loss(*before))
+                if moved < STEPPED and abs(nats) < STEPPED_NATS:
                     self.kalman.substeps = n // 2
                     return
             before = found
