@@ -26,7 +26,9 @@ class Assembly:
     """Puts the equations together, place by place."""
 
     averaged = False  # whether memories show their mean over a step
-    slope = None  # of an expression by time, where targets of memories are not held
+    slope = (
+        None  # first and second derivative of an expression by time, where targets of memories are not held
+    )
     stops = False  # whether dry friction is taken off a speed by whoever steps, and is in no rate
 
     def __init__(self, extended: "Extended"):

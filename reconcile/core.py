@@ -185,7 +185,7 @@ class Core:
             self.values = self.base.values
 
     def _base_fit(self, first: bool) -> Point:
-        """The model without effects: from where it is; at `first` from less noise, which slow motion shows in."""
+        """The model without effects: from where it is; at `first` also with less noise, for slow motion."""
         free = [*self.base_free, *self.noise_free]
         points = [self.fitter.fit(self.values, (), free, 25, own=True, every=2)]
         if first:

@@ -2,7 +2,8 @@
 
 Each gives (value, Result fields `rates`, `next`) for one hidden state.  On a model in steps the value is the
 memory after the step that the present target makes: a held target is followed at once, as at a sampler.
-`c.averaged`: the value is the mean over the step instead; `c.slope`: slope by time of a target that moves on.
+`c.averaged`: the value is the mean over the step instead; `c.slope`: first and second derivative by time of a
+target that moves on.
 """
 
 from typing import Any
@@ -22,8 +23,10 @@ def lag(c: Namespace, target: Scalar, name: str, state: Scalar, time: Scalar) ->
         return Result(state, {name: (target - state) / time}, {name: target})
     kept = ca.exp(-c.step / time)
     after = state + (1.0 - kept) * (target - state)
-    if c.slope is not None:  # the target went up to here in a straight line
-        after += c.slope(target) * (c.step * kept - time * (1.0 - kept))
+    if c.slope is not None:  # the target went up to here in a parabola
+        slope, bend = c.slope(target)
+        after += slope * (c.step * kept - time * (1.0 - kept))
+        after += bend * (time**2 - kept * (0.5 * c.step**2 + time * c.step + time**2))
     value = target + (state - target) * (1.0 - kept) * time / c.step if c.averaged else after
     return Result(value, starts={name: target}, next={name: after})
 

@@ -13,6 +13,7 @@ from fmus.toolchain.codegen import CASADI_OPTIONS
 from reconcile.assembly import Assembly
 from reconcile.extended import Extended
 
+BENDS = 4000  # operations of a second derivative by time above which it is left out
 ROOM = 4096  # numbers of scratch space
 
 
@@ -131,9 +132,16 @@ class Stepped(Assembly):
             return after, ca.SX.eye(x.numel())
         moves: list[tuple[ca.SX, ca.SX]] = []
 
-        def slope(target: ca.SX) -> ca.SX:
-            moves.append((ca.SX.sym("slope"), self._slope(target, rates)))
-            return moves[-1][0]
+        def slope(target: ca.SX) -> tuple[ca.SX, ca.SX]:
+            first = self._slope(target, rates)
+            second = self._slope(first, rates)
+            if (
+                ca.Function("bend", [*self.arguments], [second], {"allow_free": True}).n_instructions()
+                > BENDS
+            ):
+                second = ca.SX(0)
+            moves.extend([(ca.SX.sym("slope"), first), (ca.SX.sym("bend"), second)])
+            return moves[-2][0], moves[-1][0]
 
         self.built.clear()
         self.step, self.slope = self.dt, slope

@@ -329,14 +329,12 @@ static void times(const double *r, const double *a, int columns, double *out) {
   }
 }
 
-/* Outputs with d/dx, d/dw; of a sample that is earlier than the step at the state before, by its rates to second order. */
-static void shown(const Run *run, const double *x, const double *u, const double *m, double *y, double *hx, double *hw) {
+/* What samples earlier than the step show, or with `side` 1 later ones: of the state then, by its rates under u to second
+ * order. */
+static void shifted(const Run *run, int side, const double *early, const double *x, const double *u, const double *m,
+                    double *y, double *hx, double *hw) {
   static double f[NX], a[NX * NX], b[NX * NW + 1], f2[NX], a2[NX * NX], b2[NX * NW + 1], slope[NX], bend[NX];
   static double then[NX], y1[NY], hx1[NY * NX], hw1[NY * NW + 1], r[NX], ra[NX], raa[NX], rb[NW + 1], rab[NW + 1];
-  int early = 0;
-  for (int o = 0; o < NY; o++) early |= u[EARLY + o] != 0.0;
-  call(kf_hj, x, u, m, run->p, y, hx, hw);
-  if (!early) return;
   call(kf_fj, x, u, m, run->p, f, a, b);
   if (DISCRETE) call(kf_fj, f, u, m, run->p, f2, a2, b2);
   for (int i = 0; i < NX; i++) {
@@ -350,8 +348,8 @@ static void shown(const Run *run, const double *x, const double *u, const double
     }
   }
   for (int o = 0; o < NY; o++) {
-    const double e = u[EARLY + o], half = 0.5 * e * e;
-    if (e == 0.0) continue;
+    const double e = early[o], half = 0.5 * e * e;
+    if (e == 0.0 || (e < 0.0) != side) continue;
     for (int i = 0; i < NX; i++) then[i] = x[i] - e * slope[i] + half * bend[i];
     call(kf_hj, then, u, m, run->p, y1, hx1, hw1);
     y[o] = y1[o];
@@ -382,6 +380,20 @@ static void shown(const Run *run, const double *x, const double *u, const double
   }
 }
 
+/* Outputs with d/dx, d/dw under inputs u; those before, which an earlier sample saw, are `before`. */
+static void shown(const Run *run, const double *x, const double *before, const double *u, const double *m, double *y,
+                  double *hx, double *hw) {
+  const double *early = u + EARLY;
+  int earlier = 0, later = 0;
+  for (int o = 0; o < NY; o++) {
+    earlier |= early[o] > 0.0;
+    later |= early[o] < 0.0;
+  }
+  call(kf_hj, x, u, m, run->p, y, hx, hw);
+  if (earlier) shifted(run, 0, early, x, before, m, y, hx, hw);
+  if (later) shifted(run, 1, early, x, u, m, y, hx, hw);
+}
+
 /* An innovation without what lies beyond `most`, unless the one before was out on the same side or many lately were:
  * then the filter is lost, not the sensor.  Continuous in all of them, or the likelihood would have steps. */
 static double trusted(double error, double most, double *side, double *often) {
@@ -395,7 +407,7 @@ static double trusted(double error, double most, double *side, double *often) {
 /* Steps done: fewer than run->steps where the states run away. */
 EXPORT int run_filter(const Run *run) {
   const int n = run->active, wide = n + NW, *at = run->state;
-  static double x[NX], alone[NX], P[N * N], u[NU], memory[NI + 1], next[NI + 1];
+  static double x[NX], alone[NX], P[N * N], u[NU], last[NU], memory[NI + 1], next[NI + 1];
   static double y[NY], hx[NY * NX], hw[NY * NW + 1], gain[N], row[N], moved[N];
   static Slopes slopes;
   double w[NW + 1] = {0}, side[NY], often[NY]; /* where the innovation before was, and how far they were lately, in CLIP */
@@ -429,6 +441,7 @@ EXPORT int run_filter(const Run *run) {
       for (int i = 0; total && i < wide * wide; i++) total[i] = i % (wide + 1) == 0;
       if (!advance(run, x, u, m, dt, P, &slopes, total)) return k;
       shake(run, slopes.b, dt, w, P);
+      memcpy(last, u, sizeof last);
       for (int i = 0; total && i < NW; i++) total[(n + i) * (wide + 1)] = exp(-dt * run->keep[i]);
     }
     if (run->before) memcpy(run->before + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));
@@ -437,10 +450,10 @@ EXPORT int run_filter(const Run *run) {
     const double *arg[4] = {memory, now, m, run->p};
     double *res[2] = {u, next};
     kf_in(arg, res, iscratch, scratch, 0);
-    if (window && run->free) shown(run, alone, u, m, run->free + (size_t)k * NY, hx, hw);
+    if (window && run->free) shown(run, alone, k ? last : u, u, m, run->free + (size_t)k * NY, hx, hw);
     if (window && run->zfree) memcpy(run->zfree + (size_t)k * NX, alone, sizeof alone);
     for (int i = 0; i < NW; i++) u[W0 + i] = now[W0 + i] + w[i];
-    shown(run, x, u, m, y, hx, hw);
+    shown(run, x, k ? last : u, u, m, y, hx, hw);
     memset(moved, 0, sizeof moved);
     for (int o = 0; o < NY; o++) {
       const double seen = run->y[(size_t)k * NY + (size_t)o];
