@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from reconcile.ahead import ahead, confirmed, noise
 from reconcile.beam import Beam, Key
+from reconcile.catalogue import ALL
 from reconcile.catalogue.kinds import kind
 from reconcile.filter.point import Point
 from reconcile.model import Attached
@@ -12,6 +13,7 @@ from reconcile.tolerances import CERTAIN, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE
 
 MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
+FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
 ENOUGH = 0.9  # of the probability that the declared sets hold together
 
 
@@ -152,8 +154,11 @@ def _shown(probability: Mapping[str, float]) -> dict[str, float]:
 
 
 def _held_in(key: Key) -> set[str]:
-    """Effects of a set, and what they become in a limit: the richer holds the simpler."""
-    limits = {n for a in key for n in a.effect.becomes if n}
+    """Effects of a set, and what they become in a limit: the richer holds the simpler.
+
+    What has as many parameters is no simpler: a lag is not a delay.
+    """
+    limits = {n for a in key for n in a.effect.becomes if n and FEWEST[n] < len(a.effect.parameters)}
     return limits | set(_names(key))
 
 
@@ -179,7 +184,7 @@ def _limit(beam: Beam, key: Key) -> Key | None:
         more, less = key - other, other - key
         if len(more) == len(less) == 1 and len(other) == len(key):
             (a,), (b,) = more, less
-            limit = b.effect.name in a.effect.becomes and a.port == b.port
+            limit = b.effect.name in _held_in(frozenset({a})) and a.port == b.port
             if limit and point.loss < beam.points[key].loss + WORTH:
                 return other
     return None
