@@ -7,6 +7,7 @@ with one message; nothing of it is found out in operation.
 
 import socket
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -121,6 +122,29 @@ class Hmi:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Foxglove:
+    """The live picture for Foxglove: it has neither users nor TLS, so it stays on this computer."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    port: int = 8765
+    host: str = "127.0.0.1"
+
+    def __post_init__(self) -> None:
+        check_loopback(self.host, "Foxglove's server knows no users")
+
+
+def check_loopback(host: str, why: str) -> None:
+    """Raise InputError for an address that is not this computer's own."""
+    try:
+        inside = ip_address(host).is_loopback
+    except ValueError:
+        inside = host == "localhost"
+    if not inside:
+        raise InputError(f"host = {host!r}: 127.0.0.1 or ::1 only, since {why}; use an SSH tunnel from afar")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Recording:
     """Where ticks are recorded, and how much of the disk for."""
 
@@ -184,6 +208,12 @@ class Configuration:
     recorder: Recording | None = None
     retain: Retaining | None = None
     hmi: Hmi | None = None
+    foxglove: Foxglove | None = None
+
+    @property
+    def interfaces(self) -> tuple[Any, ...]:
+        """The interfaces beside Modbus and the page that are asked for."""
+        return tuple(part for part in (self.foxglove,) if part)
 
     def __post_init__(self) -> None:
         if self.shadow and self.recorder is None:
@@ -197,6 +227,9 @@ class Configuration:
                 "bundle is a folder that nobody has signed: on a real bus it runs with unsigned = true only; "
                 "signed ones come with [store] (docs/how-to/bundles.md)"
             )
+
+
+INTERFACES: dict[str, type] = {"foxglove": Foxglove}  # that a command can add
 
 
 def read(path: Path) -> Configuration:
@@ -228,6 +261,13 @@ def with_hmi(found: Configuration, folder: Path) -> Configuration:
     return found if found.hmi else replace(found, hmi=_placed(Hmi(), folder))
 
 
+def with_interface(found: Configuration, name: str, folder: Path) -> Configuration:
+    """The same with an interface, the default one if it has none of its own."""
+    if getattr(found, name):
+        return found
+    return replace(found, **{name: _placed(INTERFACES[name](), folder)})
+
+
 def in_shadow(found: Configuration) -> Configuration:
     """The same in shadow mode, which retains nothing: what it meets is no machine's that it drove."""
     return replace(found, shadow=True, retain=None)
@@ -243,6 +283,8 @@ def check_surroundings(found: Configuration) -> None:
         if found.modbus.tls:
             _check_port("modbus", found.modbus.host, found.modbus.tls.port)
             _check_tls(found.modbus.tls)
+    if found.foxglove:
+        _check_port("foxglove", found.foxglove.host, found.foxglove.port)
     if found.hmi:
         _check_port("hmi", found.hmi.host, found.hmi.port)
         _check_folder(found.hmi.audit)
@@ -281,6 +323,7 @@ def _check_bus(can: Can) -> None:
 def _check_ports_differ(found: Configuration) -> None:
     tls = found.modbus.tls if found.modbus else None
     parts = {"modbus.port": found.modbus, "modbus.tls.port": tls, "hmi.port": found.hmi}
+    parts |= {"foxglove.port": found.foxglove}
     taken: dict[int, str] = {}
     for name, port in ((name, part.port) for name, part in parts.items() if part):
         if port in taken:

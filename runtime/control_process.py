@@ -24,7 +24,8 @@ from runtime.control import ControlCore
 from runtime.hmi.cells import join as join_hmi
 from runtime.hmi.port import HmiPort
 from runtime.image import OUTPUT, Flag, Status
-from runtime.modbus.cells import join
+from runtime.interfaces.publish import ImagePort
+from runtime.modbus.cells import HOLDS_IMAGE, IMAGE, IMAGE_FILE, join
 from runtime.modbus.port import ModbusPort
 from runtime.policy import open_core
 from runtime.protocols import Port
@@ -116,13 +117,13 @@ def _control(
     overheard = Overheard() if quiet else None
     ports: list[Port] = [
         wires := NativePort(bus, core.library, joystick, overheard),
-        *_others(wanted, folder, found),
+        *_others(wanted, folder, found, bool(told.get("images"))),
     ]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
     if told.get("hmi"):
         ports.insert(len(ports) - 1, _hmi(ports, folder, found, feed, core))
     if overheard:
-        ports = silent(ports, ModbusPort, NativePort, StandIn(overheard, feed))
+        ports = silent(ports, (ModbusPort, ImagePort), NativePort, StandIn(overheard, feed))
     native = type(core) is ControlCore and not quiet
     twin = Rehearsal(core, ports, folder / "twin", feed is not None) if native else None
     realtime.pin(wanted.realtime.core)
@@ -159,10 +160,13 @@ def _hmi(ports: list[Port], folder: Path, found: Statistics, feed: Feed | None, 
     )
 
 
-def _others(wanted: configuration.Configuration, folder: Path, found: Statistics) -> list[Port]:
+def _others(wanted: configuration.Configuration, folder: Path, found: Statistics, images: bool) -> list[Port]:
+    """Modbus, or the images alone where only interfaces want them, and what is published once a second."""
     counts = Cell.open(folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
     retain = Ring.attach(folder / "retain.ring") if wanted.retain else None
     found_ports: list[Port] = [ModbusPort(*join(folder))] if wanted.modbus else []
+    if images and not wanted.modbus:
+        found_ports = [ImagePort(Cell.open(folder / IMAGE_FILE, IMAGE.itemsize, HOLDS_IMAGE))]
     return [*found_ports, Publisher(counts, found, retain, wanted.retain.signals if wanted.retain else ())]
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from specs import dbc, tables
+from specs import dbc, foxglove, tables, urdf
 from specs.schema import ROOT
 
 FOLDER = ROOT / "generated"
@@ -13,6 +13,8 @@ GENERATORS: dict[str, Callable[[], str | bytes]] = {
     "slewright.dbc": dbc.render,
     "modbus_map.csv": tables.modbus_csv,
     "fmi_variables.toml": tables.fmi_variables,
+    "foxglove_layout.json": foxglove.layout,
+    "machine.urdf": urdf.render,
 }
 
 

@@ -39,6 +39,10 @@ def run(
             "--shadow", help="Read and compute everything, command nothing (docs/how-to/shadow.md)."
         ),
     ] = False,
+    foxglove: Annotated[
+        bool,
+        typer.Option("--foxglove", help="With the live picture for Foxglove (docs/how-to/foxglove.md)."),
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Run the cyclic controller on CAN and Modbus until Ctrl-C.
@@ -58,7 +62,8 @@ def run(
         def show(found: Counts) -> None:
             report(modes.get(found.mode, str(found.mode)), found.ticks, ticks)
 
-        supervisor = Supervisor(config, ticks, hmi, shadow)
+        interfaces = [name for name, on in {"foxglove": foxglove}.items() if on]
+        supervisor = Supervisor(config, ticks, hmi, shadow, interfaces)
         report(supervisor.active.said)
         if supervisor.wanted.shadow:
             report("in shadow: nothing is sent")
@@ -96,6 +101,9 @@ def who_may_write(supervisor: "Supervisor") -> list[str]:
             f"page: port {wanted.hmi.port} of {networks(wanted.hmi.host)}; everybody who reaches it may "
             f"look, whoever has a token of {wanted.hmi.tokens} may change something, {far}"
         )
+    if wanted.foxglove:
+        where = f"ws://{wanted.foxglove.host}:{wanted.foxglove.port}"
+        lines.append(f"Foxglove: {where} of this computer only; whoever is on it may look, nobody may write")
     if not wanted.modbus:
         lines.append(f"targets: from whoever sends them on CAN bus {wanted.can.channel}")
     return lines
