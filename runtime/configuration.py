@@ -134,13 +134,48 @@ class Foxglove:
         check_loopback(self.host, "Foxglove's server knows no users")
 
 
+@dataclass(frozen=True, kw_only=True)
+class OpcuaSecurity:
+    """What lets OPC UA clients be told apart: without it all of them only read."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    certificate: Path
+    key: Path
+    authority: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opcua:
+    """The OPC UA server; without `security` it can be reached from this computer only, and is read-only."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    port: int = 4840
+    host: str = "127.0.0.1"
+    security: OpcuaSecurity | None = None
+
+    @property
+    def closed(self) -> bool:
+        """Whether it takes signed and encrypted connections only."""
+        return not is_loopback(self.host)
+
+    def __post_init__(self) -> None:
+        if self.security is None:
+            check_loopback(self.host, "without [opcua.security] everybody may read")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address is this computer's own."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
 def check_loopback(host: str, why: str) -> None:
     """Raise InputError for an address that is not this computer's own."""
-    try:
-        inside = ip_address(host).is_loopback
-    except ValueError:
-        inside = host == "localhost"
-    if not inside:
+    if not is_loopback(host):
         raise InputError(f"host = {host!r}: 127.0.0.1 or ::1 only, since {why}; use an SSH tunnel from afar")
 
 
@@ -209,11 +244,17 @@ class Configuration:
     retain: Retaining | None = None
     hmi: Hmi | None = None
     foxglove: Foxglove | None = None
+    opcua: Opcua | None = None
 
     @property
     def interfaces(self) -> tuple[Any, ...]:
         """The interfaces beside Modbus and the page that are asked for."""
-        return tuple(part for part in (self.foxglove,) if part)
+        return tuple(part for part in (self.foxglove, self.opcua) if part)
+
+    @property
+    def seats(self) -> tuple[str, ...]:
+        """The interfaces over which a client may command (runtime/interfaces/seats.py)."""
+        return tuple(name for name in ("opcua",) if getattr(self, name))
 
     def __post_init__(self) -> None:
         if self.shadow and self.recorder is None:
@@ -229,7 +270,7 @@ class Configuration:
             )
 
 
-INTERFACES: dict[str, type] = {"foxglove": Foxglove}  # that a command can add
+INTERFACES: dict[str, type] = {"foxglove": Foxglove, "opcua": Opcua}  # that a command can add
 
 
 def read(path: Path) -> Configuration:
@@ -285,6 +326,10 @@ def check_surroundings(found: Configuration) -> None:
             _check_tls(found.modbus.tls)
     if found.foxglove:
         _check_port("foxglove", found.foxglove.host, found.foxglove.port)
+    if found.opcua:
+        _check_port("opcua", found.opcua.host, found.opcua.port)
+        if found.opcua.security:
+            check_pair("opcua.security", found.opcua.security)
     if found.hmi:
         _check_port("hmi", found.hmi.host, found.hmi.port)
         _check_folder(found.hmi.audit)
@@ -323,7 +368,7 @@ def _check_bus(can: Can) -> None:
 def _check_ports_differ(found: Configuration) -> None:
     tls = found.modbus.tls if found.modbus else None
     parts = {"modbus.port": found.modbus, "modbus.tls.port": tls, "hmi.port": found.hmi}
-    parts |= {"foxglove.port": found.foxglove}
+    parts |= {"foxglove.port": found.foxglove, "opcua.port": found.opcua}
     taken: dict[int, str] = {}
     for name, port in ((name, part.port) for name, part in parts.items() if part):
         if port in taken:
@@ -354,6 +399,28 @@ def _check_port(whose: str, host: str, port: int) -> None:
 
 def _check_tls(tls: Tls) -> None:
     context(tls.certificate, tls.key, tls.authority)
+
+
+def check_pair(whose: str, files: OpcuaSecurity) -> None:
+    """Raise InputError unless the key is that of the certificate, of RSA, and the authority is one."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives import serialization
+    from cryptography.hazmat.primitives.asymmetric import rsa
+
+    at = files.certificate
+    try:
+        certificate = x509.load_pem_x509_certificate(files.certificate.read_bytes())
+        at = files.key
+        key = serialization.load_pem_private_key(files.key.read_bytes(), None)
+        at = files.authority
+        x509.load_pem_x509_certificate(files.authority.read_bytes())
+    except (OSError, ValueError, TypeError) as error:
+        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise InputError(f"{whose}: {at}: {reason}") from None
+    if not isinstance(key, rsa.RSAPrivateKey):
+        raise InputError(f"{whose}: {files.key} is no RSA key, which OPC UA's security policies ask for")
+    if key.public_key() != certificate.public_key():
+        raise InputError(f"{whose}: {files.key} is not the key of {files.certificate}")
 
 
 def _check_folder(path: Path) -> None:

@@ -30,6 +30,7 @@ from runtime.hmi import tokens
 from runtime.hmi.cells import create as create_hmi
 from runtime.image import OUTPUT, TICK_S
 from runtime.interfaces.publish import create as create_image
+from runtime.interfaces.seats import create as create_seats
 from runtime.modbus.cells import create
 from runtime.notify import Notifier
 from runtime.policy import open_core
@@ -113,6 +114,7 @@ class Supervisor:
         which = {"bundle": str(self.bundle.folder.resolve()), "digest": self.bundle.digest}
         told = {"config": str(path.absolute()), "folder": str(self.folder), "ticks": ticks, **which}
         told["hmi"], told["images"] = self.wanted.hmi is not None, bool(self.wanted.interfaces)
+        told["seats"] = self.wanted.seats
         told["retained"], told["shadow"] = self.retained, self.wanted.shadow
         self.control = self._helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
@@ -242,6 +244,10 @@ class Supervisor:
             self._prepare_modbus(self.wanted.modbus)
         elif self.wanted.interfaces:
             create_image(self.folder).close()
+        if self.wanted.seats:
+            create_seats(self.folder, self.wanted.seats)
+        if self.wanted.opcua:
+            self._prepare_opcua(self.wanted.opcua)
         if self.wanted.foxglove:
             self._prepare_foxglove(self.wanted.foxglove)
         if self.wanted.recorder:
@@ -266,6 +272,14 @@ class Supervisor:
     def _prepare_foxglove(self, wanted: configuration.Foxglove) -> None:
         told = {"host": wanted.host, "port": wanted.port, "name": f"slewright: {self.path.stem}"}
         self._interface("foxglove", told)
+
+    def _prepare_opcua(self, wanted: configuration.Opcua) -> None:
+        files = wanted.security
+        security = files and {
+            name: str(getattr(files, name).resolve()) for name in ("certificate", "key", "authority")
+        }
+        told = {"host": wanted.host, "port": wanted.port, "closed": wanted.closed, "security": security}
+        self._interface("opcua", told)
 
     def _interface(self, name: str, told: dict[str, Any]) -> None:
         """A process of an interface, which writes the file `ready` once it serves."""

@@ -43,6 +43,9 @@ def run(
         bool,
         typer.Option("--foxglove", help="With the live picture for Foxglove (docs/how-to/foxglove.md)."),
     ] = False,
+    opcua: Annotated[
+        bool, typer.Option("--opcua", help="With the OPC UA server (docs/how-to/opcua.md).")
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Run the cyclic controller on CAN and Modbus until Ctrl-C.
@@ -62,7 +65,7 @@ def run(
         def show(found: Counts) -> None:
             report(modes.get(found.mode, str(found.mode)), found.ticks, ticks)
 
-        interfaces = [name for name, on in {"foxglove": foxglove}.items() if on]
+        interfaces = [name for name, on in {"foxglove": foxglove, "opcua": opcua}.items() if on]
         supervisor = Supervisor(config, ticks, hmi, shadow, interfaces)
         report(supervisor.active.said)
         if supervisor.wanted.shadow:
@@ -104,6 +107,11 @@ def who_may_write(supervisor: "Supervisor") -> list[str]:
     if wanted.foxglove:
         where = f"ws://{wanted.foxglove.host}:{wanted.foxglove.port}"
         lines.append(f"Foxglove: {where} of this computer only; whoever is on it may look, nobody may write")
+    if wanted.opcua:
+        who = "everybody may read; nobody may command without [opcua.security]"
+        if wanted.opcua.security:
+            who = f"certificates of {wanted.opcua.security.authority} with the role 'Planner' may command"
+        lines.append(f"OPC UA: port {wanted.opcua.port} of {networks(wanted.opcua.host)}; {who}")
     if not wanted.modbus:
         lines.append(f"targets: from whoever sends them on CAN bus {wanted.can.channel}")
     return lines
