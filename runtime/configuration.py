@@ -21,6 +21,7 @@ from specs.schema import STRICT, read_toml, validate
 from specs.signals import definition
 
 LOCAL_BUS = "slewright"  # on one computer, for tests and simulated machines
+LAST_DOMAIN = 101  # of ROS 2: the ports of higher ones are those of outgoing connections
 LOWEST_PRIORITY, HIGHEST_PRIORITY = 1, 98  # 99 is the kernel's own
 
 
@@ -165,6 +166,20 @@ class Opcua:
             check_loopback(self.host, "without [opcua.security] everybody may read")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ros2:
+    """ROS 2's topics, on this computer only; `commands`: whether publishers on it may send targets."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    domain: int = 0
+    commands: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.domain <= LAST_DOMAIN:
+            raise InputError(f"domain = {self.domain}: 0 to {LAST_DOMAIN}")
+
+
 def is_loopback(host: str) -> bool:
     """Whether an address is this computer's own."""
     try:
@@ -245,16 +260,18 @@ class Configuration:
     hmi: Hmi | None = None
     foxglove: Foxglove | None = None
     opcua: Opcua | None = None
+    ros2: Ros2 | None = None
 
     @property
     def interfaces(self) -> tuple[Any, ...]:
         """The interfaces beside Modbus and the page that are asked for."""
-        return tuple(part for part in (self.foxglove, self.opcua) if part)
+        return tuple(part for part in (self.foxglove, self.opcua, self.ros2) if part)
 
     @property
     def seats(self) -> tuple[str, ...]:
         """The interfaces over which a client may command (runtime/interfaces/seats.py)."""
-        return tuple(name for name in ("opcua",) if getattr(self, name))
+        ros2 = ("ros2",) if self.ros2 and self.ros2.commands else ()
+        return (("opcua",) if self.opcua else ()) + ros2
 
     def __post_init__(self) -> None:
         if self.shadow and self.recorder is None:
@@ -270,7 +287,7 @@ class Configuration:
             )
 
 
-INTERFACES: dict[str, type] = {"foxglove": Foxglove, "opcua": Opcua}  # that a command can add
+INTERFACES: dict[str, type] = {"foxglove": Foxglove, "opcua": Opcua, "ros2": Ros2}  # that a command can add
 
 
 def read(path: Path) -> Configuration:

@@ -248,6 +248,8 @@ class Supervisor:
             create_seats(self.folder, self.wanted.seats)
         if self.wanted.opcua:
             self._prepare_opcua(self.wanted.opcua)
+        if self.wanted.ros2:
+            self._prepare_ros2(self.wanted.ros2)
         if self.wanted.foxglove:
             self._prepare_foxglove(self.wanted.foxglove)
         if self.wanted.recorder:
@@ -280,6 +282,11 @@ class Supervisor:
         }
         told = {"host": wanted.host, "port": wanted.port, "closed": wanted.closed, "security": security}
         self._interface("opcua", told)
+
+    def _prepare_ros2(self, wanted: configuration.Ros2) -> None:
+        simulated = self.wanted.can.interface == configuration.LOCAL_BUS
+        told = {"domain": wanted.domain, "commands": wanted.commands, "simulated": simulated}
+        self._interface("ros2", told)
 
     def _interface(self, name: str, told: dict[str, Any]) -> None:
         """A process of an interface, which writes the file `ready` once it serves."""

@@ -1,9 +1,10 @@
 """`slewright generate`: writes `specs/generated` from the specs, or tells which files are out of date."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from specs import dbc, foxglove, tables, urdf
+from specs import dbc, foxglove, ros2, tables, urdf
 from specs.schema import ROOT
 
 FOLDER = ROOT / "generated"
@@ -15,6 +16,7 @@ GENERATORS: dict[str, Callable[[], str | bytes]] = {
     "fmi_variables.toml": tables.fmi_variables,
     "foxglove_layout.json": foxglove.layout,
     "machine.urdf": urdf.render,
+    **{name: partial(lambda of: ros2.files()[of], name) for name in ros2.files()},
 }
 
 

@@ -46,6 +46,9 @@ def run(
     opcua: Annotated[
         bool, typer.Option("--opcua", help="With the OPC UA server (docs/how-to/opcua.md).")
     ] = False,
+    ros2: Annotated[
+        bool, typer.Option("--ros2", help="With ROS 2 topics on this computer (docs/how-to/ros2.md).")
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Run the cyclic controller on CAN and Modbus until Ctrl-C.
@@ -65,7 +68,7 @@ def run(
         def show(found: Counts) -> None:
             report(modes.get(found.mode, str(found.mode)), found.ticks, ticks)
 
-        interfaces = [name for name, on in {"foxglove": foxglove, "opcua": opcua}.items() if on]
+        interfaces = [name for name, on in {"foxglove": foxglove, "opcua": opcua, "ros2": ros2}.items() if on]
         supervisor = Supervisor(config, ticks, hmi, shadow, interfaces)
         report(supervisor.active.said)
         if supervisor.wanted.shadow:
@@ -112,6 +115,9 @@ def who_may_write(supervisor: "Supervisor") -> list[str]:
         if wanted.opcua.security:
             who = f"certificates of {wanted.opcua.security.authority} with the role 'Planner' may command"
         lines.append(f"OPC UA: port {wanted.opcua.port} of {networks(wanted.opcua.host)}; {who}")
+    if wanted.ros2:
+        who = "may command" if wanted.ros2.commands else "may look, nobody may command"
+        lines.append(f"ROS 2: domain {wanted.ros2.domain} of this computer only; whoever is on it {who}")
     if not wanted.modbus:
         lines.append(f"targets: from whoever sends them on CAN bus {wanted.can.channel}")
     return lines

@@ -11,11 +11,14 @@ import pytest
 
 from deployment.hil.rig import free_port
 from runtime.supervisor import Supervisor
+from specs import ros2
 from tests.runtime.foxglove.client import Client
+from tests.runtime.ros2.peer import DOMAINS, Peer
 from tests.runtime.test_helpers import until
 from tests.runtime.test_supervisor import machine as machine
 
 pytest.importorskip("foxglove")
+pytest.importorskip("cyclonedds")
 asyncua = pytest.importorskip("asyncua")
 pytestmark = pytest.mark.slow
 
@@ -24,7 +27,9 @@ pytestmark = pytest.mark.slow
 def ports(machine: Path) -> dict[str, int]:
     """Free ports, written into the configuration."""
     found = {name: free_port() for name in ("foxglove", "opcua")}
-    machine.write_text(machine.read_text() + "".join(f"[{n}]\nport = {p}\n" for n, p in found.items()))
+    told = "".join(f"[{n}]\nport = {p}\n" for n, p in found.items())
+    found["ros2"] = next(DOMAINS)
+    machine.write_text(machine.read_text() + told + f"[ros2]\ndomain = {found['ros2']}\ncommands = true\n")
     return found
 
 
@@ -51,7 +56,9 @@ def test_each_serves_and_one_that_was_killed_comes_back(machine: Path, ports: di
         until(lambda: supervisor.watch() is None and supervisor.now().ticks > 0)
         asyncio.run(foxglove_ticks(ports["foxglove"]))
         asyncio.run(opcua_beats(ports["opcua"]))
-        for name in ("foxglove", "opcua"):
+        reader = Peer(ports["ros2"]).subscribe("/slewright/signals", ros2.SIGNALS)
+        until(lambda: reader.take(1))
+        for name in ("foxglove", "opcua", "ros2"):
             helper = next(h for h in supervisor.helpers if h.name == name)
             before = helper.pid
             os.kill(before, signal.SIGKILL)
@@ -59,5 +66,5 @@ def test_each_serves_and_one_that_was_killed_comes_back(machine: Path, ports: di
             until(lambda h=helper, b=before: supervisor.watch() is None and h.pid != b)
             until(lambda t=ticks: supervisor.now().ticks > t)  # the cycle went on
         found = supervisor.run(lambda _: None, stop=lambda: True)
-    assert found["restarts"]["foxglove"] == found["restarts"]["opcua"] == 1
+    assert found["restarts"]["foxglove"] == found["restarts"]["opcua"] == found["restarts"]["ros2"] == 1
     assert json.dumps(found)
