@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from specs import dbc, foxglove, ros2, tables, urdf
+from specs import dbc, foxglove, places, ros2, tables, urdf
 from specs.schema import ROOT
 
 FOLDER = ROOT / "generated"
@@ -15,6 +15,7 @@ GENERATORS: dict[str, Callable[[], str | bytes]] = {
     "modbus_map.csv": tables.modbus_csv,
     "fmi_variables.toml": tables.fmi_variables,
     "foxglove_layout.json": foxglove.layout,
+    "places.csv": places.table,
     "machine.urdf": urdf.render,
     **{name: partial(lambda of: ros2.files()[of], name) for name in ros2.files()},
 }

@@ -1,7 +1,7 @@
 """The other way into ROS 2: eProsima Fast DDS, its default (skipped, visibly, where its headers are missing).
 
-Debian has it: libfastrtps-dev.  Bytes are read and written by rosbags, so that neither our types nor Cyclone's
-code is at the other end.
+Debian has it: libfastrtps-dev.  Bytes are read and written by rosbags, so that neither our types nor
+Cyclone's code is at the other end.
 """
 
 import shutil

@@ -74,3 +74,18 @@ def test_joints_are_those_of_the_urdf_and_of_a_bag(tmp_path: Path, store: Any):
     position = dict(zip(found.name, found.position, strict=True))
     assert position["tool_level"] == pytest.approx(value(images, "q_boom") + value(images, "q_stick"))
     assert position["tool_roll"] == value(images, "imu_tool_roll")
+
+
+def test_standard_messages_have_each_signal_at_its_place(tmp_path: Path, store: Any):
+    from runtime.ros2.messages import TOPICS
+    from specs import places
+
+    images = drawn(7)
+    seen = seen_of(tmp_path, images)
+    made = {t.name: store.deserialize_cdr(t.made(seen).serialize(), t.type) for t in TOPICS}
+    for name, place in places.standard().items():
+        topic, _, path = place.partition(".")
+        found = made[topic]
+        for step in path.replace("[", ".").replace("]", "").split("."):
+            found = found[int(step)] if step.isdigit() else getattr(found, step)
+        assert found == value(images, name), place
