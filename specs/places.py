@@ -1,6 +1,6 @@
 """Which signal is where: its place on every bus, in recordings and in FMUs, as one table.
 
-`places.csv` is for programs and for grep; docs/reference/places.md for people, who search it in their browser.
+`places.csv` is for programs and for grep; docs/reference/places.md is for people.
 """
 
 import csv

@@ -94,6 +94,7 @@ def main(text: str) -> None:
     told = json.loads(text)
     foxglove = library("foxglove", "foxglove-sdk", "foxglove")
     library("foxglove.channels", "foxglove-sdk", "foxglove")
+    foxglove.set_log_level("CRITICAL")  # who sends nonsense must not fill our disk
     live = Live(View.join(Path(told["folder"])), foxglove)
     try:
         server = foxglove.start_server(

@@ -74,9 +74,11 @@ class SeatsPort:
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Put the targets into the image, if a seat has the right."""
-        now = self._clock()
         for seat in self._seats:
             seat.look()
+        if not (self._who or self._draining or any(seat.owner for seat in self._seats)):
+            return  # nobody asks: it costs next to nothing
+        now = self._clock()
         self._check(now)
         self._draining = self._draining and int(self._outputs["value"][MODE]) in FOLLOWING
         if self._who is None and not self._draining and not self._other(inputs):

@@ -60,6 +60,8 @@ class Seat:
         self._claims, self._since, self._had = randbits(31), 0, False
         self.client: str = ""  # who has, or asks for, the right
         self.state = np.zeros((), TARGETS)
+        self._published = (-1, -1, -1)
+        self._asked_ns, self._told = 0, False  # when it asked; whether it was said that it waits
         self._clear()
 
     def _clear(self) -> None:
@@ -96,6 +98,7 @@ class Seat:
     def _claim(self, client: str, now: int) -> None:
         self._claims = self._claims % 0xFFFF_FFFE + 1
         self.client, self._had, self._since = client, False, now
+        self._asked_ns, self._told = now, False
         self._clear()
         self.state["owner"] = self._claims
 
@@ -119,14 +122,22 @@ class Seat:
     def beat(self, now: int) -> None:
         """Publish the state; end a claim that is silent, or lost the right that it had, or never got it."""
         if self.client and now - self._since >= LAPSE_NS:
-            self._end("lost the right to command: it gave no sign of life")
+            self._end(
+                f"{'lost' if self._had else 'no longer asks for'} the right to command: no sign of life"
+            )
         elif self.client and self._had and not self.has_right:
             self._end("lost the right to command: the controller gave it to nobody or to another")
         elif self.client and not self._had and self.has_right:
             self._had = True
             self._tell(f"{self.client} has the right to command")
-        self.state["stamp_ns"] = now
-        self._cell.write(self.state)
+        elif self.client and not self._had and not self._told and now - self._asked_ns >= LAPSE_NS:
+            self._told = True
+            self._tell(f"{self.client} is refused the right to command: somebody else has it")
+        news = tuple(int(self.state[key]) for key in ("owner", "commits", "heartbeat_ns"))
+        if news != self._published:  # nothing else is read: the cycle is not bothered for less
+            self._published = news
+            self.state["stamp_ns"] = now
+            self._cell.write(self.state)
 
 
 def invalid(values: Mapping[str, float]) -> str:
