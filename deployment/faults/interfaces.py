@@ -46,7 +46,10 @@ class Table:
         granted: Any = Memory()
         granted.write(np.zeros((), GRANTED))
         self.said: list[str] = []
-        self.seats = [Seat(n, c, granted, self.said.append) for n, c in zip(NAMES, cells, strict=True)]
+        self.seats = [
+            Seat(n, c, granted, lambda text, level: self.said.append(text))
+            for n, c in zip(NAMES, cells, strict=True)
+        ]
         asked = [Asked(i + 1, c) for i, c in enumerate(cells)]
         self.port = SeatsPort(asked, granted, clock=lambda: self.now)
         self.outputs = OUTPUT.new()

@@ -188,8 +188,10 @@ ATTACKS: dict[str, Callable[[Interfaces, ExitStack], str]] = {
     "ros2_wrong_type": _publish(_text, "std_msgs/msg/String", 8, 0.1),
 }
 
-OVER_ROS2 = dict.fromkeys(("ros2_flood", "ros2_second_writer", "ros2_stale"), ros2.TARGET)
-OVER_ROS2["ros2_wrong_type"] = "std_msgs/msg/String"
+OVER_ROS2: dict[str, str] = {
+    **dict.fromkeys(("ros2_flood", "ros2_second_writer", "ros2_stale"), ros2.TARGET),
+    "ros2_wrong_type": "std_msgs/msg/String",
+}
 
 
 def main(at: Interfaces, name: str) -> None:

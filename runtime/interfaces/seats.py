@@ -12,6 +12,7 @@ from secrets import randbits
 
 import numpy as np
 
+from runtime.hmi.alarms import Level
 from runtime.modbus.cells import HOLDING, TARGETS
 from runtime.modbus.holding import LAPSE_NS
 from runtime.shared import Cell
@@ -53,7 +54,7 @@ def granted(cell: Cell) -> tuple[int, int]:
 class Seat:
     """One client's claim at a time, and what it asked for; no clock, no sockets."""
 
-    def __init__(self, name: str, cell: Cell, granted_cell: Cell, tell: Callable[[str], None]) -> None:
+    def __init__(self, name: str, cell: Cell, granted_cell: Cell, tell: Callable[[str, Level], None]) -> None:
         self._number, self._cell, self._granted = NAMES.index(name) + 1, cell, granted_cell
         self._tell = tell
         # not from 0 on: a process that was started again must not repeat a claim that is over
@@ -117,7 +118,7 @@ class Seat:
     def _end(self, why: str) -> None:
         client, self.client = self.client, ""
         self._clear()
-        self._tell(f"{client} {why}")
+        self._tell(f"{client} {why}", Level.WARNING)
 
     def beat(self, now: int) -> None:
         """Publish the state; end a claim that is silent, or lost the right that it had, or never got it."""
@@ -129,10 +130,10 @@ class Seat:
             self._end("lost the right to command: the controller gave it to nobody or to another")
         elif self.client and not self._had and self.has_right:
             self._had = True
-            self._tell(f"{self.client} has the right to command")
+            self._tell(f"{self.client} has the right to command", Level.NOTE)
         elif self.client and not self._had and not self._told and now - self._asked_ns >= LAPSE_NS:
             self._told = True
-            self._tell(f"{self.client} is refused the right to command: somebody else has it")
+            self._tell(f"{self.client} is refused the right to command: somebody else has it", Level.WARNING)
         news = tuple(int(self.state[key]) for key in ("owner", "commits", "heartbeat_ns"))
         if news != self._published:  # nothing else is read: the cycle is not bothered for less
             self._published = news

@@ -19,8 +19,8 @@ from runtime.hmi.alarms import Level
 from runtime.interfaces import seats
 from runtime.interfaces.beside import NICE, library, ready
 from runtime.interfaces.news import Line, News
+from runtime.interfaces.told import Teller
 from runtime.interfaces.view import Seen, View
-from runtime.modbus.told import to_console
 from specs.errors import InputError
 from specs.version import VERSION
 
@@ -37,6 +37,7 @@ class Served:
         folder = Path(told["folder"])
         self.told, self.view, self.news = told, View.join(folder), News()
         self.lines: list[Line] = []
+        self._teller = Teller(folder, "opcua")
         granted = seats.join_granted(folder)
         if granted is None:
             raise InputError(f"opcua: {folder} has no cell of who has the right to command")
@@ -44,10 +45,10 @@ class Served:
         self._last: Seen | None = None
         self._lost = False
 
-    def tell(self, text: str) -> None:
-        """Something happened: on the console, and as an event."""
-        to_console(f"OPC UA: {text}")
-        self.lines.append(Line("interface", Level.WARNING, text))
+    def tell(self, text: str, level: Level = Level.WARNING) -> None:
+        """Something happened: on the console, in the HMI's alarms, and as an event."""
+        if self._teller.tell(text, level):
+            self.lines.append(Line("interface", level, text))
 
     async def serve(self) -> None:
         """Serve until told to end."""

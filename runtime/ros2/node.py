@@ -42,10 +42,10 @@ class Node:
         self._peers = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
         self.unsent = 0
 
-    def publisher(self, name: str, kind: str, latched: bool = False) -> None:
-        """Publish on a topic from now on."""
+    def publisher(self, name: str, kind: str, latched: bool = False, depth: int = 1) -> None:
+        """Publish on a topic from now on; `depth`: messages that wait for readers that are slow."""
         topic = Topic(self.participant, topic_name(name), message(kind))
-        self._writers[name] = DataWriter(self.participant, topic, qos(kind, latched=latched))
+        self._writers[name] = DataWriter(self.participant, topic, qos(kind, depth, latched))
 
     def subscriber(self, name: str, kind: str) -> Any:
         """Subscribe to a topic: best effort, which takes what reliable publishers send, too."""

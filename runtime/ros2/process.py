@@ -15,8 +15,8 @@ from runtime.hmi.alarms import Level
 from runtime.interfaces import seats
 from runtime.interfaces.beside import library, ready, until_told
 from runtime.interfaces.news import Line, News
+from runtime.interfaces.told import Teller
 from runtime.interfaces.view import Seen, View
-from runtime.modbus.told import to_console
 from runtime.ros2 import loopback
 from specs import urdf
 from specs.errors import InputError
@@ -25,6 +25,7 @@ LOG_LEVELS = {Level.CRITICAL: 40, Level.WARNING: 30, Level.NOTE: 20}  # rcl_inte
 DIAGNOSED = {Level.CRITICAL: 2, Level.WARNING: 1, Level.NOTE: 0}  # diagnostic_msgs/DiagnosticStatus
 LOG, DIAGNOSTICS, MODEL = "/rosout", "/diagnostics", "/robot_description"
 DIAGNOSTIC, LOG_TYPE = "diagnostic_msgs/msg/DiagnosticArray", "rcl_interfaces/msg/Log"
+LINES = 100  # of the log that wait, and that a late subscriber gets
 EVERY = 50  # ticks between two states of the diagnostics
 
 
@@ -39,17 +40,15 @@ class Live:
         folder = Path(told["folder"])
         self._view, self._news = View.join(folder), News()
         self.lines: list[Line] = []
+        self._teller = Teller(folder, "ros2")
         self.node = node = Node(told["domain"])
         self._messages = messages
         self._topics = [*messages.TOPICS, *([messages.CLOCK] if told["simulated"] else [])]
         for topic in self._topics:
             node.publisher(topic.name, topic.type)
-        for name, kind, latched in (
-            (LOG, LOG_TYPE, True),
-            (DIAGNOSTICS, DIAGNOSTIC, False),
-            (MODEL, "std_msgs/msg/String", True),
-        ):
-            node.publisher(name, kind, latched)
+        node.publisher(LOG, LOG_TYPE, latched=True, depth=LINES)
+        node.publisher(DIAGNOSTICS, DIAGNOSTIC)
+        node.publisher(MODEL, "std_msgs/msg/String", latched=True)
         self._commands = Commands(node, self._seat(folder), self.tell) if told["commands"] else None
         node.announce()
         node.publish(MODEL, messages.message("std_msgs/msg/String")(data=urdf.render()))
@@ -61,10 +60,10 @@ class Live:
             raise InputError(f"ros2: {folder} has no cell of who has the right to command")
         return seats.Seat("ros2", seats.join(folder, "ros2"), granted, self.tell)
 
-    def tell(self, text: str) -> None:
-        """Something happened: on the console, and on /rosout."""
-        to_console(f"ROS 2: {text}")
-        self.lines.append(Line("interface", Level.WARNING, text))
+    def tell(self, text: str, level: Level = Level.WARNING) -> None:
+        """Something happened: on the console, in the HMI's alarms, and on /rosout."""
+        if self._teller.tell(text, level):
+            self.lines.append(Line("interface", level, text))
 
     def work(self) -> None:
         """Publish what is new, take what came."""

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runtime.hmi.alarms import Level
 from runtime.image import INPUT, OUTPUT, Status
 from runtime.interfaces import seats
 from runtime.interfaces.port import FOLLOWING, MODE, Asked, SeatsPort
@@ -25,10 +26,13 @@ class Table:
         assert granted
         self.said: list[str] = []
         self.now, self.modbus, self.can = TICK, False, False
-        self.seats = [seats.Seat(n, seats.join(folder, n), granted, self.said.append) for n in seats.NAMES]
+        self.seats = [seats.Seat(n, seats.join(folder, n), granted, self._hear) for n in seats.NAMES]
         asked = [Asked(i + 1, seats.join(folder, n)) for i, n in enumerate(seats.NAMES)]
         self.port = SeatsPort(asked, granted, lambda: self.modbus, lambda: self.now)
         self.inputs, self.outputs = INPUT.new(), OUTPUT.new()
+
+    def _hear(self, text: str, level: Level) -> None:
+        self.said.append(text)
 
     def tick(self, count: int = 1, *alive: tuple[int, str]) -> "Table":
         for _ in range(count):
