@@ -44,6 +44,7 @@ class Interfaces:
     foxglove: int
     opcua: int
     domain: int
+    commands: bool = False  # whether ROS 2 publishers may command
 
 
 @dataclass(frozen=True)
@@ -213,6 +214,7 @@ class Rig:
                 f"port = {s.interfaces.opcua}",
             ]
             lines += ["[ros2]", f"domain = {s.interfaces.domain}"]
+            lines += ["commands = true"] * s.interfaces.commands
         path = self.folder / "machine.toml"
         path.write_text("\n".join(lines) + "\n")
         return path

@@ -22,7 +22,9 @@ NAMES = ("opcua", "ros2")  # number of a seat: its place here, from 1 on; 0: non
 GRANTED = np.dtype([("seat", "<u4"), ("owner", "<u4")])
 GRANTED_FILE, HOLDS_GRANTED, HOLDS_SEAT = "seats.cell", "seats", "seat"
 PLACES = {s.name: i for i, s in enumerate(HOLDING)}
-BEAT = PLACES["planner_heartbeat"]
+BEAT, NUMBER = PLACES["planner_heartbeat"], PLACES["target_number"]
+PLACE = ("target_x", "target_y", "target_z")  # a change of one of them makes a new target
+HIGHEST_NUMBER = int(HOLDING[NUMBER].max or 0)
 HIGHEST_BEAT = int(HOLDING[BEAT].max or 0)
 
 
@@ -83,8 +85,11 @@ class Seat:
             return f"busy: {self.client} has the right to command"
         if not self.client:
             self._claim(client, now)
+        held = self.state["value"]
+        if any(held[PLACES[name]] != value for name, value in values.items() if name in PLACE):
+            held[NUMBER] = (held[NUMBER] + 1) % (HIGHEST_NUMBER + 1)
         for name, value in values.items():
-            self.state["value"][PLACES[name]] = value
+            held[PLACES[name]] = value
         self.state["commits"] += 1
         self._live(now)
         return ""
@@ -144,7 +149,7 @@ class Seat:
 def invalid(values: Mapping[str, float]) -> str:
     """Why targets are refused: a name, or a value outside its range; "" if they are right."""
     for name, value in values.items():
-        if name not in PLACES or name == "planner_heartbeat":
+        if name not in PLACES or name in ("planner_heartbeat", "target_number"):
             return f"unknown target '{name}'; {nearest(name, PLACES)}"
         s = HOLDING[PLACES[name]]
         low, high = s.min if s.min is not None else -np.inf, s.max if s.max is not None else np.inf

@@ -51,7 +51,7 @@ def runtime(
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Lateness of the control cycle against cyclictest: idle, with Modbus clients, stress-ng, three pages."""
+    """Lateness of the control cycle against cyclictest: idle, with clients, stress-ng, pages, interfaces."""
     from deployment.bundling.default import ready
     from deployment.hil.bench import LOADS, MORE, run, tables
 

@@ -148,6 +148,13 @@ def test_a_claim_that_was_lost_does_not_come_back_with_a_late_sign_of_life(table
     assert not table.port.claimed()
 
 
+def test_another_place_is_another_target(table: Table):
+    for x, number in ((5.0, 1), (5.0, 1), (6.0, 2)):
+        table.ask(0, "a", x)
+        table.tick()
+        assert table.inputs["value"][INPUT.at("target_number")] == number
+
+
 @pytest.mark.parametrize(
     ("values", "reason"),
     [

@@ -40,13 +40,13 @@ class Peer:
         return DataWriter(self.participant, topic, chosen or qos(kind))
 
 
-def target(x: float, stamp_ns: int | None = None, valid: bool = True) -> Any:
+def target(x: float, stamp_ns: int | None = None, y: float = 1.0) -> Any:
     """A command, stamped now."""
     at = time.time_ns() if stamp_ns is None else stamp_ns
     header = message("std_msgs/msg/Header")(
         stamp=message("builtin_interfaces/msg/Time")(sec=at // 10**9, nanosec=at % 10**9), frame_id="base"
     )
-    return message(ros2.TARGET)(header, x, 1.0, 4.0, valid, 0.0, 1.0)
+    return message(ros2.TARGET)(header, x, y, 4.0, True, 0.0, 1.0)
 
 
 def until(true: Callable[[], Any], each: Callable[[], None], seconds: float = 60.0) -> Any:
