@@ -7,6 +7,7 @@ with one message; nothing of it is found out in operation.
 
 import socket
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -20,6 +21,7 @@ from specs.schema import STRICT, read_toml, validate
 from specs.signals import definition
 
 LOCAL_BUS = "slewright"  # on one computer, for tests and simulated machines
+LAST_DOMAIN = 101  # of ROS 2: the ports of higher ones are those of outgoing connections
 LOWEST_PRIORITY, HIGHEST_PRIORITY = 1, 98  # 99 is the kernel's own
 
 
@@ -121,6 +123,78 @@ class Hmi:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Foxglove:
+    """The live picture for Foxglove: it has neither users nor TLS, so it stays on this computer."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    port: int = 8765
+    host: str = "127.0.0.1"
+
+    def __post_init__(self) -> None:
+        check_loopback(self.host, "Foxglove's server knows no users")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpcuaSecurity:
+    """What lets OPC UA clients be told apart: without it all of them only read."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    certificate: Path
+    key: Path
+    authority: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opcua:
+    """The OPC UA server; without `security` it can be reached from this computer only, and is read-only."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    port: int = 4840
+    host: str = "127.0.0.1"
+    security: OpcuaSecurity | None = None
+
+    @property
+    def closed(self) -> bool:
+        """Whether it takes signed and encrypted connections only."""
+        return not is_loopback(self.host)
+
+    def __post_init__(self) -> None:
+        if self.security is None:
+            check_loopback(self.host, "without [opcua.security] everybody may read")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ros2:
+    """ROS 2's topics, on this computer only; `commands`: whether publishers on it may send targets."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    domain: int = 0
+    commands: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.domain <= LAST_DOMAIN:
+            raise InputError(f"domain = {self.domain}: 0 to {LAST_DOMAIN}")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address is this computer's own."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def check_loopback(host: str, why: str) -> None:
+    """Raise InputError for an address that is not this computer's own."""
+    if not is_loopback(host):
+        raise InputError(f"host = {host!r}: 127.0.0.1 or ::1 only, since {why}; use an SSH tunnel from afar")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Recording:
     """Where ticks are recorded, and how much of the disk for."""
 
@@ -184,6 +258,20 @@ class Configuration:
     recorder: Recording | None = None
     retain: Retaining | None = None
     hmi: Hmi | None = None
+    foxglove: Foxglove | None = None
+    opcua: Opcua | None = None
+    ros2: Ros2 | None = None
+
+    @property
+    def interfaces(self) -> tuple[Any, ...]:
+        """The interfaces beside Modbus and the page that are asked for."""
+        return tuple(part for part in (self.foxglove, self.opcua, self.ros2) if part)
+
+    @property
+    def seats(self) -> tuple[str, ...]:
+        """The interfaces over which a client may command (runtime/interfaces/seats.py)."""
+        ros2 = ("ros2",) if self.ros2 and self.ros2.commands else ()
+        return (("opcua",) if self.opcua else ()) + ros2
 
     def __post_init__(self) -> None:
         if self.shadow and self.recorder is None:
@@ -197,6 +285,9 @@ class Configuration:
                 "bundle is a folder that nobody has signed: on a real bus it runs with unsigned = true only; "
                 "signed ones come with [store] (docs/how-to/bundles.md)"
             )
+
+
+INTERFACES: dict[str, type] = {"foxglove": Foxglove, "opcua": Opcua, "ros2": Ros2}  # that a command can add
 
 
 def read(path: Path) -> Configuration:
@@ -228,6 +319,13 @@ def with_hmi(found: Configuration, folder: Path) -> Configuration:
     return found if found.hmi else replace(found, hmi=_placed(Hmi(), folder))
 
 
+def with_interface(found: Configuration, name: str, folder: Path) -> Configuration:
+    """The same with an interface, the default one if it has none of its own."""
+    if getattr(found, name):
+        return found
+    return replace(found, **{name: _placed(INTERFACES[name](), folder)})
+
+
 def in_shadow(found: Configuration) -> Configuration:
     """The same in shadow mode, which retains nothing: what it meets is no machine's that it drove."""
     return replace(found, shadow=True, retain=None)
@@ -243,6 +341,12 @@ def check_surroundings(found: Configuration) -> None:
         if found.modbus.tls:
             _check_port("modbus", found.modbus.host, found.modbus.tls.port)
             _check_tls(found.modbus.tls)
+    if found.foxglove:
+        _check_port("foxglove", found.foxglove.host, found.foxglove.port)
+    if found.opcua:
+        _check_port("opcua", found.opcua.host, found.opcua.port)
+        if found.opcua.security:
+            check_pair("opcua.security", found.opcua.security)
     if found.hmi:
         _check_port("hmi", found.hmi.host, found.hmi.port)
         _check_folder(found.hmi.audit)
@@ -281,6 +385,7 @@ def _check_bus(can: Can) -> None:
 def _check_ports_differ(found: Configuration) -> None:
     tls = found.modbus.tls if found.modbus else None
     parts = {"modbus.port": found.modbus, "modbus.tls.port": tls, "hmi.port": found.hmi}
+    parts |= {"foxglove.port": found.foxglove, "opcua.port": found.opcua}
     taken: dict[int, str] = {}
     for name, port in ((name, part.port) for name, part in parts.items() if part):
         if port in taken:
@@ -311,6 +416,28 @@ def _check_port(whose: str, host: str, port: int) -> None:
 
 def _check_tls(tls: Tls) -> None:
     context(tls.certificate, tls.key, tls.authority)
+
+
+def check_pair(whose: str, files: OpcuaSecurity) -> None:
+    """Raise InputError unless the key is that of the certificate, of RSA, and the authority is one."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives import serialization
+    from cryptography.hazmat.primitives.asymmetric import rsa
+
+    at = files.certificate
+    try:
+        certificate = x509.load_pem_x509_certificate(files.certificate.read_bytes())
+        at = files.key
+        key = serialization.load_pem_private_key(files.key.read_bytes(), None)
+        at = files.authority
+        x509.load_pem_x509_certificate(files.authority.read_bytes())
+    except (OSError, ValueError, TypeError) as error:
+        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise InputError(f"{whose}: {at}: {reason}") from None
+    if not isinstance(key, rsa.RSAPrivateKey):
+        raise InputError(f"{whose}: {files.key} is no RSA key, which OPC UA's security policies ask for")
+    if key.public_key() != certificate.public_key():
+        raise InputError(f"{whose}: {files.key} is not the key of {files.certificate}")
 
 
 def _check_folder(path: Path) -> None:

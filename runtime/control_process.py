@@ -24,7 +24,10 @@ from runtime.control import ControlCore
 from runtime.hmi.cells import join as join_hmi
 from runtime.hmi.port import HmiPort
 from runtime.image import OUTPUT, Flag, Status
-from runtime.modbus.cells import join
+from runtime.interfaces import seats
+from runtime.interfaces.port import Asked, SeatsPort
+from runtime.interfaces.publish import ImagePort
+from runtime.modbus.cells import HOLDS_IMAGE, IMAGE, IMAGE_FILE, join
 from runtime.modbus.port import ModbusPort
 from runtime.policy import open_core
 from runtime.protocols import Port
@@ -116,13 +119,19 @@ def _control(
     overheard = Overheard() if quiet else None
     ports: list[Port] = [
         wires := NativePort(bus, core.library, joystick, overheard),
-        *_others(wanted, folder, found),
+        *_others(wanted, folder, found, bool(told.get("images"))),
     ]
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
+    commands = _seats(ports, folder, told.get("seats", ()))
+    if commands:
+        ports.insert(len(ports) - 1, commands)
     if told.get("hmi"):
-        ports.insert(len(ports) - 1, _hmi(ports, folder, found, feed, core))
+        page = _hmi(ports, folder, found, feed, core)
+        ports.insert(len(ports) - 1, page)
+        if commands:
+            commands.page = page.commands
     if overheard:
-        ports = silent(ports, ModbusPort, NativePort, StandIn(overheard, feed))
+        ports = silent(ports, (ModbusPort, ImagePort), NativePort, StandIn(overheard, feed))
     native = type(core) is ControlCore and not quiet
     twin = Rehearsal(core, ports, folder / "twin", feed is not None) if native else None
     realtime.pin(wanted.realtime.core)
@@ -144,25 +153,38 @@ def _control(
     (folder / "statistics").write_text(json.dumps(figures))
 
 
-def _hmi(ports: list[Port], folder: Path, found: Statistics, feed: Feed | None, core: ControlCore) -> Port:
+def _hmi(ports: list[Port], folder: Path, found: Statistics, feed: Feed | None, core: ControlCore) -> HmiPort:
     """After all that bring targets or sensors: it decides what of them counts."""
-    modbus = [p.claimed for p in ports if isinstance(p, ModbusPort)]
+    others = [p.claimed for p in ports if isinstance(p, ModbusPort | SeatsPort)]
     ring = feed.ring if feed else None
     wires = next(p for p in ports if isinstance(p, NativePort))
     return HmiPort(
         join_hmi(folder),
         found,
-        lambda: any(f() for f in modbus),
+        lambda: any(f() for f in others),
         lambda: ring.lost if ring else 0,
         wires.refused,
         core.ladder,
     )
 
 
-def _others(wanted: configuration.Configuration, folder: Path, found: Statistics) -> list[Port]:
+def _seats(ports: list[Port], folder: Path, names: Sequence[str]) -> SeatsPort | None:
+    """Who commands over OPC UA or ROS 2, if one of them is configured."""
+    granted = seats.join_granted(folder)
+    if granted is None:
+        return None
+    modbus = [p.claimed for p in ports if isinstance(p, ModbusPort)]
+    asked = [Asked(seats.NAMES.index(name) + 1, seats.join(folder, name)) for name in names]
+    return SeatsPort(asked, granted, lambda: any(f() for f in modbus))
+
+
+def _others(wanted: configuration.Configuration, folder: Path, found: Statistics, images: bool) -> list[Port]:
+    """Modbus, or the images alone where only interfaces want them, and what is published once a second."""
     counts = Cell.open(folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
     retain = Ring.attach(folder / "retain.ring") if wanted.retain else None
     found_ports: list[Port] = [ModbusPort(*join(folder))] if wanted.modbus else []
+    if images and not wanted.modbus:
+        found_ports = [ImagePort(Cell.open(folder / IMAGE_FILE, IMAGE.itemsize, HOLDS_IMAGE))]
     return [*found_ports, Publisher(counts, found, retain, wanted.retain.signals if wanted.retain else ())]
 
 

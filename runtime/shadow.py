@@ -135,7 +135,9 @@ class StandIn:
         self._request = not self._request if mode == MODES["armed"] else wanted
 
 
-def silent(ports: Iterable[Port], shown: type, hidden: type, stand_in: StandIn) -> list[Port]:
+def silent(
+    ports: Iterable[Port], shown: type | tuple[type, ...], hidden: type, stand_in: StandIn
+) -> list[Port]:
     """Ports of a scan in shadow mode: those of class `hidden` listen, those of `shown` withhold commands."""
     found: list[Port] = []
     for port in ports:

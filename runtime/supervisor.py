@@ -12,7 +12,7 @@ import shutil
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
@@ -29,6 +29,8 @@ from runtime.helpers import Helper
 from runtime.hmi import tokens
 from runtime.hmi.cells import create as create_hmi
 from runtime.image import OUTPUT, TICK_S
+from runtime.interfaces.publish import create as create_image
+from runtime.interfaces.seats import create as create_seats
 from runtime.modbus.cells import create
 from runtime.notify import Notifier
 from runtime.policy import open_core
@@ -68,16 +70,25 @@ class Counts:
 class Supervisor:
     """The runtime of one configuration file; a context, which ends all processes."""
 
-    def __init__(self, path: Path, ticks: int | None = None, hmi: bool = False, shadow: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        ticks: int | None = None,
+        hmi: bool = False,
+        shadow: bool = False,
+        interfaces: Sequence[str] = (),
+    ) -> None:
         """Check everything; InputError for the first thing that does not fit, before anything runs.
 
-        `hmi`: with the operator's page, `shadow`: in shadow mode, also where the configuration does not ask
-        for it.
+        `hmi`: with the operator's page, `shadow`: in shadow mode, `interfaces`: with these, also where the
+        configuration does not ask for it.
         """
         self.path, self.ticks = path, ticks
         self.wanted = configuration.read(path)
         if hmi:
             self.wanted = configuration.with_hmi(self.wanted, path.parent)
+        for name in interfaces:
+            self.wanted = configuration.with_interface(self.wanted, name, path.parent)
         if shadow:
             self.wanted = configuration.in_shadow(self.wanted)
         self.active = start.chosen(self.wanted, path)
@@ -95,13 +106,15 @@ class Supervisor:
             said = f"{left} was left by an older version's run; no process here uses it: remove it by hand"
             sys.stderr.write(f"slewright: {said}\n")
         self._ports, self._hmi_port = self.folder / "ports", self.folder / "hmi.port"
+        self._ready: list[Path] = []  # of the interfaces: each is there once its process serves
         self.tokens: dict[str, str] = {}  # by role, where they were made now: to be shown once
         self.helpers: list[Helper] = []
         self.rings: list[Ring] = []
         self.counts = Cell.create(self.folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
         which = {"bundle": str(self.bundle.folder.resolve()), "digest": self.bundle.digest}
         told = {"config": str(path.absolute()), "folder": str(self.folder), "ticks": ticks, **which}
-        told["hmi"] = self.wanted.hmi is not None
+        told["hmi"], told["images"] = self.wanted.hmi is not None, bool(self.wanted.interfaces)
+        told["seats"] = self.wanted.seats
         told["retained"], told["shadow"] = self.retained, self.wanted.shadow
         self.control = self._helper("control", "runtime.control_process", told)
         self._started: dict[str, float] = {}
@@ -229,6 +242,16 @@ class Supervisor:
             self._prepare_hmi(self.wanted.hmi)
         if self.wanted.modbus:
             self._prepare_modbus(self.wanted.modbus)
+        elif self.wanted.interfaces:
+            create_image(self.folder).close()
+        if self.wanted.seats:
+            create_seats(self.folder, self.wanted.seats)
+        if self.wanted.opcua:
+            self._prepare_opcua(self.wanted.opcua)
+        if self.wanted.ros2:
+            self._prepare_ros2(self.wanted.ros2)
+        if self.wanted.foxglove:
+            self._prepare_foxglove(self.wanted.foxglove)
         if self.wanted.recorder:
             self._prepare_recorder(self.wanted.recorder)
         if self.wanted.retain:
@@ -247,6 +270,29 @@ class Supervisor:
         self.helpers.append(
             self._helper("modbus", "runtime.modbus.process", {**told, "ports": str(self._ports)})
         )
+
+    def _prepare_foxglove(self, wanted: configuration.Foxglove) -> None:
+        told = {"host": wanted.host, "port": wanted.port, "name": f"slewright: {self.path.stem}"}
+        self._interface("foxglove", told)
+
+    def _prepare_opcua(self, wanted: configuration.Opcua) -> None:
+        files = wanted.security
+        security = files and {
+            name: str(getattr(files, name).resolve()) for name in ("certificate", "key", "authority")
+        }
+        told = {"host": wanted.host, "port": wanted.port, "closed": wanted.closed, "security": security}
+        self._interface("opcua", told)
+
+    def _prepare_ros2(self, wanted: configuration.Ros2) -> None:
+        simulated = self.wanted.can.interface == configuration.LOCAL_BUS
+        told = {"domain": wanted.domain, "commands": wanted.commands, "simulated": simulated}
+        self._interface("ros2", told)
+
+    def _interface(self, name: str, told: dict[str, Any]) -> None:
+        """A process of an interface, which writes the file `ready` once it serves."""
+        self._ready.append(self.folder / f"{name}.ready")
+        told |= {"folder": str(self.folder), "ready": str(self._ready[-1])}
+        self.helpers.append(self._helper(name, f"runtime.{name}.process", told))
 
     def _prepare_hmi(self, wanted: configuration.Hmi) -> None:
         if not wanted.tokens.exists():
@@ -323,6 +369,7 @@ class Supervisor:
 
     def _alive(self) -> bool:
         files = [self._ports] * bool(self.wanted.modbus) + [self._hmi_port] * bool(self.wanted.hmi)
+        files += self._ready
         return all(ring.beat for ring in self.rings) and all(f.is_file() for f in files)
 
 

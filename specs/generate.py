@@ -1,9 +1,10 @@
 """`slewright generate`: writes `specs/generated` from the specs, or tells which files are out of date."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from specs import dbc, tables
+from specs import dbc, foxglove, places, ros2, tables, urdf
 from specs.schema import ROOT
 
 FOLDER = ROOT / "generated"
@@ -13,6 +14,10 @@ GENERATORS: dict[str, Callable[[], str | bytes]] = {
     "slewright.dbc": dbc.render,
     "modbus_map.csv": tables.modbus_csv,
     "fmi_variables.toml": tables.fmi_variables,
+    "foxglove_layout.json": foxglove.layout,
+    "places.csv": places.table,
+    "machine.urdf": urdf.render,
+    **{name: partial(lambda of: ros2.files()[of], name) for name in ros2.files()},
 }
 
 

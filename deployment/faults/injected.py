@@ -8,6 +8,7 @@ import numpy as np
 
 from deployment.faults.client import LostClient, TakenOver
 from deployment.faults.drive import AUTOMATIC, Drive, Frame, Moment, Run, mode_number
+from deployment.faults.interfaces import Followed, Lost
 from deployment.faults.table import TICK_MS, Fault, Outcome
 from runtime.can.codec import Codec, Field, codecs
 from runtime.can.transmit import Transmitter
@@ -307,6 +308,8 @@ MAKERS: dict[str, Callable[[Random], Disturbance]] = {
     "sensor_nan": _nan,
     "modbus_client_lost": lambda random: Disturbance(twist=LostClient(random)),
     "modbus_taken_over": lambda random: Disturbance(twist=TakenOver(random)),
+    "interface_client_lost": lambda random: Disturbance(twist=Lost(random)),
+    "interface_followed": lambda random: Disturbance(twist=Followed(random)),
     "policy_nan": _nan_state,
     "task_overrun": _overrun,
 }

@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 import time
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -164,9 +164,17 @@ class Plant:
         self.node.listen(self.beat, time.monotonic_ns())
 
 
-def run_all(bundle: Bundle, wanted: Sequence[Fault], count: int, seed: int, report: Report) -> list[Outcome]:
-    """Each of the `wanted` faults `count` times."""
-    makers = {
+def run_all(
+    bundle: Bundle,
+    wanted: Sequence[Fault],
+    count: int,
+    seed: int,
+    report: Report,
+    more: Mapping[str, Callable[..., None]],
+) -> list[Outcome]:
+    """Each of the `wanted` faults `count` times; `more` injects those that are not here."""
+    makers: dict[str, Callable[..., None]] = {
+        **more,
         "control_killed": _control_killed,
         "modbus_flooding": _flooded,
         "modbus_client_gone": _client_gone,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deployment.faults import injected, process_faults
+from deployment.faults import injected, interfaces, process_faults, watching
 from deployment.faults.drive import Drive
 from deployment.faults.processes import run_all
 from deployment.faults.table import BUS, IMAGE, INSIDE, PROCESS, Fault, Outcome
@@ -43,7 +43,7 @@ def run(
         outcomes += _lockstep(drive, single, count, seed, report)
     several = [f for f in wanted if f.level == "process"]
     if several:
-        outcomes += run_all(bundle, several, count, seed, report)
+        outcomes += run_all(bundle, several, count, seed, report, dict.fromkeys(watching.NAMES, watching.run))
     return outcomes
 
 
@@ -63,4 +63,6 @@ def _lockstep(drive: Drive, wanted: Sequence[Fault], count: int, seed: int, repo
 
 
 def _injection(fault: Fault) -> Callable[..., None]:
-    return getattr(process_faults, fault.name) if fault.level == "inside" else injected.inject
+    if fault.level != "inside":
+        return injected.inject
+    return getattr(interfaces if fault.name.startswith("interface_") else process_faults, fault.name)

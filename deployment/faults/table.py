@@ -31,6 +31,9 @@ SHOWN_MS = (
 )  # and on the bus in its next message
 
 
+AGAIN_MS = (
+    2000.0  # a process that ended is started again: its supervisor looks every 0.1 s, and waits 1 s at most
+)
 # Of two senders: the third counter that cannot be, and the doubt that right frames took away meanwhile.
 DOUBTED_MS = 4 * MACHINE_CYCLE_MS
 
@@ -131,6 +134,20 @@ IMAGE = (
         level="image",
     ),
     _stops(
+        "interface_client_lost",
+        "a client of OPC UA or ROS 2 gives no sign of life, or its session ends",
+        PLANNER_MS,
+        "target_timeout",
+        level="image",
+    ),
+    _stops(
+        "interface_followed",
+        "such a client leaves, and another one asks at once and goes on",
+        0.0,
+        "target_timeout",
+        level="image",
+    ),
+    _stops(
         "policy_nan", "the controller's state becomes NaN", 4 * TICK_MS, "controller_failed", level="image"
     ),
     _stops("task_overrun", "every cycle ends too late", OVERRUNS_MS, "task_overrun", level="image"),
@@ -172,6 +189,17 @@ INSIDE = (
     Fault("modbus_commit", "a commit of 0, or of the last number anew", "refused", 0.0, "inside"),
     Fault(
         "modbus_guessing", "others try the writer's number", "busy, none of their writes done", 0.0, "inside"
+    ),
+    Fault(
+        "interface_second_client",
+        "others ask over OPC UA and ROS 2 while one commands",
+        "refused; its target stays",
+        0.0,
+        "inside",
+    ),
+    Fault("interface_nonsense", "a client asks for what is out of range", "refused whole", 0.0, "inside"),
+    Fault(
+        "interface_stale", "an interface's process hangs, goes on later", "its claim is over", 0.0, "inside"
     ),
     Fault("idle_places", "connections that do nothing take all places", "they make room", 0.0, "inside"),
     Fault(
@@ -228,6 +256,80 @@ PROCESS = (
         "the Modbus process is killed",
         "flag Modbus lost, started again",
         SHOWN_MS,
+        "process",
+    ),
+    Fault(
+        "opcua_half_open",
+        "60 OPC UA connections that say nothing",
+        "automatic goes on; another client is answered",
+        0.0,
+        "process",
+    ),
+    Fault(
+        "opcua_storm",
+        "60 OPC UA clients that come and go",
+        "automatic goes on; another client is answered",
+        0.0,
+        "process",
+    ),
+    Fault(
+        "opcua_malformed",
+        "malformed OPC UA messages",
+        "automatic goes on; another client is answered",
+        0.0,
+        "process",
+    ),
+    Fault(
+        "foxglove_slow_reader",
+        "5 viewers that ask for everything and read nothing",
+        "automatic goes on; another viewer is served",
+        0.0,
+        "process",
+    ),
+    Fault(
+        "foxglove_malformed",
+        "malformed WebSocket frames",
+        "automatic goes on; another viewer is served",
+        0.0,
+        "process",
+    ),
+    Fault(
+        "ros2_flood",
+        "2,000 ROS 2 targets in one go beside a planner",
+        "refused; automatic goes on",
+        0.0,
+        "process",
+    ),
+    Fault(
+        "ros2_second_writer",
+        "a ROS 2 publisher asks while a planner commands",
+        "refused; automatic goes on",
+        0.0,
+        "process",
+    ),
+    Fault("ros2_stale", "ROS 2 targets with stamps of 5 s ago", "refused; automatic goes on", 0.0, "process"),
+    Fault(
+        "ros2_wrong_type", "a ROS 2 publisher of another type", "refused; automatic goes on", 0.0, "process"
+    ),
+    Fault(
+        "foxglove_killed",
+        "the process of Foxglove is killed",
+        "started again; automatic goes on",
+        AGAIN_MS,
+        "process",
+    ),
+    Fault(
+        "opcua_killed",
+        "the process of OPC UA is killed",
+        "started again; automatic goes on",
+        AGAIN_MS,
+        "process",
+    ),
+    Fault(
+        "ros2_killed",
+        "the process of ROS 2 is killed",
+        "started again; automatic goes on",
+        AGAIN_MS,
         "process",
     ),
 )

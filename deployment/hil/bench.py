@@ -19,7 +19,8 @@ from statistics import median
 from typing import Any
 
 from deployment.hil import loads
-from deployment.hil.rig import Rig, Setting, free_port
+from deployment.hil.rig import Interfaces, Rig, Setting, free_port
+from deployment.hil.watchers import watching
 from runtime.image import TICK_S
 from runtime.realtime import PRIORITY
 from specs.errors import RunError
@@ -30,8 +31,18 @@ LOADS = ("idle", "modbus", "stress")
 # Measured when it is asked for: the HMI with three pages open, on other computers (`hmi`) or in browsers on
 # this one (`browsers`), which then has them to draw.
 PAGES = {"hmi": loads.readers, "browsers": loads.pages}
-MORE = tuple(PAGES)
-LIMITS = {"idle": 1.5, "modbus": 1.5, "stress": 3.0, "hmi": 1.5, "browsers": 1.5}  # ratio of p99, asked for
+# All interfaces beside CAN and Modbus, with ten clients: four of Foxglove, three of OPC UA, three of ROS 2.
+INTERFACES = "interfaces"
+MORE = (*PAGES, INTERFACES)
+DOMAIN = 77  # of ROS 2, for the measurement
+LIMITS = {
+    "idle": 1.5,
+    "modbus": 1.5,
+    "stress": 3.0,
+    "hmi": 1.5,
+    "browsers": 1.5,
+    "interfaces": 1.5,
+}  # ratio of p99, asked for
 POLICY_P50_US = 150.0
 RESOLUTION_US = 1.0  # of the histograms
 COSTS = (("ours", "p50"), ("ours", "p99"), ("policy_tick", "p50"), ("other_tick", "p50"), ("latency", "p99"))
@@ -184,8 +195,10 @@ def _ours(bundle: Path, name: str, seconds: float) -> tuple[dict[str, Any], floa
     ticks = round(seconds / TICK_S)
     scenario = load(SCENARIO)
     hmi = free_port() if name in PAGES else None
-    with Rig(Setting(bundle, scenario, ticks=min(ticks, scenario.duration_ticks), hmi=hmi)) as rig:
-        with _load(name, lambda: nullcontext(rig.port), seconds, hmi) as found:
+    served = Interfaces(free_port(), free_port(), DOMAIN) if name == INTERFACES else None
+    ticks = min(ticks, scenario.duration_ticks)
+    with Rig(Setting(bundle, scenario, ticks=ticks, hmi=hmi, interfaces=served)) as rig:
+        with _load(name, lambda: nullcontext(rig.port), seconds, hmi, served) as found:
             rig.begin()
             end = time.monotonic() + seconds
             while time.monotonic() < end and not rig.step():
@@ -200,13 +213,19 @@ def _theirs(name: str, seconds: float) -> dict[str, float]:
 
 @contextmanager
 def _load(
-    name: str, port: Callable[[], AbstractContextManager[int]], seconds: float, hmi: int | None = None
+    name: str,
+    port: Callable[[], AbstractContextManager[int]],
+    seconds: float,
+    hmi: int | None = None,
+    served: Interfaces | None = None,
 ) -> Iterator[dict[str, Any]]:
     with ExitStack() as stack:
         if name == "stress":
             stack.enter_context(loads.stress())
         if hmi:  # not beside cyclictest: what is compared is the cycle with pages and the computer without
             stack.enter_context(PAGES[name](hmi))
+        if served:  # neither
+            stack.enter_context(watching(served.foxglove, served.opcua, served.domain))
         yield (
             stack.enter_context(loads.clients(stack.enter_context(port()), seconds))
             if name == "modbus"

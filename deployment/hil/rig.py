@@ -38,6 +38,16 @@ HOST = "127.0.0.1"
 
 
 @dataclass(frozen=True)
+class Interfaces:
+    """Ports of Foxglove and OPC UA, and ROS 2's domain."""
+
+    foxglove: int
+    opcua: int
+    domain: int
+    commands: bool = False  # whether ROS 2 publishers may command
+
+
+@dataclass(frozen=True)
 class Setting:
     """What a rig runs."""
 
@@ -50,6 +60,7 @@ class Setting:
     retain: bool = True
     hmi: int | None = None  # port of the operator's page; None: without it
     planner: bool = True  # False: targets come from the page
+    interfaces: Interfaces | None = None  # with all of them
 
 
 class Rig:
@@ -195,6 +206,15 @@ class Rig:
             'folder = "retained"',
         ] * s.retain
         lines += ["[hmi]", f"port = {s.hmi}"] if s.hmi else []
+        if s.interfaces:
+            lines += [
+                "[foxglove]",
+                f"port = {s.interfaces.foxglove}",
+                "[opcua]",
+                f"port = {s.interfaces.opcua}",
+            ]
+            lines += ["[ros2]", f"domain = {s.interfaces.domain}"]
+            lines += ["commands = true"] * s.interfaces.commands
         path = self.folder / "machine.toml"
         path.write_text("\n".join(lines) + "\n")
         return path

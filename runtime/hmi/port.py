@@ -100,6 +100,10 @@ class HmiPort:
         """No sensor comes this way."""
         return 0
 
+    def commands(self) -> bool:
+        """Whether a page commands, or what it commanded is still followed."""
+        return self._granted["writer"] == PAGE or self._draining
+
     def twin(self, cells: tuple[Cell, Cell, Cell], found: Statistics) -> "HmiPort":
         """Another one that is asked the same and shows it in other cells (runtime/rehearsal.py)."""
         return HmiPort((cells[0], cells[1], self.asked), found, self._claimed)

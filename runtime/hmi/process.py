@@ -20,6 +20,7 @@ from runtime.hmi.cells import join
 from runtime.hmi.desk import Desk
 from runtime.hmi.hub import Hub
 from runtime.hmi.live import Live
+from runtime.hmi.outsiders import Outsiders
 from runtime.hmi.planners import Planners
 from runtime.hmi.sessions import Sessions
 from runtime.hmi.watch import Watch
@@ -38,7 +39,8 @@ def main(text: str) -> None:
     told = json.loads(text)
     cells = join(Path(told["folder"]))
     hub, audit = Hub(), Audit(Path(told["audit"]))
-    watch = Watch(cells, audit, hub, Planners(Path(told["folder"]), audit), told["bus_again"])
+    folder = Path(told["folder"])
+    watch = Watch(cells, audit, hub, Planners(folder, audit), told["bus_again"], Outsiders(folder, audit))
     sessions = Sessions(tokens.read(Path(told["tokens"])), audit)
     desk = Desk(sessions, cells[2].write, watch.granted, watch.mode)
     watch.desk = desk

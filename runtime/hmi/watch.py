@@ -13,6 +13,7 @@ from runtime.hmi.cells import GRANT, SEEN, state_of
 from runtime.hmi.desk import Desk
 from runtime.hmi.hub import Hub
 from runtime.hmi.ladder import ladder
+from runtime.hmi.outsiders import Outsiders
 from runtime.hmi.planners import Planners
 from runtime.hmi.trends import Trends
 from runtime.image import OUTPUT, Flag
@@ -48,10 +49,12 @@ class Watch:
         hub: Hub,
         planners: Planners | None = None,
         bus_again: str = "",
+        outsiders: Outsiders | None = None,
     ) -> None:
         """`bus_again`: what it takes to use a CAN bus again that was gone (runtime/can/port.py)."""
         self._seen, self._grant, self._asked = cells
         self.audit, self.hub, self.planners = audit, hub, planners
+        self._outsiders = outsiders
         self.trends, self.alarms = Trends(), Alarms()
         self.newest: np.void | None = None
         self.desk: Desk | None = None
@@ -85,6 +88,8 @@ class Watch:
             if self.newest is not None or now - self._begun_ns > START_NS:  # it is started after this process
                 self._update([GONE], [], now, time.time())
             self.hub.put("stale", {"t": round(time.time(), 3)})
+        if self._outsiders:
+            self._outsiders.look(now)
         if self.planners and self.planners.look(now):
             shown = {k: v for k, v in self.planners.state.items() if k != "events"}
             self.hub.put("modbus", shown | {"last": self.planners.last})
@@ -136,6 +141,7 @@ class Watch:
 
     def _update(self, found: list[Condition], wrong: list[Condition], now: int, day: float) -> None:
         told = self.planners.conditions() if self.planners else []
+        told = [*told, *(self._outsiders.conditions() if self._outsiders else [])]
         self.alarms.update([*found, *told, *[NO_AUDIT] * self.audit.failed], wrong, now / 1e9, day)
 
 

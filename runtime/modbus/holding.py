@@ -65,7 +65,7 @@ class Event(StrEnum):
     GIVEN_BACK = "gave the right to write back"
     LAPSED = "lost the right to write: its heartbeat stood still"
     LEFT = "lost the right to write: its connection ended"
-    HMI = "lost the right to write: the operator's page has it"
+    HMI = "lost the right to write: somebody else, at the page or an interface, has it"
     REFUSED = "was refused a write"
 
 
@@ -90,7 +90,9 @@ class Holding:
         taken: Callable[[], bool] = lambda: False,
         tell: Callable[[Event, Client | None, str], None] = lambda event, client, why: None,
     ) -> None:
-        """`taken`: whether somebody else, at the HMI, has the right to write; `tell` is told what happens."""
+        """`taken`: whether somebody else, at the HMI or an interface, has the right to write; `tell`
+        is told what happens.
+        """
         self._publish, self._taken, self._tell = publish, taken, tell
         self._claims = 0
         self._last: Client | None = None  # that wrote last, for who lapses without a connection

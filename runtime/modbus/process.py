@@ -12,6 +12,7 @@ from pathlib import Path
 
 from runtime.helpers import end_with, run, told_to_end
 from runtime.hmi.cells import join_grant
+from runtime.interfaces.seats import join_granted
 from runtime.modbus.cells import BEAT_S, join
 from runtime.modbus.roles import context
 from runtime.modbus.server import Desk, Server
@@ -31,7 +32,7 @@ async def _serve(told: dict) -> None:
     secure = context(Path(tls["certificate"]), Path(tls["key"]), Path(tls["authority"])) if tls else None
     folder = Path(told["folder"])
     teller = Teller(open_told(folder), to_console)
-    desk = Desk(*join(folder), join_grant(folder), teller)
+    desk = Desk(*join(folder), join_grant(folder), teller, join_granted(folder))
     server = Server(desk, told["host"], told["port"], tls["port"] if tls else 0, secure)
     ports = await server.listen()
     if told.get("ports"):

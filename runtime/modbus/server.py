@@ -25,6 +25,7 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 from pymodbus.transaction import TransactionManager
 
 from runtime.hmi.cells import GRANT, Writer, state_of
+from runtime.interfaces.seats import granted
 from runtime.modbus.cells import BEAT_S
 from runtime.modbus.holding import Event, Holding
 from runtime.modbus.roles import common_name, may_write
@@ -207,10 +208,17 @@ class Desk:
     """What all connections share: both tables, their turns, and who is there."""
 
     def __init__(
-        self, image: Cell, targets: Cell, grant: Cell | None = None, teller: Teller | None = None
+        self,
+        image: Cell,
+        targets: Cell,
+        grant: Cell | None = None,
+        teller: Teller | None = None,
+        seats: Cell | None = None,
     ) -> None:
-        """`grant`: in which the control process says whether the HMI writes; None where there is none."""
-        self._grant, self.teller = grant, teller or Teller(None)
+        """`grant`, `seats`: in which the control process says whether HMI or an interface has the right to
+        command; None where there is none.
+        """
+        self._grant, self._seats, self.teller = grant, seats, teller or Teller(None)
         self.holding = Holding(targets.write, self._taken, self._told)
         self.showing = Showing(image, self.holding)
         self.connections: set[Connection] = set()
@@ -236,6 +244,8 @@ class Desk:
         self.teller.event(event, client.name if client else "somebody", why)
 
     def _taken(self) -> bool:
+        if self._seats and granted(self._seats)[0]:
+            return True
         found = state_of(self._grant, GRANT) if self._grant else None
         return found is not None and found["writer"] == Writer.HMI
 

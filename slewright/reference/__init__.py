@@ -6,7 +6,7 @@ from pathlib import Path
 from reconcile.page import catalogue_table as effects
 from records.formats import page as formats
 from slewright.reference import command_line
-from specs import pages, tables
+from specs import pages, places, tables
 
 FOLDER = Path(__file__).parents[2] / "docs" / "reference"
 
@@ -15,6 +15,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "command-line.md": command_line.commands,
     "json-outputs.md": command_line.json_outputs,
     "signals.md": tables.signals_markdown,
+    "places.md": places.page,
     "parameters.md": pages.parameters,
     "effects.md": effects.page,
     "file-formats.md": formats.page,

@@ -45,11 +45,13 @@ def runtime(
     seconds: Annotated[float, typer.Option(min=2.0, metavar="S", help="Length of each run.")] = 30.0,
     load: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="idle, modbus, stress (default: these), hmi, browsers."),
+        typer.Option(
+            metavar="NAME", help="idle, modbus, stress (default: these), hmi, browsers, interfaces."
+        ),
     ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Lateness of the control cycle against cyclictest: idle, with Modbus clients, stress-ng, three pages."""
+    """Lateness of the control cycle against cyclictest: idle, with clients, stress-ng, pages, interfaces."""
     from deployment.bundling.default import ready
     from deployment.hil.bench import LOADS, MORE, run, tables
 
@@ -68,7 +70,7 @@ def runtime(
     for load_, cost in costs.items():
         columns = ("smallest", "median", "largest", "idle_varies")
         rows = [(name, *(f"{row[c]:+.0f}" for c in columns)) for name, row in cost.items()]
-        show(f"what three open pages add, µs: {load_} less idle, within a block", ["", *columns], rows)
+        show(f"what the clients of {load_} add, µs: {load_} less idle, within a block", ["", *columns], rows)
     exit_if_missed(result.misses())
 
 

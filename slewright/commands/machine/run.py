@@ -39,6 +39,16 @@ def run(
             "--shadow", help="Read and compute everything, command nothing (docs/how-to/shadow.md)."
         ),
     ] = False,
+    foxglove: Annotated[
+        bool,
+        typer.Option("--foxglove", help="With the live picture for Foxglove (docs/how-to/foxglove.md)."),
+    ] = False,
+    opcua: Annotated[
+        bool, typer.Option("--opcua", help="With the OPC UA server (docs/how-to/opcua.md).")
+    ] = False,
+    ros2: Annotated[
+        bool, typer.Option("--ros2", help="With ROS 2 topics on this computer (docs/how-to/ros2.md).")
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Run the cyclic controller on CAN and Modbus until Ctrl-C.
@@ -58,7 +68,8 @@ def run(
         def show(found: Counts) -> None:
             report(modes.get(found.mode, str(found.mode)), found.ticks, ticks)
 
-        supervisor = Supervisor(config, ticks, hmi, shadow)
+        interfaces = [name for name, on in {"foxglove": foxglove, "opcua": opcua, "ros2": ros2}.items() if on]
+        supervisor = Supervisor(config, ticks, hmi, shadow, interfaces)
         report(supervisor.active.said)
         if supervisor.wanted.shadow:
             report("in shadow: nothing is sent")
@@ -96,6 +107,17 @@ def who_may_write(supervisor: "Supervisor") -> list[str]:
             f"page: port {wanted.hmi.port} of {networks(wanted.hmi.host)}; everybody who reaches it may "
             f"look, whoever has a token of {wanted.hmi.tokens} may change something, {far}"
         )
+    if wanted.foxglove:
+        where = f"ws://{wanted.foxglove.host}:{wanted.foxglove.port}"
+        lines.append(f"Foxglove: {where} of this computer only; whoever is on it may look, nobody may write")
+    if wanted.opcua:
+        who = "everybody may read; nobody may command without [opcua.security]"
+        if wanted.opcua.security:
+            who = f"certificates of {wanted.opcua.security.authority} with the role 'Planner' may command"
+        lines.append(f"OPC UA: port {wanted.opcua.port} of {networks(wanted.opcua.host)}; {who}")
+    if wanted.ros2:
+        who = "may command" if wanted.ros2.commands else "may look, nobody may command"
+        lines.append(f"ROS 2: domain {wanted.ros2.domain} of this computer only; whoever is on it {who}")
     if not wanted.modbus:
         lines.append(f"targets: from whoever sends them on CAN bus {wanted.can.channel}")
     return lines

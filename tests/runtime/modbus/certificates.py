@@ -3,10 +3,11 @@
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
+from typing import Any
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric import ec, rsa
 from cryptography.x509.oid import NameOID
 
 from runtime.modbus.roles import ROLE
@@ -19,13 +20,18 @@ class Authority:
         self.folder, self.name = folder, name
         self.key = ec.generate_private_key(ec.SECP256R1())
         basic = x509.BasicConstraints(ca=True, path_length=0)
-        self.certificate = self._sign(name, self.key, [(basic, True)])
+        signs = x509.KeyUsage(False, False, False, False, False, True, True, False, False)  # keys and lists
+        self.certificate = self._sign(name, self.key, [(basic, True), (signs, True)])
         self.path = self._write(f"{name}.pem", self.certificate)
 
-    def give(self, name: str, role: bytes | None = None) -> tuple[Path, Path]:
-        """Certificate and key of `name`; `role` as bytes of the extension's value."""
-        key = ec.generate_private_key(ec.SECP256R1())
-        local = x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))])
+    def give(self, name: str, role: bytes | None = None, uri: str = "") -> tuple[Path, Path]:
+        """Certificate and key of `name`; `role` as bytes of the extension's value.
+
+        With the `uri` of an OPC UA application: of RSA, as its security policies ask for.
+        """
+        key = rsa.generate_private_key(65537, 2048) if uri else ec.generate_private_key(ec.SECP256R1())
+        uris = [x509.UniformResourceIdentifier(uri)] if uri else []
+        local = x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1")), *uris])
         extensions: list[tuple[x509.ExtensionType, bool]] = [(local, False)]
         if role is not None:
             extensions.append((x509.UnrecognizedExtension(x509.ObjectIdentifier(ROLE), role), False))
@@ -36,7 +42,7 @@ class Authority:
         return certificate, path
 
     def _sign(
-        self, name: str, key: ec.EllipticCurvePrivateKey, extensions: list[tuple[x509.ExtensionType, bool]]
+        self, name: str, key: Any, extensions: list[tuple[x509.ExtensionType, bool]]
     ) -> x509.Certificate:
         now = datetime.now(UTC)
         builder = (

@@ -1,0 +1,1 @@
+"""The live picture for Foxglove: signals, machine model, scene and log over a WebSocket; nothing comes in."""

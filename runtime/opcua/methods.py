@@ -1,0 +1,109 @@
+"""The methods that command: who calls decides whether they do anything (runtime/opcua/security.py)."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextvars import ContextVar
+from typing import Any
+
+from asyncua import ua as types
+from asyncua.server.internal_server import InternalServer
+from asyncua.server.internal_session import InternalSession
+
+from runtime.interfaces.seats import Seat
+from specs.opcua import METHODS, Method
+
+ua: Any = types  # its declared types leave out much of what it takes
+
+CODES = ua.StatusCodes
+ANSWER_S = 0.5  # for which a claim waits for the control process
+CALLING: ContextVar[Any] = ContextVar("calling")  # the session that calls
+
+
+class Session(InternalSession):
+    """A session whose methods know who calls them."""
+
+    async def call(self, params: Any) -> Any:
+        """asyncua's, with the session in CALLING."""
+        CALLING.set(self)
+        return await super().call(params)
+
+    async def close_session(self, delete_subs: bool = True) -> None:
+        """asyncua's; what the client commanded lapses with it."""
+        self.iserver.gone(self)  # type: ignore[attr-defined]
+        await super().close_session(delete_subs)
+
+
+class Sessions(InternalServer):
+    """Makes our sessions; `gone` is told of each that ends."""
+
+    gone: Callable[[Any], None] = staticmethod(lambda session: None)
+
+    def create_session(self, name: str, user: Any = None, external: bool = False) -> Session:
+        """asyncua's."""
+        return Session(self, self.aspace, self.subscription_service, name, user=user, external=external)
+
+
+class Methods:
+    """Links the methods to the seat."""
+
+    def __init__(self, seat: Seat, tell: Callable[[str], None]) -> None:
+        self._seat, self._tell = seat, tell
+
+    def link(self, server: Any, nodes: dict[str, Any]) -> None:
+        """Give each node of a method its action."""
+        for method in METHODS:
+            server.link_method(nodes[method.name], self._action(method))
+
+    def gone(self, session: Any) -> None:
+        """A session ended."""
+        self._seat.release(_name(session), "lost the right to command: its session ended")
+
+    def _action(self, method: Method) -> Callable[..., Any]:
+        async def act(parent: Any, *given: Any) -> Any:
+            session = CALLING.get(None)
+            if session is None or not getattr(session.user, "commands", False):
+                who = getattr(session.user, "name", "somebody") if session else "somebody"
+                self._tell(f"{who} was refused {method.name}: its role does not command")
+                return ua.StatusCode(CODES.BadUserAccessDenied)
+            return await self._do(method, _name(session), given)
+
+        return act
+
+    async def _do(self, method: Method, client: str, given: tuple[Any, ...]) -> Any:
+        now = time.monotonic_ns()
+        if method.name == "Release":
+            self._seat.release(client, "gave the right to command back")
+            return []
+        if method.name == "Heartbeat":
+            return self._answer(method, client, self._seat.live(client, now))
+        if len(given) != len(method.arguments):
+            return ua.StatusCode(CODES.BadArgumentsMissing)
+        if any(v.VariantType != ua.VariantType.Double or v.is_array for v in given):
+            return ua.StatusCode(CODES.BadTypeMismatch)
+        values = dict(zip(method.arguments, (v.Value for v in given), strict=True))
+        if reason := self._seat.ask(client, values, now):
+            return self._answer(method, client, reason)
+        return self._answer(method, client, await self._granted(client))
+
+    async def _granted(self, client: str) -> str:
+        """Wait until the control process has given the right; why not."""
+        end = time.monotonic() + ANSWER_S
+        while not self._seat.has_right:
+            if time.monotonic() > end:
+                self._seat.release(client, "was not given the right to command")
+                return "busy: somebody else has the right to command"
+            await asyncio.sleep(0.01)
+        return ""
+
+    def _answer(self, method: Method, client: str, reason: str) -> Any:
+        if not reason:
+            return []
+        self._tell(f"{client} was refused {method.name}: {reason}")
+        busy = reason.startswith("busy") or method.name == "Heartbeat"
+        return ua.StatusCode(CODES.BadUserAccessDenied if busy else CODES.BadOutOfRange)
+
+
+def _name(session: Any) -> str:
+    """A session's client for people and for the seat: its certificate's name and the session's number."""
+    return f"{getattr(session.user, 'name', '?')} (session {session.session_id.Identifier})"

@@ -1,0 +1,103 @@
+"""The DDS side: a participant that looks like a ROS 2 node, its publishers and subscriber."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+from cyclonedds.core import DDSException
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from runtime.ros2.loopback import confine
+from runtime.ros2.wire import message, qos, topic_name
+from specs.ros2 import dds_type, type_hash
+
+NAME, NAMESPACE = "controller", "/slewright"
+GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+DEPTH = 8  # targets that may wait; a publisher that floods loses the older ones
+ALIVE = 16  # of an instance: its writer is there
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A publisher of a topic that is subscribed to, and why it is refused; "" if it is not."""
+
+    handle: int
+    name: str
+    refused: str
+    gone: bool = False
+
+
+class Node:
+    """The participant; what cannot be written is left out, nobody is waited for."""
+
+    def __init__(self, domain: int) -> None:
+        self.participant = DomainParticipant(domain, Qos(Policy.Userdata(b"enclave=/;")))
+        confine()
+        self._writers: dict[str, Any] = {}
+        self._readers: list[Any] = []
+        self._peers = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
+        self.unsent = 0
+
+    def publisher(self, name: str, kind: str, latched: bool = False, depth: int = 1) -> None:
+        """Publish on a topic from now on; `depth`: messages that wait for readers that are slow."""
+        topic = Topic(self.participant, topic_name(name), message(kind))
+        self._writers[name] = DataWriter(self.participant, topic, qos(kind, depth, latched))
+
+    def subscriber(self, name: str, kind: str) -> Any:
+        """Subscribe to a topic: best effort, which takes what reliable publishers send, too."""
+        topic = Topic(self.participant, topic_name(name), message(kind))
+        self._readers.append(DataReader(self.participant, topic, qos(kind, DEPTH, reliable=False)))
+        return self._readers[-1]
+
+    def publish(self, name: str, data: Any) -> None:
+        """Write; a message that finds no room is lost."""
+        try:
+            self._writers[name].write(data)
+        except DDSException:
+            self.unsent += 1
+
+    def announce(self) -> None:
+        """Tell ROS 2's graph which node this is, and what it has (`ros2 node info`)."""
+        gid = message("rmw_dds_common/msg/Gid")
+        topic = Topic(self.participant, "ros_discovery_info", message(GRAPH))
+        self._graph = DataWriter(self.participant, topic, qos(GRAPH, latched=True, hashed=False))
+        node = message("rmw_dds_common/msg/NodeEntitiesInfo")(
+            node_namespace=NAMESPACE, node_name=NAME,
+            reader_gid_seq=[gid(_bytes(r)) for r in self._readers],
+            writer_gid_seq=[gid(_bytes(w)) for w in self._writers.values()],
+        )  # fmt: skip
+        told = message(GRAPH)(gid=gid(_bytes(self.participant)), node_entities_info_seq=[node])
+        self._graph.write(told)
+
+    def peers(self, name: str, kind: str) -> list[Peer]:
+        """Publishers of a topic that came or went since the last call."""
+        found = []
+        for sample in self._peers.take(64):
+            info = sample.sample_info
+            if info.instance_state != ALIVE or not info.valid_data:
+                found.append(Peer(info.instance_handle, "", "", gone=True))
+            elif sample.topic_name == topic_name(name):
+                found.append(Peer(info.instance_handle, str(sample.key), _wrong(sample, kind)))
+        return found
+
+
+def _wrong(sample: Any, kind: str) -> str:
+    """Why a publisher's messages are not ours: another type, or another version of it."""
+    if sample.type_name != dds_type(kind):
+        return f"it publishes {sample.type_name}, not {dds_type(kind)}"
+    told = next((p.data for p in sample.qos if isinstance(p, Policy.Userdata)), b"").decode(
+        "ascii", "replace"
+    )
+    hashes = [part[len("typehash=") :] for part in told.split(";") if part.startswith("typehash=")]
+    if hashes and hashes[0] != type_hash(kind):
+        return f"its {kind} is of another version ({hashes[0][:15]}…, not {type_hash(kind)[:15]}…)"
+    return ""
+
+
+def _bytes(entity: Any) -> list[int]:
+    """An entity's GUID."""
+    return list(entity.guid.bytes)

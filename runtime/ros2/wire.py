@@ -1,0 +1,52 @@
+"""ROS 2's types and qualities of service as Cyclone DDS takes them (specs/ros2.py has the fields)."""
+
+from functools import cache
+from typing import Any
+
+from cyclonedds.core import Listener as Listener
+from cyclonedds.idl import annotations, make_idl_struct, types
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.util import duration
+
+from specs.ros2 import dds_type, fields_of, split, type_hash
+
+BASES: dict[str, Any] = {
+    "int8": types.int8, "uint8": types.uint8, "int16": types.int16, "uint16": types.uint16,
+    "int32": types.int32, "uint32": types.uint32, "int64": types.int64, "uint64": types.uint64,
+    "float32": types.float32, "float64": types.float64, "byte": types.uint8, "char": types.uint8,
+    "bool": bool, "string": str, "string<=256": str,
+}  # fmt: skip
+BLOCKS = duration(milliseconds=5)  # for which a write may wait for readers that are slow
+
+
+@cache
+def message(name: str) -> Any:
+    """The class of a type's messages."""
+    fields = {}
+    for field, kind in fields_of(name):
+        base, count = split(kind)
+        one = BASES[base] if base in BASES else message(base)
+        fields[field] = one if count is None else types.array[one, count] if count else types.sequence[one]
+    plain = name.rsplit("/", 1)[1]
+    return annotations.final(make_idl_struct(plain, dds_type(name).replace("::", "."), fields))
+
+
+def topic_name(name: str) -> str:
+    """A topic's name on the wire: `/joint_states` is `rt/joint_states`."""
+    return f"rt{name}"
+
+
+def qos(name: str, depth: int = 1, latched: bool = False, reliable: bool = True, hashed: bool = True) -> Qos:
+    """ROS 2's quality of service: reliable or best effort, keep last, volatile or transient local.
+
+    The type's hash goes with it, as Jazzy's middleware sends it; without `hashed` it does not.
+    """
+    chosen = [
+        Policy.Reliability.Reliable(BLOCKS) if reliable else Policy.Reliability.BestEffort,
+        Policy.History.KeepLast(depth),
+        Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
+        Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
+    ]
+    if hashed:
+        chosen.append(Policy.Userdata(f"typehash={type_hash(name)};".encode()))
+    return Qos(*chosen)

@@ -1,0 +1,174 @@
+"""Who commands, tick by tick: one at a time, nobody displaced, and what is over does not come back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.hmi.alarms import Level
+from runtime.image import INPUT, OUTPUT, Status
+from runtime.interfaces import seats
+from runtime.interfaces.port import FOLLOWING, MODE, Asked, SeatsPort
+from runtime.modbus.holding import LAPSE_NS
+from specs.errors import InputError
+
+TICK = 20_000_000
+X = INPUT.at("target_x")
+WHERE = [INPUT.at(s.name) for s in seats.HOLDING]
+
+
+class Table:
+    """Two seats, the control process's port, and a clock."""
+
+    def __init__(self, folder: Path) -> None:
+        seats.create(folder, seats.NAMES)
+        granted = seats.join_granted(folder)
+        assert granted
+        self.said: list[str] = []
+        self.now, self.modbus, self.can = TICK, False, False
+        self.seats = [seats.Seat(n, seats.join(folder, n), granted, self._hear) for n in seats.NAMES]
+        asked = [Asked(i + 1, seats.join(folder, n)) for i, n in enumerate(seats.NAMES)]
+        self.port = SeatsPort(asked, granted, lambda: self.modbus, lambda: self.now)
+        self.inputs, self.outputs = INPUT.new(), OUTPUT.new()
+
+    def _hear(self, text: str, level: Level) -> None:
+        self.said.append(text)
+
+    def tick(self, count: int = 1, *alive: tuple[int, str]) -> "Table":
+        for _ in range(count):
+            self.now += TICK
+            for seat, client in alive:
+                self.seats[seat].live(client, self.now)
+            for seat in self.seats:
+                seat.beat(self.now)
+            status, age = (Status.OK, 0) if self.can else (Status.NEVER, -1)
+            self.inputs["value"][WHERE], self.inputs["age"][WHERE], self.inputs["status"][WHERE] = (
+                1.0,
+                age,
+                status,
+            )
+            self.port.receive(self.inputs, 0)
+            self.port.send(self.outputs, 0)
+        return self
+
+    def ask(self, seat: int, client: str, x: float = 5.0) -> str:
+        return self.seats[seat].ask(client, {"target_x": x, "target_valid": 1.0}, self.now)
+
+    @property
+    def x(self) -> tuple[float, int]:
+        return float(self.inputs["value"][X]), int(self.inputs["status"][X])
+
+    def follow(self, mode: int) -> None:
+        self.outputs["value"][MODE] = mode
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Table:
+    return Table(tmp_path).tick()
+
+
+def test_the_first_has_it_and_keeps_it(table: Table):
+    assert table.ask(0, "a", 5.0) == ""
+    table.tick()
+    assert table.x == (5.0, Status.OK)
+    assert table.ask(0, "b", 6.0) == "busy: a has the right to command"
+    assert table.ask(1, "c", 7.0) == ""
+    table.tick(20, (0, "a"))
+    assert table.x == (5.0, Status.OK)
+    assert not table.seats[1].has_right
+    table.ask(1, "c", 7.0)
+    table.tick(30, (0, "a"), (1, "c"))
+    assert table.said[-1] == "c is refused the right to command: somebody else has it"
+    assert table.seats[0].live("b", table.now) == "not the client that has the right to command"
+
+
+@pytest.mark.parametrize("who", ["modbus", "can", "page"])
+def test_nobody_else_who_commands_is_displaced(table: Table, who: str):
+    if who == "page":
+        table.port.page = lambda: True
+    else:
+        setattr(table, who, True)
+    table.ask(0, "a")
+    table.tick(5, (0, "a"))
+    assert not table.seats[0].has_right
+    assert table.x[0] != 5.0
+
+
+def test_a_client_without_a_sign_of_life_loses_it_and_age_tells_before(table: Table):
+    table.ask(0, "a")
+    ticks = LAPSE_NS // TICK
+    table.tick(ticks // 2)
+    assert table.inputs["age"][X] == ticks // 2
+    table.tick(ticks)
+    assert table.x[1] == Status.NEVER
+    assert table.said[-1] == "a lost the right to command: no sign of life"
+
+
+def test_while_its_target_is_followed_nothing_else_slips_in(table: Table):
+    table.ask(0, "a", 5.0)
+    table.tick()
+    table.follow(FOLLOWING[0])
+    table.ask(1, "c", 7.0)
+    table.tick(3, (0, "a"), (1, "c"))
+    table.seats[0].release("a", "gave it back")
+    for _ in range(10):
+        table.tick(1, (1, "c"))
+        assert table.x[1] == Status.NEVER
+    table.follow(0)
+    table.tick(2, (1, "c"))
+    assert table.x == (7.0, Status.OK)
+
+
+def test_what_one_client_began_the_next_at_its_seat_does_not_go_on_with(table: Table):
+    table.ask(0, "a", 5.0)
+    table.tick()
+    table.follow(FOLLOWING[0])
+    table.seats[0].release("a", "left")
+    table.ask(0, "b", 6.0)
+    table.tick(1, (0, "b"))
+    assert table.x[1] == Status.NEVER
+    table.follow(0)
+    table.tick(2, (0, "b"))
+    assert table.x == (6.0, Status.OK)
+
+
+def test_a_claim_that_was_lost_does_not_come_back_with_a_late_sign_of_life(table: Table):
+    table.ask(0, "a")
+    table.tick()
+    cell = table.seats[0]._cell
+    held = cell.read()
+    assert held
+    table.seats[0].release("a", "left")
+    table.tick(2)
+    cell.write(held[1])  # as a process would that hung and goes on
+    late = np.frombuffer(held[1], seats.TARGETS).copy()
+    late["heartbeat_ns"] = table.now
+    cell.write(late)
+    table.port.receive(table.inputs, 0)
+    assert not table.port.claimed()
+
+
+def test_another_place_is_another_target(table: Table):
+    for x, number in ((5.0, 1), (5.0, 1), (6.0, 2)):
+        table.ask(0, "a", x)
+        table.tick()
+        assert table.inputs["value"][INPUT.at("target_number")] == number
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"target_x": float("nan")}, "outside -25 … 25"),
+        ({"target_x": 25.1}, "target_x = 25.1 m: outside"),
+        ({"planner_heartbeat": 1.0}, "unknown target"),
+        ({"u_slew": 1.0}, "unknown target 'u_slew'"),
+    ],
+)
+def test_wrong_targets_are_refused_whole(table: Table, values: dict[str, float], reason: str):
+    assert reason in table.seats[0].ask("a", {"pace": 0.5, **values}, table.now)
+    assert table.seats[0].client == ""
+
+
+def test_a_seat_that_there_is_not_is_named(tmp_path: Path):
+    with pytest.raises(InputError, match="no seat 'opc'"):
+        seats.join(tmp_path, "opc")

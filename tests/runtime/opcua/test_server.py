@@ -1,0 +1,309 @@
+"""The OPC UA server, started for real: values, units, quality; who may command; what is refused and told.
+
+The client is asyncua's, which is the server's library too; `test_other_client.py` reads with another one.
+"""
+
+import asyncio
+import math
+import time
+from collections.abc import Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from runtime.image import INPUT, OUTPUT, Status
+from runtime.interfaces import seats
+from runtime.interfaces.port import Asked, SeatsPort
+from runtime.interfaces.publish import create
+from runtime.opcua.space import QUALITY
+from runtime.shared import Cell
+from specs.opcua import NAMESPACE, is_whole, node, unit_id
+from tests.runtime.interfaces.beside import Beside, drawn, statuses, value
+from tests.runtime.modbus.certificates import Authority, utf8
+
+asyncua = pytest.importorskip("asyncua")
+ua: Any = asyncua.ua
+pytestmark = pytest.mark.slow
+SIGNALS = (*INPUT.signals, *OUTPUT.signals)
+
+
+class Both:
+    """The control process's ports: seats and images."""
+
+    def __init__(self, folder: Path) -> None:
+        from runtime.interfaces.publish import ImagePort
+
+        seats.create(folder, ("opcua",))
+        granted = seats.join_granted(folder)
+        assert granted
+        self.granted: Cell = granted
+        self.seats = SeatsPort([Asked(1, seats.join(folder, "opcua"))], granted)
+        self.images = ImagePort(create(folder))
+
+    def receive(self, inputs: np.ndarray, tick: int) -> None:
+        places = [INPUT.at(s.name) for s in seats.HOLDING]
+        inputs["status"][places], inputs["age"][places] = Status.NEVER, -1  # no planner over CAN
+        self.seats.receive(inputs, tick)
+        self.images.receive(inputs, tick)
+
+    def send(self, outputs: np.ndarray, tick: int) -> None:
+        self.seats.send(outputs, tick)
+        self.images.send(outputs, tick)
+
+
+@pytest.fixture(scope="module")
+def papers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The server's certificate, planners' and others'."""
+    authority = Authority(tmp_path_factory.mktemp("papers"))
+    stranger = Authority(tmp_path_factory.mktemp("stranger"), "stranger")
+    uri = "urn:test:client"
+    return {
+        "server": authority.give("server", uri="urn:slewright:runtime"),
+        "planner": authority.give("planner", utf8("Planner"), uri=uri),
+        "second": authority.give("second", utf8("Planner"), uri=uri),
+        "viewer": authority.give("viewer", utf8("Viewer"), uri=uri),
+        "stranger": stranger.give("planner-of-another", utf8("Planner"), uri=uri),
+        "authority": authority.path,
+    }
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory, papers: dict[str, Any]):
+    tmp_path = tmp_path_factory.mktemp("run")
+    files = dict(zip(("certificate", "key"), map(str, papers["server"]), strict=True))
+    security = {**files, "authority": str(papers["authority"])}
+    told = {"host": "127.0.0.1", "port": 0, "closed": False, "security": security}
+    with Beside("opcua", tmp_path, Both(tmp_path), **told) as found:
+        yield found
+
+
+@asynccontextmanager
+async def connected(served: Beside, papers: dict[str, Any], who: str = ""):
+    """A client, with the certificate of `who` or none; the machine ticks meanwhile."""
+    client = asyncua.Client(f"opc.tcp://127.0.0.1:{served.ready}/slewright")
+    client.application_uri = "urn:test:client"
+    if who:
+        certificate, key = papers[who]
+        pem = key.with_suffix(".key.pem")  # asyncua goes by the ending
+        pem.write_bytes(key.read_bytes())
+        await client.set_security_string(f"Basic256Sha256,SignAndEncrypt,{certificate},{pem}")
+    beating = asyncio.ensure_future(ticking(served))
+    try:
+        async with client:
+            yield client, await client.get_namespace_index(NAMESPACE)
+    finally:
+        beating.cancel()
+
+
+async def ticking(served: Beside) -> None:
+    while True:
+        served.publish()
+        await asyncio.sleep(0.02)
+
+
+async def until(true: Callable[[], Awaitable[Any]]) -> Any:
+    end = time.monotonic() + 60
+    while not (found := await true()):
+        assert time.monotonic() < end
+        await asyncio.sleep(0.05)
+    return found
+
+
+def target(served: Beside, name: str) -> tuple[float, int]:
+    place = INPUT.at(name)
+    return float(served.inputs["value"][place]), int(served.inputs["status"][place])
+
+
+def test_values_units_ranges_and_quality_of_every_signal(served: Beside, papers: dict[str, Any]):
+    async def look() -> None:
+        images = drawn(1)
+        bad = {"q_boom": Status.TIMEOUT, "q_stick": Status.FORCED, "p_pump": Status.ERROR}
+        statuses(bad, images[0])
+        images[0]["age"][INPUT.at("oil_temperature")] = 25
+        served.publish(images)
+        async with connected(served, papers) as (client, index):
+            nodes = {s.name: client.get_node(f"ns={index};s={node(s)}") for s in SIGNALS}
+            first = nodes["q_slew"]
+
+            async def shown() -> bool:
+                held = await first.read_data_value(raise_on_bad_status=False)
+                return held.Value.Value == value(images, "q_slew")
+
+            await until(shown)
+            for s in SIGNALS:
+                if s.kind == "target":
+                    continue  # nobody commands
+                held = await nodes[s.name].read_data_value(raise_on_bad_status=False)
+                wanted = None if s.name in ("q_boom", "p_pump") else value(images, s.name)  # bad: no value
+                assert held.Value.Value == wanted, s.name
+                assert held.StatusCode.value == QUALITY[bad.get(s.name, Status.OK)], s.name
+                assert wanted is None or (held.Value.VariantType == ua.VariantType.UInt16) == is_whole(s)
+                if s.values:
+                    texts = await (await nodes[s.name].get_child("0:EnumValues")).read_value()
+                    assert {t.Value: t.DisplayName.Text for t in texts} == dict(s.values)
+                else:
+                    span = await (await nodes[s.name].get_child("0:EURange")).read_value()
+                    assert (span.Low, span.High) == (s.min, s.max)
+                    unit = await (await nodes[s.name].get_child("0:EngineeringUnits")).read_value()
+                    assert unit.UnitId == unit_id(s.unit)
+            older = await nodes["oil_temperature"].read_data_value()
+            newer = await nodes["q_slew"].read_data_value()
+            apart = (newer.SourceTimestamp - older.SourceTimestamp).total_seconds()
+            assert apart >= 0.4  # 25 ticks, and what the two reads lie apart
+
+    asyncio.run(look())
+
+
+def test_nobody_writes_without_the_role_and_no_node_is_writable(served: Beside, papers: dict[str, Any]):
+    async def look(who: str) -> None:
+        async with connected(served, papers, who) as (client, index):
+            machine = client.get_node(f"ns={index};s=Slewright")
+            with pytest.raises(ua.UaStatusCodeError, match="BadUserAccessDenied"):
+                await machine.call_method(f"{index}:SetTarget", 8.0, 0.0, 4.0, 1.0, 0.0)
+            for name in ("Commands.u_slew", "Targets.target_x"):
+                with pytest.raises(ua.UaStatusCodeError, match=r"BadUserAccessDenied|BadNotWritable"):
+                    await client.get_node(f"ns={index};s={name}").write_value(1.0)
+            with pytest.raises(ua.UaStatusCodeError):
+                await client.nodes.objects.add_object(index, "intruder")
+
+    for who in ("", "viewer"):
+        asyncio.run(look(who))
+    assert target(served, "target_x")[1] == Status.NEVER
+
+
+def test_a_certificate_of_another_authority_is_refused(served: Beside, papers: dict[str, Any]):
+    async def look() -> None:
+        with pytest.raises((ua.UaError, ConnectionError)):
+            async with connected(served, papers, "stranger"):
+                pass
+        async with connected(served, papers) as (client, index):  # it goes on
+            assert await client.get_node(f"ns={index};s=Status.control_mode").read_browse_name()
+
+    asyncio.run(look())
+
+
+def test_a_planner_commands_lapses_and_nobody_displaces_it(served: Beside, papers: dict[str, Any]):
+    async def look() -> None:
+        async with connected(served, papers, "planner") as (client, index):
+            machine = client.get_node(f"ns={index};s=Slewright")
+
+            async def call(name: str, *given: float) -> None:
+                await machine.call_method(f"{index}:{name}", *given)
+
+            for wrong in (math.nan, 26.0, -math.inf):
+                with pytest.raises(ua.UaStatusCodeError, match="BadOutOfRange"):
+                    await call("SetTarget", wrong, 0.0, 4.0, 1.0, 0.0)
+            with pytest.raises(ua.UaStatusCodeError, match="BadArgumentsMissing"):
+                await call("SetTarget", 8.0)
+            with pytest.raises(ua.UaStatusCodeError, match="BadTypeMismatch"):
+                await machine.call_method(f"{index}:Follow", "yes")
+            assert target(served, "target_x")[1] == Status.NEVER
+            await call("SetTarget", 8.0, 1.0, 4.0, 0.5, 100.0)
+            await call("Follow", 1.0)
+            await until(lambda: _now(target(served, "target_valid") == (1.0, Status.OK)))
+            assert target(served, "target_x") == (8.0, Status.OK)
+            assert target(served, "pace") == (0.5, Status.OK)
+            beating = asyncio.ensure_future(beat(call))
+            async with connected(served, papers, "second") as (other, _):
+                intruder = other.get_node(f"ns={index};s=Slewright")
+                with pytest.raises(ua.UaStatusCodeError, match="BadUserAccessDenied"):
+                    await intruder.call_method(f"{index}:SetTarget", 2.5, 0.0, 4.0, 1.0, 0.0)
+                with pytest.raises(ua.UaStatusCodeError, match="BadUserAccessDenied"):
+                    await intruder.call_method(f"{index}:Heartbeat")
+            await asyncio.sleep(0.7)
+            assert target(served, "target_x") == (8.0, Status.OK)
+            beating.cancel()
+            await until(lambda: _now(target(served, "target_x")[1] == Status.NEVER))  # no sign of life
+            await call("SetTarget", 9.0, 1.0, 4.0, 1.0, 0.0)
+            assert target(served, "target_x") == (9.0, Status.OK)
+            await call("Release")
+            await until(lambda: _now(target(served, "target_x")[1] == Status.NEVER))
+            await call("SetTarget", 7.0, 1.0, 4.0, 1.0, 0.0)
+        for _ in range(200):  # the session has ended: what it commanded lapses
+            served.publish()
+            if target(served, "target_x")[1] == Status.NEVER:
+                return
+            await asyncio.sleep(0.05)
+        pytest.fail("its targets still count")
+
+    asyncio.run(look())
+
+
+async def beat(call: Callable[..., Awaitable[None]]) -> None:
+    while True:
+        await call("Heartbeat")
+        await asyncio.sleep(0.1)
+
+
+async def _is(node: Any, value: float) -> bool:
+    held = await node.read_data_value(raise_on_bad_status=False)
+    return held.StatusCode.is_good() and held.Value.Value == value
+
+
+async def _now(found: Any) -> Any:
+    return found
+
+
+def test_alarms_come_and_go_as_events_and_the_loss_of_the_control_process_shows(
+    served: Beside, papers: dict[str, Any]
+):
+    class Heard:
+        def __init__(self) -> None:
+            self.events: list[Any] = []
+
+        def event_notification(self, event: Any) -> None:
+            self.events.append(event)
+
+    async def look() -> None:
+        heard = Heard()
+        statuses({s.name: Status.OK for s in INPUT.signals}, served.inputs)
+        served.inputs["value"][INPUT.at("emergency_stop")] = 0.0
+        async with connected(served, papers) as (client, index):
+            stop = client.get_node(f"ns={index};s=Status.emergency_stop")
+            await until(lambda: _is(stop, 0))
+            watching = await client.create_subscription(50, heard)
+            await watching.subscribe_events(client.nodes.server, ua.ObjectIds.AlarmConditionType)
+            served.inputs["value"][INPUT.at("emergency_stop")] = 1.0
+            await until(lambda: _now([e for e in heard.events if e.ConditionName == "emergency_stop"]))
+            served.inputs["value"][INPUT.at("emergency_stop")] = 0.0
+            of = lambda: [e for e in heard.events if e.ConditionName == "emergency_stop"]  # noqa: E731
+            await until(lambda: _now(len(of()) > 1))
+            assert [(e.Retain, e.Severity) for e in of()] == [(True, 900), (False, 200)]
+            assert of()[0].Message.Text.startswith("Emergency stop is open")
+
+    asyncio.run(look())
+    time.sleep(1.2)  # nothing is published
+
+    async def lost() -> None:
+        client = asyncua.Client(f"opc.tcp://127.0.0.1:{served.ready}/slewright")
+        async with client:
+            index = await client.get_namespace_index(NAMESPACE)
+            first = client.get_node(f"ns={index};s=Status.control_mode")
+
+            async def gone() -> bool:
+                held = await first.read_data_value(raise_on_bad_status=False)
+                return held.StatusCode.value == ua.StatusCodes.BadCommunicationError
+
+            await until(gone)
+
+    asyncio.run(lost())
+
+
+@pytest.mark.parametrize(
+    "data", [b"HELF" + bytes(60), bytes(range(256)) * 20, b"HELF\xff\xff\xff\x7f" + bytes(200)]
+)
+def test_nonsense_ends_its_own_connection_only(served: Beside, papers: dict[str, Any], data: bytes):
+    import socket
+
+    with socket.create_connection(("127.0.0.1", int(served.ready))) as raw:
+        raw.sendall(data)
+        time.sleep(0.2)
+
+    async def look() -> None:
+        async with connected(served, papers) as (client, index):
+            assert await client.get_node(f"ns={index};s=Status.control_mode").read_browse_name()
+
+    asyncio.run(look())
