@@ -25,7 +25,7 @@ TRACEBACK = "SLEWRIGHT_TRACEBACK"
 PANELS = {
     "Simulate and verify": (
         "simulation",
-        ("verify", "simulate", "check", "campaign", "convert", "build"),
+        ("verify", "simulate", "check", "plot", "campaign", "convert", "build", "fmu"),
     ),
     "Controllers": (
         "controllers",

@@ -1,4 +1,4 @@
-/* FMI 2.0 co-simulation in this process. Source of the interface: FMI 2.0.4, chapters 2.1 and 4.2. */
+/* FMI 2.0 in this process, co-simulation and model exchange. Source of the interface: FMI 2.0.4, chapters 2.1 and 4.2. */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -6,11 +6,16 @@
 
 #include "binding.h"
 #include "fmi/fmi2FunctionTypes.h"
+#include "me.h"
 
 /* The standard demands more than REQUIRED; what a run does not need may be missing. */
-#define REQUIRED(X)                                                                                    \
-  X(Instantiate) X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) \
-  X(DoStep)
+#define REQUIRED(X) \
+  X(Instantiate) X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode)
+#define STEPPING(X) X(DoStep)
+#define EXCHANGE(X)                                                                            \
+  X(EnterEventMode) X(NewDiscreteStates) X(EnterContinuousTimeMode) X(CompletedIntegratorStep) \
+  X(SetTime) X(SetContinuousStates) X(GetDerivatives) X(GetEventIndicators)                    \
+  X(GetContinuousStates) X(GetNominalsOfContinuousStates)
 #define OPTIONAL(X)                                                                         \
   X(Terminate) X(Reset) X(GetReal) X(GetInteger) X(GetBoolean) X(GetString)                 \
   X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(GetFMUstate) X(SetFMUstate)         \
@@ -23,6 +28,8 @@ typedef struct {
   void *library;
   fmi2CallbackFunctions callbacks;
   REQUIRED(DECLARE)
+  STEPPING(DECLARE)
+  EXCHANGE(DECLARE)
   OPTIONAL(DECLARE)
 } slw_fmi2;
 
@@ -162,9 +169,49 @@ static const slw_fmu_functions functions = {
     .serialized_size = serialized_size, .serialize = serialize, .deserialize = deserialize,
     .directional = directional, .terminate = terminate, .reset = reset, .free = free_fmu};
 
+/* ---- model exchange ---- */
+
+static slw_status set_time(slw_fmu *fmu, double t) { return CALL(self(fmu), SetTime, t); }
+static slw_status get_states(slw_fmu *fmu, double *x, size_t n) {
+  return CALL(self(fmu), GetContinuousStates, x, n);
+}
+static slw_status set_states(slw_fmu *fmu, const double *x, size_t n) {
+  return CALL(self(fmu), SetContinuousStates, x, n);
+}
+static slw_status derivatives(slw_fmu *fmu, double *dx, size_t n) {
+  return CALL(self(fmu), GetDerivatives, dx, n);
+}
+static slw_status indicators(slw_fmu *fmu, double *z, size_t n) {
+  return CALL(self(fmu), GetEventIndicators, z, n);
+}
+static slw_status nominals(slw_fmu *fmu, double *values, size_t n) {
+  return CALL(self(fmu), GetNominalsOfContinuousStates, values, n);
+}
+static slw_status enter_event(slw_fmu *fmu) { return CALL0(self(fmu), EnterEventMode); }
+static slw_status update(slw_fmu *fmu, slw_event_result *result) {
+  fmi2EventInfo found;
+  memset(&found, 0, sizeof found);
+  const slw_status status = CALL(self(fmu), NewDiscreteStates, &found);
+  *result = (slw_event_result){found.newDiscreteStatesNeeded != fmi2False, found.terminateSimulation != fmi2False,
+                               found.nextEventTimeDefined != fmi2False, found.nextEventTime};
+  return status;
+}
+static slw_status enter_continuous(slw_fmu *fmu) { return CALL0(self(fmu), EnterContinuousTimeMode); }
+static slw_status completed(slw_fmu *fmu, bool *event, bool *terminate) {
+  fmi2Boolean events = fmi2False, ends = fmi2False;
+  const slw_status status = CALL(self(fmu), CompletedIntegratorStep, fmi2True, &events, &ends);
+  *event = events != fmi2False, *terminate = ends != fmi2False;
+  return status;
+}
+
+static const slw_me_calls exchange_calls = {
+    .set_time = set_time, .get_states = get_states, .set_states = set_states, .derivatives = derivatives,
+    .indicators = indicators, .nominals = nominals, .enter_event = enter_event, .update = update,
+    .enter_continuous = enter_continuous, .completed = completed};
+
 /* ---- loading ---- */
 
-static bool bind(slw_fmi2 *f, char *error, size_t error_size) {
+static bool bind(slw_fmi2 *f, bool exchange, char *error, size_t error_size) {
 #define NEED(name)                                                              \
   if (!slw_library_symbol(f->library, "fmi2" #name, &f->name)) {                \
     snprintf(error, error_size, "its library lacks the function fmi2" #name);   \
@@ -172,6 +219,12 @@ static bool bind(slw_fmi2 *f, char *error, size_t error_size) {
   }
 #define MAY(name) (void)slw_library_symbol(f->library, "fmi2" #name, &f->name);
   REQUIRED(NEED)
+  if (exchange) {
+    NEED(NewDiscreteStates)
+    EXCHANGE(MAY)
+  } else {
+    STEPPING(NEED)
+  }
   OPTIONAL(MAY)
   return true;
 }
@@ -203,14 +256,19 @@ slw_fmu *slw_fmi2_load(const slw_fmu_options *o, char *error, size_t error_size)
   }
   f->fmu.call = &functions, f->fmu.fmi_version = 2, f->fmu.local = true;
   f->library = slw_library_open(o->library, error, error_size);
-  if (!f->library || !bind(f, error, error_size) || !check_version(f, error, error_size)) return refused(f);
+  if (!f->library || !bind(f, o->exchange != NULL, error, error_size) || !check_version(f, error, error_size)) return refused(f);
   const fmi2CallbackFunctions callbacks = {logger, calloc, free, NULL, &f->fmu};
   memcpy(&f->callbacks, &callbacks, sizeof callbacks); /* its members are const */
-  f->fmu.instance = f->Instantiate(o->name, fmi2CoSimulation, o->token, o->resources ? o->resources : "",
+  f->fmu.instance = f->Instantiate(o->name, o->exchange ? fmi2ModelExchange : fmi2CoSimulation, o->token, o->resources ? o->resources : "",
                                    &f->callbacks, fmi2False, fmi2False);
   if (!f->fmu.instance) {
     snprintf(error, error_size, "%s", f->fmu.n_messages ? slw_fmu_message(&f->fmu, 0) : "it gave no reason");
     return refused(f);
+  }
+  if (o->exchange) {
+    if (slw_me_wrap(&f->fmu, &exchange_calls, o->exchange, error, error_size)) return &f->fmu;
+    f->fmu.call->free(&f->fmu);
+    return NULL;
   }
   if (f->GetReal && f->SetReal) {
     f->fmu.fast.fmi2.get_real = (slw_fmi2_get_real)f->GetReal;

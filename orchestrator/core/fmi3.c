@@ -1,15 +1,19 @@
-/* FMI 3.0 co-simulation in this process. Source of the interface: FMI 3.0.2, chapters 2.2 and 4. */
+/* FMI 3.0 in this process, co-simulation and model exchange. Source of the interface: FMI 3.0.2, chapters 2.2 and 4. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "binding.h"
 #include "fmi/fmi3FunctionTypes.h"
+#include "me.h"
 
 /* The standard demands more than REQUIRED; what a run does not need may be missing. */
-#define REQUIRED(X)                                                                               \
-  X(InstantiateCoSimulation) X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode) \
-  X(DoStep)
+#define REQUIRED(X) X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode)
+#define STEPPING(X) X(InstantiateCoSimulation) X(DoStep)
+#define EXCHANGE(X)                                                                               \
+  X(InstantiateModelExchange) X(EnterContinuousTimeMode) X(SetTime) X(CompletedIntegratorStep)    \
+  X(GetContinuousStates) X(SetContinuousStates) X(GetContinuousStateDerivatives)                  \
+  X(GetEventIndicators) X(GetNominalsOfContinuousStates)
 #define OPTIONAL(X)                                                                               \
   X(Terminate) X(Reset) X(EnterConfigurationMode) X(ExitConfigurationMode) X(EnterEventMode)      \
   X(UpdateDiscreteStates) X(EnterStepMode) X(GetFMUState) X(SetFMUState) X(FreeFMUState)          \
@@ -25,6 +29,8 @@ typedef struct {
   slw_fmu fmu; /* first: a pointer to one is a pointer to the other */
   void *library;
   REQUIRED(DECLARE)
+  STEPPING(DECLARE)
+  EXCHANGE(DECLARE)
   OPTIONAL(DECLARE)
   NUMBERS(DECLARE_BOTH)
 } slw_fmi3;
@@ -167,9 +173,37 @@ static const slw_fmu_functions functions = {
     .serialized_size = serialized_size, .serialize = serialize, .deserialize = deserialize,
     .directional = directional, .terminate = terminate, .reset = reset, .free = free_fmu};
 
+/* ---- model exchange ---- */
+
+static slw_status set_time(slw_fmu *fmu, double t) { return CALL(self(fmu), SetTime, t); }
+static slw_status get_states(slw_fmu *fmu, double *x, size_t n) {
+  return CALL(self(fmu), GetContinuousStates, x, n);
+}
+static slw_status set_states(slw_fmu *fmu, const double *x, size_t n) {
+  return CALL(self(fmu), SetContinuousStates, x, n);
+}
+static slw_status derivatives(slw_fmu *fmu, double *dx, size_t n) {
+  return CALL(self(fmu), GetContinuousStateDerivatives, dx, n);
+}
+static slw_status indicators(slw_fmu *fmu, double *z, size_t n) {
+  return CALL(self(fmu), GetEventIndicators, z, n);
+}
+static slw_status nominals(slw_fmu *fmu, double *values, size_t n) {
+  return CALL(self(fmu), GetNominalsOfContinuousStates, values, n);
+}
+static slw_status enter_continuous(slw_fmu *fmu) { return CALL0(self(fmu), EnterContinuousTimeMode); }
+static slw_status completed(slw_fmu *fmu, bool *event, bool *terminate) {
+  return CALL(self(fmu), CompletedIntegratorStep, fmi3True, event, terminate);
+}
+
+static const slw_me_calls exchange_calls = {
+    .set_time = set_time, .get_states = get_states, .set_states = set_states, .derivatives = derivatives,
+    .indicators = indicators, .nominals = nominals, .enter_event = enter_event, .update = update_discrete,
+    .enter_continuous = enter_continuous, .completed = completed};
+
 /* ---- loading ---- */
 
-static bool bind(slw_fmi3 *f, char *error, size_t error_size) {
+static bool bind(slw_fmi3 *f, bool exchange, char *error, size_t error_size) {
 #define NEED(name)                                                            \
   if (!slw_library_symbol(f->library, "fmi3" #name, &f->name)) {              \
     snprintf(error, error_size, "its library lacks the function fmi3" #name); \
@@ -178,6 +212,12 @@ static bool bind(slw_fmi3 *f, char *error, size_t error_size) {
 #define MAY(name) (void)slw_library_symbol(f->library, "fmi3" #name, &f->name);
 #define MAY_BOTH(name) MAY(Get##name) MAY(Set##name)
   REQUIRED(NEED)
+  if (exchange) {
+    NEED(InstantiateModelExchange)
+    EXCHANGE(MAY)
+  } else {
+    STEPPING(NEED)
+  }
   OPTIONAL(MAY)
   NUMBERS(MAY_BOTH)
   fmi3GetVersionTYPE *version;
@@ -198,13 +238,22 @@ slw_fmu *slw_fmi3_load(const slw_fmu_options *o, char *error, size_t error_size)
   }
   f->fmu.call = &functions, f->fmu.fmi_version = 3, f->fmu.local = true;
   f->library = slw_library_open(o->library, error, error_size);
-  if (!f->library || !bind(f, error, error_size)) return refused(f);
-  f->fmu.instance = f->InstantiateCoSimulation(o->name, o->token, o->resources, fmi3False, fmi3False,
-                                               o->event_mode, o->early_return, NULL, 0, &f->fmu, logger,
-                                               NULL);
+  if (!f->library || !bind(f, o->exchange != NULL, error, error_size)) return refused(f);
+  if (o->exchange)
+    f->fmu.instance = f->InstantiateModelExchange(o->name, o->token, o->resources, fmi3False, fmi3False, &f->fmu,
+                                                  logger);
+  else
+    f->fmu.instance = f->InstantiateCoSimulation(o->name, o->token, o->resources, fmi3False, fmi3False,
+                                                 o->event_mode, o->early_return, NULL, 0, &f->fmu, logger,
+                                                 NULL);
   if (!f->fmu.instance) {
     snprintf(error, error_size, "%s", f->fmu.n_messages ? slw_fmu_message(&f->fmu, 0) : "it gave no reason");
     return refused(f);
+  }
+  if (o->exchange) {
+    if (slw_me_wrap(&f->fmu, &exchange_calls, o->exchange, error, error_size)) return &f->fmu;
+    f->fmu.call->free(&f->fmu);
+    return NULL;
   }
   if (f->GetFloat64 && f->SetFloat64) {
     f->fmu.fast.fmi3.get = (slw_fmi3_get_float64)f->GetFloat64;

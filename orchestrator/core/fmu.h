@@ -1,4 +1,5 @@
-/* One instance of a co-simulation FMU, of FMI 2.0 or 3.0, in this process or in one of its own.
+/* One instance of an FMU, of FMI 2.0 or 3.0, in this process or in one of its own; it steps itself
+ * (co-simulation), or is integrated by me.c (model exchange).
  *
  * Values travel as cells of 8 bytes: a double for the real types, an int64_t for integers, enumerations,
  * Booleans (0 or 1) and clocks (1: active), the same bits for UInt64, and the number of a blob for strings
@@ -60,6 +61,7 @@ typedef struct {
   const char *resources;   /* FMI 2: URI; FMI 3: path with a final separator; NULL: none */
   bool event_mode;         /* FMI 3: event mode used */
   bool early_return;       /* FMI 3: early return allowed */
+  const char *exchange;    /* model exchange: what me.c reads; NULL: co-simulation */
 } slw_fmu_options;
 
 /* What a step came to, beside its status. */
@@ -150,6 +152,7 @@ struct slw_fmu {
   } fast;
   uint64_t n_messages;                  /* ever logged */
   char messages[SLW_MESSAGES][SLW_MESSAGE_SIZE]; /* the last ones: message k at k % SLW_MESSAGES */
+  struct slw_me *me;                    /* of model exchange, else NULL */
 };
 
 /* Load and instantiate in this process.  NULL and a sentence in `error` when that fails. */

@@ -22,6 +22,7 @@ class Options(Structure):
         ("resources", c_char_p),
         ("event_mode", c_bool),
         ("early_return", c_bool),
+        ("exchange", c_char_p),
     )
 
 

@@ -24,6 +24,7 @@ from orchestrator.core.fmu_binding import (
 )
 from orchestrator.fmi.buffers import Values, flat
 from orchestrator.fmi.component import Component
+from orchestrator.fmi.exchange import described
 from orchestrator.fmi.library_check import unloadable
 from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import BLOBS, STATUS, WARNING, WIRE, Value
@@ -61,6 +62,7 @@ class Instance:
             resources(self.component),
             self.event_mode,
             self.early_return,
+            described(self.component),
         )
         error = ctypes.create_string_buffer(ERROR_SIZE)
         if isolated:

@@ -11,8 +11,19 @@ from orchestrator.fmi.model_description import ModelDescription
 from specs.errors import listed
 
 FORMATS = {".so": ELF, ".dll": PE, ".dylib": MACHO}
-LIFE = ("FreeInstance", "EnterInitializationMode", "ExitInitializationMode", "DoStep")
-REQUIRED = {2: ("Instantiate", "SetupExperiment", *LIFE), 3: ("InstantiateCoSimulation", *LIFE)}
+LIFE = ("FreeInstance", "EnterInitializationMode", "ExitInitializationMode")
+REQUIRED = {
+    2: ("Instantiate", "SetupExperiment", *LIFE, "DoStep"),
+    3: ("InstantiateCoSimulation", *LIFE, "DoStep"),
+}
+EXCHANGE = {
+    2: ("Instantiate", "SetupExperiment", *LIFE, "NewDiscreteStates", "SetTime"),
+    3: ("InstantiateModelExchange", *LIFE, "UpdateDiscreteStates", "SetTime"),
+}
+STATES = {
+    2: ("GetContinuousStates", "SetContinuousStates", "GetDerivatives"),
+    3: ("GetContinuousStates", "SetContinuousStates", "GetContinuousStateDerivatives"),
+}
 EVENTS = ("EnterEventMode", "UpdateDiscreteStates", "EnterStepMode")
 MAX_LIBRARIES = 200
 FOLDERS = ("/lib", "/usr/lib", "/lib64", "/usr/lib64", "/usr/local/lib")
@@ -43,6 +54,11 @@ def broken_promises(library: Path, model: ModelDescription) -> Iterator[str]:
         return
     prefix = f"fmi{model.fmi_version}"
     required = (*REQUIRED[model.fmi_version], *(EVENTS if model.has_event_mode else ()))
+    if model.exchange is not None:
+        required = (
+            *EXCHANGE[model.fmi_version],
+            *(STATES[model.fmi_version] if model.exchange.derivatives else ()),
+        )
     missing = [f"{prefix}{name}" for name in required if f"{prefix}{name}" not in found.functions]
     if missing:
         yield f"lacks the functions {listed(missing)}"

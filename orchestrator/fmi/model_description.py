@@ -1,4 +1,4 @@
-"""What an FMU says of itself: `modelDescription.xml` of FMI 2.0 and 3.0, co-simulation.
+"""What an FMU says of itself: `modelDescription.xml` of FMI 2.0 and 3.0, co-simulation and model exchange.
 
 variable_reader.py reads the variables and value_texts.py their values, checks.py judges them, and
 model_structure.py reads the dependencies.
@@ -33,7 +33,9 @@ __all__ = (
 VERSION = re.compile(r"(2)\.0(\.[0-9]+)?|(3)\.([0-9]+)(\.[0-9]+)?")
 # The library's file name; a C identifier by the standard, but nothing that leaves the folder.
 IDENTIFIER = re.compile(r"[\w][\w.\- +]{0,199}", re.ASCII)
-# Parts that are read, or that say nothing about a co-simulation.
+CO_SIMULATION, MODEL_EXCHANGE = KINDS = ("CoSimulation", "ModelExchange")
+ANY = "any"
+# Parts that are read, or that say nothing about a run.
 PARTS = (
     "CoSimulation",
     "UnitDefinitions",
@@ -47,6 +49,20 @@ PARTS = (
     "VendorAnnotations",
     "Annotations",
 )
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Model exchange: derivatives and (FMI 3) event indicators by name, each perhaps an array.
+
+    n_indicators     FMI 2: their number
+    wants_steps      the FMU is to be told of each step of the integrator
+    """
+
+    derivatives: tuple[str, ...]
+    indicators: tuple[str, ...] = ()
+    n_indicators: int = 0
+    wants_steps: bool = True
 
 
 @dataclass(frozen=True)
@@ -64,6 +80,7 @@ class ModelDescription:
                            None: not stated, it may be all
     initial_dependencies   the same during initialisation
     warnings               sentences on what is not honoured or not as it should be
+    exchange               how its states are integrated; None: it steps itself (co-simulation)
     """
 
     fmi_version: int
@@ -88,6 +105,7 @@ class ModelDescription:
     warnings: tuple[str, ...] = ()
     version_text: str = ""
     generation_tool: str = ""
+    exchange: Exchange | None = None
 
     def variable(self, name: str, shown: str) -> Variable:
         """The variable `name`; InputError with the nearest names, starting with `shown`."""
@@ -104,13 +122,14 @@ class ModelDescription:
         }
 
 
-def parse(content: bytes, shown: str) -> ModelDescription:
-    """Parse and check modelDescription.xml; `shown` names the FMU in messages (InputError, with the line)."""
+def parse(content: bytes, shown: str, kind: str = ANY) -> ModelDescription:
+    """Parse and check modelDescription.xml; `shown` names the FMU in messages (InputError, with the line).
+
+    `kind`: one of KINDS; ANY: co-simulation if the FMU offers it.
+    """
     root = xml_file.parse(content, shown)
     version = _version(root, shown)
-    interface = root.find("CoSimulation")
-    if interface is None:
-        raise InputError(f"{shown} offers no co-simulation")
+    interface = _interface(root, kind, shown)
     where = f"{shown}, modelDescription.xml"
     if xml_file.boolean(interface, "needsExecutionTool", False, where):
         raise InputError(f"{shown} needs an execution tool; only self-contained FMUs are accepted")
@@ -118,6 +137,7 @@ def parse(content: bytes, shown: str) -> ModelDescription:
     reader = VariableReader(root, version, parse_units(root.find("UnitDefinitions"), where), where)
     variables = checks.check(reader.variables(), version, where)
     structure = StructureReader(root, version, variables, where)
+    exchange = _exchange(root, interface, version, structure, shown)
     experiment = _experiment(root.find("DefaultExperiment"), where)
     warnings = [
         *_version_warnings(root),
@@ -138,6 +158,7 @@ def parse(content: bytes, shown: str) -> ModelDescription:
         generation_tool=root.get("generationTool", ""),
         fixed_internal_step_s=_positive(interface, "fixedInternalStepSize", where) if version == 3 else None,
         **_capabilities(interface, version, where),
+        exchange=exchange,
         default_start_s=experiment[0],
         default_stop_s=experiment[1],
         default_step_s=experiment[2],
@@ -151,6 +172,36 @@ def _version(root: Element, shown: str) -> int:
     if root.tag != "fmiModelDescription" or found is None:
         raise InputError(f"{shown} has FMI version '{xml_file.shortened(text)}'; valid: 2.0, 3.0")
     return int(found[1] or found[3])
+
+
+def _interface(root: Element, kind: str, shown: str) -> Element:
+    """The element of the kind that is asked for."""
+    offered = [name for name in KINDS if root.find(name) is not None]
+    wanted = [name for name in offered if kind in (ANY, name)]
+    if not wanted:
+        asked = "co-simulation or model exchange" if kind == ANY else kind
+        raise InputError(f"{shown} offers no {asked}; it offers: {', '.join(offered) or 'neither'}")
+    interface = root.find(wanted[0])
+    assert interface is not None  # noqa: S101  # `offered` has found it
+    return interface
+
+
+def _exchange(
+    root: Element, interface: Element, version: int, structure: StructureReader, shown: str
+) -> Exchange | None:
+    if local(interface) != MODEL_EXCHANGE:
+        return None
+    where = f"{shown}, modelDescription.xml"
+    if any(v.type == "Clock" and v.causality == "input" for v in structure.variables.values()):
+        raise InputError(f"{shown}: input clocks are not supported in model exchange")
+    if version == 3:
+        told = xml_file.boolean(interface, "needsCompletedIntegratorStep", True, where)
+        return Exchange(tuple(structure.derivatives), tuple(structure.indicators), 0, told)
+    count = xml_file.as_integer(root.get("numberOfEventIndicators", "0"))
+    if count is None or count < 0:
+        raise InputError(f"{where}: numberOfEventIndicators is no whole number of 0 or more")
+    told = not xml_file.boolean(interface, "completedIntegratorStepNotNeeded", False, where)
+    return Exchange(tuple(structure.derivatives), (), count, told)
 
 
 def _version_warnings(root: Element) -> Iterator[str]:
@@ -196,7 +247,10 @@ def _capabilities(interface: Element, version: int, where: str) -> Mapping[str, 
     }
     if version == 3:
         names |= {"has_event_mode": "hasEventMode", "can_return_early": "mightReturnEarlyFromDoStep"}
-    return {key: xml_file.boolean(interface, name, False, where) for key, name in names.items()}
+    found = {key: xml_file.boolean(interface, name, False, where) for key, name in names.items()}
+    if local(interface) == MODEL_EXCHANGE:  # its steps and events are the master's
+        found |= {"variable_step": True, "has_event_mode": False, "can_return_early": False}
+    return found
 
 
 def _experiment(element: Element | None, where: str) -> tuple[float | None, ...]:

@@ -1,7 +1,7 @@
 """Which inputs an FMU's outputs depend on directly: ModelStructure of FMI 2.0 and 3.0.
 
-Read but without influence on a co-simulation: states and their derivatives, clocked states, event
-indicators, and the kind of a dependency.
+For model exchange also the states' derivatives and the event indicators. Read but without influence:
+clocked states, and the kind of a dependency.
 Source: FMI 2.0.4, 2.2.8; FMI 3.0.2, 2.4.8, Modelica Association.
 """
 
@@ -35,6 +35,8 @@ class StructureReader:
         for variable in variables.values():
             self.by_vr.setdefault(variable.vr, []).append(variable.name)
         outputs = [v.name for v in variables.values() if v.causality == "output"]
+        self.derivatives: list[str] = []
+        self.indicators: list[str] = []  # FMI 3
         listed = self._listed(root.find("ModelStructure"))
         self.outputs: Dependencies = {name: listed[0].get(name) for name in outputs}
         self.initial: Dependencies = {name: self._initially(listed[1], name) for name in outputs}
@@ -60,7 +62,12 @@ class StructureReader:
         for section, element in self._unknowns(holder):
             key = {"Output": "output", "InitialUnknown": "initial"}.get(section, "")
             inputs = self._inputs(element)
-            for name in self._names(element, "index" if self.version == 2 else "valueReference"):
+            names = self._names(element, "index" if self.version == 2 else "valueReference")
+            if section in ("Derivative", "ContinuousStateDerivative"):
+                self.derivatives.extend(names[:1])  # of aliases one: it is one derivative
+            elif section == "EventIndicator":
+                self.indicators.extend(names[:1])
+            for name in names:
                 found[key][name] = inputs
         return found["output"], found["initial"]
 

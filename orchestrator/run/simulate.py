@@ -255,6 +255,8 @@ def _provenance(
     told = {"start_s": options.start_s, "told_stop_s": options.told_stop_s}
     told["told_tolerance"] = options.told_tolerance
     found |= {name: value for name, value in told.items() if value}
+    if exchanged := [name for name, c in system.components.items() if c.model.exchange]:
+        found["model_exchange"] = exchanged
     if options.faults:
         found["faults"] = [fault.as_dict() for fault in options.faults]
     if changes:

@@ -86,6 +86,7 @@ class ComponentElement(Element):
 
     source: str | None = None
     type: str = ""
+    implementation: str = "any"
 
 
 @dataclass(frozen=True)

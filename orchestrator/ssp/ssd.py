@@ -34,7 +34,7 @@ FMU_TYPES = ("application/x-fmu-sharedlibrary",)
 SSD_TYPE, SSP_TYPE = "application/x-ssp-definition", "application/x-ssp-package"
 COMPONENT_TYPES = (*FMU_TYPES, SSD_TYPE, SSP_TYPE)
 SSB_TYPE = "application/x-ssp-signal-dictionary"
-IMPLEMENTATIONS = ("any", "CoSimulation")
+IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
 MAX_DEPTH = 64  # of systems in systems
 
 
@@ -151,9 +151,11 @@ class _Reader:
             raise self.text.error(
                 element, f"component '{name}' has type '{kind}'; valid: {', '.join(COMPONENT_TYPES)}"
             )
-        if element.get("implementation", "any") not in IMPLEMENTATIONS:
-            asked = element.get("implementation")
-            raise self.text.error(element, f"component '{name}' asks for {asked}; valid: CoSimulation")
+        implementation = element.get("implementation", "any")
+        if implementation not in IMPLEMENTATIONS:
+            raise self.text.error(
+                element, f"component '{name}' asks for {implementation}; valid: {', '.join(IMPLEMENTATIONS)}"
+            )
         source = element.get("source")
         if source is None:
             if self.text.version.startswith("1"):
@@ -166,6 +168,7 @@ class _Reader:
             self.text.place(element),
             source,
             kind,
+            implementation,
         )
 
     def reference(self, element: Xml) -> Element:

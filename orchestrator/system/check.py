@@ -6,6 +6,7 @@ from pathlib import Path
 
 from orchestrator.files import archive
 from orchestrator.files.scratch import Scratch
+from orchestrator.fmi.model_description import ANY, KINDS
 from orchestrator.ssp.description import Description
 from orchestrator.ssp.ssd import read_ssd
 from orchestrator.system.clocks import check_step, default_step, with_steps_and_clocks
@@ -24,17 +25,22 @@ from specs.signals import signals
 IN_OUT = ("input", "output")
 
 
-def load_system(path: Path | str, step_s: float | None = None) -> System:
+def load_system(path: Path | str, step_s: float | None = None, kind: str = ANY) -> System:
     """Read and check a system: `.ssp`, `.ssd` with its FMUs beside it, or a bare `.fmu`.
 
     step_s  of a system that states none, or of a bare FMU; None: one that suits the FMUs
+    kind    of a bare FMU: CoSimulation, ModelExchange, or any (a system says it of each component)
 
     Raises InputError, naming element and line, for whatever could not be simulated as described.
     """
     path = Path(path)
     check_step(step_s, f"system {path}")
     if path.suffix.lower() == ".fmu":
-        return system_of_fmu(path, step_s)
+        return system_of_fmu(path, step_s, kind)
+    if kind != ANY:
+        raise InputError(
+            f"system {path} says of each component whether it is {' or '.join(KINDS)} (implementation=…)"
+        )
     files, warnings = Scratch(), []
     ssd = path
     if path.suffix.lower() != ".ssd":

@@ -1,12 +1,15 @@
 """From the components of a system structure to unpacked FMUs that fit their connectors."""
 
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 
 from fmus.toolchain.compiler import host
 from orchestrator.files import archive
 from orchestrator.fmi.component import Component
-from orchestrator.fmi.model_description import ModelDescription, parse
+from orchestrator.fmi.library_check import broken_promises
+from orchestrator.fmi.library_file import NotALibrary
+from orchestrator.fmi.model_description import ANY, ModelDescription, parse
 from orchestrator.fmi.units import compatible, undefined
 from orchestrator.fmi.variable import Variable
 from orchestrator.ssp import description
@@ -23,14 +26,15 @@ class Fmus:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.known: dict[Path, Component] = {}
+        self.known: dict[tuple[Path, str], Component] = {}
 
     def load(self, file: Path, component: description.ComponentElement, path: str, base: Path) -> Component:
         """The FMU `file` of a component with the path `path`; `base`: the folder to list if it is missing.
 
         Raises InputError for an FMU that is missing, damaged or not for this platform.
         """
-        if file not in self.known:
+        key = (file, component.implementation)
+        if key not in self.known:
             if not file.is_file():
                 there = sorted(p.relative_to(base).as_posix() for p in base.rglob("*.fmu"))
                 raise InputError(
@@ -38,23 +42,34 @@ class Fmus:
                     f"there is: {', '.join(there) or 'none'}"
                 )
             shown = f"FMU {component.source} of component {path}"
-            self.known[file] = unpacked(file, self.folder / f"fmu{len(self.known)}", shown)
+            folder = self.folder / f"fmu{len(self.known)}"
+            self.known[key] = unpacked(file, folder, shown, component.implementation)
         place = component.place
-        return replace(self.known[file], name=path, line=place.line, file=place.file)
+        return replace(self.known[key], name=path, line=place.line, file=place.file)
 
 
-def unpacked(file: Path, folder: Path, shown: str) -> Component:
+def unpacked(file: Path, folder: Path, shown: str, kind: str = ANY) -> Component:
     """An FMU unpacked into `folder`, as a component with its model identifier for a name.
 
-    `shown` names it in messages.  Raises InputError for an FMU that is damaged or not for this platform.
+    `shown` names it in messages; `kind`: as `parse` takes it.  Raises InputError for an
+    FMU that is damaged or not for this platform.
     """
     archive.unpack(file, folder, shown)
     xml = folder / "modelDescription.xml"
     if not xml.is_file():
         raise InputError(f"{shown} holds no modelDescription.xml")
-    model = parse(xml.read_bytes(), shown)
+    model = parse(xml.read_bytes(), shown, kind)
     library = _library(folder, model, shown)
+    if model.exchange is not None:
+        _check_exchange(library, model, shown)
     return Component(model.model_identifier, model, folder, library, archive.sha256(file), {})
+
+
+def _check_exchange(library: Path, model: ModelDescription, shown: str) -> None:
+    """InputError for a library without the functions of model exchange: many a description says more."""
+    with contextlib.suppress(NotALibrary):  # said when it is loaded
+        for lacking in broken_promises(library, model):
+            raise InputError(f"{shown}: its library {library.name} {lacking}")
 
 
 def _library(folder: Path, model: ModelDescription, shown: str) -> Path:

@@ -63,6 +63,7 @@ def _component(component: Component, step_s: float) -> dict[str, Any]:
     return {
         "name": component.name,
         "fmi": component.model.version_text,
+        "kind": "co-simulation" if component.model.exchange is None else "model exchange",
         "model": component.model.model_name,
         "step_s": step_s * component.multiple,
         "inputs": causalities["input"],

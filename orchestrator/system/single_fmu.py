@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator.files.scratch import Scratch
-from orchestrator.fmi.model_description import ModelDescription, Variable, size_of
+from orchestrator.fmi.model_description import ANY, ModelDescription, Variable, size_of
 from orchestrator.ssp.conversion import UNCHANGED
 from orchestrator.ssp.description import Port, Settings
 from orchestrator.system.clocks import check_step, default_step, input_clocks, whole_steps
@@ -15,15 +15,17 @@ from orchestrator.system.system import System, SystemInput, SystemOutput
 from specs.errors import InputError
 
 
-def system_of_fmu(path: Path | str, step_s: float | None = None) -> System:
+def system_of_fmu(path: Path | str, step_s: float | None = None, kind: str = ANY) -> System:
     """Read and check an FMU; its step is `step_s`, else that of its default experiment, else 20 ms.
+
+    `kind`: co-simulation, model exchange, or any: co-simulation if the FMU offers it.
 
     Raises InputError for an FMU that is damaged, wrong, not for this platform, or that cannot take the step.
     """
     path = Path(path)
     files = Scratch()
     shown = f"FMU {path}"
-    component = unpacked(path, files.path / "fmu", shown)
+    component = unpacked(path, files.path / "fmu", shown, kind)
     model, name = component.model, component.name
     step = _step(model, step_s, shown)
     warnings = list(_warnings(model, step_s, step, shown))

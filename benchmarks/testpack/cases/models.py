@@ -25,7 +25,7 @@ CASES: tuple[Case, ...] = (
     *_bad("fmu-malformed", "modelDescription.xml is not well-formed", "FMU's description is cut"),
     *_bad("fmu-expands", "modelDescription.xml has a DTD with entities", "FMU expands"),
     *_bad("fmu-version", "an FMU of FMI 1.0", "FMU of version 1", "1.0"),
-    *_bad("fmu-exchange", "an FMU for model exchange only", "FMU without co-simulation"),
+    *_bad("fmu-exchange", "an FMU for model exchange whose library lacks it", "FMU without co-simulation"),
     *_bad("fmu-tool", "an FMU that needs a tool", "FMU needs a tool", "tool"),
     *_bad("fmu-names", "two variables of one name", "FMU's name twice", "'k'"),
     *cases(

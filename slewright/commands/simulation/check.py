@@ -5,8 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from records.figures_file import write
+from records.figures_file import check_target, write, write_text
 from slewright.figures import JsonOption
+from slewright.implementations import ImplementationOption
 from slewright.tables import show
 
 
@@ -16,6 +17,16 @@ def check(
         float | None,
         typer.Option("--step", metavar="S", help="Step in s of an FMU, or of a system that states none."),
     ] = None,
+    implementation: ImplementationOption = "any",
+    graph: Annotated[
+        Path | None,
+        typer.Option(
+            "--graph",
+            metavar="FILE.svg",
+            callback=check_target,
+            help="Draw the system: components, connections, units, delays.",
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Load a system, show its parts and how it would be stepped, and every warning; nothing is run.
@@ -24,11 +35,11 @@ def check(
     """
     from orchestrator.system import check as checking, overview
 
-    system = checking.load_system(file, step)
+    system = checking.load_system(file, step, implementation)
     found = overview.figures(system)
     show(
         f"System {system.name}",
-        ["component", "FMI", "model", "step [s]", "inputs", "outputs", "parameters", "types", "runs"],
+        ["component", "FMI", "kind", "model", "step [s]", "inputs", "outputs", "parameters", "types", "runs"],
         [_row(c) for c in found["components"]],
     )
     summary = ("step_s", "start_s", "stop_s", "algorithm", "connections", "inputs", "outputs")
@@ -37,12 +48,20 @@ def check(
         typer.echo(f"slewright: warning: {warning}", err=True)
     count = len(found["warnings"])
     typer.echo(f"{file}: can be simulated; {count} warning{'' if count == 1 else 's'}")
+    if graph is not None:
+        from orchestrator.system.diagram import draw
+
+        write_text(graph, draw(system))
+        typer.echo(f"written: {graph}")
     write(json, found)
 
 
 def _row(component: dict[str, Any]) -> list[object]:
-    cells = [component[key] for key in ("name", "fmi", "model", "step_s", "inputs", "outputs", "parameters")]
-    cells[3] = _plain(cells[3])
+    cells = [
+        component[key]
+        for key in ("name", "fmi", "kind", "model", "step_s", "inputs", "outputs", "parameters")
+    ]
+    cells[4] = _plain(cells[4])
     return [*cells, _counts(component["types"]), component["isolation"]]
 
 

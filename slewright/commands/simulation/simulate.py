@@ -9,6 +9,7 @@ import typer
 from records import figures_file
 from records.figures_file import check_target
 from slewright.figures import JsonOption
+from slewright.implementations import ImplementationOption
 from slewright.progress import progress
 from specs.errors import InputError
 
@@ -35,6 +36,7 @@ def simulate(
         float | None,
         typer.Option("--step", metavar="S", help="Step in s of an FMU, or of a system that states none."),
     ] = None,
+    implementation: ImplementationOption = "any",
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = None,
     algorithm: Annotated[
         str | None,
@@ -81,7 +83,7 @@ def simulate(
 
     if system.resolve() in (path.resolve() for path in (out, json) if path):
         raise InputError(f"{system} is to be read; the results need a file of another name")
-    loaded = check.load_system(system, step)
+    loaded = check.load_system(system, step, implementation)
     for warning in (*loaded.warnings, *overview.renamed(loaded)):
         typer.echo(f"slewright: warning: {warning}", err=True)
     begin = loaded.start_s if start is None else start

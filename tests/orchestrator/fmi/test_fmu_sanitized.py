@@ -13,7 +13,7 @@ from orchestrator.core import native
 from tests.orchestrator.fuzz.stepper import OPTIONS, RUNTIMES, available
 
 CHECKS = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
-TESTS = ("test_fmu_values.py", "test_fmu_calls.py", "test_fmu_libraries.py")
+TESTS = ("test_fmu_values.py", "test_fmu_calls.py", "test_fmu_libraries.py", "../run/test_model_exchange.py")
 UNFIT = "not memory"  # the sanitizer has an allocator of its own
 CHILD = """
 import sys

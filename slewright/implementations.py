@@ -1,0 +1,26 @@
+"""The option that says how a bare FMU is run."""
+
+from typing import Annotated
+
+import typer
+
+from specs.errors import InputError
+
+VALID = ("any", "CoSimulation", "ModelExchange")
+
+
+def _check(value: str) -> str:
+    if value not in VALID:
+        raise InputError(f"--implementation {value}: valid: {', '.join(VALID)}")
+    return value
+
+
+ImplementationOption = Annotated[
+    str,
+    typer.Option(
+        "--implementation",
+        metavar="KIND",
+        callback=_check,
+        help="How an FMU is run: CoSimulation, ModelExchange, or any (the first that it offers).",
+    ),
+]
