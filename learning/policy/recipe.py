@@ -82,6 +82,7 @@ class Recipe:
     late_terms: tuple[str, ...] = ("one_shot",)  # their weights rise from 0 with the curriculum
     random: Randomisation = Randomisation()
     episode_s: float = 10.0
+    ending: float = 0.0  # reward where the grab comes too low or too near and the episode ends (PPO)
     consecutive: float = 0.0  # share of episodes that begin where another ended, the tool still swinging
     swinging: float = 0.0  # share of fresh starts with the tool swinging
     ahead_s: float = (
@@ -97,6 +98,7 @@ class Recipe:
     epochs: int = 3
     batches: int = 4
     deviation: float = 0.4  # of the actions at the start (authors' code)
+    deviation_least: float = 1e-6  # and at least, however sure the policy is
     discount: float = 0.98
     trace: float = 0.95
     entropy: float = 0.0
@@ -178,12 +180,12 @@ _EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense,
 _RECIPES = (
     Recipe(
         "paper", "the paper's seven terms, PPO", method="ppo", weights=_PAPER, ahead_s=0.0,
-        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1),
+        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ending=-8.0, deviation_least=0.05,
     ),
     Recipe(
         "paper_slew", "the paper's slew-only policy: five terms, PPO", task="slew", method="ppo",
         weights={k: v for k, v in _PAPER.items() if k in SLEW_ONLY},
-        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0,
+        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0, deviation_least=0.05,
     ),
     Recipe(
         "full", "ours: through the simulation's own gradient", prior="gentle", weights=_OURS, **_EVEN,
