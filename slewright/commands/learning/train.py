@@ -97,7 +97,8 @@ def policy(
     plant: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="Slew drive to train on: networks (ours), or published (the paper's authors')."
+            metavar="NAME",
+            help="Slew drive to train on: networks (ours) or published (the authors').",
         ),
     ] = "",
     change: Annotated[
