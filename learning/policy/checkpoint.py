@@ -13,7 +13,7 @@ from learning.policy.simulation.situation import Situation
 from specs.errors import InputError
 from specs.policy import layout
 
-FORMAT = 1
+FORMAT = 2
 NAME = "checkpoint.pt"
 KEYS = ("format", "task", "history", "layout", "recipe", "seed", "data_sha256", "state")
 KINDS = {kind.__name__: kind for kind in (Situation, State, Machine)}

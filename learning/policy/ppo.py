@@ -51,7 +51,8 @@ class PpoTrainer(Trainer):
     def iterate(self) -> dict[str, float]:
         """`recipe.steps` steps of all machines and an update."""
         terms: dict[str, Tensor] = {}
-        unknown, ended = torch.zeros(()), torch.zeros(())
+        none = torch.zeros((), device=self.device)
+        unknown, ended = none, none
         ends: list[dict[str, float]] = []
         with torch.no_grad():
             seen = self._seen(self.now)
@@ -60,9 +61,11 @@ class PpoTrainer(Trainer):
                     action = self.algorithm.act(seen).float()
                 step = self.play(self.now, action, self._observation, leak=0.0)
                 after, rewards = step.after, self.rewards([step])
-                self.check(rewards, [step])
+                reward: Any = sum(rewards.values())
+                if not bool(torch.isfinite(reward).all()):
+                    self.check(rewards, [step])
                 for name, value in rewards.items():
-                    terms[name] = terms.get(name, torch.zeros(())) + value.mean()
+                    terms[name] = terms.get(name, none) + value.mean()
                 over = self.environment.ended(after)
                 unknown = unknown + self.environment.unknown(after).float().mean()
                 ended = ended + over.float().mean()
@@ -71,10 +74,8 @@ class PpoTrainer(Trainer):
                     ends.append(self._ends(after, late))
                 self.now = self._renewed(after, over, late)
                 seen = self._seen(self.now)
-                reward: Any = sum(rewards.values())
-                self.algorithm.process_env_step(
-                    seen, reward * SPACING_S, over | late, {"time_outs": late.float()}
-                )
+                earned = reward * SPACING_S + self.recipe.ending * over
+                self.algorithm.process_env_step(seen, earned, over | late, {"time_outs": late.float()})
             self.algorithm.compute_returns(seen)
         told = self.algorithm.update()
         losses = {f"loss/{k}": float(v) for k, v in told.items() if v is not None}
@@ -140,7 +141,9 @@ class PpoTrainer(Trainer):
 def _settings(r: Recipe) -> dict[str, Any]:
     """rsl-rl-lib's configuration."""
     network = {"class_name": "rsl_rl.models:MLPModel", "hidden_dims": list(r.layers), "activation": "tanh"}
-    deviation = {"class_name": "GaussianDistribution", "init_std": r.deviation}
+    deviation = {
+        "class_name": "GaussianDistribution", "init_std": r.deviation, "std_range": (r.deviation_least, 1e6),
+    }  # fmt: skip
     return {
         "num_steps_per_env": r.steps,
         "obs_groups": {"actor": ["policy"], "critic": ["policy", *(["hidden"] if r.asymmetric else [])]},

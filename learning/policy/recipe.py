@@ -82,6 +82,7 @@ class Recipe:
     late_terms: tuple[str, ...] = ("one_shot",)  # their weights rise from 0 with the curriculum
     random: Randomisation = Randomisation()
     episode_s: float = 10.0
+    ending: float = 0.0  # reward where the grab comes too low or too near and the episode ends (PPO)
     consecutive: float = 0.0  # share of episodes that begin where another ended, the tool still swinging
     swinging: float = 0.0  # share of fresh starts with the tool swinging
     ahead_s: float = (
@@ -97,6 +98,7 @@ class Recipe:
     epochs: int = 3
     batches: int = 4
     deviation: float = 0.4  # of the actions at the start (authors' code)
+    deviation_least: float = 1e-6  # and at least, however sure the policy is
     discount: float = 0.98
     trace: float = 0.95
     entropy: float = 0.0
@@ -137,7 +139,7 @@ class Recipe:
             raise InputError(
                 f"a teacher (privileged) has no teacher itself: --set teacher=, not {self.teacher}"
             )
-        other = ("asymmetric", "mixed") if self.method == "gradient" else ("privileged", "teacher")
+        other = ("asymmetric", "mixed", "ending") if self.method == "gradient" else ("privileged", "teacher")
         for name in other:
             if getattr(self, name):
                 able = "ppo" if self.method == "gradient" else "gradient"
@@ -172,18 +174,29 @@ _OURS = {
     "balance": 0.3, "closing": 0.15, "settle": 1.0, "overshoot": 4.0, "sway": 2.0, "action": 0.05,
     "one_shot": 0.05, "keep_out": 2.0, "limits": 0.05,
 }  # fmt: skip
+_OWN_PPO = {
+    "balance": 1.0, "target": 1.0, "settle": 0.5, "action": 0.1, "overshoot": 2.0, "sway": 2.0,
+    "one_shot": 0.1, "keep_out": 1.0, "limits": 0.05,
+}  # fmt: skip
 _FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
 _CALM = {**_OURS, "settle": 1.7, "closing": 0.25, "action": 1.0, "one_shot": 0.5}
 _EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense, the paper's 256, 128, 128
 _RECIPES = (
     Recipe(
         "paper", "the paper's seven terms, PPO", method="ppo", weights=_PAPER, ahead_s=0.0,
-        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1),
+        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ending=-8.0, deviation_least=0.05,
     ),
     Recipe(
         "paper_slew", "the paper's slew-only policy: five terms, PPO", task="slew", method="ppo",
         weights={k: v for k, v in _PAPER.items() if k in SLEW_ONLY},
-        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0,
+        first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0, deviation_least=0.05,
+    ),
+    Recipe(
+        "ppo", "ours, PPO from scratch: no law to start from, a critic that sees the machine", method="ppo",
+        weights=_OWN_PPO, ending=-8.0, deviation_least=0.05, asymmetric=True, spatial=True,
+        first=Shape(8.0, 4.0, 0.3, 0.4), last=Shape(1.0, 0.5, 0.1, 0.06), late_terms=("one_shot", "sway"),
+        random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
+        episode_s=15.0, consecutive=0.5,
     ),
     Recipe(
         "full", "ours: through the simulation's own gradient", prior="gentle", weights=_OURS, **_EVEN,

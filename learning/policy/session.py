@@ -37,6 +37,7 @@ SHORT = 0.2  # of the iterations
 _MODELS = ROOT.parent / "fmus" / "models"
 NETWORKS = (_MODELS / "slew_nn" / "weights.npz",)
 FAMILY = (*NETWORKS, _MODELS / "slew_published" / "weights.npz")  # of a recipe with a family
+PLANTS = {"networks": NETWORKS, "published": FAMILY[1:]}  # by whose slew drive
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,7 @@ class Options:
     seed: int = 1
     budget: str = "full"
     networks: tuple[Path, ...] = ()
+    plant: str = ""  # of PLANTS, in the place of networks
     out: Path = Path("out/train-policy")
     changed: Mapping[str, Any] = field(default_factory=dict)
     device: str = "auto"  # of DEVICES
@@ -68,12 +70,21 @@ class Options:
             found = recipe(name, **{**self.changed, "iterations": max(1, round(SHORT * found.iterations))})
         return found
 
+    def drives(self, chosen: Recipe) -> tuple[Path, ...]:
+        """The slew networks; InputError for a plant that is none, or beside networks."""
+        if self.plant and self.plant not in PLANTS:
+            raise InputError(f"no plant '{self.plant}' to train on; valid: {', '.join(PLANTS)}")
+        if self.plant and self.networks:
+            raise InputError(f"--plant {self.plant} excludes --networks")
+        return self.networks or PLANTS.get(self.plant) or (FAMILY if chosen.family else NETWORKS)
+
     @property
     def command(self) -> str:
         """What makes it again."""
         words = [f"--task {self.task}", f"--seed {self.seed}", f"--budget {self.budget}"]
         words += [f"--recipe {self.recipe}"] if self.recipe else []
         words += [f"--device {self.device}"] if self.device != "auto" else []
+        words += [f"--plant {self.plant}"] if self.plant else []
         words += [f"--networks {path}" for path in self.networks]
         words += [f"--set {text}" for text in _settings(self.changed)]
         return "slewright train policy " + " ".join(words)
@@ -117,7 +128,7 @@ def changes(texts: Sequence[str]) -> dict[str, Any]:
 def run(options: Options, report: Report) -> dict[str, Any]:
     """Train, or go on; returns the figures.  RunError if training fails: the last good checkpoint stays."""
     chosen = options.chosen()
-    paths = options.networks or (FAMILY if chosen.family else NETWORKS)
+    paths = options.drives(chosen)
     if chosen.envs < len(paths):
         raise InputError(f"envs = {chosen.envs}: valid is from {len(paths)}, one machine a slew network")
     data, commit = digest(paths), source_state()

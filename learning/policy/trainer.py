@@ -106,12 +106,18 @@ class Trainer:
         """All that going on needs."""
         return {
             "mlp": self.mlp.state_dict(), "generator": self.environment.generator.get_state(),
-            "torch": torch.get_rng_state(), "done": self.done,
+            "torch": [get() for get, _ in self._random()], "done": self.done,
         }  # fmt: skip
+
+    def _random(self) -> list[tuple[Any, Any]]:
+        """How to read and set the state of torch's own generators that are used."""
+        found = [(torch.get_rng_state, torch.set_rng_state)]
+        return found + [(torch.cuda.get_rng_state, torch.cuda.set_rng_state)] * (self.device == "cuda")
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Go on where `state` was taken."""
         self.mlp.load_state_dict(state["mlp"])
         self.environment.generator.set_state(state["generator"])
-        torch.set_rng_state(state["torch"])
+        for (_, put), numbers in zip(self._random(), state["torch"], strict=True):
+            put(numbers)
         self.done = state["done"]

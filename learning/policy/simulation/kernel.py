@@ -3,8 +3,9 @@
 A scalar (SX) function becomes C: one loop over the machines, straight-line inside, which the compiler
 vectorises; and so does its reverse derivative.  torch then sees one operation in the place of hundreds.
 Compiled on first use for this processor and kept under build/kernels by content.  Fast arithmetic, single
-precision: for training alone, held to the FMUs by a test.  Without a compiler, or on another device,
-`graph.to_torch` does the same in torch.
+precision: for training alone, held to the FMUs by a test.  On an NVIDIA GPU the same lines are one kernel, a
+thread a machine, compiled there by torch; without a derivative.  Without a compiler, `graph.to_torch` does
+the same in torch.
 """
 
 import ctypes
@@ -41,6 +42,7 @@ _C = {
     "OP_OR": "(float)({0} != 0.0f || {1} != 0.0f)", "OP_IF_ELSE_ZERO": "({0} != 0.0f ? {1} : 0.0f)",
 }  # fmt: skip
 
+THREADS = 128  # of a block of the GPU
 _INDEPENDENT = """#ifdef __clang__
 #pragma clang loop vectorize(assume_safety)
 #else
@@ -58,11 +60,20 @@ class Kernel:
         self._plain = to_torch(f)
 
     def __call__(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        """Outputs [elements, n]; compiled for single precision on the CPU, else operation by operation."""
+        """Outputs [elements, n]; compiled for single precision, else operation by operation."""
+        if _on_gpu(inputs) and (launch := _launched(self.f)):
+            return self._launch(launch, inputs)
         compiled = _compiled(self.f) if _able(inputs) else None
         if compiled is None:
             return self._slowly(inputs)
         return _Call.apply(compiled, self.outputs, *inputs)  # type: ignore[return-value]
+
+    def _launch(self, launch: Any, inputs: Sequence[Tensor]) -> tuple[Tensor, ...]:
+        n = inputs[0].shape[-1]
+        outputs = tuple(torch.empty(size, n, device=inputs[0].device) for size in self.outputs)
+        arguments = [*(x.contiguous() for x in inputs), *outputs, n]
+        launch(grid=(-(-n // THREADS), 1, 1), block=(THREADS, 1, 1), args=arguments)
+        return outputs
 
     def _slowly(self, inputs: Sequence[Tensor]) -> tuple[Tensor, ...]:
         rows = [x[None] if x.dim() == 1 else x for x in inputs]
@@ -73,6 +84,11 @@ class Kernel:
 
 def _able(inputs: Sequence[Tensor]) -> bool:
     return all(x.dtype == torch.float32 and x.device.type == "cpu" for x in inputs)
+
+
+def _on_gpu(inputs: Sequence[Tensor]) -> bool:
+    able = all(x.dtype == torch.float32 and x.device.type == "cuda" for x in inputs)
+    return able and not (torch.is_grad_enabled() and any(x.requires_grad for x in inputs))
 
 
 class _Call(torch.autograd.Function):
@@ -150,6 +166,15 @@ def _compiled(f: ca.Function) -> Any:
         return None
 
 
+@functools.cache
+def _launched(f: ca.Function) -> Any:
+    """The function as a kernel of the GPU; None where torch cannot compile one."""
+    try:
+        return torch.cuda._compile_kernel(cuda_source(f), "forward")  # type: ignore[attr-defined]
+    except (AttributeError, RuntimeError, OSError):  # no such torch, no compiler, no such processor
+        return None
+
+
 def _compile(source: str, path: Path, host: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
@@ -178,8 +203,27 @@ def reverse_of(f: ca.Function) -> ca.Function:
     return ca.Function(f"{f.name()}_reverse", [*inputs, *seeds], ca.cse(parts))
 
 
+def cuda_source(f: ca.Function) -> str:
+    """CUDA of a function: `forward`(inputs, outputs, n), a thread a column."""
+    tensors = [f"const float *__restrict__ t{i}" for i in range(f.n_in())]
+    tensors += [f"float *__restrict__ t{f.n_in() + i}" for i in range(f.n_out())]
+    return "\n".join([
+        f'extern "C" __global__ void forward({", ".join(tensors)}, int n) {{',
+        "    int i = blockIdx.x * blockDim.x + threadIdx.x;", "    if (i >= n) return;", *_body(f), "}",
+    ])  # fmt: skip
+
+
 def _loop(name: str, f: ca.Function) -> str:
-    """void name(long n, float **t): one pass over n columns; outputs that are never written are zero."""
+    """void name(long n, float **t): one pass over n columns."""
+    tensors = [f"    float *restrict t{i} = t[{i}];" for i in range(f.n_in() + f.n_out())]
+    return "\n".join([
+        f'__attribute__((visibility("default"))) void {name}(long n, float **t) {{', *tensors,
+        _INDEPENDENT, "    for (long i = 0; i < n; i++) {", *_body(f), "    }", "}",
+    ])  # fmt: skip
+
+
+def _body(f: ca.Function) -> list[str]:
+    """The operations on column i; outputs that are never written are zero."""
     count = f.n_in()
     rows, outputs = [], [(i, j) for i in range(f.n_out()) for j in range(f.numel_out(i))]
     for s in steps(f):
@@ -197,10 +241,5 @@ def _loop(name: str, f: ca.Function) -> str:
         else:
             raise InputError(f"{f.name()}: operator {s.operator} has no counterpart in C")
     rows += [f"t{count + i}[{j} * n + i] = 0.0f;" for i, j in outputs]
-    tensors = [f"    float *restrict t{i} = t[{i}];" for i in range(count + f.n_out())]
     work = ", ".join(f"w{i}" for i in range(max(1, f.sz_w())))
-    body = "\n".join(f"        {row}" for row in rows)
-    return "\n".join([
-        f'__attribute__((visibility("default"))) void {name}(long n, float **t) {{', *tensors,
-        _INDEPENDENT, "    for (long i = 0; i < n; i++) {", f"        float {work};", body, "    }", "}",
-    ])  # fmt: skip
+    return [f"        float {work};", *(f"        {row}" for row in rows)]

@@ -94,6 +94,13 @@ def policy(
             "--networks", metavar="FILE", help="Slew networks (repeatable); none: those of slew_nn."
         ),
     ] = None,
+    plant: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Slew drive to train on: networks (ours) or published (the authors').",
+        ),
+    ] = "",
     change: Annotated[
         list[str] | None,
         typer.Option(
@@ -115,7 +122,7 @@ def policy(
 
     options = session.Options(
         task=task, recipe=recipe, seed=seed, budget=budget, networks=tuple(networks or ()), out=out,
-        changed=session.changes(change or ()), device=device,
+        changed=session.changes(change or ()), device=device, plant=plant,
     )  # fmt: skip
     with progress("train policy") as report:
         figures = session.run(options, report)

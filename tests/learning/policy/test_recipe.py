@@ -70,6 +70,7 @@ def test_every_field_has_a_rule() -> None:
         ("last=1", "last = 1"),
         ("asymmetric=true", "asymmetric is for --set method=ppo; by gradient"),
         ("mixed=true", "mixed is for --set method=ppo"),
+        ("ending=-1", "ending is for --set method=ppo"),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("budget", ["full", "short", "tiny"])

@@ -209,6 +209,43 @@ def test_a_student_is_held_to_a_teacher_that_is_not_exported(network: Path, tmp_
         recipe("paper", network="convolution")
 
 
+def test_plants_to_train_on_have_a_name(network: Path) -> None:
+    """Each stands for files; none that a training could not run on, and not beside other networks."""
+    for plant, files in session.PLANTS.items():
+        told = Options("full", "paper", plant=plant)
+        assert told.drives(told.chosen()) == files
+        assert f"--plant {plant}" in told.command
+    assert session.PLANTS["published"] != session.PLANTS["networks"]
+    both = Options(plant="published", networks=(network,))
+    for wrong, named in ((Options(plant="machine"), "valid: networks, published"), (both, "excludes")):
+        with pytest.raises(InputError, match=named):
+            wrong.drives(wrong.chosen())
+
+
+def test_an_early_end_is_worth_what_the_recipe_says(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where every step costs, an end that is worth nothing is the best there is: it has to cost as well."""
+    earned = {}
+    for ending in (0.0, -8.0):
+        chosen = recipe("paper", **{**SMALL, "ending": ending})
+        trainer = session.make_trainer(chosen, [network], 1)
+        over = torch.arange(trainer.environment.n) < 3
+        monkeypatch.setattr(trainer.environment, "ended", lambda s, over=over: over)
+        found = []
+        monkeypatch.setattr(
+            trainer.algorithm,
+            "process_env_step",
+            lambda o, r, d, e, f=found: f.append((r, d, e["time_outs"])),
+        )
+        monkeypatch.setattr(trainer.algorithm, "compute_returns", lambda o: None)
+        monkeypatch.setattr(trainer.algorithm, "update", lambda: {})
+        trainer.iterate()
+        reward, done, timed = found[0]
+        assert bool(done[over].all())
+        assert not bool(timed[over].any())
+        earned[ending] = reward
+    assert (earned[-8.0] - earned[0.0]).tolist() == pytest.approx([-8.0] * 3 + [0.0] * 5, abs=1e-5)
+
+
 def test_a_gpu_is_for_ppo_and_only_where_there_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
     for able, wanted in ((False, ("cpu", "cpu")), (True, ("cuda", "cpu"))):
         monkeypatch.setattr(torch.cuda, "is_available", lambda able=able: able)

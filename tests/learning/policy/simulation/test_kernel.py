@@ -1,5 +1,8 @@
 """Compiled loops: the values and gradients of torch's own operations, and what is done without a compiler."""
 
+import ctypes
+from pathlib import Path
+
 import casadi as ca
 import pytest
 import torch
@@ -61,3 +64,30 @@ def test_an_operator_without_counterpart_is_refused() -> None:
     x = ca.SX.sym("x")
     with pytest.raises(InputError, match="OP_ERF"):
         kernel.source_of(ca.Function("f", [x], [ca.erf(x)]))
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_the_kernel_of_the_gpu_says_the_same(name: str, tmp_path: Path) -> None:
+    """Its text, compiled as C with the threads as a loop: what runs on a GPU is never run by these tests."""
+    made = FUNCTIONS[name]()
+    code = tmp_path / "kernel.c"
+    count = len(made.inputs) + len(made.outputs)
+    threads = ", ".join(f"t[{i}]" for i in range(count))
+    code.write_text(
+        "#include <math.h>\n#define __global__ static\n#define __restrict__ restrict\n"
+        "static struct { int x; } blockIdx, blockDim, threadIdx;\n"
+        + kernel.cuda_source(made.f).replace('extern "C" ', "")
+        + f"\nvoid run(int n, float **t) {{ blockDim.x = n; for (int i = 0; i < n + 3; i++)"
+        f" {{ threadIdx.x = i; forward({threads}, n); }} }}\n"
+    )
+    library = tmp_path / "kernel.so"
+    host = kernel.compiler.host().name
+    flags = ("-O1", "-fvisibility=default")
+    part = kernel.compiler.compile_object(code, tmp_path / "kernel.o", host, flags, generated=True)
+    kernel.compiler.link_shared([part], library, host, ("-lm",))
+    inputs = [0.3 + 0.5 * torch.rand(k, 9, generator=torch.Generator().manual_seed(3)) for k in made.inputs]
+    found = [torch.full((k, 9), torch.nan) for k in made.outputs]
+    pointers = (ctypes.c_void_p * count)(*(x.data_ptr() for x in (*inputs, *found)))
+    ctypes.CDLL(str(library)).run(9, pointers)
+    for a, b in zip(found, made(*(x.double() for x in inputs)), strict=True):
+        assert_near(a, b)
