@@ -184,7 +184,8 @@ def _limit(beam: Beam, key: Key) -> Key | None:
         more, less = key - other, other - key
         if len(more) == len(less) == 1 and len(other) == len(key):
             (a,), (b,) = more, less
-            limit = b.effect.name in _held_in(frozenset({a})) and a.port == b.port
+            simpler = len(b.effect.parameters) < len(a.effect.parameters) and a.port == b.port
+            limit = simpler and b.effect.name in a.effect.becomes
             if limit and point.loss < beam.points[key].loss + WORTH:
                 return other
     return None
