@@ -27,9 +27,9 @@ BUSY = 6  # Modbus exception
 
 
 @contextmanager
-def attacker(port: int, name: str) -> Iterator[Callable[[], Callable[[], str]]]:
-    """The process: a call begins an attack, and gives what tells how it went."""
-    command = [sys.executable, "-m", "deployment.faults.attacks", str(port), name]
+def attacker(*words: object, module: str = __name__) -> Iterator[Callable[[], Callable[[], str]]]:
+    """A process of `python -m MODULE WORDS…`: a call begins an attack, and gives what tells how it went."""
+    command = [sys.executable, "-m", module, *map(str, words)]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     stdin, stdout = process.stdin, process.stdout
     if stdin is None or stdout is None or stdout.readline() != "ready\n":

@@ -9,17 +9,16 @@ import os
 import random
 import socket
 import struct
-import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack, suppress
 from typing import Any
 
+from deployment.faults.attacks import attacker
 from deployment.hil.rig import HOST, Interfaces
 from deployment.hil.watchers import Heard, foxglove
 from specs import ros2
-from specs.errors import RunError
 
 ASKED = 3.21875  # m, target_x
 CONNECTIONS, FLOOD = 60, 2000
@@ -31,26 +30,9 @@ UPGRADE = (
 )
 
 
-@contextmanager
-def outsider(at: Interfaces, name: str) -> Iterator[Callable[[], Callable[[], str]]]:
+def outsider(at: Interfaces, name: str) -> AbstractContextManager[Callable[[], Callable[[], str]]]:
     """The process: a call begins an attack, and gives what tells how it went."""
-    where = map(str, (at.foxglove, at.opcua, at.domain))
-    command = [sys.executable, "-m", "deployment.faults.outsiders", *where, name]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    stdin, stdout = process.stdin, process.stdout
-    if stdin is None or stdout is None or stdout.readline() != "ready\n":
-        raise RunError("the attacking clients did not start")
-
-    def begin() -> Callable[[], str]:
-        stdin.write("\n")
-        stdin.flush()
-        return lambda: stdout.readline().strip()
-
-    try:
-        yield begin
-    finally:
-        process.kill()
-        process.wait()
+    return attacker(at.foxglove, at.opcua, at.domain, name, module=__name__)
 
 
 def _connect(port: int, stack: ExitStack) -> socket.socket:
