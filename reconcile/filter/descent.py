@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE
-from reconcile.filter.likelihood import Likelihood
+from reconcile.filter.likelihood import NOISES, Likelihood
 from reconcile.filter.point import At, Free, Point
 from reconcile.model import Attached
 
-NOISES = (SIGMA, TAU, WHITE, NOISE)
 JUMP_EVERY = 4  # steps of a fit without the noise after which delays may jump
 JUMPS = (-8, -4, -2, -1, 1, 2, 4, 8)  # samples
 LONGEST = 3.0  # of a step in a coordinate

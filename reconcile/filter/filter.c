@@ -26,6 +26,7 @@ Function kf_f, kf_fj, kf_dry, kf_post, kf_hj, kf_in, kf_first;
 #define LEAK 0.1 /* slope of a stuck speed by the one before: a filter that sees none never comes loose */
 #define CLIP 4.0 /* deviations beyond which an innovation counts no more */
 #define OFTEN 0.3 /* share of a sample in how often innovations lately reached that */
+#define NEVER 1e300 /* more than any innovation: of the first samples all counts */
 
 #if defined(_WIN32)
 #define EXPORT __declspec(dllexport)
@@ -49,7 +50,12 @@ typedef struct {
   double *free, *zfree;           /* NY and NX a step, or NULL: what it does there */
   double *phi, *before, *after;   /* W * W a step (W: active + NW), or NULL: transition, variances before and after */
   double *ahead;                  /* W a step, or NULL: what was expected of the step */
+  /* slopes of sigma, keep, white (NW) and r (NY) by parameters of the noise [4 LANES], or NULL */
+  const double *by_sigma, *by_keep, *by_white, *by_r;
+  double *de, *ds;                /* NY x 4 LANES a step: slopes of e and of log s by them */
 } Run;
+
+#include "noise_slopes.h"
 
 static double scratch[SZ_W + 1];
 static long long iscratch[SZ_IW + 1];
@@ -396,12 +402,18 @@ static void shown(const Run *run, const double *x, const double *before, const d
 
 /* An innovation without what lies beyond `most`, unless the one before was out on the same side or many lately were:
  * then the filter is lost, not the sensor.  Continuous in all of them, or the likelihood would have steps. */
-static double trusted(double error, double most, double *side, double *often) {
-  const double share = error > most ? 1.0 : error < -most ? -1.0 : error / most, again = error > 0.0 ? *side : -*side;
-  const double by_side = fmin(fmax(2.0 * again - 1.0, 0.0), 1.0), by_many = fmin(fmax(5.0 * *often - 4.0, 0.0), 1.0);
+static Counted trusted(double error, double most, double *side, double *often) {
+  const double share = error > most ? 1.0 : error < -most ? -1.0 : error / most, sign = error > 0.0 ? 1.0 : -1.0;
+  const double by_side = fmin(fmax(2.0 * sign * *side - 1.0, 0.0), 1.0), by_many = fmin(fmax(5.0 * *often - 4.0, 0.0), 1.0);
+  const double counted = fmax(by_side, by_many), beyond = error - share * most;
+  Counted found = {share * most + counted * beyond, share, most, beyond, fabs(share) < 1.0 ? 0.0 : 1.0 - counted, 0.0, 0.0};
+  if (counted > 0.0 && counted < 1.0) {
+    if (by_side > by_many) found.side = 2.0 * sign;
+    else found.often = 5.0;
+  }
   *side = share;
   *often += OFTEN * (fabs(share) - *often);
-  return share * most + fmax(by_side, by_many) * (error - share * most);
+  return found;
 }
 
 /* Steps done: fewer than run->steps where the states run away. */
@@ -409,6 +421,7 @@ EXPORT int run_filter(const Run *run) {
   const int n = run->active, wide = n + NW, *at = run->state;
   static double x[NX], alone[NX], P[N * N], u[NU], last[NU], memory[NI + 1], next[NI + 1];
   static double y[NY], hx[NY * NX], hw[NY * NW + 1], gain[N], row[N], moved[N];
+  static double stepped[N * N];
   static Slopes slopes;
   double w[NW + 1] = {0}, side[NY], often[NY]; /* where the innovation before was, and how far they were lately, in CLIP */
   memset(side, 0, sizeof side);
@@ -424,6 +437,7 @@ EXPORT int run_filter(const Run *run) {
   }
   for (int i = 0; i < n; i++) P[i * wide + i] = run->p0[at[i]];
   for (int i = 0; i < NW; i++) P[(n + i) * wide + n + i] = run->sigma[i] * run->sigma[i];
+  if (run->de) noise_begin(run, n);
   for (int k = 0; k < run->steps; k++) {
     const int window = run->window ? run->window[k] : 0;
     if (k > 0) {
@@ -437,9 +451,13 @@ EXPORT int run_filter(const Run *run) {
         if (!advance(run, alone, u, m, dt, 0, &slopes, 0)) return k;
       }
       for (int i = 0; i < NW; i++) u[W0 + i] += w[i];
-      double *total = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : 0;
+      double *total = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : run->de ? stepped : 0;
       for (int i = 0; total && i < wide * wide; i++) total[i] = i % (wide + 1) == 0;
       if (!advance(run, x, u, m, dt, P, &slopes, total)) return k;
+      if (run->de) {
+        noise_move(total, n);
+        noise_shake(run, slopes.b, dt, w, P);
+      }
       shake(run, slopes.b, dt, w, P);
       memcpy(last, u, sizeof last);
       for (int i = 0; total && i < NW; i++) total[(n + i) * (wide + 1)] = exp(-dt * run->keep[i]);
@@ -474,12 +492,16 @@ EXPORT int run_filter(const Run *run) {
       if (!isfinite(error) || !(size > 0.0)) return k;
       *e = error;
       *s = size;
-      error = k > 3 ? trusted(error, CLIP * sqrt(size), side + o, often + o) : error;
+      const Counted counted = k > 3 ? trusted(error, CLIP * sqrt(size), side + o, often + o) : (Counted){error, 0.0, NEVER, 0.0, 0.0, 0.0, 0.0};
+      const size_t slope = ((size_t)k * NY + (size_t)o) * 4 * LANES;
+      if (run->de) noise_see(o, wide, row, gain, size, counted, run->de + slope, run->ds + slope);
+      error = counted.kept;
       for (int i = 0; i < wide; i++) moved[i] += gain[i] / size * error;
       for (int i = 0; i < wide; i++) {
         for (int j = 0; j < wide; j++) P[i * wide + j] -= gain[i] * gain[j] / size;
       }
     }
+    if (run->de) noise_correct(wide);
     for (int i = 0; i < n; i++) x[at[i]] += moved[i];
     for (int i = 0; i < NW; i++) w[i] += moved[n + i];
     if (run->after) memcpy(run->after + (size_t)k * (size_t)(wide * wide), P, sizeof(double) * (size_t)(wide * wide));

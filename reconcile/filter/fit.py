@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from reconcile.filter.descent import JUMP_EVERY, NOISES, Descent
+from reconcile.filter.descent import JUMP_EVERY, Descent
 from reconcile.filter.kalman import Values
-from reconcile.filter.likelihood import Likelihood
+from reconcile.filter.likelihood import NOISES, Likelihood
 from reconcile.filter.point import Free, Point
 from reconcile.model import Attached
 

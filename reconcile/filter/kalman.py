@@ -17,6 +17,7 @@ from reconcile.filter.smooth import smoothed
 from reconcile.model import Attached, Folder
 
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
+SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
 NOTHING = np.empty((0, 0))
 SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 
@@ -31,6 +32,8 @@ class Filtered:
     v: np.ndarray  # their variances
     free: np.ndarray  # outputs [n, NY] of the model by itself in windows
     zfree: np.ndarray
+    de: np.ndarray  # slopes of e and of log s by parameters of the noise [n, NY, K]
+    ds: np.ndarray
     y: np.ndarray
 
 
@@ -90,12 +93,14 @@ class Kalman:
         states: bool = False,
         smooth: bool = False,
         own: bool = False,
+        by_noise: Sequence[np.ndarray] | None = None,
     ) -> list[Filtered] | None:
         """Innovations over every recording; None where the states run away.
 
         `windows` [n] of each: numbers of the stretches in which the model also runs by itself, without
         disturbance, from the filtered state (0: none).  `states`: what the filter knows of them by then,
         `smooth`: what all of the recording tells of them.  `own`: by equations of these effects alone.
+        `by_noise`: slopes of sigma, 1/tau, white [places, K] and variances [outputs, K] by K of the noise.
         """
         part = self._part(present, own)
         names, index = part.extended.parameter_names, self.whole.index
@@ -122,15 +127,14 @@ class Kalman:
                 None if windows is None else windows[k],
                 states or smooth,
                 smooth,
+                by_noise,
             )
             if run is None:
                 return None
             if smooth:
                 columns = np.concatenate([active, part.library.nx + np.arange(part.library.nw)])
                 run["z"], run["v"] = smoothed(run, columns)
-            found.append(
-                Filtered(**{n: run.get(n, NOTHING) for n in ("e", "s", "z", "v", "free", "zfree")}, y=y)
-            )
+            found.append(Filtered(**{n: run.get(n, NOTHING) for n in SHOWN}, y=y))
         return found
 
     def over(self, records: Sequence[Record]) -> "Kalman":

@@ -4,10 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from reconcile.filter.kalman import Filtered, Kalman, Values
+from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Filtered, Kalman, Values
 from reconcile.filter.point import At, Free
 from reconcile.model import Attached
 from reconcile.tolerances import STEP, STUDENT
+
+NOISES = (SIGMA, TAU, WHITE, NOISE)
 
 
 class Likelihood:
@@ -45,7 +47,15 @@ class Likelihood:
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Slopes of e and of log s by the coordinates of `free` [n, K]; `coarse`: of delays over a sample."""
         de, ds = np.zeros((2, len(e), len(free)))
+        noise = [j for j, f in enumerate(free) if f.name.startswith(NOISES)]
+        if noise:
+            made = self._by_noise(values, present, [free[j] for j in noise], own)
+            if made is None:
+                return None
+            de[:, noise], ds[:, noise] = made
         for j, f in enumerate(free):
+            if j in noise:
+                continue
             z = f.coordinate(values[f.name])
             over = STEP
             if coarse and f.name in self.kalman.delays:
@@ -56,6 +66,28 @@ class Likelihood:
                 return None
             de[:, j], ds[:, j] = (other[0] - e) / step, (np.log(other[1]) - np.log(s)) / step
         return np.nan_to_num(de), np.nan_to_num(ds)
+
+    def _by_noise(
+        self, values: Values, present: Sequence[Attached], free: Sequence[Free], own: bool
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """The same by parameters of the noise, all in one run: they move no equation."""
+        places, outputs = self.kalman.places, list(self.kalman.outputs)
+        by = [np.zeros((len(rows), len(free))) for rows in (places, places, places, outputs)]
+        forms = ((SIGMA, places, 1), (TAU, places, -1), (WHITE, places, 1), (NOISE, outputs, 2))
+        for k, f in enumerate(free):
+            for slopes, (prefix, rows, power) in zip(by, forms, strict=True):
+                if f.name.startswith(prefix):
+                    value = values[f.name]
+                    row = rows.index(f.name.removeprefix(prefix))
+                    slopes[row, k] = power * value ** (power - 1) * f.slope(value)
+        found = self.kalman.run(values, present, own=own, by_noise=by)
+        if found is None:
+            return None
+        rows = list(zip(found, self.scored, strict=True))
+        de, ds = (
+            np.concatenate([getattr(f, n)[s].reshape(-1, len(free)) for f, s in rows]) for n in ("de", "ds")
+        )
+        return de, ds
 
     def score(self, e, s, de, ds) -> tuple[np.ndarray, np.ndarray]:
         """Gradient of the loss and Fisher information [K, K]."""

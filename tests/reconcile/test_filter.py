@@ -16,6 +16,8 @@ from reconcile.filter.equations import Stepped
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Kalman
 from reconcile.filter.library import HERE
+from reconcile.filter.likelihood import NOISES
+from reconcile.filter.point import Free
 from reconcile.model import Folder, candidates
 from records.measurement import Measurement
 from tests.reconcile import models
@@ -123,6 +125,40 @@ def test_innovations_are_those_of_a_textbook_kalman_filter(time, missing, subste
     assert np.nanmax(np.abs(e) / np.sqrt(s)) < 4.0  # none is clipped
     np.testing.assert_allclose(found[0].e, e, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found[0].s, s, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("folder", [models.spring(), models.cooling()], ids=lambda f: f.model.name)
+def test_slopes_by_the_noise_are_those_of_differences(folder):
+    """Also over missing samples, irregular steps, and samples so far out that they are clipped."""
+    rng = np.random.default_rng(1)
+    names = [v.name for v in folder.model.outputs]
+    seen = {}
+    for n in names:
+        kept = np.flatnonzero(rng.random(len(IRREGULAR)) > 0.2)
+        values = rng.standard_normal(len(kept))
+        values[::17] += 30.0  # far out
+        seen[n] = (IRREGULAR[kept], values)
+    one = models.run({v.name: (IRREGULAR, np.sin(IRREGULAR)) for v in folder.model.inputs}, seen)
+    kalman = Kalman(folder, (), models.recorded(one), names)
+    kalman.substeps = 2
+    values = models.noise(kalman, SIGMA, TAU, WHITE, 2.0)
+    free = [Free(n, v, 0.5, True) for n, v in values.items() if n.startswith(NOISES)]
+    assert len(free) == 3 * len(kalman.places) + len(names)
+    fitter = Fitter(kalman, [np.ones(len(r.time), bool) for r in kalman.records])
+    at = fitter.innovations(values, ())
+    made = fitter.columns(values, (), free, *at) if at else None
+    assert made is not None
+    for k, f in enumerate(free):
+        z = f.coordinate(values[f.name])
+        ends = [fitter.innovations(values | {f.name: f.value(z + by)}, ()) for by in (-1e-5, 1e-5)]
+        assert ends[0]
+        assert ends[1]
+        by_e, by_s = ends[1][0] - ends[0][0], np.log(ends[1][1]) - np.log(ends[0][1])
+        for found, change in zip(made, (by_e, by_s), strict=True):
+            true = np.nan_to_num(change) / 2e-5
+            np.testing.assert_allclose(
+                found[:, k], true, atol=1e-6 + 1e-3 * np.abs(true).max(), err_msg=f.name
+            )
 
 
 def by_itself(folder: Folder, substeps: int, step: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
