@@ -1,4 +1,4 @@
-"""`slewright analyse CONTROLLER`: margins of its slew loop."""
+"""`slewright analyse CONTROLLER`: margins of its slew loop, linearised or measured on plants."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,6 +7,8 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
+from slewright.plants import HELP, OurInertiaOption
+from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
 
@@ -17,7 +19,11 @@ COLUMNS = (
 
 def analyse(
     controller: Annotated[
-        str, typer.Argument(metavar="CONTROLLER", help="The controller (docs/explanation/controllers.md).")
+        list[str],
+        typer.Argument(
+            metavar="CONTROLLER...",
+            help="The controller (docs/explanation/controllers.md); with --plant several, and ONNX policies.",
+        ),
     ],
     gain: Annotated[
         list[str] | None, typer.Option("--gain", metavar="NAME=VALUE", help="Another gain (repeatable).")
@@ -25,9 +31,71 @@ def analyse(
     gains: Annotated[
         Path | None, typer.Option("--gains", metavar="FILE", help="Gains that slewright tune --json wrote.")
     ] = None,
+    plant: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--plant", metavar="PLANT", help=f"Measure on plants instead (repeatable): all, {HELP}."
+        ),
+    ] = None,
+    amplitude: Annotated[
+        float, typer.Option(metavar="A", min=0.05, max=1.0, help="Of the joystick's sine, with --plant.")
+    ] = 0.3,
+    our_inertia: OurInertiaOption = False,
+    page: Annotated[
+        Path | None,
+        typer.Option("--page", metavar="FILE", exists=True, help="With --plant: write the table there."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
-    """Linearise a controller's slew loop: gain, phase and delay margin, sensitivity, whether it is stable."""
+    """Analyse a controller's slew loop: gain, phase and delay margin, sensitivity, whether it is stable.
+
+    Linearised; with --plant measured from 0.3 to 3 Hz by a sine on the joystick of each plant.
+    """
+    if plant:
+        if gain or gains:
+            raise InputError("--plant excludes --gain and --gains")
+        _measured(controller, plant, amplitude, our_inertia, page, json)
+        return
+    if len(controller) > 1 or page is not None:
+        raise InputError("several controllers and --page need --plant")
+    _linear(controller[0], gain, gains, json)
+
+
+def _measured(
+    texts: list[str],
+    plant: list[str],
+    amplitude: float,
+    our_inertia: bool,
+    page: Path | None,
+    json: Path | None,
+) -> None:
+    """The loops of controllers on plants; exit code 1 where one swings by itself."""
+    from verification.plants import loop_gain, page as pages, study
+
+    if page is not None:
+        pages.check(page, [pages.LOOPS])
+    on, controllers = study.find_plants(plant, our_inertia), study.find_controllers(texts)
+    with progress("analyse") as report:
+        found = loop_gain.measure(controllers, on, amplitude, report)
+    show(
+        f"loop at a joystick of ±{amplitude:g}",
+        ("controller", "plant", *loop_gain.COLUMNS),
+        loop_gain.rows(found),
+    )
+    figures = {c: {p: loop.as_dict() for p, loop in by.items()} for c, by in found.items()}
+    write(json, {"loops": figures, "amplitude": amplitude}, seed=1)
+    if page is not None:
+        words = [*texts, *(f"--plant {p}" for p in plant), f"--amplitude {amplitude:g}"]
+        pages.fill_loops(page, found, " ".join(["slewright analyse", *words]))
+    swinging = [f"{c} on {p}" for c, by in found.items() for p, loop in by.items() if loop.swings]
+    for text in swinging:
+        typer.echo(f"swings by itself: {text}")
+    if swinging:
+        raise typer.Exit(1)
+
+
+def _linear(controller: str, gain: list[str] | None, gains: Path | None, json: Path | None) -> None:
+    """The loop linearised at four poses and loads; exit code 1 where it is not stable."""
     from baselines import gains as from_file, loop as slew_loop, registry
 
     chosen = registry.find(controller)
@@ -50,7 +118,6 @@ def analyse(
 
 
 def _gain(text: str) -> tuple[str, float]:
-
     name, equals, value = text.partition("=")
     try:
         return name, float(value)
