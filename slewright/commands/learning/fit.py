@@ -1,5 +1,8 @@
 """`slewright fit`: parameters from recordings."""
 
+from pathlib import Path
+from typing import Annotated, Any
+
 import typer
 
 from records.figures_file import write
@@ -27,3 +30,81 @@ def slew(json: JsonOption = None) -> None:
     write(json, figures)
     if not figures["accepted"]:
         raise typer.Exit(1)
+
+
+@app.command()
+def fmu(
+    system: Annotated[Path, typer.Argument(metavar="FILE", help="The system: .fmu, .ssp or .ssd.")],
+    recording: Annotated[list[Path], typer.Argument(metavar="RECORDING...", help="Recordings to fit to.")],
+    parameter: Annotated[
+        list[str],
+        typer.Option(
+            "--parameter",
+            metavar="NAME[=LOW:HIGH]",
+            help="A parameter to fit, component.parameter, with its bounds (repeatable).",
+        ),
+    ],
+    holdout: Annotated[
+        list[Path] | None,
+        typer.Option("--holdout", metavar="RECORDING", help="Only to show the error on (repeatable)."),
+    ] = None,
+    names: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE", help="A table [names] with theirs = 'ours [unit]'."),
+    ] = None,
+    step: Annotated[
+        float | None, typer.Option("--step", metavar="S", help="Step in s, of a system that states none.")
+    ] = None,
+    skip: Annotated[
+        float, typer.Option("--skip", metavar="S", min=0.0, help="Seconds of each run that do not count.")
+    ] = 0.0,
+    starts: Annotated[
+        int, typer.Option("--starts", metavar="N", min=1, max=1000, help="Starts of the search.")
+    ] = 3,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the starts.")] = 1,
+    json: JsonOption = None,
+) -> None:
+    """Fit parameters of any FMU or system to recordings of its inputs and outputs.
+
+    Says each value with its 95 % interval, what the recordings do not tell, and the error before and after.
+    """
+    from orchestrator.system.check import load_system
+    from specs.schema import read_toml
+    from verification.fitting import fit as fitting, parameters, recordings
+
+    loaded = load_system(system, step)
+    moved = parameters.moved(loaded, parameter)
+    renamed = read_toml(names).get("names", {}) if names else None
+    runs, kept = (
+        [recordings.read(path, loaded, renamed, skip) for path in paths]
+        for paths in (recording, holdout or ())
+    )
+    problem = fitting.Problem(loaded, moved, runs)
+    problem.rms(fitting.own_shares(problem), runs)  # the run as it came has to work
+    with progress("fit fmu") as report:
+        best, every = fitting.fit(problem, starts, seed, report)
+    figures = fitting.figures(problem, best, every, kept)
+    _show_fit(figures)
+    write(json, {"system": str(system), "recordings": [str(p) for p in recording], **figures}, seed)
+
+
+def _show_fit(figures: dict[str, Any]) -> None:
+    rows = [
+        (n, p["start"], p["value"], *p["interval"], p["unit"], _note(p))
+        for n, p in figures["parameters"].items()
+    ]
+    show("parameters", ["parameter", "start", "value", "from", "to", "unit", "note"], rows)
+    for kind in ("fit", "holdout"):
+        errors = figures[kind] or {}
+        show(f"error, {kind}", ["output", "before", "after"], [(n, *e.values()) for n, e in errors.items()])
+    for pair in figures["alike"]:
+        first, second = pair["parameters"]
+        typer.echo(
+            f"{first} and {second} go together ({pair['correlation']:.3f}): these recordings tell one of both"
+        )
+    same, starts = figures["starts_to_the_same"], figures["starts"]
+    typer.echo(f"{same} of {starts} starts end there, after {figures['simulations']} simulations")
+
+
+def _note(p: dict[str, Any]) -> str:
+    return "at its bound" if p["at_bound"] else "" if p["told"] else "the recordings do not tell it"
