@@ -6,7 +6,7 @@ simulations.  Intervals are of 95 %: as for independent errors, or as blocks of 
 that is more, since errors of a simulation may go on from one sample to the next.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,21 +55,23 @@ class Problem:
         """Parameters by name."""
         return {m.name: m.value(float(s)) for m, s in zip(self.parameters, shares, strict=True)}
 
-    def errors(self, shares: np.ndarray, on: Sequence[Recording]) -> Iterator[dict[str, np.ndarray] | None]:
-        """Simulated less seen, by output, of each recording; None where the run fails."""
-        for recording in on:
-            self.runs += 1
-            shown = recording.simulated(self.system, self.values(shares))
-            yield None if shown is None else {n: shown[n] - y for n, (_, y) in recording.seen.items()}
+    def errors(self, shares: np.ndarray, on: Recording) -> dict[str, np.ndarray]:
+        """Simulated less seen of a recording, by output; RunError where the run fails."""
+        self.runs += 1
+        shown = on.simulated(self.system, self.values(shares))
+        return {n: shown[n] - y for n, (_, y) in on.seen.items()}
 
     def residuals(self, shares: np.ndarray) -> np.ndarray:
-        """All errors over their scales [n]."""
+        """All errors over their scales [n]; FAILED where a run fails."""
         rows = []
-        for recording, found in zip(self.recordings, self.errors(shares, self.recordings), strict=True):
-            for n, (_, y) in recording.seen.items():
-                error = np.full(len(y), FAILED) if found is None else found[n] / self.scales[n]
-                rows.append(np.where(np.isfinite(error), error, FAILED))
-        return np.concatenate(rows)
+        for recording in self.recordings:
+            try:
+                found = self.errors(shares, recording)
+            except RunError:
+                found = {n: np.full(len(y), np.nan) for n, (_, y) in recording.seen.items()}
+            rows += [e / self.scales[n] for n, e in found.items()]
+        residuals = np.concatenate(rows)
+        return np.where(np.isfinite(residuals), residuals, FAILED)
 
     def slopes(self, shares: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Of the residuals [n] at shares [K], by differences towards the middle of the bounds."""
@@ -84,9 +86,12 @@ class Problem:
     def rms(self, shares: np.ndarray, on: Sequence[Recording]) -> dict[str, float]:
         """Root mean square error by output, in its unit; RunError where a run fails."""
         rows: dict[str, list[np.ndarray]] = {}
-        for recording, found in zip(on, self.errors(shares, on), strict=True):
-            if found is None:
-                raise RunError(f"{recording.name}: the simulation fails with {_shown(self.values(shares))}")
+        for recording in on:
+            try:
+                found = self.errors(shares, recording)
+            except RunError as error:
+                values = ", ".join(f"{n} = {v:.6g}" for n, v in self.values(shares).items())
+                raise RunError(f"{recording.name} cannot be simulated with {values}: {error}") from error
             for n, e in found.items():
                 rows.setdefault(n, []).append(e)
         return {n: float(np.sqrt(np.mean(np.concatenate(e) ** 2))) for n, e in rows.items()}
@@ -150,11 +155,12 @@ def figures(
     wide = norm.ppf(0.975) * np.sqrt(np.diag(covariance))
     rows = {}
     for k, m in enumerate(problem.parameters):
-        value, slope = m.value(best.shares[k]), m.slope(m.value(best.shares[k]))
+        value = m.value(float(best.shares[k]))
+        half = float(wide[k]) * m.slope(value)
         at_bound = bool(min(best.shares[k], 1.0 - best.shares[k]) < 1e-3)
         rows[m.name] = {
             "start": m.start, "value": value, "unit": m.unit, "bounds": [m.low, m.high], "at_bound": at_bound,
-            "interval": [float(value - wide[k] * slope), float(value + wide[k] * slope)],
+            "interval": [max(value - half, m.low), min(value + half, m.high)],
             "told": bool(wide[k] < TOLD),
         }  # fmt: skip
     same = [f for f in every if np.max(np.abs(f.shares - best.shares)) < SAME]
@@ -196,7 +202,3 @@ def _alike(parameters: Sequence[Moved], covariance: np.ndarray) -> list[dict[str
         for k in range(i)
         if abs(correlation[i, k]) > ALIKE
     ]
-
-
-def _shown(values: dict[str, float]) -> str:
-    return ", ".join(f"{n} = {v:.6g}" for n, v in values.items())

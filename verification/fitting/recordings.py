@@ -26,14 +26,11 @@ class Recording:
     stimuli: Stimuli
     seen: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
-    def simulated(self, system: System, parameters: Mapping[str, float]) -> dict[str, np.ndarray] | None:
-        """Outputs at the recording's own times, linear between ticks; None where the run fails."""
-        try:
-            record = simulate(system, self.ticks, self.stimuli, parameters, record=list(self.seen), seed=0)
-        except RunError:
-            return None
+    def simulated(self, system: System, parameters: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """Outputs at the recording's own times, linear between ticks; RunError where the run fails."""
+        record = simulate(system, self.ticks, self.stimuli, parameters, record=list(self.seen), seed=0)
         if not record.complete:
-            return None
+            raise RunError(record.reason)
         time = np.arange(self.ticks + 1) * system.step_s
         return {n: np.interp(t, time, record.column(n)) for n, (t, _) in self.seen.items()}
 

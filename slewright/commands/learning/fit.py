@@ -94,8 +94,7 @@ def _show_fit(figures: dict[str, Any]) -> None:
         for n, p in figures["parameters"].items()
     ]
     show("parameters", ["parameter", "start", "value", "from", "to", "unit", "note"], rows)
-    for kind in ("fit", "holdout"):
-        errors = figures[kind] or {}
+    for kind, errors in ((k, figures[k]) for k in ("fit", "holdout") if figures[k]):
         show(f"error, {kind}", ["output", "before", "after"], [(n, *e.values()) for n, e in errors.items()])
     for pair in figures["alike"]:
         first, second = pair["parameters"]
