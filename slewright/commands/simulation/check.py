@@ -1,4 +1,4 @@
-"""`slewright check`: what a system description comes to, without running it."""
+"""`slewright check`: what a system description comes to, and whether its own reference experiments agree."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,10 +27,15 @@ def check(
             help="Draw the system: components, connections, units, delays.",
         ),
     ] = None,
+    reference: Annotated[
+        bool,
+        typer.Option("--reference", help="Run the reference experiments that it carries (FMI-LS-REF)."),
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Load a system, show its parts and how it would be stepped, and every warning; nothing is run.
 
+    With --reference the experiments in the file are run and compared; exit code 1 where one differs.
     Exit code 2, with element and line, where it could not be simulated as described.
     """
     from orchestrator.system import check as checking, overview
@@ -53,7 +58,31 @@ def check(
 
         write_text(graph, draw(system))
         typer.echo(f"written: {graph}")
-    write(json, found)
+    compared = _compared(file, implementation, step) if reference else None
+    write(json, {**found, "reference": compared} if reference else found)
+    if compared and not all(row["agrees"] for row in compared.values()):
+        raise typer.Exit(1)
+
+
+def _compared(file: Path, kind: str, step: float | None) -> dict[str, Any]:
+    """experiment -> signals, what agrees."""
+    from verification.reference import compare, experiments
+
+    found = {}
+    for experiment in experiments.read(file):
+        signals, notes = compare.run(file, experiment, kind, step)
+        rows = [
+            (s.name, s.difference, s.allowed, s.time_s, "agrees" if s.agrees else "differs") for s in signals
+        ]
+        columns = ["signal", "largest difference", "allowed", "at s", ""]
+        show(f"reference {experiment.name}", columns, rows)
+        for note in notes:
+            typer.echo(f"slewright: warning: {note}", err=True)
+        own = {
+            s.name: {"difference": s.difference, "allowed": s.allowed, "time_s": s.time_s} for s in signals
+        }
+        found[experiment.name] = {"agrees": all(s.agrees for s in signals), "signals": own, "notes": notes}
+    return found
 
 
 def _row(component: dict[str, Any]) -> list[object]:
