@@ -258,11 +258,11 @@ class Kalman:
         x0, p0 = np.zeros(nx), np.ones(nx)
         x0[:n] = self._model_start(p[: len(self.model.parameters)])
         p0[:n] = (2.0 * self.scale) ** 2
+        first = _first_seen(y)
         for state, output, sign in self.shown:
-            seen = y[:, self.outputs.index(output)]
-            good = np.flatnonzero(~np.isnan(seen))
-            if len(good):
-                x0[state] = sign * seen[good[0]]
+            seen = first[self.outputs.index(output)]
+            if not np.isnan(seen):
+                x0[state] = sign * seen
         if nx > n:
             p0[n:] = self._hidden_scale(part) ** 2
         return x0, p0
@@ -279,10 +279,16 @@ class Kalman:
     sizes: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def _model_start(self, p: np.ndarray) -> np.ndarray:
-        key = p.tobytes()
+        key = p[self._started_by].tobytes()
         if self._begins is None or self._begins[0] != key:
             self._begins = key, np.asarray(self.model.x0(p)).ravel()
         return self._begins[1]
+
+    @cached_property
+    def _started_by(self) -> list[int]:
+        """Parameters of the model that its start depends on."""
+        p = self.model.symbols[3]
+        return sorted(set(ca.jacobian_sparsity(ca.vertcat(self.model.x0(p)), p).get_col()))
 
     @cached_property
     def delays(self) -> frozenset[str]:
@@ -309,3 +315,12 @@ class Kalman:
         from reconcile.filter.modes import modes_of
 
         return modes_of(self.model, record)
+
+
+def _first_seen(y: np.ndarray) -> np.ndarray:
+    """Of each column of y [n, NY] the first value that is not missing, NaN where all are."""
+    missing = np.isnan(y[:1])
+    if missing.any():
+        missing = np.isnan(y)
+        return y[np.argmin(missing, axis=0), np.arange(y.shape[1])]
+    return y[0]

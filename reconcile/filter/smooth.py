@@ -12,13 +12,17 @@ def smoothed(run: Mapping[str, np.ndarray], columns: np.ndarray) -> tuple[np.nda
     """
     z, v = run["z"].copy(), run["v"].copy()
     phi, before, after, ahead = (run[n] for n in ("phi", "before", "after", "ahead"))
+    if len(z) < 2:
+        return z, v
+    scale = np.sqrt(np.maximum(np.diagonal(before[1:], axis1=1, axis2=2), 1e-300))
+    size = (
+        scale[:, :, None] * scale[:, None, :]
+    )  # scaled: pressures in Pa and angles in rad stand in one matrix
+    inverse = np.linalg.pinv(before[1:] / size, rcond=1e-12, hermitian=True) / size
+    gains = after[:-1] @ phi[1:].transpose(0, 2, 1) @ inverse
     state, spread = z[-1, columns], after[-1]
     for k in range(len(z) - 2, -1, -1):
-        scale = np.sqrt(np.maximum(np.diag(before[k + 1]), 1e-300))
-        # scaled: pressures in Pa and angles in rad stand in one matrix
-        inverse = np.linalg.pinv(before[k + 1] / np.outer(scale, scale), rcond=1e-12, hermitian=True)
-        gain = after[k] @ phi[k + 1].T @ (inverse / np.outer(scale, scale))
-        state = z[k, columns] + gain @ (state - ahead[k + 1])
-        spread = after[k] + gain @ (spread - before[k + 1]) @ gain.T
+        state = z[k, columns] + gains[k] @ (state - ahead[k + 1])
+        spread = after[k] + gains[k] @ (spread - before[k + 1]) @ gains[k].T
         z[k, columns], v[k, columns] = state, np.maximum(np.diag(spread), 0.0)
     return z, v
