@@ -181,6 +181,15 @@ _OWN_PPO = {
 _FAST = {**_OURS, "balance": 0.5, "closing": 0.3, "settle": 2.0, "overshoot": 0.3, "sway": 0.2}
 _CALM = {**_OURS, "settle": 1.7, "closing": 0.25, "action": 1.0, "one_shot": 0.5}
 _EVEN: dict[str, Any] = {"network": "mirror", "layers": (128, 64, 64)}  # dense, the paper's 256, 128, 128
+_FAMILY: dict[str, Any] = {
+    "family": True, "first": Shape(0.7, 0.5, 0.05, 0.06), "last": Shape(0.7, 0.5, 0.05, 0.06),
+    "curriculum": 0.0, "fade": 0.99, "level": 2.0, "spatial": True, "episode_s": 15.0, "consecutive": 0.5,
+    "envs": 192,
+    "random": Randomisation(
+        oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), gain=(0.75, 1.33),
+        inertia_scale=(0.7, 1.4), slew_delay=(0.0, 0.25), edge=(-0.2, 0.5), rate_filter=(0.0, 0.4),
+    ),
+}  # fmt: skip
 _RECIPES = (
     Recipe(
         "paper", "the paper's seven terms, PPO", method="ppo", weights=_PAPER, ahead_s=0.0,
@@ -206,15 +215,13 @@ _RECIPES = (
         episode_s=15.0, consecutive=0.5, envs=192, iterations=1500, rate=1.5e-3,
     ),
     Recipe(
-        "family", "ours, on a family of drives: goes on from `full`, the joystick's change limited",
-        prior="gentle", start="full.onnx", change=0.2, family=True, weights=_CALM, **_EVEN,
-        first=Shape(0.7, 0.5, 0.05, 0.06), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.0,
-        fade=0.99, level=2.0, spatial=True,
-        random=Randomisation(
-            oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2), gain=(0.75, 1.33),
-            inertia_scale=(0.7, 1.4), slew_delay=(0.0, 0.25), edge=(-0.2, 0.5), rate_filter=(0.0, 0.4),
-        ),
-        episode_s=15.0, consecutive=0.5, envs=192, iterations=420, rate=1e-3,
+        "family", "ours, on a family of drives: goes on from `single.onnx`, the joystick's change limited",
+        prior="gentle", start="single.onnx", change=0.2, weights=_CALM, **_EVEN, **_FAMILY, iterations=420,
+        rate=1e-3,
+    ),
+    Recipe(
+        "robust", "ours, on a family of drives: goes on from `ppo.onnx` by the simulation's gradient",
+        start="ppo.onnx", weights={**_OURS, "action": 0.3}, **_FAMILY, iterations=300, rate=5e-4,
     ),
     Recipe(
         "slew", "ours, slew-only, for speed", task="slew", prior="parabola", weights=_FAST, **_EVEN,
