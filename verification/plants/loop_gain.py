@@ -97,7 +97,8 @@ class Loop:
         found = [math.inf]
         for k, (size, phase, turned) in enumerate(self._steps):
             ways = [0.0] * (size[0] >= 0.0)
-            ways += [size[0] / (size[0] - size[1])] * (size[0] * size[1] < 0.0)
+            if size[0] * size[1] < 0.0:
+                ways.append(size[0] / (size[0] - size[1]))
             found += [(phase + w * turned) % (2 * math.pi) / (2 * math.pi * _between(k, w)) for w in ways]
         return min(found)
 

@@ -46,6 +46,13 @@ def test_margins_of_an_integrator_with_a_delay(late):
     assert delayed(1.05 * critical, late).swings
 
 
+def test_a_controller_that_does_not_answer_has_every_margin():
+    still = Loop(np.zeros(len(FREQUENCIES_HZ), complex))
+    assert math.isinf(still.delay_margin_s)
+    assert still.gain_margin > 1e6
+    assert not still.swings
+
+
 def test_margin_of_delay():
     loop = delayed(4.0, 0.1)  # crosses 1 at 4 rad/s
     margin = np.pi / 2 / 4.0 - 0.1
