@@ -209,7 +209,7 @@ def run_all(
     for fault in wanted:
         random = np.random.default_rng([seed, zlib.crc32(fault.name.encode())])
         outcome = Outcome(fault)
-        with Plant(bundle, seed) as plant:
+        with Plant(bundle, seed, canopen=fault.name.startswith("canopen_")) as plant:
             makers.get(fault.name, _helper_killed)(plant, outcome, count, random, report)
         outcomes.append(outcome)
     return outcomes

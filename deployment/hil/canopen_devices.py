@@ -6,6 +6,7 @@ emergency, or be another one than it should.
 """
 
 import logging
+import threading
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -24,7 +25,7 @@ RESETS = (0x81, 0x82)  # NMT: reset node, reset communication
 OPERATIONAL, PREOPERATIONAL = 0x05, 0x7F
 ACTIVE = 0b111  # of a valve's control word: DEVICE MODE ACTIVE
 HOLD, UPPER, LOWER = (0x6314, 1), (0x6320, 1), (0x6321, 1)
-FULL = 16384
+FULL, LOOK_S = 16384, 0.01
 
 
 def replaced() -> frozenset[int]:
@@ -41,19 +42,21 @@ class SimulatedDevice:
 
     def __init__(self, node: Node, network: Any, identity: Mapping[int, int] | None = None) -> None:
         self._lib = library("canopen", "canopen", "canopen")
-        self.node, self._network, self._identity = node, network, dict(identity or {})
+        self.node, self._network, self.identity = node, network, dict(identity or {})
         self._file = FOLDER / "canopen" / f"{node.device.name}.eds"
         self.on = self.operational = False
         self.values: dict[str, float] = {}
         self._local: Any = None
         self._sends: list[tuple[Place, int]] = []  # with its offset in counts
         self._taken, self._taken_ns = b"", 0
+        self._beat_s, self._due_s = 0.0, 0.0  # between two heartbeats (0: none), and when the next is due
 
     def switch_on(self) -> None:
         """Power comes: a boot-up message, then pre-operational."""
         self._local = self._lib.LocalNode(self.node.id, str(self._file))
-        for sub, value in self._identity.items():
+        for sub, value in self.identity.items():
             self._local.sdo[IDENTITY][sub].raw = value
+        self._local.nmt.start_heartbeat = self._beat_every  # all devices' come from one thread
         self._network.add_node(self._local)
         self._network.subscribe(0, self._told)
         self.on = True
@@ -69,7 +72,16 @@ class SimulatedDevice:
 
     def silence(self) -> None:
         """Its heartbeat stops, and nothing else."""
-        self._local.nmt.stop_heartbeat()
+        self._beat_s = 0.0
+
+    def beat(self, now_s: float) -> None:
+        """Send the heartbeat, if it is due."""
+        if self._beat_s and now_s >= self._due_s:
+            self._due_s = now_s + self._beat_s
+            self._network.send_message(canopen.HEARTBEAT + self.node.id, bytes([self._local.nmt._state]))
+
+    def _beat_every(self, milliseconds: int) -> None:
+        self._beat_s, self._due_s = milliseconds / 1000, 0.0
 
     def emergency(self, code: int, register: int) -> None:
         """It says that something is wrong; code 0: no longer."""
@@ -105,16 +117,15 @@ class SimulatedDevice:
         self.operational = False
         self._network.send_message(canopen.HEARTBEAT + self.node.id, b"\0")
         self._local.nmt._state = PREOPERATIONAL
-        self._local.nmt.update_heartbeat()
 
     def _told(self, _: int, data: bytes, at: float) -> None:
         """An NMT command came; the library's node has taken it, too."""
         if not self.on or len(data) != 2 or data[1] not in (0, self.node.id):
             return
         if data[0] in RESETS:
-            self._local.nmt.stop_heartbeat()
+            self.silence()
             self._local.data_store.clear()
-            for sub, value in self._identity.items():
+            for sub, value in self.identity.items():
                 self._local.sdo[IDENTITY][sub].raw = value
             self._boot()
             return
@@ -166,13 +177,18 @@ class Devices:
             n.name: SimulatedDevice(n, self._network, told.get(n.name)) for n in definition().nodes
         }
         self._network.subscribe(definition().bus.sync, self._sync)
+        self._ended = threading.Event()
+        self._beats = threading.Thread(target=self._beat, daemon=True)
 
     def __enter__(self) -> "Devices":
         for device in self.by_name.values():
             device.switch_on()
+        self._beats.start()
         return self
 
     def __exit__(self, *about: object) -> None:
+        self._ended.set()
+        self._beats.join()
         for device in self.by_name.values():
             if device.on:
                 device.switch_off()
@@ -189,6 +205,12 @@ class Devices:
         """How far the valves are open, by axis; one that is switched off is closed."""
         valves = [d for d in self.by_name.values() if d.node.takes and d.on]
         return {**dict.fromkeys(COMMANDS, 0.0), **dict(v.command() for v in valves)}
+
+    def _beat(self) -> None:
+        while not self._ended.wait(LOOK_S):
+            for device in self.by_name.values():
+                if device.on:
+                    device.beat(time.monotonic())
 
     def _sync(self, _: int, data: bytes, at: float) -> None:
         for device in self.by_name.values():

@@ -8,6 +8,7 @@ sets up a device: that is runtime/canopen/process.py's.
 import ctypes
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import can
 import numpy as np
@@ -23,6 +24,7 @@ from specs.canopen import definition
 from specs.errors import InputError
 
 OTHER = int(Flag.OTHER_CONTROLLER)
+OLD_BATCHES = 64  # more than a socket holds
 # Words at the beginning of SlrCanopen (runtime/core/canopen.h); arrays with a word for each node follow.
 STAMP, FLAGS, PASSIVE, OFF, WAS_OFF, LOST, WRONG, OURS, ACCEPTED = range(9)
 SPENT, STATE, BEAT, ERROR = (ACCEPTED + NODES * i for i in range(1, 5))
@@ -54,7 +56,7 @@ class CanopenPort:
         library.slr_canopen_reset(self._at)
         self._came, self._going = Batch(FRAMES_A_TICK), Batch(SENT)
         self._accepted, self._spent = cells or (None, None)
-        self._seen, self._told = 0, b""
+        self._seen, self._told, self._tick = 0, b"", 0
         self._inputs, self._at_inputs = INPUT.new(), 0
         self._outputs, self._at_outputs = OUTPUT.new(), 0
         self._heard = self._another = self._flags = 0
@@ -64,9 +66,8 @@ class CanopenPort:
         """Take what has come, at most FRAMES_A_TICK frames; put it and its age into the image."""
         if inputs is not self._inputs:
             self._inputs, self._at_inputs = inputs, inputs.ctypes.data
-        if self._accepted and self._accepted.number != self._seen:
-            self._seen = self._accepted.number
-            self.accept(read(self._accepted))
+        self._tick = tick
+        self._look()
         count, gone = 0, False
         try:
             count = self._many(self._came) if self._many else self._came.from_source(self._bus)
@@ -81,9 +82,26 @@ class CanopenPort:
         self._flags = self._words[FLAGS] | (OTHER if tick < self._another else 0)
         self._tell()
 
+    def _look(self) -> None:
+        """Take which settings are in force; before the first time, drop what has waited until then."""
+        if self._accepted and self._accepted.number != self._seen:
+            if not self._seen:
+                self._drop()
+            self._seen = self._accepted.number
+            self.accept(read(self._accepted))
+
+    def _drop(self) -> None:
+        with suppress(can.CanError, OSError):
+            for _ in range(OLD_BATCHES):
+                if not (self._many(self._came) if self._many else self._came.from_source(self._bus)):
+                    return
+
     def accept(self, numbers: list[int]) -> None:
-        """The devices' settings that are in force, by their numbers."""
-        self._state[ACCEPTED : ACCEPTED + NODES] = numbers
+        """The devices' settings that are in force, by their numbers; a new one is as good as a heartbeat."""
+        for node, number in enumerate(numbers):
+            if number and number != self._words[ACCEPTED + node]:
+                self._words[BEAT + node] = self._tick
+            self._words[ACCEPTED + node] = number
 
     def _tell(self) -> None:
         """Say which settings are not in force any more."""

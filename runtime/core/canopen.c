@@ -62,7 +62,7 @@ static int usable(const SlrCanopen *c, int n, int64_t tick) {
 static void hear_heartbeat(SlrCanopen *c, int n, const SlrFrame *frame, int64_t tick) {
   if (frame->length < 1) return;
   c->state[n] = frame->data[0] & ~TOGGLE;
-  c->beat[n] = tick;
+  if (tick > c->beat[n]) c->beat[n] = tick; /* one that waited is no news where a device was just accepted */
   if (c->state[n] != BOOT_UP) return;
   c->error[n] = 0;
   forget(c, n);

@@ -207,3 +207,13 @@ def test_whatever_comes_nothing_is_ok_that_is_no_number_or_out_of_range(story: l
             value, status, _ = wired.of(name)
             assert status != Status.OK or low <= value <= high
         assert good.sum() <= len(canopen.sent())
+
+
+def test_a_device_that_was_accepted_before_the_first_cycle_has_time_for_its_heartbeat():
+    wired = Wired()
+    wired.alive.clear()
+    for _ in range(10):
+        wired.step()
+    assert wired.port.spent() == [0] * NODES
+    wired.alive.add(SLEW)
+    assert wired.step((0x180 + SLEW, QUARTER)).of("q_slew")[1] == Status.OK
