@@ -4,6 +4,7 @@ A device counts once all of that is done: a number in `canopen-accepted.cell` sa
 which reads PDOs, heartbeats and emergencies itself, in its cycle (runtime/core/canopen.c).
 """
 
+import struct
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -44,9 +45,10 @@ class Slave:
         self._done_boots = 0  # boot-ups that the last setting came after
         self._remote = canopen.RemoteNode(node.id, canopen.ObjectDictionary())
         self._remote.sdo.RESPONSE_TIMEOUT = ANSWER_S
+        # before the library's own, which gives up on one that is too short
+        network.subscribe(EMERGENCY + node.id, lambda _, data, at: self.emergencies.append(bytes(data)))
         network.add_node(self._remote)
         self._remote.nmt.add_heartbeat_callback(self._heard)
-        network.subscribe(EMERGENCY + node.id, lambda _, data, at: self.emergencies.append(bytes(data)))
 
     def _heard(self, state: int) -> None:
         self.state, self.beat_s = state, time.monotonic()
@@ -179,7 +181,7 @@ class Master:
         except RefusedError as error:
             slave.due_s = time.monotonic() + REFUSED_S
             self._tell(f"{slave.node.name} is refused: {error}", Level.WARNING)
-        except SdoCommunicationError as error:
+        except (SdoCommunicationError, struct.error, ValueError, LookupError) as error:  # or answers nonsense
             slave.due_s = time.monotonic() + AGAIN_S
             self._tell(f"{slave.node.name} does not answer: {error}", Level.WARNING)
         else:

@@ -71,6 +71,7 @@ def test_a_foreign_file_is_read_and_told_where_it_does_not_fit():
         assert all(f"object {d.shown}" not in " ".join(found) for d in canopen_eds.downloads(node, {})[-1:])
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the library's own
 @pytest.mark.parametrize(
     "content", [b"", b"\xff\xfe\x00garbage", b"[1000]\nObjectType=zero\n", b"[DeviceInfo\n"]
 )

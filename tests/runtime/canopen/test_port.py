@@ -1,17 +1,21 @@
 """PDOs in the cycle, frame by frame: values, ages and status; who is believed; what goes out."""
 
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from deployment.bundling.build import bundle
 from runtime.can.wire import BUS_OFF, ERROR, EXTENDED, REMOTE, RESTARTED
-from runtime.canopen import table
+from runtime.canopen import start, table
 from runtime.canopen.cells import NODES
 from runtime.canopen.port import check
+from runtime.control import ControlCore
 from runtime.image import OUTPUT, Flag, Status
-from specs import canopen
+from specs import canopen, canopen_eds
 from specs.errors import InputError
 from tests.runtime.bundles import core
 from tests.runtime.canopen.wires import (
@@ -217,3 +221,19 @@ def test_a_device_that_was_accepted_before_the_first_cycle_has_time_for_its_hear
     assert wired.port.spent() == [0] * NODES
     wired.alive.add(SLEW)
     assert wired.step((0x180 + SLEW, QUARTER)).of("q_slew")[1] == Status.OK
+
+
+@pytest.mark.slow
+def test_a_zero_that_the_device_takes_off_is_in_the_image_as_with_any_other_sensor(tmp_path: Path):
+    """The core takes it off again: the controller sees the same angle, whichever sensor measures it."""
+    zeros = {"q_slew": 0.01, "imu_cabin_pitch": -0.02}
+    (tmp_path / "calibration.json").write_text(json.dumps({"commissioning": 1, "zeros": zeros}))
+    made = bundle("pd", tmp_path / "bundle", commissioning=tmp_path / "calibration.json")
+    node = canopen.definition().node("encoder_slew")
+    written = {d.index: d.value for d in canopen_eds.downloads(node, start.zeros(made.folder))}
+    measured = 0x80000000 + round(0.31 / (2 * math.pi) * 262144)  # what the shaft shows
+    said = (measured + written[0x2000]).to_bytes(4, "little") + bytes(2)
+    wired = Wired(ControlCore(made).library).step((0x180 + SLEW, said), (0x180 + CABIN, bytes(8)))
+    assert wired.of("q_slew")[0] == pytest.approx(0.31, abs=2.5e-5)
+    assert wired.of("qd_slew")[0] == 0.0
+    assert wired.of("imu_cabin_pitch")[0] == -0.02

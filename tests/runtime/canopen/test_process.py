@@ -1,7 +1,9 @@
 """The CANopen process for real: devices set up byte by byte, refused, lost, back; itself started again."""
 
+import re
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from deployment.hil.canopen_devices import Devices
@@ -108,3 +110,19 @@ def test_all_simulated_devices_are_set_up_and_left_alone_by_a_process_that_is_st
         assert master.process.wait(30) == 0
         until(lambda: not any(d.operational for d in devices.by_name.values()))  # nobody drives any more
     assert len(before) == len(definition().nodes)
+
+
+def test_nonsense_for_answers_is_a_device_that_does_not_answer_and_the_process_lives(master: Master):
+    random = np.random.default_rng(1)
+    device = by_hand(master)
+    device.nonsense = lambda: random.bytes(int(random.integers(0, 9)))
+    until(lambda: re.search("encoder_slew (does not answer|is refused)", master.said()))
+    until(lambda: device.commands.count(0x81) > 8)
+    assert master.accepted()["encoder_slew"] == 0
+    assert master.process.poll() is None
+    device.nonsense = None
+    until(lambda: master.accepted()["encoder_slew"])
+    device.emergency("")
+    device.emergency("31 33")
+    until(lambda: "an emergency of 2 bytes, which says nothing" in master.said())
+    device.ended = True
