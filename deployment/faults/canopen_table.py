@@ -12,6 +12,7 @@ from deployment.faults.table import (
 from specs.canopen import definition
 
 LOST_MS = float(definition().bus.lost_ms)
+DOUBTED_MS = 8 * TICK_MS  # runtime/core/canopen.c
 ANSWER_MS = 2 * TICK_MS  # of devices to SYNC, and until that is taken
 CANOPEN = (
     stops("canopen_sensor_lost", "an encoder falls silent, PDOs and heartbeat", SENSOR_MS, "sensor_timeout"),
@@ -40,6 +41,7 @@ CANOPEN = (
         *("sensor_error", "machine_not_ready"),
     ),
     stops("canopen_short_pdo", "an encoder's PDOs are too short", SENSOR_MS, "sensor_timeout"),
+    stops("canopen_second_sender", "another node sends an encoder's PDO, too", DOUBTED_MS, "two_senders"),
     stops("canopen_bus_off", "the controller goes off the devices' bus", TICK_MS, "bus_off"),
     stops("canopen_other_master", "another node sends SYNC or a command", TICK_MS, "other_controller"),
     Fault(

@@ -94,6 +94,19 @@ def _short(random: Random) -> Change:
     return lambda found, k: [(i, d[:left] if i == TPDO1 + node.id else d) for i, d in found]
 
 
+def _second(random: Random) -> Change:
+    """It says that it stands elsewhere, before the device or after it."""
+    node, first, away = _one(ENCODERS, random), bool(random.integers(2)), int(random.integers(1, 2000))
+
+    def change(found: list[Frame], k: int) -> list[Frame]:
+        data = dict(found)[TPDO1 + node.id]
+        moved = (int.from_bytes(data[:4], "little") + away).to_bytes(4, "little")
+        other = (TPDO1 + node.id, moved + data[4:])
+        return [other, *found] if first else [*found, other]
+
+    return change
+
+
 def _bus_off(random: Random) -> Change:
     return lambda found, k: [] if k else [(ERROR | BUS_OFF, bytes(8))]
 
@@ -113,6 +126,7 @@ CHANGES: dict[str, Callable[[Random], Change]] = {
     "canopen_restarted": _restarted,
     "canopen_emergency": _emergency,
     "canopen_short_pdo": _short,
+    "canopen_second_sender": _second,
     "canopen_bus_off": _bus_off,
     "canopen_other_master": _other_master,
 }

@@ -4,6 +4,8 @@
 
 enum { EMERGENCY = 0x080, HEARTBEAT = 0x700, SERVICE = 0x780, ID = 0x7F, OPERATIONAL = 5, BOOT_UP = 0, TOGGLE = 0x80 };
 
+enum { DOUBT = 10, LEAK = 12, TWO_SENDERS = 60, MOST_DOUBT = 100, SHORT = 1000 };
+
 typedef struct {
   int64_t id;
   int actuator;
@@ -81,6 +83,16 @@ static int64_t raw_of(const Field *f, uint64_t bits) {
   return f->sign && raw & sign ? (int64_t)raw - (int64_t)(sign << 1) : (int64_t)raw;
 }
 
+/* A device answers each SYNC once, so two that send one PDO make two a tick.  Each PDO adds to the doubt, each tick
+ * takes a little more away than one adds; an answer that is late, and comes with the next, does no harm. */
+static void doubt_after(SlrCanopen *c, int i, int64_t tick) {
+  const int64_t gone = tick > c->heard[i] ? tick - c->heard[i] : 0;
+  const int64_t left = gone < SHORT ? c->doubt[i] - LEAK * gone : 0;
+  c->doubt[i] = (left > 0 ? left : 0) + DOUBT;
+  if (c->doubt[i] > MOST_DOUBT) c->doubt[i] = MOST_DOUBT;
+  if (tick > c->heard[i]) c->heard[i] = tick;
+}
+
 /* What is longer than its mapping has its first bytes used, what is shorter nothing (CiA 301, 7.5.2.36). */
 static void hear_pdo(SlrCanopen *c, const Pdo *pdo, const SlrFrame *frame, int64_t tick) {
   if (frame->length < pdo->length) {
@@ -110,7 +122,10 @@ static void hear(SlrCanopen *c, const SlrFrame *frame, int64_t tick) {
   if (n >= 0 && service == HEARTBEAT) hear_heartbeat(c, n, frame, tick);
   if (n >= 0 && service == EMERGENCY) hear_emergency(c, n, frame);
   for (int i = 0; i < SLR_CANOPEN_IN_PDOS; i++)
-    if (heard[i].identifier == identifier) hear_pdo(c, &heard[i], frame, tick);
+    if (heard[i].identifier == identifier) {
+      doubt_after(c, i, tick);
+      hear_pdo(c, &heard[i], frame, tick);
+    }
 }
 
 static void take(SlrCanopen *c, const SlrFrame *frame, int64_t tick, int64_t now) {
@@ -124,21 +139,23 @@ static void take(SlrCanopen *c, const SlrFrame *frame, int64_t tick, int64_t now
   hear(c, frame, tick - waited); /* what waited is as old as it is */
 }
 
-static uint8_t status_of(const SlrCanopen *c, int n, const Field *f, int64_t tick, double value) {
+static uint8_t status_of(const SlrCanopen *c, int i, const Field *f, int64_t tick, double value) {
+  const int n = heard[i].node;
   if (c->came[f->place] < 0) return SLR_STATUS_NEVER;
   if (!usable(c, n, tick) || tick - c->came[f->place] >= timeouts[f->place]) return SLR_STATUS_TIMEOUT;
+  if (c->doubt[i] >= TWO_SENDERS) return SLR_STATUS_TWO_SENDERS;
   if (c->error[n]) return SLR_STATUS_ERROR;
   return value >= f->low && value <= f->high ? SLR_STATUS_OK : SLR_STATUS_RANGE;
 }
 
 /* The core takes every sensor's zero off; where the device does that already, it is added here. */
-static void fill(const SlrCanopen *c, const Pdo *pdo, int64_t tick, SlrInput *in) {
-  for (int k = 0; k < pdo->fields; k++) {
-    const Field *f = &heard_fields[pdo->first + k];
+static void fill(const SlrCanopen *c, int i, int64_t tick, SlrInput *in) {
+  for (int k = 0; k < heard[i].fields; k++) {
+    const Field *f = &heard_fields[heard[i].first + k];
     const double value = c->value[f->place] + (f->taken_off && c->came[f->place] >= 0 ? slr_zero[f->place] : 0.0);
     in->value[f->place] = value;
     in->age[f->place] = (int32_t)(c->came[f->place] < 0 ? -1 : tick - c->came[f->place]);
-    in->status[f->place] = status_of(c, pdo->node, f, tick, value);
+    in->status[f->place] = status_of(c, i, f, tick, value);
   }
 }
 
@@ -154,7 +171,7 @@ void slr_canopen_receive(SlrCanopen *c, const SlrFrame *frames, int count, int64
   for (int n = 0; n < SLR_CANOPEN_NODES; n++)
     if (lost(c, n, tick)) forget(c, n);
   c->flags = (c->bus.passive ? SLR_FLAG_BUS_PASSIVE : 0) | (c->bus.off || c->bus.was_off ? SLR_FLAG_BUS_OFF : 0);
-  for (int i = 0; i < SLR_CANOPEN_IN_PDOS; i++) fill(c, &heard[i], tick, in);
+  for (int i = 0; i < SLR_CANOPEN_IN_PDOS; i++) fill(c, i, tick, in);
   look_at_valves(c, tick, in);
 }
 

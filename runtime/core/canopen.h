@@ -21,6 +21,8 @@ typedef struct {
   int64_t state[SLR_CANOPEN_NODES];    /* of the last heartbeat */
   int64_t beat[SLR_CANOPEN_NODES];     /* tick of the last heartbeat; negative: never */
   int64_t error[SLR_CANOPEN_NODES];    /* emergency code that is not over; 0: none */
+  int64_t doubt[SLR_CANOPEN_IN_PDOS];  /* that only one device sends the PDO: see doubt_after */
+  int64_t heard[SLR_CANOPEN_IN_PDOS];  /* tick of the last one */
   int64_t came[SLR_IN_COUNT];          /* tick of the last PDO; negative: never */
   double value[SLR_IN_COUNT];
 } SlrCanopen;

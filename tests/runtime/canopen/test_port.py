@@ -237,3 +237,23 @@ def test_a_zero_that_the_device_takes_off_is_in_the_image_as_with_any_other_sens
     assert wired.of("q_slew")[0] == pytest.approx(0.31, abs=2.5e-5)
     assert wired.of("qd_slew")[0] == 0.0
     assert wired.of("imu_cabin_pitch")[0] == -0.02
+
+
+def test_two_devices_that_send_one_pdo_are_found_and_one_that_is_late_is_not():
+    wired, pdo = Wired(), (0x180 + SLEW, QUARTER)
+    for k in range(200):  # late every other time: none, then two
+        assert wired.step(*([pdo] * (k % 2 * 2))).of("q_slew")[1] in (Status.OK, Status.NEVER)
+    found = [wired.step(pdo, pdo).of("q_slew")[1] for _ in range(30)]
+    assert 3 <= found.index(Status.TWO_SENDERS) <= 8
+    assert set(found[found.index(Status.TWO_SENDERS) :]) == {Status.TWO_SENDERS}
+    after = [wired.step(pdo).of("q_slew")[1] for _ in range(40)]
+    assert after.index(Status.OK) > 10  # alone for a while
+    assert set(after[after.index(Status.OK) :]) == {Status.OK}
+
+
+def test_pdos_that_waited_while_the_controller_was_held_up_are_one_devices():
+    wired = Wired().step((0x180 + SLEW, QUARTER))
+    period = 20_000_000
+    wired.bus.waiting.extend((0x180 + SLEW, QUARTER, NOW - k * period) for k in range(30, -1, -1))
+    wired.tick += 30
+    assert wired.step().of("q_slew")[1] == Status.OK
