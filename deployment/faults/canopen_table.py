@@ -12,7 +12,7 @@ from deployment.faults.table import (
 from specs.canopen import definition
 
 LOST_MS = float(definition().bus.lost_ms)
-DOUBTED_MS = 8 * TICK_MS  # runtime/core/canopen.c
+DOUBTED_MS = 16 * TICK_MS  # runtime/core/canopen.c
 ANSWER_MS = 2 * TICK_MS  # of devices to SYNC, and until that is taken
 CANOPEN = (
     stops("canopen_sensor_lost", "an encoder falls silent, PDOs and heartbeat", SENSOR_MS, "sensor_timeout"),

@@ -25,7 +25,7 @@ from specs.errors import InputError
 Random = np.random.Generator
 Change = Callable[[list[Frame], int], list[Frame]]
 OPERATIONAL, BOOT_UP = b"\x05", b"\0"
-BEGIN, WARM_TICKS = 1000, 20  # tick of the port at which the fault begins; before it: all devices are there
+BEGIN, WARM_TICKS = 1000, 40  # tick of the port at which the fault begins; before it: all devices are there
 ENCODERS = tuple(n for n in definition().nodes if n.device.name == "encoder")
 VALVES = tuple(n for n in definition().nodes if n.is_actuator)
 

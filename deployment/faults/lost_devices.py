@@ -103,7 +103,8 @@ def _killed(driven: Driven, outcome: Outcome, random: np.random.Generator) -> No
     again = plant.drive(PATIENCE_TICKS, lambda: supervisor.watch() is None and helper.pid != before)
     ms = 1000.0 * (time.monotonic() - killed)
     plant.drive(STOP_TICKS, lambda: False)  # it has begun
-    why = "" if plant.shown("control_mode") == AUTOMATIC else "automatic ended"
+    code = signals().signals["fault_code"].values[int(plant.shown("fault_code"))]
+    why = "" if plant.shown("control_mode") == AUTOMATIC else f"automatic ended: {code}"
     why = why or ("" if driven.numbers() == numbers else "devices were set up anew")
     outcome.add(plant.tick, ms if again else None, why)
 

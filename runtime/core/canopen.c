@@ -4,7 +4,7 @@
 
 enum { EMERGENCY = 0x080, HEARTBEAT = 0x700, SERVICE = 0x780, ID = 0x7F, OPERATIONAL = 5, BOOT_UP = 0, TOGGLE = 0x80 };
 
-enum { DOUBT = 10, LEAK = 12, TWO_SENDERS = 60, MOST_DOUBT = 100, SHORT = 1000 };
+enum { DOUBT = 10, LEAK = 12, CREDIT = -60, TWO_SENDERS = 60, MOST_DOUBT = 100, LONG = 1000 };
 
 typedef struct {
   int64_t id;
@@ -84,11 +84,12 @@ static int64_t raw_of(const Field *f, uint64_t bits) {
 }
 
 /* A device answers each SYNC once, so two that send one PDO make two a tick.  Each PDO adds to the doubt, each tick
- * takes a little more away than one adds; an answer that is late, and comes with the next, does no harm. */
+ * takes a little more away than one adds.  A device that is well has credit: answers that are late, and come with the
+ * next ones, do no harm. */
 static void doubt_after(SlrCanopen *c, int i, int64_t tick) {
   const int64_t gone = tick > c->heard[i] ? tick - c->heard[i] : 0;
-  const int64_t left = gone < SHORT ? c->doubt[i] - LEAK * gone : 0;
-  c->doubt[i] = (left > 0 ? left : 0) + DOUBT;
+  const int64_t left = gone < LONG ? c->doubt[i] - LEAK * gone : CREDIT;
+  c->doubt[i] = (left > CREDIT ? left : CREDIT) + DOUBT;
   if (c->doubt[i] > MOST_DOUBT) c->doubt[i] = MOST_DOUBT;
   if (tick > c->heard[i]) c->heard[i] = tick;
 }

@@ -86,6 +86,7 @@ def test_a_device_that_is_well_is_no_fault(name: str, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", [f.name for f in CANOPEN if f.level == "process"])
 def test_faults_of_real_devices(name: str):
     pytest.importorskip("canopen")
