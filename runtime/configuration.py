@@ -6,16 +6,20 @@ with one message; nothing of it is found out in operation.
 """
 
 import socket
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from runtime.can.joystick import Joysticks
+from runtime.canopen.start import identities
 from runtime.image import OUTPUT, TICK_S
+from runtime.interfaces.beside import library
 from runtime.matching import check_dbc, check_map
 from runtime.modbus.roles import context
 from runtime.realtime import PRIORITY, check_core
+from specs import canopen
 from specs.errors import InputError, nearest
 from specs.schema import STRICT, read_toml, validate
 from specs.signals import definition
@@ -72,6 +76,21 @@ class Can:
         wanted = definition().bus.bit_rate
         if self.bit_rate != wanted:
             raise InputError(f"bit_rate = {self.bit_rate}: the specs' bus runs at {wanted} bit/s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Canopen:
+    """The bus of the CANopen devices; `eds`: makers' files by node, for devices other than the specs'."""
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+
+    interface: Literal["slewright", "socketcan"]
+    channel: str
+    eds: Mapping[str, Path] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in self.eds:
+            canopen.definition().node(name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,6 +280,7 @@ class Configuration:
     foxglove: Foxglove | None = None
     opcua: Opcua | None = None
     ros2: Ros2 | None = None
+    canopen: Canopen | None = None
 
     @property
     def interfaces(self) -> tuple[Any, ...]:
@@ -276,6 +296,8 @@ class Configuration:
     def __post_init__(self) -> None:
         if self.shadow and self.recorder is None:
             raise InputError("shadow mode without [recorder]: what it computes would go nowhere")
+        if self.shadow and self.canopen:
+            raise InputError("shadow mode with [canopen]: a master that sends nothing sets up no device")
         if self.bundle is None and self.store is None:
             raise InputError("missing bundle (a folder) or [store] (of signed ones)")
         if self.store is not None and (self.bundle is not None or self.unsigned):
@@ -333,7 +355,11 @@ def in_shadow(found: Configuration) -> Configuration:
 
 def check_surroundings(found: Configuration) -> None:
     """Raise InputError for what is not there: the bus, a free port, a folder that can be written."""
-    _check_bus(found.can)
+    _check_bus("can", found.can)
+    if found.canopen:
+        library("canopen", "canopen", "canopen")
+        _check_bus("canopen", found.canopen)
+        identities(found.canopen.eds)
     check_core(found.realtime.core)
     _check_ports_differ(found)
     if found.modbus:
@@ -364,22 +390,26 @@ def _placed(found: Any, folder: Path) -> Any:
             changes[f.name] = folder / value
         elif is_dataclass(value):
             changes[f.name] = _placed(value, folder)
-    if isinstance(found, Can) and found.interface == LOCAL_BUS:  # the others' channels are no files of ours
+        elif isinstance(value, Mapping) and isinstance(found, Canopen):
+            changes[f.name] = {name: folder / path for name, path in value.items()}
+    if (
+        isinstance(found, Can | Canopen) and found.interface == LOCAL_BUS
+    ):  # the others' channels are no files of ours
         changes["channel"] = str(folder / found.channel)
     return replace(found, **changes)
 
 
-def _check_bus(can: Can) -> None:
+def _check_bus(whose: str, can: Can | Canopen) -> None:
     if can.interface == "socketcan":
         there = [p.name for p in Path("/sys/class/net").glob("*can*")]
         if can.channel not in there:
             have = nearest(can.channel, there) if there else "this machine has none"
-            raise InputError(f"can.channel: there is no CAN interface {can.channel}; {have}")
+            raise InputError(f"{whose}.channel: there is no CAN interface {can.channel}; {have}")
     elif can.interface == LOCAL_BUS:
         if not Path(can.channel).is_socket():
-            raise InputError(f"can.channel: {can.channel} is no local bus (slewright machine makes one)")
+            raise InputError(f"{whose}.channel: {can.channel} is no local bus (slewright machine makes one)")
     elif not Path(can.channel.split("@")[0]).exists():
-        raise InputError(f"can.channel: there is no device {can.channel}")
+        raise InputError(f"{whose}.channel: there is no device {can.channel}")
 
 
 def _check_ports_differ(found: Configuration) -> None:

@@ -9,6 +9,7 @@ import signal
 import struct
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ from runtime.bundle import load
 from runtime.can.joystick import Joystick
 from runtime.can.native import NativePort
 from runtime.can.port import open_bus
+from runtime.canopen.cells import join as join_devices
+from runtime.canopen.port import CanopenPort
 from runtime.control import ControlCore
 from runtime.hmi.cells import join as join_hmi
 from runtime.hmi.port import HmiPort
@@ -39,6 +42,7 @@ from runtime.scan import Scan
 from runtime.shadow import Overheard, StandIn, silent
 from runtime.shared import Cell
 from runtime.statistics import Statistics
+from specs import canopen
 
 LISTEN_S = 0.2  # twice the cycle of the slowest message that a controller sends
 COUNTS = struct.Struct("<9q")  # cell `counts`: see `Publisher.send`
@@ -106,12 +110,22 @@ def main(text: str) -> None:
     core.restart(told["retained"])
     place = wanted.can.interface, wanted.can.channel, wanted.can.bit_rate
     # left properly, too, where another controller is heard
-    with open_bus(*place, listen_only=quiet) as bus:
-        _control(told, wanted, core, bus)
+    with ExitStack() as buses:
+        bus = buses.enter_context(open_bus(*place, listen_only=quiet))
+        devices = buses.enter_context(_devices_bus(wanted.canopen)) if wanted.canopen else None
+        _control(told, wanted, core, bus, devices)
+
+
+def _devices_bus(wanted: configuration.Canopen) -> can.BusABC:
+    return open_bus(wanted.interface, wanted.channel, canopen.definition().bus.bit_rate)
 
 
 def _control(
-    told: Mapping[str, Any], wanted: configuration.Configuration, core: ControlCore, bus: can.BusABC
+    told: Mapping[str, Any],
+    wanted: configuration.Configuration,
+    core: ControlCore,
+    bus: can.BusABC,
+    devices: can.BusABC | None,
 ) -> None:
     """All cycles, and their statistics."""
     folder, quiet, found = Path(told["folder"]), bool(told.get("shadow")), Statistics()
@@ -121,6 +135,8 @@ def _control(
         wires := NativePort(bus, core.library, joystick, overheard),
         *_others(wanted, folder, found, bool(told.get("images"))),
     ]
+    if devices:
+        ports.insert(1, CanopenPort(devices, core.library, join_devices(folder)))
     feed = Feed(Ring.attach(folder / "recorder.ring")) if wanted.recorder else None
     commands = _seats(ports, folder, told.get("seats", ()))
     if commands:

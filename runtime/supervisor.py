@@ -23,6 +23,9 @@ from runtime import bundle, configuration
 from runtime.archive import start
 from runtime.can.native import check as check_frames
 from runtime.can.port import AGAIN
+from runtime.canopen.cells import create as create_canopen
+from runtime.canopen.port import check as check_devices
+from runtime.canopen.start import identities, zeros
 from runtime.child import USED, left_by_older, remove_unused, use
 from runtime.control_process import COUNTS, COUNTS_HOLD
 from runtime.helpers import Helper
@@ -93,7 +96,10 @@ class Supervisor:
             self.wanted = configuration.in_shadow(self.wanted)
         self.active = start.chosen(self.wanted, path)
         self.bundle = self.active.bundle
-        check_frames(open_core(self.bundle).library)  # loaded once here: what is wrong with it is said now
+        library = open_core(self.bundle).library  # loaded once here: what is wrong with it is said now
+        check_frames(library)
+        if self.wanted.canopen:
+            check_devices(library)
         self._proving: Thread | None = None
         self.retained = self._retained()
         configuration.check_surroundings(self.wanted)
@@ -246,12 +252,15 @@ class Supervisor:
             create_image(self.folder).close()
         if self.wanted.seats:
             create_seats(self.folder, self.wanted.seats)
-        if self.wanted.opcua:
-            self._prepare_opcua(self.wanted.opcua)
-        if self.wanted.ros2:
-            self._prepare_ros2(self.wanted.ros2)
-        if self.wanted.foxglove:
-            self._prepare_foxglove(self.wanted.foxglove)
+        interfaces = {
+            "opcua": self._prepare_opcua,
+            "ros2": self._prepare_ros2,
+            "canopen": self._prepare_canopen,
+            "foxglove": self._prepare_foxglove,
+        }
+        for name, prepare in interfaces.items():
+            if part := getattr(self.wanted, name):
+                prepare(part)
         if self.wanted.recorder:
             self._prepare_recorder(self.wanted.recorder)
         if self.wanted.retain:
@@ -287,6 +296,14 @@ class Supervisor:
         simulated = self.wanted.can.interface == configuration.LOCAL_BUS
         told = {"domain": wanted.domain, "commands": wanted.commands, "simulated": simulated}
         self._interface("ros2", told)
+
+    def _prepare_canopen(self, wanted: configuration.Canopen) -> None:
+        create_canopen(self.folder)
+        who = identities(wanted.eds)
+        told: dict[str, Any] = {"interface": wanted.interface, "channel": wanted.channel}
+        told["identities"] = {name: list(found.named().values()) for name, found in who.items()}
+        told["zeros"] = zeros(self.bundle.folder)
+        self._interface("canopen", told)
 
     def _interface(self, name: str, told: dict[str, Any]) -> None:
         """A process of an interface, which writes the file `ready` once it serves."""

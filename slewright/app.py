@@ -37,7 +37,7 @@ PANELS = {
         "machine",
         (
             *("bundle", "deploy", "commission", "run", "hmi", "replay", "shadow"),
-            *("machine", "hil", "faults", "bench"),
+            *("machine", "hil", "faults", "bench", "canopen"),
         ),
     ),
     "Develop": ("developing", ("generate",)),

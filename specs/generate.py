@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from specs import dbc, foxglove, places, ros2, tables, urdf
+from specs import canopen_eds, dbc, foxglove, places, ros2, tables, urdf
 from specs.schema import ROOT
 
 FOLDER = ROOT / "generated"
@@ -18,6 +18,7 @@ GENERATORS: dict[str, Callable[[], str | bytes]] = {
     "places.csv": places.table,
     "machine.urdf": urdf.render,
     **{name: partial(lambda of: ros2.files()[of], name) for name in ros2.files()},
+    **{name: partial(lambda of: canopen_eds.files()[of], name) for name in canopen_eds.files()},
 }
 
 

@@ -7,14 +7,16 @@ import csv
 import io
 from collections.abc import Callable
 
-from specs import markdown, opcua, ros2
+from specs import canopen, markdown, opcua, ros2
 from specs.markdown import number
 from specs.signals import Signal, definition
 
-MADE = "Generated from specs/signals.toml by slewright generate; do not edit."
+MADE = "Generated from specs/signals.toml and specs/canopen.toml by slewright generate; do not edit."
 TEXT = """Where each signal is. [Signals](signals.md) has units, ranges, rates and meanings.
 
 - **CAN**: message, identifier, first bit + number of bits ([DBC](../../specs/generated/slewright.dbc)).
+- **CANopen**: device, object, identifier of the PDO, first bit + number of bits ([how-to](../how-to/canopen.md)). A signal
+  that is for several devices is named with all of them.
 - **Modbus**: table and address, from 0 ([map](../../specs/generated/modbus_map.csv)).
 - **OPC UA**: node in the namespace `urn:slewright:machine` ([how-to](../how-to/opcua.md)); targets are set by methods.
 - **ROS 2**: every signal is a field of `/slewright/signals`; what is in a standard message, too, is named here
@@ -52,6 +54,15 @@ def _can(s: Signal) -> str:
     return f"{s.can.message} 0x{frame:08X} {s.can.start}+{s.can.length}"
 
 
+def _canopen(s: Signal) -> str:
+    sent = [canopen.sent()[s.name]] if s.name in canopen.sent() else []
+    found = [(canopen.TPDO1, *place) for place in sent]
+    found += [(canopen.RPDO1, *place) for place in canopen.taken().get(s.name, [])]
+    return ", ".join(
+        f"{n.name} {p.entry.shown} 0x{pdo + n.id:03X} {p.start}+{p.entry.bits}" for pdo, n, p in found
+    )
+
+
 def _modbus(s: Signal) -> str:
     return f"{s.modbus.table} {s.modbus.address}" if s.modbus else ""
 
@@ -85,6 +96,7 @@ COLUMNS: dict[str, Callable[[Signal], object]] = {
     "signal": lambda s: s.name,
     "unit": lambda s: s.unit,
     "CAN": _can,
+    "CANopen": _canopen,
     "Modbus": _modbus,
     "OPC UA": _opcua,
     "OPC UA method": _method,

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from deployment.faults import devices
 from deployment.faults.client import LostClient, TakenOver
 from deployment.faults.drive import AUTOMATIC, Drive, Frame, Moment, Run, mode_number
 from deployment.faults.interfaces import Followed, Lost
@@ -41,7 +42,10 @@ class Disturbance:
 
 def inject(fault: Fault, drive: Drive, moment: Moment, random: Random, outcome: Outcome) -> None:
     """One injection of `fault` at `moment`."""
-    run, disturbance = Run(drive, moment), MAKERS[fault.name](random)
+    run = Run(drive, moment)
+    disturbance = (
+        MAKERS[fault.name](random) if fault.name in MAKERS else _of_device(fault.name, drive, random)
+    )
     if disturbance.state:
         drive.core.restore(disturbance.state(moment.core))
     ticks = round(fault.limit_ms / TICK_MS) + MARGIN_TICKS
@@ -74,6 +78,10 @@ def _wrong(fault: Fault, value: np.ndarray) -> str:
     if value[MODE] == FAULT and NAMES[int(value[CODE])] not in fault.codes:
         return f"fault code {NAMES[int(value[CODE])]}"
     return ""
+
+
+def _of_device(name: str, drive: Drive, random: Random) -> Disturbance:
+    return Disturbance(twist=devices.MAKERS[name](drive.core.library, random))
 
 
 # ---- frames ----

@@ -18,6 +18,7 @@ import numpy as np
 from deployment.faults.attacks import attacker
 from deployment.faults.drive import AUTOMATIC, mode_number
 from deployment.faults.table import Fault, Outcome
+from deployment.hil.canopen_devices import Devices
 from deployment.hil.loads import clients, planning
 from deployment.hil.machine import Machine
 from deployment.hil.machine_node import PERIOD_NS, MachineNode, Valves
@@ -31,6 +32,7 @@ from runtime.image import Flag
 from runtime.realtime import sleep_until
 from runtime.shared import private_folder
 from runtime.supervisor import Supervisor
+from specs.canopen import definition as devices_on
 from specs.errors import RunError
 from specs.progress import Report
 from specs.scenario import load as load_scenario
@@ -50,7 +52,8 @@ HELPERS = {"recorder_killed": ("recorder", Flag.RECORDER_LOST), "modbus_killed":
 class Plant:
     """Bus and machine, in real time in this process; a context."""
 
-    def __init__(self, bundle: Bundle, seed: int) -> None:
+    def __init__(self, bundle: Bundle, seed: int, canopen: bool = False) -> None:
+        """`canopen`: with the CANopen devices, on a bus of their own."""
         self._stack = ExitStack()
         self.folder = Path(tempfile.mkdtemp(prefix="slewright-faults-"))
         self._stack.callback(shutil.rmtree, self.folder, ignore_errors=True)
@@ -63,9 +66,11 @@ class Plant:
         prefer(bus.pid, BUS_PRIORITY)
         end = open_bus("slewright", str(self.channel), definition().bus.bit_rate, "Machine")
         self._stack.callback(end.shutdown)
+        self.devices_channel = sockets / "devices"
+        self._simulated = self._simulate_devices() if canopen else None
         scenario = load_scenario(SCENARIO)
         machine = self._stack.enter_context(Machine(scenario, seed))
-        self.node = MachineNode(end, scenario, machine, planner=True)
+        self.node = MachineNode(end, scenario, machine, planner=True, devices=self._simulated)
         self.bundle = bundle
         self.tick, self.beat, self._deadline = -ARMING_TICKS, 0, time.monotonic_ns()
 
@@ -79,6 +84,22 @@ class Plant:
         prefer(os.getpid(), 0)
         self._stack.close()
 
+    def _simulate_devices(self) -> Devices:
+        rate = devices_on().bus.bit_rate
+        bus = start_bus(self.devices_channel, rate)
+        self._stack.callback(_end, bus)
+        prefer(bus.pid, BUS_PRIORITY)
+        return self._stack.enter_context(
+            Devices(open_bus("slewright", str(self.devices_channel), rate, "Devices"))
+        )
+
+    @property
+    def devices(self) -> Devices:
+        """The CANopen devices; RunError if it was made without."""
+        if self._simulated is None:
+            raise RunError("this plant has no CANopen devices")
+        return self._simulated
+
     def configuration(self, helper: str = "") -> Path:
         """A configuration file, with one helper or none."""
         lines = [f'bundle = "{self.bundle.folder.resolve()}"', "[can]"]
@@ -87,6 +108,8 @@ class Plant:
             lines += ["[recorder]", 'folder = "recording"', "limit_mb = 50"]
         if helper == "modbus":
             lines += ["[modbus]", f'host = "{HOST}"', f"port = {free_port()}"]
+        if self._simulated:
+            lines += ["[canopen]", 'interface = "slewright"', f'channel = "{self.devices_channel}"']
         path = self.folder / "machine.toml"
         path.write_text("\n".join(lines) + "\n")
         return path
@@ -186,7 +209,7 @@ def run_all(
     for fault in wanted:
         random = np.random.default_rng([seed, zlib.crc32(fault.name.encode())])
         outcome = Outcome(fault)
-        with Plant(bundle, seed) as plant:
+        with Plant(bundle, seed, canopen=fault.name.startswith("canopen_")) as plant:
             makers.get(fault.name, _helper_killed)(plant, outcome, count, random, report)
         outcomes.append(outcome)
     return outcomes

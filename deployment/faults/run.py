@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from deployment.faults import injected, interfaces, process_faults, watching
+from deployment.faults import devices, injected, interfaces, lost_devices, process_faults, watching
+from deployment.faults.canopen_table import CANOPEN
 from deployment.faults.drive import Drive
 from deployment.faults.processes import run_all
 from deployment.faults.table import BUS, IMAGE, INSIDE, PROCESS, Fault, Outcome
@@ -23,7 +24,7 @@ LAST_TICKS = 60  # of the drive, in which no fault begins: it needs frames to go
 
 def faults(names: Sequence[str] = ()) -> list[Fault]:
     """Those called `names`, all without; raises InputError for an unknown one."""
-    known = {f.name: f for f in (*BUS, *IMAGE, *INSIDE, *PROCESS)}
+    known = {f.name: f for f in (*BUS, *IMAGE, *INSIDE, *CANOPEN, *PROCESS)}
     for name in names:
         if name not in known:
             raise InputError(f"no fault '{name}'; {nearest(name, known)}")
@@ -43,7 +44,8 @@ def run(
         outcomes += _lockstep(drive, single, count, seed, report)
     several = [f for f in wanted if f.level == "process"]
     if several:
-        outcomes += run_all(bundle, several, count, seed, report, dict.fromkeys(watching.NAMES, watching.run))
+        more = {**dict.fromkeys(watching.NAMES, watching.run), **lost_devices.INJECTIONS}
+        outcomes += run_all(bundle, several, count, seed, report, more)
     return outcomes
 
 
@@ -65,4 +67,5 @@ def _lockstep(drive: Drive, wanted: Sequence[Fault], count: int, seed: int, repo
 def _injection(fault: Fault) -> Callable[..., None]:
     if fault.level != "inside":
         return injected.inject
-    return getattr(interfaces if fault.name.startswith("interface_") else process_faults, fault.name)
+    rooms = {"interface": interfaces, "canopen": devices}
+    return getattr(rooms.get(fault.name.partition("_")[0], process_faults), fault.name)

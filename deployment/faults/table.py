@@ -51,56 +51,56 @@ class Fault:
     named: str = ""  # and this one be shown in the end
 
 
-def _stops(name: str, what: str, ms: float, *codes: str, level: str = "bus", named: str = "") -> Fault:
+def stops(name: str, what: str, ms: float, *codes: str, level: str = "bus", named: str = "") -> Fault:
     """A fault that must latch FAULT and bring all commands to neutral `ms` and the ramp after it."""
     reaction = f"FAULT ({' or '.join(codes)}), commands neutral"
     return Fault(name, what, reaction, ms + TICK_MS + RAMP_MS, level, codes, named)
 
 
 BUS = (
-    _stops("sensor_timeout", "a sensor message stops", SENSOR_MS, "sensor_timeout"),
-    _stops("sensor_stuck", "a sensor repeats its value for ever", STUCK_MS, "sensor_stuck"),
-    _stops("sensor_range", "a sensor value outside its range", DEBOUNCE_MS, "sensor_range"),
-    _stops("sensor_error", "a sensor says error (0xFE..)", DEBOUNCE_MS, "sensor_error"),
-    _stops("sensor_not_available", "a sensor says not available (0xFF..)", DEBOUNCE_MS, "sensor_error"),
-    _stops("joystick_error", "a joystick axis says error", DEBOUNCE_MS, "operator_timeout"),
-    _stops("joystick_not_available", "a joystick axis says not available", DEBOUNCE_MS, "operator_timeout"),
-    _stops(
+    stops("sensor_timeout", "a sensor message stops", SENSOR_MS, "sensor_timeout"),
+    stops("sensor_stuck", "a sensor repeats its value for ever", STUCK_MS, "sensor_stuck"),
+    stops("sensor_range", "a sensor value outside its range", DEBOUNCE_MS, "sensor_range"),
+    stops("sensor_error", "a sensor says error (0xFE..)", DEBOUNCE_MS, "sensor_error"),
+    stops("sensor_not_available", "a sensor says not available (0xFF..)", DEBOUNCE_MS, "sensor_error"),
+    stops("joystick_error", "a joystick axis says error", DEBOUNCE_MS, "operator_timeout"),
+    stops("joystick_not_available", "a joystick axis says not available", DEBOUNCE_MS, "operator_timeout"),
+    stops(
         "checksum_wrong",
         "bits of a sensor message flip",
         SENSOR_MS + MISSED_FRAME_MS,
         "sensor_checksum",
         "sensor_timeout",
     ),
-    _stops(
+    stops(
         "counter_wrong",
         "a sensor message repeats its counter",
         SENSOR_MS,
         "sensor_checksum",
         "sensor_timeout",
     ),
-    _stops(
+    stops(
         "babbling_node",
         "a node fills the bus with the lowest identifier",
         SENSOR_MS,
         *("operator_timeout", "machine_timeout", "sensor_timeout"),
     ),
-    _stops("bus_off", "the controller's CAN controller goes off the bus", 0.0, "bus_off"),
-    _stops("other_controller", "somebody else sends the controller's commands", 0.0, "other_controller"),
+    stops("bus_off", "the controller's CAN controller goes off the bus", 0.0, "bus_off"),
+    stops("other_controller", "somebody else sends the controller's commands", 0.0, "other_controller"),
     Fault(
         "remote_frames",
         "remote frames of any identifier",
         "counted, else ignored; automatic goes on",
         TICK_MS,
     ),
-    _stops(
+    stops(
         "second_sender",
         "another node sends the same message, any counter",
         DOUBTED_MS,
         *("two_senders", "machine_timeout"),
         named="two_senders",
     ),
-    _stops(
+    stops(
         "forged_status",
         "another node denies an open emergency stop",
         DOUBTED_MS,
@@ -112,45 +112,45 @@ BUS = (
         "bridged and counted; automatic goes on",
         TICK_MS,
     ),
-    _stops("operator_lost", "the operator's message stops", SENSOR_MS, "operator_timeout"),
-    _stops("machine_lost", "the machine's status stops", MACHINE_MS, "machine_timeout"),
-    _stops("planner_lost", "the planner's messages stop (CAN)", PLANNER_MS, "target_timeout"),
-    _stops("emergency_stop", "the emergency stop is pressed", MACHINE_CYCLE_MS, "emergency_stop"),
+    stops("operator_lost", "the operator's message stops", SENSOR_MS, "operator_timeout"),
+    stops("machine_lost", "the machine's status stops", MACHINE_MS, "machine_timeout"),
+    stops("planner_lost", "the planner's messages stop (CAN)", PLANNER_MS, "target_timeout"),
+    stops("emergency_stop", "the emergency stop is pressed", MACHINE_CYCLE_MS, "emergency_stop"),
 )
 IMAGE = (
-    _stops("sensor_nan", "a sensor value is NaN", DEBOUNCE_MS, "sensor_range", level="image"),
-    _stops(
+    stops("sensor_nan", "a sensor value is NaN", DEBOUNCE_MS, "sensor_range", level="image"),
+    stops(
         "modbus_client_lost",
         "the client's heartbeat stops, or its connection ends",
         PLANNER_MS,
         "target_timeout",
         level="image",
     ),
-    _stops(
+    stops(
         "modbus_taken_over",
         "another peer takes over with the writer's number, and commits at once",
         0.0,
         "target_timeout",
         level="image",
     ),
-    _stops(
+    stops(
         "interface_client_lost",
         "a client of OPC UA or ROS 2 gives no sign of life, or its session ends",
         PLANNER_MS,
         "target_timeout",
         level="image",
     ),
-    _stops(
+    stops(
         "interface_followed",
         "such a client leaves, and another one asks at once and goes on",
         0.0,
         "target_timeout",
         level="image",
     ),
-    _stops(
+    stops(
         "policy_nan", "the controller's state becomes NaN", 4 * TICK_MS, "controller_failed", level="image"
     ),
-    _stops("task_overrun", "every cycle ends too late", OVERRUNS_MS, "task_overrun", level="image"),
+    stops("task_overrun", "every cycle ends too late", OVERRUNS_MS, "task_overrun", level="image"),
 )
 INSIDE = (
     Fault(
@@ -219,7 +219,7 @@ PROCESS = (
         COMMAND_MS,
         "process",
     ),
-    _stops(
+    stops(
         "modbus_client_gone",
         "the client's process dies (real server)",
         PLANNER_MS + SHOWN_FAULT_MS,

@@ -21,6 +21,7 @@ from typing import Any
 import can
 import numpy as np
 
+from deployment.hil.canopen_devices import Devices, replaced
 from deployment.hil.machine import COMMANDS, Machine, within_field
 from deployment.hil.panel import ARMING_TICKS, CALM, Panel, sensor_names
 from records.record import Record, RecordWriter
@@ -99,7 +100,10 @@ class MachineNode:
         machine: Machine,
         pace: float = 1.0,
         planner: bool = False,
+        devices: Devices | None = None,
     ) -> None:
+        """`devices`: CANopen devices that send what they measure, and whose valves take the commands."""
+        self._devices = devices
         self._bus = frame_source(bus)
         self.scenario, self.machine = scenario, machine
         self.panel, self.valves = Panel(scenario, pace), Valves()
@@ -110,6 +114,7 @@ class MachineNode:
         self._senders = [Transmitter(node, self._index) for node in (*NODES, *["Planner"] * planner)]
         self._early = {m.frame_id for n, m in definition().bus.messages.items() if n in STATUS_MESSAGES}
         self._sensors = sensor_names()
+        self._withheld = replaced() if devices else frozenset[int]()
         self._heard = self.unsent = 0
         self.rows: list[list[float]] = []
 
@@ -132,6 +137,9 @@ class MachineNode:
     def tick(self, tick: int, beat: int) -> None:
         """One period of the scenario: what the sensors show goes out, what came before moves the valves."""
         commands, truth = self.valves.at(beat), self.machine.outputs()
+        if self._devices:
+            self._devices.show({**truth, **self.panel.over})
+            commands = self._devices.commands()
         values = {n: within_field(n, truth[n]) for n in self._sensors if n in truth}
         others = {**CALM, **self.panel.switches(tick), **self.panel.targets(tick), **self._beats(beat)}
         self._set({**others, **values, **self.panel.over})
@@ -156,7 +164,7 @@ class MachineNode:
     def _send(self, beat: int, only: set[int] | None) -> None:
         for sender in self._senders:
             for frame_id, data in sender.due(self._values, beat):
-                if only is None or frame_id in only:
+                if (only is None or frame_id in only) and frame_id not in self._withheld:
                     try:
                         self._bus.send_raw(frame_id | EXTENDED, data)
                     except (can.CanError, OSError):

@@ -8,7 +8,8 @@ not taken back: `joystick_slew 0.4`, `emergency_stop 1`; a name alone takes it b
 import os
 import select
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -16,11 +17,13 @@ from subprocess import Popen
 
 import can
 
+from deployment.hil.canopen_devices import Devices
 from deployment.hil.machine_node import NODES, MachineNode, beats
 from deployment.hil.rig import BUS_PRIORITY, MACHINE_PRIORITY, prefer
 from runtime.can.busd import start_bus
 from runtime.can.port import open_bus
 from runtime.configuration import LOCAL_BUS
+from specs.canopen import definition as devices_on
 from specs.errors import InputError, nearest
 from specs.scenario import TICK_S
 from specs.signals import definition, signal, signals
@@ -89,15 +92,15 @@ def sender(name: str) -> str:
 class MachineOnBus:
     """The machine on its bus; a context, which ends the bus if it made it."""
 
-    def __init__(self, interface: str, channel: str) -> None:
-        """Join the bus, after making it if it is a local one that nobody has made."""
+    def __init__(self, interface: str, channel: str, rate: int = 0, node: str = "Machine") -> None:
+        """Join the bus, after making it if it is a local one that nobody has made; `rate` 0: the specs'."""
         self._made: Popen[bytes] | None = None
-        rate = definition().bus.bit_rate
+        rate = rate or definition().bus.bit_rate
         if interface == LOCAL_BUS and not _answers(Path(channel), rate):
             Path(channel).unlink(missing_ok=True)
-            self._made = start_bus(Path(channel))
+            self._made = start_bus(Path(channel), rate)
             prefer(self._made.pid, BUS_PRIORITY)
-        self.bus: can.BusABC = open_bus(interface, channel, rate, "Machine")
+        self.bus: can.BusABC = open_bus(interface, channel, rate, node)
 
     def __enter__(self) -> "MachineOnBus":
         prefer(os.getpid(), MACHINE_PRIORITY)
@@ -109,6 +112,14 @@ class MachineOnBus:
         if self._made:
             self._made.terminate()
             self._made.wait()
+
+
+@contextmanager
+def devices(interface: str, channel: str) -> Iterator[Devices]:
+    """The machine's CANopen devices on their bus."""
+    rate = devices_on().bus.bit_rate
+    with MachineOnBus(interface, channel, rate, "Devices") as end, Devices(end.bus) as found:
+        yield found
 
 
 def _answers(path: Path, rate: int) -> bool:

@@ -32,6 +32,9 @@ class AnyBus:
         return message.arbitration_id | flags, bytes(message.data), stamp
 
     def send_raw(self, identifier: int, data: bytes) -> None:
-        """Send a frame with a 29-bit identifier."""
-        frame = can.Message(arbitration_id=identifier & wire.IDENTIFIER, is_extended_id=True, data=data)
+        """Send a frame; the flag of a 29-bit identifier tells it from one of 11 bits."""
+        extended = bool(identifier & wire.EXTENDED)
+        frame = can.Message(
+            arbitration_id=identifier & wire.IDENTIFIER, is_extended_id=extended, data=bytes(data)
+        )
         self._bus.send(frame, timeout=0)

@@ -125,24 +125,24 @@ static void hear(SlrWire *w, const SlrFrame *frame, int64_t tick) {
     w->ours += said[i].identifier == (frame->identifier & SLR_WIRE_IDENTIFIER);
 }
 
-static void told_of_errors(SlrWire *w, const SlrFrame *frame) {
+void slr_bus_error(SlrBus *bus, const SlrFrame *frame) {
   const uint8_t state = frame->length > 1 ? frame->data[1] : 0;
   if (frame->identifier & SLR_WIRE_BUS_OFF) {
-    w->off = w->was_off = 1;
+    bus->off = bus->was_off = 1;
   } else if (frame->identifier & SLR_WIRE_RESTARTED) {
-    w->off = w->passive = 0;
+    bus->off = bus->passive = 0;
   } else if (frame->identifier & SLR_WIRE_CONTROLLER) {
-    w->lost += (state & SLR_WIRE_RX_OVERFLOW) != 0;
-    if (state & (SLR_WIRE_PASSIVE | SLR_WIRE_ACTIVE)) w->passive = (state & SLR_WIRE_ACTIVE) == 0;
+    bus->lost += (state & SLR_WIRE_RX_OVERFLOW) != 0;
+    if (state & (SLR_WIRE_PASSIVE | SLR_WIRE_ACTIVE)) bus->passive = (state & SLR_WIRE_ACTIVE) == 0;
   }
 }
 
 static void take(SlrWire *w, const SlrFrame *frame, int64_t tick, int64_t now) {
   if (frame->identifier & SLR_WIRE_ERROR) {
-    told_of_errors(w, frame);
+    slr_bus_error(&w->bus, frame);
     return;
   }
-  w->off = 0;
+  w->bus.off = 0;
   if (frame->identifier & SLR_WIRE_REMOTE) {
     w->remote += 1;
     return;
@@ -173,9 +173,9 @@ static void fill(const SlrWire *w, int64_t tick, SlrInput *in) {
 }
 
 void slr_wire_receive(SlrWire *w, const SlrFrame *frames, int count, int64_t tick, int64_t now, SlrInput *in) {
-  w->was_off = 0;
+  w->bus.was_off = 0;
   for (int i = 0; i < count; i++) take(w, &frames[i], tick, now);
-  w->flags = (w->passive ? SLR_FLAG_BUS_PASSIVE : 0) | (w->off || w->was_off ? SLR_FLAG_BUS_OFF : 0);
+  w->flags = (w->bus.passive ? SLR_FLAG_BUS_PASSIVE : 0) | (w->bus.off || w->bus.was_off ? SLR_FLAG_BUS_OFF : 0);
   fill(w, tick, in);
 }
 

@@ -19,13 +19,18 @@ typedef struct {
   int64_t stamp; /* ns, monotonic: when it came */
 } SlrFrame;
 
+/* What a bus says of itself. */
 typedef struct {
-  int64_t stamp;   /* ns: of the last right frame of the message that latency is counted from; 0: none */
-  int64_t flags;   /* SLR_FLAG_BUS_PASSIVE, SLR_FLAG_BUS_OFF: of this tick */
-  int64_t passive; /* from here on as the bus says */
+  int64_t passive;
   int64_t off;
   int64_t was_off; /* in this tick, if only for a moment */
   int64_t lost;    /* times that frames for us were lost */
+} SlrBus;
+
+typedef struct {
+  int64_t stamp;   /* ns: of the last right frame of the message that latency is counted from; 0: none */
+  int64_t flags;   /* SLR_FLAG_BUS_PASSIVE, SLR_FLAG_BUS_OFF: of this tick */
+  SlrBus bus;
   int64_t wrong;   /* frames refused */
   int64_t ours;    /* frames that only we send, and did not */
   int64_t remote;  /* remote frames: they ask for data and have none */
@@ -42,6 +47,7 @@ typedef struct {
   double value[SLR_IN_COUNT];
 } SlrWire;
 
+void slr_bus_error(SlrBus *bus, const SlrFrame *frame); /* an error frame came */
 SLR_EXPORT const char *slr_wire_layout(void);
 SLR_EXPORT size_t slr_wire_size(void);
 SLR_EXPORT void slr_wire_reset(SlrWire *w);

@@ -8,6 +8,7 @@ from runtime.hmi.audit import Audit
 from runtime.interfaces.told import LABELS, Listener
 
 SHOWN_NS = 3_000_000_000  # for which an event is a present alarm; it stays in the list until acknowledged
+ABOUT = {LABELS["canopen"]: "a device is missing, refused or in trouble"}
 JOIN_NS = 200_000_000  # between two looks
 
 
@@ -36,7 +37,7 @@ class Outsiders:
     def _take(self, label: str, event: dict[str, Any], now: int) -> None:
         level = Level(event["level"])
         if level != Level.NOTE:
-            text = f"{label}: somebody was refused or lost the right to command"
+            text = f"{label}: {ABOUT.get(label, 'somebody was refused or lost the right to command')}"
             condition = Condition(f"interface:{label}", level, text, event["what"])
             self._present[condition.key] = (now + SHOWN_NS, condition)
         try:

@@ -1,4 +1,4 @@
-"""What an interface tells people: who was refused, who lost the right to command, who has it.
+"""What an interface tells people: who was refused, who lost or has the right to command, what is lost.
 
 Each event is a line on the console and an entry of `told-NAME.cell`, from which the HMI has its alarms and
 its audit log.  The same is said once a minute, and no more than LINES in a minute: who tries again and again
@@ -16,7 +16,7 @@ from runtime.modbus.told import to_console
 from runtime.shared import Cell
 from specs.errors import InputError
 
-LABELS = {"foxglove": "Foxglove", "opcua": "OPC UA", "ros2": "ROS 2"}
+LABELS = {"canopen": "CANopen", "foxglove": "Foxglove", "opcua": "OPC UA", "ros2": "ROS 2"}
 HOLDS, BYTES = "interface events", 16_384
 KEPT, LENGTH = 24, 200  # events in the cell; letters of one
 MINUTE_S, LINES = 60.0, 30

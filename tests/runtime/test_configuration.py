@@ -236,3 +236,47 @@ def test_any_damage_is_read_or_refused_with_one_message(tmp_path_factory, at: in
     assert found is not None or str(path) in said
     if found is not None:
         assert (found.rates.base_hz, found.can.bit_rate) == (50.0, 250_000)
+
+
+DEVICES = WHOLE + '[canopen]\ninterface = "slewright"\nchannel = "devices"\n'
+
+
+def test_a_bus_of_canopen_devices_and_its_makers_files(folder: Path):
+    found = configuration.read(written(folder, DEVICES + 'eds = { encoder_slew = "maker.eds" }\n')).canopen
+    assert found
+    assert (found.channel, found.eds) == (str(folder / "devices"), {"encoder_slew": folder / "maker.eds"})
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ('eds = { encoder_slw = "maker.eds" }\n', "no CANopen node 'encoder_slw'; did you mean encoder_slew"),
+        ("bit_rate = 250000\n", "bit_rate"),
+    ],
+)
+def test_what_the_devices_bus_does_not_have_is_refused(folder: Path, more: str, said: str):
+    with pytest.raises(InputError, match=said):
+        configuration.read(written(folder, DEVICES + more))
+
+
+@pytest.mark.parametrize("instead", ["slcan", "virtual"])
+def test_devices_need_a_bus_that_two_processes_can_join(folder: Path, instead: str):
+    text = DEVICES[::-1].replace('"slewright"'[::-1], f'"{instead}"'[::-1], 1)[::-1]
+    with pytest.raises(InputError, match="interface"):
+        configuration.read(written(folder, text))
+
+
+def test_in_shadow_nobody_sets_up_devices(folder: Path):
+    with pytest.raises(InputError, match="a master that sends nothing sets up no device"):
+        configuration.read(written(folder, "shadow = true\n" + DEVICES))
+
+
+def test_a_devices_bus_that_is_not_there_and_an_eds_that_is_none_are_refused(folder: Path):
+    from runtime.canopen.start import identities
+    from runtime.configuration import Canopen, _check_bus
+
+    with pytest.raises(InputError, match=r"canopen.channel: .*devices is no local bus"):
+        _check_bus("canopen", Canopen(interface="slewright", channel=str(folder / "devices")))
+    pytest.importorskip("canopen")
+    with pytest.raises(InputError, match=r"none.eds: no EDS"):
+        identities({"encoder_slew": folder / "none.eds"})

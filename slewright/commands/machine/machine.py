@@ -1,7 +1,7 @@
 """`slewright machine`: the simulated machine alone on a bus, for `slewright run`."""
 
 import signal
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +24,12 @@ def machine(
         str, typer.Option("--machine", metavar="M", help="nominal, tuning:K or validation:K.")
     ] = "nominal",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = 1,
+    canopen: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Encoders, inclinometers and valves as CANopen devices on this bus, too."
+        ),
+    ] = None,
     seconds: Annotated[
         float | None, typer.Option(metavar="S", min=0.02, help="End after so long (default: when told to).")
     ] = None,
@@ -44,9 +50,15 @@ def machine(
     with progress("machine") as report:
         report("starting")
         plant = plants.Machine(found, seed, draw)
-    with plant, standalone_machine.MachineOnBus(interface, channel) as end:
+    with ExitStack() as stack:
+        stack.enter_context(plant)
+        end = stack.enter_context(standalone_machine.MachineOnBus(interface, channel))
+        devices = stack.enter_context(standalone_machine.devices(interface, canopen)) if canopen else None
         where = Path(channel).resolve() if interface == standalone_machine.LOCAL_BUS else channel
         typer.echo(f"simulated machine on {interface} {where}; Ctrl-C ends it")
+        if canopen:
+            typer.echo(f"its CANopen devices on {interface} {canopen}")
         with suppress(KeyboardInterrupt):
             operator = None if by_hand else standalone_machine.Operator()
-            standalone_machine.drive(MachineNode(end.bus, found, plant), ticks, typer.echo, operator)
+            node = MachineNode(end.bus, found, plant, devices=devices)
+            standalone_machine.drive(node, ticks, typer.echo, operator)

@@ -118,6 +118,9 @@ def who_may_write(supervisor: "Supervisor") -> list[str]:
     if wanted.ros2:
         who = "may command" if wanted.ros2.commands else "may look, nobody may command"
         lines.append(f"ROS 2: domain {wanted.ros2.domain} of this computer only; whoever is on it {who}")
+    if wanted.canopen:
+        where = f"{wanted.canopen.interface} {wanted.canopen.channel}"
+        lines.append(f"CANopen: master on {where}; whoever is on that bus may speak as a device")
     if not wanted.modbus:
         lines.append(f"targets: from whoever sends them on CAN bus {wanted.can.channel}")
     return lines

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deployment.faults import injected, run as runs
+from deployment.faults import devices, injected, run as runs
+from deployment.faults.canopen_table import CANOPEN
 from deployment.faults.drive import Drive
 from deployment.faults.injected import Disturbance
 from deployment.faults.process_faults import Recorded
@@ -21,7 +22,7 @@ from tests.conftest import Command
 from tests.runtime.bundles import built
 
 TICKS = 700
-LOCKSTEP = [f.name for f in (*BUS, *IMAGE, *INSIDE)]
+LOCKSTEP = [f.name for f in (*BUS, *IMAGE, *INSIDE, *CANOPEN) if f.level != "process"]
 
 
 def quiet(what: str, done: float | None = None, total: float | None = None) -> None:
@@ -73,6 +74,26 @@ def test_an_attacked_drive_is_recorded_and_repeats_bit_for_bit(name: str, tmp_pa
 def test_an_unknown_fault_is_refused():
     with pytest.raises(InputError, match="no fault 'sensor_timout'; did you mean sensor_timeout"):
         faults(["sensor_timout"])
+
+
+@pytest.mark.parametrize("name", ["canopen_sensor_lost", "canopen_emergency"])
+def test_a_device_that_is_well_is_no_fault(name: str, monkeypatch: pytest.MonkeyPatch):
+    """The figures can fail: without the change, nothing stops."""
+    monkeypatch.setitem(devices.CHANGES, name, lambda random: lambda found, k: found)
+    (fault,) = faults([name])
+    (outcome,) = run(built("pd").folder, [fault], 1, 3, quiet, 400)
+    assert (outcome.injected, outcome.caught, outcome.missed[0].endswith("no reaction")) == (1, 0, True)
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+@pytest.mark.parametrize("name", [f.name for f in CANOPEN if f.level == "process"])
+def test_faults_of_real_devices(name: str):
+    pytest.importorskip("canopen")
+    (outcome,) = run(built("pd").folder, faults([name]), 1, 3, quiet)
+    assert outcome.injected == 1
+    late = outcome.worst_ms > outcome.fault.limit_ms  # a busy computer's; no test asserts a time
+    assert outcome.missed == [] or late
 
 
 @pytest.mark.slow

@@ -26,6 +26,15 @@ def test_a_refusal_is_an_alarm_and_in_the_audit_log(tmp_path: Path):
     assert outsiders.conditions() == []
 
 
+def test_a_device_that_is_missing_is_an_alarm_in_its_own_words(tmp_path: Path):
+    outsiders = Outsiders(tmp_path, Audit(tmp_path / "audit"))
+    assert Teller(tmp_path, "canopen").tell("valve_slew is missing: no boot-up message", Level.WARNING)
+    outsiders.look(JOIN_NS)
+    (found,) = outsiders.conditions()
+    assert found.text == "CANopen: a device is missing, refused or in trouble"
+    assert found.cause.startswith("valve_slew is missing")
+
+
 def test_a_process_that_was_started_again_goes_on_with_its_cell(tmp_path: Path):
     outsiders, now = Outsiders(tmp_path, Audit(tmp_path / "audit")), JOIN_NS
     for text in ("first", "second"):
