@@ -1,0 +1,91 @@
+"""`slewright scenes`: controllers in scenes with obstacles, on the simulated reference machine."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from records.figures_file import write
+from slewright.figures import JsonOption
+from slewright.progress import progress
+from slewright.tables import show
+from specs.errors import InputError
+
+COLUMNS = (
+    "controller", "scenes", "runs", "contacts", "keep-out", "clearance m", "beside p95 m", "cycle s",
+    "speed °/s", "tool °/s", "missed", "plan p95 s",
+)  # fmt: skip
+
+
+def scenes(
+    scene: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENE...]",
+            help="Scenes by name (truck), files (.toml), drawn ones (FAMILY:SET:K) or a whole set (tuning).",
+        ),
+    ] = None,
+    controller: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--controller", metavar="NAME",
+            help="floor, shaped, a controller of baselines or a policy's file (repeatable; default: floor).",
+        ),
+    ] = None,
+    machines: Annotated[
+        int, typer.Option("--machines", min=0, help="Drawn machines of the set (0: the nominal one).")
+    ] = 0,
+    draw_set: Annotated[
+        str, typer.Option("--draws", metavar="SET", help="Machines: tuning or validation.")
+    ] = "validation",
+    sealed: Annotated[
+        str,
+        typer.Option("--sealed", metavar="PURPOSE", help="Sealed scenes on sealed machines; it is logged."),
+    ] = "",
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of planning, loads and noise.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Local worker processes.")] = 1,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
+    ] = Path("out/scenes"),
+    json: JsonOption = None,
+) -> None:  # fmt: skip
+    """Drive controllers through scenes: contacts, clearance, cross-track error, cycle time, speeds."""
+    from specs import draws, scene_families
+    from verification.scenes import study
+
+    controllers = list(dict.fromkeys(controller or ["floor"]))
+    if bool(scene) == bool(sealed):
+        raise InputError(
+            "name scenes (truck, tuning, gap:validation:0, a .toml file) or open the --sealed ones"
+        )
+    if draw_set == draws.SEALED:
+        raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
+    study.check_controllers(controllers)
+    opened = draws.open_test_set(f"scenes: {sealed}") if sealed else None
+    chosen = scene_families.sealed(opened) if opened else scene_families.find(scene or [])
+    study.check_scenes(chosen)
+    drawn: dict[str, Any] = {draws.NOMINAL: {}}
+    if machines:
+        which = draws.SEALED if opened else draw_set
+        drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
+    with progress("scenes") as report:
+        found = study.study(chosen, controllers, drawn, seed, jobs, out, report)
+    show(
+        "Scenes, simulated reference machine", COLUMNS, [_row(c, f) for c, f in found["controllers"].items()]
+    )
+    for name, figures in found["controllers"].items():
+        for which, reason in figures["without_plan"].items():
+            typer.echo(f"no plan: {name} in {which}: {reason}")
+    first = found["controllers"][controllers[0]]
+    write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
+
+
+def _row(name: str, f: dict[str, Any]) -> list[str]:
+    def text(key: str, form: str = "{:.2f}") -> str:
+        return "–" if f.get(key) is None else form.format(f[key])
+
+    return [
+        name, str(f["scenes"]), str(f["runs"]), text("contacts", "{}"), text("keep_outs", "{}"),
+        text("clearance_min"), text("cross_track_p95"), text("cycle", "{:.1f}"), text("speed", "{:.1f}"),
+        text("tool", "{:.1f}"), text("missed", "{}"), text("plan_p95_s"),
+    ]  # fmt: skip
