@@ -90,12 +90,12 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Kind:
-    """A follower as the command line knows it; `even`: its paths leave out the period of the swing."""
+    """A follower as the command line knows it; `flat`: on its paths the grab leads, not the arm tip."""
 
     name: str
     label: str
     make: Callable[[], Follower]
-    even: bool = False
+    flat: bool = False
 
 
 KINDS = {
@@ -103,8 +103,8 @@ KINDS = {
     for kind in (
         Kind("floor", "planned path, feed-forward and PI", Tracking),
         Kind(
-            "shaped", "planned path evened over the swing's period, feed-forward, PI and sway feedback",
-            lambda: Tracking({"follow_sway_gain": 0.1}), even=True,
+            "shaped", "planned path of the grab by flatness, feed-forward, PI and sway feedback",
+            lambda: Tracking({"follow_sway_gain": 0.1}), flat=True,
         ),
     )
 }  # fmt: skip

@@ -87,3 +87,13 @@ def _curve(points: np.ndarray) -> BSpline:
     inner = np.array([np.mean(along[i + 1 : i + DEGREE + 1]) for i in range(len(points) - DEGREE - 1)])
     knots = np.concatenate([np.zeros(DEGREE + 1), inner, np.full(DEGREE + 1, along[-1])])
     return BSpline(knots, points, DEGREE)
+
+
+def averaged(angles: np.ndarray, seconds: float) -> np.ndarray:
+    """The mean of the angles over a time, which rounds jumps of acceleration; it lasts longer by that time."""
+    count = round(seconds / TICK_S)
+    if count < 2:
+        return angles
+    ends = [np.repeat(angles[[k]], count, axis=0) for k in (0, -1)]
+    padded = np.cumsum(np.vstack([np.zeros((1, 3)), ends[0], angles, ends[1]]), axis=0)
+    return (padded[count:] - padded[:-count]) / count

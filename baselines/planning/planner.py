@@ -12,7 +12,8 @@ from scipy.interpolate import BSpline
 from baselines.planning import search
 from baselines.planning.body import Body, Margins
 from baselines.planning.distance import Solids, solids
-from baselines.planning.path import STIFFNESSES, TICK_S, Free, Path, smooth
+from baselines.planning.flat import flat
+from baselines.planning.path import STIFFNESSES, TICK_S, Free, Path, averaged, smooth
 from baselines.planning.timing import Limits, timed
 from fmus.equations import kinematics
 from specs import parameters, shapes
@@ -22,6 +23,7 @@ from specs.scene import Scene
 
 NEAREST_M = 4.0  # of a thing: the carriage turns there
 ROUNDED_M = 0.1  # by which a smooth path may be nearer than its margin, where it cuts a corner
+FLAT_MEANS = 3  # of the angles: their fourth derivatives are to be small
 AROUND = 24  # directions in which a free target near a taken one is looked for
 RINGS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 
@@ -38,10 +40,10 @@ class Leg:
 
 @dataclass(frozen=True)
 class Planner:
-    """Plans in one scene; with `even` the timing leaves out the period of the tool's swing."""
+    """Plans in one scene; with `flat` the arm tip moves so that the grab, not the tip, keeps to the path."""
 
     scene: Scene
-    even: bool = False
+    flat: bool = False
     gains: dict[str, float] = field(default_factory=lambda: _gains())
 
     @cached_property
@@ -99,6 +101,12 @@ class Planner:
         if not kept:
             return None, "no timing keeps to the limits"
         angles = min(kept, key=lambda one: one[0])[1] * self.speeds
+        for _ in range(FLAT_MEANS if self.flat else 1):
+            angles = averaged(angles, self.gains["path_round_time"])
+        if np.any(self.body.clearance(angles) <= -ROUNDED_M):
+            return None, "the way is too narrow for a smooth path"
+        if self.flat:
+            angles = flat(angles, self.gains["path_swing_length"])
         rates = np.gradient(angles, TICK_S, axis=0)
         accelerations = np.gradient(rates, TICK_S, axis=0)
         return Path(angles, rates, accelerations, target.xyz, self.scene.tolerance_m), ""
@@ -122,8 +130,7 @@ class Planner:
         swing = p.gravity * g["path_sway"] / float(np.max(radius))
         arm = g["path_arm_acceleration"]
         flow = g["path_flow_share"] * parameters.parameter("pump_flow", "machine").value
-        period = g["path_swing_period"] if self.even else 0.0
-        return Limits(self.speeds, np.array([min(brake, swing), arm, arm]), flow, period)
+        return Limits(self.speeds, np.array([min(brake, swing), arm, arm]), flow)
 
     def _slow(self, poses: np.ndarray) -> np.ndarray:
         """The largest speed of the grab at poses, m/s."""

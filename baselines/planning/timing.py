@@ -1,9 +1,6 @@
-"""How fast along the way: time-optimal within the limits (toppra), then evened out over a swing's period.
+"""How fast along the way: time-optimal within the limits (toppra).
 
-Limits: speed and acceleration of each joint, flow of the one pump, speed of the grab in slow zones.  The
-optimum's jumps of acceleration would make the tool swing.  So the place on the path is taken as its mean over
-a period of the swing, and over a short time: the path stays the same, and the swing is not excited where the
-path is straight.
+Limits: speed and acceleration of each joint, flow of the one pump, speed of the grab in slow zones.
 """
 
 import math
@@ -21,18 +18,16 @@ from fmus.models.machine import arm_hydraulics
 from specs import parameters
 
 GRID = 120  # places on the path
-SHORT_S = 0.6  # of the mean that rounds the acceleration
 SLOWEST = 1e-3  # of the way per second: below this the place at an end is taken as reached
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Of joints (slew, boom, stick) and pump: rad/s, rad/s2, m3/s; `period_s` of the swing, 0: left alone."""
+    """Of joints (slew, boom, stick) and pump: rad/s, rad/s2, m3/s."""
 
     rates: np.ndarray
     accelerations: np.ndarray
     flow: float
-    period_s: float
 
 
 def timed(curve: BSpline, scale: np.ndarray, limits: Limits, slow: Any) -> np.ndarray | None:
@@ -56,7 +51,7 @@ def timed(curve: BSpline, scale: np.ndarray, limits: Limits, slow: Any) -> np.nd
     _, speeds, _ = found.compute_parameterization(0.0, 0.0)
     if speeds is None or not np.all(np.isfinite(speeds)):
         return None
-    return _evened(_over_time(grid, speeds), limits.period_s)
+    return _over_time(grid, speeds)
 
 
 def _over_time(grid: np.ndarray, speeds: np.ndarray) -> np.ndarray:
@@ -69,16 +64,6 @@ def _over_time(grid: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     gone = np.minimum(ticks - times[k], length[k])
     rise = (speeds[k + 1] - speeds[k]) / length[k]
     return np.minimum(grid[k] + speeds[k] * gone + rise * gone**2 / 2, grid[-1])
-
-
-def _evened(places: np.ndarray, period_s: float) -> np.ndarray:
-    """The mean of the place over the last period and the last short time, which the path lasts longer."""
-    for seconds in (period_s, SHORT_S):
-        count = round(seconds / TICK_S)
-        if count > 1:
-            padded = np.concatenate([np.full(count, places[0]), places, np.full(count, places[-1])])
-            places = np.convolve(padded, np.full(count, 1.0 / count), "valid")
-    return places
 
 
 def _fastest(angles: np.ndarray, along: np.ndarray, limits: Limits, slow: Any) -> np.ndarray:

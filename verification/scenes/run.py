@@ -84,16 +84,16 @@ def run(case: Case) -> Ran:
     """Plan where the controller follows plans, and drive."""
     if case.controller not in follower.KINDS:
         return _direct(case)
-    legs = planned(case.scene, follower.find(case.controller).even, case.seed)
+    legs = planned(case.scene, follower.find(case.controller).flat, case.seed)
     if any(leg.path is None for leg in legs):
         return Ran(case, None, legs, ())
     return _follow(case, legs)
 
 
 @cache
-def planned(scene: Scene, even: bool, seed: int) -> tuple[Leg, ...]:
+def planned(scene: Scene, flat: bool, seed: int) -> tuple[Leg, ...]:
     """The legs of a scene: they depend on nothing of a drawn machine."""
-    return tuple(Planner(scene, even).legs(seed))
+    return tuple(Planner(scene, flat).legs(seed))
 
 
 def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
