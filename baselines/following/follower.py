@@ -103,8 +103,8 @@ KINDS = {
     for kind in (
         Kind("floor", "planned path, feed-forward and PI", Tracking),
         Kind(
-            "shaped", "planned path of the grab by flatness, feed-forward, PI and sway feedback",
-            lambda: Tracking({"follow_sway_gain": 0.1}), flat=True,
+            "shaped", "planned path of the grab by flatness, feed-forward and PI",
+            Tracking, flat=True,
         ),
     )
 }  # fmt: skip

@@ -90,7 +90,7 @@ def _curve(points: np.ndarray) -> BSpline:
 
 
 def averaged(angles: np.ndarray, seconds: float) -> np.ndarray:
-    """The mean of the angles over a time, which rounds jumps of acceleration; it lasts longer by that time."""
+    """The mean of the angles over a time, which rounds jumps of acceleration; it lasts longer by it."""
     count = round(seconds / TICK_S)
     if count < 2:
         return angles

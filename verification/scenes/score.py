@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from baselines.following.follower import STILL_S
+from baselines.planning.path import Path
 from records.metrics import BAND_DEG
 from records.record import Record
 from specs import pose, shapes
@@ -17,6 +18,8 @@ from verification.scenes.run import TICK_S, TRUE, Ran
 
 EVERY = 10  # ticks between the samples of the cross-track error that are kept
 SAMPLES = "cross_track"  # a row's samples, which summaries pool
+PICTURE = "picture"  # what a page draws of a run
+PICTURE_TICKS = 10  # between the poses of it
 
 
 def score(ran: Ran) -> dict[str, Any]:
@@ -45,6 +48,7 @@ def score(ran: Ran) -> dict[str, Any]:
         "too_fast": _too_fast(case.scene, grab),
         "cross_track_p95": float(np.quantile(beside, 0.95)) if len(beside) else None,
         SAMPLES: [round(v, 3) for v in beside[::EVERY].tolist()],
+        PICTURE: _picture(ran, angles, grab),
         **_times(ran, record, grab),
         "tool": float(np.mean(np.degrees(np.hypot(*(record.column(f"true_qd_tool_{a}") for a in "xy"))))),
         "swing_deg": float(np.degrees(np.abs(angles[:, 3:]).max())),
@@ -53,6 +57,22 @@ def score(ran: Ran) -> dict[str, Any]:
 
 def _angles(record: Record) -> np.ndarray:
     return np.stack([record.column(name) for name in TRUE], axis=1)
+
+
+def _picture(ran: Ran, angles: np.ndarray, grab: np.ndarray) -> dict[str, Any]:
+    """Planned ways and driven track of the grab, and the machine's poses."""
+    ways = [_planned(leg.path)[::PICTURE_TICKS].round(2).tolist() for leg in ran.legs if leg.path]
+    return {
+        "ways": ways,
+        "grab": grab[::PICTURE_TICKS].round(2).tolist(),
+        "angles": angles[::PICTURE_TICKS].round(4).tolist(),
+        "step_s": TICK_S * PICTURE_TICKS,
+    }
+
+
+def _planned(path: Path) -> np.ndarray:
+    """The planned way of the grab as it hangs."""
+    return pose.grab(np.hstack([path.angles, np.zeros((len(path.angles), 2))]), shapes.sizes())
 
 
 def _rows_of(ran: Ran, count: int) -> list[slice]:
@@ -66,8 +86,7 @@ def _cross_track(ran: Ran, grab: np.ndarray) -> np.ndarray:
     found = []
     for leg, rows in zip(ran.legs, _rows_of(ran, len(grab)), strict=False):
         if leg.path is not None:
-            hanging = np.hstack([leg.path.angles, np.zeros((len(leg.path.angles), 2))])
-            found.append(KDTree(pose.grab(hanging, shapes.sizes())).query(grab[rows])[0])
+            found.append(KDTree(_planned(leg.path)).query(grab[rows])[0])
     return np.concatenate(found) if found else np.empty(0)
 
 

@@ -17,7 +17,7 @@ from specs.scene import Scene
 from specs.schema import ROOT
 from verification.scenes import run as runs
 from verification.scenes.run import Case
-from verification.scenes.score import score, summary
+from verification.scenes.score import PICTURE, SAMPLES, score, summary
 
 ROWS = "rows.jsonl"
 ROOMS = ("specs", "fmus", "orchestrator", "baselines", "verification")  # whose sources decide what runs give
@@ -67,8 +67,9 @@ def study(
     return {
         "controllers": {c: {**summary(of), "families": _families(of)} for c, of in rows.items()},
         "labels": {c: label(c) for c in controllers},
+        PICTURE: [row for of in rows.values() for row in of if PICTURE in row],
         "rows": [
-            {name: value for name, value in row.items() if name != "cross_track"}
+            {name: value for name, value in row.items() if name not in (SAMPLES, PICTURE)}
             for of in rows.values()
             for row in of
         ],
@@ -87,10 +88,12 @@ def _families(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _run(job: Job) -> list[dict[str, Any]]:
-    return [
-        score(runs.run(Case(job.scene, job.controller, name, drawn, job.seed)))
-        for name, drawn in job.machines.items()
-    ]
+    """A row of each machine; the first one can be drawn."""
+    rows = []
+    for name, drawn in job.machines.items():
+        row = score(runs.run(Case(job.scene, job.controller, name, drawn, job.seed)))
+        rows.append({k: v for k, v in row.items() if not rows or k != PICTURE})
+    return rows
 
 
 def _known(path: Path) -> dict[str, list[dict[str, Any]]]:

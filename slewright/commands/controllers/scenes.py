@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from records.figures_file import write
+from records.figures_file import check_target, write
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
@@ -21,7 +21,7 @@ def scenes(
     scene: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[SCENE...]",
+            metavar="SCENE...",
             help="Scenes by name (truck), files (.toml), drawn ones (FAMILY:SET:K) or a whole set (tuning).",
         ),
     ] = None,
@@ -47,6 +47,10 @@ def scenes(
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
     ] = Path("out/scenes"),
+    page: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.html", callback=check_target, help="Draw one run of each scene there."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:  # fmt: skip
     """Drive controllers through scenes: contacts, clearance, cross-track error, cycle time, speeds."""
@@ -70,12 +74,16 @@ def scenes(
         drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
     with progress("scenes") as report:
         found = study.study(chosen, controllers, drawn, seed, jobs, out, report)
-    show(
-        "Scenes, simulated reference machine", COLUMNS, [_row(c, f) for c, f in found["controllers"].items()]
-    )
+    table = [_row(c, f) for c, f in found["controllers"].items()]
+    show("Scenes, simulated reference machine", COLUMNS, table)
     for name, figures in found["controllers"].items():
         for which, reason in figures["without_plan"].items():
             typer.echo(f"no plan: {name} in {which}: {reason}")
+    pictures = found.pop("picture")
+    if page is not None:
+        from verification.scenes import page as pages
+
+        typer.echo(f"written: {pages.write(page, chosen, pictures, (COLUMNS, table))}")
     first = found["controllers"][controllers[0]]
     write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
 
