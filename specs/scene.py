@@ -18,7 +18,7 @@ from specs.schema import ROOT, STRICT, read_toml, validate
 
 FOLDER = ROOT / "scenes"
 Vector = tuple[float, float, float]
-MOST_TARGETS, MOST_THINGS = 20, 200
+MOST_TARGETS, MOST_THINGS, MOST_SOLIDS = 20, 200, 400
 GROUND = "ground"  # a thing's name that is taken
 FARTHEST_M = 200.0  # of anything from the slew axis
 
@@ -225,6 +225,13 @@ class Scene:
         _positive(tolerance_m=self.tolerance_m)
         if not 0.0 <= self.load_kg[0] <= self.load_kg[1] <= 5000.0:
             raise InputError("load_kg: need 0 <= from <= to <= 5000")
+        if len(self.solids()) > MOST_SOLIDS:
+            count = {thing.name: len(list(_solid(thing))) for thing in self.things}
+            most = max(count, key=lambda name: count[name])
+            raise InputError(
+                f"things: {len(self.solids())} solids, at most {MOST_SOLIDS}; '{most}' alone has "
+                f"{count[most]}: larger cells or fewer things"
+            )
         names = [GROUND, *(thing.name for thing in self.things)]
         if twice := [name for name in names if names.count(name) > 1]:
             raise InputError(f"two things called '{twice[0]}'")

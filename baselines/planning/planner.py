@@ -16,7 +16,7 @@ from baselines.planning.flat import flat
 from baselines.planning.path import STIFFNESSES, TICK_S, Free, Path, averaged, smooth
 from baselines.planning.timing import Limits, timed
 from fmus.equations import kinematics
-from specs import parameters, shapes
+from specs import parameters, pose, shapes
 from specs.errors import InputError
 from specs.scenario import Target
 from specs.scene import Scene
@@ -24,6 +24,7 @@ from specs.scene import Scene
 NEAREST_M = 4.0  # of a thing: the carriage turns there
 ROUNDED_M = 0.1  # by which a smooth path may be nearer than its margin, where it cuts a corner
 FLAT_MEANS = 3  # of the angles: their fourth derivatives are to be small
+ROUND_SHARES = (1.0, 0.6, 0.3)  # of the time of the means
 AROUND = 24  # directions in which a free target near a taken one is looked for
 RINGS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 
@@ -97,19 +98,25 @@ class Planner:
         if not curves:
             return None, "the way is too narrow for a smooth path"
         tried = [(curve, timed(curve, self.speeds, self._limits(curve), self._slow)) for curve in curves]
-        kept = [(len(places), curve(places)) for curve, places in tried if places is not None]
+        kept = [curve(places) * self.speeds for curve, places in tried if places is not None]
         if not kept:
             return None, "no timing keeps to the limits"
-        angles = min(kept, key=lambda one: one[0])[1] * self.speeds
-        for _ in range(FLAT_MEANS if self.flat else 1):
-            angles = averaged(angles, self.gains["path_round_time"])
-        if np.any(self.body.clearance(angles) <= -ROUNDED_M):
+        angles = self._rounded(sorted(kept, key=len))
+        if angles is None:
             return None, "the way is too narrow for a smooth path"
-        if self.flat:
-            angles = flat(angles, self.gains["path_swing_length"])
         rates = np.gradient(angles, TICK_S, axis=0)
         accelerations = np.gradient(rates, TICK_S, axis=0)
         return Path(angles, rates, accelerations, target.xyz, self.scene.tolerance_m), ""
+
+    def _rounded(self, kept: Sequence[np.ndarray]) -> np.ndarray | None:
+        """The quickest of the timed paths that stays free with accelerations rounded, by less if need be."""
+        for seconds in (self.gains["path_round_time"] * share for share in ROUND_SHARES):
+            for angles in kept:
+                for _ in range(FLAT_MEANS if self.flat else 1):
+                    angles = averaged(angles, seconds)
+                if np.all(self.body.clearance(angles) > -ROUNDED_M):
+                    return flat(angles, self.gains["path_swing_length"]) if self.flat else angles
+        return None
 
     def _curves(self, corners: np.ndarray) -> list[BSpline]:
         """Smooth curves about a way, rounded more and less."""
@@ -213,3 +220,8 @@ def _turns(start: np.ndarray, goal: np.ndarray) -> Sequence[np.ndarray]:
 
 def _text(target: Target) -> str:
     return f"slew {target.slew_deg:.1f}°, radius {target.radius_m:.2f} m, height {target.height_m:.2f} m"
+
+
+def hanging(path: Path) -> np.ndarray:
+    """The way of the grab (n, 3) as it hangs straight on a path."""
+    return pose.grab(np.hstack([path.angles, np.zeros((len(path.angles), 2))]), shapes.sizes())

@@ -1,7 +1,7 @@
 """One run of a scene: planned, driven on the simulated reference machine, recorded, its contacts checked."""
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path as File
@@ -11,7 +11,7 @@ import numpy as np
 from baselines import registry
 from baselines.following import follower
 from baselines.following.follower import MOST_EXTRA_S, SENSED, STILL_S
-from baselines.planning.planner import Leg, Planner, pose_of
+from baselines.planning.planner import Leg, Planner, hanging, pose_of
 from orchestrator.run.master import Options
 from orchestrator.run.simulate import seeds
 from orchestrator.system.assembly import assemble
@@ -25,11 +25,13 @@ from specs.version import VERSION
 from verification.evaluation import policies
 from verification.python_controller import checked, offered
 from verification.runs import SLOT, plant_parameters
-from verification.stepped import stepped
+from verification.stepped import Answer, stepped
 
 SYSTEM = "reference"
 TICK_S = 0.02
 DIRECT_S = 25.0  # for a target at most, of a controller without a plan
+LED = "@path"  # after a controller's name: its target is moved along the planned path
+LEAD_S = 1.5  # by which that target is ahead of the plan
 AFTER_S = 2.0  # recorded beyond the last target
 TRUE = ("true_q_slew", "true_q_boom", "true_q_stick", "true_q_tool_y", "true_q_tool_x")  # as pose.ANGLES
 
@@ -74,20 +76,22 @@ def names() -> list[str]:
 
 def check(controller: str) -> None:
     """Raise InputError for an unknown controller."""
-    if controller not in names() and not File(controller).is_file():
-        raise InputError(
-            f"no controller '{controller}'; {nearest(controller, names())}, or a policy's .onnx file"
-        )
+    blind = controller.removesuffix(LED)
+    if blind in follower.KINDS and blind != controller:
+        raise InputError(f"controller {controller}: {blind} follows the path anyway; say {blind}")
+    if blind not in names() and not File(blind).is_file():
+        raise InputError(f"no controller '{blind}'; {nearest(blind, names())}, or a policy's .onnx file")
 
 
 def run(case: Case) -> Ran:
     """Plan where the controller follows plans, and drive."""
-    if case.controller not in follower.KINDS:
-        return _direct(case)
-    legs = planned(case.scene, follower.find(case.controller).flat, case.seed)
+    follows, led = case.controller in follower.KINDS, case.controller.endswith(LED)
+    if not follows and not led:
+        return _aimed(case, ())
+    legs = planned(case.scene, follows and follower.find(case.controller).flat, case.seed)
     if any(leg.path is None for leg in legs):
         return Ran(case, None, legs, ())
-    return _follow(case, legs)
+    return _follow(case, legs) if follows else _aimed(case, legs)
 
 
 @cache
@@ -115,32 +119,48 @@ def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
     return Ran(case, record, legs, tuple(begins))
 
 
-def _direct(case: Case) -> Ran:
-    """Each target given to a controller that knows nothing of the scene, as soon as the last is reached."""
-    targets, begins, near, last = case.scene.targets, list[int](), [0], [10**9]
-    sizes = shapes.sizes()
+def _aimed(case: Case, legs: tuple[Leg, ...]) -> Ran:
+    """A controller of targets: blind to the scene without `legs`, else led along the planned path."""
+    system, settings = _controlled(case.controller.removesuffix(LED))
+    aims = Aims(case.scene, legs)
+    record = _driven(case, system, SENSED, aims, sum(aims.longest) + AFTER_S, settings)
+    return Ran(case, record, legs, tuple(aims.begins))
 
-    def answer(tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
-        if begins:
-            grab = pose.grab(np.array([[sensors[name] for name in SENSED]]), sizes)[0]
-            close = math.dist(grab, targets[len(begins) - 1].xyz) <= case.scene.tolerance_m
-            near[0] = near[0] + 1 if close else 0
-        late = bool(begins) and (tick - begins[-1]) * TICK_S >= DIRECT_S
-        if not begins or near[0] * TICK_S >= STILL_S or late:
-            if len(begins) == len(targets):
-                last[0] = min(last[0], tick + round(AFTER_S / TICK_S))
+
+class Aims:
+    """What a controller of targets is told at each tick: the scene's target, or the planned way ahead."""
+
+    def __init__(self, scene: Scene, legs: tuple[Leg, ...]):
+        paths = [leg.path for leg in legs if leg.path]
+        self.begins: list[int] = []
+        self.ends = [target.xyz for target in scene.targets]
+        self.ways = [hanging(path) for path in paths] or [np.array([end]) for end in self.ends]
+        self.longest = [path.seconds + MOST_EXTRA_S for path in paths] or [DIRECT_S] * len(self.ends)
+        self._tolerance, self._sizes = scene.tolerance_m, shapes.sizes()
+        self._near = self._after = 0
+
+    def __call__(self, tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
+        """Inputs of the system; None some time after the last target."""
+        if not self.begins or self._ended(tick, sensors):
+            if len(self.begins) < len(self.ends):
+                self.begins.append(tick)
+                self._near = 0
             else:
-                begins.append(tick)
-                near[0] = 0
-        told = dict(zip(("target_x", "target_y", "target_z"), targets[len(begins) - 1].xyz, strict=True))
-        return None if tick >= last[0] else {**told, "load_told": 0.0, "pace": 1.0}
+                self._after += 1
+        way = self.ways[len(self.begins) - 1]
+        ahead = min(tick - self.begins[-1] + round(LEAD_S / TICK_S), len(way) - 1)
+        told = dict(zip(("target_x", "target_y", "target_z"), way[ahead].tolist(), strict=True))
+        over = self._after * TICK_S >= AFTER_S
+        return None if over else {**told, "load_told": 0.0, "pace": 1.0}
 
-    system, settings = _controlled(case.controller)
-    seconds = len(targets) * DIRECT_S + AFTER_S
-    return Ran(case, _driven(case, system, SENSED, answer, seconds, settings), (), tuple(begins))
-
-
-Answer = Callable[[int, Mapping[str, float]], Mapping[str, float] | None]
+    def _ended(self, tick: int, sensors: Mapping[str, float]) -> bool:
+        """Whether the grab has been near the target for long enough, or it took too long."""
+        number = len(self.begins) - 1
+        grab = pose.grab(np.array([[sensors[name] for name in SENSED]]), self._sizes)[0]
+        near = math.dist(grab, self.ends[number]) <= self._tolerance
+        self._near = self._near + 1 if near else 0
+        late = (tick - self.begins[-1]) * TICK_S >= self.longest[number]
+        return self._near * TICK_S >= STILL_S or late
 
 
 def _driven(

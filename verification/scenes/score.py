@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from baselines.following.follower import STILL_S
-from baselines.planning.path import Path
+from baselines.planning.planner import hanging
 from records.metrics import BAND_DEG
 from records.record import Record
-from specs import pose, shapes
+from specs import pose
 from specs.scene import Box, Scene
 from verification.scenes.contacts import contacts
 from verification.scenes.run import TICK_S, TRUE, Ran
@@ -61,18 +61,13 @@ def _angles(record: Record) -> np.ndarray:
 
 def _picture(ran: Ran, angles: np.ndarray, grab: np.ndarray) -> dict[str, Any]:
     """Planned ways and driven track of the grab, and the machine's poses."""
-    ways = [_planned(leg.path)[::PICTURE_TICKS].round(2).tolist() for leg in ran.legs if leg.path]
+    ways = [hanging(leg.path)[::PICTURE_TICKS].round(2).tolist() for leg in ran.legs if leg.path]
     return {
         "ways": ways,
         "grab": grab[::PICTURE_TICKS].round(2).tolist(),
         "angles": angles[::PICTURE_TICKS].round(4).tolist(),
         "step_s": TICK_S * PICTURE_TICKS,
     }
-
-
-def _planned(path: Path) -> np.ndarray:
-    """The planned way of the grab as it hangs."""
-    return pose.grab(np.hstack([path.angles, np.zeros((len(path.angles), 2))]), shapes.sizes())
 
 
 def _rows_of(ran: Ran, count: int) -> list[slice]:
@@ -86,7 +81,7 @@ def _cross_track(ran: Ran, grab: np.ndarray) -> np.ndarray:
     found = []
     for leg, rows in zip(ran.legs, _rows_of(ran, len(grab)), strict=False):
         if leg.path is not None:
-            found.append(KDTree(_planned(leg.path)).query(grab[rows])[0])
+            found.append(KDTree(hanging(leg.path)).query(grab[rows])[0])
     return np.concatenate(found) if found else np.empty(0)
 
 

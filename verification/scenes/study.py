@@ -79,7 +79,10 @@ def study(
 def label(controller: str) -> str:
     """What tables call a controller."""
     known = follower.KINDS
-    return known[controller].label if controller in known else "straight to the target, blind to the scene"
+    if controller in known:
+        return known[controller].label
+    led = controller.endswith(runs.LED)
+    return "its target moved along the planned path" if led else "straight to the target, blind to the scene"
 
 
 def _families(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -29,7 +29,7 @@ def scenes(
         list[str] | None,
         typer.Option(
             "--controller", metavar="NAME",
-            help="floor, shaped, a controller of baselines or a policy's file (repeatable; default: floor).",
+            help="floor, shaped; a controller or a policy's file, blind or led: pd@path (repeatable).",
         ),
     ] = None,
     machines: Annotated[

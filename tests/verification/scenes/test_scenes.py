@@ -12,11 +12,13 @@ pytest.importorskip("coal", reason="pip install 'slewright[scenes]'")
 pytest.importorskip("ompl", reason="pip install 'slewright[scenes]'")
 pytest.importorskip("toppra", reason="pip install 'slewright[scenes]'")
 
+from baselines.following.follower import SENSED
+from baselines.planning.planner import pose_of
 from slewright.__main__ import run as command
 from specs import pose, shapes
 from specs.scene import Box, Cylinder, HalfSpace, load
 from verification.scenes.contacts import contacts
-from verification.scenes.run import Case, run
+from verification.scenes.run import Aims, Case, planned, run
 from verification.scenes.score import score, summary
 
 TRUCK = load("truck")
@@ -65,6 +67,18 @@ def test_a_planned_path_is_driven_without_contact_where_driving_straight_meets_t
     assert (figures["runs"], figures["contacts"]) == (2, 1)
 
 
+def test_a_target_led_along_the_path_stays_nearer_to_it_than_one_at_its_end():
+    case = Case(replace(TRUCK, targets=TRUCK.targets[:1]), "pd@path")
+    aims = Aims(case.scene, planned(case.scene, False, 1))
+    rest = dict(zip(SENSED, (*pose_of(TRUCK.start), 0.0, 0.0), strict=True))
+    first, later = aims(0, rest), aims(200, rest)
+    assert first is not None
+    assert later is not None
+    start, end = np.array(TRUCK.start.xyz), np.array(TRUCK.targets[0].xyz)
+    away = [math.dist([told[f"target_{a}"] for a in "xyz"], start) for told in (first, later)]
+    assert 0.0 < away[0] < away[1] < math.dist(start, end)
+
+
 def test_a_scene_without_a_way_is_reported_not_driven():
     walls = tuple(
         Box(name=f"tower {k}", middle=(9.0, side * 5.0, 10.0), size=(14.0, 1.0, 20.0))
@@ -100,6 +114,8 @@ def test_the_command_writes_its_figures_and_goes_on_where_it_was(tmp_path: Path)
     [
         (["truk"], "unknown scene 'truk'; did you mean truck"),
         (["truck", "--controller", "flor"], "no controller 'flor'; did you mean floor"),
+        (["truck", "--controller", "floor@path"], "floor follows the path anyway"),
+        (["truck", "--controller", "pdd@path"], "no controller 'pdd'; did you mean pd"),
         ([], "name scenes"),
         (["gap:test:0"], "sealed"),
         (["truck", "--draws", "test", "--machines", "1"], "sealed"),
