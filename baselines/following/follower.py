@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from baselines.following.tracker import TRACKER
+from baselines.planning.flat import led
 from baselines.planning.path import TICK_S, Path
 from fmus.toolchain.discrete import DiscreteStepper
 from specs import pose, shapes
@@ -40,9 +41,13 @@ class Follower(Protocol):
 
 
 class Tracking:
-    """Feed-forward and PI by the equations of `tracker`; `gains` differ from the parameters' files."""
+    """Feed-forward and PI by the equations of `tracker`; `gains` differ from the parameters' files.
 
-    def __init__(self, gains: Mapping[str, float] | None = None):
+    With `leads` the grab is put on the path, for the length of its pendulum that the IMU has shown so far.
+    """
+
+    def __init__(self, gains: Mapping[str, float] | None = None, leads: bool = False):
+        self._leads = leads
         self._stepper = DiscreteStepper(TRACKER, gains)
         self._known = [v.name for v in TRACKER.inputs]
         self._sizes = shapes.sizes()
@@ -52,6 +57,8 @@ class Tracking:
 
     def begin(self, path: Path) -> None:
         """Follow this path."""
+        if self._leads:
+            path = led(path, 1.0 / self._stepper.state("inverse_length"))
         self._path, self._tick, self._near = path, 0, 0
 
     def step(self, sensors: Mapping[str, float]) -> Mapping[str, float]:
@@ -104,7 +111,7 @@ KINDS = {
         Kind("floor", "planned path, feed-forward and PI", Tracking),
         Kind(
             "shaped", "planned path of the grab by flatness, feed-forward and PI",
-            Tracking, flat=True,
+            lambda: Tracking(leads=True), flat=True,
         ),
     )
 }  # fmt: skip

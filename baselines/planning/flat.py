@@ -7,7 +7,7 @@ to be (flatness; sources: baselines/plan/README.md).
 
 import numpy as np
 
-from baselines.planning.path import TICK_S
+from baselines.planning.path import TICK_S, Path, of_angles
 from fmus.equations import kinematics
 
 
@@ -20,6 +20,11 @@ def flat(angles: np.ndarray, length: float) -> np.ndarray:
     x, y = (v + length / p.gravity * _twice(v) for v in (x, y))
     turned, *arm = kinematics.inverse(x, y, z, p)
     return np.stack([slew + np.angle(np.exp(1j * (turned - slew))), *arm], axis=1)
+
+
+def led(path: Path, length: float) -> Path:
+    """The same path for a grab on a pendulum of this `length` [m]."""
+    return of_angles(flat(path.angles, length), path.target, path.tolerance_m)
 
 
 def _twice(values: np.ndarray) -> np.ndarray:

@@ -36,6 +36,12 @@ class Path:
         return self.angles[k], self.rates[k], self.accelerations[k]
 
 
+def of_angles(angles: np.ndarray, target: tuple[float, float, float], tolerance_m: float) -> Path:
+    """The path of these angles, one row a tick."""
+    rates = np.gradient(angles, TICK_S, axis=0)
+    return Path(angles, rates, np.gradient(rates, TICK_S, axis=0), target, tolerance_m)
+
+
 SPACING = 0.4  # s at top speed between control points
 ROUNDS, PULL = 60, 0.5  # of the rounding: steps, share of each step
 STIFFNESSES = (3.0, 10.0, 30.0)  # of the rounding: the quickest of these curves is taken

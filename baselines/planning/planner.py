@@ -13,8 +13,7 @@ from scipy.interpolate import BSpline
 from baselines.planning import search
 from baselines.planning.body import Body, Margins
 from baselines.planning.distance import Solids, solids
-from baselines.planning.flat import flat
-from baselines.planning.path import STIFFNESSES, TICK_S, Free, Path, averaged, smooth
+from baselines.planning.path import STIFFNESSES, Free, Path, averaged, of_angles, smooth
 from baselines.planning.timing import Limits, timed
 from fmus.equations import kinematics
 from specs import parameters, pose, shapes
@@ -43,7 +42,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class Planner:
-    """Plans in one scene; with `flat` the arm tip moves so that the grab, not the tip, keeps to the path."""
+    """Plans in one scene; with `flat` paths are smooth enough for the grab to be led along them (flat.py)."""
 
     scene: Scene
     flat: bool = False
@@ -108,9 +107,7 @@ class Planner:
         angles = self._rounded(sorted(kept, key=len))
         if angles is None:
             return None, "the way is too narrow for a smooth path"
-        rates = np.gradient(angles, TICK_S, axis=0)
-        accelerations = np.gradient(rates, TICK_S, axis=0)
-        return Path(angles, rates, accelerations, target.xyz, self.scene.tolerance_m), ""
+        return of_angles(angles, target.xyz, self.scene.tolerance_m), ""
 
     def _rounded(self, kept: Sequence[np.ndarray]) -> np.ndarray | None:
         """The quickest of the timed paths that stays free with accelerations rounded, by less if need be."""
@@ -119,7 +116,7 @@ class Planner:
                 for _ in range(FLAT_MEANS if self.flat else 1):
                     angles = averaged(angles, seconds)
                 if np.all(self.body.clearance(angles) > -ROUNDED_M):
-                    return flat(angles, self.gains["path_swing_length"]) if self.flat else angles
+                    return angles
         return None
 
     def _curves(self, corners: np.ndarray) -> list[BSpline]:

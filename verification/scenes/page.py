@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from records.report import shell
+from records.report import markers, shell
 from records.report.figures import Figure
-from specs import shapes
+from specs import markdown, shapes
 from specs.scene import Box, Cylinder, Scene
 from specs.version import VERSION
 from verification.scenes import outlines
@@ -21,14 +21,10 @@ from verification.scenes import outlines
 INK, WAY, DRIVEN, THING, ZONE, GOAL = "#1d2730", "#8a939c", "#134a7c", "#b9a27c", "#d9822b", "#2a8c82"
 VIEW_PX, SPAN_M, TOP_M = 480, 15.0, 15.0  # of a view: its width, what it shows to either side, and up
 Row = Mapping[str, Any]
+Table = tuple[Sequence[str], Sequence[Sequence[str]]]  # columns and rows
 
 
-def write(
-    path: Path,
-    scenes: Sequence[Scene],
-    rows: Sequence[Row],
-    table: tuple[Sequence[str], Sequence[Sequence[str]]],
-) -> Path:
+def write(path: Path, scenes: Sequence[Scene], rows: Sequence[Row], table: Table) -> Path:
     """Write the page of these rows; those with a picture are drawn."""
     by_name = {scene.name: scene for scene in scenes}
     drawn: list[Figure] = []
@@ -36,6 +32,13 @@ def write(
     for number, row in enumerate(r for r in rows if r.get("picture")):
         body += _section(by_name[row["scene"]], row, number, drawn)
     return shell.write_whole(path, shell.document("scenes", body, drawn))
+
+
+def fill(path: Path, mark: str, command: str, table: Table, families: Table) -> None:
+    """Write both tables between the markers of `mark` in a Markdown page, with the command that made them."""
+    head = f"`{command}`, version {VERSION}; everything is simulated.\n\n"
+    both = (markdown.table(*table), markdown.table(*families))
+    markers.fill(path, mark, head + "\n".join(both))
 
 
 def _section(scene: Scene, row: Row, number: int, drawn: list[Figure]) -> Iterator[str]:

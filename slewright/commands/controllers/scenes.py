@@ -1,11 +1,15 @@
 """`slewright scenes`: controllers in scenes with obstacles, on the simulated reference machine."""
 
+import shlex
+import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from records.figures_file import check_target, write
+from records.report import markers
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
@@ -49,7 +53,11 @@ def scenes(
     ] = Path("out/scenes"),
     page: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.html", callback=check_target, help="Draw one run of each scene there."),
+        typer.Option(
+            metavar="FILE",
+            callback=check_target,
+            help="FILE.html: one run of each scene, drawn; FILE.md: the tables, between its markers.",
+        ),
     ] = None,
     json: JsonOption = None,
 ) -> None:  # fmt: skip
@@ -65,6 +73,9 @@ def scenes(
     if draw_set == draws.SEALED:
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
     study.check_controllers(controllers)
+    mark = "sealed" if sealed else (scene or [""])[0].split(":")[0]
+    if page is not None and page.suffix == ".md":
+        markers.around(page, mark)
     opened = draws.open_test_set(f"scenes: {sealed}") if sealed else None
     chosen = scene_families.sealed(opened) if opened else scene_families.find(scene or [])
     study.check_scenes(chosen)
@@ -75,6 +86,11 @@ def scenes(
     with progress("scenes") as report:
         found = study.study(chosen, controllers, drawn, seed, jobs, out, report)
     table = [_row(c, f) for c, f in found["controllers"].items()]
+    families = [
+        [family, *_row(c, f)]
+        for c, of in found["controllers"].items()
+        for family, f in of["families"].items()
+    ]
     show("Scenes, simulated reference machine", COLUMNS, table)
     for name, figures in found["controllers"].items():
         for which, reason in figures["without_plan"].items():
@@ -83,7 +99,11 @@ def scenes(
     if page is not None:
         from verification.scenes import page as pages
 
-        typer.echo(f"written: {pages.write(page, chosen, pictures, (COLUMNS, table))}")
+        if page.suffix == ".md":
+            pages.fill(page, mark, _command(), (COLUMNS, table), (("family", *COLUMNS), families))
+        else:
+            pages.write(page, chosen, pictures, (COLUMNS, table))
+        typer.echo(f"written: {page}")
     first = found["controllers"][controllers[0]]
     write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
 
@@ -93,7 +113,23 @@ def _row(name: str, f: dict[str, Any]) -> list[str]:
         return "–" if f.get(key) is None else form.format(f[key])
 
     return [
-        name, str(f["scenes"]), str(f["runs"]), text("contacts", "{}"), text("keep_outs", "{}"),
+        name, str(f["scenes"]), str(f["runs"]), _contacts(f), text("keep_outs", "{}"),
         text("clearance_min"), text("cross_track_p95"), text("cycle", "{:.1f}"), text("speed", "{:.1f}"),
         text("tool", "{:.1f}"), text("missed", "{}"), text("plan_p95_s"),
     ]  # fmt: skip
+
+
+def _contacts(f: dict[str, Any]) -> str:
+    """Runs with a contact, and the upper end of the interval of their share."""
+    if "contacts" not in f:
+        return "–"
+    return f"{f['contacts']} (≤ {100 * f['contact_share_ci95'][1]:.1f} %)"
+
+
+def _command() -> str:
+    """What was typed, without where the results go."""
+    words, left_out = [], ("--json", "--out", "--page", "--jobs")
+    for before, word in pairwise(["", *sys.argv[1:]]):
+        if word not in left_out and before not in left_out:
+            words.append(shlex.quote(word))
+    return f"slewright {' '.join(words)}"

@@ -53,6 +53,18 @@ def test_both_views_show_every_thing_by_its_name():
         assert "over the truck" in text
 
 
+def test_a_markdown_page_has_the_tables_between_its_markers(tmp_path: Path):
+    path = tmp_path / "results.md"
+    path.write_text("before\n<!-- tuning:begin -->\nold\n<!-- tuning:end -->\nafter\n")
+    page.fill(path, "tuning", "slewright scenes tuning", TABLE, TABLE)
+    text = path.read_text()
+    assert "old" not in text
+    assert "`slewright scenes tuning`" in text
+    assert text.count("| floor | 1 |") == 2
+    assert text.startswith("before")
+    assert text.endswith("after\n")
+
+
 @pytest.mark.browser
 def test_a_browser_draws_the_page(browser: str, tmp_path: Path):
     path = page.write(tmp_path / "scenes.html", [TRUCK], [ROW], TABLE)
