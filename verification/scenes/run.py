@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path as File
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from baselines.planning.planner import Leg, Planner, hanging, pose_of
 from orchestrator.run.master import Options
 from orchestrator.run.simulate import seeds
 from orchestrator.system.assembly import assemble
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
 from orchestrator.system.system import System
 from records.record import Record
 from records.schema import TIME
@@ -198,4 +201,6 @@ def _controlled(name: str) -> tuple[System, dict[str, float]]:
         found = registry.find(name)
     else:
         found = policies.controllers([File(name)])[File(name)]
-    return assemble(systems_spec.load(SYSTEM), found.models), found.parameters
+    with TemporaryDirectory(prefix="slewright-") as folder:
+        ssp = pack_system(SYSTEM, out=File(folder), models=found.models)
+        return load_system(ssp), found.parameters

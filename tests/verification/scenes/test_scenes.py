@@ -67,6 +67,12 @@ def test_a_planned_path_is_driven_without_contact_where_driving_straight_meets_t
     assert (figures["runs"], figures["contacts"]) == (2, 1)
 
 
+@pytest.mark.slow
+def test_a_controller_of_targets_reads_all_its_sensors_and_comes_to_rest_where_nothing_stands():
+    row = score(run(Case(replace(TRUCK, things=(), zones=(), targets=TRUCK.targets[:1]), "zv")))
+    assert (row["missed"], row["contact"]) == (0, False)
+
+
 def test_a_target_led_along_the_path_stays_nearer_to_it_than_one_at_its_end():
     case = Case(replace(TRUCK, targets=TRUCK.targets[:1]), "pd@path")
     aims = Aims(case.scene, planned(case.scene, False, 1))
