@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from baselines.following.follower import STILL_S
 from baselines.planning.planner import hanging
 from records.metrics import BAND_DEG
 from records.record import Record
@@ -16,6 +15,7 @@ from specs.scene import Box, Scene
 from verification.scenes.contacts import contacts
 from verification.scenes.run import TICK_S, TRUE, Ran
 
+STAYS_S = 0.5  # that the grab is to be within the tolerance; drivers wait longer, by their sensors
 EVERY = 10  # ticks between the samples of the cross-track error that are kept
 SAMPLES = "cross_track"  # a row's samples, which summaries pool
 PICTURE = "picture"  # what a page draws of a run
@@ -91,7 +91,7 @@ def _times(ran: Ran, record: Record, grab: np.ndarray) -> dict[str, Any]:
     missed, reached, turned, taken = 0, 0, 0.0, 0.0
     for target, rows in zip(ran.case.scene.targets, _rows_of(ran, len(grab)), strict=False):
         away = np.linalg.norm(grab[rows] - np.array(target.xyz), axis=1)
-        at = _stays(away <= ran.case.scene.tolerance_m, round(STILL_S / TICK_S))
+        at = _stays(away <= ran.case.scene.tolerance_m, round(STAYS_S / TICK_S))
         missed += at is None
         reached = rows.start + (len(away) if at is None else at)
         error = (slew[rows] - target.slew_deg + 180.0) % 360.0 - 180.0
