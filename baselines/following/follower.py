@@ -20,7 +20,7 @@ from specs.errors import InputError, nearest
 
 STILL_S = 1.0  # that the grab is to be near its target before a path has ended
 MOST_EXTRA_S = 12.0  # after the path's time: it is taken as ended even so
-SENSED = ("q_slew", "q_boom", "q_stick", "imu_tool_pitch", "imu_tool_roll")
+SENSED: tuple[str, ...] = ("q_slew", "q_boom", "q_stick", "imu_tool_pitch", "imu_tool_roll")
 
 
 class Follower(Protocol):
