@@ -14,7 +14,11 @@ from slewright.app import ROOMS, TRACEBACK, app
 from specs.errors import InputError, RunError
 
 WRONG_INPUT, FAILED, INTERRUPTED = 2, 3, 130
-EXTRAS = {"asammdf": "formats", "can": "formats", "mcap": "formats", "onnx": "learning", "torch": "learning"}
+EXTRAS = {
+    **dict.fromkeys(("asammdf", "can", "mcap"), "formats"),
+    **dict.fromkeys(("onnx", "torch"), "learning"),
+    **dict.fromkeys(("coal", "ompl", "toppra"), "scenes"),
+}
 
 
 def main(

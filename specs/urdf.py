@@ -4,14 +4,14 @@ A grab hangs: between stick and tool lies the joint `tool_level`, which turns ba
 The tool's own joints follow it, pitch before roll, as in the reference machine's equations.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
-from specs import parameters
+from specs import shapes
+from specs.shapes import BASE, Box, Vector
 
 MADE = "Generated from specs/parameters/geometry.toml by slewright generate; do not edit."
-BASE = "base"  # the frame of targets: x forward at slew angle 0, y left, z up from the ground
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,12 @@ class Joint:
     limits: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True)
-class Body:
-    """A box that stands for a link: its size and the place of its middle in the link's frame, m."""
+def joints(values: Mapping[str, float] | None = None) -> tuple[Joint, ...]:
+    """From the ground to the grab, each after the one that carries it; nominal where there are no `values`.
 
-    link: str
-    size: Vector
-    middle: Vector
-
-
-def joints() -> tuple[Joint, ...]:
-    """From the ground to the grab, each after the one that carries it."""
-    p = _geometry()
+    The roll axis lies `grab_offset` below the pitch axis where the values say so; a drawing leaves it out.
+    """
+    p = shapes.sizes() | {"grab_offset": 0.0} if values is None else values
     foot = (p["boom_foot_x"], 0.0, p["boom_foot_z"])
     up, back, left, out = (0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
     here = (0.0, 0.0, 0.0)
@@ -49,26 +43,28 @@ def joints() -> tuple[Joint, ...]:
         Joint("stick", "boom", "stick", (p["boom_length"], 0.0, 0.0), back, ("q_stick",), stick),
         Joint("tool_level", "stick", "tip", (p["stick_length"], 0.0, 0.0), left, ("q_boom", "q_stick")),
         Joint("tool_pitch", "tip", "swivel", here, left, ("imu_tool_pitch",)),
-        Joint("tool_roll", "swivel", "tool", here, out, ("imu_tool_roll",)),
+        Joint(
+            "tool_roll",
+            "swivel",
+            "tool",
+            (0.0, 0.0, 0.0 - p.get("grab_offset", 0.0)),
+            out,
+            ("imu_tool_roll",),
+        ),
     )
 
 
-def bodies() -> tuple[Body, ...]:
+def bodies() -> tuple[Box, ...]:
     """What is drawn of each link."""
-    p = _geometry()
-    deck = p["boom_foot_z"] - p["carriage_height"]
-    carriage, cabin = (
-        (p[f"{body}_length"], p[f"{body}_width"], p[f"{body}_height"]) for body in ("carriage", "cabin")
-    )
+    p = shapes.sizes()
     boom, stick, rope = p["boom_length"], p["stick_length"], p["tool_length"]
+    line = 2 / 3 * p["lines_radius"]
     return (
-        Body(BASE, (5.2, 3.0, deck), (0.0, 0.0, deck / 2)),
-        Body("carriage", carriage, (p["carriage_x"], 0.0, deck + carriage[2] / 2)),
-        Body("carriage", cabin, (p["cabin_x"], p["cabin_y"], deck + cabin[2] / 2)),
-        Body("boom", (boom, 0.6, 0.7), (boom / 2, 0.0, 0.0)),
-        Body("stick", (stick, 0.4, 0.45), (stick / 2, 0.0, 0.0)),
-        Body("tool", (0.1, 0.1, rope), (0.0, 0.0, -rope / 2)),
-        Body("tool", (1.2, 1.0, 0.8), (0.0, 0.0, -rope)),
+        *shapes.boxes(p),
+        Box("boom", "boom", (boom, p["boom_width"], p["boom_depth"]), (boom / 2, 0.0, 0.0)),
+        Box("stick", "stick", (stick, p["stick_width"], p["stick_depth"]), (stick / 2, 0.0, 0.0)),
+        Box("lines", "tool", (line, line, rope), (0.0, 0.0, -rope / 2)),
+        Box("grab", "tool", (p["grab_length"], p["grab_width"], p["grab_height"]), (0.0, 0.0, -rope)),
     )
 
 
@@ -84,7 +80,7 @@ def render() -> str:
                 _box(link, body)
     for joint in found:
         _joint(robot, joint)
-    tool_length = _geometry()["tool_length"]
+    tool_length = shapes.sizes()["tool_length"]
     for name, parent, place in (
         ("grab", "tool", (0.0, 0.0, -tool_length)),
         ("cabin_imu", "carriage", (0.0, 0.0, 0.0)),
@@ -96,7 +92,7 @@ def render() -> str:
     return f'<?xml version="1.0"?>\n<!-- {MADE} -->\n{Xml.tostring(robot, encoding="unicode")}\n'
 
 
-def _box(link: Xml.Element, body: Body) -> None:
+def _box(link: Xml.Element, body: Box) -> None:
     visual = Xml.SubElement(link, "visual")
     Xml.SubElement(visual, "origin", xyz=_text(body.middle), rpy="0 0 0")
     Xml.SubElement(Xml.SubElement(visual, "geometry"), "box", size=_text(body.size))
@@ -120,7 +116,3 @@ def _ends(joint: Xml.Element, parent: str, child: str, origin: Vector) -> None:
 
 def _text(vector: Vector) -> str:
     return " ".join(f"{v:.12g}" for v in vector)
-
-
-def _geometry() -> dict[str, float]:
-    return {name: p.value for name, p in parameters.load("geometry").items()}

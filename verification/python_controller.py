@@ -12,11 +12,10 @@ from typing import Protocol
 
 import numpy as np
 
-from orchestrator.run.master import Master, Options
+from orchestrator.run.master import Options
 from orchestrator.run.simulate import seeds
 from orchestrator.system.assembly import assemble
 from orchestrator.system.interventions import check_changes, check_faults
-from orchestrator.system.layout import lay_out
 from orchestrator.system.system import System
 from records.record import Record
 from records.schema import TIME
@@ -25,6 +24,7 @@ from specs.errors import InputError
 from specs.scenario import Scenario
 from specs.version import VERSION
 from verification.runs import SLOT, check_reach, plant_parameters
+from verification.stepped import stepped
 from verification.verify import Outcome, judge, write
 
 COMMANDS = ("u_slew", "qd_boom_ref", "qd_stick_ref")
@@ -73,29 +73,19 @@ def drive(
 ) -> Record:
     """The record of one run of `system`, the system `which` without its controller (`SystemSpec.without`)."""
     check_faults(system, scenario.faults)
-    layout = lay_out(system)
     values = plant_parameters(system, which, scenario.parameters(seed))
     start = system.start_values({**seeds(system, seed), **values})
     changes = check_changes(system, scenario.parameter_changes())
     options = Options(settings=system.settings, faults=scenario.faults, parameters=changes, seed=seed)
     stimuli, told = scenario.stimuli(), dict[str, float]()
-    offered, rows = _offered(which), []
-    places = [(k, column.name) for k, column in enumerate(layout.columns) if column.name in offered]
-    with Master(system, layout, start, options) as master:
-        master.plan.log(64)
-        master.initialise()
-        for tick in range(scenario.duration_ticks + 1):
-            told |= stimuli.get(tick, {})
-            if tick < scenario.duration_ticks:
-                master.run(tick + 1)
-            else:
-                master.log_last()
-            row = master.take(1, 1, 0)[0, 1:]
-            rows.append([tick * system.step_s, *row, *told.values()])
-            commands = controller.step({**{name: float(row[k]) for k, name in places}, **told})
-            for command, value in _checked(commands, name).items():
-                master.set_input(command, value)
-        master.log_finish()
+    heard: list[list[float]] = []
+
+    def answer(tick: int, sensors: Mapping[str, float]) -> Mapping[str, float]:
+        told.update(stimuli.get(tick, {}))
+        heard.append(list(told.values()))
+        return checked(controller.step({**sensors, **told}), name)
+
+    columns, rows = stepped(system, start, options, scenario.duration_ticks, offered(which), answer)
     meta = {
         "slewright": VERSION,
         "system": which,
@@ -107,16 +97,16 @@ def drive(
         "load_kg": scenario.true_load(seed),
         "load_told_kg": scenario.load.told_kg,
     }
-    return Record.from_rows([TIME, *layout.columns, *told], np.array(rows), meta)
+    return Record.from_rows([TIME, *columns, *told], np.hstack([rows, np.array(heard)]), meta)
 
 
-def _offered(which: str) -> set[str]:
+def offered(which: str) -> set[str]:
     """The names under which a controller may read what the system `which` measures."""
     spec = systems_spec.load(which)
     return {c.target.name for c in (*spec.connections, *spec.offered) if c.target.component == SLOT}
 
 
-def _checked(commands: Mapping[str, float], name: str) -> dict[str, float]:
+def checked(commands: Mapping[str, float], name: str) -> dict[str, float]:
     """The three commands; InputError for a name that is none of them, or a value that is no finite number."""
     if sorted(commands) != sorted(COMMANDS):
         raise InputError(f"controller {name} returns {', '.join(commands)}; wanted: {', '.join(COMMANDS)}")

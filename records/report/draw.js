@@ -25,6 +25,7 @@ async function draw(figures) {
   for (const figure of figures) {
     const place = document.getElementById(figure.name);
     await Plotly.newPlot(place, figure.data, { ...figure.layout, template, height: figure.height }, config);
+    if (figure.frames.length > 0) await Plotly.addFrames(place, figure.frames);
     await new Promise((next) => setTimeout(next, 0));
   }
   document.body.dataset.drawn = figures.length;

@@ -57,6 +57,7 @@ class Figure:
     layout: dict[str, Any]
     height: int = 320  # px
     wide: bool = False  # over both columns
+    frames: list[dict[str, Any]] = field(default_factory=list)  # of a figure that is played
 
 
 @dataclass(frozen=True)

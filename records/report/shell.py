@@ -67,6 +67,9 @@ def _asset(name: str) -> str:
 
 
 def _json(drawn: Sequence[Figure]) -> str:
-    plain = [{"name": f.name, "data": f.data, "layout": f.layout, "height": f.height} for f in drawn]
+    plain = [
+        {"name": f.name, "data": f.data, "layout": f.layout, "height": f.height, "frames": f.frames}
+        for f in drawn
+    ]
     # "</script>" in a name must not end the block
     return json.dumps(plain, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

@@ -1,0 +1,1 @@
+"""Controllers that follow a timed path: one interface, `follower.Follower`."""

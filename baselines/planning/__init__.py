@@ -1,0 +1,1 @@
+"""Collision-free paths for slew, boom and stick, and their timing."""

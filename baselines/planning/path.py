@@ -1,0 +1,105 @@
+"""A timed path: what a plan is, and what a follower is given."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+TICK_S = 0.02
+DEGREE = 3
+
+
+@dataclass(frozen=True)
+class Path:
+    """Slew, boom and stick angle over time, at rest at both ends, with what a follower must keep to.
+
+    `angles`, `rates` and `accelerations` have one row a tick of 0.02 s; the speed limits are in them.  It has
+    ended when the reference is at its end and the grab has been within `tolerance_m` of the target a while.
+    """
+
+    angles: np.ndarray
+    rates: np.ndarray
+    accelerations: np.ndarray
+    target: tuple[float, float, float]
+    tolerance_m: float
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes."""
+        return (len(self.angles) - 1) * TICK_S
+
+    def at(self, tick: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Angles, rates and accelerations at a tick; those of the end beyond it."""
+        k = min(tick, len(self.angles) - 1)
+        return self.angles[k], self.rates[k], self.accelerations[k]
+
+
+def of_angles(angles: np.ndarray, target: tuple[float, float, float], tolerance_m: float) -> Path:
+    """The path of these angles, one row a tick."""
+    rates = np.gradient(angles, TICK_S, axis=0)
+    return Path(angles, rates, np.gradient(rates, TICK_S, axis=0), target, tolerance_m)
+
+
+SPACING = 0.4  # s at top speed between control points
+ROUNDS, PULL = 60, 0.5  # of the rounding: steps, share of each step
+STIFFNESSES = (3.0, 10.0, 30.0)  # of the rounding: the quickest of these curves is taken
+Free = Callable[[np.ndarray], np.ndarray]  # which of some states (n, 3) are free
+
+
+def smooth(corners: np.ndarray, stiffness: float, free: Free, nearly: Free) -> BSpline | None:
+    """A twice differentiable curve along the corners, over its length; None where no curve is `nearly` free.
+
+    Points on the straight way are the control points of a cubic B-spline, which lies between them.  They are
+    bent towards the least curvature as far as they stay `free`; a curve that still cuts a corner too far is
+    made anew with half the spacing, the last one without bending.
+    """
+    for halved in range(5):
+        points = _dense(corners, SPACING / 2**halved)
+        curve = _curve(points if halved == 4 else rounded(points, stiffness, free))
+        if np.all(nearly(curve(np.linspace(0.0, curve.t[-1], 20 + int(20 * curve.t[-1]))))):
+            return curve
+    return None
+
+
+def rounded(points: np.ndarray, stiffness: float, free: Free) -> np.ndarray:
+    """The points bent like a stiff rod that is held at its ends, each as far as its new place is free."""
+    count = len(points)
+    bend = np.diff(np.eye(count), 2, axis=0)
+    step = np.linalg.inv(np.eye(count) + stiffness * bend.T @ bend)
+    for _ in range(ROUNDS):
+        wanted = points + PULL * (step @ points - points)
+        wanted[0], wanted[-1] = points[0], points[-1]
+        points = np.where(free(wanted)[:, None], wanted, points)
+    return points
+
+
+def _dense(corners: np.ndarray, spacing: float) -> np.ndarray:
+    """Corners with points between them, and two more at each end, so that the curve begins straight."""
+    rows = [corners[:1]]
+    for a, b in pairwise(corners):
+        count = max(1, int(np.ceil(np.linalg.norm(b - a) / spacing)))
+        rows.append(a + np.linspace(0.0, 1.0, count + 1)[1:, None] * (b - a))
+    found = np.vstack(rows)
+    while len(found) <= DEGREE + 2:
+        found = np.vstack([found[:1], (found[:-1] + found[1:]) / 2, found[-1:]])
+    return found
+
+
+def _curve(points: np.ndarray) -> BSpline:
+    """The clamped cubic B-spline of control points, its parameter about its length."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    inner = np.array([np.mean(along[i + 1 : i + DEGREE + 1]) for i in range(len(points) - DEGREE - 1)])
+    knots = np.concatenate([np.zeros(DEGREE + 1), inner, np.full(DEGREE + 1, along[-1])])
+    return BSpline(knots, points, DEGREE)
+
+
+def averaged(angles: np.ndarray, seconds: float) -> np.ndarray:
+    """The mean of the angles over a time, which rounds jumps of acceleration; it lasts longer by it."""
+    count = round(seconds / TICK_S)
+    if count < 2:
+        return angles
+    ends = [np.repeat(angles[[k]], count, axis=0) for k in (0, -1)]
+    padded = np.cumsum(np.vstack([np.zeros((1, 3)), ends[0], angles, ends[1]]), axis=0)
+    return (padded[count:] - padded[:-count]) / count

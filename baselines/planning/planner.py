@@ -1,0 +1,228 @@
+"""A plan from the start of a scene to each of its targets, or the reason why there is none."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from baselines.planning import search
+from baselines.planning.body import Body, Margins
+from baselines.planning.distance import Solids, solids
+from baselines.planning.path import STIFFNESSES, Free, Path, averaged, of_angles, smooth
+from baselines.planning.timing import Limits, timed
+from fmus.equations import kinematics
+from specs import parameters, pose, shapes
+from specs.errors import InputError
+from specs.scenario import Target
+from specs.scene import Scene
+
+NEAREST_M = 4.0  # of a thing: the carriage turns there
+ROUNDED_M = 0.1  # by which a smooth path may be nearer than its margin, where it cuts a corner
+FLAT_MEANS = 3  # of the angles: their fourth derivatives are to be small
+ROUND_SHARES = (1.0, 0.6, 0.3)  # of the time of the means
+PACKAGES = ("ompl.geometric", "toppra.algorithm")
+AROUND = 24  # directions in which a free target near a taken one is looked for
+RINGS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)
+
+
+@dataclass(frozen=True)
+class Leg:
+    """What became of one target: a path, or the reason why there is none; the processor time it took."""
+
+    path: Path | None
+    reason: str
+    seconds: float
+    checks: int
+
+
+@dataclass(frozen=True)
+class Planner:
+    """Plans in one scene; with `flat` paths are smooth enough for the grab to be led along them (flat.py)."""
+
+    scene: Scene
+    flat: bool = False
+    gains: dict[str, float] = field(default_factory=lambda: _gains())
+
+    @cached_property
+    def body(self) -> Body:
+        """The machine in the scene, with margins."""
+        return Body(self.scene, Margins(self.gains["path_clearance"], self.gains["path_sway"]))
+
+    @cached_property
+    def speeds(self) -> np.ndarray:
+        """Top speeds of slew, boom and stick, which make states of angles."""
+        arm = self.gains["path_arm_speed"]
+        return np.array([self.gains["path_slew_speed"], arm, arm])
+
+    def check(self) -> None:
+        """Raise InputError where the scene holds the machine, or start or target are taken."""
+        self._check_machine()
+        for what, target in (("start", self.scene.start), *self._numbered()):
+            if reason := self._taken(target):
+                near = self._free_near(target)
+                raise InputError(
+                    f"scene {self.scene.name}: {what}: {reason}" + (f"; free: {near}" if near else "")
+                )
+
+    def legs(self, seed: int = 1) -> list[Leg]:
+        """A leg to each target, each from the one before."""
+        at, found = pose_of(self.scene.start), []
+        for number, target in enumerate(self.scene.targets):
+            leg, at = self.leg(at, target, seed + 1000 * number)
+            found.append(leg)
+            if leg.path is None:
+                break
+        return found
+
+    def leg(self, start: np.ndarray, target: Target, seed: int = 1) -> tuple[Leg, np.ndarray]:
+        """The leg from a pose to a target, and the pose at its end; always in the same way for a seed."""
+        for package in PACKAGES:  # loading them is not planning
+            import_module(package)
+        began, checks = time.process_time(), search.Checks(self.body, self.speeds)
+        path, reason = self._path(checks, start, target, seed)
+        end = start if path is None else path.angles[-1]
+        return Leg(path, reason, time.process_time() - began, checks.count), end
+
+    def _path(
+        self, checks: search.Checks, start: np.ndarray, target: Target, seed: int
+    ) -> tuple[Path | None, str]:
+        if reason := self._taken(target):
+            return None, reason
+        goals = _turns(start, pose_of(target))
+        corners = search.way(checks, start / self.speeds, [goal / self.speeds for goal in goals], seed)
+        if corners is None:
+            return None, f"no way found in {checks.count} checks; {self._blocked(start, goals[0])}"
+        curves = self._curves(corners)
+        if not curves:
+            return None, "the way is too narrow for a smooth path"
+        tried = [(curve, timed(curve, self.speeds, self._limits(curve), self._slow)) for curve in curves]
+        kept = [curve(places) * self.speeds for curve, places in tried if places is not None]
+        if not kept:
+            return None, "no timing keeps to the limits"
+        angles = self._rounded(sorted(kept, key=len))
+        if angles is None:
+            return None, "the way is too narrow for a smooth path"
+        return of_angles(angles, target.xyz, self.scene.tolerance_m), ""
+
+    def _rounded(self, kept: Sequence[np.ndarray]) -> np.ndarray | None:
+        """The quickest of the timed paths that stays free with accelerations rounded, by less if need be."""
+        for seconds in (self.gains["path_round_time"] * share for share in ROUND_SHARES):
+            for angles in kept:
+                for _ in range(FLAT_MEANS if self.flat else 1):
+                    angles = averaged(angles, seconds)
+                if np.all(self.body.clearance(angles) > -ROUNDED_M):
+                    return angles
+        return None
+
+    def _curves(self, corners: np.ndarray) -> list[BSpline]:
+        """Smooth curves about a way, rounded more and less."""
+
+        def beyond(distance: float) -> Free:
+            return lambda states: self.body.clearance(states * self.speeds) > distance
+
+        found = [smooth(corners, stiff, beyond(0.0), beyond(-ROUNDED_M)) for stiff in STIFFNESSES]
+        return [curve for curve in found if curve is not None]
+
+    def _limits(self, curve: BSpline) -> Limits:
+        """Of a path: its slew acceleration is that of the place where inertia and radius are largest."""
+        g, p = self.gains, kinematics.geometry()
+        poses = curve(np.linspace(0.0, curve.t[-1], 50)) * self.speeds
+        inertia = kinematics.inertia_z(poses[:, 1], poses[:, 2], 1000.0, p) + g["control_inertia_extra"]
+        radius, _ = kinematics.arm_tip(poses[:, 1], poses[:, 2], p)
+        brake = g["path_slew_share"] * g["control_brake_torque"] / float(np.max(inertia))
+        swing = p.gravity * g["path_sway"] / float(np.max(radius))
+        arm = g["path_arm_acceleration"]
+        flow = g["path_flow_share"] * parameters.parameter("pump_flow", "machine").value
+        return Limits(self.speeds, np.array([min(brake, swing), arm, arm]), flow)
+
+    def _slow(self, poses: np.ndarray) -> np.ndarray:
+        """The largest speed of the grab at poses, m/s."""
+        fastest = np.full(len(poses), math.inf)
+        for zone, inside in self._zones:
+            middles, radii = self.body.balls(poses)
+            near = np.min(inside.distance(middles[:, -2]), axis=1) < radii[-2]
+            fastest = np.where(near, np.minimum(fastest, zone), fastest)
+        return fastest
+
+    @cached_property
+    def _zones(self) -> list[tuple[float, Solids]]:
+        return [(zone.speed_m_s, solids([zone.shape])) for zone in self.scene.zones if zone.kind == "slow"]
+
+    def _numbered(self) -> list[tuple[str, Target]]:
+        return [(f"target {k}", target) for k, target in enumerate(self.scene.targets, 1)]
+
+    def _check_machine(self) -> None:
+        near = self.body.solids
+        for box in shapes.boxes():
+            corner = np.array(box.size) / 2
+            signs = np.array(np.meshgrid(*[np.linspace(-1, 1, 9)] * 3)).reshape(3, -1).T
+            inside = near.distance(np.array(box.middle) + signs * corner)
+            held = [n for k, n in enumerate(near.names) if n != "ground" and inside[:, k].min() < 0.0]
+            if held:
+                raise InputError(
+                    f"scene {self.scene.name}: {held[0]} holds the machine's {box.name}; things have place "
+                    f"from {NEAREST_M:g} m off the slew axis on"
+                )
+
+    def _taken(self, target: Target) -> str:
+        """Why the machine cannot be at a target; "" where it can."""
+        if reason := kinematics.reachable(*target.xyz):
+            return reason
+        away, part, solid = self.body.nearest(pose_of(target))
+        if away > 0.0:
+            return ""
+        return f"{_text(target)}: the {part} is {-away:.2f} m too near to {solid} (margins counted)"
+
+    def _free_near(self, target: Target) -> str:
+        """The nearest place where the machine can be, of a grid about it."""
+        for ring in RINGS_M:
+            for k in range(AROUND):
+                turn = 2 * math.pi * k / AROUND
+                for lift in (ring, 0.0, -ring):
+                    other = Target(
+                        slew_deg=target.slew_deg + math.degrees(ring * math.sin(turn) / target.radius_m),
+                        radius_m=max(target.radius_m + ring * math.cos(turn), 2.0),
+                        height_m=max(target.height_m + lift, 2.0),
+                    )
+                    if not self._taken(other):
+                        return _text(other)
+        return ""
+
+    def _blocked(self, start: np.ndarray, goal: np.ndarray) -> str:
+        """What is in the way of the straight motion."""
+        for share in np.linspace(0.0, 1.0, 200):
+            away, part, solid = self.body.nearest(start + share * (goal - start))
+            if away <= 0.0:
+                return f"straight on, the {part} would come too near to {solid}"
+        return "the straight motion is free"  # pragma: no cover
+
+
+def _gains() -> dict[str, float]:
+    return {name: p.value for name, p in parameters.load("planning", "control").items()}
+
+
+def pose_of(target: Target) -> np.ndarray:
+    """Slew (as it is told, not wrapped), boom and stick angle with the grab at a target."""
+    _, boom, stick = (float(v) for v in kinematics.inverse(*target.xyz, kinematics.geometry()))
+    return np.array([math.radians(target.slew_deg), boom, stick])
+
+
+def _turns(start: np.ndarray, goal: np.ndarray) -> Sequence[np.ndarray]:
+    """The goal on the shorter and on the longer way round."""
+    near = goal[0] + 2 * math.pi * round((start[0] - goal[0]) / (2 * math.pi))
+    other = near - math.copysign(2 * math.pi, near - start[0])
+    return [np.array([slew, *goal[1:]]) for slew in (near, other)]
+
+
+def _text(target: Target) -> str:
+    return f"slew {target.slew_deg:.1f}°, radius {target.radius_m:.2f} m, height {target.height_m:.2f} m"
+
+
+def hanging(path: Path) -> np.ndarray:
+    """The way of the grab (n, 3) as it hangs straight on a path."""
+    return pose.grab(np.hstack([path.angles, np.zeros((len(path.angles), 2))]), shapes.sizes())

@@ -1,0 +1,135 @@
+"""`slewright scenes`: controllers in scenes with obstacles, on the simulated reference machine."""
+
+import shlex
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from records.figures_file import check_target, write
+from records.report import markers
+from slewright.figures import JsonOption
+from slewright.progress import progress
+from slewright.tables import show
+from specs.errors import InputError
+
+COLUMNS = (
+    "controller", "scenes", "runs", "contacts", "keep-out", "clearance m", "beside p95 m", "cycle s",
+    "speed °/s", "tool °/s", "missed", "plan p95 s",
+)  # fmt: skip
+
+
+def scenes(
+    scene: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="SCENE...",
+            help="Scenes by name (truck), files (.toml), drawn ones (FAMILY:SET:K) or a whole set (tuning).",
+        ),
+    ] = None,
+    controller: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--controller", metavar="NAME",
+            help="floor, shaped; a controller or a policy's file, blind or led: pd@path (repeatable).",
+        ),
+    ] = None,
+    machines: Annotated[
+        int, typer.Option("--machines", min=0, help="Drawn machines of the set (0: the nominal one).")
+    ] = 0,
+    draw_set: Annotated[
+        str, typer.Option("--draws", metavar="SET", help="Machines: tuning or validation.")
+    ] = "validation",
+    sealed: Annotated[
+        str,
+        typer.Option("--sealed", metavar="PURPOSE", help="Sealed scenes on sealed machines; it is logged."),
+    ] = "",
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of planning, loads and noise.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Local worker processes.")] = 1,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
+    ] = Path("out/scenes"),
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            callback=check_target,
+            help="FILE.html: one run of each scene, drawn; FILE.md: the tables, between its markers.",
+        ),
+    ] = None,
+    json: JsonOption = None,
+) -> None:  # fmt: skip
+    """Drive controllers through scenes: contacts, clearance, cross-track error, cycle time, speeds."""
+    from specs import draws, scene_families
+    from verification.scenes import study
+
+    controllers = list(dict.fromkeys(controller or ["floor"]))
+    if bool(scene) == bool(sealed):
+        raise InputError(
+            "name scenes (truck, tuning, gap:validation:0, a .toml file) or open the --sealed ones"
+        )
+    if draw_set == draws.SEALED:
+        raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
+    study.check_controllers(controllers)
+    mark = "sealed" if sealed else (scene or [""])[0].split(":")[0]
+    if page is not None and page.suffix == ".md":
+        markers.around(page, mark)
+    opened = draws.open_test_set(f"scenes: {sealed}") if sealed else None
+    chosen = scene_families.sealed(opened) if opened else scene_families.find(scene or [])
+    study.check_scenes(chosen)
+    drawn: dict[str, Any] = {draws.NOMINAL: {}}
+    if machines:
+        which = draws.SEALED if opened else draw_set
+        drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
+    with progress("scenes") as report:
+        found = study.study(chosen, controllers, drawn, seed, jobs, out, report)
+    table = [_row(c, f) for c, f in found["controllers"].items()]
+    families = [
+        [family, *_row(c, f)]
+        for c, of in found["controllers"].items()
+        for family, f in of["families"].items()
+    ]
+    show("Scenes, simulated reference machine", COLUMNS, table)
+    for name, figures in found["controllers"].items():
+        for which, reason in figures["without_plan"].items():
+            typer.echo(f"no plan: {name} in {which}: {reason}")
+    pictures = found.pop("picture")
+    if page is not None:
+        from verification.scenes import page as pages
+
+        if page.suffix == ".md":
+            pages.fill(page, mark, _command(), (COLUMNS, table), (("family", *COLUMNS), families))
+        else:
+            pages.write(page, chosen, pictures, (COLUMNS, table))
+        typer.echo(f"written: {page}")
+    first = found["controllers"][controllers[0]]
+    write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
+
+
+def _row(name: str, f: dict[str, Any]) -> list[str]:
+    def text(key: str, form: str = "{:.2f}") -> str:
+        return "–" if f.get(key) is None else form.format(f[key])
+
+    return [
+        name, str(f["scenes"]), str(f["runs"]), _contacts(f), text("keep_outs", "{}"),
+        text("clearance_min"), text("cross_track_p95"), text("cycle", "{:.1f}"), text("speed", "{:.1f}"),
+        text("tool", "{:.1f}"), text("missed", "{}"), text("plan_p95_s"),
+    ]  # fmt: skip
+
+
+def _contacts(f: dict[str, Any]) -> str:
+    """Runs with a contact, and the upper end of the interval of their share."""
+    if "contacts" not in f:
+        return "–"
+    return f"{f['contacts']} (≤ {100 * f['contact_share_ci95'][1]:.1f} %)"
+
+
+def _command() -> str:
+    """What was typed, without where the results go."""
+    words, left_out = [], ("--json", "--out", "--page", "--jobs")
+    for before, word in pairwise(["", *sys.argv[1:]]):
+        if word not in left_out and before not in left_out:
+            words.append(shlex.quote(word))
+    return f"slewright {' '.join(words)}"

@@ -1,0 +1,1 @@
+"""Controllers in scenes: runs on the simulated reference machine, contacts, scores."""

@@ -1,0 +1,92 @@
+"""Outlines of solids and of the machine, as corners and edges, for pictures."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from specs import pose, shapes
+from specs.scene import Box, Cylinder, HalfSpace
+
+ROUND = 16  # corners of a circle
+Solid = Box | Cylinder | HalfSpace
+Faces = Sequence[tuple[int, int, int]]
+BOX_FACES: Faces = (
+    (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
+    (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
+)  # fmt: skip
+
+
+def corners(solid: Box | Cylinder) -> tuple[np.ndarray, Faces]:
+    """Corners (n, 3) and triangles of a solid."""
+    if isinstance(solid, Box):
+        turn = math.radians(solid.turn_deg)
+        turned = np.array(
+            [[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]]
+        )
+        return np.array(solid.middle) + _cube(solid.size) @ turned.T, BOX_FACES
+    return _tube(np.array(solid.foot), np.array([0.0, 0.0, solid.height]), solid.radius)
+
+
+def grab(angles: np.ndarray, sizes: Mapping[str, float]) -> tuple[np.ndarray, Faces]:
+    """Corners and triangles of the grab at a pose (5 angles), as a tube."""
+    capsule = shapes.capsules(dict(sizes))[-1]
+    start, end = (one[0] for one in pose.ends(pose.frames(angles, sizes), capsule))
+    along = (end - start) / np.linalg.norm(end - start) * capsule.radius
+    return _tube(start - along, end - start + 2 * along, capsule.radius)
+
+
+def arm(angles: np.ndarray, sizes: Mapping[str, float]) -> np.ndarray:
+    """Boom foot, stick joint, arm tip and grab point (4, 3) at a pose."""
+    found = pose.frames(angles, sizes)
+    links = [found[link][1][0] for link in ("boom", "stick", "tip")]
+    return np.array([*links, pose.grab(angles, sizes)[0]])
+
+
+def carriage(angles: np.ndarray, sizes: Mapping[str, float]) -> list[np.ndarray]:
+    """Corners (8, 3) of the boxes that turn with the slew, at a pose."""
+    found = pose.frames(angles, sizes)
+    boxes = [box for box in shapes.boxes(dict(sizes)) if box.link != shapes.BASE]
+    return [
+        found[box.link][1][0] + (np.array(box.middle) + _cube(box.size)) @ found[box.link][0][0].T
+        for box in boxes
+    ]
+
+
+def hull(points: np.ndarray) -> np.ndarray:
+    """The convex outline of points in a plane (n, 2), in order (Andrew's monotone chain)."""
+    ordered = sorted(map(tuple, np.round(points, 6)))
+    chains = []
+    for row in (ordered, ordered[::-1]):
+        chain: list[tuple[float, float]] = []
+        for p in row:
+            while len(chain) > 1 and _left(chain[-2], chain[-1], p) <= 0:
+                chain.pop()
+            chain.append(p)
+        chains.append(chain[:-1])
+    return np.array(chains[0] + chains[1])
+
+
+def _left(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _cube(size: Sequence[float]) -> np.ndarray:
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return signs * np.array(size) / 2
+
+
+def _tube(foot: np.ndarray, along: np.ndarray, radius: float) -> tuple[np.ndarray, Faces]:
+    """A round tube from `foot` on, closed at both ends by its two middles."""
+    axis = along / np.linalg.norm(along)
+    across = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 else [0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across)
+    turns = 2 * math.pi * np.arange(ROUND) / ROUND
+    ring = radius * (np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(axis, across)))
+    points = np.vstack([foot + ring, foot + along + ring, foot, foot + along])
+    faces: list[tuple[int, int, int]] = []
+    for k in range(ROUND):
+        n = (k + 1) % ROUND
+        faces += [(k, n, ROUND + n), (k, ROUND + n, ROUND + k), (2 * ROUND, n, k)]
+        faces.append((2 * ROUND + 1, ROUND + k, ROUND + n))
+    return points, faces

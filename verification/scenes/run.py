@@ -1,0 +1,206 @@
+"""One run of a scene: planned, driven on the simulated reference machine, recorded, its contacts checked."""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path as File
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from baselines import registry
+from baselines.following import follower
+from baselines.following.follower import MOST_EXTRA_S, SENSED, STILL_S
+from baselines.planning.planner import Leg, Planner, hanging, pose_of
+from orchestrator.run.master import Options
+from orchestrator.run.simulate import seeds
+from orchestrator.system.assembly import assemble
+from orchestrator.system.check import load_system
+from orchestrator.system.pack import pack_system
+from orchestrator.system.system import System
+from records.record import Record
+from records.schema import TIME
+from specs import keys, pose, shapes, systems as systems_spec
+from specs.errors import InputError, nearest
+from specs.scene import Scene
+from specs.version import VERSION
+from verification.evaluation import policies
+from verification.python_controller import checked, offered
+from verification.runs import SLOT, plant_parameters
+from verification.stepped import Answer, stepped
+
+SYSTEM = "reference"
+TICK_S = 0.02
+DIRECT_S = 25.0  # for a target at most, of a controller without a plan
+LED = "@path"  # after a controller's name: its target is moved along the planned path
+LEAD_S = 1.5  # by which that target is ahead of the plan
+AFTER_S = 2.0  # recorded beyond the last target
+TRUE = ("true_q_slew", "true_q_boom", "true_q_stick", "true_q_tool_y", "true_q_tool_x")  # as pose.ANGLES
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is run: a scene, a controller by its name or file, a drawn machine's parameters, a seed."""
+
+    scene: Scene
+    controller: str
+    machine: str = "nominal"
+    drawn: Mapping[str, float] = field(default_factory=dict)
+    seed: int = 1
+
+    @property
+    def load_kg(self) -> float:
+        """The load in the grab, which nobody is told."""
+        low, high = self.scene.load_kg
+        return low + (high - low) * keys.uniform("scene load", self.scene.name, self.machine, self.seed)
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """True sizes of the machine."""
+        nominal = shapes.sizes()
+        return nominal | {name: value for name, value in self.drawn.items() if name in nominal}
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A run: its record (None where nothing was driven), the legs planned, the tick at which each began."""
+
+    case: Case
+    record: Record | None
+    legs: tuple[Leg, ...]
+    begins: tuple[int, ...]
+
+
+def names() -> list[str]:
+    """The controllers there are: followers of plans, then those that drive straight to a target."""
+    return [*follower.KINDS, *registry.names()]
+
+
+def check(controller: str) -> None:
+    """Raise InputError for an unknown controller."""
+    blind = controller.removesuffix(LED)
+    if blind in follower.KINDS and blind != controller:
+        raise InputError(f"controller {controller}: {blind} follows the path anyway; say {blind}")
+    if blind not in names() and not File(blind).is_file():
+        raise InputError(f"no controller '{blind}'; {nearest(blind, names())}, or a policy's .onnx file")
+
+
+def run(case: Case) -> Ran:
+    """Plan where the controller follows plans, and drive."""
+    follows, led = case.controller in follower.KINDS, case.controller.endswith(LED)
+    if not follows and not led:
+        return _aimed(case, ())
+    legs = planned(case.scene, follows and follower.find(case.controller).flat, case.seed)
+    if any(leg.path is None for leg in legs):
+        return Ran(case, None, legs, ())
+    return _follow(case, legs) if follows else _aimed(case, legs)
+
+
+@cache
+def planned(scene: Scene, flat: bool, seed: int) -> tuple[Leg, ...]:
+    """The legs of a scene: they depend on nothing of a drawn machine."""
+    return tuple(Planner(scene, flat).legs(seed))
+
+
+def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
+    driver, begins = follower.find(case.controller).make(), list[int]()
+    last, paths = [10**9], [leg.path for leg in legs if leg.path]
+
+    def answer(tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
+        if driver.ended and len(begins) < len(legs):
+            driver.begin(paths[len(begins)])
+            begins.append(tick)
+        elif driver.ended:
+            last[0] = min(last[0], tick + round(AFTER_S / TICK_S))
+        if tick >= last[0]:
+            return None
+        return checked(driver.step({**sensors, "load_told": 0.0, "pace": 1.0}), case.controller)
+
+    seconds = sum(path.seconds + MOST_EXTRA_S for path in paths) + AFTER_S
+    record = _driven(case, _plant(), offered(SYSTEM), answer, seconds)
+    return Ran(case, record, legs, tuple(begins))
+
+
+def _aimed(case: Case, legs: tuple[Leg, ...]) -> Ran:
+    """A controller of targets: blind to the scene without `legs`, else led along the planned path."""
+    system, settings = _controlled(case.controller.removesuffix(LED))
+    aims = Aims(case.scene, legs)
+    record = _driven(case, system, SENSED, aims, sum(aims.longest) + AFTER_S, settings)
+    return Ran(case, record, legs, tuple(aims.begins))
+
+
+class Aims:
+    """What a controller of targets is told at each tick: the scene's target, or the planned way ahead."""
+
+    def __init__(self, scene: Scene, legs: tuple[Leg, ...]):
+        paths = [leg.path for leg in legs if leg.path]
+        self.begins: list[int] = []
+        self.ends = [target.xyz for target in scene.targets]
+        self.ways = [hanging(path) for path in paths] or [np.array([end]) for end in self.ends]
+        self.longest = [path.seconds + MOST_EXTRA_S for path in paths] or [DIRECT_S] * len(self.ends)
+        self._tolerance, self._sizes = scene.tolerance_m, shapes.sizes()
+        self._near = self._after = 0
+
+    def __call__(self, tick: int, sensors: Mapping[str, float]) -> Mapping[str, float] | None:
+        """Inputs of the system; None some time after the last target."""
+        if not self.begins or self._ended(tick, sensors):
+            if len(self.begins) < len(self.ends):
+                self.begins.append(tick)
+                self._near = 0
+            else:
+                self._after += 1
+        way = self.ways[len(self.begins) - 1]
+        ahead = min(tick - self.begins[-1] + round(LEAD_S / TICK_S), len(way) - 1)
+        told = dict(zip(("target_x", "target_y", "target_z"), way[ahead].tolist(), strict=True))
+        over = self._after * TICK_S >= AFTER_S
+        return None if over else {**told, "load_told": 0.0, "pace": 1.0}
+
+    def _ended(self, tick: int, sensors: Mapping[str, float]) -> bool:
+        """Whether the grab has been near the target for long enough, or it took too long."""
+        number = len(self.begins) - 1
+        grab = pose.grab(np.array([[sensors[name] for name in SENSED]]), self._sizes)[0]
+        near = math.dist(grab, self.ends[number]) <= self._tolerance
+        self._near = self._near + 1 if near else 0
+        late = (tick - self.begins[-1]) * TICK_S >= self.longest[number]
+        return self._near * TICK_S >= STILL_S or late
+
+
+def _driven(
+    case: Case, system: System, sensed: Collection[str], answer: Answer, seconds: float,
+    settings: Mapping[str, float] | None = None,
+) -> Record:  # fmt: skip
+    start = pose_of(case.scene.start)
+    values = {
+        **case.drawn,
+        "load_mass": case.load_kg,
+        **dict(zip(("start_q_slew", "start_q_boom", "start_q_stick"), map(float, start), strict=True)),
+    }
+    parameters = {**seeds(system, case.seed), **plant_parameters(system, SYSTEM, values), **(settings or {})}
+    options = Options(settings=system.settings, seed=case.seed)
+    columns, rows = stepped(
+        system, system.start_values(parameters), options, round(seconds / TICK_S), sensed, answer
+    )
+    meta = {
+        "slewright": VERSION, "system": SYSTEM, "step_s": TICK_S, "scene": case.scene.name,
+        "controller": case.controller, "machine": case.machine, "load_kg": case.load_kg,
+    }  # fmt: skip
+    return Record.from_rows([TIME, *columns], rows, meta)
+
+
+@cache
+def _plant() -> System:
+    """The reference machine without its controller."""
+    return assemble(systems_spec.load(SYSTEM).without(SLOT))
+
+
+@cache
+def _controlled(name: str) -> tuple[System, dict[str, float]]:
+    """The reference machine with a controller in its place, and that controller's settings."""
+    if name in registry.names():
+        found = registry.find(name)
+    else:
+        found = policies.controllers([File(name)])[File(name)]
+    with TemporaryDirectory(prefix="slewright-") as folder:
+        ssp = pack_system(SYSTEM, out=File(folder), models=found.models)
+        return load_system(ssp), found.parameters

@@ -1,0 +1,180 @@
+"""What a run of a scene is worth: contacts, clearance, cross-track error, times, speeds."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from baselines.planning.planner import hanging
+from records.metrics import BAND_DEG
+from records.record import Record
+from specs import pose
+from specs.scene import Box, Scene
+from verification.scenes.contacts import contacts
+from verification.scenes.run import TICK_S, TRUE, Ran
+
+STAYS_S = 0.5  # that the grab is to be within the tolerance; drivers wait longer, by their sensors
+EVERY = 10  # ticks between the samples of the cross-track error that are kept
+SAMPLES = "cross_track"  # a row's samples, which summaries pool
+PICTURE = "picture"  # what a page draws of a run
+PICTURE_TICKS = 10  # between the poses of it
+
+
+def score(ran: Ran) -> dict[str, Any]:
+    """The row of one run; of a scene without a plan it has the reason and no figures."""
+    case = ran.case
+    row: dict[str, Any] = {
+        "scene": case.scene.name, "family": case.scene.family, "controller": case.controller,
+        "machine": case.machine, "seed": case.seed, "load_kg": round(case.load_kg, 1),
+        "plan_s": [round(leg.seconds, 3) for leg in ran.legs],
+        "reason": next((f"target {k}: {leg.reason}" for k, leg in enumerate(ran.legs, 1) if leg.reason), ""),
+    }  # fmt: skip
+    if ran.record is None:
+        return {**row, "driven": False}
+    record, angles = ran.record, _angles(ran.record)
+    met = contacts(case.scene, angles, case.sizes, record.time)
+    grab = pose.grab(angles, case.sizes)
+    beside = _cross_track(ran, grab)
+    return {
+        **row,
+        "driven": True,
+        "contact": met.ticks > 0,
+        "contact_s": met.ticks * TICK_S,
+        "clearance": float(met.distance.min()),
+        "nearest": f"{met.part} to {met.solid} at {met.at_tick * TICK_S:.2f} s",
+        "keep_out": bool(np.any(met.zones <= 0.0)),
+        "too_fast": _too_fast(case.scene, grab),
+        "cross_track_p95": float(np.quantile(beside, 0.95)) if len(beside) else None,
+        SAMPLES: [round(v, 3) for v in beside[::EVERY].tolist()],
+        PICTURE: _picture(ran, angles, grab),
+        **_times(ran, record, grab),
+        "tool": float(np.mean(np.degrees(np.hypot(*(record.column(f"true_qd_tool_{a}") for a in "xy"))))),
+        "swing_deg": float(np.degrees(np.abs(angles[:, 3:]).max())),
+    }
+
+
+def _angles(record: Record) -> np.ndarray:
+    return np.stack([record.column(name) for name in TRUE], axis=1)
+
+
+def _picture(ran: Ran, angles: np.ndarray, grab: np.ndarray) -> dict[str, Any]:
+    """Planned ways and driven track of the grab, and the machine's poses."""
+    ways = [hanging(leg.path)[::PICTURE_TICKS].round(2).tolist() for leg in ran.legs if leg.path]
+    return {
+        "ways": ways,
+        "grab": grab[::PICTURE_TICKS].round(2).tolist(),
+        "angles": angles[::PICTURE_TICKS].round(4).tolist(),
+        "step_s": TICK_S * PICTURE_TICKS,
+    }
+
+
+def _rows_of(ran: Ran, count: int) -> list[slice]:
+    """The ticks of each leg."""
+    ends = [*ran.begins[1:], count]
+    return [slice(a, b) for a, b in zip(ran.begins, ends, strict=True)]
+
+
+def _cross_track(ran: Ran, grab: np.ndarray) -> np.ndarray:
+    """Distance of the true grab point to the planned way at each tick [m]; none without a plan."""
+    found = []
+    for leg, rows in zip(ran.legs, _rows_of(ran, len(grab)), strict=False):
+        if leg.path is not None:
+            found.append(KDTree(hanging(leg.path)).query(grab[rows])[0])
+    return np.concatenate(found) if found else np.empty(0)
+
+
+def _times(ran: Ran, record: Record, grab: np.ndarray) -> dict[str, Any]:
+    """Cycle time [s], targets missed, speed [°/s]: slew of the legs over their times into the 3° band."""
+    slew = np.degrees(record.column("true_q_slew"))
+    missed, reached, turned, taken = 0, 0, 0.0, 0.0
+    for target, rows in zip(ran.case.scene.targets, _rows_of(ran, len(grab)), strict=False):
+        away = np.linalg.norm(grab[rows] - np.array(target.xyz), axis=1)
+        at = _stays(away <= ran.case.scene.tolerance_m, round(STAYS_S / TICK_S))
+        missed += at is None
+        reached = rows.start + (len(away) if at is None else at)
+        error = (slew[rows] - target.slew_deg + 180.0) % 360.0 - 180.0
+        inside = np.abs(error) <= BAND_DEG
+        settled = len(inside) - int(np.argmax(~inside[::-1])) if not inside.all() else 0
+        turned += abs(slew[rows][-1] - slew[rows][0])
+        taken += max(settled, 1) * TICK_S
+    return {
+        "cycle": (reached - ran.begins[0]) * TICK_S if ran.begins else None,
+        "missed": missed + len(ran.case.scene.targets) - len(ran.begins),
+        "speed": turned / taken if taken else 0.0,
+    }
+
+
+def _stays(inside: np.ndarray, count: int) -> int | None:
+    """The first tick from which on `inside` holds for `count` ticks."""
+    if len(inside) < count:
+        return None
+    held = np.convolve(inside, np.ones(count), "valid") >= count
+    return int(np.argmax(held)) if held.any() else None
+
+
+def _too_fast(scene: Scene, grab: np.ndarray) -> float:
+    """By how much the grab was too fast in slow zones, at most [m/s]; 0 where it was not."""
+    worst = 0.0
+    speed = np.linalg.norm(np.gradient(grab, TICK_S, axis=0), axis=1)
+    for zone in scene.zones:
+        if zone.kind == "slow":
+            inside = _inside(zone.shape, grab)
+            worst = max(worst, float(np.max(speed[inside] - zone.speed_m_s, initial=0.0)))
+    return worst
+
+
+def _inside(shape: Any, points: np.ndarray) -> np.ndarray:
+    if isinstance(shape, Box):
+        away = points - np.array(shape.middle)
+        turn = math.radians(shape.turn_deg)
+        x = away[:, 0] * math.cos(turn) + away[:, 1] * math.sin(turn)
+        y = away[:, 1] * math.cos(turn) - away[:, 0] * math.sin(turn)
+        return np.all(np.abs(np.stack([x, y, away[:, 2]], axis=1)) <= np.array(shape.size) / 2, axis=1)
+    away = points - np.array(shape.foot)
+    return (
+        (np.hypot(away[:, 0], away[:, 1]) <= shape.radius) & (away[:, 2] >= 0) & (away[:, 2] <= shape.height)
+    )
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The figures of a controller over its runs."""
+    driven = [row for row in rows if row["driven"]]
+    plans = [seconds for row in rows for seconds in row["plan_s"]]
+    samples = [value for row in driven for value in row[SAMPLES]]
+    found: dict[str, Any] = {
+        "scenes": len({row["scene"] for row in rows}),
+        "machines": len({row["machine"] for row in rows}),
+        "runs": len(driven),
+        "without_plan": {row["scene"]: row["reason"] for row in rows if not row["driven"]},
+        "plan_p50_s": float(np.quantile(plans, 0.5)) if plans else None,
+        "plan_p95_s": float(np.quantile(plans, 0.95)) if plans else None,
+        "cross_track_p95": float(np.quantile(samples, 0.95)) if samples else None,
+    }
+    if not driven:
+        return found
+    count = sum(row["contact"] for row in driven)
+    return {
+        **found,
+        "contacts": count,
+        "contact_share": count / len(driven),
+        "contact_share_ci95": _wilson(count, len(driven)),
+        "keep_outs": sum(row["keep_out"] for row in driven),
+        "clearance_min": min(row["clearance"] for row in driven),
+        "clearance_mean": float(np.mean([row["clearance"] for row in driven])),
+        "too_fast_max": max(row["too_fast"] for row in driven),
+        "missed": sum(row["missed"] for row in driven),
+        **{
+            name: float(np.mean([row[name] for row in driven]))
+            for name in ("cycle", "speed", "tool", "swing_deg")
+        },
+    }
+
+
+def _wilson(count: int, of: int) -> list[float]:
+    """95 % interval of a share (Wilson)."""
+    z, share = 1.96, count / of
+    middle = (share + z * z / (2 * of)) / (1 + z * z / of)
+    half = z / (1 + z * z / of) * math.sqrt(share * (1 - share) / of + z * z / (4 * of * of))
+    return [max(0.0, middle - half), min(1.0, middle + half)]

@@ -1,0 +1,132 @@
+"""Scenes × controllers × machines in processes of their own; rows are kept as they come, and gone on from."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from baselines.following import follower
+from baselines.planning.planner import Planner
+from orchestrator.run.processes import warm_up
+from specs.progress import Report
+from specs.scene import Scene
+from specs.schema import ROOT
+from verification.scenes import run as runs
+from verification.scenes.run import Case
+from verification.scenes.score import PICTURE, SAMPLES, score, summary
+
+ROWS = "rows.jsonl"
+ROOMS = ("specs", "fmus", "orchestrator", "baselines", "verification")  # whose sources decide what runs give
+Machines = Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class Job:
+    """All machines of one scene with one controller: the plan is made once."""
+
+    scene: Scene
+    controller: str
+    machines: Machines
+    seed: int
+
+
+def check_controllers(controllers: Sequence[str]) -> None:
+    """Raise InputError for an unknown controller."""
+    for controller in controllers:
+        runs.check(controller)
+
+
+def check_scenes(scenes: Sequence[Scene]) -> None:
+    """Raise InputError for a scene that the machine does not fit into, before anything runs."""
+    for scene in scenes:
+        Planner(scene).check()
+
+
+def study(
+    scenes: Sequence[Scene], controllers: Sequence[str], machines: Machines, seed: int, jobs: int, out: Path,
+    report: Report,
+) -> dict[str, Any]:  # fmt: skip
+    """The figures: of each controller, and every row."""
+    out.mkdir(parents=True, exist_ok=True)
+    asked = [Job(scene, c, machines, seed) for c in controllers for scene in scenes]
+    known = _known(out / ROWS)
+    missing = [job for job in asked if _key(job) not in known]
+    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=warm_up) as pool:
+        waiting = {pool.submit(_run, job): job for job in missing}
+        for number, done in enumerate(as_completed(waiting), 1):
+            job = waiting[done]
+            known[_key(job)] = done.result()
+            with (out / ROWS).open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"key": _key(job), "rows": known[_key(job)]}) + "\n")
+            report(f"{job.controller} in {job.scene.name}", number, len(missing))
+    rows = {c: [row for job in asked if job.controller == c for row in known[_key(job)]] for c in controllers}
+    return {
+        "controllers": {c: {**summary(of), "families": _families(of)} for c, of in rows.items()},
+        "labels": {c: label(c) for c in controllers},
+        PICTURE: [row for of in rows.values() for row in of if PICTURE in row],
+        "rows": [
+            {name: value for name, value in row.items() if name not in (SAMPLES, PICTURE)}
+            for of in rows.values()
+            for row in of
+        ],
+    }
+
+
+def label(controller: str) -> str:
+    """What tables call a controller."""
+    known = follower.KINDS
+    if controller in known:
+        return known[controller].label
+    led = controller.endswith(runs.LED)
+    return "its target moved along the planned path" if led else "straight to the target, blind to the scene"
+
+
+def _families(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    names = sorted({row["family"] for row in rows})
+    return {name: summary([row for row in rows if row["family"] == name]) for name in names}
+
+
+def _run(job: Job) -> list[dict[str, Any]]:
+    """A row of each machine; the first one can be drawn."""
+    rows = []
+    for name, drawn in job.machines.items():
+        row = score(runs.run(Case(job.scene, job.controller, name, drawn, job.seed)))
+        rows.append({k: v for k, v in row.items() if not rows or k != PICTURE})
+    return rows
+
+
+def _known(path: Path) -> dict[str, list[dict[str, Any]]]:
+    """Rows of an earlier call, by key; a line that was cut off is left out."""
+    found = {}
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
+        try:
+            entry = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        found[entry["key"]] = entry["rows"]
+    return found
+
+
+def _key(job: Job) -> str:
+    """The same for the same question and the same sources."""
+    text = f"{_sources()}|{job.scene!r}|{job.controller}|{sorted(job.machines)}|{job.seed}"
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+_digest: dict[str, str] = {}
+
+
+def _sources() -> str:
+    """A digest of what decides the runs."""
+    if "" not in _digest:
+        found = hashlib.sha256()
+        for room in ROOMS:
+            for path in sorted((ROOT.parent / room).rglob("*")):
+                if path.suffix in (".py", ".toml", ".c", ".h") and "__pycache__" not in path.parts:
+                    found.update(path.read_bytes())
+        _digest[""] = found.hexdigest()
+    return _digest[""]
