@@ -29,7 +29,7 @@ PANELS = {
     ),
     "Controllers": (
         "controllers",
-        ("compare", "evaluate", "tune", "analyse", "calibrate", "estimate", "optimum"),
+        ("compare", "evaluate", "reproduce", "tune", "analyse", "calibrate", "estimate", "optimum"),
     ),
     "Learn from recordings and in simulation": ("learning", ("collect", "train", "fit", "import")),
     "Reconcile model and measurement": ("reconciling", ("reconcile", "effects")),
