@@ -139,5 +139,11 @@ def code(whole: bool) -> str:
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    """SHA-256 of what a policy does: its file also tells when and where it was made."""
+    found, own = hashlib.sha256(), read(path)
+    c = own.contract
+    found.update(repr((c.task, c.history, c.layout, c.change, c.prior)).encode())
+    for layer in own.weights:
+        for values in layer:
+            found.update(values.tobytes())
+    return found.hexdigest()[:16]

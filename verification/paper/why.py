@@ -10,9 +10,11 @@ WHY = {
         of their own predictions, and the reference machine has no column, because it contains no network.
     """,
     "slew_ablation": """
-        Leaving out pressures or inertia costs more than in the paper, because the recordings have little
-        noise and are of one machine that never changes, so that what a variant lacks is not hidden by what
-        nobody can predict; on the first two plants the same commands are replayed with an empty grab.
+        Leaving out the inertia costs more than in the paper on every plant, because each is one machine
+        that never changes, so that what a variant lacks is not hidden by what nobody can predict; leaving
+        out the pressures costs more on the reference machine, whose encoder tells the speed 0.2 s late, and
+        nothing on the other two, which tell it in time and without noise (there the same commands are
+        replayed with an empty grab).
     """,
     "open_loop": """
         The paper's prediction drifts over 40 s and that of our networks hardly does, because they predict
@@ -35,8 +37,8 @@ WHY = {
         our policies.
     """,
     "driver": """
-        Our drivers are models of operators that were fitted to the paper's rows on the reference machine,
-        so that their agreement there is no result; the controller is faster and ends much nearer than the
+        Our drivers are models of operators that were set to land near the paper's rows on the reference
+        machine, so that their agreement there is no result; the controller is faster and ends much nearer than the
         paper's, because the joint angles of the target are an input and the simulated arm follows its
         references well, and at that speed its tool swings more.
     """,

@@ -109,6 +109,14 @@ def test_the_store_finds_what_it_kept_and_nothing_else(tmp_path: Path) -> None:
     assert store.get("a", {"seed": 1}, lambda: 3) == 3
 
 
+def test_a_policy_trained_again_is_the_same_one(tmp_path: Path) -> None:
+    found = export.read(POLICIES / "paper_slew.onnx")
+    later = replace(found.contract, made={**found.contract.made, "commit": "another"})
+    path = export.write(replace(found, contract=later), tmp_path / "again.onnx")
+    assert asking.digest(path) == asking.digest(POLICIES / "paper_slew.onnx")
+    assert asking.digest(POLICIES / "ppo.onnx") != asking.digest(POLICIES / "paper.onnx")
+
+
 def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
     broken = ["second"]
@@ -185,7 +193,16 @@ def test_an_item_from_what_ships_with_its_page(tmp_path: Path, capsys: Any) -> N
     assert "<svg" in (tmp_path / "out" / reproduction.PAGE).read_text()
 
 
+def test_the_page_that_ships_has_every_item() -> None:
+    text = (ROOT / "docs" / "results" / "paper.md").read_text()
+    places = [f"## {item.place}: {item.title}" for item in items.ITEMS]
+    assert [line for line in text.splitlines() if line.startswith("## ")][:-1] == places
+    for name in ORDER:
+        assert pages.filled(f"**Where they differ.** {WHY[name]}") in text, name
+
+
 @pytest.mark.long
+@pytest.mark.timeout(3600)
 def test_the_whole_of_it_on_a_tiny_budget(tmp_path: Path) -> None:
     out = tmp_path / "figures.json"
     words = ["--budget", "tiny", "--jobs", "1", "--out", str(tmp_path / "out"), "--json", str(out)]
