@@ -38,9 +38,9 @@ WHY = {
     """,
     "driver": """
         Our drivers are models of operators that were set to land near the paper's rows on the reference
-        machine, so that their agreement there is no result; the controller is faster and ends much nearer than the
-        paper's, because the joint angles of the target are an input and the simulated arm follows its
-        references well, and at that speed its tool swings more.
+        machine, so that their agreement there is no result; the controller is faster and ends much nearer
+        than the paper's, because the joint angles of the target are an input and the simulated arm follows
+        its references well, and at that speed its tool swings more.
     """,
     "five_targets": """
         The paper does not count the targets that end within its circles, so there is nothing to differ
