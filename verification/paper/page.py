@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,9 @@ were measured on its machine. **All of ours are simulated**, on three plants: th
 (hydraulic slew drive, arm and tool as in the paper), the same with *the authors' published networks* as
 the slew drive, and the *simulated reference machine*. [Plants](plants.md) tells them apart.
 
-`slewright reproduce{words}` makes this page: version {version}, commit {commit}, seed {seed}, {targets} drawn
-targets of 45–135° for each cell of Tables IV to VI. {training} What is finished is kept in `--out`, and an
-interrupted run goes on. `--json FILE` has every figure.
+`slewright reproduce{words}` makes this page: version {version}, commit {commit}, {date}, seed {seed},
+{targets} drawn targets of 45–135° for each cell of Tables IV to VI. {training} What is finished is kept
+in `--out`, and an interrupted run goes on. `--json FILE` has every figure.
 
 Fig. 1 (a photograph), Fig. 4 (forces on the tool) and Fig. 5 (ROS 2 nodes) are drawings without results.
 """
@@ -45,7 +46,7 @@ def text(asked: Asked, names: Sequence[str], sections: Sequence[Section]) -> str
     """The page as Markdown; `names`: the items that were asked for, none for all."""
     words, commit = " ".join(["", *names]) + asked.words, source_state()
     intro = INTRO.strip().format(
-        words=words, version=versions()["slewright"], commit=commit, seed=asked.seed,
+        words=words, version=versions()["slewright"], commit=commit, date=date.today(), seed=asked.seed,
         targets=asked.effort.targets, training=TRAINING[asked.effort.training],
     )  # fmt: skip
     parts = [f"# {TITLE}", *map(filled, intro.split("\n\n"))]

@@ -12,9 +12,9 @@ WHY = {
     "slew_ablation": """
         Leaving out the inertia costs more than in the paper on every plant, because each is one machine
         that never changes, so that what a variant lacks is not hidden by what nobody can predict; leaving
-        out the pressures costs more on the reference machine, whose encoder tells the speed 0.2 s late, and
-        nothing on the other two, which tell it in time and without noise (there the same commands are
-        replayed with an empty grab).
+        out the pressures costs more on the reference machine, whose encoder tells the speed 0.2 s late,
+        nothing on the authors' networks and less than nothing on the nominal simulation, which tell it in
+        time and without noise (on both the same commands are replayed with an empty grab).
     """,
     "open_loop": """
         The paper's prediction drifts over 40 s and that of our networks hardly does, because they predict
@@ -54,6 +54,7 @@ WHY = {
     """,
     "no_load_estimate": """
         Speed is higher, overshoot and error are lower than in the paper for the reasons given at Table V,
-        and the tool swings about as much; as in the paper an unknown load costs little.
+        and the tool swings about as much; as in the paper an unknown load costs little ("Empty" repeats
+        "Controller" of Table V: of an empty grab 0 is told either way).
     """,
 }
