@@ -13,6 +13,7 @@ from slewright.progress import progress
 from specs.errors import InputError
 
 BUDGETS = ("full", "tiny")
+ROLES = "paper, paper_slew, paper_slew_no_history, ppo, slew"
 
 
 def reproduce(
@@ -30,9 +31,7 @@ def reproduce(
     ] = None,
     policy: Annotated[
         list[str] | None,
-        typer.Option(
-            "--policy", metavar="ROLE=FILE", help="Another policy in the place of ours (repeatable)."
-        ),
+        typer.Option("--policy", metavar="ROLE=FILE", help=f"In the place of ours: {ROLES} (repeatable)."),
     ] = None,
     seed: SeedOption = 1,
     jobs: Annotated[

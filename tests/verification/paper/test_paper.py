@@ -13,6 +13,7 @@ import pytest
 from learning.policy import export
 from records.paper import ROWS, SLEW_ONLY, WITH_ESTIMATE, WITHOUT_ESTIMATE
 from slewright import __main__ as entry
+from slewright.commands.controllers.reproduce import ROLES
 from specs.errors import InputError
 from tests.conftest import ROOT
 from verification.paper import asked as asking, items, page as pages, reproduction, trials
@@ -52,6 +53,10 @@ def test_every_row_of_the_paper_has_ours_beside_it(place: str) -> None:
 
 
 # ---- what is refused ----
+
+
+def test_the_help_names_every_role() -> None:
+    assert sorted(ROLES.split(", ")) == sorted(asking.ROLES)
 
 
 def test_an_unknown_name_ends_with_2_and_the_valid_ones(capsys: Any, tmp_path: Path) -> None:
