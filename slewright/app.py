@@ -29,7 +29,10 @@ PANELS = {
     ),
     "Controllers": (
         "controllers",
-        ("compare", "evaluate", "scenes", "tune", "analyse", "calibrate", "estimate", "optimum"),
+        (
+            *("compare", "evaluate", "reproduce", "scenes", "tune", "analyse"),
+            *("calibrate", "estimate", "optimum"),
+        ),
     ),
     "Learn from recordings and in simulation": ("learning", ("collect", "train", "fit", "import")),
     "Reconcile model and measurement": ("reconciling", ("reconcile", "effects")),

@@ -28,11 +28,6 @@ REFERENCES = ("first_order", "grey_box")  # fitted, without seeds
 RESAMPLES = 1000
 NOISE_DEVIATIONS = 3.0  # over seeds, by which a figure may differ when it is made again
 LEAST_NOISE = 0.1  # and at least this share of it
-PAPER = {
-    "proposed": {"velocity_mae": 1.616, "position_mae": 5.707},
-    "no_pressure": {"velocity_mae": 1.805, "position_mae": 6.509},
-    "no_inertia": {"velocity_mae": 2.080, "position_mae": 7.517},
-}  # Spinelli et al., table of feature crafting: the real machine, 10 s open loop, deg/s and deg
 SPLITS = ("validation", "test")
 BEFORE = 2 * HISTORY  # rows of history before each window: the grey box settles in them
 

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from fmus.models.slew_nn.network import PERIOD_S, SlewNetwork
-from learning.slew.ablation import BEFORE, PAPER
+from learning.slew.ablation import BEFORE
 from learning.slew.data import Data
 from learning.slew.recipe import ENSEMBLE, MEMBERS, RECIPES
 from learning.slew.score import roll_out
 from learning.slew.trajectory import Trajectory, windows
+from records.paper import FEATURES as PAPER
 from records.report import shell
 from records.report.figures import Figure
 

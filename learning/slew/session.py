@@ -18,6 +18,7 @@ from learning.slew.data import Data, load, of_traces
 from learning.slew.recipe import ENSEMBLE, MEMBERS, PROPOSED, RECIPES, exportable, whole
 from learning.slew.region import share_outside
 from learning.slew.trajectory import GROUPS
+from records.paper import FEATURES
 from specs.errors import InputError, nearest
 from specs.progress import Report
 from specs.version import VERSION
@@ -105,7 +106,7 @@ def run(options: Options, report: Report) -> dict[str, Any]:
         "command": options.command,
         "seeds": list(options.seeds),
         "chosen": {"variant": chosen.variant, "seed": chosen.seed, "weights": str(paths[0])},
-        "paper": ablation.PAPER,
+        "paper": FEATURES,
         "disagreement": doubt,
         "variants": figures,
         "accepted": accepted,

@@ -4,8 +4,14 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from records.metrics import Metrics, TargetMetrics, Verdict
-from records.report.paper import ROWS
+from records.paper import ROWS, SLEW_ONLY, WITH_ESTIMATE, WITHOUT_ESTIMATE
 from records.results import COLUMNS, METRIC_NAMES, SYSTEM_NAMES, UNITS, Results, number
+
+PAPER_TABLES = {
+    SLEW_ONLY: "Slew only",
+    WITH_ESTIMATE: "Full task, load estimated",
+    WITHOUT_ESTIMATE: "Full task, load not estimated",
+}
 
 
 def readable(scenario: str) -> str:
@@ -80,16 +86,16 @@ def paper() -> str:
     )
     body, before = "", ""
     for row in ROWS:
-        new = row.group != before
-        span = sum(r.group == row.group for r in ROWS)
-        first = f"<th scope='row' rowspan='{span}'>{row.group}</th>" if new else ""
+        new = row.place != before
+        span = sum(r.place == row.place for r in ROWS)
+        first = f"<th scope='row' rowspan='{span}'>{PAPER_TABLES[row.place]}</th>" if new else ""
         tool = f"{row.tool:.2f}" if row.tool is not None else "–"
         error = f"{row.error:.3f} m" if row.error_unit == "m" else f"{row.error:.2f} °"
         cells = "".join(
             f"<td class='num'>{v}</td>" for v in (f"{row.speed:.2f}", f"{row.overshoot:.2f}", error, tool)
         )
-        body += f"<tr{' class=first' if new else ''}>{first}<td>{row.name}</td>{cells}</tr>"
-        before = row.group
+        body += f"<tr{' class=first' if new else ''}>{first}<td>{row.told}</td>{cells}</tr>"
+        before = row.place
     return _table(head, body)
 
 

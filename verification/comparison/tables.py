@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from baselines import registry
+from records import paper
 from records.figures_file import versions
 from records.report import markers
-from verification.comparison.paper import rows as of_paper
 from verification.comparison.plan import LOADS, TASKS, Question
 
 SHOWN_FROM = 5  # machines from which on an interval is shown
@@ -88,9 +88,9 @@ def _by_load(task: str, where: str, cells: Mapping[str, Mapping[str, Any]], bloc
     """One table a load, the paper's rows below."""
     for load in dict.fromkeys(load for by_load in cells.values() for load in by_load):
         rows = [[name, *_metrics(by_load[load])] for name, by_load in cells.items() if load in by_load]
-        for r in of_paper(task, load):
+        for r in paper.beside(task, load):
             values = map(_number, (r.speed, r.overshoot, None, r.error, r.tool))
-            rows.append([r.label, *values, "", ""])
+            rows.append([f"paper: {r.label}", *values, "", ""])
         yield Table(f"{task}, {load}: {where}; error in {_unit(task)}", COLUMNS, rows, block)
 
 

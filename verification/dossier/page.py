@@ -108,7 +108,7 @@ def write(out: Path, text: str, sections: Sequence[Section]) -> None:
     out.write_text(text.replace(f"({FOLDER}/", f"({folder.name}/"), encoding="utf-8")
 
 
-def as_html(text: str, sections: Sequence[Section]) -> str:
+def as_html(text: str, sections: Sequence[Section], title: str = TITLE) -> str:
     """The page as one HTML file with its pictures inside."""
     from markdown_it import MarkdownIt
 
@@ -117,7 +117,7 @@ def as_html(text: str, sections: Sequence[Section]) -> str:
         for name, content in section.pictures.items():
             start = body.index(f'<img src="{FOLDER}/{name}"')
             body = body[:start] + content + body[body.index("/>", start) + 2 :]
-    return f"{HEAD}<title>{html.escape(TITLE)}</title><style>{STYLE}</style>\n{body}</html>\n"
+    return f"{HEAD}<title>{html.escape(title)}</title><style>{STYLE}</style>\n{body}</html>\n"
 
 
 HEAD = (

@@ -69,7 +69,7 @@ def _character(system: System, which: str) -> tuple[list[float], np.ndarray]:
     """COLUMNS but the last, and the speed on the drawn joystick."""
 
     def run(u: Callable[[float, float], float], seconds: float) -> Record:
-        return drive(Joystick(u), "character", resting(SETTLE_S + seconds), system, which)
+        return drive(Joystick(u), "character", still(SETTLE_S + seconds), system, which)
 
     steps = [
         run(lambda t, q, u=u: u if t <= HELD_S else 0.0, HELD_S + RUN_ON_S) for u in JOYSTICKS
@@ -99,8 +99,8 @@ def _row(seconds: float) -> int:
     return round((SETTLE_S + seconds) / TICK_S)
 
 
-def resting(seconds: float) -> Scenario:
-    """The start pose with an empty grab, for some time."""
+def still(seconds: float) -> Scenario:
+    """A run of this length in which nothing is asked for, arm at rest, empty grab."""
     known = load_scenario("four_targets_empty")
     still = Load(name="empty", description="Empty grab", low_kg=0.0, high_kg=0.0, told_kg=0.0)
     target = Target(slew_deg=90.0, radius_m=9.95, height_m=6.18)

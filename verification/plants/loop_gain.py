@@ -28,7 +28,7 @@ from records.targets import XYZ
 from specs import systems
 from specs.progress import Report
 from specs.scenario import TICK_S
-from verification.plants.character import resting
+from verification.plants.character import still
 from verification.plants.plant import Plant
 from verification.runs import SLOT, plant_parameters
 
@@ -146,7 +146,7 @@ def measure(
 
 def swung(system: System, plant: Plant, frequency_hz: float, amplitude: float) -> Record:
     """A plant without its controller, its joystick a sine."""
-    scenario, ticks = resting(RUN_S), round(RUN_S / TICK_S)
+    scenario, ticks = still(RUN_S), round(RUN_S / TICK_S)
     turn = 2 * math.pi * frequency_hz * TICK_S
     stimuli = {k: {"u_slew": amplitude * math.sin(turn * k)} for k in range(ticks)}
     values = plant_parameters(system, plant.system, scenario.parameters(1))
@@ -155,7 +155,7 @@ def swung(system: System, plant: Plant, frequency_hz: float, amplitude: float) -
 
 def there(record: Record) -> dict[str, float]:
     """Target, load and pace: the target is where the slew swings about."""
-    scenario = resting(RUN_S)
+    scenario = still(RUN_S)
     mean = math.degrees(float(np.mean(record.column("true_q_slew")[record.time >= SETTLE_S])))
     place = replace(scenario.targets[0], slew_deg=mean).xyz
     return scenario.stimuli()[0] | dict(zip(XYZ, place, strict=True))

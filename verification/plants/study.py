@@ -66,7 +66,7 @@ def study(
             ssp = plant.pack(c.models, c.name)
             made = [Job(ssp, plant, s, seed, asked.pace, c.parameters) for seed, s in scenarios]
             jobs[plant.name, c.name] = made
-    ran = iter(trial.run([j for made in jobs.values() for j in made], workers, report))
+    ran = trial.run([j for made in jobs.values() for j in made], workers, report)
     found: dict[str, Any] = {plant.name: {} for plant in on}
     for (plant_name, controller), made in jobs.items():
         found[plant_name][controller] = trial.figures([next(ran) for _ in made], asked.task)

@@ -15,7 +15,7 @@ import numpy as np
 
 from fmus.equations import kinematics
 from fmus.models.slew_nn.network import PERIOD_S, SlewNetwork
-from orchestrator.run.processes import warm_up
+from orchestrator.run.processes import interrupts_held, warm_up
 from orchestrator.run.simulate import simulate
 from orchestrator.system.check import load_system
 from orchestrator.system.stimuli import Stimuli
@@ -119,30 +119,35 @@ def _point(draw: Any) -> tuple[float, float]:
     raise InputError("no target within reach")  # pragma: no cover
 
 
-def run(jobs: Sequence[Job], workers: int, report: Any) -> list[Ran]:
-    """What became of each job, in their order."""
+def run(jobs: Sequence[Job], workers: int, report: Any) -> Iterator[Ran]:
+    """What became of each job, in their order, as soon as it is known."""
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=warm_up) as pool:
-        found = []
-        for number, one in enumerate(pool.map(_run, jobs)):
+        with interrupts_held():  # the processes start here, and inherit it
+            coming = pool.map(_run, jobs)
+        for number, one in enumerate(coming):
             report(f"{jobs[number].plant.name}", number + 1, len(jobs))
-            found.append(one)
-    return found
+            yield one
 
 
-def _run(job: Job) -> Ran:
+def simulated(job: Job, columns: Sequence[str] = NEEDED) -> Record:
+    """The record of one run, with those of the columns that its system has."""
     system, s = load_system(job.ssp), job.scenario
-    record = simulate(
+    return simulate(
         system,
         s.duration_ticks,
         Stimuli(s.stimuli(job.pace)),
         plant_parameters(system, job.plant.system, s.parameters(job.seed)) | dict(job.parameters),
-        record=[n for n in NEEDED if n in system.outputs],
+        record=[n for n in columns if n in system.outputs],
         seed=job.seed,
         meta={
             "scenario": s.name, "targets": s.schedule(), "target_interval_s": s.interval_s,
             "load_kg": s.true_load(job.seed), "load_told_kg": s.load.told_kg,
         },
     )  # fmt: skip
+
+
+def _run(job: Job) -> Ran:
+    record = simulated(job)
     return Ran(
         compute(record).per_target,
         [_rest(record, t.rows) for t in targets(record) if t.whole],

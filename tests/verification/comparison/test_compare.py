@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from baselines import registry
+from records import paper
 from specs import draws, parameters, scenario
 from specs.errors import InputError
 from tests.conftest import Command
-from verification.comparison import optima, paper, tables
+from verification.comparison import optima, tables
 from verification.comparison.figures import figures, interval, matched_speed
 from verification.comparison.plan import SWEEPS, TASKS, Question, make_plan
 
@@ -197,8 +198,8 @@ def test_matched_speed_lies_between_the_paces_beside_it() -> None:
 
 
 def test_the_papers_rows_go_with_their_task_and_load() -> None:
-    assert [r.label for r in paper.rows("full", "2t")] == ["paper: driver", "paper: policy"]
-    assert len(paper.rows("slew", "unknown")) == 3
+    assert [r.label for r in paper.beside("full", "2t")] == ["driver", "policy"]
+    assert len(paper.beside("slew", "unknown")) == 3
 
 
 def test_the_sealed_set_needs_leave() -> None:

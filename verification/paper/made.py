@@ -1,0 +1,23 @@
+"""What an item comes to: the paper's numbers, ours on three plants, text and pictures for the page."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+COLUMNS = ("nominal", "published", "reference")
+
+
+@dataclass(frozen=True)
+class Made:
+    """Figures by column, None where there is nothing; `text` is Markdown, `pictures` are SVG by file name."""
+
+    paper: Mapping[str, Any]
+    nominal: Mapping[str, Any] | None = None
+    published: Mapping[str, Any] | None = None
+    reference: Mapping[str, Any] | None = None
+    text: str = ""
+    pictures: Mapping[str, str] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the store."""
+        return asdict(self)
