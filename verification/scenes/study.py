@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from verification.scenes.run import Case
 from verification.scenes.score import PICTURE, SAMPLES, score, summary
 
 ROWS = "rows.jsonl"
+PACKAGES = ("coal", "ompl", "toppra")
 ROOMS = ("specs", "fmus", "orchestrator", "baselines", "verification")  # whose sources decide what runs give
 Machines = Mapping[str, Mapping[str, float]]
 
@@ -35,7 +37,9 @@ class Job:
 
 
 def check_controllers(controllers: Sequence[str]) -> None:
-    """Raise InputError for an unknown controller."""
+    """Raise InputError for an unknown controller, ModuleNotFoundError for a package that runs will need."""
+    for package in PACKAGES:
+        import_module(package)
     for controller in controllers:
         runs.check(controller)
 

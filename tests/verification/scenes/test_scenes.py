@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -113,6 +114,17 @@ def test_the_command_writes_its_figures_and_goes_on_where_it_was(tmp_path: Path)
     assert command(arguments) == 0
     assert (tmp_path / "out" / "rows.jsonl").read_bytes() == kept
     assert json.loads((tmp_path / "f.json").read_text())["rows"] == first["rows"]
+
+
+@pytest.mark.parametrize("package", ["coal", "ompl", "toppra"])
+def test_a_missing_package_is_named_with_how_to_install_it(
+    package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setitem(sys.modules, package, None)
+    assert command(["scenes", "truck"]) == 2
+    said = capsys.readouterr().err
+    assert package in said
+    assert "pip install 'slewright[scenes]'" in said
 
 
 @pytest.mark.parametrize(
