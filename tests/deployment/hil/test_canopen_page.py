@@ -58,6 +58,7 @@ def started(tmp_path: Path) -> Iterator[Started]:
     found.end()
 
 
+@pytest.mark.long
 def test_the_page_works_as_it_stands(started: Started, tmp_path: Path):
     (tmp_path / "pd.bundle").symlink_to(built("pd").folder)
     (tmp_path / "machine.toml").write_text(BLOCKS["toml"] + "\n[realtime]\nfifo = false\nlock = false\n")

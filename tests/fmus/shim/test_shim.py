@@ -260,6 +260,7 @@ def test_cache_compiles_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     assert compile_library(model, tmp_path, 2, host) == first
 
 
+@pytest.mark.long
 def test_using_an_fmu_keeps_its_other_platforms(tmp_path: Path) -> None:
     """Built for two platforms, then asked for without saying which: nothing is lost."""
     host = compiler.host().name

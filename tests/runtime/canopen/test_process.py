@@ -112,6 +112,7 @@ def test_all_simulated_devices_are_set_up_and_left_alone_by_a_process_that_is_st
     assert len(before) == len(definition().nodes)
 
 
+@pytest.mark.long
 def test_nonsense_for_answers_is_a_device_that_does_not_answer_and_the_process_lives(master: Master):
     random = np.random.default_rng(1)
     device = by_hand(master)

@@ -20,7 +20,7 @@ from tests.runtime.test_supervisor import machine as machine
 pytest.importorskip("foxglove")
 pytest.importorskip("cyclonedds")
 asyncua = pytest.importorskip("asyncua")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture

@@ -77,7 +77,7 @@ def written(short: None, tmp_path_factory: pytest.TempPathFactory) -> Written:
     return Written(out, out.with_suffix(".html"), out.read_text(encoding="utf-8"), figures, drawn)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_page_has_every_chapter_and_says_what_it_is_about(written: Written) -> None:
     assert "simulated reference machine" in written.text
     for i, title in enumerate(TITLES, 1):
@@ -86,7 +86,7 @@ def test_the_page_has_every_chapter_and_says_what_it_is_about(written: Written) 
     assert "{" not in written.text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_picture_is_shown_and_is_valid_svg(written: Written) -> None:
     pictures = sorted(written.out.with_suffix("").glob("*.svg"))
     assert len(pictures) == 8
@@ -97,7 +97,7 @@ def test_every_picture_is_shown_and_is_valid_svg(written: Written) -> None:
         assert len(list(root)) > 5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_html_page_carries_its_pictures(written: Written) -> None:
     html = written.html.read_text(encoding="utf-8")
     assert html.count("<svg") == 8
@@ -105,13 +105,13 @@ def test_the_html_page_carries_its_pictures(written: Written) -> None:
     assert "<table>" in html
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_all_figures_are_finite(written: Written) -> None:
     bad = [path for path, value in _numbers(written.figures) if not math.isfinite(value)]
     assert not bad
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_verdicts_follow_from_the_figures(written: Written) -> None:
     checks = written.figures["checks"]
     for name, check in checks.items():
@@ -123,7 +123,7 @@ def test_verdicts_follow_from_the_figures(written: Written) -> None:
     assert checks["speed, mean absolute error"]["found"] == calibration["velocity_mae_deg_s"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_page_shows_the_figures(written: Written) -> None:
     calibration, order = written.figures["calibration"], written.figures["physics"]["order"]["order"]
     assert f"| {calibration['velocity_mae_deg_s']:.2f} °/s | ≤ 2 °/s |" in written.text
@@ -135,7 +135,7 @@ def test_the_page_shows_the_figures(written: Written) -> None:
         )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_sealed_set_is_never_drawn(written: Written) -> None:
     assert written.drawn == {"tuning", "validation"}
 

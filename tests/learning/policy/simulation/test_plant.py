@@ -250,6 +250,7 @@ def test_the_spatial_tool_swings_as_the_reference_machines_own() -> None:
     assert off[1] > 0.3
 
 
+@pytest.mark.long
 def test_boom_and_stick_ring_on_their_oil_at_the_frequency_told() -> None:
     """After a step of the boom's reference: twice the response without oil, swinging about it, dying away."""
     plant = Plant(Drive([SlewNetwork.load(WEIGHTS)]), spatial=True)
