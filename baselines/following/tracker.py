@@ -24,11 +24,6 @@ REFERENCE = (
     ("path_goal", "rad", "Slew angle at the end of the path"),
 )
 INTEGRAL_RANGE = (-0.05, 0.05)  # rad/s; at the path's ends the learnt dead band does its work
-SHARED = {  # of baselines/shaper/parameters.toml
-    "shaper_lag", "shaper_speed_gain", "shaper_damping_ratio", "shaper_sway_lead", "shaper_sway_limit",
-    "shaper_sway_dead_zone", "shaper_level_rate", "shaper_length_rate", "shaper_band_rate",
-    "shaper_rest_band", "shaper_arm_lag",
-}  # fmt: skip
 
 
 def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
@@ -76,7 +71,7 @@ TRACKER = Model(
     outputs=from_signals(*control.COMMANDS),
     parameters=(
         *control.parameters("following", with_gravity=True),
-        *(v for v in from_parameters("shaper") if v.name in SHARED),
+        *(v for v in from_parameters("shaper") if v.name in shaping.TRACKING_PARAMETERS),
     ),
     rhs=_next_state,
     out=control.commands,

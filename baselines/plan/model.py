@@ -12,11 +12,6 @@ NEW = 1e-6  # rad: a target that differs by more is a new one
 SLOTS = ("last", "now")  # two moves at a time: one that ends while the next one begins
 JOINTS = ("boom", "stick")
 MOVE = ("speed", "rise", "brake", "coast", "stiffness", "arm_time")  # what a move is made of
-SHARED = {  # of baselines/shaper/parameters.toml: tracking is the same
-    "shaper_lag", "shaper_speed_gain", "shaper_damping_ratio", "shaper_sway_lead", "shaper_sway_limit",
-    "shaper_sway_dead_zone", "shaper_level_rate", "shaper_length_rate", "shaper_band_rate",
-    "shaper_rest_band", "shaper_arm_lag",
-}  # fmt: skip
 
 
 def _next_state(x: Namespace, u: Namespace, m: Namespace, p: Namespace) -> dict[str, Any]:
@@ -178,7 +173,7 @@ MODEL = Model(
     outputs=from_signals(*control.COMMANDS),
     parameters=(
         *control.parameters("plan", with_gravity=True),
-        *(v for v in from_parameters("shaper") if v.name in SHARED),
+        *(v for v in from_parameters("shaper") if v.name in shaping.TRACKING_PARAMETERS),
     ),
     rhs=_next_state,
     out=control.commands,

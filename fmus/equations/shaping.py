@@ -25,6 +25,11 @@ EXCITATION = 0.4  # m/s: filtered forcing that counts as lively, a swing of 0.1 
 LENGTHS = (1.0, 3.5)  # m, between which the pendulum's length is looked for
 REFERENCE_INERTIA = 400e3  # kg m2, of control_rise_time
 AT_REST = 0.01  # rad/s
+TRACKING_PARAMETERS = {  # of baselines/shaper/parameters.toml
+    "shaper_lag", "shaper_speed_gain", "shaper_damping_ratio", "shaper_sway_lead", "shaper_sway_limit",
+    "shaper_sway_dead_zone", "shaper_level_rate", "shaper_length_rate", "shaper_band_rate",
+    "shaper_rest_band", "shaper_arm_lag",
+}  # fmt: skip
 TRACKING_STATES = (
     Variable("lag_1", "rad", "Reference after one lag"),
     Variable("lag_2", "rad", "Reference after both lags"),

@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import can
 
-from runtime.can.batch import Batch
+from runtime.can.batch import Batch, FrameSource
 from runtime.can.wire import ERROR, EXTENDED, IDENTIFIER, PACKET, QUEUE_BYTES, REMOTE
 
 ANSWER_S = 30.0  # s, for the bus process to take a node in
@@ -140,3 +140,17 @@ class LocalBus(can.BusABC):
         self._socket.close()
         if self._next:
             self._next.close()
+
+
+def send_batch(bus: FrameSource, batch: Batch, count: int) -> int:
+    """Send the first `count` frames of a batch; how many could not be sent."""
+    unsent = 0
+    for i in range(count):
+        try:
+            if isinstance(bus, LocalBus):
+                bus.send_packet(batch.packets[i])
+            else:
+                bus.send_raw(*batch.get(i)[:2])
+        except (can.CanError, OSError):
+            unsent += 1
+    return unsent

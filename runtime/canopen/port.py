@@ -14,7 +14,7 @@ import can
 import numpy as np
 
 from runtime.can.batch import Batch, FrameSource
-from runtime.can.localbus import LocalBus
+from runtime.can.localbus import send_batch
 from runtime.can.port import FRAMES_A_TICK, SHOWN_TICKS, frame_source, rejoin
 from runtime.canopen import table
 from runtime.canopen.cells import NODES, read
@@ -114,14 +114,7 @@ class CanopenPort:
         if outputs is not self._outputs:
             self._outputs, self._at_outputs = outputs, outputs.ctypes.data
         count = self._send(self._at, self._at_outputs, tick, self._going.at)
-        for i in range(count):
-            try:
-                if isinstance(self._bus, LocalBus):
-                    self._bus.send_packet(self._going.packets[i])
-                else:
-                    self._bus.send_raw(*self._going.get(i)[:2])
-            except (can.CanError, OSError):
-                self.unsent += 1
+        self.unsent += send_batch(self._bus, self._going, count)
 
     def flags(self) -> int:
         """BUS_PASSIVE, BUS_OFF and OTHER_CONTROLLER: of the devices' bus."""
