@@ -43,7 +43,7 @@ def make_folder(path: Path) -> Path:
 
 def check_suffix(path: Path | None, *valid: str) -> Path | None:
     """Refuse a file whose name says that it holds something else than what would be written."""
-    if path is not None and path.suffix.lower() not in valid:
+    if path is not None and path.suffix not in valid:
         raise InputError(f"{path}: its name ends in '{path.suffix}'; valid: {', '.join(valid)}")
     return check_target(path)
 
