@@ -30,6 +30,24 @@ def check_target(path: Path | None) -> Path | None:
     return path
 
 
+def make_folder(path: Path) -> Path:
+    """Make a folder for results, with those above it; InputError where a file is in its way."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{path} is a file; name a folder") from None
+    except OSError as error:
+        raise InputError(f"{path}: the folder cannot be made ({error.strerror})") from None
+    return path
+
+
+def check_suffix(path: Path | None, *valid: str) -> Path | None:
+    """Refuse a file whose name says that it holds something else than what would be written."""
+    if path is not None and path.suffix not in valid:
+        raise InputError(f"{path}: its name ends in '{path.suffix}'; valid: {', '.join(valid)}")
+    return check_target(path)
+
+
 def write(path: Path | None, figures: Mapping[str, Any], seed: int | None = None) -> None:
     """Write `figures` with `seed` and versions to `path` as JSON, if a path is given.
 

@@ -211,8 +211,9 @@ def find(texts: Sequence[str]) -> list[Scene]:
             found.append(draw(text))
         else:
             found.append(load(text, [*SETS, *(f"{family}:tuning:0" for family in FAMILIES)]))
-    if len({scene.name for scene in found}) < len(found):
-        raise InputError("a scene is named twice")
+    called = [scene.name for scene in found]
+    if twice := [name for name in called if called.count(name) > 1]:
+        raise InputError(f"scene {twice[0]} is named twice")
     return found
 
 

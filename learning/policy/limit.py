@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from learning.policy.export import read, write
+from records.figures_file import check_target
 from specs.errors import InputError
 from specs.policy import MOST_CHANGE
 from specs.version import VERSION
@@ -19,6 +20,7 @@ from specs.version import VERSION
 
 def limit(policy: Path, change: float, out: Path) -> Path:
     """Write the policy with a limit of `change` a period (0: without one); InputError for another."""
+    check_target(out)
     found = read(policy)
     if not 0.0 <= change <= MOST_CHANGE:
         raise InputError(f"change {change:g}; valid: 0 to {MOST_CHANGE:g}")

@@ -86,7 +86,7 @@ def opened(path: Path, shown: str) -> Iterator[zipfile.ZipFile]:
     """Open an archive; InputError names it when it is missing or not a whole zip file."""
     try:
         if not path.is_file():
-            raise InputError(f"{shown} does not exist")
+            raise InputError(f"{shown} " + ("is a folder, not a file" if path.is_dir() else "does not exist"))
         size = _directory_size(path)
         if size > MAX_DIRECTORY:
             raise InputError(f"{shown} has a directory of {size} bytes; accepted: {MAX_DIRECTORY}")

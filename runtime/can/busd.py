@@ -192,6 +192,9 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if wanted.with_parent:
         end_with_parent(wanted.with_parent)
+        signal.signal(
+            signal.SIGINT, signal.SIG_IGN
+        )  # the parent is interrupted, too, and still needs the bus
     try:
         bus = BusProcess(wanted.socket, Wire(wanted.bit_rate))
     except OSError as error:

@@ -1,6 +1,7 @@
 """EDS and DCF files of makers: what a device of theirs has, and where that is not what the specs ask for."""
 
 import configparser
+import io
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -58,7 +59,9 @@ def read(path: Path, node_id: int | None = None) -> Any:
     if path.suffix.lower() not in (".eds", ".dcf"):
         raise InputError(f"{path}: its name ends neither in .eds nor in .dcf")
     try:
-        found = canopen.import_od(str(path), node_id)
+        found = canopen.import_od(_text(path), node_id)
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist") from None
     except BROKEN as error:
         raise InputError(
             f"{path}: no EDS: {str(error).splitlines()[0] if str(error) else 'broken'}"
@@ -66,6 +69,17 @@ def read(path: Path, node_id: int | None = None) -> Any:
     if not len(found):
         raise InputError(f"{path}: no EDS: it has no objects")
     return found
+
+
+def _text(path: Path) -> io.StringIO:
+    """A file's text: UTF-8, with or without a mark, else as Windows tools of makers write it."""
+    data = path.read_bytes()
+    try:
+        text = io.StringIO(data.decode("utf-8-sig"), newline=None)
+    except UnicodeDecodeError:
+        text = io.StringIO(data.decode("latin-1"), newline=None)
+    text.name = str(path)  # the library asks for it
+    return text
 
 
 def identity(od: Any) -> Identity:

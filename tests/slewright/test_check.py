@@ -59,3 +59,18 @@ def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, slewright_here: Co
     assert "unknown element 'sped'; did you mean speed?" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "c.json").exists()
+
+
+def test_files_that_are_no_system_or_no_drawing_are_refused(tmp_path: Path, slewright_here: Command) -> None:
+    for words, message in (
+        ((tmp_path,), "is a folder, not a file"),
+        ((tmp_path / "none.fmu",), "does not exist"),
+        (
+            (tmp_path / "none.fmu", "--graph", tmp_path / "x.png"),
+            "valid: .svg",
+        ),
+    ):
+        done = slewright_here("check", *words)
+        assert done.returncode == 2
+        assert message in done.stderr
+    assert not list(tmp_path.iterdir())

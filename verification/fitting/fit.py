@@ -163,7 +163,8 @@ def figures(
             "interval": [max(value - half, m.low), min(value + half, m.high)],
             "told": bool(wide[k] < TOLD),
         }  # fmt: skip
-    same = [f for f in every if np.max(np.abs(f.shares - best.shares)) < SAME]
+    first = min(every, key=lambda f: f.cost)  # `best` goes on from there, with other scales
+    same = [f for f in every if np.max(np.abs(f.shares - first.shares)) < SAME]
     return {
         "parameters": rows,
         "alike": _alike(problem.parameters, covariance),

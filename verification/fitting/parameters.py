@@ -110,6 +110,9 @@ def _bounded(name: str, start: float, unit: str, stated: tuple, own: tuple) -> M
         high = min(high, float(own[1]))
     if stated == (None, None):  # the FMU's own may be as wide as its type
         low, high = max(low, wide[0]) if start else low, min(high, wide[1]) if start else high
+    if stated != (None, None) and low >= high:
+        raise InputError(f"--parameter {name}={stated[0]:g}:{stated[1]:g}: nothing of it is within "
+                         f"{own[0]} .. {own[1]}, which the FMU allows")  # fmt: skip
     if not low < high or not math.isfinite(high - low):
         raise InputError(f"parameter {name} starts at {start:g}: state bounds, --parameter {name}=LOW:HIGH")
     if not low <= start <= high:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from records.figures_file import check_target
+from records.figures_file import check_suffix
 from specs.errors import InputError
 from specs.progress import Report
 from verification.paper import asked as asking, items as all_items, page as pages
@@ -36,7 +36,7 @@ class Options:
         given = asking.policies(list(self.policies))
         if self.out.exists() and not self.out.is_dir():
             raise InputError(f"--out {self.out} is no folder")
-        check_target(self.page)
+        check_suffix(self.page, ".md")
         return Asked(self.budget, effort, self.seed, self.workers, self.out, report, given)
 
 

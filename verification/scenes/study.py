@@ -12,7 +12,8 @@ from typing import Any
 
 from baselines.following import follower
 from baselines.planning.planner import Planner
-from orchestrator.run.processes import warm_up
+from orchestrator.run.processes import interrupts_held, warm_up
+from records.figures_file import make_folder
 from specs.progress import Report
 from specs.scene import Scene
 from specs.schema import ROOT
@@ -55,18 +56,23 @@ def study(
     report: Report,
 ) -> dict[str, Any]:  # fmt: skip
     """The figures: of each controller, and every row."""
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     asked = [Job(scene, c, machines, seed) for c in controllers for scene in scenes]
     known = _known(out / ROWS)
     missing = [job for job in asked if _key(job) not in known]
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=warm_up) as pool:
-        waiting = {pool.submit(_run, job): job for job in missing}
-        for number, done in enumerate(as_completed(waiting), 1):
-            job = waiting[done]
-            known[_key(job)] = done.result()
-            with (out / ROWS).open("a", encoding="utf-8") as file:
-                file.write(json.dumps({"key": _key(job), "rows": known[_key(job)]}) + "\n")
-            report(f"{job.controller} in {job.scene.name}", number, len(missing))
+        try:
+            with interrupts_held():  # the processes start here, and inherit it
+                waiting = {pool.submit(_run, job): job for job in missing}
+            for number, done in enumerate(as_completed(waiting), 1):
+                job = waiting[done]
+                known[_key(job)] = done.result()
+                with (out / ROWS).open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"key": _key(job), "rows": known[_key(job)]}) + "\n")
+                report(f"{job.controller} in {job.scene.name}", number, len(missing))
+        except BaseException:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
     rows = {c: [row for job in asked if job.controller == c for row in known[_key(job)]] for c in controllers}
     return {
         "controllers": {c: {**summary(of), "families": _families(of)} for c, of in rows.items()},
@@ -95,6 +101,12 @@ def _families(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _run(job: Job) -> list[dict[str, Any]]:
+    """`_rows` in a process of the pool: only here may Ctrl-C interrupt it."""
+    with interrupts_held("SIG_UNBLOCK"):
+        return _rows(job)
+
+
+def _rows(job: Job) -> list[dict[str, Any]]:
     """A row of each machine; the first one can be drawn."""
     rows = []
     for name, drawn in job.machines.items():

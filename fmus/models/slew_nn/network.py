@@ -214,7 +214,7 @@ class SlewNetwork:
             )  # fmt: skip
         except FileNotFoundError:
             raise InputError(f"there is no slew network at {path}") from None
-        except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
             raise InputError(f"{path} is damaged or not a slew network: {error}") from None
         return made
 

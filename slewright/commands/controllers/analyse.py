@@ -98,6 +98,8 @@ def _linear(controller: str, gain: list[str] | None, gains: Path | None, json: P
     """The loop linearised at four poses and loads; exit code 1 where it is not stable."""
     from baselines import gains as from_file, loop as slew_loop, registry
 
+    if controller.endswith(".onnx"):
+        raise InputError(f"{controller}: the loop of a policy is not linearised; --plant PLANT measures it")
     chosen = registry.find(controller)
     chosen = chosen if gains is None else from_file.apply(chosen, gains)
     loops = slew_loop.analyse(chosen, dict(_gain(text) for text in gain or ()))

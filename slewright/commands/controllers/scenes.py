@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from records.figures_file import check_target, write
+from records.figures_file import check_suffix, write
 from records.report import markers
 from slewright.figures import JsonOption
 from slewright.progress import progress
@@ -55,7 +55,7 @@ def scenes(
         Path | None,
         typer.Option(
             metavar="FILE",
-            callback=check_target,
+            callback=lambda page: check_suffix(page, ".html", ".md"),
             help="FILE.html: one run of each scene, drawn; FILE.md: the tables, between its markers.",
         ),
     ] = None,

@@ -6,9 +6,11 @@ from typing import Annotated, Any
 import typer
 
 from records.figures_file import write
+from slewright.channel_names import channel_names
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.tables import show
+from specs.errors import InputError
 
 app = typer.Typer(help="Fit a model's parameters to recordings.", no_args_is_help=True)
 
@@ -50,7 +52,7 @@ def fmu(
     ] = None,
     names: Annotated[
         Path | None,
-        typer.Option("--map", metavar="FILE", help="A table [names] with theirs = 'ours [unit]'."),
+        typer.Option("--map", metavar="FILE", help=r"Names: a table \[names] with theirs = 'ours \[unit]'."),
     ] = None,
     step: Annotated[
         float | None, typer.Option("--step", metavar="S", help="Step in s, of a system that states none.")
@@ -69,12 +71,17 @@ def fmu(
     Says each value with its 95 % interval, what the recordings do not tell, and the error before and after.
     """
     from orchestrator.system.check import load_system
-    from specs.schema import read_toml
     from verification.fitting import fit as fitting, parameters, recordings
 
     loaded = load_system(system, step)
     moved = parameters.moved(loaded, parameter)
-    renamed = read_toml(names).get("names", {}) if names else None
+    given = [p.resolve() for p in (*recording, *(holdout or ()))]
+    twice = [p for p in given if given.count(p) > 1]
+    if twice:
+        raise InputError(
+            f"recording {twice[0].name} is given twice; a recording counts once, to fit or to hold out"
+        )
+    renamed = channel_names(names)
     runs, kept = (
         [recordings.read(path, loaded, renamed, skip) for path in paths]
         for paths in (recording, holdout or ())

@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from records.figures_file import write, write_text
+from records.figures_file import make_folder, write, write_text
 from slewright.figures import JsonOption
-from specs.errors import InputError
 
 app = typer.Typer(
     help="EDS and DCF files of the machine's CANopen devices (docs/how-to/canopen.md).", no_args_is_help=True
@@ -72,10 +71,7 @@ def _hex(value: int | None) -> str:
 
 
 def _write(out: Path, files: dict[str, str]) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: {error.strerror}") from None
+    make_folder(out)
     for name, text in files.items():
         write_text(out / name, text)
         typer.echo(f"written: {out / name}")

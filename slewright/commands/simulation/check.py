@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from records.figures_file import check_target, write, write_text
+from records.figures_file import check_suffix, write, write_text
 from slewright.figures import JsonOption
 from slewright.implementations import ImplementationOption
 from slewright.tables import show
@@ -23,7 +23,7 @@ def check(
         typer.Option(
             "--graph",
             metavar="FILE.svg",
-            callback=check_target,
+            callback=lambda file: check_suffix(file, ".svg"),
             help="Draw the system: components, connections, units, delays.",
         ),
     ] = None,

@@ -7,6 +7,7 @@ import typer
 
 from records import figures_file
 from records.figures_file import check_target
+from slewright.channel_names import channel_names
 from slewright.figures import JsonOption
 from slewright.progress import progress
 from specs.errors import InputError
@@ -94,7 +95,7 @@ def convert(
     logs = [p for p, of in ((source, framed), (target, CAN_LOGS)) if p.suffix.lower() in of]
     if dbc is not None and not logs:
         raise InputError(f"--dbc is for CAN logs ({', '.join(CAN_LOGS)}), not for {source} and {target}")
-    renamed = _names(names)
+    renamed = channel_names(names)
     text = TextOptions(decimal, thousands, encoding, skip, clock, tuple(missing or ()))
     with progress("convert") as report:
         report(f"reading {source.name}")
@@ -134,17 +135,3 @@ def _check_files(source: Path, target: Path, json: Path | None, force: bool) -> 
         raise InputError(f"--json {json} is the file that the recording goes to")
     if target.exists() and not force:
         raise InputError(f"{target} is there already; --force overwrites it")
-
-
-def _names(path: Path | None) -> dict[str, str]:
-    """The names of a --map file."""
-    if path is None:
-        return {}
-    from specs.schema import read_toml
-
-    data = read_toml(path)
-    names = data.pop("names", None)
-    if data or not isinstance(names, dict) or not all(isinstance(n, str) for n in names.values()):
-        wrong = f"unknown key {next(iter(data))}" if data else "no table [names] of texts"
-        raise InputError(f"{path}: {wrong}; write it as [names] and lines 'their name' = 'our name [unit]'")
-    return names

@@ -189,6 +189,13 @@ def test_the_nominal_system_runs_with_the_networks(version: int, tmp_path: Path)
     np.testing.assert_allclose(np.diff(angle), STEP * (speed[1:] + speed[:-1]) / 2, atol=1e-12)
 
 
+@pytest.mark.parametrize("content", [b"", b"nonsense", b"PK"])
+def test_a_file_that_is_no_network_is_named(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "net.npz").write_bytes(content)
+    with pytest.raises(InputError, match="damaged or not a slew network"):
+        SlewNetwork.load(tmp_path / "net.npz")
+
+
 def test_same_weights_same_bytes_and_no_name_but_a_c_name(tmp_path: Path) -> None:
     first, second = (build_from(untrained(3), "net", tmp_path / f).read_bytes() for f in ("a", "b"))
     assert first == second

@@ -37,3 +37,11 @@ def test_a_limit_out_of_range_is_refused(tmp_path, change):
     with pytest.raises(SystemExit, match="2"):
         main([str(POLICY), "--change", str(change), "--out", str(tmp_path / "x.onnx")])
     assert not (tmp_path / "x.onnx").exists()
+
+
+def test_a_place_that_cannot_be_written_is_named_and_nothing_left(tmp_path):
+    (tmp_path / "folder").mkdir()
+    for out, message in ((tmp_path / "folder", "is a folder"), (tmp_path / "none" / "x.onnx", "no folder")):
+        with pytest.raises(InputError, match=message):
+            limit(POLICY, 0.15, out)
+    assert [p.name for p in tmp_path.iterdir()] == ["folder"]

@@ -143,6 +143,16 @@ def test_bus_off_is_seen_and_seen_to_end(path: Path) -> None:
     other.shutdown()
 
 
+def test_ctrl_c_leaves_the_bus_to_the_process_that_made_it() -> None:
+    folder = private_folder()
+    process = start_bus(folder / "bus", bit_rate=0)
+    os.kill(process.pid, signals.SIGINT)
+    assert ask(folder / "bus", "state")["nodes"] == {}
+    process.terminate()
+    assert process.wait(10) == 0
+    assert not (folder / "bus").exists()
+
+
 def test_a_bus_process_that_dies_is_a_bus_that_is_off() -> None:
     folder = private_folder()
     process = start_bus(folder / "bus", bit_rate=0)

@@ -102,3 +102,18 @@ def test_the_command_writes_and_reads_files(slewright: Command, tmp_path: Path):
     assert done.returncode == 1
     assert "no object 0x6300:1 for u_slew" in done.stdout
     assert slewright("canopen", "check", tmp_path / "none.eds").returncode == 2
+
+
+def test_a_makers_file_may_be_written_on_windows(tmp_path: Path):
+    text = f"; Drehgeber f\xfcr B\xfchne\r\n{FOREIGN.read_text()}"
+    for number, encoding in enumerate(("latin-1", "utf-8-sig")):
+        file = tmp_path / f"{number}.EDS"
+        file.write_bytes(text.encode(encoding))
+        assert eds.identity(eds.read(file)) == eds.identity(eds.read(FOREIGN))
+
+
+def test_files_go_into_a_folder(slewright: Command, tmp_path: Path):
+    (tmp_path / "file").touch()
+    done = slewright("canopen", "eds", "--out", tmp_path / "file")
+    assert done.returncode == 2
+    assert "file is a file; name a folder" in done.stderr

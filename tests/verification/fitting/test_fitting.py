@@ -132,3 +132,21 @@ def test_a_parameter_without_bounds_gets_a_factor_of_ten_within_those_of_the_fmu
     variable = system.components[component].model.variables["boom_mass"]
     assert variable.min is None or found.low >= variable.min
     assert replace(found, low=-1.0).log is False
+
+
+@pytest.mark.parametrize("content", ["names = 3", "[names]\na = 3", "[namez]\na = 'b'", ""])
+def test_a_map_that_is_none_is_refused(
+    slewright_here: Command, arm: Path, recordings: list[Path], tmp_path: Path, content: str
+) -> None:
+    names = tmp_path / "names.toml"
+    names.write_text(content)
+    done = slewright_here("fit", "fmu", arm, recordings[0], "--map", names, "--parameter", "boom_response")
+    assert done.returncode == 2
+    assert "write it as [names]" in done.stderr
+
+
+def test_a_recording_is_not_taken_twice(slewright_here: Command, arm: Path, recordings: list[Path]) -> None:
+    run = recordings[0]
+    done = slewright_here("fit", "fmu", arm, run, "--holdout", run, "--parameter", "boom_response")
+    assert done.returncode == 2
+    assert "run0.csv is given twice" in done.stderr

@@ -91,6 +91,7 @@ def test_the_command_says_who_swings_where(slewright_here: Command, tmp_path):
         (("pd", "--plant", "moon"), "no plant 'moon'"),
         (("pd", "nmpc"), "need --plant"),
         (("pd", "--plant", "nominal", "--gain", "a=1"), "--plant excludes --gain"),
+        (("learning/policies/full.onnx",), "--plant PLANT measures it"),
     ],
 )
 def test_bad_input(slewright_here: Command, words, said):

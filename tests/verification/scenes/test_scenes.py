@@ -137,6 +137,9 @@ def test_a_missing_package_is_named_with_how_to_install_it(
         ([], "name scenes"),
         (["gap:test:0"], "sealed"),
         (["truck", "--draws", "test", "--machines", "1"], "sealed"),
+        (["truck", "truck"], "scene truck is named twice"),
+        (["truck", "--page", "x.pdf"], "x.pdf: its name ends in '.pdf'; valid: .html, .md"),
+        (["truck", "--out", __file__], "is a file; name a folder"),
     ],
 )
 def test_wrong_input_is_named(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]):
