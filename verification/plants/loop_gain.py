@@ -33,9 +33,9 @@ from verification.plants.plant import Plant
 from verification.runs import SLOT, plant_parameters
 
 FREQUENCIES_HZ = tuple(round(float(f), 3) for f in np.geomspace(0.3, 3.0, 25))
-AMPLITUDE = 0.3
 RUN_S, SETTLE_S = 24.0, 6.0  # of a run, and what of it is left out
 SHOWN_HZ = (0.3, 0.5, 1.0, 2.0, 3.0)  # columns of the table
+SEEN = 0.005  # gains from which a phase is shown
 FAST_HZ = 1.0  # no motion that is wanted is faster
 COLUMNS = (
     *(f"{f:g} Hz" for f in SHOWN_HZ),
@@ -193,8 +193,13 @@ def rows(found: Mapping[str, Mapping[str, Loop]]) -> Iterator[list[str]]:
         for plant, loop in by_plant.items():
             phase = np.degrees(np.unwrap(np.angle(-loop.answers)))
             at = [int(np.argmin(np.abs(np.array(FREQUENCIES_HZ) - f))) for f in SHOWN_HZ]
-            cells = [f"{abs(loop.answers[k]):.2f} {phase[k]:.0f}°" for k in at]
+            cells = [_cell(abs(loop.answers[k]), phase[k]) for k in at]
             f, gain = loop.fastest
             cells += [f"{gain:.2f}", f"{f:.1f}", f"{loop.gain_margin:.1f}"]
             cells += [f"{loop.in_phase[0]:.1f}" if loop.in_phase else "–", f"{loop.delay_margin_s:.2f}"]
             yield [controller, plant, *("–" if c in ("nan", "inf") else c for c in cells)]
+
+
+def _cell(gain: float, phase_deg: float) -> str:
+    """Gain and phase; the phase of what is next to nothing says nothing."""
+    return f"{gain:.2f} {phase_deg:.0f}°" if gain >= SEEN else f"{gain:.2f}"

@@ -16,6 +16,8 @@ COLUMNS = (
     *("pose", "inertia t m²", "gain dB", "phase °", "delay s", "crossover rad/s", "sensitivity", "stable"),
 )
 
+AMPLITUDE = 0.3  # of the joystick
+
 
 def analyse(
     controller: Annotated[
@@ -38,12 +40,20 @@ def analyse(
         ),
     ] = None,
     amplitude: Annotated[
-        float, typer.Option(metavar="A", min=0.05, max=1.0, help="Of the joystick's sine, with --plant.")
-    ] = 0.3,
+        float | None,
+        typer.Option(
+            metavar="A", min=0.05, max=1.0, help="Of the joystick's sine, with --plant (default: 0.3)."
+        ),
+    ] = None,
     our_inertia: OurInertiaOption = False,
     page: Annotated[
         Path | None,
-        typer.Option("--page", metavar="FILE", exists=True, help="With --plant: write the table there."),
+        typer.Option(
+            "--page",
+            metavar="FILE",
+            exists=True,
+            help="With --plant: write the table there, between its markers `loops`.",
+        ),
     ] = None,
     json: JsonOption = None,
 ) -> None:
@@ -54,10 +64,10 @@ def analyse(
     if plant:
         if gain or gains:
             raise InputError("--plant excludes --gain and --gains")
-        _measured(controller, plant, amplitude, our_inertia, page, json)
+        _measured(controller, plant, AMPLITUDE if amplitude is None else amplitude, our_inertia, page, json)
         return
-    if len(controller) > 1 or page is not None:
-        raise InputError("several controllers and --page need --plant")
+    if len(controller) > 1 or page is not None or amplitude is not None or our_inertia:
+        raise InputError("several controllers, --page, --amplitude and --our-inertia need --plant")
     _linear(controller[0], gain, gains, json)
 
 
