@@ -86,7 +86,7 @@ def listeners(plant: Plant, folder: Path) -> tuple[Any, dict[str, set[float]]]:
 def test_what_another_program_sees_is_what_is_recorded(plant: Plant, tmp_path: Path):
     network, heard = listeners(plant, tmp_path)
     with Supervisor(plant.configuration("recorder")) as supervisor:
-        until(plant, lambda: all_accepted(supervisor))
+        until(plant, lambda: all_accepted(supervisor) and supervisor.now().ticks > 0)
         plant.drive(100, lambda: False)
         supervisor.run(lambda _: None, stop=lambda: True)
     network.disconnect()
