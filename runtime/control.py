@@ -58,6 +58,9 @@ class ControlCore:
         self._step(self._at(inputs), self._at_state, tick, self._at_outputs)
         return self._outputs
 
+    def prepare(self, inputs: np.ndarray) -> None:
+        """What must be done before a step that C code takes (runtime/native_scan.py): nothing."""
+
     def reset(self) -> None:
         """Back to the first state."""
         self._reset(self._at_state)
@@ -101,6 +104,16 @@ class ControlCore:
         if len(snapshot) != self._state.nbytes:
             raise InputError(f"a snapshot of {len(snapshot)} bytes: this core's have {self._state.nbytes}")
         self._state[:] = np.frombuffer(snapshot, np.int64)
+
+    @property
+    def outputs(self) -> np.ndarray:
+        """The image that every step writes."""
+        return self._outputs
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """Address of the state and its bytes, and address of the output image: for C code."""
+        return self._at_state, self._state.nbytes, self._at_outputs
 
     def ladder(self, inputs: np.ndarray, told: np.ndarray) -> None:
         """Which conditions of the state machine hold after a step (slr_ladder), for people; into `told`."""

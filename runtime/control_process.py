@@ -6,7 +6,6 @@ mapped, the core loaded, the bus opened; then memory is locked, the collector fr
 
 import json
 import signal
-import struct
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import can
-import numpy as np
 
 from runtime import configuration, helpers, realtime
 from runtime.bundle import load
@@ -26,17 +24,17 @@ from runtime.canopen.port import CanopenPort
 from runtime.control import ControlCore
 from runtime.hmi.cells import join as join_hmi
 from runtime.hmi.port import HmiPort
-from runtime.image import OUTPUT, Flag, Status
 from runtime.interfaces import seats
 from runtime.interfaces.port import Asked, SeatsPort
 from runtime.interfaces.publish import ImagePort
 from runtime.modbus.cells import HOLDS_IMAGE, IMAGE, IMAGE_FILE, join
 from runtime.modbus.port import ModbusPort
+from runtime.native_scan import NativeScan, serves
 from runtime.policy import open_core
 from runtime.protocols import Port
-from runtime.recorder.feed import Feed, Watch
+from runtime.publisher import COUNTS, COUNTS_HOLD, Publisher
+from runtime.recorder.feed import Feed
 from runtime.rehearsal import Rehearsal
-from runtime.retain.process import FAILED, VALUES
 from runtime.ring import Ring
 from runtime.scan import Scan
 from runtime.shadow import Overheard, StandIn, silent
@@ -45,58 +43,6 @@ from runtime.statistics import Statistics
 from specs import canopen
 
 LISTEN_S = 0.2  # twice the cycle of the slowest message that a controller sends
-COUNTS = struct.Struct("<9q")  # cell `counts`: see `Publisher.send`
-COUNTS_HOLD = "counts"
-EVERY = 50  # ticks between what is published once a second
-
-
-class Publisher:
-    """Puts counts into shared memory and retained values into their queue, once a second."""
-
-    def __init__(self, counts: Cell, found: Statistics, retain: Ring | None, names: Sequence[str]) -> None:
-        self.counts, self.found, self.retain = counts, found, retain
-        self._places = [OUTPUT.at(name) for name in names]
-        self._watch = Watch(retain) if retain else None
-        self._flags = self._off = 0
-
-    def receive(self, inputs: np.ndarray, tick: int) -> None:
-        """See whether the retain process works."""
-        if self._watch:
-            lost = self._watch.lost(tick) or self._watch.ring.note & FAILED
-            self._flags = int(Flag.RETAIN_LOST) if lost else 0
-
-    def send(self, outputs: np.ndarray, tick: int) -> None:
-        """Publish, if it is time."""
-        off = int(outputs["flags"]) & int(Flag.BUS_OFF)
-        if tick % EVERY and off == self._off:  # that the bus is gone is said at once
-            return
-        self._off = off
-        found, value = self.found, outputs["value"]
-        mode, fault = int(value[OUTPUT.index["control_mode"]]), int(value[OUTPUT.index["fault_code"]])
-        counts = (
-            found.ticks,
-            found.overruns,
-            found.stolen,
-            found.skipped,
-            found.flags_seen,
-            mode,
-            fault,
-            tick,
-            off,
-        )
-        self.counts.write(COUNTS.pack(*counts))
-        if self.retain:
-            known = outputs["status"][self._places] == Status.OK
-            kept = np.where(known, value[self._places], np.nan)  # what is not known is not kept
-            self.retain.put(VALUES, struct.pack("<d", found.ticks), kept.tobytes())
-
-    def flags(self) -> int:
-        """RETAIN_LOST."""
-        return self._flags
-
-    def received_ns(self) -> int:
-        """Nothing comes this way."""
-        return 0
 
 
 def main(text: str) -> None:
@@ -154,9 +100,10 @@ def _control(
     rights = realtime.acquire(wanted.realtime.fifo, wanted.realtime.lock, wanted.realtime.priority)
     for reason in rights.reasons:
         sys.stderr.write(f"slewright: {reason}\n")
-    scan = Scan(core, ports, rights, feed, statistics=found)
+    kind = NativeScan if serves(core, ports) else Scan
+    scan = kind(core, ports, rights, feed, statistics=found)
     if twin:
-        scan.before = twin
+        scan.before, twin.real = twin, scan
     if not quiet:
         wires.listen(LISTEN_S)
     scan.run(stop=helpers.told_to_end, ticks=told.get("ticks"))

@@ -9,6 +9,7 @@ statistics.
 
 import socket
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from runtime.can.batch import Batch
@@ -19,6 +20,7 @@ from runtime.hmi.cells import create as create_hmi
 from runtime.hmi.port import HmiPort
 from runtime.modbus.cells import create
 from runtime.modbus.port import ModbusPort
+from runtime.native_scan import NativeScan, serves
 from runtime.protocols import Port
 from runtime.realtime import sleep_until
 from runtime.recorder.feed import Feed
@@ -66,8 +68,10 @@ class Rehearsal:
         found = Statistics()
         self._twin_hmi = self._hmi.twin(create_hmi(folder), found) if self._hmi else None
         twins: list[Port] = [p for p in (self._twin_can, self._twin_modbus, self._twin_hmi) if p]
+        self.real: Scan | None = None  # whose twin this is
         feed = Feed(self._ring) if self._ring else None
-        self._twin = Scan(self._twin_core, twins, feed=feed, statistics=found)
+        kind = partial(NativeScan, waits=False) if serves(core, [*ports, *twins]) else Scan
+        self._twin = kind(self._twin_core, twins, feed=feed, statistics=found)
 
     def __call__(self, tick: int, deadline_ns: int) -> None:
         """Wait until shortly before the deadline of `tick`, and run its twin."""
@@ -76,7 +80,9 @@ class Rehearsal:
             return  # woken late: the real one is more important
         self._twin_core.restore(self._core.snapshot())
         self._twin_can.restore(self._can.state())
-        if self._modbus and self._twin_modbus:
+        if isinstance(self._twin, NativeScan) and isinstance(self.real, NativeScan):
+            self._twin.follow(self.real)
+        elif self._modbus and self._twin_modbus:
             self._twin_modbus.follow(self._modbus)
         if self._hmi and self._twin_hmi:
             self._twin_hmi.follow(self._hmi)

@@ -16,6 +16,7 @@ import struct
 import zlib
 from pathlib import Path
 
+from runtime.shared import address
 from specs.errors import InputError
 
 MAGIC = 0x0001_474E_4952_5753  # "SWRING", version 1
@@ -54,6 +55,12 @@ class Ring:
         if magic != MAGIC or path.stat().st_size != HEAD_BYTES + capacity:
             raise InputError(f"{path} is no queue of this version")
         return cls(path, capacity)
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """Addresses of words and data, and the capacity: for C code."""
+        start = address(self._map)
+        return start, start + HEAD_BYTES, self.capacity
 
     def put(self, kind: int, *parts: bytes | memoryview) -> bool:
         """Append an entry made of `parts`; False, and counted, if there is no room: nobody is waited for."""

@@ -115,8 +115,10 @@ class Scan:
             self.feed.before(tick, self.core)
         begun = clock.now()
         outputs = self.core.step(inputs, tick)
+        took = clock.now() - begun
+        self.statistics.step.add(took)
         if self._computes(outputs, tick):
-            self.statistics.policy_step.add(clock.now() - begun)
+            self.statistics.policy_step.add(took)
         for port in self.ports:
             port.send(outputs, tick)
         sent, used = clock.now(), clock.cpu() - cpu

@@ -11,6 +11,7 @@ The image goes out of the control process in one cell; what other processes want
 through a cell of its own (a mailbox: only the newest counts, `number` tells how many were written).
 """
 
+import ctypes
 import mmap
 import os
 import struct
@@ -42,12 +43,17 @@ def flat(state: bytes | memoryview | np.ndarray) -> memoryview:
     return state.reshape(-1).view(np.uint8).data if isinstance(state, np.ndarray) else memoryview(state)
 
 
+def address(memory: mmap.mmap | memoryview) -> int:
+    """Where memory lies, for C code: for as long as it stays open."""
+    return ctypes.addressof(ctypes.c_char.from_buffer(memory))
+
+
 class Cell:
     """One state of fixed size in shared memory; make it with `create`, join it with `open`."""
 
     def __init__(self, path: Path, memory: mmap.mmap) -> None:
         self.path, self._memory = path, memory
-        _, _, self.size, self._number = HEAD.unpack_from(memory)
+        _, _, self.size, _ = HEAD.unpack_from(memory)
         self._stride = _stride(self.size)
 
     @classmethod
@@ -81,13 +87,18 @@ class Cell:
         return cls(path, memory)
 
     @property
+    def place(self) -> tuple[int, int, int]:
+        """Address, bytes of a state, bytes from one slot to the next: for C code."""
+        return address(self._memory), self.size, self._stride
+
+    @property
     def number(self) -> int:
         """How many states were written; 0: none yet."""
         return NUMBER.unpack_from(self._memory, CURRENT)[0]
 
     def write(self, *parts: bytes | memoryview | np.ndarray) -> None:
         """Make `parts`, one after the other, the current state (single writer; never waits)."""
-        number = self._number + 1
+        number = self.number + 1  # a cell has one writer, but that may be C code at times (scan.c)
         at = HEAD.size + number % SLOTS * self._stride
         crc, end, last = number & 0xFFFFFFFF, at + SLOT.size, at + SLOT.size + self.size
         NUMBER.pack_into(self._memory, at, 0)  # nobody takes the slot while it is filled
@@ -100,7 +111,6 @@ class Cell:
             crc = crc32(state, crc)
         if end != last:
             raise ValueError(f"state of {sum(len(flat(p)) for p in parts)} bytes, not {self.size}")
-        self._number = number
         SLOT.pack_into(self._memory, at, number, crc)
         NUMBER.pack_into(self._memory, CURRENT, number)
 

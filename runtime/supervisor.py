@@ -27,7 +27,6 @@ from runtime.canopen.cells import create as create_canopen
 from runtime.canopen.port import check as check_devices
 from runtime.canopen.start import identities, zeros
 from runtime.child import USED, left_by_older, remove_unused, use
-from runtime.control_process import COUNTS, COUNTS_HOLD
 from runtime.helpers import Helper
 from runtime.hmi import tokens
 from runtime.hmi.cells import create as create_hmi
@@ -37,10 +36,12 @@ from runtime.interfaces.seats import create as create_seats
 from runtime.modbus.cells import create
 from runtime.notify import Notifier
 from runtime.policy import open_core
+from runtime.publisher import COUNTS, COUNTS_HOLD
 from runtime.recorder.replay import identity
 from runtime.recorder.seen import SHADOW, SHADOWED
 from runtime.retain.copies import Folder, Retained
 from runtime.ring import Ring
+from runtime.scan_layout import check as check_cycle
 from runtime.shared import Cell, private_folder
 from specs.errors import InputError, RunError
 from specs.version import VERSION
@@ -98,6 +99,8 @@ class Supervisor:
         self.bundle = self.active.bundle
         library = open_core(self.bundle).library  # loaded once here: what is wrong with it is said now
         check_frames(library)
+        if sys.platform == "linux":
+            check_cycle(library)
         if self.wanted.canopen:
             check_devices(library)
         self._proving: Thread | None = None

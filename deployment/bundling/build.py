@@ -36,8 +36,10 @@ from specs.version import VERSION
 ARM = "arm_velocity"
 HAND_WRITTEN = (
     *("slr.h", "gate.h", "block.h", "wire.h", "canopen.h"),
-    *("image_layout.h", "wire_layout.h", "canopen_layout.h"),
+    *("scan.h", "bus.h", "exchange.h", "memory.h"),
+    *("image_layout.h", "wire_layout.h", "canopen_layout.h", "scan_layout.h"),
     *("gate.c", "check.c", "mode.c", "step.c", "explain.c", "wire.c", "canopen.c"),
+    *("scan.c", "bus.c", "exchange.c", "memory.c"),
 )
 BAKED_IN = ("geometry", "slew", "machine", "load_estimate")  # files whose figures are constants of the C code
 UNCHECKED = ("geometry.c", "model.c")  # CasADi's own code

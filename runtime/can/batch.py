@@ -52,9 +52,15 @@ class Batch:
         self.at = ctypes.addressof((ctypes.c_char * len(self.bytes)).from_buffer(self.bytes))
         whole = memoryview(self.bytes)
         self.packets = [whole[i * PACKET.size : (i + 1) * PACKET.size] for i in range(size)]
-        self._vectors = (Vector * size)(*((self.at + i * PACKET.size, PACKET.size) for i in range(size)))
-        first, step = ctypes.addressof(self._vectors), ctypes.sizeof(Vector)
-        self._heads = (Head * size)(*(((None, 0, first + i * step, 1),) for i in range(size)))
+        self._heads = self.heads(PACKET.size)
+
+    def heads(self, length: int) -> "ctypes.Array[Head]":
+        """One for each frame, of whose memory the first `length` bytes are read or written."""
+        vectors = (Vector * self.size)(*((self.at + i * PACKET.size, length) for i in range(self.size)))
+        first, step = ctypes.addressof(vectors), ctypes.sizeof(Vector)
+        heads = (Head * self.size)(*(((None, 0, first + i * step, 1),) for i in range(self.size)))
+        heads.vectors = vectors  # type: ignore[attr-defined]  # they must stay for as long as these do
+        return heads
 
     def put(self, at: int, identifier: int, data: bytes, stamp: int) -> None:
         """A frame in place `at`."""

@@ -7,6 +7,7 @@ Frames are taken from the bus many at once and checked, decoded, counted and enc
 import ctypes
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
 import can
 import numpy as np
@@ -26,6 +27,16 @@ STAMP, FLAGS, PASSIVE, OFF, WAS_OFF, LOST, WRONG, OURS, REMOTE, IGNORED = range(
 # The arrays after them have an element for each message: ignored, counters, ticks, refused, repeated.
 HEARD = len(received_by(NODE))
 REFUSED = IGNORED + 3 * HEARD
+
+
+class Parts(NamedTuple):
+    """A port's bus, the address of its state, room for frames that come and go, whether it alone may send."""
+
+    bus: can.BusABC | FrameSource
+    state: int
+    came: Batch
+    going: Batch
+    alone: bool
 
 
 class NativePort:
@@ -60,7 +71,7 @@ class NativePort:
         self._came, self._going = Batch(FRAMES_A_TICK), Batch(len(sent_by(NODE)))
         self._inputs, self._at_inputs = INPUT.new(), 0  # images seen last and where they lie
         self._outputs, self._at_outputs = INPUT.new(), 0
-        self._readers = [r for r in (joystick, other) if r]
+        self.readers = [r for r in (joystick, other) if r]
         self.alone = other is None  # whether nobody else may send what we send
         self._heard = self._another = self._flags = 0
         self.unsent = 0  # frames that could not be sent
@@ -86,9 +97,7 @@ class NativePort:
         if self._words[OURS] != self._heard:
             self._heard, self._another = self._words[OURS], tick + SHOWN_TICKS
         self._flags = self._words[FLAGS] | (OTHER if self.alone and tick < self._another else 0)
-        for reader in self._readers:
-            self._read(reader, count, tick, now)
-            reader.fill(inputs, tick)
+        self.read(inputs, count, tick, now)
 
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """Send the frames that are due; what the bus has no room for is dropped and counted."""
@@ -131,6 +140,11 @@ class NativePort:
         """Frames that only we send, and that came from somebody else."""
         return self._words[OURS]
 
+    @property
+    def parts(self) -> Parts:
+        """What a cycle in C works with (runtime/native_scan.py)."""
+        return Parts(self._bus, self._at, self._came, self._going, self.alone)
+
     def state(self) -> bytes:
         """All that it remembers, for `restore`."""
         return self._state.tobytes()
@@ -153,7 +167,13 @@ class NativePort:
         """Fill the batch with what waits; how many frames."""
         return self._many(self._came) if self._many else self._came.from_source(self._bus)
 
-    def _read(self, reader: Reader, count: int, tick: int, now: int) -> None:
+    def read(self, inputs: np.ndarray, count: int, tick: int, now: int) -> None:
+        """What the readers find in the `count` frames taken in this tick, at `now` [ns], into the image."""
+        for reader in self.readers:
+            self._show(reader, count, tick, now)
+            reader.fill(inputs, tick)
+
+    def _show(self, reader: Reader, count: int, tick: int, now: int) -> None:
         for i in range(count):
             identifier, data, stamp = self._came.get(i)
             if identifier & wire.EXTENDED and not identifier & (wire.ERROR | wire.REMOTE):

@@ -13,7 +13,7 @@ import can
 import numpy as np
 
 from runtime.can.any_bus import AnyBus
-from runtime.can.batch import AGAIN, Batch, Head, Vector, receive_many
+from runtime.can.batch import AGAIN, Batch, Head, MessageHead, receive_many
 from runtime.can.wire import PACKET
 
 FRAME_BYTES = 16  # struct can_frame
@@ -32,6 +32,15 @@ class SocketCan(AnyBus):
         super().__init__(bus)
         self._socket: socket.socket = bus.socket  # type: ignore[attr-defined]
         self._batch: Batch | None = None
+
+    def fileno(self) -> int:
+        """The socket."""
+        return self._socket.fileno()
+
+    @property
+    def empty_ns(self) -> int:
+        """When nothing waited, as far as is known."""
+        return self._empty_ns
 
     def recv_batch(self, batch: Batch) -> int:
         """Put all frames that wait into `batch`, as many as it holds; how many.
@@ -62,13 +71,8 @@ class SocketCan(AnyBus):
         """Let the kernel write into that batch."""
         self._batch, n = batch, batch.size
         self._control = np.zeros(n, STAMP)
-        self._vectors = (Vector * n)(*((batch.at + i * PACKET.size, FRAME_BYTES) for i in range(n)))
-        self._heads = (Head * n)()
-        first, control = ctypes.addressof(self._vectors), self._control.ctypes.data
-        for i, head in enumerate(self._heads):
-            head.message.vectors, head.message.n_vectors = first + i * ctypes.sizeof(Vector), 1
-            head.message.control = control + i * STAMP.itemsize
-        room, received = Head.message.offset + type(head.message).control_length.offset, Head.received.offset
+        self._heads = with_room(batch.heads(FRAME_BYTES), self._control)
+        room, received = Head.message.offset + MessageHead.control_length.offset, Head.received.offset
         every = np.frombuffer(self._heads, np.uint8)  # type: ignore[arg-type]
         whole = every.reshape(n, ctypes.sizeof(Head))
         self._rooms = whole[:, room : room + 8].view("<u8")[:, 0]
@@ -82,3 +86,11 @@ class SocketCan(AnyBus):
         timed = (told["level"] == socket.SOL_SOCKET) & (told["type"] == SO_TIMESTAMPNS)
         age[~timed | (self._rooms[:found] < TOLD_BYTES)] = 0
         self._stamps[:found] = now - np.clip(age, 0, now - self._empty_ns)
+
+
+def with_room(heads: "ctypes.Array[Head]", told: np.ndarray) -> "ctypes.Array[Head]":
+    """The same heads; what the kernel says beside each frame goes into `told` (STAMP)."""
+    for i, head in enumerate(heads):
+        head.message.control = told.ctypes.data + i * STAMP.itemsize
+        head.message.control_length = STAMP.itemsize
+    return heads

@@ -15,6 +15,7 @@ import numpy as np
 
 from runtime.can.batch import Batch, FrameSource
 from runtime.can.localbus import send_batch
+from runtime.can.native import Parts
 from runtime.can.port import FRAMES_A_TICK, SHOWN_TICKS, frame_source, rejoin
 from runtime.canopen import table
 from runtime.canopen.cells import NODES, read
@@ -136,6 +137,16 @@ class CanopenPort:
     def errors(self) -> list[int]:
         """Each device's emergency code that is not over."""
         return self._state[ERROR : ERROR + NODES].tolist()
+
+    @property
+    def parts(self) -> Parts:
+        """What a cycle in C works with (runtime/native_scan.py)."""
+        return Parts(self._bus, self._at, self._came, self._going, alone=True)
+
+    @property
+    def cells(self) -> tuple[Cell | None, Cell | None]:
+        """Which settings are in force, and which are not any more."""
+        return self._accepted, self._spent
 
     def state(self) -> bytes:
         """All that it remembers, for `restore`."""

@@ -4,7 +4,7 @@ It alone decides whose targets count and what is forced; the HMI only asks.  A p
 or Modbus, is never displaced, and neither is a page that has the right.  When a page's right ends while its
 targets are followed, nothing counts until automatic operation has ended: no other target slips in.
 
-It costs a cycle next to nothing while pages only look: the ages are copied, one number is compared, and in
+It costs a cycle next to nothing while pages only look: frames are counted, one number is compared, and in
 every fifth tick one state is written.  What is shown is worked out in the HMI's own process.
 """
 
@@ -65,8 +65,7 @@ class HmiPort:
         self._start = np.array([s.start for s in HOLDING])
         self._heartbeat, self._late = INPUT.index[HEARTBEAT.name], timeout_ticks(HEARTBEAT)
         self._may_be_forced = np.array([forceable(s) for s in INPUT.signals])
-        self._frames = np.zeros(len(MESSAGES), dtype=np.int64)
-        self._ages = np.ones((2 * EVERY, len(INPUT.signals)), np.int32)  # of the ticks since the last state
+        self.frames = np.zeros(len(MESSAGES), dtype=np.int64)
         self._next = 0  # tick of the next state
         self._ended = 0  # the claim whose right ended last
         self._draining = False  # its targets are still being followed
@@ -78,7 +77,7 @@ class HmiPort:
         """Put targets and forced values into the image, if they count."""
         if inputs is not self._inputs:
             self._look_at(inputs)
-        self._ages[tick % len(self._ages)] = self._age
+        self.frames += self._age[HEARD] == 0
         if self.asked.number != self._number and (found := self.asked.read()):
             self._take(*found)
         if not self._quiet:
@@ -87,7 +86,7 @@ class HmiPort:
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """Show everything, if it is time."""
         if outputs is not self._outputs:
-            self._outputs, self._sent = outputs, flat(outputs)
+            self.see(outputs)
         if tick >= self._next:  # later where ticks were skipped
             self._next = tick + EVERY - (tick - PHASE) % EVERY
             self._show()
@@ -99,6 +98,25 @@ class HmiPort:
     def received_ns(self) -> int:
         """No sensor comes this way."""
         return 0
+
+    def settle(self) -> None:
+        """Say whether a planner is there, while nobody asks for anything."""
+        if self._quiet:
+            self._tell(writer=PLANNER if self._other() else NOBODY)
+
+    @property
+    def standing(self) -> tuple[bool, int, int]:
+        """Whether there is something to decide in every tick; who commands; the forcing in force."""
+        return not self._quiet, self._granted["writer"], self._granted["forcing"]
+
+    @property
+    def next_state(self) -> int:
+        """Tick of the next state that is shown."""
+        return self._next
+
+    def see(self, outputs: np.ndarray) -> None:
+        """Outputs that are written anew in each tick, where not `send` brings them."""
+        self._outputs, self._sent = outputs, flat(outputs)
 
     def commands(self) -> bool:
         """Whether a page commands, or what it commanded is still followed."""
@@ -185,10 +203,7 @@ class HmiPort:
 
     def _show(self) -> None:
         found, granted = self._found, self._granted
-        if self._quiet:
-            self._tell(writer=PLANNER if self._other() else NOBODY)
-        self._frames += (self._ages[:, HEARD] == 0).sum(axis=0)
-        self._ages[:] = 1
+        self.settle()
         head = SEEN_HEAD.pack(
             time.monotonic_ns(),
             time.time_ns(),
@@ -203,7 +218,7 @@ class HmiPort:
             max(found.other_work.largest_ns, found.policy_work.largest_ns),
         )
         self._ladder(self._inputs, self._told)
-        counted = (*self._counts, flat(self._frames), self._refused())
+        counted = (*self._counts, flat(self.frames), self._refused())
         self.seen.write(b"".join((head, *counted, flat(self._told), self._came, self._sent)))
 
 

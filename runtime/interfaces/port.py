@@ -29,13 +29,13 @@ class Asked:
     """What a seat's cell said last."""
 
     def __init__(self, number: int, cell: Cell) -> None:
-        self.number, self._cell, self._seen = number, cell, -1
+        self.number, self.cell, self._seen = number, cell, -1
         self.owner = self.commits = self._heartbeat_ns = 0
         self.values = np.array([s.start for s in HOLDING])
 
     def look(self) -> None:
         """Take what is new."""
-        if self._cell.number == self._seen or not (found := self._cell.read()):
+        if self.cell.number == self._seen or not (found := self.cell.read()):
             return
         newest: Any = np.frombuffer(found[1], TARGETS)[0]
         self._seen, self.values = found[0], newest["value"]
@@ -121,6 +121,16 @@ class SeatsPort:
     def send(self, outputs: np.ndarray, tick: int) -> None:
         """See in which mode the core is."""
         self._outputs = outputs
+
+    @property
+    def busy(self) -> bool:
+        """Whether there is something to decide in every tick."""
+        return self._who is not None or self._draining
+
+    @property
+    def cells(self) -> list[Cell]:
+        """What the seats ask for."""
+        return [seat.cell for seat in self._seats]
 
     def claimed(self) -> bool:
         """Whether a seat has the right."""

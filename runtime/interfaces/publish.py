@@ -23,7 +23,7 @@ class ImagePort:
     """Publishes both images each tick; brings nothing in."""
 
     def __init__(self, image: Cell) -> None:
-        self._image = image
+        self.image = image
         self._show(INPUT.new())
         self._outputs = np.zeros(0)
         self._sent = flat(self._outputs)
@@ -40,7 +40,7 @@ class ImagePort:
         """Publish what came in and what goes out in this tick."""
         if outputs is not self._outputs:
             self._outputs, self._sent = outputs, flat(outputs)
-        self._image.write(STAMP.pack(time.monotonic_ns()), self._seen, self._sent)
+        self.image.write(STAMP.pack(time.monotonic_ns()), self._seen, self._sent)
 
     def flags(self) -> int:
         """None."""

@@ -23,7 +23,7 @@ class ModbusPort:
     """Publishes both images each tick; brings in what the writer committed, as old as its heartbeat."""
 
     def __init__(self, image: Cell, targets: Cell, clock: Callable[[], int] = time.monotonic_ns) -> None:
-        self._image, self._targets, self._clock = image, targets, clock
+        self.image, self.targets, self._clock = image, targets, clock
         self._number = -1
         self._commits = self._stamp_ns = self._heartbeat_ns = 0
         self._owner = 0
@@ -39,7 +39,7 @@ class ModbusPort:
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Put the targets into the image."""
         now, self._handed_over = self._clock(), False
-        if self._targets.number != self._number and (found := self._targets.read()):
+        if self.targets.number != self._number and (found := self.targets.read()):
             self._take(*found)
         if inputs is not self._inputs:
             self._show(inputs)
@@ -54,13 +54,17 @@ class ModbusPort:
         """Publish what came in and what goes out in this tick."""
         if outputs is not self._outputs:
             self._outputs, self._sent = outputs, flat(outputs)
-        self._image.write(STAMP.pack(self._clock()), self._seen, self._sent)
+        self.image.write(STAMP.pack(self._clock()), self._seen, self._sent)
 
     def follow(self, other: "ModbusPort") -> None:
         """Know what another one knows of the writer."""
         self._values, self._commits = other._values, other._commits
         self._stamp_ns, self._heartbeat_ns = other._stamp_ns, other._heartbeat_ns
         self._owner = other._owner
+
+    def know(self, owner: int, lost: bool) -> None:
+        """What the cycle in C knows of the writer (runtime/native_scan.py)."""
+        self._owner, self._lost = owner, lost
 
     def _take(self, number: int, state: bytes) -> None:
         """A state of targets.cell."""

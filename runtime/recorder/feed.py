@@ -48,7 +48,7 @@ class Feed:
         self.ring, self.snapshot_ticks = ring, snapshot_ticks
         self._snapshot_due = 0
         self._watch, self._time_of_day = Watch(ring), time_of_day
-        self._day_ns = time_of_day() - time.monotonic_ns()  # once: a set clock must not turn times back
+        self.day_ns = time_of_day() - time.monotonic_ns()  # once: a set clock must not turn times back
         self._before: bytes | None = None
         self._inputs = self._outputs = np.zeros(0)  # the images seen last, and their bytes
         self._seen = self._sent = flat(self._inputs)
@@ -62,7 +62,7 @@ class Feed:
     def tick(self, inputs: np.ndarray, outputs: np.ndarray, timing: tuple[int, ...]) -> None:
         """After the step: record it. `timing`: deadline, lateness, work, processor time, latency [ns]."""
         self._count += 1
-        day = timing[0] + self._day_ns
+        day = timing[0] + self.day_ns
         if inputs is not self._inputs or outputs is not self._outputs:
             self._inputs, self._outputs = inputs, outputs
             self._seen, self._sent = flat(inputs), flat(outputs)

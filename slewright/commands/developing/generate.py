@@ -11,7 +11,7 @@ def generate(
     ] = False,
 ) -> None:
     """Regenerate the files made from definitions (specs/generated, docs/reference …), or check them."""
-    from runtime import image
+    from runtime import image, scan_layout
     from runtime.can import table
     from runtime.canopen import table as canopen
     from slewright import reference
@@ -19,7 +19,8 @@ def generate(
 
     parameters.check()
     stale = specs_files.main(check=check) + image.write(check=check) + table.write(check=check)
-    stale += canopen.write(check=check) + reference.write(check=check)
+    stale += canopen.write(check=check) + scan_layout.write(check=check)
+    stale += reference.write(check=check)
     for path in stale:
         typer.echo(f"{'out of date' if check else 'written'}: {path}")
     if check and stale:

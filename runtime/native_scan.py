@@ -1,0 +1,249 @@
+"""The cycle in one call into C (runtime/core/scan.c); Python sets it up and helps where something is not periodic.
+
+What a tick does is what `Scan` says with the same ports: values in and out of the image, the core's step,
+what is shown, counted and recorded.  Python takes part only while somebody asks for the right to command or
+forces an input (`SeatsPort`, `HmiPort`), while a bus is gone, and in every tick where frames of a J1939
+joystick or a policy in onnxruntime want it.  `serves` says which ports and buses C can have; others keep `Scan`.
+"""
+
+import ctypes
+import sys
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from runtime import scan_layout as layout
+from runtime.can.batch import FrameSource
+from runtime.can.localbus import LocalBus
+from runtime.can.native import NativePort, Parts
+from runtime.can.port import rejoin
+from runtime.can.socketcan import FRAME_BYTES, STAMP, SocketCan, with_room
+from runtime.can.wire import PACKET
+from runtime.canopen.port import CanopenPort
+from runtime.control import ControlCore
+from runtime.hmi.cells import MESSAGES
+from runtime.hmi.port import HmiPort
+from runtime.image import timeout_ticks
+from runtime.interfaces.port import SeatsPort
+from runtime.interfaces.publish import ImagePort
+from runtime.modbus.port import HEARTBEAT, ModbusPort
+from runtime.protocols import Port
+from runtime.publisher import Publisher
+from runtime.realtime import sleep_until
+from runtime.ring import Ring
+from runtime.scan import EARLY_NS, Clock, Scan, SystemClock
+from runtime.shared import Cell
+
+SERVED = (NativePort, CanopenPort, ModbusPort, ImagePort, SeatsPort, HmiPort, Publisher)
+KNOWN = ("seen", "stamp", "heartbeat", "commits", "owner", "started", "lost", "value")  # of the planner
+STANDING = ("next", "writer", "forcing", "busy")  # of the page
+ALWAYS, ASKED, BUS = 1, 2, 4  # runtime/core/scan.h
+
+
+class EarlyClock(SystemClock):
+    """The machine's clock, for a cycle that itself watches it until its deadline."""
+
+    @staticmethod
+    def sleep_until(deadline_ns: int) -> None:
+        """Return shortly before."""
+        sleep_until(deadline_ns - EARLY_NS)
+
+
+def serves(core: object, ports: Iterable[Port]) -> bool:
+    """Whether a cycle of this core with these ports can be had in C."""
+    buses = [p.parts.bus for p in ports if isinstance(p, NativePort | CanopenPort)]
+    known = isinstance(core, ControlCore) and all(type(p) in SERVED for p in ports)
+    return sys.platform == "linux" and known and all(isinstance(b, LocalBus | SocketCan) for b in buses)
+
+
+@dataclass
+class NativeScan(Scan):
+    """As Scan, with ports and core that `serves` accepts."""
+
+    clock: Clock = field(default_factory=EarlyClock)
+    waits: bool = True  # until the deadline
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a library that was compiled for another cycle."""
+        super().__post_init__()
+        assert isinstance(self.core, ControlCore)  # noqa: S101  (serves)
+        library = self.core.library
+        layout.check(library)
+        self._call, self._rest = library.slr_scan, library.slr_scan_rest
+        pointer, number = ctypes.c_void_p, ctypes.c_int64
+        self._call.argtypes, self._call.restype = [pointer, number, number], number
+        self._rest.argtypes, self._rest.restype = [pointer], None
+        library.slr_scan_prepare.argtypes, library.slr_scan_prepare.restype = [], None
+        library.slr_scan_prepare()
+        self._kept: list[object] = []  # memory that the structure points to
+        self.told = layout.Scan()
+        self._at = ctypes.addressof(self.told)
+        self._set_up()
+
+    def cycle(self, tick: int, deadline: int) -> None:
+        """One tick whose deadline is `deadline` [ns]."""
+        if attend := self._call(self._at, tick, deadline):
+            self._attend(attend, tick)
+            self._rest(self._at)
+
+    def follow(self, other: "NativeScan") -> None:
+        """Know what another one knows of planner and page, for the same tick."""
+        for name, kind in (("seen", layout.Planner),):
+            at = layout.Scan.planner.offset + getattr(kind, name).offset
+            size = ctypes.sizeof(kind) - getattr(kind, name).offset
+            ctypes.memmove(self._at + at, other._at + at, size)
+        mine, theirs = self.told.page, other.told.page
+        mine.next, mine.writer, mine.forcing, mine.busy = (
+            theirs.next,
+            theirs.writer,
+            theirs.forcing,
+            theirs.busy,
+        )
+        mine.asked.seen, mine.asked.asks = theirs.asked.seen, theirs.asked.asks
+
+    # ---- what is not periodic ----
+
+    def _attend(self, what: int, tick: int) -> None:
+        told = self.told
+        if what & BUS:
+            self._join(tick)
+        if what & ALWAYS:
+            self._wires.read(self.inputs, told.wires.count, tick, told.wires.now)
+        if what & ASKED:
+            self._decide(tick)
+        if isinstance(self.core, ControlCore):
+            self.core.prepare(self.inputs)
+
+    def _join(self, tick: int) -> None:
+        for end, bus in self._ends:
+            if end.gone:
+                rejoin(bus, tick)
+                end.descriptor = bus.fileno()
+
+    def _decide(self, tick: int) -> None:
+        """Who commands, and what is forced."""
+        told = self.told
+        if self._modbus:
+            self._modbus.know(told.planner.owner, bool(told.planner.lost))
+        if self._seats:
+            self._seats.receive(self.inputs, tick)
+            told.seats_busy = self._seats.busy
+        if page := self._page:
+            page.receive(self.inputs, tick)
+            if tick >= told.page.next:
+                page.settle()
+            told.page.busy, told.page.writer, told.page.forcing = page.standing
+            told.flags = page.flags()
+
+    # ---- set up ----
+
+    def _set_up(self) -> None:
+        assert isinstance(self.core, ControlCore)  # noqa: S101
+        told, found = self.told, self.statistics
+        told.inputs, told.granted, told.waits = self.inputs.ctypes.data, self._granted, self.waits
+        told.core, self._state_bytes, told.outputs = self.core.place
+        told.counts = found.words.buffer_info()[0]
+        for name in layout.TIMES:
+            setattr(told, name, getattr(found, name).words.buffer_info()[0])
+        told.stolen_until, told.planner.late = -1, timeout_ticks(HEARTBEAT)
+        self._ends: list[tuple[layout.Bus, FrameSource]] = []
+        self._modbus: ModbusPort | None = None
+        self._seats: SeatsPort | None = None
+        self._page: HmiPort | None = None
+        for port in self.ports:
+            self._take(port)
+        told.attends = bool(self._wires.readers) or type(self.core) is not ControlCore
+        self._take_feed()
+
+    def _take(self, port: Port) -> None:
+        told = self.told
+        match port:
+            case NativePort():
+                self._wires = port
+                self._take_bus(told.wires, port.parts)
+                self._take_refused(port)
+            case CanopenPort():
+                self._take_bus(told.devices, port.parts)
+                told.setting.accepted, told.setting.spent = (_cell(c) for c in port.cells)
+            case ModbusPort():
+                self._take_planner(port)
+            case ImagePort():
+                told.planner.image = _cell(port.image)
+            case SeatsPort():
+                self._take_seats(port)
+            case HmiPort():
+                self._take_page(port)
+            case Publisher():
+                self._take_publisher(port)
+            case _:
+                raise TypeError(f"{type(port).__name__} is none of a cycle's ports in C")
+
+    def _take_bus(self, end: layout.Bus, parts: Parts) -> None:
+        bus = parts.bus
+        assert isinstance(bus, LocalBus | SocketCan)  # noqa: S101  (serves)
+        end.state, end.came, end.size, end.going = parts.state, parts.came.at, parts.came.size, parts.going.at
+        end.alone, end.descriptor = parts.alone, bus.fileno()
+        length = PACKET.size if isinstance(bus, LocalBus) else FRAME_BYTES
+        came, going = parts.came.heads(length), parts.going.heads(length)
+        end.kind = layout.LOCAL
+        if isinstance(bus, SocketCan):
+            beside = np.zeros(parts.came.size, STAMP)
+            end.kind, end.told, end.empty = layout.SOCKETCAN, beside.ctypes.data, bus.empty_ns
+            with_room(came, beside)
+            self._kept.append(beside)
+        end.heads, end.going_heads = ctypes.addressof(came), ctypes.addressof(going)
+        self._kept += [came, going, parts]
+        self._ends.append((end, bus))
+
+    def _take_refused(self, port: NativePort) -> None:
+        refused = np.frombuffer(port.refused(), np.int64)
+        self.told.page.refused = refused.ctypes.data
+        self._kept.append(refused)
+
+    def _take_planner(self, port: ModbusPort) -> None:
+        planner = self.told.planner
+        self._modbus, planner.present = port, True
+        planner.image, planner.targets = _cell(port.image), _cell(port.targets)
+        planner.seen, planner.lost, planner.started = -1, True, time.monotonic_ns()
+
+    def _take_seats(self, port: SeatsPort) -> None:
+        self._seats = port
+        assert isinstance(self.core, ControlCore)  # noqa: S101
+        port.send(self.core.outputs, 0)
+        for seat, cell in zip(self.told.seats, port.cells, strict=False):
+            seat.cell = _cell(cell)
+
+    def _take_page(self, port: HmiPort) -> None:
+        assert isinstance(self.core, ControlCore)  # noqa: S101
+        self._page, page = port, self.told.page
+        page.present, page.asked.cell, page.asked.more = True, _cell(port.asked), True
+        page.seen, page.next, page.frames = _cell(port.seen), port.next_state, port.frames.ctypes.data
+        page.heard[:] = list(MESSAGES.values())
+        page.busy, page.writer, page.forcing = port.standing
+        port.see(self.core.outputs)
+
+    def _take_publisher(self, port: Publisher) -> None:
+        published = self.told.published
+        published.present, published.counts, published.kept = True, _cell(port.counts), len(port.places)
+        published.places[: len(port.places)] = port.places
+        if port.retain:
+            published.retain, published.watch.beat = _ring(port.retain), port.retain.beat
+
+    def _take_feed(self) -> None:
+        record = self.told.record
+        if not self.feed:
+            return
+        kept = np.zeros(self._state_bytes, np.uint8)
+        record.ring, record.watch.beat = _ring(self.feed.ring), self.feed.ring.beat
+        record.every, record.day, record.kept = self.feed.snapshot_ticks, self.feed.day_ns, kept.ctypes.data
+        self._kept.append(kept)
+
+
+def _cell(cell: Cell | None) -> layout.Cell:
+    return layout.Cell(*cell.place) if cell else layout.Cell()
+
+
+def _ring(ring: Ring) -> layout.Ring:
+    return layout.Ring(*ring.place)
