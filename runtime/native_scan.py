@@ -1,9 +1,9 @@
-"""The cycle in one call into C (runtime/core/scan.c); Python sets it up and helps where something is not periodic.
+"""The cycle in one call into C (runtime/core/scan.c): Python sets it up and helps with what is not periodic.
 
 What a tick does is what `Scan` says with the same ports: values in and out of the image, the core's step,
 what is shown, counted and recorded.  Python takes part only while somebody asks for the right to command or
 forces an input (`SeatsPort`, `HmiPort`), while a bus is gone, and in every tick where frames of a J1939
-joystick or a policy in onnxruntime want it.  `serves` says which ports and buses C can have; others keep `Scan`.
+joystick or a policy in onnxruntime want it.  `serves` says which ports and buses C can have.
 """
 
 import ctypes
@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from runtime import scan_layout as layout
-from runtime.can.batch import FrameSource
 from runtime.can.localbus import LocalBus
 from runtime.can.native import NativePort, Parts
 from runtime.can.port import rejoin
@@ -148,7 +147,7 @@ class NativeScan(Scan):
         for name in layout.TIMES:
             setattr(told, name, getattr(found, name).words.buffer_info()[0])
         told.stolen_until, told.planner.late = -1, timeout_ticks(HEARTBEAT)
-        self._ends: list[tuple[layout.Bus, FrameSource]] = []
+        self._ends: list[tuple[layout.Bus, LocalBus | SocketCan]] = []
         self._modbus: ModbusPort | None = None
         self._seats: SeatsPort | None = None
         self._page: HmiPort | None = None

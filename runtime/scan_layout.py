@@ -9,6 +9,7 @@ import ctypes
 import hashlib
 from ctypes import c_double, c_int64, c_uint32, c_void_p
 from pathlib import Path
+from typing import Any
 
 from runtime.hmi.cells import MESSAGES
 from runtime.hmi.port import EVERY, PHASE
@@ -53,11 +54,10 @@ class Bus(ctypes.Structure):
         ("state", c_void_p),
         ("came", c_void_p),  # SlrFrame[size]
         ("size", c_int64),
-        ("count", c_int64),  # of `came`, in this tick
+        ("count", c_int64),  # frames in `came`, of this tick
         ("now", c_int64),  # ns: when they were taken
         ("heads", c_void_p),  # struct mmsghdr[size], which lead into `came`
         ("told", c_void_p),  # what the kernel says of each of them beside it; 0 on a local bus
-        ("used", c_int64),  # of `told`, in the last tick
         ("empty", c_int64),  # ns: when nothing waited, as far as is known
         ("going", c_void_p),  # SlrFrame[], room for all that is due
         ("going_heads", c_void_p),
@@ -166,13 +166,16 @@ class Counts(ctypes.Structure):
     _fields_ = [(name, c_int64) for name in COUNTS]
 
 
-TIMES = ("lateness", "policy_work", "other_work", "policy_step", "step", "latency")  # of SlrScan
+TIMES = ("lateness", "policy_work", "other_work", "policy_step", "step", "bus", "latency")  # of SlrScan
 
 
 class Tick(ctypes.Structure):
-    """When what happened, ns: CLOCK_MONOTONIC, processor time of the thread, and how often it waited."""
+    """When what happened, ns: CLOCK_MONOTONIC, processor time of the thread; how often it waited; `bus`: time in
+    the system calls of the buses."""
 
-    _fields_ = [(name, c_int64) for name in ("number", "deadline", "woke", "cpu", "waited", "sent", "used")]
+    _fields_ = [
+        (name, c_int64) for name in ("number", "deadline", "woke", "cpu", "waited", "sent", "used", "bus")
+    ]
 
 
 class Scan(ctypes.Structure):
@@ -254,17 +257,18 @@ def _body() -> str:
 
 
 def _struct(of: type[ctypes.Structure]) -> str:
-    lines = [f"  {_declared(name, kind)};" for name, kind in of._fields_]  # type: ignore[misc]
+    fields: list[tuple[str, Any]] = list(of._fields_)  # type: ignore[arg-type]
+    lines = [f"  {_declared(name, kind)};" for name, kind in fields]
     return "typedef struct {\n" + "\n".join(lines) + f"\n}} {_name(of)};"
 
 
-def _declared(name: str, kind: type) -> str:
+def _declared(name: str, kind: Any) -> str:
     if issubclass(kind, ctypes.Array):
         return f"{_name(kind._type_)} {name}[{kind._length_}]"
     return f"void *{name}" if kind is c_void_p else f"{_name(kind)} {name}"
 
 
-def _name(kind: type) -> str:
+def _name(kind: Any) -> str:
     plain = {c_int64: "int64_t", c_uint32: "uint32_t", c_double: "double"}
     return plain.get(kind) or f"Slr{_C_NAMES.get(kind, kind.__name__)}"
 

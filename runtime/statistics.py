@@ -75,7 +75,8 @@ def _count(name: str) -> property:
 
 class Statistics:
     """Of one run: lateness of the wake-up, work of a cycle, the core's step in it (`policy_step`: in ticks
-    in which a policy computes), latency from sensor message to command.
+    in which a policy computes), system calls of the buses (counted by the cycle in C only), latency from
+    sensor message to command.
 
     `overruns`: cycles that ended after their period by their own work or waiting; `stolen`: cycles in which
     the processor was taken away for longer than the limit, by the host or the kernel; `skipped`: ticks that
@@ -92,7 +93,8 @@ class Statistics:
     def __init__(self) -> None:
         self.words = array("q", bytes(8 * len(COUNTS)))
         self.lateness, self.policy_work, self.other_work = Histogram(), Histogram(), Histogram()
-        self.policy_step, self.step, self.latency = Histogram(STEP_UNIT), Histogram(STEP_UNIT), Histogram()
+        self.policy_step, self.step, self.bus = (Histogram(STEP_UNIT) for _ in range(3))
+        self.latency = Histogram()
 
     def figures(self) -> dict[str, Any]:
         """Everything in plain numbers, times in µs."""
@@ -102,6 +104,7 @@ class Statistics:
             "other_tick_us": self.other_work.figures(),
             "policy_step_us": self.policy_step.figures(),
             "step_us": self.step.figures(),
+            "bus_us": self.bus.figures(),
             "latency_us": self.latency.figures(),
             "ticks": self.ticks,
             "overruns": self.overruns,

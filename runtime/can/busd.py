@@ -86,9 +86,9 @@ class BusProcess:
                 self._command(connection, packet)
             except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OSError):
                 self._leave(connection)  # nothing that a node or a test says
-        elif node is not None and len(packet) == PACKET.size:
-            identifier, length, data, _ = PACKET.unpack(packet)
-            self.wire.offer(node, (identifier, data[: min(length, 8)]))
+        elif node is not None and len(packet) % PACKET.size == 0:
+            for identifier, length, data, _ in PACKET.iter_unpack(packet):
+                self.wire.offer(node, (identifier, data[: min(length, 8)]))
 
     def _command(self, connection: socket.socket, packet: bytes) -> None:
         order: dict[str, Any] = json.loads(packet)

@@ -3,7 +3,6 @@
 #include "bus.h"
 
 #include <errno.h>
-#include <string.h>
 #include <sys/socket.h>
 #include <time.h>
 
@@ -32,12 +31,12 @@ int64_t slr_day(void) { return clock_ns(CLOCK_REALTIME); }
 int64_t slr_cpu(void) { return clock_ns(CLOCK_THREAD_CPUTIME_ID); }
 
 /* The driver's time, put on the monotonic clock: it came after the queue was seen empty, and before now. */
-static void stamp_frames(SlrBusEnd *bus, int count) {
+static void stamp_frames(const SlrBusEnd *bus, int64_t first, int64_t end) {
   const struct mmsghdr *heads = bus->heads;
   const Told *told = bus->told;
   SlrFrame *came = bus->came;
   const int64_t now = slr_now(), day = slr_day(), longest = now - bus->empty;
-  for (int i = 0; i < count; i++) {
+  for (int64_t i = first; i < end; i++) {
     const int timed = told[i].level == SOL_SOCKET && told[i].type == STAMP &&
                       heads[i].msg_hdr.msg_controllen >= TOLD_BYTES;
     const int64_t age = timed ? day - (told[i].s * SECOND + told[i].ns) : 0;
@@ -45,45 +44,63 @@ static void stamp_frames(SlrBusEnd *bus, int count) {
   }
 }
 
-static int taken(SlrBusEnd *bus) {
+void slr_bus_begin(SlrBusEnd *bus) {
   struct mmsghdr *heads = bus->heads;
-  for (int64_t i = 0; bus->told && i < bus->used; i++) heads[i].msg_hdr.msg_controllen = sizeof(Told);
-  bus->used = 0;
-  const int found = recvmmsg((int)bus->descriptor, heads, (unsigned)bus->size, MSG_DONTWAIT, NULL);
-  if (found < 0) return errno == EAGAIN ? 0 : -1;
-  bus->used = found;
-  return found;
+  for (int64_t i = 0; bus->told && i < bus->count; i++) heads[i].msg_hdr.msg_controllen = sizeof(Told);
+  bus->count = 0;
+}
+
+/* Packets that wait, behind those that are there; how many, -1: none can be had. */
+static int packets(const SlrBusEnd *bus) {
+  struct mmsghdr *heads = bus->heads;
+  const unsigned room = (unsigned)(bus->size - bus->count);
+  const int found = room ? recvmmsg((int)bus->descriptor, heads + bus->count, room, MSG_DONTWAIT, NULL) : 0;
+  return found < 0 && errno == EAGAIN ? 0 : found;
 }
 
 /* The end of a local bus is read again and again as a packet of no bytes. */
-static int take_local(SlrBusEnd *bus) {
-  int found = taken(bus);
+static int take_local(const SlrBusEnd *bus) {
   const struct mmsghdr *heads = bus->heads;
-  const int ended = found > 0;
-  while (found > 0 && heads[found - 1].msg_len != sizeof(SlrFrame)) found--;
-  return ended && !found ? -1 : found;
+  int found = packets(bus);
+  const int some = found > 0;
+  while (found > 0 && heads[bus->count + found - 1].msg_len != sizeof(SlrFrame)) found--;
+  return some && !found ? -1 : found;
 }
 
 static int take_can(SlrBusEnd *bus) {
-  const int64_t before = slr_now();
-  const int found = taken(bus);
   const struct mmsghdr *heads = bus->heads;
+  const int64_t before = slr_now(), room = bus->size - bus->count;
+  const int found = packets(bus);
   for (int i = 0; i < found; i++)
-    if (heads[i].msg_len != CAN_FRAME) return -1; /* no classical CAN */
-  if (found > 0) stamp_frames(bus, found);
-  if (found >= 0 && found < bus->size) bus->empty = before;
+    if (heads[bus->count + i].msg_len != CAN_FRAME) return -1; /* no classical CAN */
+  if (found > 0) stamp_frames(bus, bus->count, bus->count + found);
+  if (found >= 0 && found < room) bus->empty = before;
   return found;
 }
 
-int slr_bus_take(SlrBusEnd *bus) { return bus->kind == SLR_SCAN_LOCAL ? take_local(bus) : take_can(bus); }
+int slr_bus_take(SlrBusEnd *bus) {
+  const int found = bus->kind == SLR_SCAN_LOCAL ? take_local(bus) : take_can(bus);
+  if (found > 0) bus->count += found;
+  return found;
+}
 
-void slr_bus_give(SlrBusEnd *bus, int count) {
+/* The local bus takes all frames in one packet: its process is woken once. */
+static void give_local(SlrBusEnd *bus, int count) {
+  const size_t bytes = (size_t)count * sizeof(SlrFrame);
+  if (send((int)bus->descriptor, bus->going, bytes, MSG_DONTWAIT | MSG_NOSIGNAL) != (ssize_t)bytes) bus->unsent += count;
+}
+
+static void give_can(SlrBusEnd *bus, int count) {
   struct mmsghdr *heads = bus->going_heads;
   for (int sent = 0; sent < count;) {
     const int found = sendmmsg((int)bus->descriptor, heads + sent, (unsigned)(count - sent), MSG_DONTWAIT | MSG_NOSIGNAL);
-    if (found < 0 && errno == EINTR) continue;
     bus->unsent += found < 1;
     sent += found < 1 ? 1 : found; /* one for which there is no room is left out */
   }
+}
+
+void slr_bus_give(SlrBusEnd *bus, int count) {
+  if (count > 0 && bus->kind == SLR_SCAN_LOCAL) give_local(bus, count);
+  if (count > 0 && bus->kind == SLR_SCAN_SOCKETCAN) give_can(bus, count);
 }
 #endif

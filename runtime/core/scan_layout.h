@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define SLR_SCAN_LAYOUT "1ae6eb333f11d402"
+#define SLR_SCAN_LAYOUT "e44a180f53f819a2"
 #define SLR_SCAN_TARGETS 8
 #define SLR_SCAN_FIRST_TARGET 0
 #define SLR_SCAN_HEARD 18
@@ -50,7 +50,6 @@ typedef struct {
   int64_t now;
   void *heads;
   void *told;
-  int64_t used;
   int64_t empty;
   void *going;
   void *going_heads;
@@ -140,6 +139,7 @@ typedef struct {
   int64_t waited;
   int64_t sent;
   int64_t used;
+  int64_t bus;
 } SlrScanTick;
 typedef struct {
   void *inputs;
@@ -164,6 +164,7 @@ typedef struct {
   void *other_work;
   void *policy_step;
   void *step;
+  void *bus;
   void *latency;
   int64_t stolen_until;
   int64_t received;
