@@ -8,7 +8,6 @@ joystick or a policy in onnxruntime want it.  `serves` says which ports and buse
 
 import ctypes
 import sys
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -17,7 +16,7 @@ import numpy as np
 from runtime import scan_layout as layout
 from runtime.can.localbus import LocalBus
 from runtime.can.native import NativePort, Parts
-from runtime.can.port import rejoin
+from runtime.can.port import is_mute, rejoin
 from runtime.can.socketcan import FRAME_BYTES, STAMP, SocketCan, with_room
 from runtime.can.wire import PACKET
 from runtime.canopen.port import CanopenPort
@@ -54,7 +53,8 @@ def serves(core: object, ports: Iterable[Port]) -> bool:
     """Whether a cycle of this core with these ports can be had in C."""
     buses = [p.parts.bus for p in ports if isinstance(p, NativePort | CanopenPort)]
     known = isinstance(core, ControlCore) and all(type(p) in SERVED for p in ports)
-    return sys.platform == "linux" and known and all(isinstance(b, LocalBus | SocketCan) for b in buses)
+    open_to_c = all(isinstance(b, LocalBus | SocketCan) and not is_mute(b) for b in buses)
+    return sys.platform == "linux" and known and bool(buses) and open_to_c
 
 
 @dataclass
@@ -205,7 +205,7 @@ class NativeScan(Scan):
         planner = self.told.planner
         self._modbus, planner.present = port, True
         planner.image, planner.targets = _cell(port.image), _cell(port.targets)
-        planner.seen, planner.lost, planner.started = -1, True, time.monotonic_ns()
+        planner.seen, planner.lost, planner.started = -1, True, port.started_ns
 
     def _take_seats(self, port: SeatsPort) -> None:
         self._seats = port

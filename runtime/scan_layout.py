@@ -170,11 +170,12 @@ TIMES = ("lateness", "policy_work", "other_work", "policy_step", "step", "bus", 
 
 
 class Tick(ctypes.Structure):
-    """When what happened, ns: CLOCK_MONOTONIC, processor time of the thread; how often it waited; `bus`: time in
-    the system calls of the buses."""
+    """When what happened, ns: CLOCK_MONOTONIC, processor time of the thread; how often it waited; `attend`:
+    what Python does in it; `bus`: in the system calls of the buses."""
 
     _fields_ = [
-        (name, c_int64) for name in ("number", "deadline", "woke", "cpu", "waited", "sent", "used", "bus")
+        (name, c_int64)
+        for name in ("number", "deadline", "woke", "cpu", "waited", "attend", "sent", "used", "bus")
     ]
 
 

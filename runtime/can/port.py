@@ -66,7 +66,13 @@ def mute(bus: can.BusABC) -> can.BusABC:
 
     for name in WAYS_OUT:
         setattr(bus, name, refuse)
+    bus.is_mute = True  # type: ignore[attr-defined]
     return bus
+
+
+def is_mute(bus: can.BusABC | FrameSource) -> bool:
+    """Whether nothing may be sent on a bus, by any way."""
+    return getattr(bus.bus if isinstance(bus, SocketCan) else bus, "is_mute", False)
 
 
 def _open(interface: str, channel: str, bit_rate: int, node: str, listen_only: bool) -> can.BusABC:

@@ -30,6 +30,7 @@ class SocketCan(AnyBus):
 
     def __init__(self, bus: can.BusABC) -> None:
         super().__init__(bus)
+        self.bus = bus
         self._socket: socket.socket = bus.socket  # type: ignore[attr-defined]
         self._batch: Batch | None = None
 

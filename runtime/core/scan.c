@@ -129,9 +129,7 @@ static int64_t read_all(SlrScan *s) {
   hear_wires(s);
   hear_devices(s);
   if (s->planner.present) slr_hear_planner(&s->planner, in, slr_now());
-  const int asked = slr_somebody_asks(s);
-  if (!asked) slr_count_heard(&s->page, in);
-  return (s->attends ? SLR_ATTEND_ALWAYS : 0) | (asked ? SLR_ATTEND_ASKED : 0) |
+  return (s->attends ? SLR_ATTEND_ALWAYS : 0) | (slr_somebody_asks(s) ? SLR_ATTEND_ASKED : 0) |
          (s->wires.gone || s->devices.gone ? SLR_ATTEND_BUS : 0);
 }
 
@@ -224,12 +222,13 @@ int64_t slr_scan(SlrScan *s, int64_t tick, int64_t deadline) {
   take_early(s);
   while (s->waits && slr_now() < deadline) continue;
   s->tick = (SlrScanTick){.number = tick, .deadline = deadline, .woke = slr_now(), .cpu = slr_cpu(), .waited = waited};
-  const int64_t attend = read_all(s);
-  if (!attend) slr_scan_rest(s);
-  return attend;
+  s->tick.attend = read_all(s);
+  if (!s->tick.attend) slr_scan_rest(s);
+  return s->tick.attend;
 }
 
 void slr_scan_rest(SlrScan *s) {
+  if (!(s->tick.attend & SLR_ATTEND_ASKED)) slr_count_heard(&s->page, s->inputs); /* else Python has */
   ((SlrInput *)s->inputs)->flags = flags_of(s);
   slr_keep_state(s);
   step(s);

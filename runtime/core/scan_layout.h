@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define SLR_SCAN_LAYOUT "e44a180f53f819a2"
+#define SLR_SCAN_LAYOUT "03b78c28cfef878f"
 #define SLR_SCAN_TARGETS 8
 #define SLR_SCAN_FIRST_TARGET 0
 #define SLR_SCAN_HEARD 18
@@ -137,6 +137,7 @@ typedef struct {
   int64_t woke;
   int64_t cpu;
   int64_t waited;
+  int64_t attend;
   int64_t sent;
   int64_t used;
   int64_t bus;

@@ -34,7 +34,7 @@ class ModbusPort:
         self._sent = flat(self._outputs)
         self._late = timeout_ticks(HEARTBEAT)
         self._lost = True
-        self._started_ns = clock()
+        self.started_ns = clock()
 
     def receive(self, inputs: np.ndarray, tick: int) -> None:
         """Put the targets into the image."""
@@ -43,7 +43,7 @@ class ModbusPort:
             self._take(*found)
         if inputs is not self._inputs:
             self._show(inputs)
-        self._lost = now - (self._stamp_ns or self._started_ns) > self._late * PERIOD_NS
+        self._lost = now - (self._stamp_ns or self.started_ns) > self._late * PERIOD_NS
         value, age, status = self._start, -1, NEVER
         if self._commits and self._heartbeat_ns and not self._handed_over:
             value, age = self._values, max(0, now - self._heartbeat_ns) // PERIOD_NS
