@@ -3,7 +3,7 @@
 import ctypes
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,7 @@ from tests.runtime.can.test_native import Frame, frames
 from tests.runtime.test_scan import Clock
 
 NOW = 1 << 62  # later than any clock
-SENDERS = [n for n in definition().bus.nodes if n in ("Machine", "Operator", "Planner")]
+SENDERS = [n for n in definition().bus.nodes if n != "Controller"]
 NAMES = [s.name for s in HOLDING]
 IMAGES = INPUT.dtype.itemsize + OUTPUT.dtype.itemsize
 FULL = Rights(fifo=True, locked=True)
@@ -181,19 +181,19 @@ class Pair:
         self.racks = self.python, self.native
         noise = np.random.default_rng(1)
         self._noise = lambda: {n: float(noise.normal(0, 1e-3)) for n in NOISY}
-        self._senders = [Transmitter(n, INPUT.index) for n in SENDERS]
+        self._senders = {n: Transmitter(n, INPUT.index) for n in SENDERS}
         self.told: dict[str, Any] = {}
 
-    def regular(self, tick: int, planner: bool = True, **changes: float) -> list[Frame]:
+    def regular(self, tick: int, changes: Mapping[str, float] = {}, planner: bool = True) -> list[Frame]:
         """Frames of a machine, an operator and a planner that are well."""
         values = INPUT.new()["value"]
         now = {**POSE, **TARGET, **READY, **self._noise()}
         now |= {
             n: float(tick % 250) for n in ("operator_heartbeat", "machine_heartbeat", "planner_heartbeat")
         }
-        for name, value in {**now, **changes}.items():
+        for name, value in (now | dict(changes)).items():
             values[INPUT.at(name)] = value
-        senders = self._senders if planner else self._senders[:2]
+        senders = [s for n, s in self._senders.items() if planner or n != "Planner"]
         return [(i | EXTENDED, d, NOW) for s in senders for i, d in s.due(values.tolist(), tick)]
 
     def write(self, what: str, state: np.ndarray) -> None:
@@ -250,7 +250,7 @@ def told(pair: Pair, story: Sequence[tuple[str, Any]]) -> None:
             switches = {"operator_enable": float(tick > 4), "automatic_request": float(tick > 8)}
             given_frames = what if kind == "frames" else []
             if kind == "regular":
-                given_frames = pair.regular(tick, planner=tick % 3 > 0, **switches)
+                given_frames = pair.regular(tick, switches, planner=tick % 3 > 0)
             pair.tick(tick, given_frames)
             tick += 1
 
@@ -274,7 +274,7 @@ def test_a_drive_into_automatic_operation_is_the_same_with_skipped_ticks_and_a_f
         switches = {"operator_enable": float(tick > 8), "automatic_request": float(tick > 12)}
         values = [{**TARGET, "planner_heartbeat": tick % 250}.get(name, 0.0) for name in NAMES]
         pair.write("modbus", asked("modbus", 1, 2, 1, values, 0))
-        pair.tick(tick, pair.regular(tick, **switches))
+        pair.tick(tick, pair.regular(tick, switches))
         moved |= pair.native.core.outputs["value"][OUTPUT.at("u_slew")] != 0.0
     assert moved
     assert pair.told["seen"] & Flag.RECORDER_LOST  # nobody says that the queue is read
