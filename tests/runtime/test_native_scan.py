@@ -3,7 +3,7 @@
 import ctypes
 import socket
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,205 +13,39 @@ from hypothesis import given, settings, strategies as st
 
 from runtime import native_scan, scan_layout
 from runtime.can import port as can_port
-from runtime.can.joystick import Joystick
-from runtime.can.localbus import LocalBus
 from runtime.can.native import NativePort
 from runtime.can.port import mute
 from runtime.can.transmit import Transmitter
-from runtime.can.wire import EXTENDED, PACKET
-from runtime.hmi.cells import HMI, create as create_hmi
-from runtime.hmi.port import HmiPort
+from runtime.can.wire import EXTENDED
+from runtime.canopen.cells import NODES
+from runtime.hmi.cells import HMI
 from runtime.image import INPUT, OUTPUT, TICK_S, Flag
-from runtime.interfaces import seats
-from runtime.interfaces.port import Asked, SeatsPort
-from runtime.modbus.cells import HOLDING, TARGETS, create
-from runtime.modbus.port import ModbusPort
+from runtime.modbus.cells import TARGETS
 from runtime.native_scan import NativeScan, serves
-from runtime.protocols import Port
-from runtime.publisher import COUNTS, COUNTS_HOLD, Publisher
 from runtime.realtime import Rights
-from runtime.recorder.feed import SNAPSHOT, SNAPSHOT_HEAD, TICK, TIMING, Feed
-from runtime.ring import Ring
 from runtime.scan import PERIOD_NS, Scan
-from runtime.shared import Cell, private_folder
+from runtime.shared import private_folder
 from runtime.statistics import Statistics
-from specs.signals import definition
-from tests.runtime.bench import NOISY, POSE, READY, TARGET
+from specs.signals import signals
+from tests.runtime.bench import TARGET
 from tests.runtime.bundles import core
 from tests.runtime.can.test_native import Frame, frames
+from tests.runtime.can.test_socketcan import Line as CanLine
+from tests.runtime.canopen.wires import BOOT_UP, IDS, OPERATIONAL, STOPPED
+from tests.runtime.racks import (
+    FULL,
+    NAMES,
+    NOW,
+    SENDERS,
+    Devices,
+    Line,
+    Pair,
+    Rack,
+    calm,
+    entries_of,
+    timeless,
+)
 from tests.runtime.test_scan import Clock
-
-NOW = 1 << 62  # later than any clock
-SENDERS = [n for n in definition().bus.nodes if n != "Controller"]
-NAMES = [s.name for s in HOLDING]
-IMAGES = INPUT.dtype.itemsize + OUTPUT.dtype.itemsize
-FULL = Rights(fifo=True, locked=True)
-
-
-class Line(LocalBus):
-    """A local bus without a bus process, and its other end."""
-
-    def __init__(self) -> None:
-        self._socket, self.far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._socket.setblocking(False)
-        self.far.setblocking(False)
-        self._is_shutdown, self._next, self._place = True, None, ("nowhere", b"")
-
-    def say(self, given: Sequence[Frame]) -> None:
-        for identifier, data, stamp in given:
-            self.far.send(PACKET.pack(identifier, len(data), data, stamp))
-
-    def heard(self) -> list[tuple[Any, ...]]:
-        """What was sent since."""
-        found: list[tuple[Any, ...]] = []
-        while True:
-            try:
-                packet = self.far.recv(4096)
-            except BlockingIOError:
-                return found
-            if not packet:
-                return found
-            found += PACKET.iter_unpack(packet)
-
-    def close(self) -> None:
-        self._socket.close()
-        self.far.close()
-
-
-class Rack:
-    """A core with all ports and a recorder's queue, in one kind of scan."""
-
-    def __init__(self, folder: Path, kind: type[Scan], joystick: bool, rights: Rights = FULL) -> None:
-        folder.mkdir()
-        self.folder, self.core, self.bus = folder, core("pd"), Line()
-        stick = Joystick() if joystick else None
-        self.statistics = found = Statistics()
-        self.image, self.targets = create(folder)
-        self.pages = create_hmi(folder)
-        seats.create(folder, seats.NAMES)
-        granted = seats.join_granted(folder)
-        assert granted
-        self.granted = granted
-        self.seats = [seats.join(folder, n) for n in seats.NAMES]
-        self.counts = Cell.create(folder / "counts", COUNTS.size, COUNTS_HOLD)
-        self.retain, self.ring = (Ring.create(folder / n, 1 << 14) for n in ("retain", "ring"))
-        modbus = ModbusPort(self.image, self.targets)
-        modbus.started_ns = NOW  # so that its loss does not depend on how fast this computer is
-        asked = [Asked(i + 1, cell) for i, cell in enumerate(self.seats)]
-        claims = SeatsPort(asked, granted, modbus.claimed)
-        wires = NativePort(self.bus, self.core.library, stick)
-        page = HmiPort(
-            self.pages, found, lambda: modbus.claimed() or claims.claimed(), lambda: self.ring.lost,
-            wires.refused, self.core.ladder,
-        )  # fmt: skip
-        claims.page = page.commands
-        kept = Publisher(self.counts, found, self.retain, ("control_mode", "load_estimate"))
-        self.ports: list[Port] = [wires, modbus, claims, page, kept]
-        feed = Feed(self.ring, snapshot_ticks=7)
-        self.scan = kind(self.core, self.ports, rights, feed, statistics=found)
-        if isinstance(self.scan, NativeScan):
-            self.scan.told.waits = False
-
-    def tick(self, tick: int) -> dict[str, Any]:
-        """Run it; everything that anybody can see of it, but times."""
-        self.scan.cycle(tick, time.monotonic_ns())
-        found = self.statistics
-        found.stolen = found.overruns = 0  # of this computer, not of the cycle
-        self.scan._stolen_until = -1
-        if isinstance(self.scan, NativeScan):
-            self.scan.told.stolen_until = -1
-        return {
-            "inputs": _settled(self.scan.inputs.tobytes()), "outputs": self.core.outputs.tobytes(),
-            "state": self.core.snapshot(), "image": _settled(_state(self.image)[8:]),
-            "frames": self.bus.heard(), "counts": _state(self.counts),
-            "granted": _state(self.granted), "grant": _state(self.pages[1]), "page": _page(self.pages[0]),
-            "entries": [_timeless(*e) for e in _all(self.ring)], "kept": list(_all(self.retain)),
-            "seen": found.flags_seen, "ticks": found.ticks, "policy": found.policy_work.count,
-            "latency": found.latency.count, "other": found.other_work.count, "unsent": self._unsent,
-        }  # fmt: skip
-
-    @property
-    def _unsent(self) -> int:
-        native = isinstance(self.scan, NativeScan)
-        return self.scan.told.wires.unsent if native else self.ports[0].unsent  # type: ignore[union-attr]
-
-    def close(self) -> None:
-        for each in (self.bus, self.retain, self.ring, self.image, self.targets, self.counts, *self.pages):
-            each.close()
-
-
-def _state(cell: Cell) -> bytes:
-    found = cell.read()
-    return found[1] if found else b""
-
-
-def _page(cell: Cell) -> bytes:
-    """What is shown of writer, forcing, frames, conditions and images: not times, and counts of times."""
-    state = _state(cell)
-    heads, times = 11 * 8, 3 * 16 * 8
-    return state[16:32] + state[heads + times : -IMAGES] + _settled(state[-IMAGES:])
-
-
-def _all(ring: Ring):
-    while (entry := ring.get()) is not None:
-        yield entry
-
-
-def _timeless(kind: int, data: bytes) -> tuple[int, int, bytes]:
-    if kind == SNAPSHOT:
-        return kind, SNAPSHOT_HEAD.unpack_from(data)[0], data[SNAPSHOT_HEAD.size :]
-    assert kind == TICK
-    return kind, TIMING.unpack_from(data)[1], _settled(data[TIMING.size :])
-
-
-def _settled(images: bytes) -> bytes:
-    """Images in which everything that is old is equally old: when exactly the cycle ran does not count."""
-    size = INPUT.dtype.itemsize
-    inputs = np.frombuffer(images[:size], INPUT.dtype).copy()
-    inputs["age"] = np.minimum(inputs["age"], 1000)
-    return inputs.tobytes() + images[size:]
-
-
-class Pair:
-    """A rack of each kind, given the same."""
-
-    def __init__(self, folder: Path, joystick: bool = False, rights: Rights = FULL) -> None:
-        self.python = Rack(folder / "python", Scan, joystick, rights)
-        self.native = Rack(folder / "native", NativeScan, joystick, rights)
-        self.racks = self.python, self.native
-        noise = np.random.default_rng(1)
-        self._noise = lambda: {n: float(noise.normal(0, 1e-3)) for n in NOISY}
-        self._senders = {n: Transmitter(n, INPUT.index) for n in SENDERS}
-        self.told: dict[str, Any] = {}
-
-    def regular(self, tick: int, changes: Mapping[str, float] = {}, planner: bool = True) -> list[Frame]:
-        """Frames of a machine, an operator and a planner that are well."""
-        values = INPUT.new()["value"]
-        now = {**POSE, **TARGET, **READY, **self._noise()}
-        now |= {
-            n: float(tick % 250) for n in ("operator_heartbeat", "machine_heartbeat", "planner_heartbeat")
-        }
-        for name, value in (now | dict(changes)).items():
-            values[INPUT.at(name)] = value
-        senders = [s for n, s in self._senders.items() if planner or n != "Planner"]
-        return [(i | EXTENDED, d, NOW) for s in senders for i, d in s.due(values.tolist(), tick)]
-
-    def write(self, what: str, state: np.ndarray) -> None:
-        for rack in self.racks:
-            cell = rack.pages[2] if what == "page" else rack.targets if what == "modbus" else rack.seats[0]
-            cell.write(state)
-
-    def tick(self, tick: int, given_frames: Sequence[Frame] = ()) -> None:
-        for rack in self.racks:
-            rack.bus.say(given_frames)
-        expected, found = (rack.tick(tick) for rack in self.racks)
-        for name, value in expected.items():
-            assert found[name] == value, (tick, name)
-        self.told = expected
-
-    def close(self) -> None:
-        for rack in self.racks:
-            rack.close()
 
 
 def asked(kind: str, owner: int, alive: int, commits: int, values: Sequence[float], force: int) -> np.ndarray:
@@ -289,7 +123,7 @@ def test_an_entry_without_room_is_lost_and_a_snapshot_comes_before_the_next(tmp_
         for rack, kept in zip(racks, entries, strict=True):
             rack.scan.cycle(tick, time.monotonic_ns())
             if tick > 40:
-                kept += [_timeless(*e)[:2] for e in _all(rack.ring)]
+                kept += [timeless(*e)[:2] for e in entries_of(rack.ring)]
     lost = [rack.ring.lost for rack in racks]
     assert lost[0] == lost[1] > 0
     assert entries[0] == entries[1]
@@ -352,6 +186,88 @@ def test_who_made_a_tick_late_is_found_as_in_python(data: st.DataObject) -> None
     assert scan.stolen_until == python._stolen_until
     assert found.lateness.words == python.statistics.lateness.words
     assert found.other_work.words == python.statistics.other_work.words
+
+
+@st.composite
+def of_devices(draw: st.DrawFn) -> Frame:
+    """Heartbeats, boot-ups, emergencies, PDOs, and our own frames from somebody else."""
+    node, service = (
+        draw(st.sampled_from(IDS)),
+        draw(st.sampled_from([0x700, 0x700, 0x80, 0x180, 0x180, 0x200])),
+    )
+    heartbeat = bytes([draw(st.sampled_from([OPERATIONAL, OPERATIONAL, STOPPED, BOOT_UP]))])
+    data = heartbeat if service == 0x700 else draw(st.binary(min_size=8, max_size=8))
+    return service + node, data, NOW
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.lists(of_devices(), max_size=12),
+            st.none() | st.lists(st.integers(0, 2), min_size=NODES, max_size=NODES),
+        ),
+        max_size=25,
+    )
+)
+def test_canopen_devices_are_heard_and_told_the_same(
+    story: list[tuple[list[Frame], list[int] | None]],
+) -> None:
+    folder = private_folder()
+    racks = Devices(folder / "python", Scan), Devices(folder / "native", NativeScan)
+    for tick, (given_frames, accepted) in enumerate(story):
+        for rack in racks:
+            calm(rack.scan)
+            if accepted:
+                rack.cells[0].write(np.array(accepted, np.int64))
+        expected, found = (rack.tick(tick, given_frames) for rack in racks)
+        for name, value in expected.items():
+            assert found[name] == value, (tick, name)
+    for rack in racks:
+        rack.close()
+
+
+def test_frames_of_socketcan_go_both_ways_as_in_python() -> None:
+    """On datagram sockets in the place of CAN ones."""
+    index = {s.name: i for i, s in enumerate(signals().values()) if s.can}
+    values = [s.start for s in signals().values()]
+    senders = [Transmitter(n, index) for n in SENDERS]
+    lines = CanLine(), CanLine()
+    scans = []
+    for line, kind in zip(lines, (Scan, NativeScan), strict=True):
+        line.bus.socket.connect(line.far.getsockname())
+        line.far.setblocking(False)
+        control = core("pd")
+        scans.append(kind(control, [NativePort(line.bus, control.library)], FULL))
+    scans[1].told.waits = False
+    heard: list[list[bytes]] = [[], []]
+    for tick in range(20):
+        given_frames = [(i | EXTENDED, d) for s in senders for i, d in s.due(values, tick)]
+        for line, scan, kept in zip(lines, scans, heard, strict=True):
+            line.say(*given_frames)
+            scan.cycle(tick, time.monotonic_ns())
+            calm(scan)
+            kept += _packets(line.far)
+        assert scans[0].inputs["value"].tobytes() == scans[1].inputs["value"].tobytes()
+        assert scans[0].inputs["age"].tobytes() == scans[1].inputs["age"].tobytes()
+    assert heard[0] == heard[1] != []
+    assert scans[0].statistics.latency.count == scans[1].statistics.latency.count > 0
+    lines[0].far.close()
+    lines[1].bus.socket.close()
+    scans[1].cycle(20, time.monotonic_ns())
+    assert scans[1].inputs["flags"] & Flag.BUS_OFF
+    lines[0].bus.socket.close()
+    lines[1].far.close()
+
+
+def _packets(end: socket.socket) -> list[bytes]:
+    found = []
+    while True:
+        try:
+            frame = end.recv(64)
+        except BlockingIOError:
+            return found
+        found.append(frame[:5] + frame[8:])  # without bytes that mean nothing
 
 
 def test_ports_and_buses_that_c_cannot_have_are_told(tmp_path: Path) -> None:
