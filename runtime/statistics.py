@@ -54,6 +54,14 @@ class Histogram:
                 return self.largest_ns / 1e3 if us == TOP_US else (us + 0.5) * self.words[UNIT] / 1e3
         return 0.0
 
+    def joined(self, other: "Histogram") -> "Histogram":
+        """The times of both, which have the same unit."""
+        found = Histogram(self.words[UNIT])
+        for at in range(COUNT, len(found.words)):
+            found.words[at] = self.words[at] + other.words[at]
+        found.words[LARGEST] = max(self.largest_ns, other.largest_ns)
+        return found
+
     def figures(self) -> dict[str, float]:
         """p50, p99, p99.9 and largest in µs, all 0 where `count` is: nothing was timed."""
         names = (("p50", 0.5), ("p99", 0.99), ("p999", 0.999))
@@ -100,6 +108,7 @@ class Statistics:
         """Everything in plain numbers, times in µs."""
         return {
             "lateness_us": self.lateness.figures(),
+            "tick_us": self.policy_work.joined(self.other_work).figures(),
             "policy_tick_us": self.policy_work.figures(),
             "other_tick_us": self.other_work.figures(),
             "policy_step_us": self.policy_step.figures(),

@@ -44,6 +44,7 @@ LIMITS = {
     "interfaces": 1.5,
 }  # ratio of p99, asked for
 POLICY_P50_US = 150.0
+RATIO = 4.0  # of the median tick and the core's step in it, asked for
 RESOLUTION_US = 1.0  # of the histograms
 COSTS = (("ours", "p50"), ("ours", "p99"), ("policy_tick", "p50"), ("other_tick", "p50"), ("latency", "p99"))
 QUANTILES = {"p50": 0.5, "p99": 0.99, "p999": 0.999}
@@ -61,9 +62,12 @@ class Block:
 
     ours: dict[str, float]
     cyclictest: dict[str, float]
+    tick: dict[str, float]
     policy_tick: dict[str, float]
     other_tick: dict[str, float]
     policy_step: dict[str, float]
+    step: dict[str, float]
+    bus: dict[str, float]
     latency: dict[str, float]
     rehearsal: dict[str, float]
     stolen: int
@@ -75,6 +79,16 @@ class Block:
     def ratio(self) -> float:
         """p99 of ours over cyclictest's."""
         return self.ours["p99"] / self.cyclictest["p99"]
+
+    @property
+    def tick_ratio(self) -> float:
+        """Median tick over the median of the core's step in it."""
+        return self.tick["p50"] / self.step["p50"]
+
+    @property
+    def tick_ratio_without_bus(self) -> float:
+        """The same without the system calls of the bus."""
+        return (self.tick["p50"] - self.bus["p50"]) / self.step["p50"]
 
 
 @dataclass
@@ -121,6 +135,8 @@ class Result:
             if row["overruns"]:
                 found.append(f"{name}: {row['overruns']} overruns of our own making")
         idle = self.figures().get("idle")
+        if idle and idle["tick_ratio"] > RATIO:
+            found.append(f"tick: {idle['tick_ratio']:.1f} × the core's step in it, limit {RATIO:g} ×")
         if idle and idle["policy_tick_us"]["p50"] > POLICY_P50_US:
             p50 = idle["policy_tick_us"]["p50"]
             found.append(f"policy tick: p50 {p50:.0f} µs, limit {POLICY_P50_US:g} µs")
@@ -178,9 +194,12 @@ def _block(bundle: Path, name: str, seconds: float, ours_first: bool) -> Block:
     return Block(
         ours=ours["lateness_us"],
         cyclictest=theirs,
+        tick=ours["tick_us"],
         policy_tick=ours["policy_tick_us"],
         other_tick=ours["other_tick_us"],
         policy_step=ours["policy_step_us"],
+        step=ours["step_us"],
+        bus=ours["bus_us"],
         latency=ours["latency_us"],
         rehearsal=ours["rehearsal_us"],
         stolen=ours["stolen_ticks"],
@@ -259,9 +278,14 @@ def _medians(blocks: Sequence[Block]) -> dict[str, Any]:
         "ours": over([b.ours for b in blocks]),
         "cyclictest": over([b.cyclictest for b in blocks]),
         "ratio_p99": median(b.ratio for b in blocks),
+        "tick_ratio": median(b.tick_ratio for b in blocks),
+        "tick_ratio_without_bus": median(b.tick_ratio_without_bus for b in blocks),
+        "tick_us": over([b.tick for b in blocks]),
         "policy_tick_us": over([b.policy_tick for b in blocks]),
         "other_tick_us": over([b.other_tick for b in blocks]),
         "policy_step_us": over([b.policy_step for b in blocks]),
+        "step_us": over([b.step for b in blocks]),
+        "bus_us": over([b.bus for b in blocks]),
         "latency_us": over([b.latency for b in blocks]),
         "rehearsal_us": over([b.rehearsal for b in blocks]),
         "modbus_rps": median(rps) if rps else None,
@@ -285,6 +309,19 @@ def tables(figures: Mapping[str, Any]) -> Iterator[tuple[str, Sequence[str], Seq
                 *(f"{row['cyclictest'][q]:.0f}" for q in late),
                 f"{row['ratio_p99']:.2f}",
                 "—" if row["modbus_rps"] is None else f"{row['modbus_rps']:.0f}",
+            )
+            for name, row in figures.items()
+        ],
+    )
+    yield (
+        "a tick and the core's step in it, p50 in µs",
+        ["load", "tick", "core's step", "bus", "tick / step", "without bus"],
+        [
+            (
+                name,
+                *(f"{row[key]['p50']:.1f}" for key in ("tick_us", "step_us", "bus_us")),
+                f"{row['tick_ratio']:.1f}",
+                f"{row['tick_ratio_without_bus']:.1f}",
             )
             for name, row in figures.items()
         ],

@@ -21,11 +21,14 @@ def quiet(what: str, done: float | None = None, total: float | None = None) -> N
     pass
 
 
-def block(p99: float, policy: float = 100.0, overruns: int = 0) -> Block:
+def block(p99: float, policy: float = 100.0, overruns: int = 0, step: float = 50.0) -> Block:
     times = {"p50": 5.0, "p99": p99, "p999": 50.0, "max": 60.0}
     tick = {**times, "p50": policy}
     theirs = {"p50": 10.0, "p99": 20.0, "p999": 30.0, "max": 40.0}
-    return Block(times, theirs, tick, tick, tick, tick, tick, stolen=1, overruns=overruns, ticks=100)
+    return Block(
+        times, theirs, tick, tick, tick, tick, {"p50": step}, {"p50": 10.0}, tick, tick,
+        stolen=1, overruns=overruns, ticks=100,
+    )  # fmt: skip
 
 
 def test_quantiles_of_cyclictests_histogram():
@@ -46,6 +49,14 @@ def test_what_is_beyond_a_limit_is_said():
     assert [text.split(":")[0] for text in late] == ["idle", "stress"]
     assert "policy tick" in Result({"idle": [block(10.0, policy=151.0)]}).misses()[0]
     assert "1 overruns of our own" in Result({"modbus": [block(10.0, overruns=1)]}).misses()[0]
+
+
+def test_a_tick_is_measured_by_the_cores_step_in_it():
+    result = Result({"idle": [block(10.0, step=20.0), block(10.0, step=24.0), block(10.0, step=25.0)]})
+    figures = result.figures()["idle"]
+    assert figures["tick_ratio"] == 100.0 / 24.0
+    assert figures["tick_ratio_without_bus"] == 90.0 / 24.0
+    assert result.misses() == ["tick: 4.2 × the core's step in it, limit 4 ×"]
 
 
 def test_what_pages_cost_is_compared_with_what_idle_varies_by_itself():
