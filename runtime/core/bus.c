@@ -9,6 +9,7 @@
 #include "wire.h"
 
 enum { CAN_FRAME = 16, SECOND = 1000000000 }; /* struct can_frame */
+enum { AT_ONCE = MSG_DONTWAIT | MSG_NOSIGNAL };
 enum { STAMP = 35 }; /* SO_TIMESTAMPNS, asm-generic/socket.h: a message with seconds and nanoseconds, time of day */
 
 /* struct cmsghdr and struct timespec of a 64-bit Linux, and room for more that is not asked for. */
@@ -87,13 +88,14 @@ int slr_bus_take(SlrBusEnd *bus) {
 /* The local bus takes all frames in one packet: its process is woken once. */
 static void give_local(SlrBusEnd *bus, int count) {
   const size_t bytes = (size_t)count * sizeof(SlrFrame);
-  if (send((int)bus->descriptor, bus->going, bytes, MSG_DONTWAIT | MSG_NOSIGNAL) != (ssize_t)bytes) bus->unsent += count;
+  const ssize_t sent = send((int)bus->descriptor, bus->going, bytes, AT_ONCE);
+  if (sent != (ssize_t)bytes) bus->unsent += count;
 }
 
 static void give_can(SlrBusEnd *bus, int count) {
   struct mmsghdr *heads = bus->going_heads;
   for (int sent = 0; sent < count;) {
-    const int found = sendmmsg((int)bus->descriptor, heads + sent, (unsigned)(count - sent), MSG_DONTWAIT | MSG_NOSIGNAL);
+    const int found = sendmmsg((int)bus->descriptor, heads + sent, (unsigned)(count - sent), AT_ONCE);
     bus->unsent += found < 1;
     sent += found < 1 ? 1 : found; /* one for which there is no room is left out */
   }

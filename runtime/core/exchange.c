@@ -50,7 +50,7 @@ void slr_show_images(const SlrPlanner *p, const SlrInput *in, const SlrOutput *o
   slr_cell_write(&p->image, parts, 3);
 }
 
-/* ---- seats and page (runtime/interfaces/port.py, runtime/hmi/port.py): Python decides, if there is something to decide ---- */
+/* ---- seats and page (runtime/interfaces/port.py, runtime/hmi/port.py): what there is to decide, Python decides ---- */
 
 static int asks(SlrAsked *a) {
   if (!a->cell.memory) return 0;
@@ -112,7 +112,8 @@ static void write_page(const SlrScan *s) {
 void slr_show_page(SlrScan *s) {
   const int64_t tick = s->tick.number, every = SLR_SCAN_PAGE_EVERY;
   if (!s->page.present || tick < s->page.next) return;
-  s->page.next = tick + every - ((tick - SLR_SCAN_PAGE_PHASE) % every + every) % every; /* later where ticks were skipped */
+  const int64_t since = ((tick - SLR_SCAN_PAGE_PHASE) % every + every) % every; /* not 0 where ticks were skipped */
+  s->page.next = tick + every - since;
   write_page(s);
 }
 

@@ -147,7 +147,7 @@ static uint32_t flags_of(SlrScan *s) {
 
 /* A policy computes in every fifth tick from the beginning of automatic mode on. */
 static void find_policy(SlrScan *s) {
-  const int64_t automatic = ((SlrOutput *)s->outputs)->value[SLR_OUT_control_mode] == SLR_MODE_AUTOMATIC;
+  const int64_t automatic = (int32_t)((SlrOutput *)s->outputs)->value[SLR_OUT_control_mode] == SLR_MODE_AUTOMATIC;
   if (automatic && !s->automatic) s->phase = s->tick.number % SLR_SCAN_POLICY_EVERY;
   s->automatic = automatic;
   s->policy = s->tick.number % SLR_SCAN_POLICY_EVERY == s->phase;
