@@ -58,9 +58,6 @@ class ControlCore:
         self._step(self._at(inputs), self._at_state, tick, self._at_outputs)
         return self._outputs
 
-    def prepare(self, inputs: np.ndarray) -> None:
-        """What must be done before a step that C code takes (runtime/native_scan.py): nothing."""
-
     def reset(self) -> None:
         """Back to the first state."""
         self._reset(self._at_state)

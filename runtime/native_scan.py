@@ -2,8 +2,8 @@
 
 What a tick does is what `Scan` says with the same ports: values in and out of the image, the core's step,
 what is shown, counted and recorded.  Python takes part only while somebody asks for the right to command or
-forces an input (`SeatsPort`, `HmiPort`), while a bus is gone, and in every tick where frames of a J1939
-joystick or a policy in onnxruntime want it.  `serves` says which ports and buses C can have.
+forces an input (`SeatsPort`, `HmiPort`), while a bus is gone, and in every tick where frames come of a J1939
+joystick.  `serves` says which cores, ports and buses C can have.
 """
 
 import ctypes
@@ -52,7 +52,7 @@ class EarlyClock(SystemClock):
 def serves(core: object, ports: Iterable[Port]) -> bool:
     """Whether a cycle of this core with these ports can be had in C."""
     buses = [p.parts.bus for p in ports if isinstance(p, NativePort | CanopenPort)]
-    known = isinstance(core, ControlCore) and all(type(p) in SERVED for p in ports)
+    known = type(core) is ControlCore and all(type(p) in SERVED for p in ports)
     open_to_c = all(isinstance(b, LocalBus | SocketCan) and not is_mute(b) for b in buses)
     return sys.platform == "linux" and known and bool(buses) and open_to_c
 
@@ -89,17 +89,11 @@ class NativeScan(Scan):
 
     def follow(self, other: "NativeScan") -> None:
         """Know what another one knows of planner and page, for the same tick."""
-        for name, kind in (("seen", layout.Planner),):
-            at = layout.Scan.planner.offset + getattr(kind, name).offset
-            size = ctypes.sizeof(kind) - getattr(kind, name).offset
-            ctypes.memmove(self._at + at, other._at + at, size)
+        for name in KNOWN:
+            setattr(self.told.planner, name, getattr(other.told.planner, name))
         mine, theirs = self.told.page, other.told.page
-        mine.next, mine.writer, mine.forcing, mine.busy = (
-            theirs.next,
-            theirs.writer,
-            theirs.forcing,
-            theirs.busy,
-        )
+        for name in STANDING:
+            setattr(mine, name, getattr(theirs, name))
         mine.asked.seen, mine.asked.asks = theirs.asked.seen, theirs.asked.asks
 
     # ---- what is not periodic ----
@@ -112,8 +106,6 @@ class NativeScan(Scan):
             self._wires.read(self.inputs, told.wires.count, tick, told.wires.now)
         if what & ASKED:
             self._decide(tick)
-        if isinstance(self.core, ControlCore):
-            self.core.prepare(self.inputs)
 
     def _join(self, tick: int) -> None:
         for end, bus in self._ends:
@@ -153,7 +145,7 @@ class NativeScan(Scan):
         self._page: HmiPort | None = None
         for port in self.ports:
             self._take(port)
-        told.attends = bool(self._wires.readers) or type(self.core) is not ControlCore
+        told.attends = bool(self._wires.readers)
         self._take_feed()
 
     def _take(self, port: Port) -> None:

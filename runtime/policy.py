@@ -80,15 +80,11 @@ class PolicyCore(ControlCore):
 
     def step(self, inputs: np.ndarray, tick: int) -> np.ndarray:
         """As ControlCore.step, the policy evaluated before it where it is due."""
-        self.prepare(inputs)
-        return super().step(inputs, tick)
-
-    def prepare(self, inputs: np.ndarray) -> None:
-        """Evaluate the policy, if it is due."""
         due = self._observe(self._at(inputs), self._at_state, self._at_board)
         if due:
             self._action[:] = self._asked(starts=due == STARTS)
             self._offer(self._at_state, self._at_action)
+        return super().step(inputs, tick)
 
     def reset(self) -> None:
         """Back to the first state."""

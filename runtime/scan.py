@@ -4,6 +4,9 @@ A deadline that passed is not made up for: its tick is skipped and counted, and 
 was late is told apart: an overrun is our own doing (it computed or waited too long); stolen time is when the
 thread wanted the processor and did not have it.  Nothing here opens a file, allocates on purpose or waits for
 anyone.
+
+A control process runs the same cycle in C (runtime/native_scan.py) where that has all its ports; this one is
+for the others, and says what that one must do.
 """
 
 import time

@@ -1,8 +1,9 @@
 """The process behind the local bus: `python -m runtime.can.busd SOCKET [--bit-rate 250000]`.
 
 It lets frames take their time on the wire (runtime/can/wire.py) and hands them to the other nodes; who does
-not take them in time loses them, and is told by an error frame.  Tests and the fault runs also talk to it:
-a packet {"do": …} on a connection of its own spoils frames, cuts cables, switches nodes off, tells the state.
+not take them in time loses them, and is told by an error frame.  A packet of a node holds a frame or several.
+Tests and the fault runs also talk to it: a packet {"do": …} on a connection of its own spoils frames, cuts
+cables, switches nodes off, tells the state.
 """
 
 import argparse

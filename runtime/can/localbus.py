@@ -1,8 +1,9 @@
 """A CAN bus without hardware: a python-can interface to a bus process (`runtime/can/busd.py`).
 
-`can.Bus(interface="slewright", channel=PATH, node=NAME)`.  Nothing leaves the machine.  Each packet is one
-frame: identifier with flags, length and data as in Linux's struct can_frame, and the time of its arrival on
-the monotonic clock, over a Unix socket.  The first packet says which node it is.
+`can.Bus(interface="slewright", channel=PATH, node=NAME)`.  Nothing leaves the machine.  A packet that
+comes is one frame: identifier with flags, length and data as in Linux's struct can_frame, and the time of its
+arrival on the monotonic clock, over a Unix socket; one that goes may hold several.  The first packet says
+which node it is.
 """
 
 import json
