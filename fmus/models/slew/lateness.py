@@ -1,7 +1,7 @@
-"""Is the traces' speed late against their pressures?  `python -m fmus.models.slew.lateness` prints the answer.
+"""Is the traces' speed late against their pressures?  `python -m fmus.models.slew.lateness` tells.
 
-The drive's torque balance I w' = D (p_a - p_b) - b w - T sgn w holds at one instant.  It is fitted with the speed
-moved in time against the pressures: where the speed of the traces is late by a delay, the fit is best there.
+The drive's torque balance I w' = D (p_a - p_b) - b w - T sgn w holds at one instant.  It is fitted with the
+speed moved in time against the pressures: where the speed of the traces is late, the fit is best there.
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,7 +15,10 @@ MOVES = 0.01  # rad/s: below, dry friction has no known direction
 
 
 def balance(traces: Iterable[Trace], shift: float) -> tuple[float, np.ndarray]:
-    """R² of I w' over all rows that move, and D [m3], b [N m s/rad], T [N m], the speed taken `shift` s later."""
+    """The balance with the speed taken `shift` s later, over all rows that move.
+
+    R² of I w', and D [m3], b [N m s/rad], T [N m].
+    """
     rows, torque = [], []
     for t in traces:
         own = t.time[t.first :]
