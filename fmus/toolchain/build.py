@@ -17,7 +17,7 @@ from markdown_it import MarkdownIt
 
 from fmus.definition import Model
 from fmus.paths import BUILD, BUILT_HERE, ROOT, SHIM, built_here
-from fmus.toolchain import codegen, compiler, description
+from fmus.toolchain import codegen, compiler, description, reference
 from fmus.toolchain.loader import load_model, model_folders
 from specs.errors import InputError
 
@@ -152,6 +152,7 @@ def _archive(model: Model, folder: Path, fmi_version: int, targets: Iterable[str
             files["sources/" + name] = (sources / name).read_bytes()
         for name in HEADERS[fmi_version]:
             files["sources/fmi/" + name] = (sources / "fmi" / name).read_bytes()
+        files |= reference.files(model, compile_library(model, sources, 2, compiler.host().name), token)
     if fmi_version == 3:
         files["sources/buildDescription.xml"] = description.build_description(model)
     files["documentation/index.html"] = _documentation(model, folder)

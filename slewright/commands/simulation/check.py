@@ -72,7 +72,8 @@ def _compared(file: Path, kind: str, step: float | None) -> dict[str, Any]:
     for experiment in experiments.read(file):
         signals, notes = compare.run(file, experiment, kind, step)
         rows = [
-            (s.name, s.difference, s.allowed, s.time_s, "agrees" if s.agrees else "differs") for s in signals
+            (s.name, f"{s.difference:.3g}", f"{s.allowed:.3g}", s.time_s, "agrees" if s.agrees else "differs")
+            for s in signals
         ]
         columns = ["signal", "largest difference", "allowed", "at s", ""]
         show(f"reference {experiment.name}", columns, rows)
