@@ -6,6 +6,7 @@ here through FMI 2.0.  They are the same bits on every platform, and so are thes
 
 import ctypes
 import hashlib
+import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,15 +37,18 @@ _MANIFEST = """<?xml version="1.0" encoding="UTF-8"?>
 </fmiReferences>
 """
 _SEED = f"""<?xml version="1.0" encoding="UTF-8"?>
-<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="seed">
-  <ssv:Parameters><ssv:Parameter name="noise_seed"><ssv:Integer value="{SEED}"/></ssv:Parameter></ssv:Parameters>
+<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+    version="1.0" name="seed">
+  <ssv:Parameters>
+    <ssv:Parameter name="noise_seed"><ssv:Integer value="{SEED}"/></ssv:Parameter>
+  </ssv:Parameters>
 </ssv:ParameterSet>
 """
 
 
 @dataclass(frozen=True)
 class Steps:
-    """The experiment's times: `count` steps of `step_s`, inputs new every `held`, a row every `shown` steps."""
+    """`count` steps of `step_s` seconds; new inputs every `held` steps, a row every `shown` steps."""
 
     step_s: float
     count: int
@@ -198,5 +202,5 @@ def _unload(library: ctypes.CDLL) -> None:
     """Let go of a library, so that its file can be removed."""
     import _ctypes
 
-    free = getattr(_ctypes, "dlclose", None) or _ctypes.FreeLibrary
-    free(library._handle)
+    free = "FreeLibrary" if os.name == "nt" else "dlclose"
+    getattr(_ctypes, free)(library._handle)

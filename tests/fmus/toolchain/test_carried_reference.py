@@ -1,4 +1,4 @@
-"""What our FMUs carry in themselves (FMI-LS-REF): they do it, and an FMU that computes otherwise is found out."""
+"""What our FMUs carry in themselves (FMI-LS-REF): they do it, and one that computes otherwise is found out."""
 
 import csv
 import json
@@ -84,7 +84,7 @@ def test_a_model_that_fails_at_once_carries_none(tmp_path: Path) -> None:
     folder.mkdir()
     (folder / "model.py").write_text(
         "from fmus.definition import Model, Variable\n"
-        "MODEL = Model(name='wild', description='Divides by zero at its start', kind='continuous', step=0.01,\n"
+        "MODEL = Model(name='wild', description='Fails at its start', kind='continuous', step=0.01,\n"
         "    states=(Variable('x', '1', start=1.0),), inputs=(), outputs=(Variable('y', '1'),),\n"
         "    parameters=(), rhs=lambda x, u, m, p: {'x': 1.0 / (x.x - 1.0)},\n"
         "    out=lambda x, u, m, p: {'y': x.x})\n"
