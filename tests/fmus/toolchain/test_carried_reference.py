@@ -1,4 +1,4 @@
-"""What our FMUs carry in themselves (FMI-LS-REF): they do it, and one that computes otherwise is found out."""
+"""What our FMUs carry in themselves (FMI-LS-REF): they do it, and one that does otherwise is found out."""
 
 import csv
 import json
