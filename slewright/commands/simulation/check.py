@@ -47,6 +47,9 @@ def check(
         ["component", "FMI", "kind", "model", "step [s]", "inputs", "outputs", "parameters", "types", "runs"],
         [_row(c) for c in found["components"]],
     )
+    rows = [row for c in found["components"] for t in c["terminals"] for row in _terminal(c["name"], t)]
+    if rows:
+        show("Terminals", ["terminal", "kind", "rule", "members"], rows)
     summary = ("step_s", "start_s", "stop_s", "algorithm", "connections", "inputs", "outputs")
     show("Stepping", ["", "value"], [[name, _plain(found[name])] for name in summary])
     for warning in found["warnings"]:
@@ -93,6 +96,13 @@ def _row(component: dict[str, Any]) -> list[object]:
     ]
     cells[4] = _plain(cells[4])
     return [*cells, _counts(component["types"]), component["isolation"]]
+
+
+def _terminal(owner: str, terminal: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+    """A row for a terminal and one for each in it."""
+    name = f"{owner}.{terminal['name']}"
+    row = (name, terminal["kind"], terminal["matching_rule"], ", ".join(terminal["members"]))
+    return [row, *(r for inner in terminal["terminals"] for r in _terminal(name, inner))]
 
 
 def _counts(types: dict[str, int]) -> str:
