@@ -11,7 +11,6 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 from fmus.definition import Model, Variable
 from fmus.toolchain import compiler
@@ -29,12 +28,18 @@ GOLDEN = 0.6180339887498949  # its multiples fill an interval evenly
 
 _MANIFEST = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiReferences xmlns:fmi-ls="http://fmi-standard.org/fmi-ls-manifest"
-    fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-ref" fmi-ls:fmi-ls-version="1.0.0-rc.1"
-    fmi-ls:fmi-ls-description="Inputs, and the outputs that must come of them">
-  <Experiment name="steps" description="Steps of all inputs" startTime="0" stopTime={stop}
-      stepSize={step} tolerance={tolerance}>
-{parts}  </Experiment>
+    fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-ref" fmi-ls:fmi-ls-version="1.0.0-alpha.1"
+    fmi-ls:fmi-ls-description="Layered Standard providing information on related files included in an FMU.">
+  <Related type="application/xml" source="experiments.xml" role="experiment/smoke-test"
+      description="Inputs, and the outputs that must come of them" checksum="{checksum}"/>
 </fmiReferences>
+"""
+_EXPERIMENTS = """<?xml version="1.0" encoding="UTF-8"?>
+<Experiments>
+  <Experiment name="steps" description="Steps of all inputs" startTime="0" stopTime="{stop:.9g}"
+      stepSize="{step:.9g}" tolerance="{tolerance:.9g}">
+{parts}  </Experiment>
+</Experiments>
 """
 _SEED = f"""<?xml version="1.0" encoding="UTF-8"?>
 <ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
@@ -73,9 +78,9 @@ def files(model: Model, library: bytes, token: str) -> dict[str, bytes]:
         "inputs.csv": _stimuli(model, steps, pieces),
         "outputs.csv": _table(model.outputs, [(k * steps.shown * steps.step_s, row) for k, row in rows]),
     }
-    content["fmi-ls-manifest.xml"] = _manifest(
-        content, rows[-1][0] * steps.shown * steps.step_s, steps.step_s
-    )
+    stop = rows[-1][0] * steps.shown * steps.step_s
+    content["experiments.xml"] = text = _experiments(content, stop, steps.step_s)
+    content["fmi-ls-manifest.xml"] = _MANIFEST.format(checksum=hashlib.sha3_256(text.encode()).hexdigest())
     return {FOLDER + name: text.encode() for name, text in content.items() if text}
 
 
@@ -121,11 +126,10 @@ def _table(columns: Sequence[Variable], rows: Sequence[tuple[float, Sequence[flo
     return "\n".join((head, *lines)) + "\n"
 
 
-def _manifest(content: dict[str, str], stop: float, step: float) -> str:
+def _experiments(content: dict[str, str], stop: float, step: float) -> str:
     parts = {"Parameters": "parameters.ssv", "Stimuli": "inputs.csv", "References": "outputs.csv"}
     given = "".join(f'    <{tag} source="{name}"/>\n' for tag, name in parts.items() if content[name])
-    numbers = (quoteattr(f"{x:.9g}") for x in (stop, step, TOLERANCE))
-    return _MANIFEST.format(**dict(zip(("stop", "step", "tolerance"), numbers, strict=True)), parts=given)
+    return _EXPERIMENTS.format(stop=stop, step=step, tolerance=TOLERANCE, parts=given)
 
 
 class _Running:
