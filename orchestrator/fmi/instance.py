@@ -40,8 +40,16 @@ class Instance:
     `pointer` is the core's slw_fmu; `isolated`, `event_mode`, `early_return`: how it was instantiated.
     """
 
-    def __init__(self, component: Component, isolated: bool = False, limit_s: float = LIMIT_S) -> None:
+    def __init__(
+        self,
+        component: Component,
+        isolated: bool = False,
+        limit_s: float = LIMIT_S,
+        log: Sequence[str] | None = None,
+    ) -> None:
         """Load the FMU: with `isolated` in a process of its own, where a call may take `limit_s` seconds.
+
+        `log`: categories that it is told to log; (): all; None: it is told nothing.
 
         Raises InputError when the library cannot be loaded or refuses to make an instance.
         """
@@ -51,9 +59,9 @@ class Instance:
         self.early_return = self.event_mode or self.model.can_return_early
         self.wire = WIRE[self.model.fmi_version]
         self.library = library()
-        self.pointer = c_void_p(self._load(isolated, limit_s))
+        self.pointer = c_void_p(self._load(isolated, limit_s, log))
 
-    def _load(self, isolated: bool, limit_s: float) -> int:
+    def _load(self, isolated: bool, limit_s: float, log: Sequence[str] | None) -> int:
         options = Options(
             self.model.fmi_version,
             str(self.component.library).encode(),
@@ -63,6 +71,7 @@ class Instance:
             self.event_mode,
             self.early_return,
             described(self.component),
+            None if log is None else "\n".join(log).encode(),
         )
         error = ctypes.create_string_buffer(ERROR_SIZE)
         if isolated:

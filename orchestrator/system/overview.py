@@ -84,6 +84,7 @@ def _component(component: Component, step_s: float) -> dict[str, Any]:
         "arrays": sum(v.array for v in variables),
         "terminals": [_terminal(t) for t in component.terminals.by_name.values()],
         "icons": list(component.terminals.icons),
+        "log_categories": dict(component.model.log_categories),
         "isolation": "in process: built here"
         if runs_here(component, False)
         else "process of its own: foreign",

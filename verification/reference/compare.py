@@ -1,6 +1,6 @@
 """Runs an experiment that an FMU or SSP carries, and compares its outputs with the reference."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ class Compared:
 
 
 def run(
-    path: Path, experiment: Experiment, kind: str, step_s: float | None
+    path: Path, experiment: Experiment, kind: str, step_s: float | None, log: Sequence[str] = ()
 ) -> tuple[list[Compared], list[str]]:
     """(Signals compared, notes on what was not); InputError where it does not suit."""
     where = f"{path}: experiment {experiment.name}"
@@ -64,7 +64,10 @@ def run(
         start_s=begin,
         tell_tolerance=experiment.tolerance,
         seed=0,
+        log_categories=log,
     )
+    for component, lines in record.meta.get("messages", {}).items() if log else ():
+        notes += [f"{component} says: {line}" for line in lines]
     if not record.complete:
         notes.append(f"the run ended early: {record.reason}")
     columns = {n: record.column(n) for n in names}
