@@ -27,8 +27,8 @@ from orchestrator.fmi.component import Component
 from orchestrator.fmi.exchange import described
 from orchestrator.fmi.library_check import unloadable
 from orchestrator.fmi.model_description import Variable
-from orchestrator.fmi.variable import BLOBS, STATUS, WARNING, WIRE, Value
-from specs.errors import InputError, RunError
+from orchestrator.fmi.variable import BLOBS, HUNG, STATUS, WARNING, WIRE, Value
+from specs.errors import HungError, InputError, RunError
 
 LIMIT_S = 60.0  # for one call of an FMU in a process of its own
 ERROR_SIZE = 1024
@@ -259,7 +259,8 @@ class Instance:
     def check(self, status: int, doing: str) -> None:
         """RunError if `status` is worse than a warning."""
         if status > WARNING:
-            raise RunError(f"component {self.name}: {doing} returned {self.status_text(status)}")
+            kind = HungError if status == HUNG else RunError
+            raise kind(f"component {self.name}: {doing} returned {self.status_text(status)}")
 
     def status_text(self, status: int) -> str:
         """A status in words, with the FMU's last message."""

@@ -13,14 +13,14 @@ from orchestrator.core.binding import BlockStatistics, Statistics
 from orchestrator.fmi.component import runs_here
 from orchestrator.fmi.instance import LIMIT_S, Instance
 from orchestrator.fmi.model_description import REALS
-from orchestrator.fmi.variable import BLOBS, ERROR, STATUS, Scalar, Value
+from orchestrator.fmi.variable import BLOBS, ERROR, HUNG, STATUS, Scalar, Value
 from orchestrator.run.log_categories import told
 from orchestrator.run.plan import Plan, scalars, to_bits
 from orchestrator.ssp.description import Settings
 from orchestrator.system.layout import Layout, Slot
 from orchestrator.system.order import algebraic_loops
 from orchestrator.system.system import System
-from specs.errors import RunError
+from specs.errors import HungError, RunError
 from specs.faults import Fault
 
 SHOWN_INPUTS = 12  # in an error message
@@ -262,7 +262,8 @@ class Master:
         if failure.status >= ERROR and instance in self.running:
             self.running.remove(instance)  # it may only be freed
         why = self._why(failure, instance)
-        return RunError(
+        kind = HungError if failure.status == HUNG else RunError
+        return kind(
             f"component {instance.name} failed {when}: {why}\nlast inputs: {self._inputs(failure.block)}"
         )
 
