@@ -5,6 +5,7 @@ connection by terminal needs it.
 Source: FMI 3.0.2, 2.4.9, Modelica Association.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -120,8 +121,7 @@ class _Reader:
             )
 
     def unique(self, found: list[Terminal] | list[Member], what: str, elements: list[Element]) -> None:
-        names = [item.name for item in found]
-        for name in names:
-            if names.count(name) > 1:
+        for name, count in Counter(item.name for item in found).items():
+            if count > 1:
                 line = elements[0].sourceline
                 raise InputError(f"{self.where} line {line}: two {what}s are called '{name}'")

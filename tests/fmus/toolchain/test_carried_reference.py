@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+import struct
 import zipfile
 from pathlib import Path
 
@@ -91,3 +92,19 @@ def test_a_model_that_fails_at_once_carries_none(tmp_path: Path) -> None:
     )
     with zipfile.ZipFile(build_fmu(folder, 2, out=tmp_path)) as archive:
         assert [n for n in archive.namelist() if n.startswith(FOLDER)] == []
+
+
+def test_a_damaged_library_is_found_out(slewright_here: Command, tmp_path: Path) -> None:
+    """One number of the machine code is another: the sensor's delay of 0.06 s is 0.08 s."""
+    built, wrong = build_fmu(OSCILLATOR, 2, out=tmp_path), tmp_path / "wrong.fmu"
+    was, instead = struct.pack("<d", 0.06), struct.pack("<d", 0.08)
+    with zipfile.ZipFile(built) as archive, zipfile.ZipFile(wrong, "w") as out:
+        for name in archive.namelist():
+            content = archive.read(name)
+            assert was in content or not name.startswith("binaries/")
+            out.writestr(name, content.replace(was, instead))
+    done = slewright_here("check", wrong, "--reference", "--json", tmp_path / "r.json")
+    assert done.returncode == 1, done.stderr
+    signals = json.loads((tmp_path / "r.json").read_text())["reference"]["steps"]["signals"]
+    differing = [name for name, s in signals.items() if s["difference"] > s["allowed"]]
+    assert differing == ["measured"]
