@@ -18,7 +18,8 @@ from fmus.toolchain.variables import SEED_VR, exposed
 from specs.errors import RunError
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref/"
-DURATION_S, HELD_S, SHOWN_S = 4.0, 0.5, 0.1  # of the experiment, of one set of inputs, between rows
+DURATION_S, MOST_STEPS = 4.0, 20_000  # of the experiment; a model of very short steps gets less
+PIECES, ROWS = 8, 40  # sets of inputs, rows of outputs; at least a step each
 SHARE = 0.1  # of an input's range, and no more than OF_NOMINAL, to both sides of its start
 OF_NOMINAL = 0.3
 WITHOUT_RANGE = 0.1  # the same for an input that states neither, in its unit
@@ -86,8 +87,9 @@ def files(model: Model, library: bytes, token: str) -> dict[str, bytes]:
 
 def _steps(model: Model) -> Steps:
     step = max(model.step, model.sample_time)
-    held, shown = (max(1, round(s / step)) for s in (HELD_S, SHOWN_S))
-    return Steps(step, held * round(DURATION_S / HELD_S), held, shown)
+    duration = min(DURATION_S, MOST_STEPS * step)
+    held, shown = (max(1, round(duration / n / step)) for n in (PIECES, ROWS))
+    return Steps(step, held * PIECES, held, shown)
 
 
 def _inputs(model: Model, piece: int) -> list[float]:

@@ -80,6 +80,23 @@ def test_a_damaged_fmu_is_refused(slewright_here: Command, tmp_path: Path) -> No
     assert "is damaged" in done.stderr
 
 
+@pytest.mark.parametrize("step", [1e-5, 30.0])
+def test_models_of_very_short_and_long_steps(tmp_path: Path, step: float) -> None:
+    folder = tmp_path / "slow"
+    folder.mkdir()
+    (folder / "model.py").write_text(
+        "from fmus.definition import Model, Variable\n"
+        f"MODEL = Model(name='slow', description='A lag', kind='continuous', step={step},\n"
+        "    states=(Variable('x', '1'),), inputs=(Variable('u', '1'),), outputs=(Variable('y', '1'),),\n"
+        f"    parameters=(), rhs=lambda x, u, m, p: {{'x': (u.u - x.x) / {10 * step}}},\n"
+        "    out=lambda x, u, m, p: {'y': x.x})\n"
+    )
+    fmu = build_fmu(folder, 2, out=tmp_path)
+    (experiment,) = experiments.read(fmu)
+    signals, _ = compare.run(fmu, experiment, "any", None)
+    assert [s.agrees for s in signals] == [True]
+
+
 def test_a_model_that_fails_at_once_carries_none(tmp_path: Path) -> None:
     folder = tmp_path / "wild"
     folder.mkdir()
