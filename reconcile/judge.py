@@ -14,6 +14,7 @@ from reconcile.tolerances import CERTAIN, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE
 MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
 FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
+ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
 ENOUGH = 0.9  # of the probability that the declared sets hold together
 
 
@@ -135,7 +136,7 @@ class Judge:
                 alike = kind(other.effect.name) == kind(a.effect.name) and other.effect.name != a.effect.name
                 if alike and a.effect.name not in other.effect.becomes:
                     own = self.ahead(answer)
-                    found += [key] if own and self.ahead(key) < (1.0 + SHORTENED) * own else []
+                    found += [key] if own and self.ahead(key) < (1.0 + ALIKE) * own else []
         return found
 
     def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:
