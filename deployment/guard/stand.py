@@ -1,0 +1,129 @@
+"""A guarded core and the reference machine in one process, driven by a joystick of our own, tick by tick.
+
+As `deployment/hil/lockstep.py`, with the controller's place free: what drives writes the commands of all three
+axes at 50 Hz, which is more than any policy may.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from deployment.bundling import guard
+from deployment.bundling.blocks import External
+from deployment.bundling.build import assemble
+from deployment.bundling.content import Content
+from deployment.hil.machine import COMMANDS, Machine, signal_names
+from deployment.hil.panel import ARMING_TICKS, CALM, HEARTBEATS, sensor_names
+from runtime.bundle import Bundle
+from runtime.control import ControlCore
+from runtime.image import INPUT, OUTPUT, Status
+from specs.scene import Scene
+from specs.signals import signal
+
+NAME = "joystick"
+TRUE = ("true_q_slew", "true_q_boom", "true_q_stick", "true_q_tool_y", "true_q_tool_x")  # as specs.pose.ANGLES
+RATES = ("true_qd_slew", "true_qd_boom", "true_qd_stick", "true_qd_tool_y", "true_qd_tool_x")
+TARGET = {"target_x": 9.0, "target_y": 0.0, "target_z": 3.5, "target_valid": 1.0, "pace": 1.0}
+Driver = Callable[[int, "Stand"], np.ndarray]  # (tick, stand) -> commands of slew, boom, stick
+
+
+@dataclass(frozen=True)
+class Start:
+    """How an episode begins: pose [rad], load [kg], and a drawn machine's parameters."""
+
+    angles: tuple[float, float, float] = (0.0, 1.2, -1.7)
+    load_kg: float = 0.0
+    drawn: Mapping[str, float] = field(default_factory=dict)
+
+    def parameters(self, seed: int) -> dict[str, float]:
+        """Of the machine, by name."""
+        names = ("start_q_slew", "start_q_boom", "start_q_stick")
+        return {**self.drawn, "load_mass": self.load_kg, **dict(zip(names, self.angles, strict=True))}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What came of an episode, a row a tick: true angles and rates (pose.ANGLES), commands sent, the guard."""
+
+    angles: np.ndarray
+    rates: np.ndarray
+    sent: np.ndarray
+    part: np.ndarray
+    mode: np.ndarray
+
+
+def bundle(scene: Scene | None, out: Path, changes: Mapping[str, float] | None = None) -> Bundle:
+    """A core without a controller, its guard keeping off a scene."""
+    joystick = External([], outputs=COMMANDS, period=1)  # type: ignore[arg-type]
+    zones = guard.zones(scene) if scene else None
+    return assemble(Content(NAME, joystick, guard=zones), out, changes=changes)
+
+
+class Stand:
+    """One core, for one episode after the other."""
+
+    def __init__(self, made: Bundle) -> None:
+        self.core = ControlCore(made)
+        self.image = INPUT.new()
+        self._offer = self.core.library.slr_offer
+        self._offer.argtypes, self._offer.restype = [self._pointer, self._pointer], None
+        names = signal_names()
+        sensors = [n for n in sensor_names() if n in names]
+        self._from = np.array([names.index(n) for n in sensors])
+        self._to = np.array([INPUT.index[n] for n in sensors])
+        self._low, self._high = (
+            np.array([_bound(getattr(signal(n), side), sign) for n in sensors])
+            for side, sign in (("min", -1.0), ("max", 1.0))
+        )
+        self._true = np.array([names.index(n) for n in (*TRUE, *RATES)])
+        self._out = np.array([OUTPUT.index[n] for n in (*COMMANDS, "guard_part", "control_mode")])
+
+    @cached_property
+    def _pointer(self):  # type: ignore[no-untyped-def]
+        import ctypes
+
+        return ctypes.c_void_p
+
+    def drive(self, start: Start, driver: Driver, ticks: int, seed: int = 1) -> Drive:
+        """An episode of `ticks` in automatic operation."""
+        self.core.reset()
+        rows = np.empty((ticks, 15))
+        commands = dict.fromkeys(COMMANDS, 0.0)
+        with Machine(start, seed) as machine:
+            for tick in range(-ARMING_TICKS, ticks):
+                values = machine.values
+                self._write(values, tick)
+                wanted = np.ascontiguousarray(driver(tick, self) if tick >= 0 else np.zeros(3))
+                self._offer(self.core._at_state, wanted.ctypes.data)
+                out = self.core.step(self.image, tick)["value"][self._out]
+                if tick < 0:
+                    continue
+                rows[tick, :10], rows[tick, 10:] = values[self._true], out
+                machine.advance(commands)
+                commands = dict(zip(COMMANDS, out[:3].tolist(), strict=True))
+        return Drive(rows[:, :5], rows[:, 5:10], rows[:, 10:13], rows[:, 13], rows[:, 14])
+
+    def foreseen(self, commands: np.ndarray) -> np.ndarray:
+        """What the guard foresees of these commands in this tick: ControlCore.foreseen."""
+        return self.core.foreseen(self.image, commands)
+
+    def _write(self, values: np.ndarray, tick: int) -> None:
+        """The input image of a tick."""
+        image, value = self.image, self.image["value"]
+        if tick == -ARMING_TICKS:
+            for name, number in {**CALM, **TARGET}.items():
+                value[INPUT.index[name]] = number
+            image["age"], image["status"] = 0, Status.OK
+        image["tick"] = tick
+        value[self._to] = np.clip(values[self._from], self._low, self._high)
+        for name, every in HEARTBEATS.items():
+            value[INPUT.index[name]] = tick // every % 251
+        value[INPUT.index["operator_enable"]] = tick > -ARMING_TICKS + 1
+        value[INPUT.index["automatic_request"]] = tick >= 0
+
+
+def _bound(value: float | None, sign: float) -> float:
+    return sign * np.inf if value is None else value

@@ -1,0 +1,264 @@
+/* See guard.h. */
+#include "guard.h"
+
+#include <string.h>
+
+#include "slr.h"
+#include "slw_math.h"
+
+static const double TURN = 6.283185307179586;
+static const double TURNED = 2.0 / 3.0; /* a turn by one radian while braking adds that much to the change of velocity */
+static const double ALONE = 1e3;        /* m, room where nothing is near */
+static const double EQUAL = 0.005;      /* m, within which two ways to rest come equally near */
+
+static double lesser(double a, double b) { return a < b ? a : b; }
+static double greater(double a, double b) { return a > b ? a : b; }
+static double length(double a, double b) { return slw_sqrt(a * a + b * b); }
+
+/* ---- how far the machine goes ---- */
+
+/* The largest command in a direction (1 or -1) that still acts or is about to. */
+static double acting(const SlrGuardPast *past, int axis, double command, double way) {
+  double most = greater(way * command, 0.0);
+  for (int i = 0; i < SLR_GUARD_SENT; i++) most = greater(most, way * past->sent[axis][i]);
+  return most;
+}
+
+/* Largest steady speed that a command gives. */
+static double steady(const SlrGuardLimits *l, int axis, double command) {
+  return lesser(l->speed[axis] * greater(command - l->dead_band, 0.0), l->top[axis]);
+}
+
+/* Measured speed of an arm joint: the change of its angle over the ticks that are remembered. */
+static double arm_rate(const SlrGuardView *v, const SlrGuardPast *past, int axis) {
+  return (v->angle[axis] - past->angle[axis - SLR_BOOM][SLR_GUARD_BACK - 1]) / (SLR_GUARD_BACK * SLR_TICK_S);
+}
+
+/* Largest speed on the way to rest, of slew or arm. */
+static double slew_peak(const SlrGuardLimits *l, const SlrGuardPose *pose, double rate, double command) {
+  const double driven = rate + l->push / pose->least * l->dead_time[SLR_SLEW];
+  return greater(greater(rate, lesser(driven, steady(l, SLR_SLEW, command))), 0.0);
+}
+
+static double arm_peak(const SlrGuardLimits *l, const SlrGuardPast *past, int axis, double rate, double command) {
+  const double now = past->known < SLR_GUARD_BACK ? l->top[axis] : greater(rate, 0.0);
+  return greater(now, steady(l, axis, command));
+}
+
+static double slew_way(const SlrGuardLimits *l, const SlrGuardPose *pose, double peak) {
+  return peak * l->dead_time[SLR_SLEW] + peak * peak * pose->most / (2.0 * l->brake);
+}
+
+/* Every joint in both directions, and the speed of each that counts for the swing. */
+static void foresee_joints(const SlrGuardLimits *l, const SlrGuardPose *pose, const SlrGuardView *v,
+                           const SlrGuardPast *past, const double commands[SLR_AXES], SlrSweep *sweep,
+                           double speed[SLR_AXES]) {
+  for (int axis = 0; axis < SLR_AXES; axis++) {
+    const double measured = axis == SLR_SLEW ? v->slew_rate : arm_rate(v, past, axis);
+    double far[2];
+    speed[axis] = 0.0;
+    for (int side = 0; side < 2; side++) {
+      const double way = side ? 1.0 : -1.0, rate = way * measured + l->rate_error[axis];
+      const double command = acting(past, axis, commands[axis], way);
+      const double peak = axis == SLR_SLEW ? slew_peak(l, pose, rate, command) : arm_peak(l, past, axis, rate, command);
+      far[side] = l->angle_error + (axis == SLR_SLEW ? slew_way(l, pose, peak) : peak * l->dead_time[axis]);
+      /* to the peak and to rest */
+      speed[axis] = greater(speed[axis], 2.0 * peak - lesser(greater(rate, 0.0), peak));
+    }
+    sweep->lo[axis] = v->angle[axis] - far[0];
+    sweep->hi[axis] = v->angle[axis] + far[1];
+  }
+}
+
+static double measured_swing(const SlrGuardLimits *l, const SlrGuardView *v) {
+  const double rate = l->swing_time * length(v->swing_rate[0], v->swing_rate[1]);
+  return length(length(v->swing[0], v->swing[1]), rate) + l->swing_error;
+}
+
+/* What braking adds to a swing: its energy grows by no more than the tip's velocity changes, turns included. */
+static double added_swing(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrGuardPose *pose,
+                          const SlrSweep *sweep, const double speed[SLR_AXES]) {
+  const double reach = length(pose->tip[0] - body->foot[0], pose->tip[1] - body->foot[1]);
+  const double turn = (sweep->hi[SLR_SLEW] - sweep->lo[SLR_SLEW]) * TURNED;
+  const double across = pose->tip[0] * speed[SLR_SLEW] * (1.0 + turn);
+  return l->swing_gain * length(across, reach * speed[SLR_BOOM] + body->stick * speed[SLR_STICK]);
+}
+
+void slr_guard_foresee(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrGuardView *v,
+                       const SlrGuardPast *past, const double commands[SLR_AXES], SlrSweep *sweep) {
+  SlrGuardPose pose;
+  double speed[SLR_AXES];
+  slr_guard_pose(v->angle[SLR_BOOM], v->angle[SLR_STICK], &pose);
+  foresee_joints(l, &pose, v, past, commands, sweep, speed);
+  sweep->swing = measured_swing(l, v) + added_swing(l, body, &pose, sweep, speed);
+}
+
+/* ---- how near that comes ---- */
+
+/* A ball at the middle of the sweep: where, how far it may move from there, and the azimuth that it takes. */
+typedef struct {
+  double r, z, radius, moves, swings, rises, azimuth;
+  int32_t part;
+} Placed;
+
+static void place_ball(const SlrGuardBody *body, const SlrGuardPose *pose, const SlrSweep *sweep, const SlrBall *ball,
+                       Placed *p) {
+  const double boom = 0.5 * (sweep->hi[SLR_BOOM] - sweep->lo[SLR_BOOM]);
+  const double stick = 0.5 * (sweep->hi[SLR_STICK] - sweep->lo[SLR_STICK]) * body->stick;
+  const double *from = ball->part == SLR_PART_BOOM ? body->foot : pose->knee;
+  const double *to = ball->part == SLR_PART_BOOM ? pose->knee : pose->tip;
+  const int hangs = ball->part == SLR_PART_LINES || ball->part == SLR_PART_GRAB;
+  const double at = hangs ? 1.0 : ball->at, below = hangs ? ball->at : 0.0;
+  const double r = from[0] + at * (to[0] - from[0]), z = from[1] + at * (to[1] - from[1]);
+  p->part = ball->part;
+  p->r = r;
+  p->z = z - below;
+  p->radius = ball->radius;
+  p->moves = boom * length(r - body->foot[0], z - body->foot[1]) + (from == pose->knee ? at * stick : 0.0);
+  p->swings = below * lesser(sweep->swing, 1.0);
+  p->rises = below * lesser(0.5 * sweep->swing * sweep->swing, 1.0);
+}
+
+/* The azimuth within which something may be nearer to the ball than its margins. */
+static double azimuth(const SlrGuardLimits *l, const Placed *p) {
+  const double near = p->radius + l->clearance + p->moves + p->swings;
+  return near < p->r ? slw_atan2(near, slw_sqrt(p->r * p->r - near * near)) : 0.5 * TURN;
+}
+
+/* Distance of two intervals, negative where they overlap. */
+static double apart(double low, double high, const double other[2]) { return greater(other[0] - high, low - other[1]); }
+
+static double ball_room(const SlrGuardLimits *l, const Placed *p, const SlrRect *rect) {
+  const double aside = p->moves + p->swings;
+  const double r = apart(p->r - aside, p->r + aside, rect->r);
+  const double z = apart(p->z - p->moves, p->z + p->moves + p->rises, rect->z);
+  const double between = r > 0.0 && z > 0.0 ? length(r, z) : greater(r, z);
+  return between - p->radius - l->clearance;
+}
+
+static void keep_least(double *least, int *part, double found, int32_t of) {
+  if (!(found < *least)) return;
+  *least = found;
+  *part = of;
+}
+
+static void look_into(const SlrGuardLimits *l, const SlrZones *zones, int sector, double gap, const Placed *placed,
+                      int32_t balls, double *least, int *part) {
+  for (int32_t k = 0; k < zones->count[sector]; k++) {
+    const SlrRect *rect = &zones->rect[sector][k];
+    for (int32_t b = 0; b < balls; b++) {
+      const int tool = placed[b].part == SLR_PART_LINES || placed[b].part == SLR_PART_GRAB;
+      if (gap <= placed[b].azimuth && (tool || !rect->tool_only))
+        keep_least(least, part, ball_room(l, &placed[b], rect), placed[b].part);
+    }
+  }
+}
+
+static int sector_of(int64_t number) {
+  return (int)((number % SLR_GUARD_SECTORS + SLR_GUARD_SECTORS) % SLR_GUARD_SECTORS);
+}
+
+double slr_guard_room(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrZones *zones, const SlrSweep *sweep,
+                      int *part) {
+  const double width = TURN / SLR_GUARD_SECTORS, low = sweep->lo[SLR_SLEW];
+  const double high = lesser(sweep->hi[SLR_SLEW], low + TURN);
+  Placed placed[SLR_GUARD_BALLS];
+  SlrGuardPose pose;
+  double least = ALONE, widest = 0.0;
+  *part = SLR_PART_NONE;
+  slr_guard_pose(0.5 * (sweep->lo[SLR_BOOM] + sweep->hi[SLR_BOOM]), 0.5 * (sweep->lo[SLR_STICK] + sweep->hi[SLR_STICK]),
+                 &pose);
+  for (int32_t b = 0; b < body->balls; b++) {
+    place_ball(body, &pose, sweep, &body->ball[b], &placed[b]);
+    placed[b].azimuth = azimuth(l, &placed[b]);
+    widest = greater(widest, placed[b].azimuth);
+    if (placed[b].part != SLR_PART_BOOM)
+      keep_least(&least, part, placed[b].z - placed[b].moves - placed[b].radius - l->clearance - zones->ground,
+                 placed[b].part);
+  }
+  const int64_t first = (int64_t)slw_floor((low - widest) / width), last = (int64_t)slw_floor((high + widest) / width);
+  for (int64_t n = first; n <= last && n < first + SLR_GUARD_SECTORS; n++) {
+    const int sector = sector_of(n);
+    const double from = (double)n * width;
+    const double gap = greater(greater(low - (from + width), from - high), 0.0);
+    if (gap <= 0.0) keep_least(&least, part, zones->carriage[sector] - l->clearance, SLR_PART_CARRIAGE);
+    if (zones->count[sector]) look_into(l, zones, sector, gap, placed, body->balls, &least, part);
+  }
+  return least;
+}
+
+/* ---- what passes ---- */
+
+typedef struct {
+  const SlrGuardLimits *l;
+  const SlrGuardBody *body;
+  const SlrZones *zones;
+  const SlrGuardView *v;
+  const SlrGuardPast *past;
+} Case;
+
+/* Room on the way to rest after `commands`; with the swing as it is where `as_it_is`. */
+static double room_after(const Case *c, const double commands[SLR_AXES], int as_it_is, int *part) {
+  SlrSweep sweep;
+  slr_guard_foresee(c->l, c->body, c->v, c->past, commands, &sweep);
+  if (as_it_is) sweep.swing = measured_swing(c->l, c->v);
+  return slr_guard_room(c->l, c->body, c->zones, &sweep, part);
+}
+
+enum { SLR_GUARD_TRIES = 6 };
+/* Shares of the wanted commands that are tried, of the slew and of the arm. */
+static const double tries[SLR_GUARD_TRIES][2] = {{0.5, 1.0}, {0.0, 1.0}, {1.0, 0.0}, {0.5, 0.5}, {0.5, 0.0}, {0.0, 0.5}};
+
+static void share(const double wanted[SLR_AXES], const double of[2], double most, double commands[SLR_AXES]) {
+  for (int axis = 0; axis < SLR_AXES; axis++) {
+    const double part = of[axis != SLR_SLEW] * wanted[axis];
+    commands[axis] = lesser(greater(part, -most), most);
+  }
+}
+
+/* A lesser command whose own way to rest is clear. */
+static int lesser_command(const Case *c, double wanted[SLR_AXES]) {
+  double commands[SLR_AXES];
+  int part;
+  for (int i = 0; i < SLR_GUARD_TRIES; i++) {
+    share(wanted, tries[i], 1.0, commands);
+    if (room_after(c, commands, 0, &part) < 0.0) continue;
+    memcpy(wanted, commands, sizeof commands);
+    return 1;
+  }
+  return 0;
+}
+
+/* A slow command that brings nothing nearer than standing still would; each axis by itself. */
+static void leave(const Case *c, double wanted[SLR_AXES]) {
+  const double neutral[SLR_AXES] = {0.0, 0.0, 0.0};
+  int part;
+  const double stay = room_after(c, neutral, 1, &part);
+  double allowed[SLR_AXES] = {0.0, 0.0, 0.0};
+  for (int axis = 0; axis < SLR_AXES; axis++) {
+    allowed[axis] = lesser(greater(wanted[axis], -c->l->creep), c->l->creep);
+    if (room_after(c, allowed, 1, &part) < stay - EQUAL) allowed[axis] = 0.0;
+  }
+  memcpy(wanted, allowed, sizeof allowed);
+}
+
+int slr_guard(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrZones *zones, const SlrGuardView *v,
+              const SlrGuardPast *past, double wanted[SLR_AXES]) {
+  const Case c = {l, body, zones, v, past};
+  int part = SLR_PART_NONE;
+  if (room_after(&c, wanted, 0, &part) >= 0.0) return SLR_PART_NONE;
+  if (!lesser_command(&c, wanted)) leave(&c, wanted);
+  return part;
+}
+
+void slr_guard_remember(SlrGuardPast *past, const SlrGuardView *v, int usable, const double sent[SLR_AXES]) {
+  for (int axis = 0; axis < SLR_AXES; axis++) {
+    memmove(&past->sent[axis][1], &past->sent[axis][0], sizeof past->sent[axis] - sizeof past->sent[axis][0]);
+    past->sent[axis][0] = sent[axis];
+  }
+  for (int joint = 0; joint < 2; joint++) {
+    memmove(&past->angle[joint][1], &past->angle[joint][0], sizeof past->angle[joint] - sizeof past->angle[joint][0]);
+    past->angle[joint][0] = v->angle[SLR_BOOM + joint];
+  }
+  past->known = !usable ? 0 : past->known < SLR_GUARD_BACK ? past->known + 1 : SLR_GUARD_BACK;
+}
