@@ -60,6 +60,7 @@ class Zones:
     name: str
     sectors: tuple[tuple[Rect, ...], ...]
     carriage: tuple[float, ...]
+    ground: float = 0.0  # height
 
 
 def zones(scene: Scene) -> Zones:
@@ -77,6 +78,11 @@ def zones(scene: Scene) -> Zones:
         for sector, (r0, r1) in _spans(solid):
             found[sector].append(Rect(r0, r1, *_heights(solid), tool_only))
     return Zones(scene.name, tuple(tuple(_few(rects)) for rects in found), tuple(_carriage(found)))
+
+
+def nothing() -> Zones:
+    """Zones that are never near, not even the ground: what the guard foresees can be asked."""
+    return Zones("nothing", ((),) * SECTORS, (FAR_M,) * SECTORS, -FAR_M)
 
 
 def _heights(solid: Solid) -> tuple[float, float]:
@@ -248,7 +254,7 @@ def _zones(found: Zones | None) -> str:
     rows = ",\n    ".join(_list(map(_rect, rects)) if rects else "{{{0}}}" for rects in found.sectors)
     return (
         f"static const SlrZones zones = {{\n  .count = {_list(str(len(r)) for r in found.sectors)},\n"
-        f"  .rect = {{{rows}}},\n  .carriage = {_list(map(repr, found.carriage))}, .ground = 0.0}};\n"
+        f"  .rect = {{{rows}}},\n  .carriage = {_list(map(repr, found.carriage))}, .ground = {found.ground!r}}};\n"
         "const SlrZones *const slr_zones = &zones;\n"
     )
 

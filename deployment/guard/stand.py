@@ -24,9 +24,17 @@ from specs.scene import Scene
 from specs.signals import signal
 
 NAME = "joystick"
-TRUE = ("true_q_slew", "true_q_boom", "true_q_stick", "true_q_tool_y", "true_q_tool_x")  # as specs.pose.ANGLES
+TRUE = (
+    "true_q_slew",
+    "true_q_boom",
+    "true_q_stick",
+    "true_q_tool_y",
+    "true_q_tool_x",
+)  # as specs.pose.ANGLES
 RATES = ("true_qd_slew", "true_qd_boom", "true_qd_stick", "true_qd_tool_y", "true_qd_tool_x")
 TARGET = {"target_x": 9.0, "target_y": 0.0, "target_z": 3.5, "target_valid": 1.0, "pace": 1.0}
+SETTLED = 8  # ticks after which the guard remembers enough
+JITTER = 1e-9  # rad
 Driver = Callable[[int, "Stand"], np.ndarray]  # (tick, stand) -> commands of slew, boom, stick
 
 
@@ -56,9 +64,9 @@ class Drive:
 
 
 def bundle(scene: Scene | None, out: Path, changes: Mapping[str, float] | None = None) -> Bundle:
-    """A core without a controller, its guard keeping off a scene."""
+    """A core without a controller, its guard keeping off a scene; None: never near anything."""
     joystick = External([], outputs=COMMANDS, period=1)  # type: ignore[arg-type]
-    zones = guard.zones(scene) if scene else None
+    zones = guard.zones(scene) if scene else guard.nothing()
     return assemble(Content(NAME, joystick, guard=zones), out, changes=changes)
 
 
@@ -78,6 +86,7 @@ class Stand:
             np.array([_bound(getattr(signal(n), side), sign) for n in sensors])
             for side, sign in (("min", -1.0), ("max", 1.0))
         )
+        self.joints = np.array([INPUT.index[n] for n in ("q_slew", "q_boom", "q_stick")])
         self._true = np.array([names.index(n) for n in (*TRUE, *RATES)])
         self._out = np.array([OUTPUT.index[n] for n in (*COMMANDS, "guard_part", "control_mode")])
 
@@ -106,6 +115,20 @@ class Stand:
                 commands = dict(zip(COMMANDS, out[:3].tolist(), strict=True))
         return Drive(rows[:, :5], rows[:, 5:10], rows[:, 10:13], rows[:, 13], rows[:, 14])
 
+    def room(self, angles: tuple[float, float, float]) -> float:
+        """The guard's room [m] at rest in a pose."""
+        self.core.reset()
+        self._calm()
+        value = self.image["value"]
+        value[self._to] = np.clip(0.0, self._low, self._high)
+        for tick in range(SETTLED):
+            value[self.joints] = (
+                np.array(angles) + JITTER * (-1.0) ** tick
+            )  # noise: a value that rests is a stuck sensor
+            self.image["tick"] = tick
+            self.core.step(self.image, tick)
+        return float(self.foreseen(np.zeros(3))[-1])
+
     def foreseen(self, commands: np.ndarray) -> np.ndarray:
         """What the guard foresees of these commands in this tick: ControlCore.foreseen."""
         return self.core.foreseen(self.image, commands)
@@ -114,15 +137,19 @@ class Stand:
         """The input image of a tick."""
         image, value = self.image, self.image["value"]
         if tick == -ARMING_TICKS:
-            for name, number in {**CALM, **TARGET}.items():
-                value[INPUT.index[name]] = number
-            image["age"], image["status"] = 0, Status.OK
+            self._calm()
         image["tick"] = tick
         value[self._to] = np.clip(values[self._from], self._low, self._high)
         for name, every in HEARTBEATS.items():
             value[INPUT.index[name]] = tick // every % 251
         value[INPUT.index["operator_enable"]] = tick > -ARMING_TICKS + 1
         value[INPUT.index["automatic_request"]] = tick >= 0
+
+    def _calm(self) -> None:
+        """Everything around the controller is well, every message fresh."""
+        for name, number in {**CALM, **TARGET}.items():
+            self.image["value"][INPUT.index[name]] = number
+        self.image["age"], self.image["status"] = 0, Status.OK
 
 
 def _bound(value: float | None, sign: float) -> float:

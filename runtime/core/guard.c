@@ -229,15 +229,29 @@ static int lesser_command(const Case *c, double wanted[SLR_AXES]) {
   return 0;
 }
 
-/* A slow command that brings nothing nearer than standing still would; each axis by itself. */
-static void leave(const Case *c, double wanted[SLR_AXES]) {
+/* Room of standing still here: nothing is sent, nothing moves but the tool. */
+static double room_here(const Case *c) {
   const double neutral[SLR_AXES] = {0.0, 0.0, 0.0};
+  SlrGuardView still = *c->v;
+  SlrGuardPast past;
   int part;
-  const double stay = room_after(c, neutral, 1, &part);
+  memset(&past, 0, sizeof past);
+  past.known = SLR_GUARD_BACK;
+  still.slew_rate = 0.0;
+  for (int joint = 0; joint < 2; joint++)
+    past.angle[joint][SLR_GUARD_BACK - 1] = still.angle[SLR_BOOM + joint];
+  const Case here = {c->l, c->body, c->zones, &still, &past};
+  return room_after(&here, neutral, 1, &part);
+}
+
+/* A slow command that brings nothing nearer than standing here would; each axis by itself. */
+static void leave(const Case *c, double wanted[SLR_AXES]) {
   double allowed[SLR_AXES] = {0.0, 0.0, 0.0};
+  const double here = room_here(c);
+  int part;
   for (int axis = 0; axis < SLR_AXES; axis++) {
     allowed[axis] = lesser(greater(wanted[axis], -c->l->creep), c->l->creep);
-    if (room_after(c, allowed, 1, &part) < stay - EQUAL) allowed[axis] = 0.0;
+    if (room_after(c, allowed, 1, &part) < here - EQUAL) allowed[axis] = 0.0;
   }
   memcpy(wanted, allowed, sizeof allowed);
 }
