@@ -5,7 +5,7 @@ that stands in it; where there are too many, the two that grow least by it becom
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -60,7 +60,6 @@ class Zones:
     name: str
     sectors: tuple[tuple[Rect, ...], ...]
     carriage: tuple[float, ...]
-    ground: float = 0.0  # height
 
 
 def zones(scene: Scene) -> Zones:
@@ -81,8 +80,8 @@ def zones(scene: Scene) -> Zones:
 
 
 def nothing() -> Zones:
-    """Zones that are never near, not even the ground: what the guard foresees can be asked."""
-    return Zones("nothing", ((),) * SECTORS, (FAR_M,) * SECTORS, -FAR_M)
+    """Zones that are never near: what the guard foresees can be asked."""
+    return Zones("nothing", ((),) * SECTORS, (FAR_M,) * SECTORS)
 
 
 def _heights(solid: Solid) -> tuple[float, float]:
@@ -228,14 +227,22 @@ def guard_c(found: Zones | None, c: Mapping[str, float]) -> str:
     )
 
 
-def _limits(c: Mapping[str, float]) -> str:
-    def axes(name: str) -> str:
-        return _list(c[f"guard_{name}_{axis}"] for axis in ("slew", "arm", "arm"))
+ONE = (  # fields of SlrGuardLimits with one value
+    *("clearance", "angle_error", "dead_band", "push", "brake", "push_time", "creep"),
+    *("swing_time", "swing_error", "swing_gain", "swing_most"),
+)
+EACH = ("dead_time", "settle", "give")  # with one for each axis
+ARM = ("rate_error", "speed", "top")  # with one for the slew, one for boom and stick
 
-    one = ("clearance", "angle_error", "dead_band", "push", "brake", "creep")
-    one = (*one, "swing_time", "swing_error", "swing_gain")
-    fields = [f".{name} = {c[f'guard_{name}']!r}" for name in one]
-    fields += [f".{name} = {axes(name)}" for name in ("rate_error", "dead_time", "speed", "top")]
+
+def _limits(c: Mapping[str, float]) -> str:
+    def values(name: str, axes: Iterable[str]) -> str:
+        return f".{name} = {_list(repr(c[f'guard_{name}_{axis}']) for axis in axes)}"
+
+    fields = [f".{name} = {c[f'guard_{name}']!r}" for name in ONE]
+    fields += [values(name, ("slew", "boom", "stick")) for name in EACH]
+    fields += [values(name, ("slew", "arm", "arm")) for name in ARM]
+    fields += [f".kick = {{0.0, {c['guard_kick_boom']!r}, {c['guard_kick_stick']!r}}}"]
     return f"{{{', '.join(fields)}}}"
 
 
@@ -254,7 +261,7 @@ def _zones(found: Zones | None) -> str:
     rows = ",\n    ".join(_list(map(_rect, rects)) if rects else "{{{0}}}" for rects in found.sectors)
     return (
         f"static const SlrZones zones = {{\n  .count = {_list(str(len(r)) for r in found.sectors)},\n"
-        f"  .rect = {{{rows}}},\n  .carriage = {_list(map(repr, found.carriage))}, .ground = {found.ground!r}}};\n"
+        f"  .rect = {{{rows}}},\n  .carriage = {_list(map(repr, found.carriage))}}};\n"
         "const SlrZones *const slr_zones = &zones;\n"
     )
 
@@ -263,7 +270,7 @@ def _rect(r: Rect) -> str:
     return f"{{{{{r.r0!r}, {r.r1!r}}}, {{{r.z0!r}, {r.z1!r}}}, {int(r.tool_only)}, 0}}"
 
 
-def _list(values: Iterator[object] | map) -> str:
+def _list(values: Iterable[object]) -> str:
     return f"{{{', '.join(map(str, values))}}}"
 
 

@@ -54,7 +54,7 @@ def episodes(count: int, seed: int, first: int, folder: Path, judge: Judge) -> I
         if number // EPISODES_PER_YARD != at:
             at = number // EPISODES_PER_YARD
             scene = draw.yard(at, seed)
-            stand = Stand(bundle(scene, folder / "guarded"))
+            stand = Stand(bundle(scene, folder / f"guarded-{at}"))  # a library is known by its path
         assert stand is not None and scene is not None
         yield _episode(number, seed, stand, scene, judge)
         number += 1

@@ -36,7 +36,7 @@ static double arm_rate(const SlrGuardView *v, const SlrGuardPast *past, int axis
 
 /* Largest speed on the way to rest, of slew or arm. */
 static double slew_peak(const SlrGuardLimits *l, const SlrGuardPose *pose, double rate, double command) {
-  const double driven = rate + l->push / pose->least * l->dead_time[SLR_SLEW];
+  const double driven = rate + l->push / pose->least * l->push_time;
   return greater(greater(rate, lesser(driven, steady(l, SLR_SLEW, command))), 0.0);
 }
 
@@ -45,29 +45,32 @@ static double arm_peak(const SlrGuardLimits *l, const SlrGuardPast *past, int ax
   return greater(now, steady(l, axis, command));
 }
 
-static double slew_way(const SlrGuardLimits *l, const SlrGuardPose *pose, double peak) {
-  return peak * l->dead_time[SLR_SLEW] + peak * peak * pose->most / (2.0 * l->brake);
-}
+/* Largest speeds on the way to rest, backwards and forwards; what the tip's velocity changes by them. */
+typedef struct {
+  double peak[SLR_AXES][2], change[SLR_AXES];
+} Speeds;
 
-/* Every joint in both directions, and the speed of each that counts for the swing. */
-static void foresee_joints(const SlrGuardLimits *l, const SlrGuardPose *pose, const SlrGuardView *v,
-                           const SlrGuardPast *past, const double commands[SLR_AXES], SlrSweep *sweep,
-                           double speed[SLR_AXES]) {
+static void foresee_speeds(const SlrGuardLimits *l, const SlrGuardPose *pose, const SlrGuardView *v,
+                           const SlrGuardPast *past, const double commands[SLR_AXES], Speeds *speeds) {
   for (int axis = 0; axis < SLR_AXES; axis++) {
     const double measured = axis == SLR_SLEW ? v->slew_rate : arm_rate(v, past, axis);
-    double far[2];
-    speed[axis] = 0.0;
+    speeds->change[axis] = 0.0;
     for (int side = 0; side < 2; side++) {
       const double way = side ? 1.0 : -1.0, rate = way * measured + l->rate_error[axis];
       const double command = acting(past, axis, commands[axis], way);
       const double peak = axis == SLR_SLEW ? slew_peak(l, pose, rate, command) : arm_peak(l, past, axis, rate, command);
-      far[side] = l->angle_error + (axis == SLR_SLEW ? slew_way(l, pose, peak) : peak * l->dead_time[axis]);
+      speeds->peak[axis][side] = peak;
       /* to the peak and to rest */
-      speed[axis] = greater(speed[axis], 2.0 * peak - lesser(greater(rate, 0.0), peak));
+      speeds->change[axis] = greater(speeds->change[axis], 2.0 * peak - lesser(greater(rate, 0.0), peak));
     }
-    sweep->lo[axis] = v->angle[axis] - far[0];
-    sweep->hi[axis] = v->angle[axis] + far[1];
   }
+}
+
+static double way_to_rest(const SlrGuardLimits *l, const SlrGuardPose *pose, const Speeds *speeds, int axis, int side) {
+  const double peak = speeds->peak[axis][side], way = peak * l->dead_time[axis];
+  if (axis == SLR_SLEW) return way + peak * peak * pose->most / (2.0 * l->brake);
+  const double *other = speeds->peak[axis == SLR_BOOM ? SLR_STICK : SLR_BOOM];
+  return way + l->kick[axis] * greater(other[0], other[1]);
 }
 
 static double measured_swing(const SlrGuardLimits *l, const SlrGuardView *v) {
@@ -76,21 +79,29 @@ static double measured_swing(const SlrGuardLimits *l, const SlrGuardView *v) {
 }
 
 /* What braking adds to a swing: its energy grows by no more than the tip's velocity changes, turns included. */
-static double added_swing(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrGuardPose *pose,
-                          const SlrSweep *sweep, const double speed[SLR_AXES]) {
+static double added_swing(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrGuardPose *pose, double turn,
+                          const double change[SLR_AXES]) {
   const double reach = length(pose->tip[0] - body->foot[0], pose->tip[1] - body->foot[1]);
-  const double turn = (sweep->hi[SLR_SLEW] - sweep->lo[SLR_SLEW]) * TURNED;
-  const double across = pose->tip[0] * speed[SLR_SLEW] * (1.0 + turn);
-  return l->swing_gain * length(across, reach * speed[SLR_BOOM] + body->stick * speed[SLR_STICK]);
+  const double across = pose->tip[0] * change[SLR_SLEW] * (1.0 + TURNED * turn);
+  return l->swing_gain * length(across, reach * change[SLR_BOOM] + body->stick * change[SLR_STICK]);
 }
 
 void slr_guard_foresee(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrGuardView *v,
                        const SlrGuardPast *past, const double commands[SLR_AXES], SlrSweep *sweep) {
   SlrGuardPose pose;
-  double speed[SLR_AXES];
+  Speeds speeds;
+  double way[SLR_AXES][2];
   slr_guard_pose(v->angle[SLR_BOOM], v->angle[SLR_STICK], &pose);
-  foresee_joints(l, &pose, v, past, commands, sweep, speed);
-  sweep->swing = measured_swing(l, v) + added_swing(l, body, &pose, sweep, speed);
+  foresee_speeds(l, &pose, v, past, commands, &speeds);
+  for (int axis = 0; axis < SLR_AXES; axis++)
+    for (int side = 0; side < 2; side++) way[axis][side] = way_to_rest(l, &pose, &speeds, axis, side);
+  sweep->swing = measured_swing(l, v) + added_swing(l, body, &pose, greater(way[SLR_SLEW][0], way[SLR_SLEW][1]), speeds.change);
+  sweep->swing = lesser(sweep->swing, l->swing_most);
+  for (int axis = 0; axis < SLR_AXES; axis++) {
+    const double more = l->angle_error + l->settle[axis] + l->give[axis] * sweep->swing;
+    sweep->lo[axis] = v->angle[axis] - way[axis][0] - more;
+    sweep->hi[axis] = v->angle[axis] + way[axis][1] + more;
+  }
 }
 
 /* ---- how near that comes ---- */
@@ -172,9 +183,6 @@ double slr_guard_room(const SlrGuardLimits *l, const SlrGuardBody *body, const S
     place_ball(body, &pose, sweep, &body->ball[b], &placed[b]);
     placed[b].azimuth = azimuth(l, &placed[b]);
     widest = greater(widest, placed[b].azimuth);
-    if (placed[b].part != SLR_PART_BOOM)
-      keep_least(&least, part, placed[b].z - placed[b].moves - placed[b].radius - l->clearance - zones->ground,
-                 placed[b].part);
   }
   const int64_t first = (int64_t)slw_floor((low - widest) / width), last = (int64_t)slw_floor((high + widest) / width);
   for (int64_t n = first; n <= last && n < first + SLR_GUARD_SECTORS; n++) {

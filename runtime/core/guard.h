@@ -9,7 +9,7 @@
  * Whoever stands closer than the margins is let go by what brings nothing nearer, at a creep.
  *
  * Zones are held in polar form: for each sector of the slew angle a few rectangles of radius and height, which
- * contain all that stands there.  The arm is balls in its vertical plane, carriage and cabin a distance for each sector.
+ * contain all that stands there; the ground is the gate's.  The arm is balls in its vertical plane, carriage and cabin a distance for each sector.
  * Lengths in m, angles in rad, times in s.  Nothing is allocated; what a tick does follows from its arguments.
  */
 #ifndef SLR_GUARD_H
@@ -34,7 +34,6 @@ typedef struct {
   int32_t count[SLR_GUARD_SECTORS];
   SlrRect rect[SLR_GUARD_SECTORS][SLR_GUARD_RECTS];
   double carriage[SLR_GUARD_SECTORS]; /* least distance of carriage and cabin to anything, at angles of the sector */
-  double ground;                      /* height of the ground */
 } SlrZones;
 
 /* A ball that covers a piece of the machine: `at` is its place along boom or stick (0 to 1), or below the arm tip [m]. */
@@ -57,15 +56,20 @@ typedef struct {
   double clearance;                /* m, kept beside all other margins */
   double angle_error;              /* rad, of each encoder */
   double rate_error[SLR_AXES];     /* rad/s, of what is taken as the joints' speeds */
-  double dead_time[SLR_AXES];      /* s, for which a joint may go on unbraked */
+  double dead_time[SLR_AXES];      /* s, way to rest over speed, of the slew beside what its inertia takes */
+  double settle[SLR_AXES];         /* rad, by which a joint may go though nothing moves it */
+  double give[SLR_AXES];           /* rad, by which a joint yields to the tool, over its swing */
+  double kick[SLR_AXES];           /* s, way of an arm joint when the other one brakes, over that one's speed */
   double dead_band;                /* command below which nothing moves */
   double speed[SLR_AXES];          /* rad/s, steady speed over what a command is above the dead band */
   double top[SLR_AXES];            /* rad/s, largest speed by commands */
   double push, brake;              /* N.m, most and least torque that speeds the slew up and slows it down */
+  double push_time;                /* s, for which it may be sped up after the last command */
   double creep;                    /* largest command within the margins */
   double swing_time;               /* s, largest of a swing's angle over its rate */
   double swing_error;              /* rad, of a measured swing */
   double swing_gain;               /* s/m, largest swing over the change of the tip's velocity */
+  double swing_most;               /* swing at the tool's stops */
 } SlrGuardLimits;
 
 typedef struct {

@@ -1,7 +1,8 @@
 """The least distance of a long run by coal, without asking it at every tick: exact all the same.
 
-Between two ticks nothing of the machine moves further than the farthest of its parts' ends and corners does.  So a
-tick needs no asking where what was found before it, less that way, is still more than the least distance known.
+Between two ticks nothing of the machine moves further than the farthest of its parts' ends and corners
+does.  So a tick needs no asking where what was found before it, less that way, is still more than the least
+distance known.
 """
 
 from collections.abc import Mapping
@@ -17,8 +18,10 @@ from verification.scenes.contacts import Contacts, contacts
 STEPS = (16, 8, 4, 2, 1)  # ticks between those that are asked, one after the other
 
 
-def closest(scene: Scene, angles: np.ndarray, sizes: Mapping[str, float]) -> Contacts:
-    """`contacts` of a run in a scene that stands still; distances of ticks that need no asking are infinite."""
+def closest(
+    scene: Scene, angles: np.ndarray, sizes: Mapping[str, float], ground: bool = True
+) -> Contacts:
+    """`contacts` of a run in a scene that stands still; distances of ticks not asked are infinite."""
     way = np.concatenate([[0.0], np.cumsum(_ways(angles, sizes))])
     known, zones = np.full(len(angles), np.inf), np.full(len(angles), np.inf)
     found, least = ("", "", 0), np.inf
@@ -26,7 +29,7 @@ def closest(scene: Scene, angles: np.ndarray, sizes: Mapping[str, float]) -> Con
         rows = _open(known, zones, way, step)
         if not len(rows):
             continue
-        asked = contacts(scene, angles[rows], sizes, np.zeros(len(rows)))
+        asked = contacts(scene, angles[rows], sizes, np.zeros(len(rows)), ground)
         known[rows], zones[rows] = asked.distance, asked.zones
         if asked.distance.min() < least:
             least = asked.distance.min()
