@@ -61,6 +61,11 @@ class ControlCore:
         self._step(self._at(inputs), self._at_state, tick, self._at_outputs)
         return self._outputs
 
+    @property
+    def state_address(self) -> int:
+        """Where its state lies, for functions of its library that are not wrapped here."""
+        return self._at_state
+
     def reset(self) -> None:
         """Back to the first state."""
         self._reset(self._at_state)
@@ -127,9 +132,9 @@ class ControlCore:
     def foreseen(self, inputs: np.ndarray, commands: Sequence[float]) -> np.ndarray:
         """Where the guard expects the machine at most, if `commands` were sent next and neutral ones then.
 
-        From the inputs of the step that comes: lowest angles of slew, boom, stick, their highest [rad], twice the
-        sine of half the tool's swing, and the room that is left [m] (runtime/core/guard.h).  Not for the cycle:
-        for reports and tests.
+        From the inputs of the step that comes: lowest angles of slew, boom, stick, their highest [rad], twice
+        the sine of half the tool's swing, and the room that is left [m] (runtime/core/guard.h).  Not for the
+        cycle: for reports and tests.
         """
         sent, found = np.array(commands, dtype=float), np.zeros(FORESEEN)
         self._foresee(self._at(inputs), self._at_state, sent.ctypes.data, found.ctypes.data)

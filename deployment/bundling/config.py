@@ -88,7 +88,7 @@ def limits(c: Mapping[str, float]) -> str:
 
 
 def geometry_c() -> str:
-    """`geometry.c`: walls of the gate, reach of a target, pose for the guard, from fmus.equations.kinematics."""
+    """`geometry.c`: walls of the gate, reach of a target, pose for the guard: fmus.equations.kinematics."""
     generator = ca.CodeGenerator("geometry.c", codegen.CASADI_OPTIONS)
     generator.add(geometry())
     generator.add(guard.pose())

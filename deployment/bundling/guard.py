@@ -1,7 +1,7 @@
 """What the guard of a bundle knows: a scene's solids and keep-out zones in polar form, the machine as balls.
 
-The plane around the slew axis is divided into sectors.  A sector's rectangles of radius and height contain all
-that stands in it; where there are too many, the two that grow least by it become one.
+The plane around the slew axis is divided into sectors.  A sector's rectangles of radius and height contain
+all that stands in it; where there are too many, the two that grow least by it become one.
 """
 
 import math
@@ -25,7 +25,7 @@ SECTORS, RECTS, BALLS = 240, 8, 36  # of runtime/core/guard.h
 FAR_M, HIGH_M = 40.0, 40.0  # beyond which nothing of the machine comes
 CORNERS = 32  # of the polygon around a cylinder
 POINTS_M = 0.25  # between the points on carriage and cabin
-COVERED = {"boom": 16, "stick": 14}  # balls along each
+COVERED = {"boom": 11, "stick": 10}  # balls along each
 PARTS = ("", "boom", "stick", "lines", "grab", "carriage")
 Solid = Box | Cylinder | HalfSpace
 
@@ -195,15 +195,15 @@ def balls() -> list[tuple[int, float, float]]:
     """(part, place, radius) of the balls that cover boom, stick, lines and grab: SlrBall."""
     p = shapes.sizes()
     radius = {capsule.name: capsule.radius for capsule in shapes.capsules(p)}
-    found = []
+    depth, half = p["tool_length"], p["grab_half_height"]
+    grab = math.hypot(radius["grab"], half / 2)  # the nearest to most things is the first
+    found = [(PARTS.index("grab"), depth + k * half, grab) for k in (1, 0, -1)]
+    # what is above these hangs in the stick's last ball, what is below in the grab's
+    found.append((PARTS.index("lines"), 0.4 * depth, math.hypot(radius["lines"], depth / 4)))
     for name, count in COVERED.items():
         ball = math.hypot(radius[name], p[f"{name}_length"] / (count - 1) / 2)
         found += [(PARTS.index(name), k / (count - 1), ball) for k in range(count)]
-    depth, half = p["tool_length"], p["grab_half_height"]
-    # what is above these hangs in the stick's last ball, what is below in the grab's
-    found.append((PARTS.index("lines"), 0.4 * depth, math.hypot(radius["lines"], depth / 4)))
-    grab = math.hypot(radius["grab"], half / 2)
-    return found + [(PARTS.index("grab"), depth + k * half, grab) for k in (-1, 0, 1)]
+    return found
 
 
 def names() -> set[str]:
@@ -229,7 +229,7 @@ def guard_c(found: Zones | None, c: Mapping[str, float]) -> str:
 
 ONE = (  # fields of SlrGuardLimits with one value
     *("clearance", "angle_error", "dead_band", "push", "brake", "push_time", "creep"),
-    *("swing_time", "swing_error", "swing_gain", "swing_most"),
+    *("swing_time", "swing_error", "swing_slew", "swing_arm", "swing_most"),
 )
 EACH = ("dead_time", "settle", "give")  # with one for each axis
 ARM = ("rate_error", "speed", "top")  # with one for the slew, one for boom and stick

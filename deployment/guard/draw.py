@@ -1,7 +1,7 @@
 """What adversarial episodes are made of, each drawn from its number alone: machines, starts, drivers.
 
-Machines are corners: every parameter of `specs/draws.toml` at one end of its range or the other (delays, valves,
-torques, masses, sensors' zeros), or anywhere within.  None of them is of the sealed test set.
+Machines are corners: every parameter of `specs/draws.toml` at one end of its range or the other (delays,
+valves, torques, masses, sensors' zeros), or anywhere within.  None of them is of the sealed test set.
 """
 
 import math
@@ -47,7 +47,7 @@ def start(random: np.random.Generator) -> Start:
 
 
 def yard(number: int, seed: int) -> Scene:
-    """A scene full of things around the machine: boxes, poles, beams, piles, keep-out zones; the same each time."""
+    """A scene full of things around the machine: walls, poles, beams, piles, keep-out zones."""
     random = np.random.default_rng([seed, number, 1])
     makers = (_wall, _pole, _beam, _pile)
     things = tuple(makers[int(random.integers(4))](random, k) for k in range(int(random.integers(2, 6))))

@@ -1,13 +1,13 @@
 """Adversarial search for a break of the guard's promise (docs/explanation/guard.md).
 
-Each episode is drawn from its number: a yard, a machine at the corners of its spreads, a load, a pose from which the
-guard's way to rest is clear, and a driver that wants to hit.  The judge sees true angles only and is not of this
-room: it says how near the machine came to what stands there, and the tool to keep-out zones.
+Each episode is drawn from its number: a yard, a machine at the corners of its spreads, a load, a pose from
+which the guard's way to rest is clear, and a driver that wants to hit.  The judge sees true angles only and is
+not of this room: it says how near the machine came to what stands there, and the tool to keep-out zones.
 """
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import islice
+from itertools import groupby, islice
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ EPISODES_PER_YARD = 125
 SECONDS, TICK_S = 12.0, 0.02
 POSES = 60  # tried for a start
 MARGIN_M = 0.05  # room that a start has at least
-# (scene, true angles, true sizes) -> least distance to anything, of the tool to keep-out zones [m], what to what
+# (scene, true angles, true sizes) -> least distance to anything, of the tool to keep-out zones [m], to what
 Judge = Callable[[Scene, np.ndarray, Mapping[str, float]], tuple[float, float, str]]
 
 
@@ -49,21 +49,18 @@ class Episode:
 
 def episodes(count: int, seed: int, first: int, folder: Path, judge: Judge) -> Iterator[Episode]:
     """Episodes `first`, `first` + 1 … one after the other, each the same whichever come before."""
-    number, stand, scene, at = first, None, None, -1
-    while number < first + count:
-        if number // EPISODES_PER_YARD != at:
-            at = number // EPISODES_PER_YARD
-            scene = draw.yard(at, seed)
-            stand = Stand(bundle(scene, folder / f"guarded-{at}"))  # a library is known by its path
-        assert stand is not None and scene is not None
-        yield _episode(number, seed, stand, scene, judge)
-        number += 1
+    numbers = range(first, first + count)
+    for at, group in groupby(numbers, lambda number: number // EPISODES_PER_YARD):
+        scene = draw.yard(at, seed)
+        stand = Stand(bundle(scene, folder / f"yard-{at}"))  # a library is known by its path
+        for number in group:
+            yield _episode(number, seed, stand, scene, judge)
 
 
 def replay(number: int, seed: int, folder: Path) -> tuple[Scene, Start, Drive]:
     """An episode anew, with all that was recorded."""
     scene = draw.yard(number // EPISODES_PER_YARD, seed)
-    start, driven, _ = _driven(number, seed, Stand(bundle(scene, folder / "guarded")))
+    start, driven, _ = _driven(number, seed, Stand(bundle(scene, folder / "replayed")))
     return scene, start, driven
 
 

@@ -1,12 +1,12 @@
 """A guarded core and the reference machine in one process, driven by a joystick of our own, tick by tick.
 
-As `deployment/hil/lockstep.py`, with the controller's place free: what drives writes the commands of all three
-axes at 50 Hz, which is more than any policy may.
+As `deployment/hil/lockstep.py`, with the controller's place free: what drives writes the commands of all
+three axes at 50 Hz, which is more than any policy may.
 """
 
+import ctypes
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ RATES = ("true_qd_slew", "true_qd_boom", "true_qd_stick", "true_qd_tool_y", "tru
 TARGET = {"target_x": 9.0, "target_y": 0.0, "target_z": 3.5, "target_valid": 1.0, "pace": 1.0}
 SETTLED = 8  # ticks after which the guard remembers enough
 JITTER = 1e-9  # rad
+Look = Callable[[int, np.ndarray, np.ndarray], None]  # (tick, input image, commands wanted)
 Driver = Callable[[int, "Stand"], np.ndarray]  # (tick, stand) -> commands of slew, boom, stick
 
 
@@ -54,7 +55,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Drive:
-    """What came of an episode, a row a tick: true angles and rates (pose.ANGLES), commands sent, the guard."""
+    """What came of an episode, a row a tick: true angles and rates, commands sent, guard_part, mode."""
 
     angles: np.ndarray
     rates: np.ndarray
@@ -77,7 +78,8 @@ class Stand:
         self.core = ControlCore(made)
         self.image = INPUT.new()
         self._offer = self.core.library.slr_offer
-        self._offer.argtypes, self._offer.restype = [self._pointer, self._pointer], None
+        self._offer.argtypes, self._offer.restype = [ctypes.c_void_p] * 2, None
+        self._state = self.core.state_address
         names = signal_names()
         sensors = [n for n in sensor_names() if n in names]
         self._from = np.array([names.index(n) for n in sensors])
@@ -90,14 +92,10 @@ class Stand:
         self._true = np.array([names.index(n) for n in (*TRUE, *RATES)])
         self._out = np.array([OUTPUT.index[n] for n in (*COMMANDS, "guard_part", "control_mode")])
 
-    @cached_property
-    def _pointer(self):  # type: ignore[no-untyped-def]
-        import ctypes
-
-        return ctypes.c_void_p
-
-    def drive(self, start: Start, driver: Driver, ticks: int, seed: int = 1) -> Drive:
-        """An episode of `ticks` in automatic operation."""
+    def drive(
+        self, start: Start, driver: Driver, ticks: int, seed: int = 1, look: Look | None = None
+    ) -> Drive:
+        """An episode of `ticks` in automatic operation; `look` sees each tick."""
         self.core.reset()
         rows = np.empty((ticks, 15))
         commands = dict.fromkeys(COMMANDS, 0.0)
@@ -106,14 +104,20 @@ class Stand:
                 values = machine.values
                 self._write(values, tick)
                 wanted = np.ascontiguousarray(driver(tick, self) if tick >= 0 else np.zeros(3))
-                self._offer(self.core._at_state, wanted.ctypes.data)
-                out = self.core.step(self.image, tick)["value"][self._out]
+                out = self.step(self.image, wanted, tick)[self._out]
+                if look:
+                    look(tick, self.image, wanted)
                 if tick < 0:
                     continue
                 rows[tick, :10], rows[tick, 10:] = values[self._true], out
                 machine.advance(commands)
                 commands = dict(zip(COMMANDS, out[:3].tolist(), strict=True))
         return Drive(rows[:, :5], rows[:, 5:10], rows[:, 10:13], rows[:, 13], rows[:, 14])
+
+    def step(self, image: np.ndarray, wanted: np.ndarray, tick: int) -> np.ndarray:
+        """The outputs of a tick in which the joystick wants this."""
+        self._offer(self._state, wanted.ctypes.data)
+        return self.core.step(image, tick)["value"]
 
     def room(self, angles: tuple[float, float, float]) -> float:
         """The guard's room [m] at rest in a pose."""

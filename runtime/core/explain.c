@@ -91,7 +91,7 @@ void slr_foresee(const SlrInput *in, const SlrState *before, const double *comma
   memcpy(foreseen + SLR_AXES, sweep.hi, sizeof sweep.hi);
   foreseen[2 * SLR_AXES] = sweep.swing;
   foreseen[2 * SLR_AXES + 1] =
-      slr_zones ? slr_guard_room(&slr_guard_limits, &slr_guard_body, slr_zones, &sweep, &part) : FAR;
+      slr_zones ? slr_guard_room(&slr_guard_limits, &slr_guard_body, slr_zones, &sweep, -FAR, &part) : FAR;
 }
 
 void slr_explain(const SlrInput *in, const SlrState *before, const SlrState *after, double *wanted, int32_t *why) {

@@ -7,7 +7,7 @@
 #include "slw_math.h"
 
 static const double TURN = 6.283185307179586;
-static const double TURNED = 2.0 / 3.0; /* a turn by one radian while braking adds that much to the change of velocity */
+static const double ARC = 0.5707963267948966; /* asin x <= x + (pi/2 - 1) x^3 */
 static const double ALONE = 1e3;        /* m, room where nothing is near */
 static const double EQUAL = 0.005;      /* m, within which two ways to rest come equally near */
 
@@ -45,23 +45,22 @@ static double arm_peak(const SlrGuardLimits *l, const SlrGuardPast *past, int ax
   return greater(now, steady(l, axis, command));
 }
 
-/* Largest speeds on the way to rest, backwards and forwards; what the tip's velocity changes by them. */
+/* Largest speeds on the way to rest, backwards and forwards. */
 typedef struct {
-  double peak[SLR_AXES][2], change[SLR_AXES];
+  double peak[SLR_AXES][2];
 } Speeds;
+
+static double largest(const Speeds *speeds, int axis) { return greater(speeds->peak[axis][0], speeds->peak[axis][1]); }
 
 static void foresee_speeds(const SlrGuardLimits *l, const SlrGuardPose *pose, const SlrGuardView *v,
                            const SlrGuardPast *past, const double commands[SLR_AXES], Speeds *speeds) {
   for (int axis = 0; axis < SLR_AXES; axis++) {
     const double measured = axis == SLR_SLEW ? v->slew_rate : arm_rate(v, past, axis);
-    speeds->change[axis] = 0.0;
     for (int side = 0; side < 2; side++) {
       const double way = side ? 1.0 : -1.0, rate = way * measured + l->rate_error[axis];
       const double command = acting(past, axis, commands[axis], way);
-      const double peak = axis == SLR_SLEW ? slew_peak(l, pose, rate, command) : arm_peak(l, past, axis, rate, command);
-      speeds->peak[axis][side] = peak;
-      /* to the peak and to rest */
-      speeds->change[axis] = greater(speeds->change[axis], 2.0 * peak - lesser(greater(rate, 0.0), peak));
+      speeds->peak[axis][side] =
+          axis == SLR_SLEW ? slew_peak(l, pose, rate, command) : arm_peak(l, past, axis, rate, command);
     }
   }
 }
@@ -69,8 +68,7 @@ static void foresee_speeds(const SlrGuardLimits *l, const SlrGuardPose *pose, co
 static double way_to_rest(const SlrGuardLimits *l, const SlrGuardPose *pose, const Speeds *speeds, int axis, int side) {
   const double peak = speeds->peak[axis][side], way = peak * l->dead_time[axis];
   if (axis == SLR_SLEW) return way + peak * peak * pose->most / (2.0 * l->brake);
-  const double *other = speeds->peak[axis == SLR_BOOM ? SLR_STICK : SLR_BOOM];
-  return way + l->kick[axis] * greater(other[0], other[1]);
+  return way + l->kick[axis] * largest(speeds, axis == SLR_BOOM ? SLR_STICK : SLR_BOOM);
 }
 
 static double measured_swing(const SlrGuardLimits *l, const SlrGuardView *v) {
@@ -78,29 +76,25 @@ static double measured_swing(const SlrGuardLimits *l, const SlrGuardView *v) {
   return length(length(v->swing[0], v->swing[1]), rate) + l->swing_error;
 }
 
-/* What braking adds to a swing: its energy grows by no more than the tip's velocity changes, turns included. */
-static double added_swing(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrGuardPose *pose, double turn,
-                          const double change[SLR_AXES]) {
+/* What stopping adds to it. */
+static double added_swing(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrGuardPose *pose,
+                          const Speeds *speeds) {
   const double reach = length(pose->tip[0] - body->foot[0], pose->tip[1] - body->foot[1]);
-  const double across = pose->tip[0] * change[SLR_SLEW] * (1.0 + TURNED * turn);
-  return l->swing_gain * length(across, reach * change[SLR_BOOM] + body->stick * change[SLR_STICK]);
+  const double arm = reach * largest(speeds, SLR_BOOM) + body->stick * largest(speeds, SLR_STICK);
+  return l->swing_slew * pose->tip[0] * largest(speeds, SLR_SLEW) + l->swing_arm * arm;
 }
 
 void slr_guard_foresee(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrGuardView *v,
                        const SlrGuardPast *past, const double commands[SLR_AXES], SlrSweep *sweep) {
   SlrGuardPose pose;
   Speeds speeds;
-  double way[SLR_AXES][2];
   slr_guard_pose(v->angle[SLR_BOOM], v->angle[SLR_STICK], &pose);
   foresee_speeds(l, &pose, v, past, commands, &speeds);
-  for (int axis = 0; axis < SLR_AXES; axis++)
-    for (int side = 0; side < 2; side++) way[axis][side] = way_to_rest(l, &pose, &speeds, axis, side);
-  sweep->swing = measured_swing(l, v) + added_swing(l, body, &pose, greater(way[SLR_SLEW][0], way[SLR_SLEW][1]), speeds.change);
-  sweep->swing = lesser(sweep->swing, l->swing_most);
+  sweep->swing = lesser(measured_swing(l, v) + added_swing(l, body, &pose, &speeds), l->swing_most);
   for (int axis = 0; axis < SLR_AXES; axis++) {
     const double more = l->angle_error + l->settle[axis] + l->give[axis] * sweep->swing;
-    sweep->lo[axis] = v->angle[axis] - way[axis][0] - more;
-    sweep->hi[axis] = v->angle[axis] + way[axis][1] + more;
+    sweep->lo[axis] = v->angle[axis] - way_to_rest(l, &pose, &speeds, axis, 0) - more;
+    sweep->hi[axis] = v->angle[axis] + way_to_rest(l, &pose, &speeds, axis, 1) + more;
   }
 }
 
@@ -133,7 +127,9 @@ static void place_ball(const SlrGuardBody *body, const SlrGuardPose *pose, const
 /* The azimuth within which something may be nearer to the ball than its margins. */
 static double azimuth(const SlrGuardLimits *l, const Placed *p) {
   const double near = p->radius + l->clearance + p->moves + p->swings;
-  return near < p->r ? slw_atan2(near, slw_sqrt(p->r * p->r - near * near)) : 0.5 * TURN;
+  if (!(near < p->r)) return 0.5 * TURN;
+  const double sine = near / p->r;
+  return sine * (1.0 + ARC * sine * sine); /* no less than its arc */
 }
 
 /* Distance of two intervals, negative where they overlap. */
@@ -153,15 +149,42 @@ static void keep_least(double *least, int *part, double found, int32_t of) {
   *part = of;
 }
 
-static void look_into(const SlrGuardLimits *l, const SlrZones *zones, int sector, double gap, const Placed *placed,
-                      int32_t balls, double *least, int *part) {
-  for (int32_t k = 0; k < zones->count[sector]; k++) {
-    const SlrRect *rect = &zones->rect[sector][k];
-    for (int32_t b = 0; b < balls; b++) {
-      const int tool = placed[b].part == SLR_PART_LINES || placed[b].part == SLR_PART_GRAB;
-      if (gap <= placed[b].azimuth && (tool || !rect->tool_only))
-        keep_least(least, part, ball_room(l, &placed[b], rect), placed[b].part);
-    }
+/* The machine at the middle of the sweep: its balls, and what they may come near to. */
+typedef struct {
+  Placed ball[SLR_GUARD_BALLS];
+  int32_t balls;
+  double widest; /* azimuth */
+  double r[2], z[2];
+} Body;
+
+static void widen(double range[2], double low, double high) {
+  range[0] = lesser(range[0], low);
+  range[1] = greater(range[1], high);
+}
+
+static void place_body(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrSweep *sweep, Body *placed) {
+  SlrGuardPose pose;
+  const double boom = 0.5 * (sweep->lo[SLR_BOOM] + sweep->hi[SLR_BOOM]);
+  slr_guard_pose(boom, 0.5 * (sweep->lo[SLR_STICK] + sweep->hi[SLR_STICK]), &pose);
+  *placed = (Body){.balls = body->balls, .r = {ALONE, -ALONE}, .z = {ALONE, -ALONE}};
+  for (int32_t b = 0; b < body->balls; b++) {
+    Placed *p = &placed->ball[b];
+    place_ball(body, &pose, sweep, &body->ball[b], p);
+    p->azimuth = azimuth(l, p);
+    placed->widest = greater(placed->widest, p->azimuth);
+    const double near = p->radius + l->clearance + p->moves;
+    widen(placed->r, p->r - near - p->swings, p->r + near + p->swings);
+    widen(placed->z, p->z - near, p->z + near + p->rises);
+  }
+}
+
+static void look_at(const SlrGuardLimits *l, const SlrRect *rect, double gap, const Body *body, double *least,
+                    int *part) {
+  if (apart(body->r[0], body->r[1], rect->r) > 0.0 || apart(body->z[0], body->z[1], rect->z) > 0.0) return;
+  for (int32_t b = 0; b < body->balls; b++) {
+    const Placed *p = &body->ball[b];
+    const int tool = p->part == SLR_PART_LINES || p->part == SLR_PART_GRAB;
+    if (gap <= p->azimuth && (tool || !rect->tool_only)) keep_least(least, part, ball_room(l, p, rect), p->part);
   }
 }
 
@@ -170,27 +193,22 @@ static int sector_of(int64_t number) {
 }
 
 double slr_guard_room(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrZones *zones, const SlrSweep *sweep,
-                      int *part) {
+                      double enough, int *part) {
   const double width = TURN / SLR_GUARD_SECTORS, low = sweep->lo[SLR_SLEW];
   const double high = lesser(sweep->hi[SLR_SLEW], low + TURN);
-  Placed placed[SLR_GUARD_BALLS];
-  SlrGuardPose pose;
-  double least = ALONE, widest = 0.0;
+  Body placed;
+  double least = ALONE;
   *part = SLR_PART_NONE;
-  slr_guard_pose(0.5 * (sweep->lo[SLR_BOOM] + sweep->hi[SLR_BOOM]), 0.5 * (sweep->lo[SLR_STICK] + sweep->hi[SLR_STICK]),
-                 &pose);
-  for (int32_t b = 0; b < body->balls; b++) {
-    place_ball(body, &pose, sweep, &body->ball[b], &placed[b]);
-    placed[b].azimuth = azimuth(l, &placed[b]);
-    widest = greater(widest, placed[b].azimuth);
-  }
-  const int64_t first = (int64_t)slw_floor((low - widest) / width), last = (int64_t)slw_floor((high + widest) / width);
-  for (int64_t n = first; n <= last && n < first + SLR_GUARD_SECTORS; n++) {
+  place_body(l, body, sweep, &placed);
+  const int64_t first = (int64_t)slw_floor((low - placed.widest) / width);
+  const int64_t last = (int64_t)slw_floor((high + placed.widest) / width);
+  for (int64_t n = first; n <= last && n < first + SLR_GUARD_SECTORS && least >= enough; n++) {
     const int sector = sector_of(n);
     const double from = (double)n * width;
     const double gap = greater(greater(low - (from + width), from - high), 0.0);
     if (gap <= 0.0) keep_least(&least, part, zones->carriage[sector] - l->clearance, SLR_PART_CARRIAGE);
-    if (zones->count[sector]) look_into(l, zones, sector, gap, placed, body->balls, &least, part);
+    for (int32_t k = 0; k < zones->count[sector] && least >= enough; k++)
+      look_at(l, &zones->rect[sector][k], gap, &placed, &least, part);
   }
   return least;
 }
@@ -206,16 +224,17 @@ typedef struct {
 } Case;
 
 /* Room on the way to rest after `commands`; with the swing as it is where `as_it_is`. */
-static double room_after(const Case *c, const double commands[SLR_AXES], int as_it_is, int *part) {
+static double room_after(const Case *c, const double commands[SLR_AXES], int as_it_is, double enough, int *part) {
   SlrSweep sweep;
   slr_guard_foresee(c->l, c->body, c->v, c->past, commands, &sweep);
   if (as_it_is) sweep.swing = measured_swing(c->l, c->v);
-  return slr_guard_room(c->l, c->body, c->zones, &sweep, part);
+  return slr_guard_room(c->l, c->body, c->zones, &sweep, enough, part);
 }
 
-enum { SLR_GUARD_TRIES = 6 };
-/* Shares of the wanted commands that are tried, of the slew and of the arm. */
-static const double tries[SLR_GUARD_TRIES][2] = {{0.5, 1.0}, {0.0, 1.0}, {1.0, 0.0}, {0.5, 0.5}, {0.5, 0.0}, {0.0, 0.5}};
+enum { SLR_GUARD_TRIES = 9 };
+/* Shares of the wanted commands that are tried, of the slew and of the arm: what is kept most comes first. */
+static const double tries[SLR_GUARD_TRIES][2] = {
+    {1.0, 0.5}, {1.0, 0.25}, {0.5, 0.5}, {0.5, 0.25}, {1.0, 0.0}, {0.25, 0.25}, {0.5, 0.0}, {0.0, 0.5}, {0.0, 0.25}};
 
 static void share(const double wanted[SLR_AXES], const double of[2], double most, double commands[SLR_AXES]) {
   for (int axis = 0; axis < SLR_AXES; axis++) {
@@ -230,7 +249,7 @@ static int lesser_command(const Case *c, double wanted[SLR_AXES]) {
   int part;
   for (int i = 0; i < SLR_GUARD_TRIES; i++) {
     share(wanted, tries[i], 1.0, commands);
-    if (room_after(c, commands, 0, &part) < 0.0) continue;
+    if (room_after(c, commands, 0, 0.0, &part) < 0.0) continue;
     memcpy(wanted, commands, sizeof commands);
     return 1;
   }
@@ -249,7 +268,7 @@ static double room_here(const Case *c) {
   for (int joint = 0; joint < 2; joint++)
     past.angle[joint][SLR_GUARD_BACK - 1] = still.angle[SLR_BOOM + joint];
   const Case here = {c->l, c->body, c->zones, &still, &past};
-  return room_after(&here, neutral, 1, &part);
+  return room_after(&here, neutral, 1, -ALONE, &part);
 }
 
 /* A slow command that brings nothing nearer than standing here would; each axis by itself. */
@@ -259,7 +278,7 @@ static void leave(const Case *c, double wanted[SLR_AXES]) {
   int part;
   for (int axis = 0; axis < SLR_AXES; axis++) {
     allowed[axis] = lesser(greater(wanted[axis], -c->l->creep), c->l->creep);
-    if (room_after(c, allowed, 1, &part) < here - EQUAL) allowed[axis] = 0.0;
+    if (room_after(c, allowed, 1, here - EQUAL, &part) < here - EQUAL) allowed[axis] = 0.0;
   }
   memcpy(wanted, allowed, sizeof allowed);
 }
@@ -268,7 +287,7 @@ int slr_guard(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrZones 
               const SlrGuardPast *past, double wanted[SLR_AXES]) {
   const Case c = {l, body, zones, v, past};
   int part = SLR_PART_NONE;
-  if (room_after(&c, wanted, 0, &part) >= 0.0) return SLR_PART_NONE;
+  if (room_after(&c, wanted, 0, 0.0, &part) >= 0.0) return SLR_PART_NONE;
   if (!lesser_command(&c, wanted)) leave(&c, wanted);
   return part;
 }

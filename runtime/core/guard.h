@@ -68,7 +68,7 @@ typedef struct {
   double creep;                    /* largest command within the margins */
   double swing_time;               /* s, largest of a swing's angle over its rate */
   double swing_error;              /* rad, of a measured swing */
-  double swing_gain;               /* s/m, largest swing over the change of the tip's velocity */
+  double swing_slew, swing_arm;    /* s/m, swing that stopping adds, over the speed of the arm tip by slew, by arm */
   double swing_most;               /* swing at the tool's stops */
 } SlrGuardLimits;
 
@@ -102,9 +102,9 @@ void slr_guard_pose(double boom, double stick, SlrGuardPose *pose);
 void slr_guard_foresee(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrGuardView *v,
                        const SlrGuardPast *past, const double commands[SLR_AXES], SlrSweep *sweep);
 
-/* What is left of the least distance to anything near after all margins; `part` of the machine has it. */
+/* What is left of the least distance to anything near after all margins, or one below `enough`; `part` has it. */
 double slr_guard_room(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrZones *zones, const SlrSweep *sweep,
-                      int *part);
+                      double enough, int *part);
 
 /* Reduces `wanted` (numbers within -1..1) to what may pass; the part for which it had to, or SLR_PART_NONE. */
 int slr_guard(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrZones *zones, const SlrGuardView *v,

@@ -18,9 +18,7 @@ from verification.scenes.contacts import Contacts, contacts
 STEPS = (16, 8, 4, 2, 1)  # ticks between those that are asked, one after the other
 
 
-def closest(
-    scene: Scene, angles: np.ndarray, sizes: Mapping[str, float], ground: bool = True
-) -> Contacts:
+def closest(scene: Scene, angles: np.ndarray, sizes: Mapping[str, float], ground: bool = True) -> Contacts:
     """`contacts` of a run in a scene that stands still; distances of ticks not asked are infinite."""
     way = np.concatenate([[0.0], np.cumsum(_ways(angles, sizes))])
     known, zones = np.full(len(angles), np.inf), np.full(len(angles), np.inf)
@@ -35,6 +33,13 @@ def closest(
             least = asked.distance.min()
             found = (asked.part, asked.solid, int(rows[asked.at_tick]))
     return Contacts(known, *found, zones)
+
+
+def judged(scene: Scene, angles: np.ndarray, sizes: Mapping[str, float]) -> tuple[float, float, str]:
+    """Least distance to anything but the ground, of the grab to keep-out zones [m], and what came so near."""
+    found = closest(scene, angles, sizes, ground=False)
+    text = f"{found.part} to {found.solid} at {found.at_tick * 0.02:.2f} s"
+    return float(found.distance.min()), float(found.zones.min()), text
 
 
 def _open(known: np.ndarray, zones: np.ndarray, way: np.ndarray, step: int) -> np.ndarray:
