@@ -93,9 +93,15 @@ class Stand:
         self._out = np.array([OUTPUT.index[n] for n in (*COMMANDS, "guard_part", "control_mode")])
 
     def drive(
-        self, start: Start, driver: Driver, ticks: int, seed: int = 1, look: Look | None = None
+        self,
+        start: Start,
+        driver: Driver,
+        ticks: int,
+        seed: int = 1,
+        look: Look | None = None,
+        over: Mapping[str, float] | None = None,
     ) -> Drive:
-        """An episode of `ticks` in automatic operation; `look` sees each tick."""
+        """An episode of `ticks` in automatic operation; `look` sees each tick, inputs `over` are as they say."""
         self.core.reset()
         rows = np.empty((ticks, 15))
         commands = dict.fromkeys(COMMANDS, 0.0)
@@ -103,6 +109,8 @@ class Stand:
             for tick in range(-ARMING_TICKS, ticks):
                 values = machine.values
                 self._write(values, tick)
+                for name, number in (over or {}).items() if tick >= 0 else ():
+                    self.image["value"][INPUT.index[name]] = number
                 wanted = np.ascontiguousarray(driver(tick, self) if tick >= 0 else np.zeros(3))
                 out = self.step(self.image, wanted, tick)[self._out]
                 if look:
@@ -117,7 +125,8 @@ class Stand:
     def step(self, image: np.ndarray, wanted: np.ndarray, tick: int) -> np.ndarray:
         """The outputs of a tick in which the joystick wants this."""
         self._offer(self._state, wanted.ctypes.data)
-        return self.core.step(image, tick)["value"]
+        self.last = self.core.step(image, tick)["value"]
+        return self.last
 
     def room(self, angles: tuple[float, float, float]) -> float:
         """The guard's room [m] at rest in a pose."""

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "slr.h"
+#include "image_layout.h"
 #include "slw_math.h"
 
 static const double TURN = 6.283185307179586;

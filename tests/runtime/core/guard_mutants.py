@@ -1,0 +1,45 @@
+"""Mutants of the guard: its C code with one small mistake each; what guard.h says must find every one.
+
+    python -m tests.runtime.core.guard_mutants
+
+As `tests.runtime.core.mutants`, whose swaps are taken.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from specs.errors import RunError
+from tests.runtime.core.guard import CORE, Guard, build, check_all
+from tests.runtime.core.mutants import Mutant, mutants
+
+EQUAL: dict[str, str] = {}  # part of the mutated line: why it is the same program
+
+
+def every() -> list[Mutant]:
+    """Those that are not the same program."""
+    found = mutants((CORE / "guard.c").read_text())
+    return [m for m in found if not any(part in m.after for part in EQUAL)]
+
+
+def killed(mutant: Mutant, cases: int) -> bool:
+    """Whether the promises (or the compiler) find the mistake."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            check_all(Guard(build(Path(folder), mutant.text, ["-O0"])), cases)
+        except (AssertionError, RunError, ValueError):
+            return True
+    return False
+
+
+def survivors(of: Sequence[Mutant], cases: int = 400) -> list[Mutant]:
+    """Those that nothing found."""
+    return [m for m in of if not killed(m, cases)]
+
+
+if __name__ == "__main__":
+    known = every()
+    alive = survivors(known)
+    print(f"{len(known)} mutants, {len(alive)} survive")
+    for m in alive:
+        print(f"guard.c:{m.line}: {m.before}\n           -> {m.after}")
