@@ -10,18 +10,19 @@ from deployment.bundling.blocks import External
 from deployment.bundling.build import assemble
 from deployment.bundling.content import Content
 from deployment.guard import draw
-from deployment.guard.stand import COMMANDS, NAME, Stand, bundle
+from deployment.guard.stand import AXES, NAME, Stand, bundle
 
 TICKS, YARDS = 400, 3
 Tick = tuple[int, np.ndarray, np.ndarray]  # number, input image, commands wanted
 
 
 def cost(folder: Path, seed: int, rounds: int) -> dict[str, Any]:
-    """Medians over `rounds` of each tick's time, without and with the guard: where it passes, where it steps in.
+    """Medians over `rounds` of each tick's time without the guard, and what it adds, passing or stepping in.
 
-    Times in µs; a ratio is of the sums over the same ticks.  An adversary's commands, in yards full of things.
+    Times in µs; a ratio is of the sums over the same ticks.  Commands of an adversary, in yards full of
+    things.
     """
-    plain = Stand(assemble(Content(NAME, External([], outputs=COMMANDS, period=1)), folder / "cost-plain"))
+    plain = Stand(assemble(Content(NAME, External([], outputs=AXES, period=1)), folder / "cost-plain"))
     without, guarded, stepped_in = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
     for yard in range(YARDS):
         stand = Stand(bundle(draw.yard(yard, seed), folder / f"cost-{yard}"))

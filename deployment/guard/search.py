@@ -1,8 +1,8 @@
 """Adversarial search for a break of the guard's promise (docs/explanation/guard.md).
 
 Each episode is drawn from its number: a yard, a machine at the corners of its spreads, a load, a pose from
-which the guard's way to rest is clear, and a driver that wants to hit.  The judge sees true angles only and is
-not of this room: it says how near the machine came to what stands there, and the tool to keep-out zones.
+which the guard's way to rest is clear, and a driver that wants to hit.  The judge sees true angles only and
+is not of this room: it says how near the machine came to what stands there, and the tool to keep-out zones.
 """
 
 from collections.abc import Callable, Iterator, Mapping

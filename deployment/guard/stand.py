@@ -5,7 +5,7 @@ three axes at 50 Hz, which is more than any policy may.
 """
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from specs.scene import Scene
 from specs.signals import signal
 
 NAME = "joystick"
+AXES = ("u_slew", "u_boom", "u_stick")
 TRUE = (
     "true_q_slew",
     "true_q_boom",
@@ -66,7 +67,7 @@ class Drive:
 
 def bundle(scene: Scene | None, out: Path, changes: Mapping[str, float] | None = None) -> Bundle:
     """A core without a controller, its guard keeping off a scene; None: never near anything."""
-    joystick = External([], outputs=COMMANDS, period=1)  # type: ignore[arg-type]
+    joystick = External([], outputs=AXES, period=1)
     zones = guard.zones(scene) if scene else guard.nothing()
     return assemble(Content(NAME, joystick, guard=zones), out, changes=changes)
 
@@ -101,7 +102,7 @@ class Stand:
         look: Look | None = None,
         over: Mapping[str, float] | None = None,
     ) -> Drive:
-        """An episode of `ticks` in automatic operation; `look` sees each tick, inputs `over` are as they say."""
+        """An episode of `ticks` in automatic operation; `look` sees each; inputs `over` stay so."""
         self.core.reset()
         rows = np.empty((ticks, 15))
         commands = dict.fromkeys(COMMANDS, 0.0)
@@ -142,9 +143,9 @@ class Stand:
             self.core.step(self.image, tick)
         return float(self.foreseen(np.zeros(3))[-1])
 
-    def foreseen(self, commands: np.ndarray) -> np.ndarray:
+    def foreseen(self, commands: Sequence[float] | np.ndarray) -> np.ndarray:
         """What the guard foresees of these commands in this tick: ControlCore.foreseen."""
-        return self.core.foreseen(self.image, commands)
+        return self.core.foreseen(self.image, list(commands))
 
     def _write(self, values: np.ndarray, tick: int) -> None:
         """The input image of a tick."""

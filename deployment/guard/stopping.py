@@ -1,8 +1,8 @@
 """What the machine needs to stop, against what the guard foresees: over drawn machines, loads and motions.
 
 An episode moves the machine at random and lets go at a drawn moment.  From there the true machine must stay
-in what the guard foresaw then, for neutral commands and (a tick before) for those that were sent last.  A share
-is how much of a bound was used: of the way of a joint to rest, and of the tool's swing; 1 is the bound itself.
+in what the guard foresaw then, for neutral commands and (a tick before) for those that were sent last.  A
+share is how much of a bound was used: of a joint's way to rest, of the tool's swing; 1 is the bound itself.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""`slewright bench`: how late the runtime's cycle is, how fast the machine steps, whether the guard keeps its word."""
+"""`slewright bench`: how late the runtime's cycle is, how fast the machine steps, what the guard keeps."""
 
 from typing import Annotated, Any
 
@@ -123,7 +123,7 @@ def figures_of_guard(figures: dict[str, Any]) -> list[tuple[str, list[str], list
             [(name, f"{value:.2f}") for name, value in search["distance_min_by_driver"].items()],
         ),
         (
-            f"speed of {speed['controller']} with the guard, by distance of a ring of walls to the farthest target",
+            f"speed of {speed['controller']} with the guard, by distance of walls to the farthest target",
             ["distance, m", "ratio", "least", "stepped in"],
             [(d, f"{r['ratio']:.3f}", f"{r['ratio_min']:.3f}", f"{r['stepped_in']:.1%}")
              for d, r in speed["by_distance_m"].items()],

@@ -50,8 +50,8 @@ class Limits(ctypes.Structure):
     _fields_ = (
         ("clearance", D), ("angle_error", D), ("rate_error", Three), ("dead_time", Three), ("settle", Three),
         ("give", Three), ("kick", Three), ("dead_band", D), ("speed", Three), ("top", Three), ("push", D),
-        ("brake", D), ("push_time", D), ("creep", D), ("swing_time", D), ("swing_error", D), ("swing_slew", D),
-        ("swing_arm", D), ("swing_most", D),
+        ("brake", D), ("push_time", D), ("creep", D), ("swing_time", D), ("swing_error", D),
+        ("swing_slew", D), ("swing_arm", D), ("swing_most", D),
     )  # fmt: skip
 
 
@@ -72,18 +72,21 @@ POSE = f"""
 #include "guard.h"
 #include "slw_math.h"
 void slr_guard_pose(double boom, double stick, SlrGuardPose *p) {{
-  p->knee[0] = {FOOT[0]} + {BOOM_M} * slw_cos(boom); p->knee[1] = {FOOT[1]} + {BOOM_M} * slw_sin(boom);
-  p->tip[0] = p->knee[0] + {STICK_M} * slw_cos(boom + stick); p->tip[1] = p->knee[1] + {STICK_M} * slw_sin(boom + stick);
+  p->knee[0] = {FOOT[0]} + {BOOM_M} * slw_cos(boom);
+  p->knee[1] = {FOOT[1]} + {BOOM_M} * slw_sin(boom);
+  p->tip[0] = p->knee[0] + {STICK_M} * slw_cos(boom + stick);
+  p->tip[1] = p->knee[1] + {STICK_M} * slw_sin(boom + stick);
   p->least = 2e5 + 3e3 * p->tip[0] * p->tip[0]; p->most = 1.5 * p->least;
 }}
 """
 LIMITS = Limits(
     0.25, 0.005, Three(0.02, 0.02, 0.03), Three(1.4, 0.5, 0.45), Three(0.005, 0.012, 0.013),
-    Three(0.15, 0.07, 0.12), Three(0.0, 0.05, 0.5), 0.08, Three(1.1, 0.6, 0.65), Three(1.0, 0.5, 0.45), 2e5, 1e5,
-    0.5, 0.3, 0.51, 0.09, 0.11, 0.17, 1.42,
+    Three(0.15, 0.07, 0.12), Three(0.0, 0.05, 0.5), 0.08, Three(1.1, 0.6, 0.65), Three(1.0, 0.5, 0.45), 2e5,
+    1e5, 0.5, 0.3, 0.51, 0.09, 0.11, 0.17, 1.42,
 )  # fmt: skip
-PARTS = ((GRAB, 2.2, 0.8), (GRAB, 1.8, 0.85), (LINES, 0.8, 0.5)) + tuple(
-    (part, k / 5, 0.6 + 0.01 * k) for part in (BOOM, STICK) for k in range(6)
+PARTS = (
+    *((GRAB, 2.2, 0.8), (GRAB, 1.8, 0.85), (LINES, 0.8, 0.5)),
+    *((part, k / 5, 0.6 + 0.01 * k) for part in (BOOM, STICK) for k in range(6)),
 )
 BODY = Body(Two(*FOOT), STICK_M, len(PARTS), 0, (Ball * BALLS)(*(Ball(p, 0, at, r) for p, at, r in PARTS)))
 
@@ -145,21 +148,21 @@ def knee_and_tip(boom: float, stick: float) -> tuple[complex, complex]:
 
 def peaks(view: View, past: Past, commands: Sequence[float]) -> list[list[float]]:
     """Largest speeds of each axis, backwards and forwards."""
-    l, found = LIMITS, []
+    limits, found = LIMITS, []
     _, tip = knee_and_tip(view.angle[1], view.angle[2])
     for axis in range(AXES):
         both = []
         for way in (-1.0, 1.0):
             command = max(0.0, way * commands[axis], *(way * past.sent[axis][k] for k in range(SENT)))
-            steady = min(l.speed[axis] * max(command - l.dead_band, 0.0), l.top[axis])
+            steady = min(limits.speed[axis] * max(command - limits.dead_band, 0.0), limits.top[axis])
             if axis == 0:
-                rate = way * view.slew_rate + l.rate_error[0]
-                pushed = min(steady, rate + l.push_time * l.push / (2e5 + 3e3 * tip.real**2))
+                rate = way * view.slew_rate + limits.rate_error[0]
+                pushed = min(steady, rate + limits.push_time * limits.push / (2e5 + 3e3 * tip.real**2))
                 both.append(max(rate, pushed, 0.0))
             else:
                 gone = view.angle[axis] - past.angle[axis - 1][BACK - 1]
-                rate = way * gone / (BACK * TICK_S) + l.rate_error[axis]
-                both.append(max(rate if past.known >= BACK else l.top[axis], steady, 0.0))
+                rate = way * gone / (BACK * TICK_S) + limits.rate_error[axis]
+                both.append(max(rate if past.known >= BACK else limits.top[axis], steady, 0.0))
         found.append(both)
     return found
 
@@ -172,18 +175,18 @@ def measured_swing(view: View) -> float:
 
 def foreseen(view: View, past: Past, commands: Sequence[float]) -> tuple[list[float], list[float], float]:
     """lo, hi, swing."""
-    l, speed = LIMITS, peaks(view, past, commands)
+    limits, speed = LIMITS, peaks(view, past, commands)
     _, tip = knee_and_tip(view.angle[1], view.angle[2])
     reach, fast = abs(tip - complex(*FOOT)), [max(both) for both in speed]
-    swing = measured_swing(view) + l.swing_slew * tip.real * fast[0]
-    swing = min(swing + l.swing_arm * (reach * fast[1] + STICK_M * fast[2]), l.swing_most)
+    swing = measured_swing(view) + limits.swing_slew * tip.real * fast[0]
+    swing = min(swing + limits.swing_arm * (reach * fast[1] + STICK_M * fast[2]), limits.swing_most)
     ways = []
     for axis, both in enumerate(speed):
-        more = l.angle_error + l.settle[axis] + l.give[axis] * swing
-        other = (0.0, fast[2], fast[1])[axis] * l.kick[axis]
+        more = limits.angle_error + limits.settle[axis] + limits.give[axis] * swing
+        other = (0.0, fast[2], fast[1])[axis] * limits.kick[axis]
         inertia = 1.5 * (2e5 + 3e3 * tip.real**2)
-        brakes = [p * p * inertia / (2.0 * l.brake) if axis == 0 else other for p in both]
-        ways.append([p * l.dead_time[axis] + b + more for p, b in zip(both, brakes, strict=True)])
+        brakes = [p * p * inertia / (2.0 * limits.brake) if axis == 0 else other for p in both]
+        ways.append([p * limits.dead_time[axis] + b + more for p, b in zip(both, brakes, strict=True)])
     lo = [view.angle[axis] - ways[axis][0] for axis in range(AXES)]
     return lo, [view.angle[axis] + ways[axis][1] for axis in range(AXES)], swing
 

@@ -1,4 +1,4 @@
-"""The guard: the C code is what guard.h says; nothing leaves its sweeps; it changes nothing where nothing is near."""
+"""The guard: the C code is what guard.h says; nothing leaves its sweeps; far from all it does nothing."""
 
 import math
 import random
@@ -15,8 +15,8 @@ from deployment.hil.lockstep import lockstep
 from runtime.control import ControlCore
 from runtime.image import OUTPUT, Flag
 from specs import pose, scenario, shapes
-from specs.scene import Box, Scene
 from specs.scenario import Target
+from specs.scene import Box, Scene
 from tests.runtime import bundles
 from tests.runtime.core import guard as form
 from tests.runtime.core.guard import Guard
