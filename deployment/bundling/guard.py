@@ -63,7 +63,9 @@ class Zones:
 
 
 def zones(scene: Scene) -> Zones:
-    """The zones of a scene; InputError for what the guard cannot hold: things that move, tilted planes."""
+    """The zones of a scene; InputError for what the guard cannot hold: moving things, tilted planes, a scene
+    that holds the machine itself.
+    """
     solids = [solid for solid in scene.solids() if solid.name != GROUND]
     for thing in (*solids, *scene.keep_outs()):
         if thing.path:
@@ -76,7 +78,13 @@ def zones(scene: Scene) -> Zones:
     for solid, tool_only in (*((s, False) for s in solids), *((s, True) for s in scene.keep_outs())):
         for sector, (r0, r1) in _spans(solid):
             found[sector].append(Rect(r0, r1, *_heights(solid), tool_only))
-    return Zones(scene.name, tuple(tuple(_few(rects)) for rects in found), tuple(_carriage(found)))
+    carriage = tuple(_carriage(found))
+    if max(carriage) <= 0.0:
+        raise InputError(
+            f"scene {scene.name}: things stand in the machine itself: carriage and cabin are clear of them at "
+            "no slew angle"
+        )
+    return Zones(scene.name, tuple(tuple(_few(rects)) for rects in found), carriage)
 
 
 def nothing() -> Zones:
