@@ -81,8 +81,8 @@ def zones(scene: Scene) -> Zones:
     carriage = tuple(_carriage(found))
     if max(carriage) <= 0.0:
         raise InputError(
-            f"scene {scene.name}: things stand in the machine itself: carriage and cabin are clear of them at "
-            "no slew angle"
+            f"scene {scene.name}: things stand in the machine itself: carriage and cabin are clear of them "
+            "at no slew angle"
         )
     return Zones(scene.name, tuple(tuple(_few(rects)) for rects in found), carriage)
 

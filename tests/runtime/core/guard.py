@@ -282,13 +282,17 @@ def _as_it_is(view: View, past: Past, commands: Sequence[float]) -> tuple[list[f
     return lo, hi, measured_swing(view)
 
 
-def random_zones(draw: random.Random) -> Zones:
-    """A few things in a few sectors."""
+def random_zones(draw: random.Random, view: View) -> Zones:
+    """A few things in a few sectors, most of them near the tool: where the margins end."""
+    _, tip = knee_and_tip(view.angle[1], view.angle[2])
     found = Zones()
-    found.carriage = (D * SECTORS)(*(draw.choice((FREE,) * 300 + (1.0, 0.1)) for _ in range(SECTORS)))
-    for _ in range(draw.choice((0, 1, 3, 30))):
-        first, count = draw.randrange(SECTORS), draw.choice((1, 5, 20))
+    found.carriage = (D * SECTORS)(*(draw.choice((FREE,) * 2000 + (1.0, 0.1)) for _ in range(SECTORS)))
+    for _ in range(draw.choice((0, 1, 1, 1, 2, 12))):
+        first, count = draw.randrange(SECTORS), draw.choice((1, 2, 12))
         r, z, tool_only = draw.uniform(3.0, 18.0), draw.uniform(0.0, 12.0), int(draw.random() < 0.3)
+        if draw.random() < 0.7:
+            first = math.floor((view.angle[0] + draw.uniform(-1.5, 1.5)) / WIDTH) % SECTORS
+            r, z = tip.real + draw.uniform(-6.0, 6.0), tip.imag + draw.uniform(-7.0, 4.0)
         for k in range(count):
             sector = (first + k) % SECTORS
             if found.count[sector] < RECTS:
@@ -317,7 +321,7 @@ def random_case(draw: random.Random) -> tuple[Zones, View, Past, list[float]]:
         for k in range(SENT):
             past.sent[axis][k] = held * draw.choice((0.0, 1.0)) if draw.random() < 0.5 else 0.0
     wanted = [draw.choice((0.0, 1.0, -1.0, 0.25, -0.25, 0.05, draw.uniform(-1.2, 1.2))) for _ in range(AXES)]
-    return random_zones(draw), view, past, wanted
+    return random_zones(draw, view), view, past, wanted
 
 
 def check(guard: Guard, zones: Zones, view: View, past: Past, wanted: Sequence[float]) -> None:
