@@ -28,6 +28,9 @@ from specs.errors import InputError
 
 Namespace = Any  # SimpleNamespace of casadi.SX (or MX) scalars
 Symbolic = Any  # casadi.SX or casadi.MX, as the model chooses
+SAMPLE_S = 0.02  # of sensors, where a model states none: the cycle of the project's own controllers
+LINE_S = 1.0  # length of delay lines, where a model states none
+LINE_SAMPLES = 50  # the same in sample times, where those are no part of LINE_S
 Equations = Callable[[Namespace, Namespace, Namespace, Namespace], Mapping[str, Any]]
 
 
@@ -92,14 +95,19 @@ class Model:
     initial: Callable[[Namespace], Mapping[str, Any]] | None = None
     modes: tuple[Mode, ...] = ()
     delays: Mapping[str, str] = field(default_factory=dict)  # input -> parameter with its delay in s
-    max_delay: float = 1.0  # s, length of every delay line
+    max_delay: float = 0.0  # s, length of every delay line; 0: LINE_S, or LINE_SAMPLES sample times
     sensors: Mapping[str, Sensor] = field(default_factory=dict)  # output -> how it is measured
-    sample_time: float = 0.02  # s, of the sensors
+    sample_time: float = 0.0  # s, of the sensors; 0: SAMPLE_S, or the step where that is no multiple of it
     symbolic: Literal["SX", "MX"] = "SX"
     serves: int = 1  # internal steps that one Jacobian serves (continuous models)
 
     def __post_init__(self) -> None:
         _check_names(self)
+        object.__setattr__(self, "step", float(self.step))  # 4 is as good as 4.0, but not in C
+        sample = self.sample_time or (SAMPLE_S if _is_multiple(SAMPLE_S, self.step) else self.step)
+        longest = LINE_S if _is_multiple(LINE_S, sample) else LINE_SAMPLES * sample
+        object.__setattr__(self, "sample_time", float(sample))
+        object.__setattr__(self, "max_delay", float(self.max_delay or longest))
 
     @cached_property
     def symbols(self) -> tuple[Symbolic, Symbolic, Symbolic, Symbolic]:
@@ -277,3 +285,8 @@ def _check_names(model: Model) -> None:
     used += [n for mode in model.modes for n in (mode.on_delay, mode.off_delay) if n]
     for name in used:
         model.index("parameters", name)
+
+
+def _is_multiple(duration: float, step: float) -> bool:
+    count = round(duration / step)
+    return count >= 1 and abs(count * step - duration) <= 1e-9 * duration

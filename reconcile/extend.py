@@ -4,6 +4,7 @@ A model.py written there calls `extend` with the base folder beside it; the resu
 FMUs are built like from any other.
 """
 
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -165,7 +166,20 @@ def _delayed(model: Model, ports: Ports, attached: Sequence[Attached]) -> Model:
             known = sensors.get(output, Sensor())
             model = _added(model, known.delay, name)
             sensors[output] = replace(known, delay=known.delay or name)
-    return replace(model, delays=delays, sensors=sensors)
+    return _with_lines(replace(_measured(model, sensors), delays=delays))
+
+
+def _measured(model: Model, sensors: Mapping[str, Sensor]) -> Model:
+    """With sensors; where it had none, they are read in every step, so that only their effect shows."""
+    return replace(model, sensors=sensors, sample_time=model.sample_time if model.sensors else model.step)
+
+
+def _with_lines(model: Model) -> Model:
+    """With delay lines that hold twice its longest delay."""
+    named = {*model.delays.values(), *(s.delay for s in model.sensors.values() if s.delay)}
+    longest = max((v.start for v in model.parameters if v.name in named), default=0.0)
+    samples = math.ceil(max(model.max_delay, 2.0 * longest) / model.sample_time - 1e-9)
+    return replace(model, max_delay=samples * model.sample_time)
 
 
 def _stepped(model: Model, steps: Mapping[str, float]) -> Model:
@@ -175,8 +189,8 @@ def _stepped(model: Model, steps: Mapping[str, float]) -> Model:
         name = _identifier(f"{quantization.NAME}@{output}.step")
         shown = Variable(name, unit, f"Steps in which {output} is shown", start=step)
         sensor = replace(model.sensors.get(output, Sensor()), quantum=name)
-        sensors = {**model.sensors, output: sensor}
-        model = replace(model, parameters=(*model.parameters, shown), sensors=sensors)
+        model = replace(model, parameters=(*model.parameters, shown))
+        model = _measured(model, {**model.sensors, output: sensor})
     return model
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from reconcile.start.units import known_ratios
 from records.formats import read_measurement
 from records.formats.units import OTHERS, is_unit, spelled
 from specs.errors import InputError
@@ -14,12 +15,15 @@ from specs.units import compatible
 
 LEAST_SAMPLES = 30
 ALIKE = 0.95  # correlation of a column with the slope of a position that makes it a velocity
+SAME = 0.1  # by which its size may differ from that slope, in the same or another usual unit
+HELD = 0.5  # share of samples equal to the one before, of what moves in steps
 WORDS = {
+    "output": "out output response",
     "setpoint": "des desired ref reference target setpoint soll sollwert goal",
     "acceleration": "acc accel acceleration qdd ddq beschleunigung",
     "velocity": "v vel velocity speed omega w rpm rate qd dq qdot drehzahl geschwindigkeit geschw thetadot",
     "input": "u tau torque force cmd command voltage current moment drehmoment kraft pwm input spannung "
-    "strom volt effort duty trq frc",
+    "strom volt effort duty trq frc in valve spool pump heater throttle lever joystick control ctrl",
     "position": "q p x y pos position angle phi theta winkel weg height hoehe encoder stroke lage ang",
 }
 ROLE_OF_WORD = {word: role for role, words in WORDS.items() for word in words.split()}
@@ -102,6 +106,8 @@ def _role(name: str, unit: str) -> tuple[str, str]:
     for wanted, role in UNIT_ROLES:
         if is_of(unit, wanted):
             return role, f"its unit is {unit}"
+    if "output" in named:
+        return "output", "its name says that it is an output"
     if unit in COMMAND_UNITS and (not named or "input" in named):
         return "input", f"its unit is {unit}"
     if unit and unit != "1":
@@ -124,34 +130,40 @@ def is_of(unit: str, wanted: str) -> bool:
 
 
 def _by_data(columns: Sequence[Column]) -> list[Column]:
-    """Roles that headings do not tell: a slope of a position is a velocity, one more is the input."""
+    """Roles that headings do not tell: a slope of a position is a velocity, steps or one more the input."""
     found = list(columns)
     positions = [c for c in found if c.role == "position" and not c.constant]
     for i, c in enumerate(found):
         if c.role or c.constant:
             continue
         for p in positions:
-            alike = slope_alike(p, c)
-            if abs(alike) > ALIKE:
+            alike, ratio = slope_alike(p, c)
+            usual = (1.0, 1.0 / 6.0, *known_ratios())  # 1/6: rpm beside degrees
+            if abs(alike) > ALIKE and any(abs(ratio / size - 1.0) < SAME for size in usual):
                 text = f"guessed: it follows the slope of {p.name} (correlation {alike:.3f})"
                 found[i] = replace(c, role="velocity", reason=text)
                 break
     unknown = [i for i, c in enumerate(found) if not c.role and not c.constant]
+    if not any(c.role == "input" for c in found) and len(unknown) < sum(not c.constant for c in found):
+        for i in unknown:
+            if float(np.mean(np.diff(found[i].values) == 0.0)) > HELD:
+                found[i] = replace(found[i], role="input", reason="guessed: it moves in steps")
+    unknown = [i for i in unknown if not found[i].role]
     if len(unknown) == 1 and positions and not any(c.role == "input" for c in found):
         text = "guessed: nothing else is left that could drive it"
         found[unknown[0]] = replace(found[unknown[0]], role="input", reason=text)
     return found
 
 
-def slope_alike(position: Column, other: Column) -> float:
-    """Correlation of changes of a position with the integral of another column over the same times."""
+def slope_alike(position: Column, other: Column) -> tuple[float, float]:
+    """Correlation of changes of a position with another column's integral over them, and their ratio."""
     values = np.interp(position.time, other.time, other.values)
     area = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(position.time)))
-    best = 0.0
+    best, ratio = 0.0, 1.0
     for lag in (1, 2, 5, 10, 20):
         if len(area) > 3 * lag:
             a, b = area[lag:] - area[:-lag], position.values[lag:] - position.values[:-lag]
             if np.ptp(a) > 0 and np.ptp(b) > 0:
                 c = float(np.corrcoef(a, b)[0, 1])
-                best = c if abs(c) > abs(best) else best
-    return best
+                best, ratio = (c, float(np.std(a) / np.std(b))) if abs(c) > abs(best) else (best, ratio)
+    return best, ratio

@@ -41,7 +41,7 @@ def doubts(model: Any, runs: Sequence[Any], names: Mapping[str, str] | None = No
         if not measured:
             continue
         ratio = float(np.median(measured))
-        for known, words in _known().items():
+        for known, words in known_ratios().items():
             if abs(ratio / known - 1.0) < CLOSE:
                 text = _sentence(model, position, rate, ratio, words, names or {})
                 found.append(Doubt(rate, position, ratio, text))
@@ -92,7 +92,7 @@ def pairs(model: Any) -> list[tuple[str, str]]:
     ]
 
 
-def _known() -> dict[float, str]:
+def known_ratios() -> dict[float, str]:
     """Ratios to recognise, their inverses and both signs."""
     signed = {r: w for k, w in RATIOS.items() for r in ({k, 1 / k} if k > 0 else {k})}
     turned = {-r: w + ", and the sign is turned" for r, w in signed.items() if r > 0}

@@ -305,7 +305,8 @@ def _other(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dr
     outputs = outputs[:1] if template == "first-order" else outputs
     if not outputs:
         raise InputError(
-            f"{recording}: no column is left as an output beside {', '.join(c.name for c in inputs)}"
+            f"{recording}: no column is left as an output beside {', '.join(c.name for c in inputs)}; "
+            "end the heading of the output with _out, as in 'u_out [V]'"
         )
     inputs = inputs[:1] if template == "first-order" else inputs
     ours = {_identifier(c.name): c for c in (*outputs, *inputs)}

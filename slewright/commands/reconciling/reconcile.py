@@ -107,8 +107,12 @@ def _begin(runs: list[Path], folder: Path | None, template: str | None, dof: int
     """Write a first model and map, and say how to go on."""
     from reconcile.start.write import start
 
-    if folder is None or len(runs) != 1:
-        raise InputError("--init DIR takes one recording; --template and --dof go with it")
+    if folder is None:
+        raise InputError("--template and --dof go with --init DIR")
+    if len(runs) != 1:
+        raise InputError(
+            f"--init DIR looks at one recording and {len(runs)} are named; name the others later"
+        )
     for line in start(runs[0], folder, template, dof):
         typer.echo(line)
     typer.echo(f"wrote {folder / 'model.py'} and {folder / 'map.toml'}; read and correct both, then:")

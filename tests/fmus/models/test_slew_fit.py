@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.models.slew import assessment, evidence, features, fit, score, traces
+from fmus.models.slew import assessment, evidence, features, fit, lateness, score, traces
 from fmus.models.slew.features import Features
 from fmus.models.slew.model import MODEL
 from fmus.models.slew.simulation import Simulator
@@ -204,3 +204,29 @@ def test_fit_finds_the_shipped_parameters_again(known):
         for name, (_, spread) in spreads.items():
             assert abs(found.values[name] - file[name]) < 0.5 * spread, name
         assert assessment.accepted(score.mean(fit.scores(traces.held_out(known), found.values).values()))
+
+
+def turning(late: float) -> traces.Trace:
+    """A drive of known balance, moved by changing pressures, whose speed is recorded `late` seconds late."""
+    fine = np.arange(0.0, 40.0, 1e-3)
+    pressure = 4e6 * np.sin(0.9 * fine) * np.cos(0.23 * fine) + 3e6 * np.sin(2.3 * fine)
+    speed = np.zeros_like(fine)
+    for k in range(len(fine) - 1):
+        torque = 1e-2 * pressure[k] - 4e4 * speed[k] - 5e3 * np.tanh(speed[k] / 1e-3)
+        speed[k + 1] = speed[k] + 1e-3 * torque / 300e3
+    time = np.arange(0.1, 39.0, traces.PERIOD)
+    p_a, qd = np.interp(time, fine, pressure), np.interp(time - late, fine, speed)
+    zero = np.zeros_like(time)
+    return traces.Trace("drawn", time, zero, 300e3, p_a, zero, qd, zero)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.2])
+def test_a_late_speed_is_seen_in_the_torque_balance(late):
+    found = lateness.lateness([turning(late)])
+    assert max(found, key=lambda shift: found[shift]) == late
+    assert lateness.balance([turning(late)], late)[1] == pytest.approx([1e-2, 4e4, 5e3], rel=0.15)
+
+
+def test_the_traces_show_no_late_speed(known):
+    found = lateness.lateness(traces.held_out(known))
+    assert max(found, key=lambda shift: found[shift]) <= 0.0

@@ -6,8 +6,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from fmus.toolchain.codegen import model_config_h
 from reconcile.checks import open_folder, read_names
 from reconcile.data import read_run
+from reconcile.extend import extend
 from reconcile.model import Folder
 from reconcile.start.columns import read_columns, unit_in_name
 from reconcile.start.write import start
@@ -234,3 +236,37 @@ def test_a_wanted_value_is_no_output(tmp_path: Path):
     r = rig(300)
     file = table(tmp_path / "rig.csv", {"time": r["t"], "q_des [rad]": r["q"] + 1, "q [rad]": r["q"]})
     assert [c.role for c in read_columns(file)] == ["setpoint", "position"]
+
+
+def filling(step: float, rows: int = 400) -> dict[str, np.ndarray]:
+    """A vessel that fills and empties, driven by a held command; its time constant is 20 steps."""
+    command = np.repeat(np.random.default_rng(4).uniform(0, 1, rows // 40 + 1), 40)[:rows]
+    level = np.zeros(rows)
+    for k in range(rows - 1):
+        level[k + 1] = level[k] + (2.0 * command[k] - level[k]) / 20.0
+    return {"t": step * np.arange(rows), "command": command, "level": level}
+
+
+@pytest.mark.parametrize("heading", ["pump", "ch1", "valve opening"])
+def test_what_moves_a_level_is_not_taken_for_its_speed(tmp_path: Path, heading: str):
+    r = filling(4.0)
+    file = table(tmp_path / "tank.csv", {"t [s]": r["t"], heading: r["command"], "level [m]": r["level"]})
+    start(file, tmp_path / "first", "first-order")
+    _, (only,) = opened(file, tmp_path / "first")
+    assert set(only.outputs) == {"level"}
+    assert len(only.inputs) == 1
+
+
+@pytest.mark.parametrize("step", [1e-5, 30.0, 3600.0])
+def test_what_is_recorded_very_fast_or_slowly_can_be_run(tmp_path: Path, step: float):
+    r = filling(step)
+    file = table(tmp_path / "rc.csv", {"t [s]": r["t"], "u_in [V]": r["command"], "u_out [V]": r["level"]})
+    start(file, tmp_path / "first", "first-order")
+    folder, (only,) = opened(file, tmp_path / "first")
+    assert set(only.outputs) == {"u_out"}
+    assert f"#define SLW_STEP {float(step)!r}\n" in model_config_h(folder.model, "")
+    entry = ("sensor_delay", "u_out", None, {"delay": 200.0 * step})
+    longer = extend(tmp_path / "first", [entry], {})
+    assert longer.sample_time == folder.model.step
+    assert longer.max_delay >= 200.0 * step
+    assert "SLW_ECHO" in model_config_h(longer, "")
