@@ -343,6 +343,34 @@ def check(guard: Guard, zones: Zones, view: View, past: Past, wanted: Sequence[f
     assert (early >= 0.0) == (least >= 0.0), "early"
 
 
+def check_rooms(guard: Guard, draw: random.Random, cases: int) -> None:
+    """The room before one thing in one sector, at the edge of one ball's margins, for all balls in turn."""
+    for number in range(cases):
+        lo = [draw.uniform(-4.0, 4.0), draw.uniform(0.6, 1.4), draw.uniform(-2.4, -0.3)]
+        hi = [a + draw.choice((0.0, 0.02, 0.3)) for a in lo]
+        swing = draw.choice((0.0, 0.1, 0.6, 1.42))
+        part, place, moves, swings, rises, radius = placed(lo, hi, swing)[number % len(PARTS)]
+        zones = Zones(carriage=(D * SECTORS)(*(FREE,) * SECTORS))
+        aside = draw.choice((0.0, draw.uniform(0.0, 1.2))) * draw.choice((-1.0, 1.0))
+        sector = (
+            math.floor((lo[0] + aside * (radius + moves + swings) / max(place.real, 1.0)) / WIDTH) % SECTORS
+        )
+        away = radius + LIMITS.clearance + moves
+        r = place.real + draw.choice((-1.0, 0.0, 1.0)) * (away + swings) * draw.uniform(0.9, 1.02)
+        z = place.imag + draw.choice((-1.0, 0.0, 1.0)) * (away + rises) * draw.uniform(0.9, 1.02)
+        size = draw.choice((0.01, 0.5))
+        zones.count[sector] = 1
+        ends = (
+            (Two(r, r + size), Two(z, z + size))
+            if draw.random() < 0.5
+            else (Two(r - size, r), Two(z - size, z))
+        )
+        zones.rect[sector][0] = Rect(*ends, int(part in (LINES, GRAB) and draw.random() < 0.5), 0)
+        sweep, mine = Sweep(Three(*lo), Three(*hi), swing), room(zones, lo, hi, swing)
+        found, _ = guard.room(zones, sweep)
+        assert math.isclose(found, mine, abs_tol=1e-9), "room before one thing"
+
+
 def check_past(guard: Guard, draw: random.Random) -> None:
     """That it remembers what was sent and where the arm was, newest first."""
     past, sent, angles, known = Past(), list[list[float]](), list[list[float]](), 0
@@ -365,4 +393,5 @@ def check_all(guard: Guard, cases: int, seed: int = 1) -> None:
     draw = random.Random(seed)
     for _ in range(cases):
         check(guard, *random_case(draw))
+    check_rooms(guard, draw, 20 * cases)
     check_past(guard, draw)

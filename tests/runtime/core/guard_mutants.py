@@ -13,7 +13,25 @@ from specs.errors import RunError
 from tests.runtime.core.guard import CORE, Guard, build, check_all
 from tests.runtime.core.mutants import Mutant, mutants
 
-EQUAL: dict[str, str] = {}  # part of the mutated line: why it is the same program
+EQUAL = {  # part of the mutated line: why it is the same program, or who else finds it
+    "return a  <= b ? a : b": "of equal numbers either is the lesser",
+    "return a  >= b ? a : b": "of equal numbers either is the greater",
+    "near  <= p->r": "both give more than a quarter of a turn",
+    "r  >= 0.0 && z": "the length of 0 and z is z",
+    "z  >= 0.0 ? length": "as above",
+    "found  <= *least": "of equal rooms either part may be named",
+    "near + p->swings, p->r + near": "the boom's foot is nearer to the slew axis than the swinging tool",
+    "rect->r)  >= 0.0 ||": "what touches the box of all margins has room",
+    "rect->z)  >= 0.0)": "as above",
+    "gap < p->azimuth": "equal to the last bit only",
+    "least > enough": "as above",
+    "n  <= first + SLR_GUARD_SECTORS": "one sector is looked into twice",
+    "axis  <= SLR_AXES": "beyond the end: the sanitizers (test_platforms.py)",
+    "side  <= 2": "as above",
+    "b  <= body->balls": "as above",
+    "i  <= SLR_GUARD_TRIES": "as above",
+    "i  <= SLR_GUARD_SENT": "as above",
+}
 
 
 def every() -> list[Mutant]:
