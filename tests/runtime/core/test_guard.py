@@ -44,7 +44,7 @@ def wall(slew_deg: float, radius_m: float = 10.0) -> Scene:
 
 
 def test_the_code_is_what_the_header_says(guard: Guard) -> None:
-    form.check_all(guard, 60)
+    form.check_all(guard, 40)
 
 
 def test_commands_only_ever_become_less(guard: Guard) -> None:
