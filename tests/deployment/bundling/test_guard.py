@@ -24,6 +24,7 @@ def of(*things: Thing) -> Scene:
     return Scene(name="s", description="d", start=HERE, targets=(HERE,), things=things)
 
 
+@pytest.mark.long
 def test_every_scene_that_is_not_sealed_can_be_guarded() -> None:
     for name in (*scenes.names(), *(which for which in SETS if which != "test")):
         for scene in find([name]):
