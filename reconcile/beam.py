@@ -23,6 +23,7 @@ KIN = 6  # effects of the same kind that take an effect's place
 SETTLED = 3  # best sets that are fitted to the end
 SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
 BEHIND = 4 * CLOSE  # nats behind the best set, from which a set is not fitted to the end
+ABSORBED = 0.25  # of the forces at a place: a disturbance that large may have taken over from the model
 FRESH = 4  # sets that are fitted from the model as it came too: else the disturbance keeps what it absorbed
 
 
@@ -44,8 +45,21 @@ class Beam:
     def run(self) -> list[Key]:
         """Fitted sets, most evidence first."""
         self.points[frozenset()] = self.core.base
-        kept: list[Key] = [frozenset()]
-        for level, (width, keep) in enumerate(zip(SINGLES, KEPT, strict=True)):
+        self._grow([frozenset()], 0)
+        self.report("best sets again")
+        self._refresh()
+        self._mend()
+        if self._absorbed(self.ranked()[0]):
+            self.report("sets of 1, with a quiet disturbance")
+            self._grow(self._quietly(), 1)
+            self._mend()
+        self.report("settling")
+        self._settle()
+        return self.ranked()
+
+    def _grow(self, kept: list[Key], first: int) -> None:
+        """Add one effect to each of the best sets, level by level, as long as it is worth it."""
+        for level, (width, keep) in list(enumerate(zip(SINGLES, KEPT, strict=True)))[first:]:
             found: set[Key] = set()
             best = self.evidence(self.ranked()[0])
             for at, key in enumerate(kept):
@@ -60,15 +74,36 @@ class Beam:
             kept = [k for k in kept if self.evidence(k) - nothing >= FAR * (self.evidence(kept[0]) - nothing)]
             if not kept or self.evidence(kept[0]) < best + WORTH:
                 break
-        self.report("best sets again")
-        self._refresh()
+
+    def _mend(self) -> None:
+        """Neighbours of the best set, and of the one that is better."""
         for _ in range(2):
             self.report("neighbours")
             if not self._neighbours(self.ranked()[0]):
                 break
-        self.report("settling")
-        self._settle()
-        return self.ranked()
+
+    def _absorbed(self, key: Key) -> bool:
+        """Whether the disturbance of a set is so large that it may do the work of the model."""
+        values, core = self.points[key].values, self.core
+        return any(values[SIGMA + p] > ABSORBED * core.force_size(p) for p in core.kalman.places)
+
+    def _quietly(self) -> list[Key]:
+        """Sets of one effect, asked and fitted from the model with a disturbance that takes nothing over.
+
+        Beside a large one an input's gain may be fitted to nothing, and then no effect on it is seen.
+        """
+        core, before = self.core, self.evidence(self.ranked()[0])
+        plain = core.fitter.fit(core.fresh, (), core.base_free, LONG, own=True)
+        if plain is None:
+            return []
+        found = []
+        scores = Screen(core, plain, self.shapes).all(core.candidates, {})
+        for scored in scores[: 2 * SINGLES[0]]:  # far from the fit a score says less
+            key, own = frozenset({scored.attached}), self._own(scored)
+            if scored.gain >= WORTH:
+                self.fit(key, (scored.attached,), [plain.values | scored.values], fresh=own)
+                found += [key] if key in self.points and self.evidence(key) > before else []
+        return sorted(found, key=lambda k: -self.evidence(k))[: KEPT[0]]
 
     def _own(self, scored: Scored) -> Values:
         """What a score says of the effect itself."""

@@ -112,7 +112,8 @@ def runs_of(measured: Measurement, folder: "Folder | Box", name: str) -> list[Ru
             signals = [_cut(channels, names, start, end) for names in (inputs, outputs)]
             label = name if not runs else f"{name}.{len(runs)}"
             before = start - pieces[0].start_s
-            runs.append(Run(label, start, end, *signals, notes=measured.repairs, before_s=before))
+            notes = () if runs else measured.repairs  # said once for a recording, not for each stretch
+            runs.append(Run(label, start, end, *signals, notes=notes, before_s=before))
     if not runs:
         raise InputError(_no_stretch(channels, inputs, outputs, max(map(len, pieces), default=0), where))
     return runs

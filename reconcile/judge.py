@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from reconcile.ahead import ahead, confirmed, noise
-from reconcile.beam import Beam, Key
+from reconcile.beam import BEHIND, Beam, Key
 from reconcile.catalogue import ALL
 from reconcile.catalogue.kinds import kind
 from reconcile.filter.point import Point
@@ -14,6 +14,7 @@ from reconcile.tolerances import CERTAIN, NEAR, OF_ALL, OF_NATS, SHORTENED, SURE
 MOST_DECLARED = 4
 MOST_SHOWN, LEAST_SHOWN = 8, 0.01  # sets in the report; probability of an effect there
 FEWEST = {e.name: len(e.parameters) for e in sorted(ALL, key=lambda e: -len(e.parameters))}
+ALIKE = 0.5 * SHORTENED  # of the error ahead: one effect takes another's place, not that of nothing
 ENOUGH = 0.9  # of the probability that the declared sets hold together
 
 
@@ -34,6 +35,32 @@ class Judged:
     errors: Mapping[Key, float] = field(default_factory=dict)
 
 
+class Weights:
+    """Probabilities of sets, summed: by names, by effect, by kind."""
+
+    def __init__(self, beam: Beam, posterior: Mapping[Key, float]):
+        self.posterior = posterior
+        self.by_names: dict[tuple[str, ...], float] = {}
+        self.effects: dict[str, float] = {}
+        self.kinds: dict[str, float] = {}
+        self.best: dict[tuple[str, ...], Key] = {}  # the likeliest of each name
+        for k, p in posterior.items():
+            names = _names(k)
+            self.by_names[names] = self.by_names.get(names, 0.0) + p
+            for n in _held_in(k):
+                self.effects[n] = self.effects.get(n, 0.0) + p
+            for n in {kind(n) for n in names}:
+                self.kinds[n] = self.kinds.get(n, 0.0) + p
+            if names not in self.best or beam.evidence(k) > beam.evidence(self.best[names]):
+                self.best[names] = k
+        self.order = sorted(self.by_names, key=lambda n: -self.by_names[n])
+
+    @property
+    def first(self) -> Key:
+        """The likeliest set of the likeliest names."""
+        return self.best[self.order[0]]
+
+
 class Judge:
     """Judges a search by the error over the model's own time on `confirm`."""
 
@@ -48,30 +75,27 @@ class Judge:
         return self._ahead[key]
 
     def decide(self) -> Judged:
-        """The answer."""
-        beam, refused = self.beam, []
-        posterior = _simplest(beam)
-        names = {k: _names(k) for k in posterior}
-        effects: dict[str, float] = {}
-        kinds: dict[str, float] = {}
-        for k, p in posterior.items():
-            for n in _held_in(k):
-                effects[n] = effects.get(n, 0.0) + p
-            for n in {kind(n) for n in names[k]}:
-                kinds[n] = kinds.get(n, 0.0) + p
-        by_names: dict[tuple[str, ...], float] = {}
-        best: dict[tuple[str, ...], Key] = {}
-        for k, p in posterior.items():
-            by_names[names[k]] = by_names.get(names[k], 0.0) + p
-            if names[k] not in best or beam.evidence(k) > beam.evidence(best[names[k]]):
-                best[names[k]] = k
-        order = sorted(by_names, key=lambda n: -by_names[n])
-        answer, refused = self._earning(best[order[0]], kinds)
-        doubted = [a for a in answer if effects[a.effect.name] < SURE]
+        """The answer.
+
+        Where it is not sure, the other sets lose what does not earn its place in them, too: sets that differ
+        by such crumbs only are one answer.
+        """
+        weights = Weights(self.beam, _simplest(self.beam))
+        answer, refused = self._earning(weights.first, weights.kinds)
+        if any(weights.effects[a.effect.name] < SURE for a in answer):
+            cleaned: dict[Key, float] = {}
+            for k, p in weights.posterior.items():
+                kept = self._earning(k, weights.kinds)[0] if p > LEAST_SHOWN else k
+                cleaned[kept] = cleaned.get(kept, 0.0) + p
+            weights = Weights(self.beam, cleaned)
+            answer = weights.first
+            refused = [r for r in refused if r["effect"] not in _names(answer)]
+        doubted = [a for a in answer if weights.effects[a.effect.name] < SURE]
         declared = [answer] if answer else []
         if doubted:
-            declared += self._rivals(answer, [best[n] for n in order if n], by_names)
-        if doubted and (nothing := by_names.get((), 0.0)) > 1.0 - SURE:
+            declared += self._rivals(answer, weights)
+        declared += [k for k in self._alike(answer) if k not in declared][: MOST_DECLARED - len(declared)]
+        if doubted and (nothing := weights.by_names.get((), 0.0)) > 1.0 - SURE:
             text = f"nothing at all is as probable as {nothing:.2f}"
             refused += [{"effect": a.effect.name, "port": a.port, "because": text} for a in answer]
             answer, declared = frozenset(), []
@@ -79,25 +103,40 @@ class Judge:
         return Judged(
             answer,
             tuple(k for k in declared if _names(k) != _names(answer)),
-            _shown(effects),
-            _shown(kinds),
-            [(n, float(by_names[n])) for n in order[:MOST_SHOWN]],
+            _shown(weights.effects),
+            _shown(weights.kinds),
+            [(n, float(weights.by_names[n])) for n in weights.order[:MOST_SHOWN]],
             gains,
             refused,
             dict(self._ahead),
         )
 
-    def _rivals(
-        self, answer: Key, ranked: Sequence[Key], by_names: Mapping[tuple[str, ...], float]
-    ) -> list[Key]:
+    def _rivals(self, answer: Key, weights: "Weights") -> list[Key]:
         """Sets that share the probability with the answer, until they hold ENOUGH of it."""
-        total, found = by_names.get(_names(answer), 0.0), []
-        for key in ranked:
+        total, found = weights.by_names.get(_names(answer), 0.0), []
+        for key in (weights.best[n] for n in weights.order if n):
             if total >= ENOUGH or len(found) == MOST_DECLARED - 1:
                 break
             if _names(key) != _names(answer) and not set(_names(answer)) <= _held_in(key):
-                total += by_names[_names(key)]
+                total += weights.by_names[_names(key)]
                 found.append(key)
+        return found
+
+    def _alike(self, answer: Key) -> list[Key]:
+        """Sets with another effect of a kind in its place, no richer, that err ahead as little.
+
+        Likelihood of one step tells them apart by how well a sample is described, such as a delay from a lag.
+        """
+        least = self.beam.evidence(answer) - BEHIND
+        found = []
+        for key in self.beam.ranked():
+            more, less = key - answer, answer - key
+            if len(more) == len(less) == 1 and self.beam.evidence(key) > least:
+                (other,), (a,) = more, less
+                alike = kind(other.effect.name) == kind(a.effect.name) and other.effect.name != a.effect.name
+                if alike and a.effect.name not in other.effect.becomes:
+                    own = self.ahead(answer)
+                    found += [key] if own and self.ahead(key) < (1.0 + ALIKE) * own else []
         return found
 
     def _earning(self, key: Key, kinds: Mapping[str, float]) -> tuple[Key, list[dict[str, str]]]:
@@ -114,6 +153,8 @@ class Judge:
             text = f"takes {100 * max(left, 0.0):.1f} % of the error ahead away, on data it was not fitted to"
             refused.append({"effect": worst.effect.name, "port": worst.port, "because": text})
             key = key - {worst}
+        while (limit := _limit(self.beam, key)) is not None:
+            key = limit
         return key, refused
 
     def _told(self, key: Key, a: Attached, probability: float) -> bool:

@@ -35,6 +35,7 @@ class Bundle:
     identity: str
     platforms: tuple[str, ...]
     digest: str  # SHA-256 of the manifest: stands for the whole bundle
+    guard: str = ""  # the scene that its guard keeps off; empty: it has none
 
     def library(self, name: str = "") -> Path:
         """The compiled core of a platform (default: this machine's); InputError if it holds none."""
@@ -65,6 +66,7 @@ def load(folder: Path, expected: str = "") -> Bundle:
         content["identity"],
         tuple(content["platforms"]),
         found,
+        content.get("guard", ""),
     )
 
 

@@ -16,8 +16,9 @@ from specs.errors import InputError
 INPUT_BYTES = INPUT.dtype.itemsize
 LOAD, NONE = "load_estimate", -1.0  # kg: not known
 AXES = ("u_slew", "u_boom", "u_stick")
-# Why the gate may change a command, by the bits of slr_explain.
-REASONS = ("range", "rate", "speed", "keep_out", "joint_limit", "sensor", "authority")
+# Why the gate, or the guard, may change a command, by the bits of slr_explain.
+REASONS = ("range", "rate", "speed", "keep_out", "joint_limit", "sensor", "authority", "guard")
+FORESEEN = 2 * len(AXES) + 2  # lo and hi of each joint [rad], swing, room [m]
 
 
 class ControlCore:
@@ -43,6 +44,8 @@ class ControlCore:
         self._restart.restype = None
         self._explain = library.slr_explain
         self._explain.argtypes, self._explain.restype = [ctypes.c_void_p] * 5, None
+        self._foresee = library.slr_foresee
+        self._foresee.argtypes, self._foresee.restype = [ctypes.c_void_p] * 4, None
         self._ladder = library.slr_ladder
         self._ladder.argtypes, self._ladder.restype = [ctypes.c_void_p] * 3, None
         self._limit = library.slr_limit
@@ -57,6 +60,11 @@ class ControlCore:
         """The output image of tick `tick`; the same array is written again in the next step."""
         self._step(self._at(inputs), self._at_state, tick, self._at_outputs)
         return self._outputs
+
+    @property
+    def state_address(self) -> int:
+        """Where its state lies, for functions of its library that are not wrapped here."""
+        return self._at_state
 
     def reset(self) -> None:
         """Back to the first state."""
@@ -130,6 +138,17 @@ class ControlCore:
         self._explain(self._at(inputs), *places)
         reasons = [[name for bit, name in enumerate(REASONS) if bits >> bit & 1] for bits in why.tolist()]
         return wanted.tolist(), reasons
+
+    def foreseen(self, inputs: np.ndarray, commands: Sequence[float]) -> np.ndarray:
+        """Where the guard expects the machine at most, if `commands` were sent next and neutral ones then.
+
+        From the inputs of the step that comes: lowest angles of slew, boom, stick, their highest [rad], twice
+        the sine of half the tool's swing, and the room that is left [m] (runtime/core/guard.h).  Not for the
+        cycle: for reports and tests.
+        """
+        sent, found = np.array(commands, dtype=float), np.zeros(FORESEEN)
+        self._foresee(self._at(inputs), self._at_state, sent.ctypes.data, found.ctypes.data)
+        return found
 
     def _at(self, inputs: np.ndarray) -> int:
         """Address of an input image; ValueError for an array that is none, for C would read past its end."""

@@ -63,6 +63,7 @@ class Flag(IntFlag):
     POLICY_LATE = 1024
     FORCED = 2048  # not the computer's: some input is forced
     OTHER_CONTROLLER = 4096  # somebody else sends what only this controller may
+    GUARDED = 8192  # not the computer's: the guard changed a controller's command
 
 
 class Group(IntEnum):

@@ -1,4 +1,4 @@
-"""The option that says how a bare FMU is run."""
+"""Options that say how FMUs are run."""
 
 from typing import Annotated
 
@@ -23,4 +23,9 @@ ImplementationOption = Annotated[
         callback=_check,
         help="How an FMU is run: CoSimulation, ModelExchange, or any (the first that it offers).",
     ),
+]
+
+LogOption = Annotated[
+    list[str] | None,
+    typer.Option("--log", metavar="CATEGORY", help="A log category that FMUs are told to write, or all."),
 ]

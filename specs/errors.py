@@ -12,6 +12,10 @@ class RunError(Exception):
     """A failure during a run; what was recorded so far is kept and marked incomplete (exit code 3)."""
 
 
+class HungError(RunError):
+    """An FMU that did not answer in time; the message names the call."""
+
+
 def nearest(name: str, choices: Iterable[str], count: int = 3) -> str:
     """Return a phrase with the valid choices nearest to `name`, for error messages."""
     options = sorted(choices)

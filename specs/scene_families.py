@@ -217,6 +217,14 @@ def find(texts: Sequence[str]) -> list[Scene]:
     return found
 
 
+def single(text: str) -> Scene:
+    """The one scene that a text names; InputError for a set of them, and as `find`."""
+    found = find([text])
+    if len(found) != 1:
+        raise InputError(f"'{text}' is a set of {len(found)} scenes; name one, as {found[0].name}")
+    return found[0]
+
+
 def sealed(opened: Opened) -> list[Scene]:
     """All scenes of the sealed set."""
     return [draw(name, opened) for name in names(SEALED)]

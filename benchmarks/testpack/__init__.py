@@ -1,6 +1,7 @@
 """A test pack for SSP importers: small FMUs and systems, one for each feature and for each error.
 
-models.py, description.py, kit.py   the FMUs: variables as data, modelDescription.xml, compiled from c/
+models.py, terminals.py             the FMUs: variables and terminals as data
+description.py, kit.py              modelDescription.xml; compiled from c/
 render.py                           the parts of an SSD as text
 cases/                              what is tested, as data
 pack.py                             the pack on disk: an .ssp and what is expected of it, for each case

@@ -103,6 +103,7 @@ FUNCTIONS: Mapping[str, Any] = {
     "atan": np.arctan,
     "acos": np.arccos,
     "tan": np.tan,
+    "exp": np.exp,
     "pi": np.pi,
 }
 

@@ -28,15 +28,33 @@ def description(fmu: Fmu, fmi_version: int) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + "\n".join(parts) + "\n</fmiModelDescription>\n"
 
 
+def terminals(fmu: Fmu) -> str:
+    """The text of terminalsAndIcons.xml; FMI 2.0 takes that of FMI 3.0."""
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>'
+        f"{fmu.terminals}</Terminals></fmiTerminalsAndIcons>\n"
+    )
+
+
 def _attributes(values: Mapping[str, object]) -> str:
     return "".join(f" {name}={quoteattr(str(value))}" for name, value in values.items() if value != "")
 
 
 def _flags(fmu: Fmu, fmi_version: int) -> str:
-    known = {"canHandleVariableCommunicationStepSize": "true", **STATE[fmi_version]}
+    steps = {} if fmu.exchange else {"canHandleVariableCommunicationStepSize": "true"}
+    known = {**steps, **STATE[fmi_version]}
     state = "state" if fmi_version == 2 else "State"
     changed = {k: v for k, v in fmu.flags.items() if not k.endswith(("state", "State")) or k.endswith(state)}
     return _attributes({"modelIdentifier": fmu.model, **known, **changed})
+
+
+def _interface(fmu: Fmu) -> str:
+    return "ModelExchange" if fmu.exchange else "CoSimulation"
+
+
+def _number(fmu: Fmu, name: str) -> int:
+    """The place of a variable, which is its value reference."""
+    return next(i for i, v in enumerate(fmu.variables) if v.name == name)
 
 
 def _units(fmu: Fmu) -> Iterator[str]:
@@ -111,15 +129,17 @@ def _typed(v: Variable) -> dict[str, object]:
 def _fmi2(fmu: Fmu) -> Iterator[str]:
     yield (
         f'<fmiModelDescription fmiVersion="2.0" modelName={quoteattr(fmu.name)} guid="{token(fmu, 2)}" '
-        f'generationTool="{TOOL}" numberOfEventIndicators="0">'
+        f'generationTool="{TOOL}" numberOfEventIndicators="{int(fmu.exchange)}">'
     )
-    yield f'<CoSimulation{_flags(fmu, 2)} canNotUseMemoryManagementFunctions="true"/>'
+    yield f'<{_interface(fmu)}{_flags(fmu, 2)} canNotUseMemoryManagementFunctions="true"/>'
     yield from _units(fmu)
     yield from _types(fmu, 2)
     yield from _experiment(fmu)
     yield "<ModelVariables>"
     for reference, v in enumerate(fmu.variables):
         inner = _attributes(_typed(v))
+        if v.rate_of:
+            inner += f' derivative="{_number(fmu, v.rate_of) + 1}"'
         if v.start is not None:
             inner += f" start={quoteattr(written(v.start))}"
         outer = _attributes(_common(fmu, v, reference))
@@ -135,8 +155,11 @@ def _structure2(fmu: Fmu) -> str:
         f'<Unknown index="{index[v.name]}" dependencies="{" ".join(str(index[d]) for d in v.depends)}"/>'
         for v in outputs
     )
-    unknowns = "".join(f'<Unknown index="{index[v.name]}"/>' for v in outputs)
-    return f"<Outputs>{lines}</Outputs><InitialUnknowns>{unknowns}</InitialUnknowns>" if outputs else ""
+    rates = "".join(f'<Unknown index="{index[v.name]}"/>' for v in fmu.variables if v.rate_of)
+    unknowns = "".join(f'<Unknown index="{index[v.name]}"/>' for v in outputs) + rates
+    derivatives = f"<Derivatives>{rates}</Derivatives>" if rates else ""
+    initial = f"<InitialUnknowns>{unknowns}</InitialUnknowns>"
+    return f"<Outputs>{lines}</Outputs>{derivatives}{initial}" if outputs else ""
 
 
 # ---- FMI 3.0 ----
@@ -147,7 +170,7 @@ def _fmi3(fmu: Fmu) -> Iterator[str]:
         f'<fmiModelDescription fmiVersion="3.0" modelName={quoteattr(fmu.name)} '
         f'instantiationToken="{token(fmu, 3)}" generationTool="{TOOL}">'
     )
-    yield f"<CoSimulation{_flags(fmu, 3)}/>"
+    yield f"<{_interface(fmu)}{_flags(fmu, 3)}/>"
     yield from _units(fmu)
     yield from _types(fmu, 3)
     yield from _experiment(fmu)
@@ -164,10 +187,12 @@ def _variable3(fmu: Fmu, v: Variable, reference: int) -> str:
     vr = {v.name: i for i, v in enumerate(fmu.variables)}
     kind = NAMES[3].get(v.type, v.type)
     values = _common(fmu, v, reference) | _typed(v)
+    if v.rate_of:
+        values["derivative"] = vr[v.rate_of]
     if v.clock:
         values["clocks"] = vr[v.clock]
     if v.type == "Clock":
-        values["intervalVariability"] = "constant" if v.interval else "triggered"
+        values["intervalVariability"] = v.ticks or ("constant" if v.interval else "triggered")
         values |= {"intervalDecimal": v.interval, "shiftDecimal": v.shift}
     inner = ""
     if isinstance(v.size, str):
@@ -190,5 +215,8 @@ def _structure3(fmu: Fmu) -> str:
         f'<Output valueReference="{vr[v.name]}" dependencies="{" ".join(str(vr[d]) for d in v.depends)}"/>'
         for v in outputs
     )
+    rates = [vr[v.name] for v in fmu.variables if v.rate_of]
+    lines += "".join(f'<ContinuousStateDerivative valueReference="{r}"/>' for r in rates)
     clocked = "".join(f'<InitialUnknown valueReference="{vr[v.name]}"/>' for v in outputs if not v.clock)
-    return lines + clocked
+    clocked += "".join(f'<InitialUnknown valueReference="{r}"/>' for r in rates)
+    return lines + clocked + (f'<EventIndicator valueReference="{vr["y"]}"/>' if fmu.exchange else "")

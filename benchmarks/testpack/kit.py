@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from benchmarks.testpack.description import description, token_begin
+from benchmarks.testpack.description import description, terminals, token_begin
 from benchmarks.testpack.models import NAMES, Fmu, Variable, fmu as fmu_named
 from fmus.toolchain import compiler
 from fmus.toolchain.build import BUILD, SHIM, pack as pack_zip
@@ -13,6 +13,7 @@ from fmus.toolchain.build import BUILD, SHIM, pack as pack_zip
 SOURCES = Path(__file__).parent / "c"
 OUT = BUILD / "testpack"
 FILES = {2: ("models", "fmi2"), 3: ("models", "fmi3", "unsupported3")}
+EXCHANGE = {2: "exchange2", 3: "exchange3"}  # besides, for model exchange
 TEXTS = ("String", "Binary")
 
 
@@ -27,6 +28,8 @@ def build(name: str, fmi_version: int, targets: Sequence[str] = ()) -> Path:
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         files = {"modelDescription.xml": description(fmu, fmi_version).encode()}
+        if fmu.terminals:
+            files["terminalsAndIcons/terminalsAndIcons.xml"] = terminals(fmu).encode()
         for target in map(compiler.target, names):
             folder = target.fmi2_folder if fmi_version == 2 else target.name
             binary = f"binaries/{folder}/{fmu.model}{target.suffix}"
@@ -53,10 +56,11 @@ def _compile(fmu: Fmu, fmi_version: int, target: compiler.Target, header: str, p
         folder = Path(scratch)
         (folder / "variables.h").write_text(header)
         flags = [f"-I{SHIM}", f"-I{folder}", f"-DKIT_{fmu.model}", f"-DKIT_FMI{fmi_version}"]
+        flags += ["-DKIT_EXCHANGE"] if fmu.exchange else []
         flags.append(f'-DKIT_TOKEN="{token_begin(fmu, fmi_version)}"')
         objects = [
             compiler.compile_object(SOURCES / f"{n}.c", folder / f"{n}.o", target.name, flags)
-            for n in FILES[fmi_version]
+            for n in (*FILES[fmi_version], *([EXCHANGE[fmi_version]] if fmu.exchange else []))
         ]
         compiler.link_shared(objects, folder / path.name, target.name).replace(path)
 
@@ -67,7 +71,13 @@ def _sources() -> str:
 
 
 def _key(fmu: Fmu, fmi_version: int, names: tuple[str, ...]) -> str:
-    text = description(fmu, fmi_version) + variables_header(fmu, fmi_version) + repr(names) + _sources()
+    text = (
+        description(fmu, fmi_version)
+        + terminals(fmu)
+        + variables_header(fmu, fmi_version)
+        + repr(names)
+        + _sources()
+    )
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

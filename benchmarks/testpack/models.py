@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from benchmarks.testpack import terminals
+
 Start = float | int | bool | str | tuple[float, ...] | None
 
 # Units by name: base units, and what one of them is.
@@ -49,7 +51,8 @@ class Variable:
     most     elements that the C code holds at most
     discrete a real that changes at events only
     clock    name of the clock that an output belongs to
-    interval, shift  of a clock, in s
+    interval, shift  of a clock, in s; ticks: how its interval may vary, where it is not as these say
+    rate_of  name of the state whose derivative it is
     """
 
     name: str
@@ -69,6 +72,8 @@ class Variable:
     clock: str = ""
     interval: str = ""
     shift: str = ""
+    ticks: str = ""
+    rate_of: str = ""
 
     @property
     def continuous(self) -> bool:
@@ -80,7 +85,9 @@ class Variable:
 class Fmu:
     """One FMU of the pack; `flags` replace capabilities, `versions`: FMI versions it exists for.
 
-    names  variables that are called something else in modelDescription.xml
+    names      variables that are called something else in modelDescription.xml
+    exchange   it is for model exchange
+    terminals  the elements of terminalsAndIcons.xml, as text
     """
 
     name: str
@@ -90,6 +97,8 @@ class Fmu:
     flags: Mapping[str, str] = field(default_factory=dict)
     names: Mapping[str, str] = field(default_factory=dict)
     experiment: str = ""
+    exchange: bool = False
+    terminals: str = ""
 
     def shown(self, variable: str) -> str:
         """What a variable is called outside."""
@@ -171,6 +180,17 @@ RELAY = (
     _output("count", "Integer"),
     replace(_output("sampled"), discrete=True),
 )
+EXCHANGE = (
+    Variable("u", start=5.0),
+    _parameter("kind", 0, "Integer"),
+    _output("y"),
+    _output("speed"),
+    _output("count", "Integer"),
+    Variable("der_y", causality="local", start=None, rate_of="y"),
+    Variable("der_speed", causality="local", start=None, rate_of="speed"),
+)
+RATES = {"der_y": "der(y)", "der_speed": "der(speed)"}
+KINDS = ("lag", "ball", "stairs", "broken")  # as in c/models.c
 TRICKS = (
     "none",
     "warns",
@@ -293,6 +313,33 @@ _ALL = (
         {"hasEventMode": "true"},
     ),
     Fmu("relay", "sampler", RELAY, (3,), {"hasEventMode": "true"}),
+    *(
+        Fmu(
+            f"sampler_{ticks}",
+            "sampler",
+            _changed(SAMPLER, "tick", ticks=ticks),
+            (3,),
+            {"hasEventMode": "true"},
+        )
+        for ticks in ("fixed", "tunable")
+    ),
+    *(
+        Fmu(
+            f"sampler_{ticks}",
+            "sampler",
+            _changed(SAMPLER, "tick", ticks=ticks, interval=""),
+            (3,),
+            {"hasEventMode": "true"},
+        )
+        for ticks in ("changing", "countdown")
+    ),
+    *(
+        Fmu(f"exchange_{n}", "exchange", _starting(EXCHANGE, kind=i), names=RATES, exchange=True)
+        for i, n in enumerate(KINDS)
+    ),
+    Fmu("source_plug", "source", SOURCE, terminals=terminals.SOURCE),
+    Fmu("echo_plug", "echo", ECHO2, (2,), terminals=terminals.ECHO),
+    Fmu("echo_plug", "echo", ECHO3, (3,), terminals=terminals.ECHO),
     *(Fmu(f"trouble_{n}", "trouble", _starting(TROUBLE, trick=i)) for i, n in enumerate(TRICKS)),
 )
 

@@ -56,7 +56,8 @@ people as that master: its column says that it does what the pack states, not th
 Not all that is called wrong here is against a standard: whether an importer has to refuse a value out of its
 bounds, an entity in an XML file, a link in an archive (which it may well unpack harmlessly), a loop without
 a solution or an output that is no number is a matter of opinion. This pack holds that it has to; that a
-signal is off by a factor is no matter of opinion.
+signal is off by a factor is no matter of opinion. Model exchange is held to 1e-3: one step of Euler's method
+for each step of the system, as some importers take, misses that.
 
 How they are driven:
 

@@ -198,6 +198,13 @@ def annotation(step: float | str, inner: str = "", **more: str) -> str:
     )
 
 
+def joined(start: str, end: str) -> str:
+    """A connection of two terminals, "component.terminal", in this project's annotation."""
+    (one, mine), (other, theirs) = (text.split(".") for text in (start, end))
+    ends = {"startElement": one, "startTerminal": mine, "endElement": other, "endTerminal": theirs}
+    return f"<slw:TerminalConnection{attributes(ends)}/>"
+
+
 def ssd(
     system: str, step: float | str = 0.1, stop: float = 0.8, annotated: str = "", name: str = "case"
 ) -> str:

@@ -70,6 +70,8 @@ class External:
 
     inputs: list[str]
     symbol: str = "external_block"
+    outputs: tuple[str, str, str] = ("u_slew", "qd_boom_ref", "qd_stick_ref")  # of a policy, specs/policy.py
+    period: int = 5  # ticks: 10 Hz
 
 
 def _period(model: Model) -> int:

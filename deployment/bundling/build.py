@@ -20,7 +20,7 @@ from baselines.load.balance import unknowns
 from baselines.load.calibration_file import read
 from baselines.load.online import model as load_estimate
 from baselines.registry import Controller
-from deployment.bundling import commissioned, config, policy
+from deployment.bundling import commissioned, config, guard as guarding, policy
 from deployment.bundling.blocks import COMPILED, CORE, Block, External
 from deployment.bundling.content import Content
 from fmus.definition import Model
@@ -31,14 +31,15 @@ from fmus.toolchain.loader import load_model
 from runtime import bundle as form, image
 from specs import parameters
 from specs.errors import InputError
+from specs.scene import Scene
 from specs.version import VERSION
 
 ARM = "arm_velocity"
 HAND_WRITTEN = (
-    *("slr.h", "gate.h", "block.h", "wire.h", "canopen.h"),
+    *("slr.h", "gate.h", "guard.h", "block.h", "wire.h", "canopen.h"),
     *("scan.h", "bus.h", "exchange.h", "memory.h"),
     *("image_layout.h", "wire_layout.h", "canopen_layout.h", "scan_layout.h"),
-    *("gate.c", "check.c", "mode.c", "step.c", "explain.c", "wire.c", "canopen.c"),
+    *("gate.c", "guard.c", "check.c", "mode.c", "step.c", "explain.c", "wire.c", "canopen.c"),
     *("scan.c", "bus.c", "exchange.c", "memory.c"),
 )
 BAKED_IN = ("geometry", "slew", "machine", "load_estimate")  # files whose figures are constants of the C code
@@ -60,6 +61,7 @@ def bundle(
     calibration: Path | None = None,
     commissioning: Path | None = None,
     files: Mapping[str, bytes] | None = None,
+    guard: Scene | None = None,
 ) -> form.Bundle:
     """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
 
@@ -67,7 +69,7 @@ def bundle(
     this machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is
     evaluated: "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`,
     `commissioning` the calibration.json of `slewright commission`, whose tare a `calibration` replaces;
-    `files` lie beside the core.
+    `files` lie beside the core; `guard` is the scene that the guard keeps off (none: there is no guard).
     Raises InputError for an unknown controller, platform, parameter or engine, a controller that no core can
     run, or a folder that holds something else; RunError if C fails.
     """
@@ -81,6 +83,8 @@ def bundle(
         )
     if calibration is not None:
         content = _calibrated(content, calibration)
+    if guard is not None:
+        content = dataclasses.replace(content, guard=guarding.zones(guard))
     return assemble(content, out, platforms, changes)
 
 
@@ -101,12 +105,20 @@ def assemble(
     """Write, compile and hash; `out` is replaced only when all of it is there."""
     targets = [compiler.target(n).name for n in platforms or [compiler.host().name]]
     zeros = {f"zero_{name}": value for name, value in content.zeros.items()}
-    constants = {**config.constants(changes or {}), **zeros}
+    known = dict(changes or {})
+    bounds = {name: known.pop(name) for name in guarding.names() & known.keys()}
+    constants = {**config.constants(known), **guarding.constants(bounds), **zeros}
     _check_folder(out)
     part = out.with_name(f"{out.name}.{os.getpid()}.part")
     try:
         blocks = write_sources(
-            content.controller, part / "sources", constants, content.calibration, content.zeros, content.arm
+            content.controller,
+            part / "sources",
+            constants,
+            content.calibration,
+            content.zeros,
+            content.arm,
+            content.guard,
         )
         identity = sources_hash(part / "sources")
         for target in targets:
@@ -130,18 +142,22 @@ def write_sources(
     calibration: Mapping[str, float] | None = None,
     zeros: Mapping[str, float] | None = None,
     tables: Mapping[str, float] | None = None,
+    guard: guarding.Zones | None = None,
 ) -> list[Block]:
     """Write core and blocks; the blocks."""
     arm = Block(commissioned.with_tables(load_model(ARM), tables or {}), ARM)
     estimator = Block(load_estimate(calibration), "load")
     core = folder / "core"
     core.mkdir(parents=True, exist_ok=True)
-    external = isinstance(controller, External)
+    external = controller if isinstance(controller, External) else None
     for name in (*HAND_WRITTEN, *(["external.c"] if external else [])):
         (core / name).write_bytes((CORE / name).read_bytes())
     (core / "slw_math.h").write_bytes((SHIM / "slw_math.h").read_bytes())
-    (core / "core_config.h").write_text(config.config_h(constants))
-    (core / "core_config.c").write_text(config.config_c(controller, arm, estimator, constants, zeros or {}))
+    (core / "core_config.h").write_text(config.config_h(constants, external))
+    (core / "core_config.c").write_text(
+        config.config_c(controller, arm, estimator, constants, zeros or {}, guard is not None)
+    )
+    (core / "guard_config.c").write_text(guarding.guard_c(guard, constants))
     (core / "geometry.c").write_text(config.geometry_c())
     blocks = [arm, estimator] if isinstance(controller, External) else [controller, arm, estimator]
     for block in blocks:
@@ -211,7 +227,11 @@ def objects_of(
 def identity_of(controller: str) -> str:
     """The identity that a bundle of a controller would have if it were built now."""
     with tempfile.TemporaryDirectory() as scratch:
-        write_sources(_content(controller, form.NATIVE).controller, Path(scratch), config.constants({}))
+        write_sources(
+            _content(controller, form.NATIVE).controller,
+            Path(scratch),
+            {**config.constants({}), **guarding.constants({})},
+        )
         return sources_hash(Path(scratch))
 
 
@@ -280,6 +300,7 @@ def _manifest(folder: Path, content: Content, identity: str, targets: Sequence[s
         "layout": image.token(),
         "identity": identity,
         "platforms": sorted(targets),
+        "guard": content.guard.name if content.guard else "",
         "files": form.hashes(folder),
     }
 

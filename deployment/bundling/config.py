@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
+from deployment.bundling import guard
 from deployment.bundling.blocks import Block, External
 from fmus.equations import kinematics
 from fmus.toolchain import codegen
@@ -23,7 +24,7 @@ def constants(changes: Mapping[str, float]) -> dict[str, float]:
     return {name: changes.get(name, p.value) for name, p in known.items()}
 
 
-def config_h(c: Mapping[str, float]) -> str:
+def config_h(c: Mapping[str, float], external: External | None = None) -> str:
     """`core_config.h`: what check.c, mode.c and step.c need to know."""
     values = {
         "SLR_DEBOUNCE": ticks(c["input_debounce"]),
@@ -34,7 +35,12 @@ def config_h(c: Mapping[str, float]) -> str:
         "SLR_OVERRUNS": int(c["overruns_allowed"]),
         "SLR_STATUS_TICKS": ticks(1.0 / (signal("controller_heartbeat").rate_hz or 50.0)),
     }
+    if external:
+        places = ", ".join(f"SLR_OUT_{name}" for name in external.outputs)
+        values |= {"SLR_EXTERNAL_PERIOD": external.period}
     lines = [f"#define {name} {value!r}" for name, value in values.items()]
+    if external:
+        lines.append(f"#define SLR_EXTERNAL_OUTPUTS {{{places}}}")
     return (
         "/* Constants of the core, generated from specs/parameters/gate.toml. */\n" + "\n".join(lines) + "\n"
     )
@@ -46,9 +52,10 @@ def config_c(
     estimator: Block,
     c: Mapping[str, float],
     zeros: Mapping[str, float],
+    guarded: bool = False,
 ) -> str:
     """`core_config.c`: which blocks, which inputs they need, sensors' zeros, the gate's limits."""
-    needed = {*controller.inputs, *arm.inputs, *GATE_SENSORS}
+    needed = {*controller.inputs, *arm.inputs, *GATE_SENSORS, *(guard.SENSORS if guarded else ())}
     off = ", ".join(repr(zeros.get(s.name, 0.0)) for s in INPUT.signals)
     sensors = [int(s.name in needed and group(s) is Group.SENSOR) for s in INPUT.signals]
     return (
@@ -81,16 +88,17 @@ def limits(c: Mapping[str, float]) -> str:
 
 
 def geometry_c() -> str:
-    """`geometry.c`: the walls of the gate and the reach of a target, from fmus.equations.kinematics."""
+    """`geometry.c`: walls of the gate, reach of a target, pose for the guard: fmus.equations.kinematics."""
     generator = ca.CodeGenerator("geometry.c", codegen.CASADI_OPTIONS)
     generator.add(geometry())
+    generator.add(guard.pose())
     code = generator.dump().replace("#include <math.h>", '#include "slw_math.h"')
     return code + (
         '\n#include "slr.h"\n'
         "void slr_geometry(const double *joints, const double *target, double *walls, double *distance,\n"
         "                  double *reach) {\n"
         "  const double *arg[] = {joints, target};\n  double *res[] = {walls, distance, reach};\n"
-        "  slr_geometry_f(arg, res, 0, 0, 0);\n}\n"
+        "  slr_geometry_f(arg, res, 0, 0, 0);\n}\n" + guard.POSE_C
     )
 
 

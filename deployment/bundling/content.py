@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from deployment.bundling.blocks import Block, External
+from deployment.bundling.guard import Zones
 from runtime import bundle as form
 
 
@@ -18,3 +19,4 @@ class Content:
     calibration: Mapping[str, float] = field(default_factory=dict)  # of the load estimate
     zeros: Mapping[str, float] = field(default_factory=dict)  # of sensors, SI
     arm: Mapping[str, float] = field(default_factory=dict)  # parameters of the arm loops
+    guard: Zones | None = None  # what the guard keeps off; None: there is no guard

@@ -12,7 +12,7 @@ from deployment.bundling.blocks import CORE
 from deployment.bundling.build import UNUSED_GONE, UNUSED_OUT, Cached, objects_of
 from fmus.definition import Model, from_signals
 from fmus.paths import SHIM
-from fmus.toolchain import codegen, compiler, description
+from fmus.toolchain import codegen, compiler, description, reference, terminals
 from fmus.toolchain.build import HEADERS, SHIM_FILES, build_fmu as build_model, mark_built, pack
 from orchestrator.system.pack import pack as pack_ssp
 from runtime.bundle import NATIVE, Bundle
@@ -56,7 +56,7 @@ def build_fmu(bundle: Bundle, out: Path) -> Path:
         binaries = f"binaries/{compiler.target(host).fmi2_folder}/{NAME}{compiler.target(host).suffix}"
         files = {"modelDescription.xml": description.description(model, FMI, token), binaries: library}
         files["documentation/licenses/license.txt"] = b"Apache License, Version 2.0 (SPDX: Apache-2.0)\n"
-        archive = pack(files)
+        archive = pack(files | reference.files(model, library, token) | terminals.files(model))
     out.mkdir(parents=True, exist_ok=True)
     path = out / f"{NAME}.fmu"
     path.write_bytes(archive)

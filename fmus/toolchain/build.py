@@ -17,7 +17,7 @@ from markdown_it import MarkdownIt
 
 from fmus.definition import Model
 from fmus.paths import BUILD, BUILT_HERE, ROOT, SHIM, built_here
-from fmus.toolchain import codegen, compiler, description
+from fmus.toolchain import codegen, compiler, description, reference, terminals
 from fmus.toolchain.loader import load_model, model_folders
 from specs.errors import InputError
 
@@ -152,8 +152,10 @@ def _archive(model: Model, folder: Path, fmi_version: int, targets: Iterable[str
             files["sources/" + name] = (sources / name).read_bytes()
         for name in HEADERS[fmi_version]:
             files["sources/fmi/" + name] = (sources / "fmi" / name).read_bytes()
+        files |= reference.files(model, compile_library(model, sources, 2, compiler.host().name), token)
     if fmi_version == 3:
         files["sources/buildDescription.xml"] = description.build_description(model)
+    files |= terminals.files(model)
     files["documentation/index.html"] = _documentation(model, folder)
     files["documentation/licenses/license.txt"] = b"Apache License, Version 2.0 (SPDX: Apache-2.0)\n"
     return pack(files)

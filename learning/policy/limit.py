@@ -10,6 +10,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 from learning.policy.export import read, write
 from records.figures_file import check_target
@@ -29,9 +30,16 @@ def limit(policy: Path, change: float, out: Path) -> Path:
     return write(replace(found, contract=replace(found.contract, change=change, made=made)), out)
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong, as `slewright` does."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
 def main(words: Sequence[str] | None = None) -> None:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="python -m learning.policy.limit")
+    parser = _Parser(prog="python -m learning.policy.limit")
     parser.add_argument("policy", type=Path)
     parser.add_argument("--change", type=float, required=True)
     parser.add_argument("--out", type=Path, required=True)

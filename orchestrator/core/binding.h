@@ -23,6 +23,15 @@ bool slw_blob_write(slw_blob *blob, const void *data, size_t size);
 /* Append a formatted message. */
 void slw_fmu_logf(slw_fmu *fmu, const char *format, ...);
 
+/* The lines of a text; `list` points into `text`, both of which slw_lines_free frees. */
+typedef struct {
+  char *text;
+  const char **list;
+  size_t n;
+} slw_lines;
+bool slw_lines_of(const char *text, slw_lines *lines); /* false: no memory */
+void slw_lines_free(slw_lines *lines);
+
 /* Where a function that the FMU lacks is called. */
 slw_status slw_missing(slw_fmu *fmu, const char *name);
 

@@ -17,7 +17,7 @@
   X(SetTime) X(SetContinuousStates) X(GetDerivatives) X(GetEventIndicators)                    \
   X(GetContinuousStates) X(GetNominalsOfContinuousStates)
 #define OPTIONAL(X)                                                                         \
-  X(Terminate) X(Reset) X(GetReal) X(GetInteger) X(GetBoolean) X(GetString)                 \
+  X(SetDebugLogging) X(Terminate) X(Reset) X(GetReal) X(GetInteger) X(GetBoolean) X(GetString)                 \
   X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(GetFMUstate) X(SetFMUstate)         \
   X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate)     \
   X(GetDirectionalDerivative) X(GetRealStatus) X(GetBooleanStatus)
@@ -243,6 +243,19 @@ static bool check_version(slw_fmi2 *f, char *error, size_t error_size) {
   return false;
 }
 
+/* Tells the log categories of `log` (see fmu.h). */
+static bool tell_log(slw_fmi2 *f, const char *log, char *error, size_t error_size) {
+  slw_lines names;
+  if (!log) return true;
+  if (!slw_lines_of(log, &names)) return snprintf(error, error_size, "no memory"), false;
+  const slw_status status = CALL(f, SetDebugLogging, fmi2True, names.n, names.list);
+  slw_lines_free(&names);
+  if (status <= SLW_WARNING) return true;
+  const char *why = slw_fmu_message(&f->fmu, 0);
+  snprintf(error, error_size, "it refuses the log categories%s%s", *why ? ": " : "", why);
+  return false;
+}
+
 static slw_fmu *refused(slw_fmi2 *f) {
   free_fmu(&f->fmu);
   return NULL;
@@ -265,6 +278,7 @@ slw_fmu *slw_fmi2_load(const slw_fmu_options *o, char *error, size_t error_size)
     snprintf(error, error_size, "%s", f->fmu.n_messages ? slw_fmu_message(&f->fmu, 0) : "it gave no reason");
     return refused(f);
   }
+  if (!tell_log(f, o->log, error, error_size)) return refused(f);
   if (o->exchange) {
     if (slw_me_wrap(&f->fmu, &exchange_calls, o->exchange, error, error_size)) return &f->fmu;
     f->fmu.call->free(&f->fmu);

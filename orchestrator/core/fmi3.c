@@ -15,7 +15,7 @@
   X(GetContinuousStates) X(SetContinuousStates) X(GetContinuousStateDerivatives)                  \
   X(GetEventIndicators) X(GetNominalsOfContinuousStates)
 #define OPTIONAL(X)                                                                               \
-  X(Terminate) X(Reset) X(EnterConfigurationMode) X(ExitConfigurationMode) X(EnterEventMode)      \
+  X(SetDebugLogging) X(Terminate) X(Reset) X(EnterConfigurationMode) X(ExitConfigurationMode) X(EnterEventMode)      \
   X(UpdateDiscreteStates) X(EnterStepMode) X(GetFMUState) X(SetFMUState) X(FreeFMUState)          \
   X(SerializedFMUStateSize) X(SerializeFMUState) X(DeserializeFMUState)                           \
   X(GetDirectionalDerivative) X(GetBinary) X(SetBinary) X(GetClock) X(SetClock)
@@ -225,6 +225,19 @@ static bool bind(slw_fmi3 *f, bool exchange, char *error, size_t error_size) {
          slw_version_is("3.", version(), error, error_size);
 }
 
+/* Tells the log categories of `log` (see fmu.h). */
+static bool tell_log(slw_fmi3 *f, const char *log, char *error, size_t error_size) {
+  slw_lines names;
+  if (!log) return true;
+  if (!slw_lines_of(log, &names)) return snprintf(error, error_size, "no memory"), false;
+  const slw_status status = CALL(f, SetDebugLogging, fmi3True, names.n, names.list);
+  slw_lines_free(&names);
+  if (status <= SLW_WARNING) return true;
+  const char *why = slw_fmu_message(&f->fmu, 0);
+  snprintf(error, error_size, "it refuses the log categories%s%s", *why ? ": " : "", why);
+  return false;
+}
+
 static slw_fmu *refused(slw_fmi3 *f) {
   free_fmu(&f->fmu);
   return NULL;
@@ -250,6 +263,7 @@ slw_fmu *slw_fmi3_load(const slw_fmu_options *o, char *error, size_t error_size)
     snprintf(error, error_size, "%s", f->fmu.n_messages ? slw_fmu_message(&f->fmu, 0) : "it gave no reason");
     return refused(f);
   }
+  if (!tell_log(f, o->log, error, error_size)) return refused(f);
   if (o->exchange) {
     if (slw_me_wrap(&f->fmu, &exchange_calls, o->exchange, error, error_size)) return &f->fmu;
     f->fmu.call->free(&f->fmu);

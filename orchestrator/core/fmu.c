@@ -36,6 +36,26 @@ void slw_fmu_logf(slw_fmu *fmu, const char *format, ...) {
   fmu->n_messages++;
 }
 
+bool slw_lines_of(const char *text, slw_lines *lines) {
+  const size_t size = strlen(text) + 1;
+  *lines = (slw_lines){malloc(size), calloc(size, sizeof *lines->list), 0};
+  if (!lines->text || !lines->list) return slw_lines_free(lines), false;
+  memcpy(lines->text, text, size);
+  for (char *at = lines->text; *at;) {
+    char *end = strchr(at, '\n');
+    lines->list[lines->n++] = at;
+    if (!end) break;
+    *end = 0, at = end + 1;
+  }
+  return true;
+}
+
+void slw_lines_free(slw_lines *lines) {
+  free(lines->text);
+  free(lines->list);
+  *lines = (slw_lines){NULL, NULL, 0};
+}
+
 slw_status slw_missing(slw_fmu *fmu, const char *name) {
   slw_fmu_logf(fmu, "the FMU lacks the function %s", name);
   return SLW_ERROR;

@@ -62,6 +62,7 @@ typedef struct {
   bool event_mode;         /* FMI 3: event mode used */
   bool early_return;       /* FMI 3: early return allowed */
   const char *exchange;    /* model exchange: what me.c reads; NULL: co-simulation */
+  const char *log;         /* log categories to be told, one a line; "": all of them; NULL: none are told */
 } slw_fmu_options;
 
 /* What a step came to, beside its status. */

@@ -23,6 +23,7 @@ class Options(Structure):
         ("event_mode", c_bool),
         ("early_return", c_bool),
         ("exchange", c_char_p),
+        ("log", c_char_p),
     )
 
 

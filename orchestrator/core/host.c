@@ -265,17 +265,18 @@ static void say_refusal(slw_channel *c, const char *error) {
 
 static slw_status call_load(slw_host *h) {
   char error[SLW_MESSAGE_SIZE] = "it gave no reason";
-  const uint64_t *head = slw_tape_take(&h->tape, 5 * sizeof *head);
+  const uint64_t *head = slw_tape_take(&h->tape, 6 * sizeof *head);
   const uint64_t *parent = slw_tape_take(&h->tape, sizeof *parent);
-  const char *strings[5] = {NULL, NULL, NULL, NULL, NULL};
-  for (int i = 0; i < 5; i++) {
+  const char *strings[6] = {NULL, NULL, NULL, NULL, NULL, NULL};
+  for (int i = 0; i < 6; i++) {
     const uint64_t *size = slw_tape_take(&h->tape, sizeof *size);
     strings[i] = size ? slw_tape_take(&h->tape, (size_t)*size) : NULL;
   }
-  if (!strings[4]) return SLW_ERROR;
+  if (!strings[5]) return SLW_ERROR;
   if ((uint64_t)getppid() != *parent) exit(0); /* it ended before the signal of its end was asked for */
   const slw_fmu_options options = {(int)head[0], strings[0], strings[1], strings[2], head[3] ? strings[3] : NULL,
-                                   head[1] != 0, head[2] != 0, head[4] ? strings[4] : NULL};
+                                   head[1] != 0, head[2] != 0, head[4] ? strings[4] : NULL,
+                                   head[5] ? strings[5] : NULL};
   h->fmu = slw_fmu_load(&options, error, sizeof error);
   if (h->fmu) return SLW_OK;
   say_refusal(h->channel, error);

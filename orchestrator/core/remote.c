@@ -413,14 +413,14 @@ static int spawn(const char *host, int fd, pid_t *pid) {
 }
 
 static slw_status load(slw_remote *r, const slw_fmu_options *o) {
-  const char *const strings[5] = {o->library, o->name, o->token, o->resources, o->exchange};
-  const uint64_t head[5] = {(uint64_t)o->fmi_version, o->event_mode, o->early_return, o->resources != NULL,
-                            o->exchange != NULL};
+  const char *const strings[6] = {o->library, o->name, o->token, o->resources, o->exchange, o->log};
+  const uint64_t head[6] = {(uint64_t)o->fmi_version, o->event_mode, o->early_return, o->resources != NULL,
+                            o->exchange != NULL, o->log != NULL};
   const uint64_t parent = (uint64_t)getpid();
   begin(r, SLW_CALL_LOAD);
   slw_tape_put(&r->tape, head, sizeof head);
   slw_tape_put(&r->tape, &parent, sizeof parent);
-  for (int i = 0; i < 5; i++) {
+  for (int i = 0; i < 6; i++) {
     const uint64_t size = strings[i] ? strlen(strings[i]) + 1 : 1;
     slw_tape_put(&r->tape, &size, sizeof size);
     slw_tape_put(&r->tape, strings[i] ? strings[i] : "", (size_t)size);

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fmus.paths import built_here
 from orchestrator.fmi.model_description import ModelDescription
+from orchestrator.fmi.terminals import Terminals
 from orchestrator.fmi.variable import Value, Variable, size_of
 
 
@@ -19,6 +20,7 @@ class Component:
     clocks    its periodic input clocks by name: (shift, interval) in ticks of the system
     line      in the SSD; 0: there is none
     file      the SSD, as messages call it
+    terminals groups of its variables that are connected together
     """
 
     name: str
@@ -31,6 +33,7 @@ class Component:
     line: int = 0
     clocks: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     file: str = ""
+    terminals: Terminals = field(default_factory=Terminals)
 
     def __str__(self) -> str:
         """How messages call it: with file and line, where it has some."""

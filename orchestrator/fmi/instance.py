@@ -27,8 +27,8 @@ from orchestrator.fmi.component import Component
 from orchestrator.fmi.exchange import described
 from orchestrator.fmi.library_check import unloadable
 from orchestrator.fmi.model_description import Variable
-from orchestrator.fmi.variable import BLOBS, STATUS, WARNING, WIRE, Value
-from specs.errors import InputError, RunError
+from orchestrator.fmi.variable import BLOBS, HUNG, STATUS, WARNING, WIRE, Value
+from specs.errors import HungError, InputError, RunError
 
 LIMIT_S = 60.0  # for one call of an FMU in a process of its own
 ERROR_SIZE = 1024
@@ -40,8 +40,16 @@ class Instance:
     `pointer` is the core's slw_fmu; `isolated`, `event_mode`, `early_return`: how it was instantiated.
     """
 
-    def __init__(self, component: Component, isolated: bool = False, limit_s: float = LIMIT_S) -> None:
+    def __init__(
+        self,
+        component: Component,
+        isolated: bool = False,
+        limit_s: float = LIMIT_S,
+        log: Sequence[str] | None = None,
+    ) -> None:
         """Load the FMU: with `isolated` in a process of its own, where a call may take `limit_s` seconds.
+
+        `log`: categories that it is told to log; (): all; None: it is told nothing.
 
         Raises InputError when the library cannot be loaded or refuses to make an instance.
         """
@@ -51,9 +59,9 @@ class Instance:
         self.early_return = self.event_mode or self.model.can_return_early
         self.wire = WIRE[self.model.fmi_version]
         self.library = library()
-        self.pointer = c_void_p(self._load(isolated, limit_s))
+        self.pointer = c_void_p(self._load(isolated, limit_s, log))
 
-    def _load(self, isolated: bool, limit_s: float) -> int:
+    def _load(self, isolated: bool, limit_s: float, log: Sequence[str] | None) -> int:
         options = Options(
             self.model.fmi_version,
             str(self.component.library).encode(),
@@ -63,6 +71,7 @@ class Instance:
             self.event_mode,
             self.early_return,
             described(self.component),
+            None if log is None else "\n".join(log).encode(),
         )
         error = ctypes.create_string_buffer(ERROR_SIZE)
         if isolated:
@@ -250,7 +259,8 @@ class Instance:
     def check(self, status: int, doing: str) -> None:
         """RunError if `status` is worse than a warning."""
         if status > WARNING:
-            raise RunError(f"component {self.name}: {doing} returned {self.status_text(status)}")
+            kind = HungError if status == HUNG else RunError
+            raise kind(f"component {self.name}: {doing} returned {self.status_text(status)}")
 
     def status_text(self, status: int) -> str:
         """A status in words, with the FMU's last message."""

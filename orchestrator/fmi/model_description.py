@@ -81,6 +81,7 @@ class ModelDescription:
     initial_dependencies   the same during initialisation
     warnings               sentences on what is not honoured or not as it should be
     exchange               how its states are integrated; None: it steps itself (co-simulation)
+    log_categories         what it can be told to log: descriptions by name
     """
 
     fmi_version: int
@@ -106,6 +107,7 @@ class ModelDescription:
     version_text: str = ""
     generation_tool: str = ""
     exchange: Exchange | None = None
+    log_categories: Mapping[str, str] = field(default_factory=dict)
 
     def variable(self, name: str, shown: str) -> Variable:
         """The variable `name`; InputError with the nearest names, starting with `shown`."""
@@ -159,6 +161,7 @@ def parse(content: bytes, shown: str, kind: str = ANY) -> ModelDescription:
         fixed_internal_step_s=_positive(interface, "fixedInternalStepSize", where) if version == 3 else None,
         **_capabilities(interface, version, where),
         exchange=exchange,
+        log_categories=_log_categories(root, where),
         default_start_s=experiment[0],
         default_stop_s=experiment[1],
         default_step_s=experiment[2],
@@ -229,6 +232,11 @@ def _identifier(interface: Element, where: str) -> str:
             f"{where} line {interface.sourceline}: '{xml_file.shortened(name)}' is no modelIdentifier"
         )
     return name
+
+
+def _log_categories(root: Element, where: str) -> dict[str, str]:
+    found = [e for holder in root.iterfind("LogCategories") for e in holder.iterfind("Category")]
+    return {xml_file.required(e, "name", where): e.get("description", "") for e in found}
 
 
 def _capabilities(interface: Element, version: int, where: str) -> Mapping[str, bool]:

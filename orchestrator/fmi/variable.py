@@ -122,6 +122,7 @@ BLOBS = ("String", "Binary")
 BOOLEANS = ("Boolean", "Clock")
 
 STATUS = ("ok", "warning", "discard", "error", "fatal", "pending", "crashed", "hung")  # slw_status
+HUNG = STATUS.index("hung")
 WARNING, ERROR = 1, 3  # the worst status with which a run goes on; from ERROR on an FMU may only be freed
 
 

@@ -13,13 +13,14 @@ from orchestrator.core.binding import BlockStatistics, Statistics
 from orchestrator.fmi.component import runs_here
 from orchestrator.fmi.instance import LIMIT_S, Instance
 from orchestrator.fmi.model_description import REALS
-from orchestrator.fmi.variable import BLOBS, ERROR, STATUS, Scalar, Value
+from orchestrator.fmi.variable import BLOBS, ERROR, HUNG, STATUS, Scalar, Value
+from orchestrator.run.log_categories import told
 from orchestrator.run.plan import Plan, scalars, to_bits
 from orchestrator.ssp.description import Settings
 from orchestrator.system.layout import Layout, Slot
 from orchestrator.system.order import algebraic_loops
 from orchestrator.system.system import System
-from specs.errors import RunError
+from specs.errors import HungError, RunError
 from specs.faults import Fault
 
 SHOWN_INPUTS = 12  # in an error message
@@ -43,6 +44,7 @@ class Options:
     ring_rows   rows that recording may lag behind
     start_s     time of the first tick; None: that of the description
     told_stop_s, told_tolerance  what FMUs are told of the run's end and of accuracy; None: nothing
+    log_categories  what they are told to log
     """
 
     settings: Settings = field(default_factory=Settings)
@@ -58,6 +60,7 @@ class Options:
     start_s: float | None = None
     told_stop_s: float | None = None
     told_tolerance: float | None = None
+    log_categories: Sequence[str] = ()
 
 
 class Master:
@@ -91,7 +94,8 @@ class Master:
             isolated = not runs_here(component, self.options.trust) or component.sha256 in here
             if component.model.only_once_per_process and not isolated:
                 here.add(component.sha256)
-            instance = Instance(component, isolated=isolated, limit_s=self.options.limit_s)
+            log = told(component, self.options.log_categories)
+            instance = Instance(component, isolated, self.options.limit_s, log)
             self.instances.append(instance)
             instance.set_values(start[component.name])
 
@@ -140,9 +144,9 @@ class Master:
 
     def initialise(self) -> None:
         """Bring all FMUs to time 0, outputs propagated and loops solved; RunError naming what failed."""
-        told = self.options
+        said = self.options
         for instance in self.instances:
-            instance.enter_initialisation(told.told_stop_s, told.told_tolerance or 0.0, self.start_s)
+            instance.enter_initialisation(said.told_stop_s, said.told_tolerance or 0.0, self.start_s)
         self.running = list(self.instances)
         self._check(self.library.slw_core_initialise(self.core))
 
@@ -258,7 +262,8 @@ class Master:
         if failure.status >= ERROR and instance in self.running:
             self.running.remove(instance)  # it may only be freed
         why = self._why(failure, instance)
-        return RunError(
+        kind = HungError if failure.status == HUNG else RunError
+        return kind(
             f"component {instance.name} failed {when}: {why}\nlast inputs: {self._inputs(failure.block)}"
         )
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.fmi.variable import Value
+from orchestrator.run.log_categories import check_log_categories
 from orchestrator.run.master import LIMIT_S, Master, Options
 from orchestrator.ssp.description import Settings
 from orchestrator.system.interventions import Changes, check_changes, check_faults
@@ -58,6 +59,7 @@ def simulate(
     start_s: float | None = None,  # time of tick 0, over the description's
     tell_stop: bool = False,  # tell FMUs when the run will end
     tell_tolerance: float | None = None,  # tell FMUs how accurate they are to be, relative
+    log_categories: Sequence[str] = (),  # what FMUs are told to log, beside what they log anyway; "all"
     statistics: dict[str, Any] | None = None,  # filled with counts and times, which are no part of the record
 ) -> Record:
     """Run `stop_ticks` steps of `system.step_s` and return the record: one row a tick, from 0 to stop_ticks.
@@ -77,6 +79,7 @@ def simulate(
     _check_told(first_s, tell_tolerance)
     layout = lay_out(system, record)
     check_texts(system, texts)
+    check_log_categories(system, log_categories)
     start = system.start_values({**seeds(system, seed), **(parameters or {})})
     every_fault = (*system.faults, *faults)
     check_faults(system, every_fault)
@@ -93,6 +96,7 @@ def simulate(
         start_s=first_s,
         told_stop_s=first_s + stop_ticks * system.step_s if tell_stop else None,
         told_tolerance=tell_tolerance,
+        log_categories=log_categories,
     )
     provenance = _provenance(system, options, parameters or {}, changes or {}) | dict(meta or {})
     with Master(system, layout, start, options) as master:

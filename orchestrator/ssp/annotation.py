@@ -1,4 +1,4 @@
-"""Reads our annotation of a system description: step sizes, algorithm, faults, which SSP leaves to importers.
+"""Reads our annotation of a system description: what SSP leaves to importers, or does not know.
 
 <ssc:Annotation type="slewright.simulation">
   <slw:Simulation xmlns:slw="urn:slewright:simulation" stepSize="0.02" algorithm="iterate"
@@ -6,20 +6,25 @@
                   maxIterations="50" maxHalvings="16">
     <slw:Component name="plant.valve" stepSize="0.1"/>
     <slw:Fault target="pi.q_slew" kind="bias" start_s="10" value="0.05"/>
+    <slw:TerminalConnection startElement="pi" startTerminal="command_out"
+                            endElement="plant.valve" endTerminal="command_in"/>
   </slw:Simulation>
 </ssc:Annotation>
 """
 
+from collections.abc import Iterator
+
 from orchestrator.files import xml_file
 from orchestrator.files.xml_file import Element
-from orchestrator.ssp.description import ALGORITHMS, Settings, Simulation
+from orchestrator.ssp.description import ALGORITHMS, Settings, Simulation, TerminalConnection
 from orchestrator.ssp.text import Place, Text
 from specs.errors import nearest
 from specs.faults import Fault, from_attributes
 from specs.ssd import ANNOTATION, SIMULATION
 
 ATTRIBUTES = ("stepSize", "algorithm", "tolerance", "maxIterations", "maxHalvings")
-CHILDREN = ("Component", "Fault")
+CHILDREN = ("Component", "Fault", "TerminalConnection")
+ENDS = ("startElement", "startTerminal", "endElement", "endTerminal")
 MAX_ITERATIONS, MAX_HALVINGS = 100_000, 40
 
 
@@ -55,6 +60,7 @@ def _simulation(text: Text, element: Element) -> Simulation:
         _settings(text, element),
         _steps(text, element),
         tuple(_faults(text, element)),
+        tuple(_terminal_connections(text, element)),
         text.place(element),
     )
 
@@ -90,6 +96,13 @@ def _faults(text: Text, element: Element) -> list[tuple[Fault, Place]]:
         for child in element.iterfind(f"{{{SIMULATION}}}Fault")
         for place in [text.place(child)]
     ]
+
+
+def _terminal_connections(text: Text, element: Element) -> Iterator[TerminalConnection]:
+    for child in element.iterfind(f"{{{SIMULATION}}}TerminalConnection"):
+        _check_names(text, child, ENDS)
+        start, terminal, end, other = (text.name(child, key) for key in ENDS)
+        yield TerminalConnection((start, terminal), (end, other), text.place(child))
 
 
 def _check_names(text: Text, element: Element, valid: tuple[str, ...]) -> None:

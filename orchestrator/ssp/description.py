@@ -24,6 +24,7 @@ __all__ = (
     "Settings",
     "Simulation",
     "SystemElement",
+    "TerminalConnection",
     "Typed",
 )
 
@@ -135,6 +136,20 @@ class Settings:
 
 
 @dataclass(frozen=True)
+class TerminalConnection:
+    """Two terminals of FMUs, each (path of the component, name of the terminal)."""
+
+    start: tuple[str, str]
+    end: tuple[str, str]
+    place: Place
+
+    @property
+    def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
+        """Start and end."""
+        return self.start, self.end
+
+
+@dataclass(frozen=True)
 class Simulation:
     """Our annotation: step and settings, None where it does not state them; steps of components by path."""
 
@@ -142,6 +157,7 @@ class Simulation:
     settings: Settings = field(default_factory=Settings)
     steps: Mapping[str, tuple[float, Place]] = field(default_factory=dict)
     faults: tuple[tuple[Fault, Place], ...] = ()
+    terminals: tuple[TerminalConnection, ...] = ()
     place: Place | None = None
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fmus.toolchain.compiler import host
 from orchestrator.files import archive
+from orchestrator.fmi import terminals
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.library_check import broken_promises
 from orchestrator.fmi.library_file import NotALibrary
@@ -62,7 +63,12 @@ def unpacked(file: Path, folder: Path, shown: str, kind: str = ANY) -> Component
     library = _library(folder, model, shown)
     if model.exchange is not None:
         _check_exchange(library, model, shown)
-    return Component(model.model_identifier, model, folder, library, archive.sha256(file), {})
+    found = terminals.read(folder, model.variables, shown)
+    if found.problem:
+        model = replace(model, warnings=(*model.warnings, f"{found.problem}; its terminals are not read"))
+    return Component(
+        model.model_identifier, model, folder, library, archive.sha256(file), {}, terminals=found
+    )
 
 
 def _check_exchange(library: Path, model: ModelDescription, shown: str) -> None:

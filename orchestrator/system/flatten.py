@@ -26,6 +26,7 @@ from orchestrator.ssp.ssc import Typed
 from orchestrator.ssp.ssd import FMU_TYPES, SSP_TYPE, read_ssd
 from orchestrator.ssp.ssv import ParameterValue
 from orchestrator.ssp.text import Place, path_in_package
+from orchestrator.system import terminals
 from orchestrator.system.components import Fmus, check_connector, with_own_unit
 from orchestrator.system.connection_direction import TARGET_KINDS, ConnectionEnds, join
 from orchestrator.system.graph import Graph, Node, Scope
@@ -54,6 +55,8 @@ class Flattener:
         self.read[text.path] = text
         instance = _Instance(self, text, self.root, ((str(text.path), ""),))
         self.graph.scope = instance.system(text.system, "", {})
+        for connection in text.simulation.terminals:
+            terminals.connect(self.graph, connection)
         self.graph.check_cycles()
         return self.graph
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from orchestrator.fmi.component import Component, runs_here
 from orchestrator.fmi.library_check import broken_promises, lacking_abilities, unloadable
+from orchestrator.fmi.terminals import Terminal
 from orchestrator.system.layout import column_name, lay_out
 from orchestrator.system.system import System
 from specs.errors import InputError
@@ -57,6 +58,16 @@ def renamed(system: System) -> list[str]:
     ]
 
 
+def _terminal(terminal: Terminal) -> dict[str, Any]:
+    return {
+        "name": terminal.name,
+        "matching_rule": terminal.rule,
+        "kind": terminal.kind,
+        "members": {m.name or m.variable: m.variable for m in terminal.members},
+        "terminals": [_terminal(t) for t in terminal.inner],
+    }
+
+
 def _component(component: Component, step_s: float) -> dict[str, Any]:
     variables = component.model.variables.values()
     causalities = Counter(v.causality for v in variables)
@@ -71,6 +82,9 @@ def _component(component: Component, step_s: float) -> dict[str, Any]:
         "parameters": causalities["parameter"],
         "types": dict(Counter(v.type for v in variables)),
         "arrays": sum(v.array for v in variables),
+        "terminals": [_terminal(t) for t in component.terminals.by_name.values()],
+        "icons": list(component.terminals.icons),
+        "log_categories": dict(component.model.log_categories),
         "isolation": "in process: built here"
         if runs_here(component, False)
         else "process of its own: foreign",

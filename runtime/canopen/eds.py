@@ -3,6 +3,7 @@
 import configparser
 import io
 import logging
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ BROKEN = (
     TypeError,
     NotImplementedError,
 )
+NO_NUMBER = re.compile(r"^invalid literal for int.*(['\"])(.*)\1$")  # what Python says of one
 NAMES = {number: name for name, (number, _, _) in TYPES.items()}
 
 
@@ -63,12 +65,25 @@ def read(path: Path, node_id: int | None = None) -> Any:
     except FileNotFoundError:
         raise InputError(f"{path} does not exist") from None
     except BROKEN as error:
-        raise InputError(
-            f"{path}: no EDS: {str(error).splitlines()[0] if str(error) else 'broken'}"
-        ) from None
+        reason = str(error).splitlines()[0] if str(error) else "broken"
+        raise InputError(f"{path}: no EDS: {_placed(path, reason)}") from None
     if not len(found):
         raise InputError(f"{path}: no EDS: it has no objects")
     return found
+
+
+def _placed(path: Path, reason: str) -> str:
+    """A broken number with line, section and name of its entry; another reason as it is."""
+    quoted, section = NO_NUMBER.search(reason), ""
+    if quoted is None:
+        return reason
+    for number, line in enumerate(_text(path), 1):
+        name, _, value = (part.strip() for part in line.partition("="))
+        if name.startswith("["):
+            section = name
+        elif value == quoted[2]:
+            return f"line {number}, {section}: {name}={value} is no number"
+    return reason
 
 
 def _text(path: Path) -> io.StringIO:

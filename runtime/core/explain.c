@@ -1,5 +1,6 @@
-/* Why the gate changed a command: each of its reasons is asked by itself, all others taken away.
+/* Why a command was changed: by the guard, whose answer is asked anew, then by the gate.
  *
+ * Each of the gate's reasons is asked by itself, all others taken away. *
  * Those count that give by themselves what came out; if none does, all that would have changed the command.  It is
  * the gate of gate.c that answers, with other limits and another view; nothing of it is stated here again.
  */
@@ -69,17 +70,32 @@ static void ask(const Question *asked, const double before[SLR_AXES], int reason
     if (!by_wall(reason, q.wanted[axis], asked->limits.range)) alone[axis] = q.wanted[axis];
 }
 
-static int32_t reasons(double alone[SLR_REASONS][SLR_AXES], int axis, double wanted, double passed) {
+static int32_t reasons(double alone[SLR_WHY_GUARD][SLR_AXES], int axis, double wanted, double passed) {
   int32_t changed = 0, exact = 0;
-  for (int reason = 0; reason < SLR_REASONS; reason++) {
+  for (int reason = 0; reason < SLR_WHY_GUARD; reason++) {
     changed |= !(alone[reason][axis] == wanted) ? 1 << reason : 0;
     exact |= alone[reason][axis] == passed ? 1 << reason : 0;
   }
   return changed & exact ? changed & exact : changed;
 }
 
+void slr_foresee(const SlrInput *in, const SlrState *before, const double *commands, double *foreseen) {
+  SlrState s = *before;
+  SlrView view;
+  SlrSweep sweep;
+  int part;
+  slr_check(in, &s, &view);
+  const SlrGuardView seen = slr_guard_sees(&view);
+  slr_guard_foresee(&slr_guard_limits, &slr_guard_body, &seen, &s.past, commands, &sweep);
+  memcpy(foreseen, sweep.lo, sizeof sweep.lo);
+  memcpy(foreseen + SLR_AXES, sweep.hi, sizeof sweep.hi);
+  foreseen[2 * SLR_AXES] = sweep.swing;
+  foreseen[2 * SLR_AXES + 1] =
+      slr_zones ? slr_guard_room(&slr_guard_limits, &slr_guard_body, slr_zones, &sweep, -FAR, &part) : FAR;
+}
+
 void slr_explain(const SlrInput *in, const SlrState *before, const SlrState *after, double *wanted, int32_t *why) {
-  double alone[SLR_REASONS][SLR_AXES];
+  double alone[SLR_WHY_GUARD][SLR_AXES];
   SlrState s = *before;
   SlrView view;
   slr_check(in, &s, &view);
@@ -91,11 +107,15 @@ void slr_explain(const SlrInput *in, const SlrState *before, const SlrState *aft
     asked.wanted[axis] = s.mode == SLR_MODE_AUTOMATIC ? after->own[commands[axis]] : by_hand;
   }
   memcpy(wanted, asked.wanted, sizeof asked.wanted);
+  (void)slr_guarded(&s, &view, asked.wanted);
   memset(why, 0, SLR_AXES * sizeof *why);
   if (!asked.view.move) return;
   memcpy(alone[SLR_WHY_AUTHORITY], asked.wanted, sizeof asked.wanted);
   asked.limits = slr_within_authority(s.authority, alone[SLR_WHY_AUTHORITY]);
   for (int reason = 0; reason < SLR_WHY_AUTHORITY; reason++) ask(&asked, before->held, reason, alone[reason]);
-  for (int axis = 0; axis < SLR_AXES; axis++)
-    if (!(after->held[axis] == wanted[axis])) why[axis] = reasons(alone, axis, wanted[axis], after->held[axis]);
+  for (int axis = 0; axis < SLR_AXES; axis++) {
+    const double guarded = asked.wanted[axis];
+    if (!(guarded == wanted[axis])) why[axis] = 1 << SLR_WHY_GUARD;
+    if (!(after->held[axis] == guarded)) why[axis] |= reasons(alone, axis, guarded, after->held[axis]);
+  }
 }

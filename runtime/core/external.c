@@ -5,9 +5,10 @@
  */
 #include <string.h>
 
+#include "core_config.h"
 #include "slr.h"
 
-enum { ACTIONS = 3, PERIOD = 5, MISSES = 2 }; /* 10 Hz, specs/policy.py */
+enum { ACTIONS = 3, MISSES = 2 };
 
 typedef struct {
   double action[ACTIONS];
@@ -15,7 +16,7 @@ typedef struct {
   int64_t missed; /* steps in a row without an offer */
 } Held;
 
-static const int outputs[ACTIONS] = {SLR_OUT_u_slew, SLR_OUT_qd_boom_ref, SLR_OUT_qd_stick_ref};
+static const int outputs[ACTIONS] = SLR_EXTERNAL_OUTPUTS;
 
 static void write_board(const Held *held, double *board) {
   for (int i = 0; i < ACTIONS; i++) board[SLR_OWN(outputs[i])] = held->action[i];
@@ -40,7 +41,7 @@ static int step(void *state, double *board) {
   return held->missed < MISSES ? 0 : -1;
 }
 
-const SlrBlock external_block = {"external", PERIOD, 0, NULL, sizeof(Held), initialise, step};
+const SlrBlock external_block = {"external", SLR_EXTERNAL_PERIOD, 0, NULL, sizeof(Held), initialise, step};
 
 void slr_offer(SlrState *s, const double *action) {
   Held *held = (Held *)(void *)slr_state_of(s, slr_controller);

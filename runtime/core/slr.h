@@ -12,6 +12,7 @@
 
 #include "block.h"
 #include "gate.h"
+#include "guard.h"
 
 #if defined(_WIN32)
 #define SLR_EXPORT __declspec(dllexport)
@@ -36,7 +37,7 @@ typedef struct {
   int32_t in_reach;
   int32_t limited;      /* the gate changed the last command */
   int32_t estimating;   /* the estimator has been started */
-  int32_t unused;
+  int32_t guarding;     /* part of the machine for which the guard changed the last command; 0: none */
   double last[SLR_IN_COUNT];  /* last valid value of each input */
   double raw[SLR_IN_COUNT];   /* value of each input at the last step, valid or not */
   int32_t bad[SLR_IN_COUNT];  /* steps in a row without a valid value */
@@ -45,6 +46,7 @@ typedef struct {
   double held[SLR_AXES];      /* commands as the gate let them through */
   double load;                /* kg, kept from the last run until the estimator knows its own; negative: none */
   double authority[SLR_AUTHORITY]; /* see slr_limit */
+  SlrGuardPast past;
 } SlrState;
 
 /* Everything a step finds out before it decides. */
@@ -65,6 +67,9 @@ extern const SlrBlock *const slr_estimator; /* of the load; negative: nothing kn
 extern const uint8_t slr_needed[SLR_IN_COUNT]; /* inputs that automatic operation depends on */
 extern const double slr_zero[SLR_IN_COUNT];    /* what each input shows at its zero: taken off when it is used */
 extern const SlrGateLimits slr_limits;
+extern const SlrGuardLimits slr_guard_limits;
+extern const SlrGuardBody slr_guard_body;
+extern const SlrZones *const slr_zones; /* NULL: there is no guard */
 extern const char slr_identity_text[];
 /* Walls (distance, rate, gradient by boom, gradient by stick, each), distance to the target, reach. */
 void slr_geometry(const double *joints, const double *target, double *walls, double *distance, double *reach);
@@ -86,6 +91,9 @@ void slr_start_values(SlrState *s);
 
 /* Walls, distance and reach of a view whose board is there: step.c. */
 void slr_look_around(SlrView *view);
+/* Takes back what would lead into a zone, in automatic operation; the part of the machine: step.c. */
+int slr_guarded(const SlrState *s, const SlrView *view, double wanted[SLR_AXES]);
+SlrGuardView slr_guard_sees(const SlrView *view);
 /* What the gate is shown, and its limits with the commands as far as the authority goes (slr_limit): step.c. */
 SlrGateView slr_gate_sees(const SlrState *s, const SlrView *view);
 SlrGateLimits slr_within_authority(const double authority[SLR_AUTHORITY], double allowed[SLR_AXES]);
@@ -121,11 +129,16 @@ SLR_EXPORT void slr_step(const SlrInput *in, SlrState *state, int64_t tick, SlrO
 enum { SLR_LADDER = 11 };
 SLR_EXPORT void slr_ladder(const SlrInput *in, const SlrState *now, int64_t *told);
 
+/* For reports and tests, not in the cycle: where the machine may come until it rests when `commands` are sent in the
+ * next step and neutral ones after it (guard.c), as lo and hi of each joint and the swing, and the room that is left. */
+enum { SLR_FORESEEN = 2 * SLR_AXES + 2 };
+SLR_EXPORT void slr_foresee(const SlrInput *in, const SlrState *before, const double *commands, double *foreseen);
+
 /* For reports, not in the cycle: what the controller wanted in a step that has been taken, and, bit by bit, which
- * of the gate's reasons changed that (explain.c). */
+ * of the gate's reasons, or the guard, changed that (explain.c). */
 enum {
   SLR_WHY_RANGE, SLR_WHY_RATE, SLR_WHY_SPEED, SLR_WHY_KEEP_OUT, SLR_WHY_JOINT_LIMIT, SLR_WHY_SENSOR,
-  SLR_WHY_AUTHORITY, SLR_REASONS
+  SLR_WHY_AUTHORITY, SLR_WHY_GUARD, SLR_REASONS
 };
 SLR_EXPORT void slr_explain(const SlrInput *in, const SlrState *before, const SlrState *after, double *wanted,
                             int32_t *why);

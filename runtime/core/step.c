@@ -1,4 +1,4 @@
-/* One tick: read (check.c), update (mode.c, the blocks), write (gate.c, the output image). */
+/* One tick: read (check.c), update (mode.c, the blocks), write (guard.c, gate.c, the output image). */
 #include <string.h>
 
 #include "core_config.h"
@@ -103,6 +103,29 @@ static void estimate(SlrState *s, SlrView *view) {
   if (s->estimating && *load < 0.0) *load = s->load;
 }
 
+/* ---- the guard ---- */
+
+SlrGuardView slr_guard_sees(const SlrView *view) {
+  const double *b = view->board;
+  return (SlrGuardView){.angle = {b[SLR_IN_q_slew], b[SLR_IN_q_boom], b[SLR_IN_q_stick]},
+                        .slew_rate = b[SLR_IN_imu_cabin_rate_z],
+                        .swing = {b[SLR_IN_imu_tool_pitch], b[SLR_IN_imu_tool_roll]},
+                        .swing_rate = {b[SLR_IN_imu_tool_rate_y], b[SLR_IN_imu_tool_rate_x]}};
+}
+
+int slr_guarded(const SlrState *s, const SlrView *view, double wanted[SLR_AXES]) {
+  if (!slr_zones || s->mode != SLR_MODE_AUTOMATIC) return SLR_PART_NONE;
+  const SlrGuardView seen = slr_guard_sees(view);
+  return slr_guard(&slr_guard_limits, &slr_guard_body, slr_zones, &seen, &s->past, wanted);
+}
+
+static void remember_sent(SlrState *s, const SlrView *view) {
+  if (!slr_zones) return;
+  const SlrGuardView seen = slr_guard_sees(view);
+  const int usable = !(view->lost[SLR_IN_q_boom] || view->lost[SLR_IN_q_stick]);
+  slr_guard_remember(&s->past, &seen, usable, s->held);
+}
+
 /* ---- the gate ---- */
 
 /* The gate's limits, and commands, as far as the authority goes (slr_limit). */
@@ -156,7 +179,8 @@ static void write_commands(SlrState *s, const SlrView *view, SlrOutput *out) {
 static double round_count(int64_t n) { return (double)((n % 251 + 251) % 251); }
 
 static void write_status(const SlrInput *in, const SlrState *s, const SlrView *view, SlrOutput *out) {
-  const uint32_t own = s->limited && s->mode == SLR_MODE_AUTOMATIC ? SLR_FLAG_GATE_LIMITED : 0u;
+  const uint32_t limited = s->limited && s->mode == SLR_MODE_AUTOMATIC ? SLR_FLAG_GATE_LIMITED : 0u;
+  const uint32_t own = limited | (s->guarding ? SLR_FLAG_GUARDED : 0u);
   out->value[SLR_OUT_control_mode] = s->mode;
   out->value[SLR_OUT_fault_code] = s->fault;
   out->value[SLR_OUT_fault_signal] = s->fault_signal;
@@ -165,6 +189,7 @@ static void write_status(const SlrInput *in, const SlrState *s, const SlrView *v
   out->value[SLR_OUT_cycle_overruns] = round_count(in->overruns);
   out->value[SLR_OUT_command_heartbeat] = round_count(s->tick);
   out->value[SLR_OUT_controller_heartbeat] = round_count(s->tick / SLR_STATUS_TICKS);
+  out->value[SLR_OUT_guard_part] = s->guarding;
   out->value[SLR_OUT_runtime_flags] = (double)(in->flags | own);
   if (s->own[SLR_OUT_load_estimate] < 0.0) {
     out->value[SLR_OUT_load_estimate] = 0.0;
@@ -223,7 +248,9 @@ void slr_step(const SlrInput *in, SlrState *s, int64_t tick, SlrOutput *out) {
   slr_look_around(&view);
   slr_next_mode(in, s, &view);
   find_wanted(s, &view, wanted);
+  s->guarding = slr_guarded(s, &view, wanted);
   pass_gate(s, &view, wanted);
+  remember_sent(s, &view);
   estimate(s, &view);
   write_commands(s, &view, out);
   write_status(in, s, &view, out);

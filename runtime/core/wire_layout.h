@@ -2,7 +2,7 @@
 #ifndef SLR_WIRE_LAYOUT_H
 #define SLR_WIRE_LAYOUT_H
 
-#define SLR_WIRE_LAYOUT "7dd09970aa8524fe"
+#define SLR_WIRE_LAYOUT "f0dc99b9d888134f"
 #define SLR_WIRE_EXTENDED 0x80000000
 #define SLR_WIRE_REMOTE 0x40000000
 #define SLR_WIRE_ERROR 0x20000000
@@ -101,12 +101,12 @@
   X(imu_cabin_heartbeat, 51, 16, 8, 1.0, 0.0, -0.5, 250.5, 0xfau, 0xfeu, 0xffu) \
   X(imu_tool_heartbeat, 52, 16, 8, 1.0, 0.0, -0.5, 250.5, 0xfau, 0xfeu, 0xffu)
 #define SLR_WIRE_OUT_MESSAGES 4
-#define SLR_WIRE_OUT_FIELDS 16
+#define SLR_WIRE_OUT_FIELDS 17
 #define SLR_WIRE_OUT_MESSAGE_TABLE(X) \
   X(SlewCommand, 0xcff1080u, 8, 119, 1, 0, 0, 4) \
   X(ArmRateCommand, 0xcff1180u, 8, 59, 1, 0, 4, 3) \
   X(ControllerStatus, 0x18ff5080u, 8, 157, 5, 0, 7, 7) \
-  X(ControllerDetail, 0x1cff5580u, 8, 252, 5, 1, 14, 2)
+  X(ControllerDetail, 0x1cff5580u, 8, 252, 5, 1, 14, 3)
 #define SLR_WIRE_OUT_FIELD_TABLE(X) \
   X(u_slew, 0, 16, 16, 3.125e-05, -1.0, -1.000015625, 1.000015625, 0xfaffu, 0xfe00u, 0xff00u) \
   X(u_boom, 1, 32, 16, 3.125e-05, -1.0, -1.000015625, 1.000015625, 0xfaffu, 0xfe00u, 0xff00u) \
@@ -123,5 +123,6 @@
   X(cycle_overruns, 12, 48, 8, 1.0, 0.0, -0.5, 250.5, 0xfau, 0xfeu, 0xffu) \
   X(controller_heartbeat, 13, 56, 8, 1.0, 0.0, -0.5, 250.5, 0xfau, 0xfeu, 0xffu) \
   X(fault_signal, 14, 16, 16, 1.0, 0.0, -0.5, 999.5, 0xfaffu, 0xfe00u, 0xff00u) \
-  X(runtime_flags, 15, 32, 16, 1.0, 0.0, -0.5, 16383.5, 0xfaffu, 0xfe00u, 0xff00u)
+  X(runtime_flags, 15, 32, 16, 1.0, 0.0, -0.5, 16383.5, 0xfaffu, 0xfe00u, 0xff00u) \
+  X(guard_part, 16, 48, 4, 1.0, 0.0, -0.5, 7.5, 0xdu, 0xeu, 0xfu)
 #endif

@@ -203,7 +203,7 @@ CASES: dict[str, tuple[Callable[[Given], object], list[str]]] = {
     "no such model": (_set(model="slow"), ["no model 'slow'", "did you mean slew"]),
     "model is a file": (_set(model=lambda g: g.runs[0]), ["a.csv'", "not a folder with a model.py"]),
     "a step that the sample time does not hold": (
-        lambda g: g.model_with("step=0.005", "step=0.015"),
+        lambda g: g.model_with("step=0.005", "step=0.015, sample_time=0.02"),
         [
             "model.py: sample_time of 0.02 s is not a multiple of the step 0.015 s",
             "state a sample_time that is",

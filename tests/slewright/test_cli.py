@@ -178,3 +178,14 @@ def test_simulate_needs_a_finite_stop(slewright_here: Command, tmp_path: Path) -
     assert done.returncode == 2
     assert "--stop must be a finite time" in done.stderr
     assert not (tmp_path / "r.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("evaluate", "x.onnx", "--sealed"), ("compare", "--sealed"), ("campaign", "x", "--open-test-set")],
+)
+def test_sealed_draws_are_opened_for_a_purpose(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert entry.run([*words, ""]) == 2
+    assert "say what they are opened for" in capsys.readouterr().err

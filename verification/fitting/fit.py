@@ -6,7 +6,7 @@ simulations.  Intervals are of 95 %: as for independent errors, or as blocks of 
 that is more, since errors of a simulation may go on from one sample to the next.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +14,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
+from orchestrator.fmi.instance import LIMIT_S
 from orchestrator.system.system import System
-from specs.errors import RunError
+from specs.errors import HungError, RunError
 from specs.progress import Report
 from verification.fitting.parameters import Moved
 from verification.fitting.recordings import Recording
@@ -23,6 +24,7 @@ from verification.fitting.recordings import Recording
 STEP = 1e-4  # of the way between the bounds, for differences
 BLOCKS = 30  # of all recordings together, for intervals
 FAILED = 1e3  # residual of every sample of a run that failed
+MOST_HUNG = 3  # runs
 ROUNDS = 2  # fits, each with the scales that the one before found
 TOLD = 0.5  # of the way between the bounds: a wider interval tells nothing
 ALIKE = 0.98  # correlation of two parameters that recordings cannot tell apart
@@ -42,8 +44,17 @@ class Fitted:
 class Problem:
     """A system, its parameters and recordings; `scales` by output."""
 
-    def __init__(self, system: System, parameters: Sequence[Moved], recordings: Sequence[Recording]):
+    def __init__(
+        self,
+        system: System,
+        parameters: Sequence[Moved],
+        recordings: Sequence[Recording],
+        limit_s: float = LIMIT_S,
+        warn: Callable[[str], None] = lambda text: None,
+    ):
+        """`limit_s`: how long one call of an FMU may take; `warn` is told of a run that hung."""
         self.system, self.parameters, self.recordings = system, parameters, recordings
+        self.limit_s, self.warn, self.hung = limit_s, warn, 0
         outputs = dict.fromkeys(n for r in recordings for n in r.seen)
         self.scales = {n: self._spread(n) for n in outputs}
         self.runs = 0
@@ -58,7 +69,7 @@ class Problem:
     def errors(self, shares: np.ndarray, on: Recording) -> dict[str, np.ndarray]:
         """Simulated less seen of a recording, by output; RunError where the run fails."""
         self.runs += 1
-        shown = on.simulated(self.system, self.values(shares))
+        shown = on.simulated(self.system, self.values(shares), self.limit_s)
         return {n: shown[n] - y for n, (_, y) in on.seen.items()}
 
     def residuals(self, shares: np.ndarray) -> np.ndarray:
@@ -67,11 +78,26 @@ class Problem:
         for recording in self.recordings:
             try:
                 found = self.errors(shares, recording)
-            except RunError:
+            except RunError as error:
+                self._count(error, shares, recording)
                 found = {n: np.full(len(y), np.nan) for n, (_, y) in recording.seen.items()}
             rows += [e / self.scales[n] for n, e in found.items()]
         residuals = np.concatenate(rows)
         return np.where(np.isfinite(residuals), residuals, FAILED)
+
+    def _count(self, error: RunError, shares: np.ndarray, recording: Recording) -> None:
+        """A run that hangs costs its limit each time: it is said, and the last of MOST_HUNG ends the fit."""
+        if not isinstance(error, HungError):
+            return
+        self.hung += 1
+        text = self._failed(error, shares, recording)
+        if self.hung == MOST_HUNG:
+            raise RunError(f"{self.hung} runs hung; the last: {text}") from error
+        self.warn(f"{text} (counted as a large error; --limit S makes calls shorter)")
+
+    def _failed(self, error: RunError, shares: np.ndarray, recording: Recording) -> str:
+        values = ", ".join(f"{n} = {v:.6g}" for n, v in self.values(shares).items())
+        return f"{recording.name} cannot be simulated with {values}: {error}"
 
     def slopes(self, shares: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Of the residuals [n] at shares [K], by differences towards the middle of the bounds."""
@@ -90,8 +116,7 @@ class Problem:
             try:
                 found = self.errors(shares, recording)
             except RunError as error:
-                values = ", ".join(f"{n} = {v:.6g}" for n, v in self.values(shares).items())
-                raise RunError(f"{recording.name} cannot be simulated with {values}: {error}") from error
+                raise RunError(self._failed(error, shares, recording)) from error
             for n, e in found.items():
                 rows.setdefault(n, []).append(e)
         return {n: float(np.sqrt(np.mean(np.concatenate(e) ** 2))) for n, e in rows.items()}

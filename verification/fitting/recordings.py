@@ -6,13 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from orchestrator.fmi.instance import LIMIT_S
 from orchestrator.run.simulate import simulate
 from orchestrator.system.stimuli import Stimuli
 from orchestrator.system.system import System
 from records.formats import read_measurement
+from records.formats.assemble import OURS
+from records.formats.tables import is_clock
 from records.formats.units import converted, spelled
 from records.measurement import Channel
-from specs.errors import InputError, RunError
+from specs.errors import InputError, RunError, nearest
 
 FEWEST = 10  # samples of an output
 
@@ -26,13 +29,33 @@ class Recording:
     stimuli: Stimuli
     seen: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
-    def simulated(self, system: System, parameters: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """Outputs at the recording's own times, linear between ticks; RunError where the run fails."""
-        record = simulate(system, self.ticks, self.stimuli, parameters, record=list(self.seen), seed=0)
+    def simulated(
+        self, system: System, parameters: Mapping[str, float], limit_s: float = LIMIT_S
+    ) -> dict[str, np.ndarray]:
+        """Outputs at the recording's own times, linear between ticks; RunError where the run fails.
+
+        `limit_s`: how long one call of an FMU may take.
+        """
+        record = simulate(
+            system, self.ticks, self.stimuli, parameters, record=list(self.seen), seed=0, limit_s=limit_s
+        )
         if not record.complete:
             raise RunError(record.reason)
         time = np.arange(self.ticks + 1) * system.step_s
         return {n: np.interp(t, time, record.column(n)) for n, (t, _) in self.seen.items()}
+
+
+def check_names(system: System, names: Mapping[str, str], path: Path | None) -> None:
+    """InputError for a name in the file of `--map` that is neither an input nor an output of the system."""
+    for theirs, ours in names.items():
+        match = OURS.match(ours.strip())
+        if is_clock(ours) or match is None:  # the latter is said where the recording is read
+            continue
+        if match["name"] not in system.inputs and match["name"] not in system.outputs:
+            valid = nearest(match["name"], [*system.inputs, *system.outputs])
+            raise InputError(
+                f"{path}: '{theirs}' = '{ours}': {system.name} has no such input or output; {valid}"
+            )
 
 
 def read(

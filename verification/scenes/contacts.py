@@ -34,10 +34,12 @@ class Contacts:
         return int(np.count_nonzero(self.distance <= 0.0))
 
 
-def contacts(scene: Scene, angles: np.ndarray, sizes: Mapping[str, float], times: np.ndarray) -> Contacts:
+def contacts(
+    scene: Scene, angles: np.ndarray, sizes: Mapping[str, float], times: np.ndarray, ground: bool = True
+) -> Contacts:
     """Check every row of true `angles` (slew, boom, stick, pitch, roll) of a machine with these `sizes`."""
     parts = _parts(pose.frames(angles, sizes), dict(sizes))
-    solids = scene.solids()
+    solids = [solid for solid in scene.solids() if ground or solid.name != GROUND]
     distance, nearest = np.full(len(angles), np.inf), ("", "")
     for name, shape, turns, places in parts:
         among = [s for s in solids if s.name != GROUND or name not in TURNING]

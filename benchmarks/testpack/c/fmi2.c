@@ -1,9 +1,15 @@
-/* The FMI 2.0 co-simulation shell of the kit. */
+/* The FMI 2.0 shell of the kit. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "fmi/fmi2Functions.h"
 #include "kit.h"
+
+#ifdef KIT_EXCHANGE
+#define KIT_TYPE fmi2ModelExchange /* exchange2.c has the rest */
+#else
+#define KIT_TYPE fmi2CoSimulation
+#endif
 
 static kit_instance *of(fmi2Component c) { return (kit_instance *)c; }
 
@@ -17,7 +23,7 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
   (void)name, (void)resources, (void)functions, (void)visible, (void)logging;
-  if (type != fmi2CoSimulation || strncmp(guid, KIT_TOKEN, sizeof KIT_TOKEN - 1) != 0) return NULL;
+  if (type != KIT_TYPE || strncmp(guid, KIT_TOKEN, sizeof KIT_TOKEN - 1) != 0) return NULL;
   kit_instance *m = calloc(1, sizeof *m);
   if (m) fmi2Reset(m);
   return m;

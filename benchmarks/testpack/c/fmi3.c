@@ -1,4 +1,4 @@
-/* The FMI 3.0 co-simulation shell of the kit. */
+/* The FMI 3.0 shell of the kit; exchange3.c has what model exchange has besides. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -51,10 +51,9 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
   of(c)->initialising = false;
   return fmi3OK;
 }
+#ifndef KIT_EXCHANGE
 fmi3Status fmi3EnterEventMode(fmi3Instance c) { return of(c)->events ? fmi3OK : fmi3Error; }
 fmi3Status fmi3EnterStepMode(fmi3Instance c) { return of(c)->events ? fmi3OK : fmi3Error; }
-fmi3Status fmi3Terminate(fmi3Instance c) { return c ? fmi3OK : fmi3Error; }
-
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *more, fmi3Boolean *terminate,
                                     fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *next_defined,
                                     fmi3Float64 *next) {
@@ -63,6 +62,10 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *more, fmi3Boole
   *next = 0.0;
   return fmi3OK;
 }
+#else
+fmi3Status fmi3EnterStepMode(fmi3Instance c) { return c ? fmi3Error : fmi3Fatal; }
+#endif
+fmi3Status fmi3Terminate(fmi3Instance c) { return c ? fmi3OK : fmi3Error; }
 
 /* ---- values: elements of all variables of a call, one after the other ---- */
 

@@ -37,7 +37,7 @@ typedef struct {
   kit_cell v[KIT_CELLS];
   kit_text text[KIT_TEXTS];
   double time;        /* s */
-  double x;           /* a state */
+  double x, x2;       /* states */
   int64_t count;      /* a discrete state */
   bool initialising;  /* outputs follow what is set */
   bool events;        /* event mode is used */
@@ -60,6 +60,12 @@ typedef struct {
 void kit_outputs(kit_instance *m);
 kit_status kit_step(kit_instance *m, double t, double h, kit_result *result);
 void kit_event(kit_instance *m);
+
+/* What a model for model exchange is besides (KIT_EXCHANGE): two states, x and x2, and one event indicator.
+ * An event: whether states have changed; the time of the next one, which is in the past where there is none. */
+void kit_rates(const kit_instance *m, double dx[2]);
+double kit_indicator(const kit_instance *m);
+bool kit_happens(kit_instance *m, double *next);
 
 /* The variable of that type with a value reference, or NULL. */
 static inline const kit_variable *kit_find(uint32_t vr, kit_type type) {

@@ -1,6 +1,7 @@
 /* The models: each is chosen by the macro KIT_<name>. All have answers in closed form.
  *
  * No model calls a function of libm, so that results are the same bits everywhere. */
+#include <math.h>
 #include <string.h>
 
 #include "kit.h"
@@ -32,6 +33,37 @@ void kit_outputs(kit_instance *m) {
 kit_status kit_step(kit_instance *m, double t, double h, kit_result *result) {
   m->x += h * R(k) * R(u);
   return done(m, t, h, result);
+}
+void kit_event(kit_instance *m) { (void)m; }
+
+#elif defined(KIT_exchange) /* model exchange: a lag y' = u - y; a ball; stairs; a rate that is no number */
+#define FALLS 8.0  /* m/s^2: from 1 m it bounces after 0.5 s, each time with half of its speed, and never rests */
+#define STAIR 0.25 /* s */
+enum { LAG, BALL, STAIRS, BROKEN };
+
+void kit_rates(const kit_instance *m, double dx[2]) {
+  dx[0] = R(u) - m->x, dx[1] = 0.0;
+  if (W(kind) == BALL) dx[0] = m->x2, dx[1] = -FALLS;
+  if (W(kind) == STAIRS) dx[0] = (double)m->count;
+  if (W(kind) == BROKEN) dx[0] = m->time < 0.35 ? 1.0 : (double)NAN;
+}
+double kit_indicator(const kit_instance *m) { return W(kind) == BALL ? m->x : 1.0; }
+bool kit_happens(kit_instance *m, double *next) {
+  const bool bounces = W(kind) == BALL && m->x <= 0.0 && m->x2 < 0.0;
+  if (bounces) m->x = 0.0, m->x2 *= -0.5, m->count++;
+  if (W(kind) == STAIRS && m->time > (double)(m->count + 1) * STAIR - CLOSE) m->count++;
+  *next = W(kind) == STAIRS ? (double)(m->count + 1) * STAIR : m->time - 1.0;
+  return bounces;
+}
+void kit_outputs(kit_instance *m) {
+  double dx[2];
+  if (m->initialising) m->x = W(kind) == BALL ? 1.0 : 0.0, m->x2 = 0.0;
+  kit_rates(m, dx);
+  R(y) = m->x, R(speed) = m->x2, R(der_y) = dx[0], R(der_speed) = dx[1], W(count) = m->count;
+}
+kit_status kit_step(kit_instance *m, double t, double h, kit_result *result) {
+  (void)m, (void)t, (void)h, (void)result;
+  return KIT_ERROR;
 }
 void kit_event(kit_instance *m) { (void)m; }
 

@@ -9,7 +9,9 @@
 NO(GetNumberOfVariableDependencies) NO(GetVariableDependencies) NO(GetDirectionalDerivative)
 NO(GetAdjointDerivative) NO(GetIntervalDecimal) NO(GetIntervalFraction) NO(GetShiftDecimal) NO(GetShiftFraction)
 NO(SetIntervalDecimal) NO(SetIntervalFraction) NO(SetShiftDecimal) NO(SetShiftFraction) NO(EvaluateDiscreteStates)
-NO(GetOutputDerivatives) NO(ActivateModelPartition) NONE(InstantiateModelExchange)
-NONE(InstantiateScheduledExecution) NO(EnterContinuousTimeMode) NO(CompletedIntegratorStep) NO(SetTime)
+NO(GetOutputDerivatives) NO(ActivateModelPartition) NONE(InstantiateScheduledExecution)
+#ifndef KIT_EXCHANGE
+NONE(InstantiateModelExchange) NO(EnterContinuousTimeMode) NO(CompletedIntegratorStep) NO(SetTime)
 NO(SetContinuousStates) NO(GetContinuousStateDerivatives) NO(GetEventIndicators) NO(GetContinuousStates)
 NO(GetNominalsOfContinuousStates) NO(GetNumberOfEventIndicators) NO(GetNumberOfContinuousStates)
+#endif

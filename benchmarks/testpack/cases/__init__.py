@@ -3,6 +3,7 @@
 from benchmarks.testpack.case import Case
 from benchmarks.testpack.cases import (
     connections,
+    exchange,
     failures,
     files,
     models,
@@ -10,6 +11,7 @@ from benchmarks.testpack.cases import (
     refusals,
     stepping,
     structure,
+    terminals,
     units,
     value_types,
 )
@@ -21,6 +23,8 @@ SUBJECTS: dict[str, tuple[Case, ...]] = {
     "structure": structure.CASES,
     "types and arrays": value_types.CASES,
     "stepping": stepping.CASES,
+    "model exchange": exchange.CASES,
+    "terminals": terminals.CASES,
     "errors: description": refusals.CASES,
     "errors: archives and files": files.CASES,
     "errors: FMUs": models.CASES,

@@ -180,6 +180,19 @@ CASES: tuple[Case, ...] = (
         "tick",
         fmi=(3,),
     ),
+    *(
+        case
+        for ticks in ("changing", "countdown")
+        for case in _bad(
+            f"clock-{ticks}",
+            f"a clock whose interval is {ticks}: only the FMU knows it, while it runs",
+            ODD_CLOCK.replace("sampler_odd.fmu", f"sampler_{ticks}.fmu"),
+            "tick",
+            ticks,
+            fmi=(3,),
+            own=True,
+        )
+    ),
     *_bad("factor-zero", "a LinearTransformation with factor 0", pair(linear(0)), "factor", at=SINK),
     *_bad(
         "linear-boolean",

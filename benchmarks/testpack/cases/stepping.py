@@ -173,6 +173,19 @@ CASES: tuple[Case, ...] = (
         tolerance=HOP,
         times=(0.1, 0.3, 0.5, 0.7),
     ),
+    *(
+        case
+        for ticks in ("fixed", "tunable")
+        for case in cases(
+            f"clock-{ticks}",
+            f"a periodic input clock whose interval is {ticks}",
+            SAMPLER.replace("sampler.fmu", f"sampler_{ticks}.fmu"),
+            (3,),
+            expect={"b.count": "whole(t/0.2) + 1", "b.sampled": U},
+            tolerance=HOP,
+            times=(0.1, 0.3, 0.5, 0.7),
+        )
+    ),
     *cases(
         "warnings",
         "an FMU that returns Warning goes on",

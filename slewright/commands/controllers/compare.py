@@ -11,6 +11,7 @@ from records.figures_file import write
 from slewright.figures import JsonOption
 from slewright.plants import HELP, Asked, OurInertiaOption, SeedOption, TargetsOption, tried
 from slewright.progress import progress
+from slewright.sealed import SealedOption
 from slewright.tables import show
 from specs.errors import InputError
 
@@ -71,9 +72,7 @@ def compare(
     sweeps: Annotated[
         bool, typer.Option("--sweeps", help="Also with inertia, pendulum, delay or load changed, one by one.")
     ] = False,
-    sealed: Annotated[
-        str, typer.Option("--sealed", metavar="PURPOSE", help="On the sealed test draws; it is logged.")
-    ] = "",
+    sealed: SealedOption = None,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
     ] = Path("out/compare"),

@@ -18,6 +18,7 @@ from slewright.plants import (
     on_plant,
 )
 from slewright.progress import progress
+from slewright.sealed import SealedOption
 from slewright.tables import show
 from specs.errors import InputError
 
@@ -45,9 +46,7 @@ def evaluate(
         list[str] | None,
         typer.Option("--load", metavar="LOAD", help="empty, 2t or unknown (repeatable); kg with --plant."),
     ] = None,
-    sealed: Annotated[
-        str, typer.Option("--sealed", metavar="PURPOSE", help="On the sealed test draws; it is logged.")
-    ] = "",
+    sealed: SealedOption = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Local worker processes.")] = 1,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
@@ -113,7 +112,7 @@ def evaluate(
         raise typer.Exit(3)
 
 
-def _set(draw_set: str, sealed: str) -> str:
+def _set(draw_set: str, sealed: str | None) -> str:
     """The set of draws; the sealed one has an option of its own."""
     from specs.draws import SEALED
 

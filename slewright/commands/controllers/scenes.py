@@ -12,6 +12,7 @@ from records.figures_file import check_suffix, write
 from records.report import markers
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.sealed import purpose
 from slewright.tables import show
 from specs.errors import InputError
 
@@ -43,9 +44,12 @@ def scenes(
         str, typer.Option("--draws", metavar="SET", help="Machines: tuning or validation.")
     ] = "validation",
     sealed: Annotated[
-        str,
-        typer.Option("--sealed", metavar="PURPOSE", help="Sealed scenes on sealed machines; it is logged."),
-    ] = "",
+        str | None,
+        typer.Option(
+            "--sealed", metavar="PURPOSE", callback=purpose,
+            help="Sealed scenes on sealed machines; it is logged.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of planning, loads and noise.")] = 1,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Local worker processes.")] = 1,
     out: Annotated[

@@ -64,6 +64,9 @@ def fmu(
         int, typer.Option("--starts", metavar="N", min=1, max=1000, help="Starts of the search.")
     ] = 3,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the starts.")] = 1,
+    limit: Annotated[
+        float, typer.Option(metavar="S", min=0.1, help="Longest call of an FMU in a process of its own.")
+    ] = 60.0,
     json: JsonOption = None,
 ) -> None:
     """Fit parameters of any FMU or system to recordings of its inputs and outputs.
@@ -82,11 +85,14 @@ def fmu(
             f"recording {twice[0].name} is given twice; a recording counts once, to fit or to hold out"
         )
     renamed = channel_names(names)
+    recordings.check_names(loaded, renamed, names)
     runs, kept = (
         [recordings.read(path, loaded, renamed, skip) for path in paths]
         for paths in (recording, holdout or ())
     )
-    problem = fitting.Problem(loaded, moved, runs)
+    problem = fitting.Problem(
+        loaded, moved, runs, limit, lambda text: typer.echo(f"slewright: warning: {text}", err=True)
+    )
     problem.rms(fitting.own_shares(problem), runs)  # the run as it came has to work
     with progress("fit fmu") as report:
         best, every = fitting.fit(problem, starts, seed, report)

@@ -1,4 +1,4 @@
-"""`slewright bench`: how late the runtime's cycle is on this computer, and how fast the machine steps."""
+"""`slewright bench`: how late the runtime's cycle is, how fast the machine steps, what the guard keeps."""
 
 from typing import Annotated, Any
 
@@ -15,7 +15,7 @@ MOVED = ("orchestrator", "campaign", "slew_nn", "nmpc", "training", "pendulum", 
 
 
 class Benches(TyperGroup):
-    """`bench runtime` and `bench machine`; the others are for developers."""
+    """`bench runtime`, `bench machine` and `bench guard`; the others are for developers."""
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of this name; InputError for one that has moved."""
@@ -28,14 +28,14 @@ class Benches(TyperGroup):
 
 app = typer.Typer(
     cls=Benches,
-    help="Measure the runtime's cycle and the machine's step on this computer.",
+    help="Measure the runtime's cycle, the machine's step and the guard on this computer.",
     no_args_is_help=True,
 )
 
 
 @app.callback()
 def bench() -> None:
-    """Measure the runtime's cycle and the machine's step on this computer."""
+    """Measure the runtime's cycle, the machine's step and the guard on this computer."""
 
 
 @app.command()
@@ -90,3 +90,53 @@ def machine(
     heads = ["", "step, µs", "speed-up", "lower quartile", "upper quartile", "× real time"]
     show("internal step of the reference machine, median", heads, rows)
     exit_if_missed(missed(figures))
+
+
+@app.command()
+def guard(
+    episodes: Annotated[int, typer.Option(min=1, help="Adversarial episodes of 12 s.")] = 1000,
+    first: Annotated[int, typer.Option(min=0, help="Number of the first one.")] = 0,
+    stops: Annotated[int, typer.Option("--stopping", min=0, help="Stops measured against the bounds.")] = 200,
+    rounds: Annotated[int, typer.Option(min=3, help="Interleaved timings of each tick.")] = 15,
+    seed: Annotated[int, typer.Option(help="Of everything that is drawn.")] = 1,
+    json: JsonOption = None,
+) -> None:
+    """The guard's promise under adversarial search; what stopping needs, speed and time that it costs."""
+    from deployment.guard.study import run
+    from verification.scenes.closest import judged
+
+    with progress("bench guard") as report:
+        figures = run(episodes, first, stops, rounds, seed, judged, report)
+    write(json, figures)
+    for table in figures_of_guard(figures):
+        show(*table)
+    exit_if_missed(figures["failures"])
+
+
+def figures_of_guard(figures: dict[str, Any]) -> list[tuple[str, list[str], list[tuple[Any, ...]]]]:
+    """The tables of `bench guard`."""
+    search, cycle, speed = figures["search"], figures["cycle"], figures["speed"]
+    tables: list[tuple[str, list[str], list[tuple[Any, ...]]]] = [
+        (
+            f"{search['episodes']} adversarial episodes, {search['violations']} violations",
+            ["driver", "nearest, m"],
+            [(name, f"{value:.2f}") for name, value in search["distance_min_by_driver"].items()],
+        ),
+        (
+            f"speed of {speed['controller']} with the guard, by distance of walls to the farthest target",
+            ["distance, m", "ratio", "least", "stepped in"],
+            [(d, f"{r['ratio']:.3f}", f"{r['ratio_min']:.3f}", f"{r['stepped_in']:.1%}")
+             for d, r in speed["by_distance_m"].items()],
+        ),
+        (
+            "time of a cycle, µs",
+            ["core", "more where it passes", "more where it steps in", "p99", "ratio"],
+            [tuple(f"{cycle[c]:.1f}" for c in ("core_us", "passes_us", "steps_in_us", "p99_us", "ratio"))],
+        ),
+    ]  # fmt: skip
+    if "stopping" in figures:
+        shares = figures["stopping"]["largest_share"]
+        rows = [(name, f"{share:.2f}") for name, share in shares.items()]
+        count = figures["stopping"]["episodes"]
+        tables.append((f"largest used share of the bounds in {count} stops", ["of", "share"], rows))
+    return tables

@@ -11,6 +11,7 @@ from slewright.figures import JsonOption, exit_if_missed
 from slewright.plants import HELP, admission
 from slewright.progress import progress
 from specs.errors import InputError
+from specs.scene_families import single
 
 
 def bundle(
@@ -59,6 +60,12 @@ def bundle(
             "--plants", metavar="PLANT", help=f"Try it on these, the table goes with it: all, {HELP}."
         ),
     ] = None,
+    guard: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SCENE", help="Keep off what stands in this scene, whatever the controller says."
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
@@ -73,6 +80,7 @@ def bundle(
 
         target = archive or signing.default_path(out)
         key = signing.check(target, sign, release, config, passphrase)
+    scene = single(guard) if guard else None
     table, failures = admission(controller, plants) if plants else ({}, [])
     with progress("bundle") as report:
         report(f"compiling {controller}")
@@ -84,12 +92,13 @@ def bundle(
             calibration=calibration,
             commissioning=commissioning,
             files=table,
+            guard=scene,
         )
     for text in training_range.at_start(Path(controller)) if controller.endswith(".onnx") else ():
         typer.echo(f"warning: {text}", err=True)
     typer.echo(f"{made.folder}: {made.controller} for {', '.join(made.platforms)}, SHA-256 {made.digest}")
     figures = {"controller": made.controller, "platforms": list(made.platforms), "sha256": made.digest}
-    figures |= {"identity": made.identity}
+    figures |= {"identity": made.identity, "guard": made.guard}
     if key:
         from deployment.bundling import archive as signing
 

@@ -8,6 +8,7 @@ import typer
 from records import figures_file
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.sealed import purpose
 
 SHOWN = 10  # failed runs on the terminal; all are in campaign.json
 
@@ -25,14 +26,17 @@ def campaign(
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do failed runs again.")] = False,
     record: Annotated[bool, typer.Option("--record", help="Keep the records of the runs done now.")] = False,
     open_test_set: Annotated[
-        str, typer.Option(metavar="PURPOSE", help="Leave to use the sealed test draws; it is logged.")
-    ] = "",
+        str | None,
+        typer.Option(
+            metavar="PURPOSE", callback=purpose, help="Leave to use the sealed test draws; it is logged."
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Do the runs of a plan that are not done yet; write results and a summary page."""
     from verification.campaign import plan as plans, run
 
-    checked = plans.load_plan(plan, open_test_set)
+    checked = plans.load_plan(plan, open_test_set or "")
     folder = out or Path("out/campaign") / checked.name
     with progress("campaign") as report:
         found = run.run_campaign(checked, folder, jobs, scheduler, only or (), retry_failed, record, report)

@@ -1,5 +1,6 @@
 """`slewright check`: what a system description comes to, and whether its own reference experiments agree."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -7,7 +8,7 @@ import typer
 
 from records.figures_file import check_suffix, write, write_text
 from slewright.figures import JsonOption
-from slewright.implementations import ImplementationOption
+from slewright.implementations import ImplementationOption, LogOption
 from slewright.tables import show
 
 
@@ -31,6 +32,7 @@ def check(
         bool,
         typer.Option("--reference", help="Run the reference experiments that it carries (FMI-LS-REF)."),
     ] = False,
+    log: LogOption = None,
     json: JsonOption = None,
 ) -> None:
     """Load a system, show its parts and how it would be stepped, and every warning; nothing is run.
@@ -38,15 +40,23 @@ def check(
     With --reference the experiments in the file are run and compared; exit code 1 where one differs.
     Exit code 2, with element and line, where it could not be simulated as described.
     """
+    from orchestrator.run.log_categories import check_log_categories
     from orchestrator.system import check as checking, overview
 
     system = checking.load_system(file, step, implementation)
+    check_log_categories(system, log or ())
     found = overview.figures(system)
     show(
         f"System {system.name}",
         ["component", "FMI", "kind", "model", "step [s]", "inputs", "outputs", "parameters", "types", "runs"],
         [_row(c) for c in found["components"]],
     )
+    rows = [row for c in found["components"] for t in c["terminals"] for row in _terminal(c["name"], t)]
+    if rows:
+        show("Terminals", ["terminal", "kind", "rule", "members"], rows)
+    logged = [(c["name"], *row) for c in found["components"] for row in c["log_categories"].items()]
+    if logged:
+        show("Log categories", ["component", "category", "what it logs"], logged)
     summary = ("step_s", "start_s", "stop_s", "algorithm", "connections", "inputs", "outputs")
     show("Stepping", ["", "value"], [[name, _plain(found[name])] for name in summary])
     for warning in found["warnings"]:
@@ -58,21 +68,22 @@ def check(
 
         write_text(graph, draw(system))
         typer.echo(f"written: {graph}")
-    compared = _compared(file, implementation, step) if reference else None
+    compared = _compared(file, implementation, step, log or ()) if reference else None
     write(json, {**found, "reference": compared} if reference else found)
     if compared and not all(row["agrees"] for row in compared.values()):
         raise typer.Exit(1)
 
 
-def _compared(file: Path, kind: str, step: float | None) -> dict[str, Any]:
+def _compared(file: Path, kind: str, step: float | None, log: Sequence[str]) -> dict[str, Any]:
     """experiment -> signals, what agrees."""
     from verification.reference import compare, experiments
 
     found = {}
     for experiment in experiments.read(file):
-        signals, notes = compare.run(file, experiment, kind, step)
+        signals, notes = compare.run(file, experiment, kind, step, log)
         rows = [
-            (s.name, s.difference, s.allowed, s.time_s, "agrees" if s.agrees else "differs") for s in signals
+            (s.name, f"{s.difference:.3g}", f"{s.allowed:.3g}", s.time_s, "agrees" if s.agrees else "differs")
+            for s in signals
         ]
         columns = ["signal", "largest difference", "allowed", "at s", ""]
         show(f"reference {experiment.name}", columns, rows)
@@ -92,6 +103,13 @@ def _row(component: dict[str, Any]) -> list[object]:
     ]
     cells[4] = _plain(cells[4])
     return [*cells, _counts(component["types"]), component["isolation"]]
+
+
+def _terminal(owner: str, terminal: dict[str, Any]) -> list[tuple[str, str, str, str]]:
+    """A row for a terminal and one for each in it."""
+    name = f"{owner}.{terminal['name']}"
+    row = (name, terminal["kind"], terminal["matching_rule"], ", ".join(terminal["members"]))
+    return [row, *(r for inner in terminal["terminals"] for r in _terminal(name, inner))]
 
 
 def _counts(types: dict[str, int]) -> str:

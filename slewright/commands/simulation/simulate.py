@@ -9,7 +9,7 @@ import typer
 from records import figures_file
 from records.figures_file import check_target
 from slewright.figures import JsonOption
-from slewright.implementations import ImplementationOption
+from slewright.implementations import ImplementationOption, LogOption
 from slewright.progress import progress
 from specs.errors import InputError
 
@@ -64,6 +64,7 @@ def simulate(
         float | None,
         typer.Option("--tell-tolerance", metavar="X", help="Tell the FMUs this relative tolerance."),
     ] = None,
+    log: LogOption = None,
     realtime: Annotated[
         float,
         typer.Option(metavar="FACTOR", min=0.0, help="Simulated seconds per second (default 0: at once)."),
@@ -105,6 +106,7 @@ def simulate(
             tell_stop=tell_stop,
             tell_tolerance=tell_tolerance,
             texts=text or (),
+            log_categories=log or (),
             statistics=statistics,
         )
     if not found.complete:

@@ -16,6 +16,7 @@ from orchestrator.system.stimuli import Stimuli
 from slewright import __main__ as entry
 from specs import scenario
 from tests.runtime.bundles import built, core
+from verification.reference import compare, experiments
 from verification.runs import plant_parameters
 
 TICKS, SEED = 300, 5
@@ -76,3 +77,12 @@ def test_what_excludes_each_other_is_said(capsys: pytest.CaptureFixture[str]) ->
     assert "only --system reference" in capsys.readouterr().err
     assert entry.run(["verify", "--bundle", "/nowhere"]) == 2
     assert "is no bundle" in capsys.readouterr().err
+
+
+def test_the_fmu_does_what_it_carries(packed: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(packed) as archive:
+        found = Path(archive.extract(f"resources/{fmu.NAME}.fmu", tmp_path))
+    (experiment,) = experiments.read(found)
+    signals, notes = compare.run(found, experiment, "any", None)
+    assert notes == []
+    assert {s.name for s in signals if s.agrees} == {*fmu.COMMANDS, *fmu.SHOWN}

@@ -39,6 +39,18 @@ def test_a_limit_out_of_range_is_refused(tmp_path, change):
     assert not (tmp_path / "x.onnx").exists()
 
 
+def test_the_command_line_says_in_one_line_what_is_wrong(tmp_path, capsys):
+    for words, said in (
+        ([str(POLICY), "--change", "99", "--out", str(tmp_path / "x.onnx")], "change 99; valid: 0 to"),
+        ([str(POLICY), "--change", "much", "--out", "x"], "invalid float value: 'much'"),
+        ([str(POLICY)], "required: --change, --out"),
+    ):
+        with pytest.raises(SystemExit, match="2"):
+            main(words)
+        (line,) = capsys.readouterr().err.splitlines()
+        assert said in line
+
+
 def test_a_place_that_cannot_be_written_is_named_and_nothing_left(tmp_path):
     (tmp_path / "folder").mkdir()
     for out, message in ((tmp_path / "folder", "is a folder"), (tmp_path / "none" / "x.onnx", "no folder")):

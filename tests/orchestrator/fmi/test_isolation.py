@@ -20,7 +20,7 @@ from orchestrator.fmi.instance import Instance
 from orchestrator.run.simulate import simulate
 from orchestrator.system.system import System
 from records.record import read
-from specs.errors import InputError, RunError
+from specs.errors import HungError, InputError, RunError
 from tests.orchestrator.systems import OSCILLATOR, component, connector, load, ssd
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs Linux")
@@ -119,6 +119,7 @@ def test_what_ends_its_process_is_reported(tmp_path: Path, trick: str, words: st
         run(tmp_path, trick, record_path=path)
     assert "component villain failed in the step from t = 0.05 s" in str(caught.value)
     assert words in str(caught.value)
+    assert isinstance(caught.value, HungError) == ("no answer" in words)
     record = read(path)
     assert (record.complete, len(record)) == (False, 6)
     assert hosts() == []

@@ -81,6 +81,21 @@ def test_what_is_no_eds_is_refused(tmp_path: Path, content: bytes):
         eds.read(tmp_path / "bad.eds")
 
 
+@pytest.mark.parametrize(
+    ("was", "instead", "said"),
+    [
+        ("DataType=0x0007", "DataType=0xZZ", r"line 78, \[1000\]: DataType=0xZZ is no number"),
+        ("VendorNumber=0x", "VendorNumber=0xT", r"line 16, \[DeviceInfo\]: VendorNumber=0xT00000FFF is no"),
+        ("ObjectType=0x7", "ObjectType=seven", r"\[1000\]: ObjectType=seven is no number"),
+    ],
+)
+def test_a_broken_number_is_named_with_line_and_section(tmp_path: Path, was: str, instead: str, said: str):
+    text = (FOLDER / "canopen" / "encoder.eds").read_text()
+    (tmp_path / "x.eds").write_text(text.replace(was, instead, 1))
+    with pytest.raises(InputError, match=said):
+        eds.read(tmp_path / "x.eds")
+
+
 def test_zeros_come_from_the_bundles_commissioning_record(tmp_path: Path):
     assert zeros(tmp_path) == {}
     (tmp_path / "commissioning.json").write_text(json.dumps({"zeros": {"q_slew": 0.01}}))

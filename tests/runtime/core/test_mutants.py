@@ -3,7 +3,7 @@
 import pytest
 
 from runtime.image import INPUT, Group, group
-from tests.runtime.core import core_mutants
+from tests.runtime.core import core_mutants, guard_mutants
 from tests.runtime.core.gate import CORE
 from tests.runtime.core.mutants import EQUAL, killed, mutants, survivors
 
@@ -20,6 +20,14 @@ def test_what_is_said_to_be_equal_is_among_the_mutants_of_the_core() -> None:
     every = [m.after for name in core_mutants.FILES for m in mutants((CORE / name).read_text())]
     assert [part for part in core_mutants.EQUAL if not any(part in after for after in every)] == []
     assert group(INPUT.signals[0]) is Group.PLANNER
+
+
+def test_some_mutants_of_the_guard_are_found_at_once() -> None:
+    """A sample of what foresees and measures; all of them: `python -m tests.runtime.core.guard_mutants`."""
+    left_out = ("room", "allowed", "neutral")
+    known = [m for m in guard_mutants.every() if not any(part in m.before for part in left_out)]
+    assert len(known) > 200
+    assert [m.after for m in known[7::60] if not guard_mutants.killed(m, 40)] == []
 
 
 def test_some_mutants_are_found_at_once() -> None:

@@ -26,7 +26,7 @@ from slewright.app import app
 from specs.errors import RunError
 from specs.version import VERSION
 from tests.runtime.bench import ARMED, AUTOMATIC, FAULT, HOLD, MANUAL, STANDBY, STOPPING
-from tests.runtime.bundles import built, core, folder
+from tests.runtime.bundles import built, core, folder, guarded
 from tests.runtime.script import images
 
 RUNNER = Path(__file__).parent / "core_runner.c"
@@ -167,9 +167,9 @@ def recorded(answers: Answers, told: np.ndarray, out: Path, metadata: dict[str, 
 
 
 def compiled(tmp_path: Path, extra: list[str], controller: str = "pi") -> Path:
-    """A core built with more flags, its object files beside it; skips where the compiler cannot."""
+    """A core with a guard, built with more flags, object files beside it; skips where the compiler cannot."""
     try:
-        sources = built(controller).folder / "sources"
+        sources = guarded(controller).folder / "sources"
         return build.link(sources, "test", tmp_path, compiler.host().name, extra)
     except RunError as missing:
         pytest.skip(f"this compiler cannot: {str(missing).splitlines()[-1]}")
@@ -196,7 +196,7 @@ def test_every_line_of_the_hand_written_core_is_executed(tmp_path: Path) -> None
         given = images(18_000, number, wild).tobytes()
         subprocess.run([str(program), str(library)], input=given, capture_output=True, check=True)
     missed = []
-    for name in ("gate", "check", "mode", "step"):
+    for name in ("guard", "gate", "check", "mode", "step"):
         told = subprocess.run(
             ["gcov", "-b", "-c", f"{name}.c", "-o", str(tmp_path / f"{name}.o")],
             cwd=tmp_path, capture_output=True, text=True, check=True,

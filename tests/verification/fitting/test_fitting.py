@@ -9,11 +9,15 @@ import pytest
 
 from fmus.toolchain.build import build_fmu
 from fmus.toolchain.loader import model_folders
+from orchestrator.fmi.instance import LIMIT_S
 from orchestrator.run.simulate import simulate
 from orchestrator.system.check import load_system
 from orchestrator.system.stimuli import Stimuli
+from specs.errors import HungError, RunError
 from tests.conftest import Command
+from verification.fitting.fit import FAILED, Problem, own_shares
 from verification.fitting.parameters import Moved, moved
+from verification.fitting.recordings import Recording
 
 STEP_S, TICKS = 0.02, 600
 TRUE = {"boom_response": 0.31, "stick_response": 0.12}
@@ -150,3 +154,35 @@ def test_a_recording_is_not_taken_twice(slewright_here: Command, arm: Path, reco
     done = slewright_here("fit", "fmu", arm, run, "--holdout", run, "--parameter", "boom_response")
     assert done.returncode == 2
     assert "run0.csv is given twice" in done.stderr
+
+
+@pytest.mark.parametrize(("ours", "said"), [("q_bom", "did you mean q_boom"), ("-q_bom [deg]", "q_boom")])
+def test_a_map_to_a_name_that_the_system_lacks_is_refused(
+    slewright_here: Command, arm: Path, recordings: list[Path], tmp_path: Path, ours: str, said: str
+) -> None:
+    names = tmp_path / "names.toml"
+    names.write_text(f"[names]\nq_boom = '{ours}'\n")
+    done = slewright_here("fit", "fmu", arm, recordings[0], "--map", names, "--parameter", "boom_response")
+    assert done.returncode == 2
+    assert f"'q_boom' = '{ours}': arm has no such input or output" in done.stderr
+    assert said in done.stderr
+
+
+class _Hanging(Recording):
+    def simulated(self, system, parameters, limit_s=LIMIT_S):  # type: ignore[override]
+        raise HungError(f"no answer from doStep within {limit_s:g} s")
+
+
+def test_runs_that_hang_are_said_and_the_third_ends_the_fit(arm: Path) -> None:
+    system, told = load_system(arm, STEP_S), []
+    time = np.arange(20) * STEP_S
+    run = _Hanging("monday.csv", 19, Stimuli(), {"q_boom": (time, time)})
+    problem = Problem(system, moved(system, ["boom_response"]), [run], 5.0, told.append)
+    shares = own_shares(problem)
+    for _ in range(2):
+        assert set(problem.residuals(shares)) == {FAILED}
+    assert len(told) == 2
+    assert "monday.csv cannot be simulated with arm.boom_response = " in told[0]
+    assert "no answer from doStep within 5 s" in told[0]
+    with pytest.raises(RunError, match=r"3 runs hung; the last: monday.csv .* doStep within 5 s"):
+        problem.residuals(shares)

@@ -45,10 +45,13 @@ def reference() -> str:
 
 
 def packed(folder: Path, **files: str) -> Path:
-    """The arm's FMU with files of FMI-LS-REF in it; `manifest` is fmi-ls-manifest.xml."""
+    """The arm's FMU with these files of FMI-LS-REF and no others; `manifest` is fmi-ls-manifest.xml."""
     path = folder / "arm.fmu"
-    path.write_bytes(build_fmu(model_folders()["arm"], 2).read_bytes())
-    with zipfile.ZipFile(path, "a") as opened:
+    built = build_fmu(model_folders()["arm"], 2)
+    with zipfile.ZipFile(built) as own, zipfile.ZipFile(path, "w") as opened:
+        for name in own.namelist():
+            if not name.startswith(FOLDER):
+                opened.writestr(name, own.read(name))
         for name, text in files.items():
             place = "fmi-ls-manifest.xml" if name == "manifest" else name.replace("_", ".", 1)
             opened.writestr(f"{FOLDER}/{place}", text)
@@ -129,8 +132,8 @@ def test_files_that_are_wrong_are_named(
     assert said in done.stderr
 
 
-def test_a_file_without_experiments_is_said(slewright_here: Command) -> None:
-    done = slewright_here("check", build_fmu(model_folders()["arm"], 2), "--reference")
+def test_a_file_without_experiments_is_said(slewright_here: Command, tmp_path: Path) -> None:
+    done = slewright_here("check", packed(tmp_path), "--reference")
     assert done.returncode == 2
     assert "carries no reference experiments" in done.stderr
 

@@ -137,6 +137,8 @@ def test_a_missing_package_is_named_with_how_to_install_it(
         ([], "name scenes"),
         (["gap:test:0"], "sealed"),
         (["truck", "--draws", "test", "--machines", "1"], "sealed"),
+        (["truck", "--sealed", ""], "say what they are opened for"),
+        (["--sealed", " "], "say what they are opened for"),
         (["truck", "truck"], "scene truck is named twice"),
         (["truck", "--page", "x.pdf"], "x.pdf: its name ends in '.pdf'; valid: .html, .md"),
         (["truck", "--out", __file__], "is a file; name a folder"),

@@ -1,0 +1,302 @@
+"""What the guard of a bundle knows: a scene's solids and keep-out zones in polar form, the machine as balls.
+
+The plane around the slew axis is divided into sectors.  A sector's rectangles of radius and height contain
+all that stands in it; where there are too many, the two that grow least by it become one.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from fmus.equations import kinematics
+from specs import parameters, shapes
+from specs.errors import InputError
+from specs.scene import GROUND, Box, Cylinder, HalfSpace, Scene
+from specs.shapes import BASE
+
+FILE = "guard"  # of specs/parameters
+SENSORS = ("imu_tool_pitch", "imu_tool_roll", "imu_tool_rate_x", "imu_tool_rate_y")  # beside the gate's
+SECTORS, RECTS, BALLS = 240, 8, 36  # of runtime/core/guard.h
+FAR_M, HIGH_M = 40.0, 40.0  # beyond which nothing of the machine comes
+CORNERS = 32  # of the polygon around a cylinder
+POINTS_M = 0.25  # between the points on carriage and cabin
+COVERED = {"boom": 11, "stick": 10}  # balls along each
+PARTS = ("", "boom", "stick", "lines", "grab", "carriage")
+Solid = Box | Cylinder | HalfSpace
+
+
+class Rect(NamedTuple):
+    """From r0 to r1 from the slew axis, z0 to z1 above the ground, m; a zone holds for the tool alone."""
+
+    r0: float
+    r1: float
+    z0: float
+    z1: float
+    tool_only: bool = False
+
+    @property
+    def area(self) -> float:
+        """m2."""
+        return (self.r1 - self.r0) * (self.z1 - self.z0)
+
+    def with_(self, other: "Rect") -> "Rect":
+        """The least rectangle around both."""
+        r, z = (
+            (min(self.r0, other.r0), max(self.r1, other.r1)),
+            (min(self.z0, other.z0), max(self.z1, other.z1)),
+        )
+        return Rect(*r, *z, self.tool_only and other.tool_only)
+
+
+@dataclass(frozen=True)
+class Zones:
+    """A scene as the guard sees it."""
+
+    name: str
+    sectors: tuple[tuple[Rect, ...], ...]
+    carriage: tuple[float, ...]
+
+
+def zones(scene: Scene) -> Zones:
+    """The zones of a scene; InputError for what the guard cannot hold: moving things, tilted planes, a scene
+    that holds the machine itself.
+    """
+    solids = [solid for solid in scene.solids() if solid.name != GROUND]
+    for thing in (*solids, *scene.keep_outs()):
+        if thing.path:
+            raise InputError(f"scene {scene.name}: '{thing.name}' moves; the guard knows what stands still")
+        if isinstance(thing, HalfSpace) and 1e-9 < abs(thing.unit[2]) < 1.0 - 1e-9:
+            raise InputError(
+                f"scene {scene.name}: '{thing.name}' is tilted; the guard knows upright and level half-spaces"
+            )
+    found: list[list[Rect]] = [[] for _ in range(SECTORS)]
+    for solid, tool_only in (*((s, False) for s in solids), *((s, True) for s in scene.keep_outs())):
+        for sector, (r0, r1) in _spans(solid):
+            found[sector].append(Rect(r0, r1, *_heights(solid), tool_only))
+    carriage = tuple(_carriage(found))
+    if max(carriage) <= 0.0:
+        raise InputError(
+            f"scene {scene.name}: things stand in the machine itself: carriage and cabin are clear of them "
+            "at no slew angle"
+        )
+    return Zones(scene.name, tuple(tuple(_few(rects)) for rects in found), carriage)
+
+
+def nothing() -> Zones:
+    """Zones that are never near: what the guard foresees can be asked."""
+    return Zones("nothing", ((),) * SECTORS, (FAR_M,) * SECTORS)
+
+
+def _heights(solid: Solid) -> tuple[float, float]:
+    if isinstance(solid, Box):
+        return solid.middle[2] - solid.size[2] / 2, solid.middle[2] + solid.size[2] / 2
+    if isinstance(solid, Cylinder):
+        return solid.foot[2], solid.foot[2] + solid.height
+    z, up = solid.point[2], solid.unit[2]
+    if abs(up) < 0.5:
+        return 0.0, HIGH_M
+    return (-HIGH_M, z) if up > 0.0 else (z, HIGH_M)
+
+
+def _spans(solid: Solid) -> Iterator[tuple[int, tuple[float, float]]]:
+    """(sector, least and largest distance from the slew axis) of each sector that the solid reaches into."""
+    outline = _outline(solid)
+    for sector in range(SECTORS):
+        a, b = (2.0 * math.pi * (sector + k) / SECTORS for k in (0, 1))
+        cut = _clipped(outline, np.array([-math.sin(a), math.cos(a)]))
+        cut = _clipped(cut, np.array([math.sin(b), -math.cos(b)]))
+        if len(cut):
+            yield sector, (_nearest(cut), float(np.hypot(*cut.T).max()))
+
+
+def _outline(solid: Solid) -> np.ndarray:
+    """Corners of the solid from above, in order."""
+    if isinstance(solid, Box):
+        c, s = math.cos(math.radians(solid.turn_deg)), math.sin(math.radians(solid.turn_deg))
+        half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(solid.size[:2]) / 2
+        return half @ np.array([[c, s], [-s, c]]) + np.array(solid.middle[:2])
+    if isinstance(solid, Cylinder):
+        angles = 2.0 * math.pi * np.arange(CORNERS) / CORNERS
+        around = solid.radius / math.cos(math.pi / CORNERS)
+        return around * np.stack([np.cos(angles), np.sin(angles)], axis=1) + np.array(solid.foot[:2])
+    square = FAR_M * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    x, y, up = solid.unit
+    behind = -np.array([x, y])
+    return square if abs(up) > 0.5 else _clipped(square, behind, float(behind @ solid.point[:2]))
+
+
+def _clipped(polygon: np.ndarray, normal: np.ndarray, offset: float = 0.0) -> np.ndarray:
+    """What of a convex polygon lies where normal·x ≥ offset."""
+    found, side = [], polygon @ normal - offset if len(polygon) else np.empty(0)
+    for k in range(len(polygon)):
+        n = (k + 1) % len(polygon)
+        if side[k] >= 0.0:
+            found.append(polygon[k])
+        if side[k] * side[n] < 0.0:
+            share = side[k] / (side[k] - side[n])
+            found.append(polygon[k] + share * (polygon[n] - polygon[k]))
+    return np.array(found).reshape(-1, 2)
+
+
+def _nearest(polygon: np.ndarray) -> float:
+    """Distance of the origin to a convex polygon; 0 inside."""
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    turns = polygon[:, 0] * edges[:, 1] - polygon[:, 1] * edges[:, 0]
+    if len(polygon) > 2 and (np.all(turns > 0.0) or np.all(turns < 0.0)):
+        return 0.0
+    squares = np.maximum(np.sum(edges * edges, axis=1), 1e-30)
+    along = np.clip(-np.sum(polygon * edges, axis=1) / squares, 0.0, 1.0)
+    return float(np.hypot(*(polygon + along[:, None] * edges).T).min())
+
+
+def _few(rects: Sequence[Rect]) -> list[Rect]:
+    """At most RECTS rectangles that contain all."""
+    left = list(dict.fromkeys(rects))
+    while len(left) > RECTS:
+        a, b = min(
+            combinations(left, 2), key=lambda two: two[0].with_(two[1]).area - sum(r.area for r in two)
+        )
+        left = [r for r in left if r not in (a, b)] + [a.with_(b)]
+    return left
+
+
+def _carriage(sectors: Sequence[Sequence[Rect]]) -> Iterator[float]:
+    """Of each sector of the slew angle: least distance of what turns with the slew to any solid."""
+    points = np.vstack([_surface(box) for box in shapes.boxes() if box.link != BASE])
+    radius, azimuth = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
+    width = 2.0 * math.pi / SECTORS
+    slack = POINTS_M / math.sqrt(2.0)  # to the points between
+    solid = [(k * width, rect) for k, rects in enumerate(sectors) for rect in rects if not rect.tool_only]
+    near = [(a, rect) for a, rect in solid if rect.r0 < radius.max() + 2.0]
+    for sector in range(SECTORS):
+        least = FAR_M
+        for start, rect in near:
+            # the points may be anywhere in the sector, the solid anywhere in its own
+            turn = np.abs(
+                (azimuth + (sector + 0.5) * width - start - width / 2 + math.pi) % (2 * math.pi) - math.pi
+            )
+            least = min(least, float(_away(points[:, 2], radius, np.maximum(turn - width, 0.0), rect).min()))
+        yield least - slack
+
+
+def _away(z: np.ndarray, r: np.ndarray, turn: np.ndarray, rect: Rect) -> np.ndarray:
+    """Distance of points at radius r and height z to a rectangle's sector, which is `turn` away."""
+    nearest = np.clip(r * np.cos(turn), rect.r0, rect.r1)
+    flat = np.sqrt(np.maximum(r * r + nearest * nearest - 2.0 * r * nearest * np.cos(turn), 0.0))
+    return np.hypot(flat, np.maximum(np.maximum(rect.z0 - z, z - rect.z1), 0.0))
+
+
+def _surface(box: shapes.Box) -> np.ndarray:
+    """Points on a box's surface, no further apart than POINTS_M."""
+    axes = [np.linspace(-s / 2, s / 2, math.ceil(s / POINTS_M) + 1) for s in box.size]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    on = np.any(np.isclose(np.abs(grid), np.array(box.size) / 2), axis=1)
+    return grid[on] + np.array(box.middle)
+
+
+def balls() -> list[tuple[int, float, float]]:
+    """(part, place, radius) of the balls that cover boom, stick, lines and grab: SlrBall."""
+    p = shapes.sizes()
+    radius = {capsule.name: capsule.radius for capsule in shapes.capsules(p)}
+    depth, half = p["tool_length"], p["grab_half_height"]
+    grab = math.hypot(radius["grab"], half / 2)  # the nearest to most things is the first
+    found = [(PARTS.index("grab"), depth + k * half, grab) for k in (1, 0, -1)]
+    # what is above these hangs in the stick's last ball, what is below in the grab's
+    found.append((PARTS.index("lines"), 0.4 * depth, math.hypot(radius["lines"], depth / 4)))
+    for name, count in COVERED.items():
+        ball = math.hypot(radius[name], p[f"{name}_length"] / (count - 1) / 2)
+        found += [(PARTS.index(name), k / (count - 1), ball) for k in range(count)]
+    return found
+
+
+def names() -> set[str]:
+    """The guard's parameters."""
+    return set(parameters.load(FILE))
+
+
+def constants(changes: Mapping[str, float]) -> dict[str, float]:
+    """Values of specs/parameters/guard.toml, some changed; InputError for a wrong one."""
+    for name, value in changes.items():
+        parameters.parameter(name, FILE).check(value)
+    return {name: changes.get(name, p.value) for name, p in parameters.load(FILE).items()}
+
+
+def guard_c(found: Zones | None, c: Mapping[str, float]) -> str:
+    """`guard_config.c`: bounds, body and zones of the guard."""
+    return (
+        '/* What the guard knows, generated. */\n#include "slr.h"\n\n'
+        f"const SlrGuardLimits slr_guard_limits = {_limits(c)};\n"
+        f"const SlrGuardBody slr_guard_body = {_body()};\n{_zones(found)}"
+    )
+
+
+ONE = (  # fields of SlrGuardLimits with one value
+    *("clearance", "angle_error", "dead_band", "push", "brake", "push_time", "creep"),
+    *("swing_time", "swing_error", "swing_slew", "swing_arm", "swing_most"),
+)
+EACH = ("dead_time", "settle", "give")  # with one for each axis
+ARM = ("rate_error", "speed", "top")  # with one for the slew, one for boom and stick
+
+
+def _limits(c: Mapping[str, float]) -> str:
+    def values(name: str, axes: Iterable[str]) -> str:
+        return f".{name} = {_list(repr(c[f'guard_{name}_{axis}']) for axis in axes)}"
+
+    fields = [f".{name} = {c[f'guard_{name}']!r}" for name in ONE]
+    fields += [values(name, ("slew", "boom", "stick")) for name in EACH]
+    fields += [values(name, ("slew", "arm", "arm")) for name in ARM]
+    fields += [f".kick = {{0.0, {c['guard_kick_boom']!r}, {c['guard_kick_stick']!r}}}"]
+    return f"{{{', '.join(fields)}}}"
+
+
+def _body() -> str:
+    p = kinematics.geometry()
+    each = [f"{{{part}, 0, {at!r}, {radius!r}}}" for part, at, radius in balls()]
+    return (
+        f"{{.foot = {{{p.boom_foot_x!r}, {p.boom_foot_z!r}}}, .stick = {p.stick_length!r}, "
+        f".balls = {len(each)},\n  .ball = {{{', '.join(each)}}}}}"
+    )
+
+
+def _zones(found: Zones | None) -> str:
+    if found is None:
+        return "const SlrZones *const slr_zones = 0;\n"
+    rows = ",\n    ".join(_list(map(_rect, rects)) if rects else "{{{0}}}" for rects in found.sectors)
+    return (
+        f"static const SlrZones zones = {{\n  .count = {_list(str(len(r)) for r in found.sectors)},\n"
+        f"  .rect = {{{rows}}},\n  .carriage = {_list(map(repr, found.carriage))}}};\n"
+        "const SlrZones *const slr_zones = &zones;\n"
+    )
+
+
+def _rect(r: Rect) -> str:
+    return f"{{{{{r.r0!r}, {r.r1!r}}}, {{{r.z0!r}, {r.z1!r}}}, {int(r.tool_only)}, 0}}"
+
+
+def _list(values: Iterable[object]) -> str:
+    return f"{{{', '.join(map(str, values))}}}"
+
+
+POSE_C = (  # around `pose`
+    "\nvoid slr_guard_pose(double boom, double stick, SlrGuardPose *pose) {\n"
+    "  const double *arg[] = {&boom, &stick};\n"
+    "  double *res[] = {pose->knee, pose->tip, &pose->least, &pose->most};\n"
+    "  slr_guard_pose_f(arg, res, 0, 0, 0);\n}\n"
+)
+
+
+def pose() -> ca.Function:
+    """(boom, stick) -> knee, tip (radius, height each), inertia empty and with the largest load."""
+    p, known = kinematics.geometry(), parameters.load("geometry")
+    boom, stick = ca.SX.sym("boom"), ca.SX.sym("stick")
+    knee = ca.vertcat(
+        p.boom_foot_x + p.boom_length * ca.cos(boom), p.boom_foot_z + p.boom_length * ca.sin(boom)
+    )
+    tip = ca.vertcat(*kinematics.arm_tip(boom, stick, p))
+    inertia = [kinematics.inertia_z(boom, stick, load, p) for load in (0.0, known["load_mass"].max or 0.0)]
+    return ca.Function("slr_guard_pose_f", [boom, stick], [knee, tip, *inertia])

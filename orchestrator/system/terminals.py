@@ -1,0 +1,138 @@
+"""Connections by terminal: each stands for connections of the variables that belong together.
+
+SSP 2.0 knows none, so they stand in our annotation.  How members find each other is the terminals' own
+rule (FMI 3.0.2, 2.4.9.2.2): plug by name, all of them; bus by name, those that both have; sequence by place.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
+from typing import TypeVar
+
+from orchestrator.fmi.terminals import Member, Terminal
+from orchestrator.fmi.units import Affine
+from orchestrator.ssp.conversion import LINEAR, Transformation
+from orchestrator.ssp.description import Connection, Port, TerminalConnection, Typed
+from orchestrator.system.connection_direction import SOURCE_KINDS, TARGET_KINDS
+from orchestrator.system.graph import Graph, Node
+from specs.errors import InputError, nearest
+
+FLOWS = ("inflow", "outflow")
+Pair = tuple[Member, Member]
+Item = TypeVar("Item", Member, Terminal)
+
+
+def connect(graph: Graph, wanted: TerminalConnection) -> None:
+    """Add what a connection by terminal stands for; InputError names both ends and what does not fit."""
+    ends = [_terminal(graph, wanted, component, name) for component, name in (wanted.start, wanted.end)]
+    shown = f"{wanted.place}: terminals {'.'.join(wanted.start)} and {'.'.join(wanted.end)}"
+    pairs = list(_pairs(ends[0], ends[1], shown))
+    if not pairs:
+        raise InputError(f"{shown} have no member in common; {_names(ends[0])} and {_names(ends[1])}")
+    for pair in pairs:
+        graph.connect(_connection(graph, wanted, pair, shown))
+
+
+def _terminal(graph: Graph, wanted: TerminalConnection, component: str, name: str) -> Terminal:
+    if component not in graph.components:
+        raise InputError(
+            f"{wanted.place}: no component '{component}'; {nearest(component, graph.components)}"
+        )
+    known = graph.components[component].terminals
+    if name not in known.by_name:
+        reason = f": {known.problem}" if known.problem else f"; {nearest(name, known.by_name)}"
+        raise InputError(f"{wanted.place}: component {component} has no terminal '{name}'{reason}")
+    return known.by_name[name]
+
+
+def _pairs(start: Terminal, end: Terminal, shown: str) -> Iterator[Pair]:
+    """Members that belong together, terminals inside included."""
+    for what in ("rule", "kind"):
+        mine, theirs = getattr(start, what), getattr(end, what)
+        if mine != theirs and (mine and theirs):
+            raise InputError(f"{shown} do not fit: {what} {mine} and {what} {theirs}")
+    if start.rule not in RULES:
+        raise InputError(f"{shown} have the rule '{start.rule}'; valid: {', '.join(RULES)}")
+    if start.streams or end.streams:
+        raise InputError(f"{shown} have stream members, which cannot be connected")
+    yield from RULES[start.rule](start, end, shown)
+
+
+def _plug(start: Terminal, end: Terminal, shown: str) -> Iterator[Pair]:
+    for mine, theirs in ((start.members, end.members), (start.inner, end.inner)):
+        missing = {item.name for item in mine} ^ {item.name for item in theirs}
+        if missing:
+            raise InputError(
+                f"{shown} do not fit: only one has {', '.join(sorted(missing))}; a plug connects all"
+            )
+    yield from _bus(start, end, shown)
+
+
+def _bus(start: Terminal, end: Terminal, shown: str) -> Iterator[Pair]:
+    theirs = _of(end.members, shown)
+    yield from ((m, theirs[n]) for n, m in _of(start.members, shown).items() if n in theirs)
+    inner = _of(end.inner, shown)
+    both = [(t, inner[n]) for n, t in _of(start.inner, shown).items() if n in inner]
+    yield from chain.from_iterable(_pairs(mine, other, shown) for mine, other in both)
+
+
+def _sequence(start: Terminal, end: Terminal, shown: str) -> Iterator[Pair]:
+    for mine, theirs in ((start.members, end.members), (start.inner, end.inner)):
+        if len(mine) != len(theirs):
+            raise InputError(f"{shown} do not fit: a sequence of {len(mine)} and one of {len(theirs)}")
+    yield from zip(start.members, end.members, strict=True)
+    inner = zip(start.inner, end.inner, strict=True)
+    yield from chain.from_iterable(_pairs(mine, other, shown) for mine, other in inner)
+
+
+RULES: dict[str, Callable[[Terminal, Terminal, str], Iterator[Pair]]] = {
+    "plug": _plug,
+    "bus": _bus,
+    "sequence": _sequence,
+}
+
+
+def _of(items: Sequence[Item], shown: str) -> dict[str, Item]:
+    """By name; the rules that match by name need one."""
+    for item in items:
+        if not item.name:
+            raise InputError(f"{shown}: a member without a name, {item}, cannot be matched by name")
+    return {item.name: item for item in items}
+
+
+def _connection(graph: Graph, wanted: TerminalConnection, pair: Pair, shown: str) -> Connection:
+    """One connection, as the signal goes; flows that are both counted into their FMUs have opposite signs."""
+    start, end = (_node(graph, component, m) for (component, _), m in zip(wanted.ends, pair, strict=True))
+    forward = start.kind in SOURCE_KINDS and end.kind in TARGET_KINDS
+    backward = end.kind in SOURCE_KINDS and start.kind in TARGET_KINDS
+    if not (forward or backward):
+        raise InputError(
+            f"{shown} do not fit: {start.port} is {start.kind} and {end.port} is {end.kind}; "
+            "a connection goes from an output to an input"
+        )
+    source, target = (start, end) if forward else (end, start)
+    return Connection(source.port, target.port, wanted.place, _sign(pair, wanted, shown))
+
+
+def _node(graph: Graph, component: str, member: Member) -> Node:
+    """The port of a member; it needs no connector in the description."""
+    port = Port(component, member.variable)
+    if port not in graph.nodes:
+        variable = graph.components[component].model.variables[member.variable]
+        graph.nodes[port] = Node(port, variable.causality, Typed(), graph.places[component], variable)
+    return graph.nodes[port]
+
+
+def _sign(pair: Pair, wanted: TerminalConnection, shown: str) -> Transformation | None:
+    kinds = [member.kind for member in pair]
+    if all(kind in FLOWS for kind in kinds):
+        return None if kinds[0] != kinds[1] else Transformation(LINEAR, wanted.place, Affine(-1.0))
+    if kinds[0] != kinds[1]:
+        raise InputError(
+            f"{shown} do not fit: {pair[0].variable} is {kinds[0]} and {pair[1].variable} is {kinds[1]}"
+        )
+    return None
+
+
+def _names(terminal: Terminal) -> str:
+    names = [item.name or item.variable for item in terminal.members] + [t.name for t in terminal.inner]
+    return f"{terminal.name} has {', '.join(names) or 'none'}"
