@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define SLR_SCAN_LAYOUT "03b78c28cfef878f"
+#define SLR_SCAN_LAYOUT "3d79163d3f408339"
 #define SLR_SCAN_TARGETS 8
 #define SLR_SCAN_FIRST_TARGET 0
 #define SLR_SCAN_HEARD 18
@@ -111,7 +111,7 @@ typedef struct {
   SlrWatch watch;
   int64_t off;
   int64_t kept;
-  int64_t places[16];
+  int64_t places[17];
 } SlrPublished;
 typedef struct {
   SlrRingEnd ring;
