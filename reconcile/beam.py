@@ -133,6 +133,8 @@ class Beam:
         """The best sets, and the best one with one effect less, or a limit of it in its place."""
         ranked = self.ranked()
         simpler = [ranked[0] - {a} for a in ranked[0]]
+        known = [k for k in (*ranked[:SETTLED], *simpler) if k in self.points]
+        simpler += [twin for k in known for a in k for twin in self._twins(k, a)]
         simpler += [k for a in ranked[0] if (k := self._simpler(ranked[0], a)) is not None]
         simpler += [k for a in ranked[0] for k in self._kin(ranked[0], a)]
         least = self.evidence(ranked[0]) - BEHIND
@@ -149,6 +151,21 @@ class Beam:
             return []
         alike = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
         return [self._in_place(key, a, scored) for scored in alike[:KIN]]
+
+    def _twins(self, key: Key, a: Attached) -> list[Key]:
+        """Sets with an effect of the same kind and units in an effect's place, whatever its score.
+
+        A delay of the only input is one of all outputs, and its own score may see a local optimum.
+        """
+        units, taken = [q.unit for q in a.effect.parameters], {(x.effect.name, x.port) for x in key}
+        return [
+            self._in_place(key, a, Scored(b, 0.0, {b.name("gate"): 1.0} if b.effect.gated else {}))
+            for b in self.core.candidates
+            if kind(b.effect.name) == kind(a.effect.name)
+            and b.effect.name != a.effect.name
+            and (b.effect.name, b.port) not in taken
+            and [q.unit for q in b.effect.parameters] == units
+        ]
 
     def _in_place(self, key: Key, a: Attached, scored: Scored) -> Key:
         """The set with another effect in an effect's place, fitted from its values, once."""
