@@ -123,9 +123,10 @@ class Judge:
         return found
 
     def _alike(self, answer: Key) -> list[Key]:
-        """Sets with another effect of a kind in its place, no richer, that err ahead as little.
+        """Sets with the same effect in another place, that err ahead as little.
 
-        Likelihood of one step tells them apart by how well a sample is described, such as a delay from a lag.
+        What is late at the only input is late at all outputs: no likelihood should tell these two apart, and
+        where one does, it is by how well a sample is described.
         """
         least = self.beam.evidence(answer) - BEHIND
         found = []
@@ -133,8 +134,7 @@ class Judge:
             more, less = key - answer, answer - key
             if len(more) == len(less) == 1 and self.beam.evidence(key) > least:
                 (other,), (a,) = more, less
-                alike = kind(other.effect.name) == kind(a.effect.name) and other.effect.name != a.effect.name
-                if alike and a.effect.name not in other.effect.becomes:
+                if other.effect.place != a.effect.place and _same(other.effect.name, a.effect.name):
                     own = self.ahead(answer)
                     found += [key] if own and self.ahead(key) < (1.0 + ALIKE) * own else []
         return found
@@ -201,6 +201,11 @@ def _held_in(key: Key) -> set[str]:
     """
     limits = {n for a in key for n in a.effect.becomes if n and FEWEST[n] < len(a.effect.parameters)}
     return limits | set(_names(key))
+
+
+def _same(name: str, other: str) -> bool:
+    """Whether two effects are one in two places: `input_delay`, `sensor_delay`."""
+    return kind(name) == kind(other) and name.partition("_")[2] == other.partition("_")[2]
 
 
 def _names(key: Key) -> tuple[str, ...]:
