@@ -123,7 +123,9 @@ def test_bundle_warns_of_the_pace_it_starts_at(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """1, until a planner tells another; of machines and loads it knows nothing."""
-    made_here = SimpleNamespace(folder=tmp_path, controller="narrow", platforms=(), digest="", identity="")
+    made_here = SimpleNamespace(
+        folder=tmp_path, controller="narrow", platforms=(), digest="", identity="", guard=None
+    )
     monkeypatch.setattr(build, "bundle", lambda *words, **more: made_here)
     slow = narrowed(tmp_path / "slow", {"pace": (0.2, 0.8), "load_mass": (0.0, 1.0)})
     for path in (slow, SHIPPED[0]):
