@@ -46,7 +46,8 @@ def low_pass(random: np.random.Generator) -> list[dict[str, np.ndarray]]:
     """A sample every 10 µs; the driver of a resistor and a capacitor gives no more than 4 V."""
     n, step = 3000, 1e-5
     t = step * np.arange(n)
-    u = sum(1.6 * np.sin(2 * np.pi * f * t + random.uniform(0, 6.28)) for f in np.geomspace(80, 3000, 12))
+    waves = [1.6 * np.sin(2 * np.pi * f * t + random.uniform(0, 6.28)) for f in np.geomspace(80, 3000, 12)]
+    u = np.sum(waves, axis=0)
     d = wandering(random, n, 10, 20.0)
     y = first_order(np.clip(u, -4, 4), step, 0.0, lambda y, u, k: (u - y) / 4.7e-4 + d[k])
     return [{"time [s]": t, "u_in [V]": u, "u_out [V]": y + 0.004 * random.normal(size=n)}]
