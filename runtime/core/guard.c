@@ -31,7 +31,7 @@ static double steady(const SlrGuardLimits *l, int axis, double command) {
 
 /* Measured speed of an arm joint: the change of its angle over the ticks that are remembered. */
 static double arm_rate(const SlrGuardView *v, const SlrGuardPast *past, int axis) {
-  return (v->angle[axis] - past->angle[axis - SLR_BOOM][SLR_GUARD_BACK - 1]) / (SLR_GUARD_BACK * SLR_TICK_S);
+  return (v->angle[axis] - past->angle[axis - SLR_BOOM][SLR_GUARD_BACK - 1]) / ((double)SLR_GUARD_BACK * SLR_TICK_S);
 }
 
 /* Largest speed on the way to rest, of slew or arm. */
@@ -194,7 +194,7 @@ static int sector_of(int64_t number) {
 
 double slr_guard_room(const SlrGuardLimits *l, const SlrGuardBody *body, const SlrZones *zones, const SlrSweep *sweep,
                       double enough, int *part) {
-  const double width = TURN / SLR_GUARD_SECTORS, low = sweep->lo[SLR_SLEW];
+  const double width = TURN / (double)SLR_GUARD_SECTORS, low = sweep->lo[SLR_SLEW];
   const double high = lesser(sweep->hi[SLR_SLEW], low + TURN);
   Body placed;
   double least = ALONE;
