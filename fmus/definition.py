@@ -104,8 +104,8 @@ class Model:
     def __post_init__(self) -> None:
         _check_names(self)
         object.__setattr__(self, "step", float(self.step))  # 4 is as good as 4.0, but not in C
-        sample = self.sample_time or (SAMPLE_S if _is_multiple(SAMPLE_S, self.step) else self.step)
-        longest = LINE_S if _is_multiple(LINE_S, sample) else LINE_SAMPLES * sample
+        sample = self.sample_time or (SAMPLE_S if is_multiple(SAMPLE_S, self.step) else self.step)
+        longest = LINE_S if is_multiple(LINE_S, sample) else LINE_SAMPLES * sample
         object.__setattr__(self, "sample_time", float(sample))
         object.__setattr__(self, "max_delay", float(self.max_delay or longest))
 
@@ -287,6 +287,7 @@ def _check_names(model: Model) -> None:
         model.index("parameters", name)
 
 
-def _is_multiple(duration: float, step: float) -> bool:
+def is_multiple(duration: float, step: float) -> bool:
+    """Whether a time is a whole number of steps, one or more, but for rounding."""
     count = round(duration / step)
     return count >= 1 and abs(count * step - duration) <= 1e-9 * duration

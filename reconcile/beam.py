@@ -59,11 +59,11 @@ class Beam:
 
     def _grow(self, kept: list[Key], first: int) -> None:
         """Add one effect to each of the best sets, level by level, as long as it is worth it."""
-        for level, (width, keep) in list(enumerate(zip(SINGLES, KEPT, strict=True)))[first:]:
+        for level, (width, keep) in enumerate(zip(SINGLES[first:], KEPT[first:], strict=True), first + 1):
             found: set[Key] = set()
             best = self.evidence(self.ranked()[0])
             for at, key in enumerate(kept):
-                self.report(f"sets of {level + 1}", at, len(kept))
+                self.report(f"sets of {level}", at, len(kept))
                 for scored in self.scores(key)[:width]:
                     if scored.gain < WORTH:
                         break
@@ -84,8 +84,7 @@ class Beam:
 
     def _absorbed(self, key: Key) -> bool:
         """Whether the disturbance of a set is so large that it may do the work of the model."""
-        values, core = self.points[key].values, self.core
-        return any(values[SIGMA + p] > ABSORBED * core.force_size(p) for p in core.kalman.places)
+        return max(self.core.disturbances(self.points[key].values).values(), default=0.0) > ABSORBED
 
     def _quietly(self) -> list[Key]:
         """Sets of one effect, asked and fitted from the model with a disturbance that takes nothing over.
@@ -130,7 +129,7 @@ class Beam:
                     self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
 
     def _foremost(self) -> list[Key]:
-        """The best sets, and the best one with one effect less, or a limit of it in its place."""
+        """The best sets, and the best one with one effect less, or a limit, kin or twin in its place."""
         ranked = self.ranked()
         simpler = [ranked[0] - {a} for a in ranked[0]]
         known = [k for k in (*ranked[:SETTLED], *simpler) if k in self.points]

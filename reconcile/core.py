@@ -163,6 +163,10 @@ class Core:
             return self.scales[place].f
         return self._force(self.kalman.places.index(place))[0]
 
+    def disturbances(self, values: Values) -> dict[str, float]:
+        """By place the size of the disturbance, as a share of the forces there."""
+        return {p: values[SIGMA + p] / self.force_size(p) for p in self.kalman.places}
+
     def nominal(self) -> Point | None:
         """The model as it came, with the noise that was found."""
         values = self.base.values | {v.name: v.start for v in self.model.parameters}

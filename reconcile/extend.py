@@ -170,8 +170,9 @@ def _delayed(model: Model, ports: Ports, attached: Sequence[Attached]) -> Model:
 
 
 def _measured(model: Model, sensors: Mapping[str, Sensor]) -> Model:
-    """With sensors; where it had none, they are read in every step, so that only their effect shows."""
-    return replace(model, sensors=sensors, sample_time=model.sample_time if model.sensors else model.step)
+    """With sensors; the first are read in every step, so that only their effect shows."""
+    first = sensors and not model.sensors
+    return replace(model, sensors=sensors, sample_time=model.step if first else model.sample_time)
 
 
 def _with_lines(model: Model) -> Model:

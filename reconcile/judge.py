@@ -55,6 +55,10 @@ class Weights:
                 self.best[names] = k
         self.order = sorted(self.by_names, key=lambda n: -self.by_names[n])
 
+    def doubted(self, key: Key) -> bool:
+        """Whether an effect of a set is less than sure."""
+        return any(self.effects[a.effect.name] < SURE for a in key)
+
     @property
     def first(self) -> Key:
         """The likeliest set of the likeliest names."""
@@ -82,7 +86,7 @@ class Judge:
         """
         weights = Weights(self.beam, _simplest(self.beam))
         answer, refused = self._earning(weights.first, weights.kinds)
-        if any(weights.effects[a.effect.name] < SURE for a in answer):
+        if weights.doubted(answer):
             cleaned: dict[Key, float] = {}
             for k, p in weights.posterior.items():
                 kept = self._earning(k, weights.kinds)[0] if p > LEAST_SHOWN else k
@@ -90,7 +94,7 @@ class Judge:
             weights = Weights(self.beam, cleaned)
             answer = weights.first
             refused = [r for r in refused if r["effect"] not in _names(answer)]
-        doubted = [a for a in answer if weights.effects[a.effect.name] < SURE]
+        doubted = weights.doubted(answer)
         declared = [answer] if answer else []
         if doubted:
             declared += self._rivals(answer, weights)

@@ -10,7 +10,6 @@ from reconcile import words
 from reconcile.ahead import ahead, noise
 from reconcile.answer import Answer, standard_errors
 from reconcile.core import Core
-from reconcile.filter.kalman import SIGMA
 from reconcile.filter.point import Point
 from reconcile.model import Attached
 from reconcile.tolerances import AT_FLOOR, KNOWN, MOVED, SEEN, SURE
@@ -84,8 +83,7 @@ def _unexplained(answer: Answer, share: float) -> str:
     text = f"The model errs by {errs} of the outputs' motion over its own time, and no effect explains it"
     kinds = answer.judged.kinds
     sure = next((k for k, p in kinds.items() if p >= SURE), None)
-    core, values = answer.core, answer.point.values
-    sizes = {p: values[SIGMA + p] / core.force_size(p) for p in core.kalman.places}
+    sizes = answer.core.disturbances(answer.point.values)
     worst = max(sizes, key=lambda p: sizes[p])
     where = f"; what is missing acts at {worst}, with {words.percent(sizes[worst])} of the forces there"
     kind = f"; its kind is sure: {sure}" if sure else ""

@@ -62,15 +62,18 @@ def _place(random: np.random.Generator, nearest: float, farthest: float = 16.0) 
     return float(radius * math.cos(turn)), float(radius * math.sin(turn))
 
 
+def _box(
+    random: np.random.Generator, nearest: float, *sizes: tuple[float, float]
+) -> tuple[tuple[float, float], tuple[float, float, float], float]:
+    """Place, size within these ranges, and turn [deg]."""
+    place = _place(random, nearest)
+    length, width, height = (float(random.uniform(*span)) for span in sizes)
+    return place, (length, width, height), float(random.uniform(0.0, 180.0))
+
+
 def _wall(random: np.random.Generator, k: int) -> Thing:
-    x, y = _place(random, 7.0)
-    size = (
-        float(random.uniform(0.3, 5.0)),
-        float(random.uniform(0.3, 1.0)),
-        float(random.uniform(1.0, 10.0)),
-    )
-    turn = float(random.uniform(0.0, 180.0))
-    return Box(name=f"wall {k}", middle=(x, y, size[2] / 2), size=size, turn_deg=turn)
+    place, size, turn = _box(random, 7.0, (0.3, 5.0), (0.3, 1.0), (1.0, 10.0))
+    return Box(name=f"wall {k}", middle=(*place, size[2] / 2), size=size, turn_deg=turn)
 
 
 def _pole(random: np.random.Generator, k: int) -> Cylinder:
@@ -80,14 +83,8 @@ def _pole(random: np.random.Generator, k: int) -> Cylinder:
 
 
 def _beam(random: np.random.Generator, k: int) -> Thing:
-    x, y = _place(random, 5.0)
-    size = (
-        float(random.uniform(2.0, 10.0)),
-        float(random.uniform(0.3, 1.0)),
-        float(random.uniform(0.3, 1.0)),
-    )
-    turn = float(random.uniform(0.0, 180.0))
-    return Box(name=f"beam {k}", middle=(x, y, float(random.uniform(5.0, 14.0))), size=size, turn_deg=turn)
+    place, size, turn = _box(random, 5.0, (2.0, 10.0), (0.3, 1.0), (0.3, 1.0))
+    return Box(name=f"beam {k}", middle=(*place, float(random.uniform(5.0, 14.0))), size=size, turn_deg=turn)
 
 
 def _pile(random: np.random.Generator, k: int) -> Thing:

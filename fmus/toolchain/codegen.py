@@ -6,7 +6,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from fmus.definition import Model, Sensor
+from fmus.definition import Model, Sensor, is_multiple
 from fmus.toolchain.variables import TIME_VR, exposed, model_token
 from specs.errors import InputError
 
@@ -87,10 +87,9 @@ def token(model: Model, code: str, shim: str) -> str:
 
 def whole(duration: float, step: float, what: str) -> int:
     """duration / step, which must be a whole number."""
-    count = round(duration / step)
-    if count < 1 or abs(count * step - duration) > 1e-9 * duration:
+    if not is_multiple(duration, step):
         raise InputError(f"{what} of {duration} s is not a multiple of the step {step} s")
-    return count
+    return round(duration / step)
 
 
 def check_no_feedthrough(model: Model) -> None:

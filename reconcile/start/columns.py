@@ -16,6 +16,7 @@ from specs.units import compatible
 LEAST_SAMPLES = 30
 ALIKE = 0.95  # correlation of a column with the slope of a position that makes it a velocity
 SAME = 0.1  # by which its size may differ from that slope, in the same or another usual unit
+USUAL = (1.0, 1.0 / 6.0, *known_ratios())  # ratios of units; 1/6: rpm beside degrees
 HELD = 0.5  # share of samples equal to the one before, of what moves in steps
 WORDS = {
     "output": "out output response",
@@ -138,8 +139,7 @@ def _by_data(columns: Sequence[Column]) -> list[Column]:
             continue
         for p in positions:
             alike, ratio = slope_alike(p, c)
-            usual = (1.0, 1.0 / 6.0, *known_ratios())  # 1/6: rpm beside degrees
-            if abs(alike) > ALIKE and any(abs(ratio / size - 1.0) < SAME for size in usual):
+            if abs(alike) > ALIKE and any(abs(ratio / usual - 1.0) < SAME for usual in USUAL):
                 text = f"guessed: it follows the slope of {p.name} (correlation {alike:.3f})"
                 found[i] = replace(c, role="velocity", reason=text)
                 break
