@@ -66,6 +66,10 @@ def bundle(
             metavar="SCENE", help="Keep off what stands in this scene, whatever the controller says."
         ),
     ] = None,
+    fmu: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.fmu", help="Write its control core as an FMU, too (FMI 3.0)."),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
@@ -74,6 +78,7 @@ def bundle(
 
     if sign is None and (archive or release or config):
         raise InputError("--archive, --release and --config are of a signed archive: add --sign KEY.pem")
+    _check_fmu(fmu, engine)
     key, target = None, archive or out
     if sign:
         from deployment.bundling import archive as signing  # needs cryptography, which a bundle does not
@@ -105,5 +110,18 @@ def bundle(
         signed = signing.write(made, target, key, release, config)
         typer.echo(f"{target}: {len(signed.files)} files, digest {signed.digest}, signed by {key.public.id}")
         figures |= {"archive": str(target), "digest": signed.digest, "key": key.public.id}
+    if fmu:
+        from deployment.bundling.fmu import build_fmu
+
+        typer.echo(f"{build_fmu(made, fmu)}: its control core as an FMU")
+        figures |= {"fmu": str(fmu)}
     write(json, {**figures, "failures": failures} if plants else figures, None)
     exit_if_missed(failures)
+
+
+def _check_fmu(fmu: Path | None, engine: str) -> None:
+    """InputError, before anything is built, for what cannot become an FMU."""
+    if fmu and fmu.suffix != ".fmu":
+        raise InputError(f"--fmu {fmu}: not a name of an FMU; valid: one that ends with .fmu")
+    if fmu and engine != "native":
+        raise InputError(f"--fmu: {engine} evaluates the policy outside of the core; valid: --engine native")
