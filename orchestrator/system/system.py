@@ -9,6 +9,7 @@ from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import Value, checked_value
 from orchestrator.ssp.conversion import apply
 from orchestrator.ssp.description import ALGORITHMS, Settings
+from orchestrator.system.clock_links import ClockLink, check_components
 from orchestrator.system.link import Link
 from specs.errors import InputError, nearest
 from specs.faults import Fault
@@ -61,7 +62,8 @@ class System:
     """A checked system: components in declared order, links to their inputs, its own inputs and outputs.
 
     `start_s`, `stop_s`: of its default experiment; `states_step`: it says itself how long its step is.
-    `warnings` are full sentences for the user.  The unpacked FMUs live as long as this object.
+    `clock_links`: connections between clocks.  `warnings` are full sentences for the user.
+    The unpacked FMUs live as long as this object.
     """
 
     name: str
@@ -74,6 +76,7 @@ class System:
     outputs: Mapping[str, SystemOutput]
     warnings: tuple[str, ...]
     faults: tuple[Fault, ...] = ()
+    clock_links: tuple[ClockLink, ...] = ()
     parameters: Mapping[str, SystemParameter] = field(default_factory=dict)
     start_s: float = 0.0
     states_step: bool = True
@@ -141,6 +144,7 @@ class System:
         """InputError for an unknown algorithm, and one that a component is not able to take part in."""
         if algorithm not in ALGORITHMS:
             raise InputError(f"unknown algorithm '{algorithm}'; {nearest(algorithm, ALGORITHMS)}")
+        check_components(self.clock_links, self.components, algorithm)
         for component in self.components.values():
             if algorithm in ROLLING_BACK and not component.model.can_get_set_state:
                 raise InputError(
