@@ -1,7 +1,7 @@
 """A bundle's control core as an FMU, and the reference system with it: what is verified is what runs.
 
-The FMU is compiled from the very sources in the bundle, with the shim around them: core.c and fmi2.c or fmi3.c
-as they are, runtime/core/fmu.c in the place of the integrator.
+The FMU is compiled from the very sources in the bundle, with the shim around them: core.c and fmi2.c or
+fmi3.c as they are, runtime/core/fmu.c in the place of the integrator.
 """
 
 import tempfile

@@ -1,4 +1,4 @@
-"""The two nodes of the bus as FMUs: the virtual controller, and the machine's end with the machine's plain signals."""
+"""The two nodes of the bus as FMUs: virtual controller, and the machine's end with plain signals behind."""
 
 import tempfile
 from collections.abc import Mapping
@@ -55,7 +55,7 @@ def build_controller(bundle: Bundle, path: Path) -> Path:
     Raises InputError for a bundle whose policy is evaluated outside of its core, RunError if C fails.
     """
     check_native(bundle)
-    fmu, target = controller(), compiler.host()
+    fmu = controller()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         own = _own("controller", bundle.folder / "sources" / "core")

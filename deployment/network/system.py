@@ -18,8 +18,9 @@ from specs.ssd import SIMULATION, render
 STEP_S = 0.001  # of nodes and bus: when frames that have arrived are handed over
 FMI = 3
 CONTROLLER, BUS, IO, MACHINE = "controller", "bus", "io", "machine"
+ENDS: tuple[str, ...] = ("startElement", "startTerminal", "endElement", "endTerminal")
 REPLACED = ("pi", "arm_velocity")  # components of the reference system whose place the core takes
-TERMINALS = ((CONTROLLER, bus.NODES[0]), (IO, bus.NODES[1]))  # component -> the bus's terminal
+TERMINALS = {CONTROLLER: "Node1", IO: "Node2"}  # component -> the bus's terminal
 
 
 def over_the_bus(bundle: Bundle, path: Path) -> Path:
@@ -36,7 +37,7 @@ def over_the_bus(bundle: Bundle, path: Path) -> Path:
         MACHINE: _fed(machine, IO),
     }
     spec = _spec(about, components, IO, machine)
-    connections = [(component, nodes.PORT, BUS, node) for component, node in TERMINALS]
+    connections = [(component, nodes.PORT, BUS, node) for component, node in TERMINALS.items()]
     return _packed(bundle, spec, connections, path)
 
 
@@ -68,9 +69,7 @@ def _fed(machine: dict[str, Any], source: str) -> dict[str, Any]:
     return {"fmu": machine["fmu"], "inputs": {**inputs, source: list(tables.COMMANDS)}}
 
 
-def _spec(
-    about: str, components: dict[str, Any], shown: str, machine: dict[str, Any]
-) -> systems.SystemSpec:
+def _spec(about: str, components: dict[str, Any], shown: str, machine: dict[str, Any]) -> systems.SystemSpec:
     outputs = {shown: list(tables.SHOWN), MACHINE: machine["outputs"]}
     data = {"description": about, "step_s": STEP_S, "stop_s": machine["stop_s"]}
     return systems.parse("virtual", {**data, "components": components, "outputs": outputs})
@@ -83,7 +82,7 @@ def _packed(
         folder = Path(scratch)
         fmus = {f"{nodes.CONTROLLER}.fmu": nodes.build_controller(bundle, folder / "controller.fmu")}
         if connections:
-            fmus[f"{bus.NAME}.fmu"] = bus.build_bus(folder / "bus.fmu")
+            fmus[f"{bus.NAME}.fmu"] = bus.build_bus(folder / "bus.fmu", len(TERMINALS))
             fmus[f"{nodes.MACHINE_IO}.fmu"] = nodes.build_machine_io(folder / "io.fmu")
         fmus["machine.fmu"] = build_model("machine", FMI)
         return pack(_annotated(render(spec, FMI), connections), fmus, path)
@@ -95,8 +94,7 @@ def _annotated(ssd: str, connections: list[tuple[str, str, str, str]]) -> str:
     (simulation,) = root.iter(f"{{{SIMULATION}}}Simulation")
     etree.SubElement(simulation, f"{{{SIMULATION}}}Component", name=MACHINE, stepSize="0.02")
     for ends in connections:
-        names = ("startElement", "startTerminal", "endElement", "endTerminal")
-        about = dict(zip(names, ends, strict=True))
+        about = dict(zip(ENDS, ends, strict=True))
         etree.SubElement(simulation, f"{{{SIMULATION}}}TerminalConnection", about)
     etree.indent(root)
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8").decode() + "\n"

@@ -1,4 +1,4 @@
-"""The C headers of the two ends of the bus, from specs: the peer's images and frames, signals and their places."""
+"""The C headers of both ends of the bus, from specs: the peer's images and frames, places of signals."""
 
 from collections.abc import Sequence
 
@@ -33,7 +33,12 @@ def peer_headers() -> dict[str, str]:
     """image_layout.h, wire_layout.h and slr.h of everybody but the controller, who sends what it reads."""
     read = [c for c in received_by("Machine") if c.message.sender == image.NODE]
     sent = sorted(
-        (turn for node in (*NODES, PLANNER) for turn in turns(node) if _is_for_the_controller(turn.codec.message)),
+        (
+            turn
+            for node in (*NODES, PLANNER)
+            for turn in turns(node)
+            if _is_for_the_controller(turn.codec.message)
+        ),
         key=lambda turn: turn.codec.message.frame_id,
     )
     sides = Layout("Input", OUTPUT.signals), Layout("Output", INPUT.signals)
@@ -42,7 +47,9 @@ def peer_headers() -> dict[str, str]:
         "wire_layout.h": _guarded(
             "PEER_WIRE_H", '#define SLR_WIRE_LAYOUT ""\n' + table.definitions_of(read, sent, *sides)
         ),
-        "slr.h": _guarded("PEER_SLR_H", '#include <stddef.h>\n#include "image_layout.h"\n#define SLR_EXPORT\n'),
+        "slr.h": _guarded(
+            "PEER_SLR_H", '#include <stddef.h>\n#include "image_layout.h"\n#define SLR_EXPORT\n'
+        ),
     }
 
 

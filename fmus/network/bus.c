@@ -56,8 +56,8 @@ static int enqueue(NwNode *n, int port, const NwOperation *o) {
   BusQueued entry = {.since = n->now};
   if (!nw_read_transmit(o, &entry.frame)) return nw_put_format_error(&n->port[port].sent, o), 1;
   if (node->off) return 1;
-  if (node->queued == BUS_QUEUE) return fail(n, "node %d: more than %lld frames wait", port, BUS_QUEUE, 0);
-  node->queue[node->queued++] = entry;
+  if (node->queued == BUS_QUEUE) n->value[NW_overflows] += 1.0; /* as of a node whose queue is full */
+  else node->queue[node->queued++] = entry;
   return 1;
 }
 

@@ -70,7 +70,9 @@ def config_h(fmu: NetworkFmu, token: str) -> str:
     """network_config.h: what network.c and the FMU's own file know of it."""
     numbers = fmu.by_reference
     kinds = {"Float64": "FLOAT64", "UInt32": "UINT32", "Boolean": "BOOLEAN"}
-    rows = [f"X({n.vr}, {kinds[n.type]}, {float(n.start)!r}, {n.limits[0]!r}, {n.limits[1]!r})" for n in numbers]
+    rows = [
+        f"X({n.vr}, {kinds[n.type]}, {float(n.start)!r}, {n.limits[0]!r}, {n.limits[1]!r})" for n in numbers
+    ]
     places = [f"  NW_{n.place or n.name} = {i}," for i, n in enumerate(numbers)]
     return "\n".join(
         [

@@ -1,4 +1,4 @@
-"""What an importer reads of an FMU on networks: model description, terminals, manifest of FMI-LS-BUS 1.0.0."""
+"""What an importer reads of an FMU on networks: model description, terminals, FMI-LS-BUS's manifest."""
 
 from lxml import etree
 

@@ -69,7 +69,7 @@ def _checked(
     started = {n: replace(c, start=start[n]) for n, c in graph.components.items()}
     check_total(started.values())
     for wanted in text.simulation.terminals:
-        check_bit_rate(wanted, started)
+        check_bit_rate(wanted, started, start)
     ticking = clock_links(graph)
     components = with_steps_and_clocks(graph, started, text.simulation, step_s, ticking)
     connections = Connections(graph, parameters, components)
@@ -82,6 +82,7 @@ def _checked(
         components=components,
         links=connections.links,
         clock_links=ticking,
+        terminals=text.simulation.terminals,
         inputs=connections.inputs,
         outputs=connections.outputs,
         warnings=(

@@ -8,9 +8,10 @@ from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import Value, checked_value
 from orchestrator.ssp.conversion import apply
-from orchestrator.ssp.description import ALGORITHMS, Settings
+from orchestrator.ssp.description import ALGORITHMS, Settings, TerminalConnection
 from orchestrator.system.clock_links import ClockLink, check_components
 from orchestrator.system.link import Link
+from orchestrator.system.terminals import check_bit_rate
 from specs.errors import InputError, nearest
 from specs.faults import Fault
 from specs.units import Unit
@@ -62,8 +63,8 @@ class System:
     """A checked system: components in declared order, links to their inputs, its own inputs and outputs.
 
     `start_s`, `stop_s`: of its default experiment; `states_step`: it says itself how long its step is.
-    `clock_links`: connections between clocks.  `warnings` are full sentences for the user.
-    The unpacked FMUs live as long as this object.
+    `clock_links`: connections between clocks; `terminals`: those by terminal.
+    `warnings` are full sentences for the user.  The unpacked FMUs live as long as this object.
     """
 
     name: str
@@ -77,6 +78,7 @@ class System:
     warnings: tuple[str, ...]
     faults: tuple[Fault, ...] = ()
     clock_links: tuple[ClockLink, ...] = ()
+    terminals: tuple[TerminalConnection, ...] = ()
     parameters: Mapping[str, SystemParameter] = field(default_factory=dict)
     start_s: float = 0.0
     states_step: bool = True
@@ -128,6 +130,8 @@ class System:
             variable = parameter(component, name)
             size = component.size(variable)
             values[component.name][name] = checked_value(variable, value, f"parameter {key}", size)
+        for wanted in self.terminals:
+            check_bit_rate(wanted, self.components, values)
         return values
 
     def _set_system_parameter(

@@ -102,25 +102,26 @@ def _transceiver(start: Terminal, end: Terminal, shown: str) -> Iterator[Pair]:
     yield from ((mine[name], theirs[other]) for name, other in CROSSED.items())
 
 
-def check_bit_rate(wanted: TerminalConnection, components: Mapping[str, Component]) -> None:
-    """InputError for a network terminal and another one whose bit rates, where both state one, differ.
+def check_bit_rate(
+    wanted: TerminalConnection,
+    components: Mapping[str, Component],
+    start: Mapping[str, Mapping[str, Value]],
+) -> None:
+    """InputError for two terminals of networks that start with different bit rates, where both state one.
 
-    `components` have their start values.
+    `start`: start values of every component.
     """
-    rates = [_bit_rate(components[component], name) for component, name in wanted.ends]
+    rates = [_bit_rate(components[owner], name, start[owner]) for owner, name in wanted.ends]
     if None not in rates and rates[0] != rates[1]:
-        shown = [
-            f"{component}.{name} with {rate} bit/s"
-            for (component, name), rate in zip(wanted.ends, rates, strict=True)
-        ]
-        raise InputError(f"{wanted.place}: a bus at two rates: {' and '.join(shown)}")
+        ends = [f"{'.'.join(end)} with {rate} bit/s" for end, rate in zip(wanted.ends, rates, strict=True)]
+        raise InputError(f"{wanted.place}: a bus at two rates: {' and '.join(ends)}")
 
 
-def _bit_rate(component: Component, name: str) -> Value | None:
+def _bit_rate(component: Component, name: str, start: Mapping[str, Value]) -> Value | None:
     for inner in component.terminals.by_name[name].inner:
         for member in inner.members if inner.name == CONFIGURATION else ():
             if member.name == BIT_RATE:
-                return component.start.get(member.variable, component.model.variables[member.variable].start)
+                return start.get(member.variable, component.model.variables[member.variable].start)
     return None
 
 

@@ -56,7 +56,8 @@ def test_what_cannot_become_an_fmu_is_refused_before_anything_is_built(
 ) -> None:
     out = tmp_path / "pd.bundle"
     for more, words in (
-        (["--fmu", "core.zip"], "--fmu core.zip: not a name of an FMU"),
+        (["--fmu", "core.zip"], "--fmu core.zip: not a name of an FMU or system"),
+        (["--can"], "there is no --fmu"),
         (["--fmu", "core.fmu", "--engine", "onnxruntime"], "onnxruntime evaluates the policy outside"),
     ):
         assert entry.run(["bundle", "pd", "--out", str(out), *more]) == 2
