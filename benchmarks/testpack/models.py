@@ -175,8 +175,19 @@ SAMPLER = (
 )
 RELAY = (
     Variable("tick", "Clock", "input", None),
-    Variable("tock", "Clock", "output", None),
+    Variable("tock", "Clock", "output", None, depends=("tick",)),
     Variable("u"),
+    _output("count", "Integer"),
+    replace(_output("sampled"), discrete=True),
+)
+METRONOME = (
+    _parameter("period", 0.2),
+    Variable("tock", "Clock", "output", None),
+    replace(_output("y"), clock="tock"),
+)
+LISTENER = (
+    Variable("tick", "Clock", "input", None),
+    replace(Variable("u"), clock="tick"),
     _output("count", "Integer"),
     replace(_output("sampled"), discrete=True),
 )
@@ -312,6 +323,8 @@ _ALL = (
         (3,),
         {"hasEventMode": "true"},
     ),
+    Fmu("metronome", "metronome", METRONOME, (3,), {"hasEventMode": "true"}),
+    Fmu("listener", "sampler", LISTENER, (3,), {"hasEventMode": "true"}),
     Fmu("relay", "sampler", RELAY, (3,), {"hasEventMode": "true"}),
     *(
         Fmu(
