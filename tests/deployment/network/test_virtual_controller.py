@@ -1,10 +1,12 @@
 """The virtual controller over the bus FMU: the same records as by plain signals, or others as calculated."""
 
+import io
 import json
 import re
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import cantools
 import numpy as np
@@ -205,9 +207,25 @@ def test_nodes_connected_without_a_bus_do_the_same(packed: Mapping[str, Path], t
     assert same(run(path), run(packed["plain"]))
 
 
+def foreign(content: bytes) -> bytes:
+    """The same FMU as somebody else might have packed it: it runs in a process of its own."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    return pack({**files, "documentation/foreign.txt": b"packed elsewhere"})
+
+
+def test_nodes_in_processes_of_their_own_do_the_same(packed: Mapping[str, Path], tmp_path: Path) -> None:
+    with zipfile.ZipFile(packed["over"]) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    path = tmp_path / "foreign.ssp"
+    path.write_bytes(pack({n: foreign(c) if n.endswith(".fmu") else c for n, c in files.items()}))
+    alone, here = run(path, 1.0), run(packed["over"], 1.0)
+    assert all(np.array_equal(alone.column(n), here.column(n)) for n in here.names)
+
+
 def test_frames_are_those_of_the_dbc(tmp_path: Path) -> None:
     """By another reader of the DBC, in the order of urgency."""
-    database = cantools.database.load_file(ROOT / "generated" / "slewright.dbc")
+    database: Any = cantools.database.load_file(ROOT / "generated" / "slewright.dbc")
     loaded = load_system(nodes.build_machine_io(tmp_path / "machine_io.fmu"))
     with Instance(next(iter(loaded.components.values()))) as node:
         node.enter_initialisation()
