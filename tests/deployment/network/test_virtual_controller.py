@@ -21,6 +21,7 @@ from orchestrator.run.simulate import simulate
 from orchestrator.system.check import load_system
 from orchestrator.system.layout import lay_out
 from orchestrator.system.stimuli import Stimuli
+from records import record as records
 from records.record import Record
 from slewright import __main__ as entry
 from specs import scenario
@@ -270,3 +271,22 @@ def test_bundle_writes_valid_fmus(tmp_path: Path) -> None:
     assert 'isBusSimulationFMU="false"' in manifest
     assert sorted(load_system(whole).components) == ["bus", "controller", "io", "machine"]
     assert validate_fmu(str(nodes.build_machine_io(tmp_path / "io.fmu"))) == []
+
+
+def test_values_are_set_on_the_command_line(
+    packed: Mapping[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "record.parquet"
+    line = ["simulate", str(packed["over"]), "--stop", "0.5", "--out", str(out), "--record", "bus.dropped"]
+    for wrong, words in (
+        ("nonsense", "--set nonsense is not of the form NAME=VALUE"),
+        ("target_x=left", "input target_x needs a number"),
+        ("bus.rate=1", "component bus has no parameter 'rate'"),
+        ("bus.bit_rate=500000", "a bus at two rates"),
+    ):
+        assert entry.run([*line, "--set", wrong]) == 2
+        assert words in capsys.readouterr().err
+    assert not out.exists()
+    given = ["--set", "target_x=7", "--set", "bus.drop_probability=1", "--set", "controller.plain=false"]
+    assert entry.run([*line, *given]) == 0
+    assert records.read(out).column("bus.dropped")[-1] > 300
