@@ -180,17 +180,6 @@ RELAY = (
     _output("count", "Integer"),
     replace(_output("sampled"), discrete=True),
 )
-METRONOME = (
-    _parameter("period", 0.2),
-    Variable("tock", "Clock", "output", None),
-    replace(_output("y"), clock="tock"),
-)
-LISTENER = (
-    Variable("tick", "Clock", "input", None),
-    replace(Variable("u"), clock="tick"),
-    _output("count", "Integer"),
-    replace(_output("sampled"), discrete=True),
-)
 EXCHANGE = (
     Variable("u", start=5.0),
     _parameter("kind", 0, "Integer"),
@@ -323,8 +312,6 @@ _ALL = (
         (3,),
         {"hasEventMode": "true"},
     ),
-    Fmu("metronome", "metronome", METRONOME, (3,), {"hasEventMode": "true"}),
-    Fmu("listener", "sampler", LISTENER, (3,), {"hasEventMode": "true"}),
     Fmu("relay", "sampler", RELAY, (3,), {"hasEventMode": "true"}),
     *(
         Fmu(

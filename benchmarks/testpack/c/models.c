@@ -157,17 +157,6 @@ void kit_event(kit_instance *m) {
 
 kit_status kit_step(kit_instance *m, double t, double h, kit_result *result) { return done(m, t, h, result); }
 
-#elif defined(KIT_metronome) /* its clock ticks every `period` s, and y is the time then */
-void kit_outputs(kit_instance *m) { (void)m; }
-void kit_event(kit_instance *m) { W(tock) = 0; }
-
-kit_status kit_step(kit_instance *m, double t, double h, kit_result *result) {
-  if (t + h < (double)(m->count + 1) * R(period) - 1e-9) return done(m, t, h, result);
-  m->count++;
-  W(tock) = 1, R(y) = t + h, result->event = true;
-  return done(m, t, h, result);
-}
-
 #elif defined(KIT_trouble) /* y counts the seconds; from `at` on it behaves as badly as `trick` says */
 enum { GOOD, WARNS, DISCARDS, TERMINATES, FAILS, NO_NUMBER, CRASHES, HANGS, REFUSES };
 

@@ -46,16 +46,6 @@ SAMPLER = whole(
     [connection("a.y", "b.u")],
     {"b.count": "Integer", "b.sampled": "Real"},
 )
-TICKING = whole(
-    [
-        component("a", "metronome", gives("tock", "Clock"), gives("y")),
-        component(
-            "b", "listener", takes("tick", "Clock"), takes("u"), gives("count", "Integer"), gives("sampled")
-        ),
-    ],
-    [connection("a.tock", "b.tick"), connection("a.y", "b.u")],
-    {"b.count": "Integer", "b.sampled": "Real"},
-)
 COUNTS = (("count", "Integer"), ("last", "Real"))
 ALGORITHMS = ("gauss-seidel", "iterate", "adaptive")
 
@@ -195,15 +185,6 @@ CASES: tuple[Case, ...] = (
             tolerance=HOP,
             times=(0.1, 0.3, 0.5, 0.7),
         )
-    ),
-    *cases(
-        "clock-connected",
-        "a clock of one FMU ticks a clock of another, and brings the value that it clocks",
-        TICKING,
-        (3,),
-        expect={"b.count": "whole(t/0.2)", "b.sampled": "0.2*whole(t/0.2)"},
-        tolerance=HOP,
-        times=(0.1, 0.3, 0.5, 0.7),
     ),
     *cases(
         "warnings",
