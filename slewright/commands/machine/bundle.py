@@ -94,6 +94,10 @@ def bundle(
             files=table,
             guard=scene,
         )
+    if commissioning:
+        from deployment.commissioning import again
+
+        failures = [*failures, *again.failures(made, commissioning)]
     for text in training_range.at_start(Path(controller)) if controller.endswith(".onnx") else ():
         typer.echo(f"warning: {text}", err=True)
     typer.echo(f"{made.folder}: {made.controller} for {', '.join(made.platforms)}, SHA-256 {made.digest}")
@@ -105,5 +109,5 @@ def bundle(
         signed = signing.write(made, target, key, release, config)
         typer.echo(f"{target}: {len(signed.files)} files, digest {signed.digest}, signed by {key.public.id}")
         figures |= {"archive": str(target), "digest": signed.digest, "key": key.public.id}
-    write(json, {**figures, "failures": failures} if plants else figures, None)
+    write(json, {**figures, "failures": failures} if plants or commissioning else figures, None)
     exit_if_missed(failures)
