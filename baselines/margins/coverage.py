@@ -42,9 +42,11 @@ def ranges(measured: Drive, drives: Sequence[Drive]) -> Iterator[Range]:
     known = parameters.load("commissioning")
     share, later, band = (known[f"commissioning_{n}_beyond"].value for n in ("gain", "delay", "dead"))
     gains, delays, bands = ([getattr(d, n) for d in drives] for n in ("gain", "delay_s", "dead_band"))
-    yield Range("gain", measured.gain, min(gains) * (1 - share), max(gains) * (1 + share), "rad/s")
-    yield Range("delay", measured.delay_s, -math.inf, max(delays) + later, "s")
-    yield Range("dead band", measured.dead_band, min(bands) - band, max(bands) + band, "")
+    yield Range(
+        "gain of the slew drive", measured.gain, min(gains) * (1 - share), max(gains) * (1 + share), "rad/s"
+    )
+    yield Range("delay of the slew drive", measured.delay_s, -math.inf, max(delays) + later, "s")
+    yield Range("dead band of the slew drive", measured.dead_band, min(bands) - band, max(bands) + band, "")
 
 
 def passed(content: Any, where: str) -> dict[str, Drive]:

@@ -160,6 +160,8 @@ def test_a_bundle_carries_its_table_over_plants(tmp_path: Path) -> None:
     table = json.loads((tmp_path / "b" / "plants.json").read_text())
     assert table["failures"] == json.loads((tmp_path / "figures.json").read_text())["failures"]
     assert "mean overshoot" in " ".join(table["failures"])
+    assert table["passed"] == []
+    assert 0.05 < table["drives"]["nominal"]["gain"] < 0.5
 
 
 def test_evaluate_on_a_plant_writes_its_keys(tmp_path: Path, capsys: Any) -> None:
