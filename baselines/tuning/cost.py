@@ -113,8 +113,16 @@ def cost(
     system: System | Several, controller: Controller, gains: Mapping[str, float], runs: Sequence[Trial]
 ) -> tuple[float, dict[str, float]]:
     """(cost, mean metrics) of all runs with these gains over the controller's own; of the worst plant."""
-    systems = system.systems.values() if isinstance(system, Several) else [system]
-    return max((_cost(one, controller, gains, runs) for one in systems), key=lambda found: found[0])
+    if not isinstance(system, Several):
+        return _cost(system, controller, gains, runs)
+    return max(each(system, controller, gains, runs).values(), key=lambda found: found[0])
+
+
+def each(
+    several: Several, controller: Controller, gains: Mapping[str, float], runs: Sequence[Trial]
+) -> dict[str, tuple[float, dict[str, float]]]:
+    """plant -> (cost, mean metrics)."""
+    return {name: _cost(system, controller, gains, runs) for name, system in several.systems.items()}
 
 
 def _cost(
