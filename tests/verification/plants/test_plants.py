@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from baselines import gains
 from fmus.models.slew_nn.fmu import write_folder
 from fmus.models.slew_nn.model import of_network
 from fmus.models.slew_nn.network import SlewNetwork
@@ -148,6 +149,19 @@ def test_characters_tell_plants_apart(tmp_path: Path) -> None:
 
 
 # ---- the commands ----
+
+
+def test_compare_on_plants_takes_gains_from_a_file(tmp_path: Path) -> None:
+    slow = {"controller": "pd", "machine": gains.machine(), "gains": {"pd_speed_limit": 0.3}}
+    (tmp_path / "slow.json").write_text(json.dumps(slow))
+    speeds = []
+    for more in ([], ["--gains", f"pd={tmp_path / 'slow.json'}"]):
+        out = tmp_path / "figures.json"
+        words = ["compare", "--controller", "pd", "--plants", "nominal", "--targets", "1", "--jobs", "1"]
+        assert entry.run([*words, "--load", "empty", *more, "--json", str(out)]) == 0
+        speeds.append(json.loads(out.read_text())["plants"]["nominal"]["pd"]["speed"])
+    assert speeds[1] < 0.9 * speeds[0]
+    assert entry.run([*words, "--gains", f"zv={tmp_path / 'slow.json'}"]) == 2
 
 
 @pytest.mark.slow
