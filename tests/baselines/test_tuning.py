@@ -246,3 +246,17 @@ def test_bad_plants(slewright_here: Command, words: tuple[str, ...], said: str) 
     done = slewright_here("tune", *words)
     assert done.returncode == 2
     assert said in done.stderr
+
+
+@pytest.mark.parametrize(
+    "path", sorted((Path(search.__file__).parent / "family").glob("*.json")), ids=lambda p: p.stem
+)
+def test_gains_for_the_family_are_better_there_and_no_worse_on_the_machine(path: Path) -> None:
+    figures = json.loads(path.read_text(encoding="utf-8"))
+    assert figures["kept"] == "search"
+    assert figures["plants"] == plants.names()
+    costs = {name: found["cost"] for name, found in figures["validation"].items()}
+    assert costs["search"] < costs["start"]
+    assert figures["machine_costs"]["search"] <= search.MOST_WORSE * figures["machine_costs"]["start"]
+    used = gains.apply(registry.find(path.stem), path)
+    assert figures["gains"].items() <= used.settings.items()
