@@ -83,11 +83,19 @@ def tried(controllers: Sequence[Any], on: Sequence[Any], task: str, asked: Asked
 
 def admission(controller: str, plants: Sequence[str]) -> tuple[dict[str, bytes], list[str]]:
     """({file of a bundle: content}, where the controller fails): a table over plants, unknown load."""
-    from verification.plants import study
+    from baselines.margins.coverage import TABLE
+    from verification.plants import drives, study
 
     on = study.find_plants(plants)
     asked = Asked(ADMISSION_TARGETS, 1, "unknown", None, os.cpu_count() or 1)
     found, task = tried(study.find_controllers([controller]), on, study.task_of([controller]), asked)
-    failures = study.failures(found)
-    content = {"plants": found, "task": task, "load": asked.load, "seed": asked.seed, "failures": failures}
-    return {"plants.json": (dumps(plain(content), indent=1) + "\n").encode()}, failures
+    failures = {plant: study.failures({plant: cells}) for plant, cells in found.items()}
+    with progress("drives") as report:
+        known = drives.drives(on, report)
+    said = [text for texts in failures.values() for text in texts]
+    content = {
+        "plants": found, "task": task, "load": asked.load, "seed": asked.seed, "failures": said,
+        "passed": [plant for plant, texts in failures.items() if not texts],
+        "drives": {plant: drive.as_dict() for plant, drive in known.items()},
+    }  # fmt: skip
+    return {TABLE: (dumps(plain(content), indent=1) + "\n").encode()}, said

@@ -12,6 +12,7 @@ from specs.version import VERSION
 FILE = "calibration.json"
 FORMAT = 1
 FILES = {"arm_tables": "arm-tables.toml", "load_calibration": "load-calibration.json"}
+DRIVE = ("dead_band", "gain", "delay_s", "gain margin", "delay margin")  # of step margins
 STEP_OF = {"arm_tables": "tables", "load_calibration": "tare"}
 
 
@@ -27,9 +28,16 @@ def write(session: Session) -> None:
         "breakaway": {axis: _named(found.get(axis, {}), "breakaway ") for axis in ("slew", "boom", "stick")},
         "dead_bands": _named(found.get("tables", {}), "dead band of the "),
         "tool": found.get("sway", {}),
+        "drive": {name: v for name, v in found.get("margins", {}).items() if name in DRIVE},
+        "motion": _motion(session, found.get("margins", {})),
         "files": {kind: name for kind, name in FILES.items() if session.passed(STEP_OF[kind])},
     }
     session.put(FILE, json.dumps(content, indent=2) + "\n")
+
+
+def _motion(session: Session, found: dict[str, Any]) -> dict[str, Any]:
+    """The trace in which the drive was measured, and where its sines are: first row and rows by frequency."""
+    return {"file": session.path("margins", ".parquet").name, "sines": found["sines"]} if found else {}
 
 
 def _named(found: dict[str, Any], start: str) -> dict[str, Any]:

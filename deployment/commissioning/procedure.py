@@ -16,6 +16,7 @@ from deployment.commissioning.session import FAILED, INTERRUPTED, PASSED, Sessio
 from deployment.commissioning.steps import (
     bus,
     imus,
+    margins,
     rest,
     safety,
     signs,
@@ -69,6 +70,12 @@ STEPS = (
     ),
     Step("sway", "Period of the tool", "slew and stick, a push each", sway.run),
     Step("tare", "Load zero", "boom and stick, to four poses", tare.run),
+    Step(
+        "margins",
+        "Dead band, gain and delay of the slew, and the controller's margins on it",
+        "the slew, slowly, to and fro",
+        margins.run,
+    ),
     *(_stage(share) for share in stages.TURN_DEG),
 )
 NAMES = tuple(step.name for step in STEPS)

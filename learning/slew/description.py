@@ -29,6 +29,8 @@
     scale = 0.82                   # scale * I + offset, with the project's I [kg m2]; 1 and 0 if it is that
     offset = -55500.0
     applied = false                # true in exports: the networks take the project's number already
+    # or the masses [kg] and lengths [m] that it was computed with, where they are not the project's, by their
+    # names in specs/parameters/geometry.toml: bodies = { carriage_x = 1.6, boom_mass = 7200 }
 
     [region]                       # SI: what the networks were trained on, if known; inertia in their number
     u = [-1.0, 1.0]
@@ -45,6 +47,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from fmus.models.slew_nn.network import CELL_AXES, HISTORY, INPUTS, PERIOD_S
+from learning.slew import bodies
 from specs.errors import InputError
 from specs.schema import STRICT, read_toml, validate
 from specs.units import unit as find_unit
@@ -147,17 +150,26 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Inertia:
-    """The inertia number of the networks from the project's: scale * I + offset [kg m2]."""
+    """The inertia number of the networks from the project's: scale * I + offset [kg m2], or by its bodies."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
 
     scale: float = 1.0
     offset: float = 0.0
     applied: bool = False
+    bodies: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.bodies and (self.scale, self.offset, self.applied) != (1.0, 0.0, False):
+            raise InputError("inertia: bodies, or scale and offset, not both")
+        bodies.check(self.bodies)
         if not (0.0 < self.scale < math.inf and math.isfinite(self.offset)):
             raise InputError(f"scale = {self.scale:g}, offset = {self.offset:g}: finite, scale above 0")
+
+    @property
+    def line(self) -> tuple[float, float]:
+        """(scale, offset); InputError where the bodies' number is no straight line of the project's."""
+        return bodies.line(self.bodies) if self.bodies else (self.scale, self.offset)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -149,7 +149,7 @@ def _network(parts: dict[str, tuple[Mlp, ...]], told: Description, files: tuple[
 def _on_our_inertia(network: SlewNetwork, told: Inertia) -> SlewNetwork:
     """The network for the project's inertia number; one that takes it already only has it written down."""
     if not told.applied:
-        return network.told_in_our_inertia(told.scale, told.offset)
+        return network.told_in_our_inertia(*told.line)
     known = {"inertia": {"scale": told.scale, "offset": told.offset}}
     return replace(network, meta={**network.meta, **known})
 

@@ -11,6 +11,8 @@ from baselines.registry import Range
 from baselines.tuning import cost, search
 from specs.errors import InputError
 from tests.conftest import Command
+from verification.plants import plant as plants
+from verification.plants.plant import Plant
 
 PARABOLA = registry.find("parabola")
 RANGES = (Range("a", 0.1, 10.0), Range("b", -1.0, 1.0, log=False))
@@ -185,3 +187,76 @@ def test_the_command_names_a_wrong_gain_file(slewright_here: Command, tmp_path: 
     done = slewright_here("compare", "--quick", "--controller", "parabola", "--gains", f"parabola={path}")
     assert done.returncode == 2
     assert "gains of controller pd, not of parabola" in done.stderr
+
+
+def _on(*names: str) -> list[Plant]:
+    return [plants.find(name) for name in names]
+
+
+def test_the_cost_over_plants_is_that_of_the_worst_one() -> None:
+    """A plant is as it is: of the trial it has pose and load, not the draw of the reference machine."""
+    pd, on = registry.find("pd"), _on("nominal", "published")
+    start = {r.name: search.parameters.load("pd")[r.name].value for r in pd.tuned}
+    family, runs = cost.several(pd, on), cost.trials("tuning", 1)
+    alone = [cost.cost(family.systems[p.name], pd, start, runs) for p in on]
+    assert cost.cost(family, pd, start, runs) == max(alone, key=lambda found: found[0])
+    assert alone[0][0] != alone[1][0]
+    placed = cost._placed(family.systems["nominal"], runs[0].parameters)
+    assert {name.partition(".")[2] for name in placed} == {*cost.PLACED}
+    assert not any(name.startswith("controller.") for name in placed)
+    assert cost.hours(family, runs) == pytest.approx(2 * cost.RUN_H)
+
+
+@pytest.mark.parametrize(("machine", "kept"), [(1.05, "search"), (1.2, "start")])
+def test_gains_for_plants_are_kept_only_where_the_machine_bears_them(
+    machine: float, kept: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`machine`: what the found gains cost on the reference machine over what the old ones do."""
+    written: list[str] = []
+    known = {r.name: search.parameters.load("parabola")[r.name].value for r in PARABOLA.tuned}
+
+    def fake(system, controller, values, runs):
+        old = dict(values) == known
+        on_plants = isinstance(system, cost.Several)
+        return (1.0 if old else 0.5 if on_plants else machine), {"speed": 1.0}
+
+    monkeypatch.setattr(cost, "cost", fake)
+    monkeypatch.setattr(cost, "system", lambda _: _NoSystem())
+    monkeypatch.setattr(cost, "several", lambda _, on: cost.Several({p.name: _NoSystem() for p in on}))  # type: ignore[arg-type]
+    monkeypatch.setattr(search, "BUILD", tmp_path)
+    monkeypatch.setattr(search.Search, "run", lambda self, start: {n: 1.01 * v for n, v in start.items()})
+    monkeypatch.setattr(search, "update", lambda name, values, how: written.append(how))
+    figures = search.run(PARABOLA, on=_on("nominal", "published"))
+    assert figures["kept"] == kept
+    assert figures["machine_costs"] == {"start": 1.0, "search": machine}
+    assert figures["budget_machine_hours"] == 2 * search.BUDGET_H
+    assert all("--plant nominal --plant published" in how for how in written)
+    assert len(written) == (kept == "search")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("pi", "--plant", "nominal"), "--plant: the PI has a search of its own"),
+        (("pd", "--plant", "moon"), "no plant 'moon'"),
+        (("pd", "--plant", "family", "--hours", "0.1"), "an evaluation takes 0.4, on 4 draws"),
+    ],
+)
+def test_bad_plants(slewright_here: Command, words: tuple[str, ...], said: str) -> None:
+    done = slewright_here("tune", *words)
+    assert done.returncode == 2
+    assert said in done.stderr
+
+
+@pytest.mark.parametrize(
+    "path", sorted((Path(search.__file__).parent / "family").glob("*.json")), ids=lambda p: p.stem
+)
+def test_gains_for_the_family_are_better_there_and_no_worse_on_the_machine(path: Path) -> None:
+    figures = json.loads(path.read_text(encoding="utf-8"))
+    assert figures["kept"] == "search"
+    assert figures["plants"] == plants.names()
+    costs = {name: found["cost"] for name, found in figures["validation"].items()}
+    assert costs["search"] < costs["start"]
+    assert figures["machine_costs"]["search"] <= search.MOST_WORSE * figures["machine_costs"]["start"]
+    used = gains.apply(registry.find(path.stem), path)
+    assert figures["gains"].items() <= used.settings.items()

@@ -1,21 +1,17 @@
 """Loop gains: how strongly and how late a controller answers what its own joystick does to a plant.
 
 The loop is cut at the slew joystick.  A sine on the joystick drives the plant, arm at rest; the controller
-gets the sensors of that run, with its target where the slew swings about.  The share of the sine in its
-answer, over the joystick's, is the loop's gain and phase at that frequency, for that amplitude (a
-describing function: dead bands and limits are in it).  Where the answer is in phase with the joystick, the
-loop swings by itself if the answer is larger.  A drive with k times the gain has k times the loop's gain, and
-one that is t later 360 f t degrees less phase, so that margins of gain and delay are in the same figures.
+gets the sensors of that run, with its target where the slew swings about.  What the answer says is in
+`baselines.margins.loop`.
 """
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
+from baselines.margins.loop import FREQUENCIES_HZ, SETTLE_S, Loop, share
 from baselines.registry import Controller
 from fmus.toolchain.build import build_fmu
 from orchestrator.run.simulate import simulate
@@ -32,11 +28,9 @@ from verification.plants.character import still
 from verification.plants.plant import Plant
 from verification.runs import SLOT, plant_parameters
 
-FREQUENCIES_HZ = tuple(round(float(f), 3) for f in np.geomspace(0.3, 3.0, 25))
-RUN_S, SETTLE_S = 24.0, 6.0  # of a run, and what of it is left out
+RUN_S = 24.0  # of a run
 SHOWN_HZ = (0.3, 0.5, 1.0, 2.0, 3.0)  # columns of the table
 SEEN = 0.005  # gains from which a phase is shown
-FAST_HZ = 1.0  # no motion that is wanted is faster
 COLUMNS = (
     *(f"{f:g} Hz" for f in SHOWN_HZ),
     "largest from 1 Hz",
@@ -45,83 +39,6 @@ COLUMNS = (
     "at Hz",
     "delay margin s",
 )
-
-
-@dataclass(frozen=True)
-class Loop:
-    """Answer over joystick, complex, at FREQUENCIES_HZ; where it is real and above 1 the loop swings."""
-
-    answers: np.ndarray
-
-    @cached_property
-    def in_phase(self) -> tuple[float, float] | None:
-        """(frequency [Hz], gain) where the answer is in phase with the joystick: the largest, if any."""
-        found = []
-        for k, (size, phase, turned) in enumerate(self._steps):
-            if phase * (phase + turned) <= 0.0 and turned:
-                way = -phase / turned
-                found.append((math.exp(size[0] + way * (size[1] - size[0])), _between(k, way)))
-        return max(found)[::-1] if found else None
-
-    @property
-    def _steps(self) -> Iterator[tuple[tuple[float, float], float, float]]:
-        """From each frequency to the next: both logs of the gain, the phase [rad] and by what it turns."""
-        size, phase = np.log(np.abs(self.answers) + 1e-12), np.angle(self.answers)
-        for k in range(len(size) - 1):
-            turned = (phase[k + 1] - phase[k] + np.pi) % (2 * np.pi) - np.pi
-            yield (float(size[k]), float(size[k + 1])), float(phase[k]), float(turned)
-
-    @property
-    def fastest(self) -> tuple[float, float]:
-        """(frequency [Hz], gain) of the largest answer from FAST_HZ on."""
-        return max(
-            ((f, float(abs(a))) for f, a in zip(FREQUENCIES_HZ, self.answers, strict=True) if f >= FAST_HZ),
-            key=lambda row: row[1],
-        )
-
-    @property
-    def swings(self) -> bool:
-        """Whether it swings by itself at this amplitude, and so grows from it."""
-        return self.in_phase is not None and self.in_phase[1] > 1.0
-
-    @property
-    def gain_margin(self) -> float:
-        """By how much more gain the loop swings by itself; infinite where it is never in phase."""
-        return 1.0 / self.in_phase[1] if self.in_phase else math.inf
-
-    @cached_property
-    def delay_margin_s(self) -> float:
-        """By how much more delay it swings by itself; infinite where no answer is so large."""
-        if self.swings:
-            return 0.0
-        found = [math.inf]
-        for k, (size, phase, turned) in enumerate(self._steps):
-            ways = [0.0] * (size[0] >= 0.0)
-            if size[0] * size[1] < 0.0:
-                ways.append(size[0] / (size[0] - size[1]))
-            found += [(phase + w * turned) % (2 * math.pi) / (2 * math.pi * _between(k, w)) for w in ways]
-        return min(found)
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON: gain and phase [deg] of the loop as negative feedback, margins."""
-        phase = np.degrees(np.unwrap(np.angle(-self.answers)))
-        return {
-            "frequency_hz": list(FREQUENCIES_HZ),
-            "gain": np.abs(self.answers).tolist(),
-            "phase_deg": phase.tolist(),
-            "in_phase": dict(zip(("frequency_hz", "gain"), self.in_phase, strict=True))
-            if self.in_phase
-            else None,
-            "fastest": dict(zip(("frequency_hz", "gain"), self.fastest, strict=True)),
-            "gain_margin": self.gain_margin,
-            "delay_margin_s": self.delay_margin_s,
-            "swings": self.swings,
-        }
-
-
-def _between(k: int, way: float) -> float:
-    """The frequency part of the way from number k to the next."""
-    return FREQUENCIES_HZ[k] * (FREQUENCIES_HZ[k + 1] / FREQUENCIES_HZ[k]) ** way
 
 
 def measure(
@@ -174,17 +91,6 @@ def answer(one: System, c: Controller, plant: Plant, record: Record, told: Mappi
     (component,) = one.components
     settings = {f"{component}.{n}": v for n, v in c.settings.items()}
     return simulate(one, len(record.time) - 1, Stimuli(stimuli), settings).column("u_slew")
-
-
-def share(u: np.ndarray, frequency_hz: float) -> complex:
-    """The complex share of a sine in a signal [n], beside its mean and drift."""
-    time = np.arange(len(u)) * TICK_S
-    kept = time >= SETTLE_S
-    t, window = time[kept], np.sqrt(np.hanning(int(kept.sum())))
-    turn = 2 * np.pi * frequency_hz * t
-    basis = np.column_stack([np.cos(turn), np.sin(turn), np.ones_like(t), t - t.mean()]) * window[:, None]
-    a, b, *_ = np.linalg.lstsq(basis, u[kept] * window, rcond=None)[0]
-    return complex(a, -b)
 
 
 def rows(found: Mapping[str, Mapping[str, Loop]]) -> Iterator[list[str]]:

@@ -1,6 +1,7 @@
 """`slewright compare`: the controllers held against one another and against the paper's."""
 
 import os
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -99,7 +100,7 @@ def compare(
     if plants:
         asked = Asked(targets, seed, load[0].value if load else "unknown", None, jobs or os.cpu_count() or 1)
         texts = [*(controller or ()), *map(str, policy or ())]
-        _on_plants(texts, plants, our_inertia, asked, json, page)
+        _on_plants(texts, gains or (), plants, our_inertia, asked, json, page)
         return
     from baselines import gains as from_files, registry
     from specs import draws
@@ -147,18 +148,30 @@ def compare(
 
 
 def _on_plants(
-    texts: list[str], plants: list[str], our_inertia: bool, asked: Asked, json: Path | None, page: Path | None
+    texts: list[str],
+    gains: Sequence[str],
+    plants: list[str],
+    our_inertia: bool,
+    asked: Asked,
+    json: Path | None,
+    page: Path | None,
 ) -> None:
     """One table, controllers by plants; without a name every controller and the policy that ships."""
+    from baselines import gains as from_files
     from verification.plants import page as pages, study
 
     if page is not None:
         pages.check(page)
     on = study.find_plants(plants, our_inertia)
     controllers = study.find_controllers(texts) if texts else study.everyone()
+    controllers = from_files.apply_all(controllers, gains)
     found, task = tried(controllers, on, study.task_of(texts), asked)
     figures = {"plants": found, "worst": study.worst(found), "task": task, "targets": asked.targets}
     write(json, {**figures, "load": asked.load}, asked.seed)
     if page is not None:
-        words = [f"--plants {p}" for p in plants] + [f"--targets {asked.targets}", f"--seed {asked.seed}"]
+        words = (
+            [f"--plants {p}" for p in plants]
+            + [f"--gains {text}" for text in gains]
+            + [f"--targets {asked.targets}", f"--seed {asked.seed}"]
+        )
         pages.fill(page, on, found, " ".join(["slewright compare", *words, f"--load {asked.load}"]))

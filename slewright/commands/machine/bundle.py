@@ -105,6 +105,10 @@ def bundle(
             files=table,
             guard=scene,
         )
+    if commissioning:
+        from deployment.commissioning import again
+
+        failures = [*failures, *again.failures(made, commissioning)]
     for text in training_range.at_start(Path(controller)) if controller.endswith(".onnx") else ():
         typer.echo(f"warning: {text}", err=True)
     typer.echo(f"{made.folder}: {made.controller} for {', '.join(made.platforms)}, SHA-256 {made.digest}")
@@ -119,7 +123,7 @@ def bundle(
     if fmu:
         typer.echo(f"{fmu}: {_write_fmu(made, fmu, can)}")
         figures |= {"fmu": str(fmu)}
-    write(json, {**figures, "failures": failures} if plants else figures, None)
+    write(json, {**figures, "failures": failures} if plants or commissioning else figures, None)
     exit_if_missed(failures)
 
 

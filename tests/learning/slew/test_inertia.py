@@ -1,17 +1,22 @@
 """Networks trained on another inertia number than the project's, and those of the paper's authors."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
+from fmus.equations.kinematics import geometry, inertia_z
 from fmus.models.slew import traces
 from fmus.models.slew_nn.network import HISTORY, SlewNetwork
 from fmus.models.slew_nn.untrained import untrained
 from fmus.paths import ROOT
 from learning.policy.simulation.drive import Drive
 from learning.slew.acceptance import accept, trajectories
+from learning.slew.bodies import BODIES
+from learning.slew.description import Inertia
 from learning.slew.exchange import from_onnx, to_onnx
 from specs.errors import InputError
 
@@ -33,6 +38,45 @@ def test_an_inertia_map_is_part_of_the_network(tmp_path: Path) -> None:
     np.testing.assert_allclose(ours.predict(**x), wanted, rtol=1e-9)
     ours.save(tmp_path / "weights.npz")
     assert SlewNetwork.load(tmp_path / "weights.npz").inertia_map == (SCALE, OFFSET)
+
+
+# The authors' bodies (fmus/models/slew_published/README.md), without the terms that they add for widths.
+THEIRS = {"carriage_x": 1.6, "cabin_x": 0.9, "boom_foot_x": 0.0}
+
+
+def test_an_inertia_may_be_told_by_its_bodies() -> None:
+    assert Inertia().line == (1.0, 0.0)
+    assert Inertia(bodies={"tool_mass": geometry().tool_mass}).line == pytest.approx((1.0, 0.0), abs=1e-3)
+    scale, offset = Inertia(bodies=THEIRS).line
+    assert scale == pytest.approx(SCALE, abs=0.01)
+    assert offset == pytest.approx(OFFSET, rel=0.1)
+    own, other = geometry(), SimpleNamespace(**{**vars(geometry()), **THEIRS})
+    for q_boom, q_stick in ((0.9, -1.2), (0.5, -0.9), (1.2, -1.8)):
+        wanted = inertia_z(q_boom, q_stick, 0.0, other)
+        assert scale * inertia_z(q_boom, q_stick, 0.0, own) + offset == pytest.approx(wanted, rel=0.1)
+    double = {name: 2.0 * v for name, v in vars(own).items() if name.endswith("_mass") and name in BODIES}
+    assert Inertia(bodies=double).line[0] > 1.5
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ({"bodies": {"boom_mas": 1.0}}, "did you mean boom_mass"),
+        ({"bodies": {"boom_mass": -1.0}}, "boom_mass = -1: finite, above 0"),
+        ({"bodies": {"boom_mass": 1.0}, "scale": 0.8}, "not both"),
+        ({"bodies": {"boom_foot_x": float("nan")}}, "boom_foot_x = nan"),
+    ],
+)
+def test_bodies_that_are_none_are_refused(told: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        Inertia(**told)
+
+
+def test_bodies_whose_number_is_no_line_of_ours_are_refused() -> None:
+    """An arm that is nothing: their number does not depend on the pose."""
+    light = {"boom_mass": 1e-3, "stick_mass": 1e-3, "tool_mass": 1e-3, "boom_foot_x": -30.0}
+    with pytest.raises(InputError, match="no straight line"):
+        _ = Inertia(bodies=light).line
 
 
 def test_torch_runs_the_same_numbers() -> None:

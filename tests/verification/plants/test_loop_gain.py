@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from baselines.margins.loop import FREQUENCIES_HZ, Loop, share
 from fmus.toolchain.build import build_fmu
 from orchestrator.run.simulate import simulate
 from orchestrator.system.check import load_system
@@ -14,7 +15,7 @@ from specs.scenario import TICK_S
 from tests.conftest import Command
 from verification.evaluation.policies import SHIPPED
 from verification.plants import loop_gain, plant as plants, study
-from verification.plants.loop_gain import FREQUENCIES_HZ, RUN_S, Loop, share
+from verification.plants.loop_gain import RUN_S
 from verification.plants.trial import Trial
 from verification.runs import plant_parameters
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from baselines import gains
 from fmus.models.slew_nn.fmu import write_folder
 from fmus.models.slew_nn.model import of_network
 from fmus.models.slew_nn.network import SlewNetwork
@@ -150,6 +151,19 @@ def test_characters_tell_plants_apart(tmp_path: Path) -> None:
 # ---- the commands ----
 
 
+def test_compare_on_plants_takes_gains_from_a_file(tmp_path: Path) -> None:
+    slow = {"controller": "pd", "machine": gains.machine(), "gains": {"pd_speed_limit": 0.3}}
+    (tmp_path / "slow.json").write_text(json.dumps(slow))
+    speeds = []
+    for more in ([], ["--gains", f"pd={tmp_path / 'slow.json'}"]):
+        out = tmp_path / "figures.json"
+        words = ["compare", "--controller", "pd", "--plants", "nominal", "--targets", "1", "--jobs", "1"]
+        assert entry.run([*words, "--load", "empty", *more, "--json", str(out)]) == 0
+        speeds.append(json.loads(out.read_text())["plants"]["nominal"]["pd"]["speed"])
+    assert speeds[1] < 0.9 * speeds[0]
+    assert entry.run([*words, "--gains", f"zv={tmp_path / 'slow.json'}"]) == 2
+
+
 @pytest.mark.slow
 def test_a_bundle_carries_its_table_over_plants(tmp_path: Path) -> None:
     from runtime.bundle import load
@@ -160,6 +174,8 @@ def test_a_bundle_carries_its_table_over_plants(tmp_path: Path) -> None:
     table = json.loads((tmp_path / "b" / "plants.json").read_text())
     assert table["failures"] == json.loads((tmp_path / "figures.json").read_text())["failures"]
     assert "mean overshoot" in " ".join(table["failures"])
+    assert table["passed"] == []
+    assert 0.05 < table["drives"]["nominal"]["gain"] < 0.5
 
 
 def test_evaluate_on_a_plant_writes_its_keys(tmp_path: Path, capsys: Any) -> None:
