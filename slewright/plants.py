@@ -46,6 +46,12 @@ def check_excluded(given: Mapping[str, object], loads: Sequence[str] | None) -> 
         raise InputError(f"--load {', '.join(loads)}: one load with --plant")
 
 
+def check_inertia(our_inertia: bool, plant: object, option: str = "--plant") -> None:
+    """Refuse --our-inertia where there is no plant that it could be of."""
+    if our_inertia and not plant:
+        raise InputError(f"--our-inertia needs {option}: it is of a plant's networks")
+
+
 def on_plant(texts: Sequence[str], plant: str, our_inertia: bool, asked: Asked, json: Path | None) -> None:
     """Try policies or controllers on one plant, show the table, write the figures."""
     from verification.plants import study

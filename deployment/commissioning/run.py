@@ -43,6 +43,14 @@ class Request:
     resume: bool = False
     step: str | None = None
 
+    def __post_init__(self) -> None:
+        """InputError for a step that is none or cannot be the first, before a folder is begun or cleared."""
+        if self.step and find(self.step) is not STEPS[0] and not self.resume:
+            raise InputError(
+                f"step {self.step} refuses to start: step {STEPS[0].name} comes first, in new records; "
+                "--resume goes on in those of --out"
+            )
+
 
 @dataclass(frozen=True)
 class Rehearsal:

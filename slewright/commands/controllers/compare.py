@@ -10,7 +10,7 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
-from slewright.plants import HELP, Asked, OurInertiaOption, SeedOption, TargetsOption, tried
+from slewright.plants import HELP, Asked, OurInertiaOption, SeedOption, TargetsOption, check_inertia, tried
 from slewright.progress import progress
 from slewright.sealed import SealedOption
 from slewright.tables import show
@@ -102,6 +102,7 @@ def compare(
         texts = [*(controller or ()), *map(str, policy or ())]
         _on_plants(texts, gains or (), plants, our_inertia, asked, json, page)
         return
+    check_inertia(our_inertia, plants, "--plants")
     from baselines import gains as from_files, registry
     from specs import draws
     from verification.campaign.run import run_campaign

@@ -15,6 +15,7 @@ from slewright.plants import (
     SeedOption,
     TargetsOption,
     check_excluded,
+    check_inertia,
     on_plant,
 )
 from slewright.progress import progress
@@ -80,6 +81,7 @@ def evaluate(
         asked = Asked(targets, seed, load[0] if load else "unknown", pace, jobs)
         on_plant(list(map(str, policy)), plant, our_inertia, asked, json)
         return
+    check_inertia(our_inertia, plant)
     from specs import draws
     from verification.evaluation import evaluation, page as pages, pictures, policies
 

@@ -6,7 +6,7 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
-from slewright.plants import HELP, OurInertiaOption
+from slewright.plants import HELP, OurInertiaOption, check_inertia
 from slewright.progress import progress
 from slewright.tables import show
 from specs.errors import InputError
@@ -53,6 +53,7 @@ def tune(
         raise InputError(
             "--hours: the PI has a search of its own, at most 10.7 machine-hours (baselines/pi/tune.py)"
         )
+    check_inertia(our_inertia, plant)
     on = _plants(plant, our_inertia) if plant else []
     with progress(f"tune {controller}") as report:
         if chosen.name == "pi":

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from records.figures_file import write
+from records.figures_file import check_target, write
 from slewright.commands.machine.deploy_keys import passphrase
 from slewright.figures import JsonOption, exit_if_missed
 from slewright.plants import HELP, admission
@@ -84,7 +84,7 @@ def bundle(
 
     if sign is None and (archive or release or config):
         raise InputError("--archive, --release and --config are of a signed archive: add --sign KEY.pem")
-    _check_fmu(fmu, can, engine)
+    _check_fmu(fmu, can, engine, out)
     key, target = None, archive or out
     if sign:
         from deployment.bundling import archive as signing  # needs cryptography, which a bundle does not
@@ -127,7 +127,7 @@ def bundle(
     exit_if_missed(failures)
 
 
-def _check_fmu(fmu: Path | None, can: bool, engine: str) -> None:
+def _check_fmu(fmu: Path | None, can: bool, engine: str, out: Path) -> None:
     """InputError, before anything is built, for what cannot become an FMU."""
     if fmu is None:
         if can:
@@ -137,6 +137,9 @@ def _check_fmu(fmu: Path | None, can: bool, engine: str) -> None:
         raise InputError(
             f"--fmu {fmu}: not a name of an FMU or system; valid: one that ends with .fmu or .ssp"
         )
+    check_target(fmu)
+    if fmu.resolve() == out.resolve():
+        raise InputError(f"--fmu {fmu} is the folder of --out, too; name a file")
     if engine != "native":
         raise InputError(f"--fmu: {engine} evaluates the policy outside of the core; valid: --engine native")
 

@@ -12,7 +12,7 @@ from records.figures_file import check_target
 from slewright.figures import JsonOption
 from slewright.implementations import ImplementationOption, LogOption
 from slewright.progress import progress
-from specs.errors import InputError
+from specs.errors import InputError, nearest
 
 ROUNDING = 1e-9  # relative: 0.3 / 0.1 is not quite 3
 
@@ -140,6 +140,12 @@ def _set_values(given: Sequence[str], system: Any) -> tuple[dict[str, Any], dict
         if not (name and equals):
             raise InputError(f"--set {text} is not of the form NAME=VALUE")
         if name not in system.inputs:
+            if "." not in name and name not in system.parameters:
+                own = [*system.inputs, *system.parameters]
+                raise InputError(
+                    f"--set {text}: the system has no input or parameter of that name; {nearest(name, own)}; "
+                    f"of its components: COMPONENT.PARAMETER, with {', '.join(system.components)}"
+                )
             parameters[name] = _value(value)
             continue
         number = _value(value)

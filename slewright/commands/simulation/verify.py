@@ -9,7 +9,7 @@ import typer
 
 from records.figures_file import write
 from slewright.figures import JsonOption
-from slewright.plants import OurInertiaOption, PlantOption
+from slewright.plants import OurInertiaOption, PlantOption, check_inertia
 from slewright.progress import progress
 from specs.errors import InputError
 from specs.progress import Report
@@ -73,6 +73,7 @@ def verify(
     from verification import choice, readme as results, verify as verification
 
     systems = ["nominal", "reference"] if system is Systems.both else [system.value]
+    check_inertia(our_inertia, plant)
     found = _plant(plant, our_inertia, bundle, system)
     systems = [found.system] if found else systems
     with progress("verify") as report:

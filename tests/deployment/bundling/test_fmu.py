@@ -54,11 +54,15 @@ def test_the_fmu_of_fmi_3_gives_the_same_records(packed: Path, tmp_path: Path) -
 def test_what_cannot_become_an_fmu_is_refused_before_anything_is_built(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "pd.bundle"
+    out, folder = tmp_path / "pd.fmu", tmp_path / "other.fmu"
+    folder.mkdir()
     for more, words in (
         (["--fmu", "core.zip"], "--fmu core.zip: not a name of an FMU or system"),
         (["--can"], "there is no --fmu"),
         (["--fmu", "core.fmu", "--engine", "onnxruntime"], "onnxruntime evaluates the policy outside"),
+        (["--fmu", "none/core.fmu"], "there is no folder none"),
+        (["--fmu", str(folder)], "is a folder; name a file"),
+        (["--fmu", str(out)], "is the folder of --out, too"),
     ):
         assert entry.run(["bundle", "pd", "--out", str(out), *more]) == 2
         assert words in capsys.readouterr().err

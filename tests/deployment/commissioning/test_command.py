@@ -33,6 +33,23 @@ def test_figures_after_going_on_have_the_steps_that_were_done_before(tmp_path: P
         assert found["failed"] == []
 
 
+@pytest.mark.parametrize(
+    ("step", "said"), [("margin", "no step 'margin'; valid"), ("margins", "--resume goes on in those")]
+)
+def test_a_step_that_cannot_begin_leaves_no_folder_and_an_earlier_rehearsal(
+    step: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    kept = tmp_path / "out" / "commission" / "session.json"
+    kept.parent.mkdir(parents=True)
+    kept.write_text('{"machine": "simulated reference machine"}')
+    for more in ([], ["--out", "new"]):
+        assert entry.run(["commission", "--simulate", "--step", step, *more]) == 2
+        assert said in capsys.readouterr().err
+    assert kept.is_file()
+    assert not (tmp_path / "new").exists()
+
+
 @pytest.mark.parametrize("told", [("--who", "Ada"), ("--yes",)])
 def test_a_rehearsal_takes_no_name(
     told: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture

@@ -280,6 +280,7 @@ def test_values_are_set_on_the_command_line(
     line = ["simulate", str(packed["over"]), "--stop", "0.5", "--out", str(out), "--record", "bus.dropped"]
     for wrong, words in (
         ("nonsense", "--set nonsense is not of the form NAME=VALUE"),
+        ("target=7", "no input or parameter of that name; did you mean target_"),
         ("target_x=left", "input target_x needs a number"),
         ("bus.rate=1", "component bus has no parameter 'rate'"),
         ("bus.bit_rate=500000", "a bus at two rates"),

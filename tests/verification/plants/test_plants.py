@@ -151,6 +151,12 @@ def test_characters_tell_plants_apart(tmp_path: Path) -> None:
 # ---- the commands ----
 
 
+@pytest.mark.parametrize("words", [("tune", "pd"), ("compare",), ("evaluate", str(POLICY)), ("verify",)])
+def test_our_inertia_without_a_plant_is_refused(words: tuple[str, ...], capsys: Any) -> None:
+    assert entry.run([*words, "--our-inertia"]) == 2
+    assert "--our-inertia needs --plant" in capsys.readouterr().err
+
+
 def test_compare_on_plants_takes_gains_from_a_file(tmp_path: Path) -> None:
     slow = {"controller": "pd", "machine": gains.machine(), "gains": {"pd_speed_limit": 0.3}}
     (tmp_path / "slow.json").write_text(json.dumps(slow))
