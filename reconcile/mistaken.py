@@ -19,7 +19,7 @@ from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point
 from reconcile.model import Attached
-from reconcile.start.units import known_ratios, turns
+from reconcile.start.units import bare, known_ratios, turned_line, turns
 from reconcile.tolerances import EVIDENT, HALVED, MOVED, WRONG
 
 Ratios = dict[str, float]  # by channel what its values are multiplied by
@@ -111,10 +111,10 @@ def _multiplied(run: Run, ratios: Ratios) -> Run:
 
 
 def _sentence(core: Core, ratios: Ratios, errs: float, less: float, names: Mapping[str, str]) -> str:
-    theirs = {ours.partition("[")[0].strip(): column for column, ours in names.items()}
+    theirs = {bare(ours): column for column, ours in names.items()}
     both = " and ".join(theirs.get(n, n) for n in ratios)
     ratio = next(iter(ratios.values()))
-    lines = "; ".join(f"'{theirs.get(n, n)}' = '-{n}'" for n in ratios)
+    lines = "; ".join(turned_line(n, names) for n in ratios)
     gains = f"the model errs by {words.percent(less)} of the outputs' motion instead of {words.percent(errs)}"
     if ratio != -1.0:
         what = known_ratios()[ratio]

@@ -113,7 +113,7 @@ def examine(
         said("clocks that differ by recording")
         again = lambda sets: Core(folder, split(*sets))  # noqa: E731
         clocks = recorded_clocks.settled(given, clocks, again, answer.point)
-        answer = _searched(folder, [recorded_clocks.corrected(runs, clocks) for runs in given], said)
+        answer = _searched(folder, [recorded_clocks.corrected(runs, clocks) for runs in given], said, names)
     if asked := mistaken.doubt(answer, names):
         raise InputError(asked)
     said("measuring the gap")

@@ -99,6 +99,18 @@ def turns(model: Any, recorded: Sequence[str]) -> list[list[str]]:
     return both + rest
 
 
+def turned_line(name: str, names: Mapping[str, str]) -> str:
+    """The line of [names] that turns a channel's sign, with the unit that it states there.
+
+    `names`: the map, {their column: ours}.
+    """
+    for column, ours in names.items():
+        if bare(ours) == name:
+            own = ours.strip()
+            return f"'{column}' = '{own[1:].strip() if own.startswith('-') else '-' + own}'"
+    return f"'{name}' = '-{name}'"
+
+
 def known_ratios() -> dict[float, str]:
     """Ratios to recognise, their inverses and both signs."""
     signed = {r: w for k, w in RATIOS.items() for r in ({k, 1 / k} if k > 0 else {k})}
@@ -133,10 +145,11 @@ def _sentence(
     model: Any, position: str, rate: str, ratio: float, words: str, names: Mapping[str, str]
 ) -> str:
     units = {v.name: v.unit for v in (*model.outputs, *model.inputs)}
-    theirs = {_bare(ours): column for column, ours in names.items()}
+    theirs = {bare(ours): column for column, ours in names.items()}
     column, base = theirs.get(rate, rate), theirs.get(position, position)
     if ratio < 0 and abs(ratio + 1) < CLOSE:
-        line = f"'{column}' = '-{rate}' or '{base}' = '-{position}' in [names] of --map turns one of them"
+        either = f"{turned_line(rate, names)} or {turned_line(position, names)}"
+        line = f"{either} in [names] of --map turns one of them"
     else:
         line = (
             f"state the unit of the wrong one in [names] of --map: '{column}' = '{rate} [unit]' or "
@@ -148,5 +161,6 @@ def _sentence(
     )
 
 
-def _bare(ours: str) -> str:
+def bare(ours: str) -> str:
+    """The name in an entry of the map, without sign and unit."""
     return ours.partition("[")[0].strip().removeprefix("-").strip()

@@ -59,19 +59,25 @@ def recorded(path: Path, factor: float = 1.0) -> Path:
     return table(path, {"time": r["t"][every], "q": noisy[every], "M": factor * r["torque"][every]})
 
 
-def named(path: Path) -> Path:
-    path.write_text('[names]\n"q" = "position [rad]"\n"M" = "torque [N.m]"\n', encoding="utf-8")
+def named(path: Path, torque: str) -> Path:
+    path.write_text(f'[names]\n"q" = "position [rad]"\n"M" = "{torque}"\n', encoding="utf-8")
     return path
 
 
-def test_an_input_turned_round_is_asked_and_nothing_is_written(tmp_path: Path, capsys):
-    model, names = folder(tmp_path / "model", ROTARY), named(tmp_path / "map.toml")
-    out, file = tmp_path / "out", recorded(tmp_path / "a.csv", -1.0)
+@pytest.mark.parametrize(
+    ("factor", "stated", "line"),
+    [(-1.0, "torque [N.m]", "-torque [N.m]"), (1.0, "-torque [N.m]", "torque [N.m]")],
+)
+def test_an_input_turned_round_is_asked_and_nothing_is_written(
+    factor: float, stated: str, line: str, tmp_path: Path, capsys
+):
+    model, names = folder(tmp_path / "model", ROTARY), named(tmp_path / "map.toml", stated)
+    out, file = tmp_path / "out", recorded(tmp_path / "a.csv", factor)
     arguments = ["reconcile", str(file), "--model", str(model), "--map", str(names), "--out", str(out)]
     assert run(arguments) == 2
     said = capsys.readouterr().err
     assert "column M: with the sign turned" in said
-    assert "'M' = '-torque'" in said
+    assert f"write 'M' = '{line}' in" in said
     assert not out.exists()
 
 
