@@ -125,7 +125,7 @@ class Rows:
             yield number, line
 
     def _without_remark(self, line: str, width: int) -> str:
-        """A row with one cell too many without it, or one too few with an empty one, where that is a remark."""
+        """A row with one cell too many without it, one too few with an empty one, where that is a remark."""
         has_column = self.layout.headings[-1].name == self.layout.remark
         if has_column and width == self.layout.width - 1:
             return line + self.delimiter
