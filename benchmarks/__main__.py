@@ -6,7 +6,7 @@ from slewright.__main__ import main
 from slewright.app import CommandGroup, options
 
 NAMES = (
-    *("orchestrator", "model-exchange", "campaign", "slew_nn", "nmpc", "training", "showcases"),
+    *("orchestrator", "model-exchange", "lsbus", "campaign", "slew_nn", "nmpc", "training", "showcases"),
     *("testpack", "reconcile-suite", "rigs", "dossier", "large-recordings"),
 )
 MODULES = {name: f"benchmarks.commands.{name.replace('-', '_')}" for name in NAMES}

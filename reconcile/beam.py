@@ -19,7 +19,7 @@ Key = frozenset[Attached]
 Report = Callable[..., None]
 ASKED = 40  # candidates, the best of the first screen, that are asked beside others
 FAR = 0.5  # of the evidence that the best set gains: what gains less is not built on
-KIN = 6  # effects of the same kind that take an effect's place
+KIN = 4  # effects of the same kind that take an effect's place
 SETTLED = 3  # best sets that are fitted to the end
 SHORT, LONG = 10, 40  # steps of a fit, while sets are looked for and to the end
 BEHIND = 4 * CLOSE  # nats behind the best set, from which a set is not fitted to the end
@@ -106,14 +106,14 @@ class Beam:
 
     def _own(self, scored: Scored) -> Values:
         """What a score says of the effect itself."""
-        return _effects(scored.values, (scored.attached,))
+        return effects(scored.values, (scored.attached,))
 
     def _refresh(self) -> None:
         """Fit the best sets again from the model as it came."""
         for key in self.ranked()[:FRESH]:
             if len(key) > 1:
                 point = self.points[key]
-                self.fit(key, point.present, [], fresh=_effects(point.values, point.present))
+                self.fit(key, point.present, [], fresh=effects(point.values, point.present))
 
     def _settle(self) -> None:
         """Fit the best sets to the end, also from less noise: one that has not settled looks worse."""
@@ -149,7 +149,15 @@ class Beam:
         if less not in self.points:
             return []
         alike = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
-        return [self._in_place(key, a, scored) for scored in alike[:KIN]]
+        forms: dict[tuple[str, str], list[Scored]] = {}
+        for s in alike:
+            forms.setdefault((s.attached.effect.name, s.attached.port), []).append(s)
+        # of every effect its best form and its simplest one: a form with more to fit may score more, and fail
+        simplest = [min(own, key=lambda s: len(s.attached.effect.parameters)) for own in forms.values()]
+        tried = [s for own, plain in zip(forms.values(), simplest, strict=True) for s in (own[0], plain)]
+        return [
+            self._in_place(key, a, scored) for scored in {s.attached: s for s in tried[: 2 * KIN]}.values()
+        ]
 
     def _twins(self, key: Key, a: Attached) -> list[Key]:
         """Sets with an effect of the same kind and units in an effect's place, whatever its score.
@@ -173,26 +181,25 @@ class Beam:
         grown = frozenset({*rest, other})
         if other != a and (key, grown) not in self._tried:
             self._tried.add((key, grown))
-            own = self._own(scored) | self._same(a, other, point.values)
-            self.fit(
-                grown,
-                (*rest, other),
-                [self.core.values | self._of(key, rest) | own],
-                fresh=own,
-                near=point,
-                most=point.total + BEHIND,
-            )
+            same, less = self._same(a, other, point.values), self.points.get(key - {a})
+            own = self._own(scored) | same
+            start = self.core.values | self._of(key, rest) | own
+            if less is not None and not same:  # what the score says holds beside what is left
+                start, point = less.values | scored.values, less
+            most = self.points[key].total + BEHIND
+            self.fit(grown, (*rest, other), [start], fresh=own, near=point, most=most)
         return grown
 
     def _same(self, a: Attached, other: Attached, values: Values) -> Values:
-        """Parameters of another effect that have the units of an effect's, with its values."""
-        found, left = {}, list(a.effect.parameters)
-        for q in other.effect.parameters:
-            twin = next((p for p in left if p.unit == q.unit), None)
+        """Parameters of another effect with the values of an effect's, where both have the same units."""
+        own, left = a.effect.parameters, list(other.effect.parameters)
+        found = {}
+        for p in own:
+            twin = next((q for q in left if q.unit == p.unit), None)
             if twin is not None:
                 left.remove(twin)
-                found[other.name(q.name)] = values[a.name(twin.name)]
-        return found
+                found[other.name(twin.name)] = values[a.name(p.name)]
+        return found if len(found) == len(own) and not left else {}
 
     def _simpler(self, key: Key, a: Attached) -> Key | None:
         """The set with what an effect becomes in a limit in its place."""
@@ -208,8 +215,7 @@ class Beam:
 
     def evidence(self, key: Key) -> float:
         """Log of a set's probability up to a constant: sets of as many effects share the same prior."""
-        parameters = sum(len(a.effect.parameters) for a in key)
-        return self.points[key].evidence - PRIOR * len(key) - PLAIN * parameters
+        return weighed(self.points[key].evidence, key)
 
     def ranked(self) -> list[Key]:
         """Sets, most evidence first."""
@@ -305,9 +311,9 @@ class Beam:
         absent = [a.name(q.name) for a in key if a not in present for q in a.effect.amplitudes]
         given = point.giving({n: self.core.values[n] for n in absent})
         own = self._of(key, present)
-        effects = _effects(own, present) if fresh else None
+        begun = effects(own, present) if fresh else None
         start = [self.core.values | {n: given[n] for n in own}]
-        self.fit(frozenset(present), present, start, iterations, near=point, fresh=effects)
+        self.fit(frozenset(present), present, start, iterations, near=point, fresh=begun)
 
     def _of(self, key: Key, present: Sequence[Attached]) -> Values:
         """A set's values without those of effects that are not present."""
@@ -349,6 +355,11 @@ class Beam:
         return np.array([b.sum() for b in np.array_split(loss, BLOCKS)])
 
 
-def _effects(values: Values, present: Sequence[Attached]) -> Values:
+def weighed(evidence: float, present: Iterable[Attached]) -> float:
+    """Evidence of a point less what its effects cost before anything is seen."""
+    return evidence - sum(PRIOR + PLAIN * len(a.effect.parameters) for a in present)
+
+
+def effects(values: Values, present: Sequence[Attached]) -> Values:
     """Of all values those of these effects."""
     return {n: v for n, v in values.items() if any(n.startswith(a.key + ".") for a in present)}

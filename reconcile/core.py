@@ -13,7 +13,7 @@ from reconcile.data import Parts, Run, still
 from reconcile.filter.fit import Fitter
 from reconcile.filter.kalman import NOISE, SIGMA, TAU, WHITE, Kalman, Values
 from reconcile.filter.point import Free, Point
-from reconcile.filter.record import records
+from reconcile.filter.record import Record, records
 from reconcile.free import FreeParameters
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.noise import high_pass_level, quantum
@@ -31,6 +31,7 @@ class Floor:
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
 STEPPED_NATS = 0.02  # the same, nats a sample: few that are far off do not show in most of them
+BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 
 
@@ -58,7 +59,7 @@ class Core:
         self.runs = runs
         self.kalman = Kalman(folder, self.candidates, self.records, self.outputs)
         self.scored = {
-            w: [getattr(r, w) & (np.arange(len(r.time)) >= len(self.model.states)) for r in self.records]
+            w: [getattr(r, w) & (np.arange(len(r.time)) >= self._begun(r)) for r in self.records]
             for w in blocks
         }
         self.fitter = Fitter(self.kalman, self.scored["fit"])
@@ -74,6 +75,10 @@ class Core:
         noise = {f.name: v for f in self.noise_free if (v := first.get(f.name)) is not None}
         quiet = {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
         self.fresh = self.values | noise | quiet | {v.name: v.start for v in self.model.parameters}
+
+    def _begun(self, record: Record) -> int:
+        """Samples of a recording in which the filter learns where it is, effects' hidden states among it."""
+        return len(self.model.states) + min(BEGUN, int(BEGUN_SHARE * len(record.time)))
 
     # ---------------------------------------------------------------- sizes
 

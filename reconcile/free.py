@@ -63,10 +63,12 @@ class FreeParameters:
             size = self._unit_size(a, q.unit, s, other)
             if q.name in ("factor",):
                 size = 1.0
-            return Free(a.name(q.name), 0.0, size, False, low, high)
+            return Free(a.name(q.name), 0.0, size, False, low, high, scaleless=q.unit == "s")
         center = float(np.exp(np.mean(np.log(starts))))
         size = max(0.7, 0.5 * float(np.log(starts.max() / starts.min())))
-        return Free(a.name(q.name), center, size, True, max(low, 1e-9 * center), high)
+        return Free(
+            a.name(q.name), center, size, True, max(low, 1e-9 * center), high, scaleless=q.unit == "s"
+        )
 
     def _unit_size(self, a: Attached, unit: str, s: Scales, other: Scales) -> float:
         """Size of an amplitude from its unit: a force of the recording's own size at its port, and so on."""

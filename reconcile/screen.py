@@ -1,6 +1,6 @@
 """What every candidate would gain, from one fit: score tests of amplitudes, finite probes of other shapes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from reconcile.tolerances import SEPARABLE, WORTH
 
 PROBE = 0.1  # of an amplitude's size: dry friction does not show when it is much smaller
 TRUSTED = 3.0  # times what a step really gains, that slopes may promise
+WEAKER = (0.3, 0.1, 0.03, 0.01, 0.003, 3.0, 10.0)  # of a start's size, tried where it is too strong
 MOST_PROBES = 24  # starts of one effect that are tried
 
 
@@ -146,20 +147,32 @@ class Screen:
         return best, found
 
     def _gated(self, a: Attached, start: Values) -> Scored | None:
-        present = (*self.point.present, a)
-        other = self.fitter.innovations(self.point.values | start | {a.name("gate"): 1.0}, present)
+        present, on = (*self.point.present, a), {a.name("gate"): 1.0}
+        other = self.fitter.innovations(self.point.values | start | on, present)
         if other is None:
             return None
         de = np.nan_to_num(other[0] - self.e)[:, None]
         ds = np.nan_to_num(np.log(other[1]) - np.log(self.s))[:, None]
         g, c, own, _ = self._schur(de, ds)
-        whole = float(self.fitter.loss(self.e, self.s).sum() - self.fitter.loss(*other).sum())
+        before = float(self.fitter.loss(self.e, self.s).sum())
+        whole = before - float(self.fitter.loss(*other).sum())
         share = float(np.clip(-g[0] / max(c[0, 0], 1e-300), 0.0, 1.0))
         linear = float(-g[0] * share - 0.5 * c[0, 0] * share**2)
-        gain = max(whole, linear) - len(a.effect.parameters)
         if c[0, 0] <= SEPARABLE * own[0, 0] or own[0, 0] < 1e-9:
-            return Scored(a, -np.inf, start | {a.name("gate"): 1.0}, False)
-        return Scored(a, gain, start | {a.name("gate"): 1.0})
+            return Scored(a, -np.inf, start | on, False)
+        if whole < 0.0 < linear:  # there is some of it, but not as much as the start says
+            whole, start = max([(whole, start), *self._weaker(a, start, before)], key=lambda r: r[0])
+        return Scored(a, max(whole, linear) - len(a.effect.parameters), start | on)
+
+    def _weaker(self, a: Attached, start: Values, before: float) -> Iterator[tuple[float, Values]]:
+        """Nats and values of starts of other sizes: some effects vanish as they grow small, some as large."""
+        shapes = [f.name for f in self.core.free_of(a) if f.log]
+        for factor in WEAKER:
+            values = start | {n: factor * start[n] for n in shapes}
+            on = values | {a.name("gate"): 1.0}
+            there = self.fitter.innovations(self.point.values | on, (*self.point.present, a))
+            if there is not None:
+                yield before - float(self.fitter.loss(*there).sum()), values
 
     def _schur(self, de: np.ndarray, ds: np.ndarray) -> tuple[np.ndarray, ...]:
         """Gradient, information beside what is fitted, own; how what is fitted gives way [F, K]."""

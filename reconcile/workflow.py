@@ -3,7 +3,7 @@
 import json
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from reconcile import (
     checks,
     clocks as recorded_clocks,
     contract,
+    mistaken,
     quantization,
     report as reports,
     target,
@@ -71,7 +72,7 @@ def reconcile(
     sets = _read(given, folder, renamed)
     for doubt in units.doubts(folder.model, [r for runs in sets for r in runs], renamed):
         raise InputError(doubt.sentence)
-    figures, answer = examine(folder, *sets, report=said)
+    figures, answer = examine(folder, *sets, report=said, names=renamed)
     moved = _moved(given, folder, renamed) if figures["verdict"] in verdicts.OPEN else None
     proposal = _next(answer, figures, said, moved)
     if then:
@@ -98,6 +99,7 @@ def examine(
     confirm: Sequence[Run] = (),
     holdout: Sequence[Run] = (),
     report: Report | None = None,
+    names: Mapping[str, str] | None = None,
 ):
     """Find and name, without writing: the report's figures and the answer.
 
@@ -105,25 +107,31 @@ def examine(
     """
     said = report or (lambda *_: None)
     given = (runs, confirm, holdout)
-    answer = _searched(folder, given, said)
+    answer = _searched(folder, given, said, names)
     clocks = recorded_clocks.differing(answer.core, answer)
     if clocks:
         said("clocks that differ by recording")
         again = lambda sets: Core(folder, split(*sets))  # noqa: E731
         clocks = recorded_clocks.settled(given, clocks, again, answer.point)
         answer = _searched(folder, [recorded_clocks.corrected(runs, clocks) for runs in given], said)
+    if asked := mistaken.doubt(answer, names):
+        raise InputError(asked)
     said("measuring the gap")
     figures = reports.build(answer, verdicts.judge(answer))
     if clocks:
         figures["sentence"] += f" {recorded_clocks.said(clocks)}."
         figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
     figures |= told(answer, figures)
+    if turned := mistaken.turned_parameters(answer):
+        figures["sentence"] += f" {turned}"
     steps = quantization.examine(answer.core.model, answer.core.runs)
     figures |= quantization.added(figures, steps, answer.core.model.name)
     return figures, answer
 
 
-def _searched(folder: Folder, given: Sequence[Sequence[Run]], said: Report) -> Answer:
+def _searched(
+    folder: Folder, given: Sequence[Sequence[Run]], said: Report, names: Mapping[str, str] | None = None
+) -> Answer:
     """The search, and once more with as little noise as the model's own error by then allows.
 
     Small effects show with less noise only; what acts seldom may be found only with more.
@@ -131,6 +139,8 @@ def _searched(folder: Folder, given: Sequence[Sequence[Run]], said: Report) -> A
     said("filtering")
     parts = split(*given)
     core, best = Core(folder, parts), None
+    if asked := mistaken.evident(core, names):
+        raise InputError(asked)
     while True:
         beam = Beam(core, said)
         beam.run()

@@ -129,7 +129,7 @@ OUTPUT = _layout("Output")
 
 def token() -> str:
     """16 hex digits over everything that a core and its caller must agree on."""
-    return hashlib.sha256(_body().encode()).hexdigest()[:16]
+    return hashlib.sha256(definitions().encode()).hexdigest()[:16]
 
 
 def group(s: Signal) -> Group:
@@ -158,7 +158,7 @@ def header() -> str:
     return (
         "/* Generated from specs/signals.toml by slewright generate; do not edit. */\n"
         "#ifndef SLR_IMAGE_LAYOUT_H\n#define SLR_IMAGE_LAYOUT_H\n\n#include <stdint.h>\n\n"
-        f'#define SLR_LAYOUT "{token()}"\n{_body()}\n#endif\n'
+        f'#define SLR_LAYOUT "{token()}"\n{definitions()}\n#endif\n'
     )
 
 
@@ -176,11 +176,12 @@ def refreshed(path: Path, text: str, check: bool) -> list[Path]:
     return [path]
 
 
-def _body() -> str:
+def definitions(inputs: Layout | None = None, outputs: Layout | None = None) -> str:
+    """The C definitions of both images; of other signals for a node that is not the controller."""
     parts = [f"#define SLR_TICK_S {TICK_S!r}"]
     parts += [_enumeration("Status", Status), _enumeration("Flag", Flag), _enumeration("Group", Group)]
     parts += [_values("Mode", "control_mode"), _values("Fault", "fault_code")]
-    for layout in (INPUT, OUTPUT):
+    for layout in (inputs or INPUT, outputs or OUTPUT):
         parts += [_indices(layout), _struct(layout), _limits(layout)]
     return "\n".join(parts)
 

@@ -175,7 +175,7 @@ SAMPLER = (
 )
 RELAY = (
     Variable("tick", "Clock", "input", None),
-    Variable("tock", "Clock", "output", None),
+    Variable("tock", "Clock", "output", None, depends=("tick",)),
     Variable("u"),
     _output("count", "Integer"),
     replace(_output("sampled"), discrete=True),

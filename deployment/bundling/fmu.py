@@ -1,12 +1,12 @@
 """A bundle's control core as an FMU, and the reference system with it: what is verified is what runs.
 
-The FMU is compiled from the very sources in the bundle, with the shim around them: core.c and fmi2.c as they
-are, runtime/core/fmu.c in the place of the integrator.
+The FMU is compiled from the very sources in the bundle, with the shim around them: core.c and fmi2.c or
+fmi3.c as they are, runtime/core/fmu.c in the place of the integrator.
 """
 
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from deployment.bundling.blocks import CORE
 from deployment.bundling.build import UNUSED_GONE, UNUSED_OUT, Cached, objects_of
@@ -28,40 +28,49 @@ TARGETS = ("target_x", "target_y", "target_z", "load_told", "pace")
 COMMANDS = ("u_slew", "u_boom", "u_stick", "qd_boom_ref", "qd_stick_ref")
 SHOWN = ("control_mode", "fault_code", "target_reached")
 REPLACED = ("pi", "arm_velocity")  # components of the reference system whose place the core takes
-FMI = 2
+FMI: Literal[2] = 2  # of the system that is verified
+INTERFACES = ("fmi2.c", "fmi3.c")
 BEFORE = "  double start_time;\n"  # in the shim's SlwState: where the core's memory is put
 AFTER = BEFORE + "  int64_t extra[SLR_EXTRA]; /* what fmu.c keeps */\n"
 
 
-def system_of(bundle: Bundle, out: Path) -> Path:
+def system_of(bundle: Bundle, out: Path, fmi_version: Literal[2, 3] = FMI) -> Path:
     """Pack the reference system with the bundle's core as its controller; the path of the SSP.
 
     Raises InputError for a bundle whose policy is evaluated outside of its core, RunError if C fails.
     """
-    if bundle.engine != NATIVE:
-        raise InputError(f"bundle {bundle.folder}: {bundle.engine} evaluates its policy outside of the core")
     spec = systems.parse("reference", _definition())
-    fmus = {f"{NAME}.fmu": build_fmu(bundle, out)}
-    fmus["machine.fmu"] = build_model("machine", FMI)
-    return pack_ssp(render(spec, FMI), fmus, out / "reference.ssp")
+    fmus = {f"{NAME}.fmu": build_fmu(bundle, out / f"{NAME}.fmu", fmi_version)}
+    fmus["machine.fmu"] = build_model("machine", fmi_version)
+    return pack_ssp(render(spec, fmi_version), fmus, out / "reference.ssp")
 
 
-def build_fmu(bundle: Bundle, out: Path) -> Path:
-    """Build `out`/control_core.fmu (FMI 2.0, this machine's platform) from a bundle's sources."""
-    model, host = facade(), compiler.host().name
+def build_fmu(bundle: Bundle, path: Path, fmi_version: Literal[2, 3] = 3) -> Path:
+    """Build the FMU `path` (co-simulation, this machine's platform) from a bundle's sources.
+
+    Raises InputError for a bundle whose policy is evaluated outside of its core, RunError if C fails.
+    """
+    check_native(bundle)
+    model, host = facade(), compiler.host()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         token = _write_sources(model, bundle, folder)
-        library = _compile(model, bundle, folder, host)
-        binaries = f"binaries/{compiler.target(host).fmi2_folder}/{NAME}{compiler.target(host).suffix}"
-        files = {"modelDescription.xml": description.description(model, FMI, token), binaries: library}
+        library = {version: _compile(model, bundle, folder, version) for version in {FMI, fmi_version}}
+        place = host.fmi2_folder if fmi_version == 2 else host.name
+        files = {"modelDescription.xml": description.description(model, fmi_version, token)}
+        files[f"binaries/{place}/{NAME}{host.suffix}"] = library[fmi_version]
         files["documentation/licenses/license.txt"] = b"Apache License, Version 2.0 (SPDX: Apache-2.0)\n"
-        archive = pack(files | reference.files(model, library, token) | terminals.files(model))
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / f"{NAME}.fmu"
+        archive = pack(files | reference.files(model, library[FMI], token) | terminals.files(model))
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(archive)
     mark_built(archive)
     return path
+
+
+def check_native(bundle: Bundle) -> None:
+    """InputError for a bundle whose policy is evaluated outside of its core."""
+    if bundle.engine != NATIVE:
+        raise InputError(f"bundle {bundle.folder}: {bundle.engine} evaluates its policy outside of the core")
 
 
 def facade() -> Model:
@@ -83,7 +92,7 @@ def facade() -> Model:
 
 def _write_sources(model: Model, bundle: Bundle, folder: Path) -> str:
     """The shim with room for the core, the façade's tables, the map of its signals; returns the token."""
-    shim = {name: (SHIM / name).read_text() for name in (*SHIM_FILES, "fmi2.c")}
+    shim = {name: (SHIM / name).read_text() for name in (*SHIM_FILES, *INTERFACES)}
     if BEFORE not in shim["core.h"]:
         raise RuntimeError("fmus/shim/core.h: SlwState has changed")
     shim["core.h"] = shim["core.h"].replace(BEFORE, AFTER)
@@ -96,7 +105,7 @@ def _write_sources(model: Model, bundle: Bundle, folder: Path) -> str:
     for name, text in files.items():
         (folder / name).write_text(text)
     (folder / "fmi").mkdir()
-    for name in HEADERS[FMI]:
+    for name in (*HEADERS[2], *HEADERS[3]):
         (folder / "fmi" / name).write_bytes((SHIM / "fmi" / name).read_bytes())
     return token
 
@@ -110,20 +119,23 @@ def _map(model: Model) -> str:
     )
 
 
-def _compile(model: Model, bundle: Bundle, folder: Path, target: str) -> bytes:
+def _compile(model: Model, bundle: Bundle, folder: Path, fmi_version: int) -> bytes:
+    target = compiler.host().name
     config = (folder / "model_config.h").read_text()  # with the token, and so with everything else
-    cached = Cached(repr((config, bundle.identity, compiler.identity(target), target)))
+    cached = Cached(repr((config, bundle.identity, compiler.identity(target), target, fmi_version)))
     if cached.path.is_file():
         return cached.path.read_bytes()
-    sources = bundle.folder / "sources"
-    (folder / "core").mkdir()
-    objects = objects_of(sources, bundle.identity, folder / "core", target)
+    sources, made = bundle.folder / "sources", folder / f"objects{fmi_version}"
+    made.mkdir()
+    objects = objects_of(sources, bundle.identity, made, target)
     include = ["-I", str(folder), "-I", str(sources / "core")]
-    for name in ("core.c", "integrator.c", "model.c", "fmi2.c"):
-        made, flags = folder / f"{name}.o", [*UNUSED_OUT, *include]
-        objects.append(compiler.compile_object(folder / name, made, target, flags, name == "model.c"))
+    for name in ("core.c", "integrator.c", "model.c", f"fmi{fmi_version}.c"):
+        flags = [*UNUSED_OUT, *include]
+        objects.append(
+            compiler.compile_object(folder / name, made / f"{name}.o", target, flags, name == "model.c")
+        )
     gone = UNUSED_GONE[target.partition("-")[2]]
-    library = compiler.link_shared(objects, folder / "fmu.so", target, gone)
+    library = compiler.link_shared(objects, folder / f"fmu{fmi_version}.so", target, gone)
     return cached.put(library).read_bytes()
 
 

@@ -18,6 +18,7 @@ from ctypes import (
 from orchestrator.core import native
 
 SINK = 0xFFFFFFFF  # SLW_SINK
+TARGET = 0x80000000  # SLW_TARGET
 ALGORITHM = {"jacobi": 0, "gauss-seidel": 1, "iterate": 2, "adaptive": 3}  # slw_algorithm
 DONE, FAILED, ENDED = range(3)  # slw_outcome
 SET, GET = range(2)  # slw_direction
@@ -112,6 +113,9 @@ PROTOTYPES: dict[str, tuple[object, ...]] = {  # name: (result, *arguments)
     "stimulus": (c_bool, CORE, c_int64, c_uint32, c_int64),
     "parameter": (c_bool, CORE, c_int64, c_uint32, c_int, c_uint32, c_int64),
     "clock": (c_bool, CORE, c_uint32, c_uint32, c_int64, c_int64),
+    "source_clock": (c_bool, CORE, c_uint32, c_uint32, c_int64, c_int64),
+    "target_clock": (c_bool, CORE, c_uint32, c_uint32, c_uint32, c_uint32, POINTER(c_uint32)),
+    "clocked": (c_bool, CORE, c_uint32, c_int, c_uint32, c_int, c_size_t, INDICES, c_size_t, c_uint32),
     "algorithm": (c_bool, CORE, c_int, c_double, c_uint32, c_uint32),
     "nominal": (c_bool, CORE, c_uint32, c_double),
     "order": (c_bool, CORE, INDICES, INDICES),

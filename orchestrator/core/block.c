@@ -91,6 +91,8 @@ static bool ticks_now(const slw_block *b, int64_t tick) {
 
 /* An FMU with event mode leaves initialisation in it. Clocks of tick 0 tick with the first step. */
 bool slw_block_initial_events(slw_core *core, slw_block *b) {
+  b->in_event = b->connected; /* clocks.c goes on */
+  if (b->connected) return true;
   return !b->event_mode || (update_discrete(core, b) &&
                             passes(core, b, b->fmu->call->enter_step(b->fmu), SLW_DOING_EVENT));
 }
@@ -137,7 +139,10 @@ static bool judge_step(slw_core *core, slw_block *b, double t, double *h, slw_st
   if (status == SLW_DISCARD) return discarded(core, b, t, h, r->reached);
   if (r->early && !b->early_return) return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
   if (r->early) b->count.early_returns++;
-  return !(r->event && b->event_mode) || handle_event(core, b);
+  if (!(r->event && b->event_mode)) return true;
+  if (!b->connected) return handle_event(core, b);
+  b->event_due = true;
+  return true;
 }
 
 /* One doStep from t; *reached is where it got to, and *h the step to try next if that is t still. */

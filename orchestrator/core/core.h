@@ -11,6 +11,7 @@
 #include "fmu.h"
 
 #define SLW_SINK UINT32_MAX /* as block: the system outputs, moved after every step */
+#define SLW_TARGET 0x80000000U /* as block, plus its number: what a target clock clocks, moved when it ticks */
 
 typedef struct slw_core slw_core;
 
@@ -72,6 +73,16 @@ bool slw_core_parameter(slw_core *core, int64_t tick, uint32_t block, slw_type t
 /* A time-based input clock: active at ticks shift, shift + interval, ...; its cells are set before it ticks and
  * read after it. */
 bool slw_core_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, int64_t interval);
+
+/* Clocks connected to each other (clocks.c), of blocks with event mode that step every tick.  A source is an output
+ * clock (interval 0), or a periodic input clock of its block; a target is a triggered input clock, with the source
+ * that ticks it. */
+bool slw_core_source_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, int64_t interval);
+bool slw_core_target_clock(slw_core *core, uint32_t block, uint32_t vr, uint32_t source_block, uint32_t source_vr,
+                           uint32_t *number);
+/* As slw_core_group, for variables that clock `clock_vr` clocks: got when a source is active, set when a target is. */
+bool slw_core_clocked(slw_core *core, uint32_t block, slw_direction direction, uint32_t clock_vr, slw_type type,
+                      size_t n_vr, const uint32_t *vr, size_t n, uint32_t first_cell);
 
 typedef enum { SLW_JACOBI, SLW_GAUSS_SEIDEL, SLW_ITERATE, SLW_ADAPTIVE } slw_algorithm;
 bool slw_core_algorithm(slw_core *core, slw_algorithm algorithm, double tolerance, uint32_t max_iterations,

@@ -182,7 +182,7 @@ static bool leave(slw_core *core) {
     if (status > SLW_WARNING) return slw_fail(core, SLW_DOING_INITIALISE, status, b, 0);
     if (!slw_block_initial_events(core, b) || !slw_block_get(core, b)) return false;
   }
-  return true;
+  return !core->n_targets || slw_clocks_run(core, 0);
 }
 
 slw_outcome slw_core_initialise(slw_core *core) {

@@ -84,11 +84,22 @@ static void free_block(slw_block *b) {
   free_groups(b->sets, b->n_sets);
   free_groups(b->gets, b->n_gets);
   free(b->clocks);
+  for (uint32_t i = 0; i < b->n_sources; i++) free_groups(b->sources[i].gets, b->sources[i].n_gets);
+  free(b->sources);
+}
+
+static void free_targets(slw_core *core) {
+  for (uint32_t i = 0; i < core->n_targets; i++) {
+    free_exchange(&core->targets[i].in);
+    free_groups(core->targets[i].sets, core->targets[i].n_sets);
+  }
+  free(core->targets);
 }
 
 void slw_core_free(slw_core *core) {
   if (!core) return;
   for (uint32_t i = 0; i < core->n_blocks; i++) free_block(&core->blocks[i]);
+  free_targets(core);
   free_exchange(&core->sink);
   free_exchange(&core->whole);
   for (uint32_t i = 0; core->blobs && i < core->n_blobs; i++) free(core->blobs[i].data);
@@ -134,25 +145,32 @@ static bool inside(slw_core *core, uint64_t first, uint64_t n) {
          refuse(core, "cells out of range", (uint32_t)first);
 }
 
-/* The exchange of a block or of the sink; NULL for an unknown one. */
+/* The exchange of a block, of a target clock or of the sink; NULL for an unknown one. */
 static slw_exchange *exchange_of(slw_core *core, uint32_t block) {
   if (block == SLW_SINK) return &core->sink;
+  if (block >= SLW_TARGET && block - SLW_TARGET < core->n_targets) return &core->targets[block - SLW_TARGET].in;
   return known(core, block) ? &core->blocks[block].in : NULL;
+}
+
+/* A group of a block's variables, checked and with its own memory. */
+static bool make_group(slw_core *core, uint32_t block, slw_type type, size_t n_vr, const uint32_t *vr, size_t n,
+                       uint32_t first_cell, slw_group *group) {
+  if (!known(core, block) || !inside(core, first_cell, n)) return false;
+  if ((unsigned)type >= SLW_N_TYPES || n_vr == 0 || n < n_vr) return refuse(core, "a group without values", block);
+  *group = (slw_group){type, n_vr, n, NULL, core->cells + first_cell, NULL, NULL};
+  const size_t native = slw_native_size(core->blocks[block].fmu->fmi_version, type);
+  if (type == SLW_STRING || type == SLW_BINARY) group->blobs = core->blobs;
+  if (native && !(group->native = calloc(n, native))) return refuse(core, "no memory", 0);
+  if ((group->vr = copied(vr, n_vr * sizeof *vr))) return true;
+  free(group->native);
+  return refuse(core, "no memory", 0);
 }
 
 bool slw_core_group(slw_core *core, uint32_t block, slw_direction direction, slw_type type, size_t n_vr,
                     const uint32_t *vr, size_t n, uint32_t first_cell) {
-  if (!known(core, block) || !inside(core, first_cell, n)) return false;
-  if ((unsigned)type >= SLW_N_TYPES || n_vr == 0 || n < n_vr) return refuse(core, "a group without values", block);
+  slw_group group;
+  if (!make_group(core, block, type, n_vr, vr, n, first_cell, &group)) return false;
   slw_block *b = &core->blocks[block];
-  slw_group group = {type, n_vr, n, NULL, core->cells + first_cell, NULL, NULL};
-  const size_t native = slw_native_size(b->fmu->fmi_version, type);
-  if (type == SLW_STRING || type == SLW_BINARY) group.blobs = core->blobs;
-  if (native && !(group.native = calloc(n, native))) return refuse(core, "no memory", 0);
-  if (!(group.vr = copied(vr, n_vr * sizeof *vr))) {
-    free(group.native);
-    return refuse(core, "no memory", 0);
-  }
   if (direction == SLW_SET) {
     APPEND(core, b->sets, b->n_sets);
     b->sets[b->n_sets - 1] = group;
@@ -162,6 +180,61 @@ bool slw_core_group(slw_core *core, uint32_t block, slw_direction direction, slw
   }
   return true;
 }
+
+/* ---- clocks connected to each other ---- */
+
+bool slw_core_source_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, int64_t interval) {
+  if (!known(core, block)) return false;
+  slw_block *b = &core->blocks[block];
+  if (!b->event_mode || b->multiple != 1 || shift < 0 || interval < 0)
+    return refuse(core, "a connected clock needs event mode and the system's step", vr);
+  APPEND(core, b->sources, b->n_sources);
+  b->sources[b->n_sources - 1].vr = vr;
+  b->sources[b->n_sources - 1].shift = shift, b->sources[b->n_sources - 1].interval = interval;
+  b->connected = true;
+  return true;
+}
+
+bool slw_core_target_clock(slw_core *core, uint32_t block, uint32_t vr, uint32_t source_block, uint32_t source_vr,
+                           uint32_t *number) {
+  if (!known(core, block) || !known(core, source_block)) return false;
+  slw_block *b = &core->blocks[block];
+  const slw_block *from = &core->blocks[source_block];
+  uint32_t source = 0;
+  while (source < from->n_sources && from->sources[source].vr != source_vr) source++;
+  if (source == from->n_sources || !b->event_mode || b->multiple != 1)
+    return refuse(core, "a connected clock needs its source, event mode and the system's step", vr);
+  APPEND(core, core->targets, core->n_targets);
+  *number = core->n_targets - 1;
+  slw_target_clock *c = &core->targets[*number];
+  c->block = block, c->vr = vr, c->source_block = source_block, c->source = source;
+  b->connected = true;
+  return true;
+}
+
+bool slw_core_clocked(slw_core *core, uint32_t block, slw_direction direction, uint32_t clock_vr, slw_type type,
+                      size_t n_vr, const uint32_t *vr, size_t n, uint32_t first_cell) {
+  slw_group group;
+  if (!make_group(core, block, type, n_vr, vr, n, first_cell, &group)) return false;
+  slw_block *b = &core->blocks[block];
+  for (uint32_t i = 0; direction == SLW_GET && i < b->n_sources; i++)
+    if (b->sources[i].vr == clock_vr) {
+      APPEND(core, b->sources[i].gets, b->sources[i].n_gets);
+      b->sources[i].gets[b->sources[i].n_gets - 1] = group;
+      return true;
+    }
+  for (uint32_t i = 0; direction == SLW_SET && i < core->n_targets; i++)
+    if (core->targets[i].block == block && core->targets[i].vr == clock_vr) {
+      APPEND(core, core->targets[i].sets, core->targets[i].n_sets);
+      core->targets[i].sets[core->targets[i].n_sets - 1] = group;
+      return true;
+    }
+  free((void *)(uintptr_t)group.vr);
+  free(group.native);
+  return refuse(core, "no such connected clock", clock_vr);
+}
+
+/* ---- exchanges ---- */
 
 bool slw_core_move(slw_core *core, uint32_t block, size_t n, const uint32_t *source, uint32_t first,
                    const double *scale, const double *offset) {

@@ -52,6 +52,23 @@ typedef struct {
   int64_t shift, interval;
 } slw_periodic;
 
+/* A clock that ticks clocks of other blocks: an output clock, or (interval > 0) a periodic input clock. */
+typedef struct {
+  uint32_t vr;
+  int64_t shift, interval;
+  slw_group *gets; /* what it clocks and somebody reads */
+  uint32_t n_gets;
+  bool active;
+} slw_source_clock;
+
+/* A triggered input clock that such a one ticks. */
+typedef struct {
+  uint32_t block, vr, source_block, source; /* number of the clock in its block */
+  slw_group *sets; /* what it clocks and is connected */
+  uint32_t n_sets;
+  slw_exchange in;
+} slw_target_clock;
+
 typedef enum {
   SLW_GENERAL, /* through the FMU's function table */
   SLW_FAST2,   /* FMI 2, here, at most one group of reals each way, nothing special */
@@ -69,6 +86,11 @@ typedef struct {
   slw_exchange in;
   slw_periodic *clocks;
   uint32_t n_clocks;
+  slw_source_clock *sources;
+  uint32_t n_sources;
+  bool connected;  /* its clocks tick others or are ticked by them: its events are those of clocks.c */
+  bool event_due;  /* its step asked for event mode */
+  bool in_event, takes_part; /* within one instant: in event mode, and in its present iteration */
   int64_t fails_at;
   void *state[2]; /* of a rollback: at the begin of the step, and of the better half */
   slw_block_statistics count;
@@ -116,6 +138,8 @@ struct slw_core {
   slw_block *blocks;
   slw_fast *fast; /* of each block; meaningful where its path says so */
   uint32_t n_blocks;
+  slw_target_clock *targets;
+  uint32_t n_targets;
   int fmi_version;         /* of all blocks; 0: both */
   slw_copy *copies;        /* plain systems: moves without conversion */
   size_t n_copies;
@@ -186,6 +210,9 @@ bool slw_block_tick_clocks(slw_core *core, slw_block *b);
 bool slw_block_save(slw_core *core, slw_block *b, int slot);
 bool slw_block_restore(slw_core *core, slw_block *b, int slot);
 bool slw_check_finite(slw_core *core, const slw_block *b);
+
+/* clocks.c: the instant of `tick`, after the step that led to it. */
+bool slw_clocks_run(slw_core *core, int64_t tick);
 
 /* step.c, rollback.c: one tick. */
 bool slw_jacobi(slw_core *core);

@@ -38,6 +38,7 @@ slw_outcome slw_core_run(slw_core *core, int64_t until) {
   while (core->tick < until) {
     if (!slw_begin_tick(core)) return SLW_FAILED;
     if (!core->advance(core)) return SLW_FAILED;
+    if (core->n_targets && !core->ended && !slw_clocks_run(core, core->tick + 1)) return SLW_FAILED;
     core->tick++;
     if (core->ended) return SLW_ENDED;
   }

@@ -46,17 +46,19 @@ class Instance:
         isolated: bool = False,
         limit_s: float = LIMIT_S,
         log: Sequence[str] | None = None,
+        may_return_early: bool = True,
     ) -> None:
         """Load the FMU: with `isolated` in a process of its own, where a call may take `limit_s` seconds.
 
         `log`: categories that it is told to log; (): all; None: it is told nothing.
+        `may_return_early`: from a step; it is told so.
 
         Raises InputError when the library cannot be loaded or refuses to make an instance.
         """
         self.component, self.name, self.model = component, component.name, component.model
         self.isolated = isolated
         self.event_mode = self.model.has_event_mode
-        self.early_return = self.event_mode or self.model.can_return_early
+        self.early_return = may_return_early and (self.event_mode or self.model.can_return_early)
         self.wire = WIRE[self.model.fmi_version]
         self.library = library()
         self.pointer = c_void_p(self._load(isolated, limit_s, log))

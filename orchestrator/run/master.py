@@ -89,13 +89,17 @@ class Master:
             raise
 
     def _instantiate(self, start: Mapping[str, Mapping[str, Value]]) -> None:
+        ends = [end for link in self.system.clock_links for end in (link.source, link.target)]
+        connected = {end.owner for end in ends}  # by clocks: their ticks are passed on at whole steps only
         here: set[str] = set()  # FMUs that allow one instance in this process, and have one
         for component in self.system.components.values():
             isolated = not runs_here(component, self.options.trust) or component.sha256 in here
             if component.model.only_once_per_process and not isolated:
                 here.add(component.sha256)
             log = told(component, self.options.log_categories)
-            instance = Instance(component, isolated, self.options.limit_s, log)
+            instance = Instance(
+                component, isolated, self.options.limit_s, log, component.name not in connected
+            )
             self.instances.append(instance)
             instance.set_values(start[component.name])
 
@@ -103,8 +107,7 @@ class Master:
         plan, options = self.plan, self.options
         for position, instance in enumerate(self.instances):
             plan.block(position, instance.pointer, instance.event_mode, instance.early_return)
-            for name, (shift, interval) in instance.component.clocks.items():
-                plan.call("clock", position, instance.variable(name).vr, shift, interval)
+        plan.clocks()
         plan.moves()
         plan.settings(options.settings)
         plan.nominals()

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.core.binding import ALGORITHM, GET, SET, SINK, Cell, library
+from orchestrator.core.binding import ALGORITHM, GET, SET, SINK, TARGET, Cell, library
 from orchestrator.fmi.model_description import REALS
 from orchestrator.fmi.units import IDENTITY
 from orchestrator.fmi.variable import BLOBS, WIRE, Scalar, Value
 from orchestrator.ssp.description import Settings
+from orchestrator.system.clock_links import sources
 from orchestrator.system.interventions import resolve
-from orchestrator.system.layout import Layout, Move, Slot
+from orchestrator.system.layout import Block, Layout, Move, Slot
 from orchestrator.system.system import System
 from specs.errors import InputError, RunError
 from specs.faults import FAIL, KINDS, Fault, seed_of
@@ -26,6 +27,7 @@ class Plan:
 
     def __init__(self, system: System, layout: Layout, start_s: float = 0.0) -> None:
         self.system, self.layout, self.library = system, layout, library()
+        self.targets: dict[tuple[int, str], int] = {}  # (block, clock) -> what the core calls its exchange
         self.core = ctypes.c_void_p(
             self.library.slw_core_new(layout.n_cells, len(layout.blobs), system.step_s, start_s)
         )
@@ -61,14 +63,46 @@ class Plan:
         for direction, groups in ((SET, block.sets), (GET, block.gets)):
             for g in groups:
                 references = indices(g.references)
+                if g.clock:
+                    continue
                 self.call(
                     "group", number, direction, g.wire, len(references), pointer(references), g.size, g.first
                 )
 
+    def clocks(self) -> None:
+        """Clocks that the run ticks, clocks that tick each other, and what these clock; after all blocks."""
+        known, links = self.system.components, self.system.clock_links
+        position = {block.component: i for i, block in enumerate(self.layout.blocks)}
+        for name, component in known.items():
+            ticking = sources(links, name)
+            for clock, times in component.clocks.items():
+                if clock not in ticking:
+                    self.call("clock", position[name], self._vr(name, clock), *times)
+            for clock in ticking:
+                times = component.clocks.get(clock, (0, 0))
+                self.call("source_clock", position[name], self._vr(name, clock), *times)
+        for link in sorted(links, key=lambda e: position[e.target.owner]):
+            ends = [(position[p.owner], self._vr(p.owner, p.name)) for p in (link.target, link.source)]
+            number = ctypes.c_uint32()
+            self.call("target_clock", *ends[0], *ends[1], ctypes.byref(number))
+            self.targets[ends[0][0], link.target.name] = TARGET + number.value
+        for number, block in enumerate(self.layout.blocks):
+            self._clocked(number, block)
+
+    def _clocked(self, number: int, block: Block) -> None:
+        for direction, groups in ((SET, block.sets), (GET, block.gets)):
+            for g in (g for g in groups if g.clock):
+                clock, references = self._vr(block.component, g.clock), indices(g.references)
+                many = (len(references), pointer(references), g.size, g.first)
+                self.call("clocked", number, direction, clock, g.wire, *many)
+
+    def _vr(self, component: str, name: str) -> int:
+        return self.system.components[component].model.variables[name].vr
+
     def moves(self) -> None:
         """All exchanges; runs of the same kind into neighbouring cells become one move."""
-        for owner, run in groupby(self.layout.moves, key=lambda m: m.owner):
-            block = SINK if owner < 0 else owner
+        for (owner, clock), run in groupby(self.layout.moves, key=lambda m: (m.owner, m.clock)):
+            block = self.targets[owner, clock] if clock else SINK if owner < 0 else owner
             plain: list[Move] = []
             for move in run:
                 if _kind(move) == "real" or _kind(move) == "plain":

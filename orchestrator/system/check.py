@@ -9,6 +9,7 @@ from orchestrator.files.scratch import Scratch
 from orchestrator.fmi.model_description import ANY, KINDS
 from orchestrator.ssp.description import Description
 from orchestrator.ssp.ssd import read_ssd
+from orchestrator.system.clock_links import clock_links
 from orchestrator.system.clocks import check_step, default_step, with_steps_and_clocks
 from orchestrator.system.connections import Connections
 from orchestrator.system.flatten import SSD_NAME, Flattener
@@ -19,6 +20,7 @@ from orchestrator.system.parameters import Parameters
 from orchestrator.system.single_fmu import system_of_fmu
 from orchestrator.system.sizes import check_total
 from orchestrator.system.system import System
+from orchestrator.system.terminals import check_bit_rate
 from specs.errors import InputError, nearest
 from specs.signals import signals
 
@@ -66,7 +68,10 @@ def _checked(
     start = parameters.by_component()
     started = {n: replace(c, start=start[n]) for n, c in graph.components.items()}
     check_total(started.values())
-    components = with_steps_and_clocks(graph, started, text.simulation, step_s)
+    for wanted in text.simulation.terminals:
+        check_bit_rate(wanted, started, start)
+    ticking = clock_links(graph)
+    components = with_steps_and_clocks(graph, started, text.simulation, step_s, ticking)
     connections = Connections(graph, parameters, components)
     system = System(
         name=text.name,
@@ -76,6 +81,8 @@ def _checked(
         settings=text.simulation.settings,
         components=components,
         links=connections.links,
+        clock_links=ticking,
+        terminals=text.simulation.terminals,
         inputs=connections.inputs,
         outputs=connections.outputs,
         warnings=(

@@ -1,17 +1,18 @@
 """Steps of components as multiples of the system's, and the clocks of FMI 3 that tick on them.
 
-Periodic input clocks whose interval and shift are whole multiples of the component's step are honoured; what
-else is connected to a clock is refused.  Source: FMI 3.0.2, 2.4.4 and 4.2.2; SSP 2.0, 5.3.2.
+Periodic input clocks whose interval and shift are whole multiples of the component's step are honoured;
+connections between clocks are those of `clock_links.py`.  Source: FMI 3.0.2, 2.4.4 and 4.2.2.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.variable import Variable
-from orchestrator.ssp.description import Port, Simulation
+from orchestrator.ssp.description import Simulation
+from orchestrator.system.clock_links import ClockLink, targets
 from orchestrator.system.graph import Graph
 from specs.errors import InputError, nearest
 
@@ -22,17 +23,24 @@ MAX_DENOMINATOR = 10**9  # of a step as a fraction: 1 ns
 
 
 def with_steps_and_clocks(
-    graph: Graph, components: Mapping[str, Component], simulation: Simulation, step_s: float
+    graph: Graph,
+    components: Mapping[str, Component],
+    simulation: Simulation,
+    step_s: float,
+    links: Sequence[ClockLink] = (),
 ) -> dict[str, Component]:
-    """The components with their `multiple` and `clocks`; InputError names what is no whole multiple."""
+    """The components with their `multiple` and `clocks`; InputError names what is no whole multiple.
+
+    `links`: the clocks that are connected.
+    """
     for name, (_, place) in simulation.steps.items():
         if name not in components:
             raise InputError(f"{place}: no component '{name}'; {nearest(name, components)}")
-    _check_clock_connections(graph)
     found = {}
     for component in components.values():
         multiple = _multiple(component, simulation, step_s)
-        clocks = dict(input_clocks(component, multiple, step_s, graph.warnings))
+        ticked = targets(links, component.name)
+        clocks = dict(input_clocks(component, multiple, step_s, graph.warnings, ticked))
         found[component.name] = replace(component, multiple=multiple, clocks=clocks)
     return found
 
@@ -83,16 +91,16 @@ def _multiple(component: Component, simulation: Simulation, step_s: float) -> in
 
 
 def input_clocks(
-    component: Component, multiple: int, step_s: float, warnings: list[str]
+    component: Component, multiple: int, step_s: float, warnings: list[str], connected: Sequence[str] = ()
 ) -> Iterator[tuple[str, tuple[int, int]]]:
     """Name, and (shift, interval) in ticks of the system, of each input clock that ticks.
 
-    `multiple`: the component steps once in so many ticks of `step_s`.  Raises InputError for a clock whose
-    times are no whole steps; one that nobody ticks is added to `warnings`.
+    `multiple`: the component steps once in so many ticks of `step_s`; `connected`: clocks that others tick.
+    Raises InputError for a clock whose times are no whole steps; `warnings` get one that nobody ticks.
     """
     for variable in component.model.variables.values():
         clock = variable.clock
-        if clock is None or variable.causality != "input":
+        if clock is None or variable.causality != "input" or variable.name in connected:
             continue
         if not clock.periodic or clock.interval_s is None:
             _check_unconnected(component, variable, warnings)
@@ -117,40 +125,3 @@ def _check_unconnected(component: Component, variable: Variable, warnings: list[
             "this is not supported; valid: constant, fixed and tunable ones with intervalDecimal"
         )
     warnings.append(f"{component}: triggered clock {variable.name} is not connected and never ticks")
-
-
-def _check_clock_connections(graph: Graph) -> None:
-    """Connections between clocks are not supported; those that form a cycle are named as one."""
-    connected: dict[str, list[tuple[Port, Port]]] = {}
-    for port in graph.incoming:
-        node = graph.nodes[port]
-        if node.variable is None or node.variable.type != "Clock":
-            continue
-        source = graph.chain(port)[0].start
-        connected.setdefault(source.owner, []).append((source, port))
-    for owner in connected:
-        cycle = _cycle(connected, owner)
-        if cycle:
-            place = graph.incoming[cycle[0][1]].place
-            raise InputError(f"{place}: clock cycle: {' → '.join(f'{a} → {b}' for a, b in cycle)}")
-    for links in connected.values():
-        for source, port in links:
-            raise InputError(
-                f"{graph.incoming[port].place}: {source} and {port} are clocks; connections between clocks "
-                "are not supported, unconnected periodic ones are"
-            )
-
-
-def _cycle(connected: Mapping[str, list[tuple[Port, Port]]], first: str) -> list[tuple[Port, Port]]:
-    """Clock connections that lead from the component `first` back to it, or []."""
-    ways: list[list[tuple[Port, Port]]] = [[link] for link in connected[first]]
-    reached: set[str] = set()
-    while ways:
-        way = ways.pop()
-        at = way[-1][1].owner
-        if at == first:
-            return way
-        if at not in reached:
-            reached.add(at)
-            ways += [[*way, link] for link in connected.get(at, [])]
-    return []

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
 from orchestrator.fmi.variable import Scalar, Value, checked_value
 from orchestrator.ssp.description import Port
+from orchestrator.system.clock_links import clock_of
 from orchestrator.system.system import System
 from specs.errors import InputError, nearest
 from specs.faults import FAIL, Fault
@@ -47,11 +48,22 @@ def _check_input(system: System, fault: Fault, where: str) -> None:
     component = system.components[owner]
     variable = component.model.variables[name]
     _check_real(variable.type, component.size(variable), where)
+    _check_unclocked(system, Port(owner, name), where)
+
+
+def _check_unclocked(system: System, target: Port, where: str) -> None:
+    """Faults act at the begin of a step, and what connected clocks tick moves at other times."""
+    component = system.components[target.owner]
+    clock = clock_of(system.clock_links, component, component.model.variables[target.name])
+    if clock:
+        raise InputError(f"{where}: {target} moves with the clock {clock}, and has no faults")
 
 
 def _check_unconverted(system: System, fault: Fault, where: str) -> None:
     """A fault on a system input acts where it arrives, so it must arrive in the input's own unit."""
     for link in system.links:
+        if link.source == Port("", fault.target):
+            _check_unclocked(system, link.target, where)
         if link.source == Port("", fault.target) and not link.conversion.is_identity:
             raise InputError(
                 f"{where}: it is converted on its way to {link.target}; state the fault on {link.target}"

@@ -10,12 +10,15 @@ Pure data: the stepping, whatever does it, needs nothing else of the system desc
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
+from operator import itemgetter
 
 from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
 from orchestrator.fmi.variable import BLOBS, BOOLEANS, WIRE
 from orchestrator.ssp.conversion import Conversion
 from orchestrator.ssp.description import Port
+from orchestrator.system.clock_links import clock_of
+from orchestrator.system.link import Link
 from orchestrator.system.order import Order, dependency_order
 from orchestrator.system.stimuli import explain
 from orchestrator.system.system import System
@@ -41,12 +44,16 @@ class Slot:
 
 @dataclass(frozen=True)
 class Group:
-    """Variables of one type that one FMI call moves: slw_type, value references, cells."""
+    """Variables of one type that one FMI call moves: slw_type, value references, cells.
+
+    `clock`: the connected clock that they move with; "": they move with every step
+    """
 
     wire: int
     references: tuple[int, ...]
     first: int
     size: int
+    clock: str = ""
 
 
 @dataclass(frozen=True)
@@ -62,12 +69,16 @@ class Block:
 
 @dataclass(frozen=True)
 class Move:
-    """target = conversion(source), for all elements; `owner`: a position in `blocks`, or SINK."""
+    """target = conversion(source), for all elements; `owner`: a position in `blocks`, or SINK.
+
+    `clock`: the connected clock that the target moves with, as in `Group`.
+    """
 
     owner: int
     source: Slot
     target: Slot
     conversion: Conversion
+    clock: str = ""
 
 
 @dataclass(frozen=True)
@@ -156,7 +167,7 @@ class _Builder:
         sinks = {n: self.slot(o.size, o.type) for n, o in self.system.outputs.items() if n in self.recorded}
         self.targets |= {Port("", name): slot for name, slot in sinks.items()}
         blocks = tuple(
-            Block(c.name, dict(i), dict(o), _groups(c, i), _groups(c, o))
+            Block(c.name, dict(i), dict(o), self.groups(c, i), self.groups(c, o))
             for c, i, o in zip(components, inputs, outputs, strict=True)
         )
         slots = [*self.sources.values(), *self.targets.values()]
@@ -167,7 +178,7 @@ class _Builder:
             blocks,
             tuple(self.moves()),
             self.log(),
-            dependency_order(list(self.system.components), self.system.links),
+            dependency_order(list(self.system.components), self.unclocked()),
             tuple(cell for slot in slots if slot.type in BLOBS for cell in slot.cells),
         )
 
@@ -205,7 +216,7 @@ class _Builder:
         wire = WIRE[component.model.fmi_version]
         variables = [component.model.variables[name] for name in dict.fromkeys(names)]
         placed = []
-        for v in sorted(variables, key=lambda v: (wire[v.type], v.vr)):
+        for v in sorted(variables, key=lambda v: (wire[v.type], self.clock(component, v.name), v.vr)):
             slot = self.slot(component.size(v), v.type)
             known[Port(component.name, v.name)] = slot
             placed.append((v.name, slot))
@@ -217,7 +228,29 @@ class _Builder:
         links = {link.target: link for link in (*self.system.links, *outputs)}
         for port, target in self.targets.items():
             source = self.sources[links[port].source]
-            yield Move(position.get(port.owner, SINK), source, target, links[port].conversion)
+            clock = self.clock(self.system.components[port.owner], port.name) if port.owner else ""
+            yield Move(position.get(port.owner, SINK), source, target, links[port].conversion, clock)
+
+    def clock(self, component: Component, name: str) -> str:
+        """The connected clock that a variable moves with; "": none."""
+        links = self.system.clock_links
+        return clock_of(links, component, component.model.variables[name]) if links else ""
+
+    def unclocked(self) -> list[Link]:
+        """Links of values that move with every step."""
+        known = self.system.components
+        return [e for e in self.system.links if not self.clock(known[e.target.owner], e.target.name)]
+
+    def groups(self, component: Component, placed: Sequence[tuple[str, Slot]]) -> tuple[Group, ...]:
+        """Runs of one type, and of one clock, that stand side by side."""
+        wire = WIRE[component.model.fmi_version]
+        clocked = ((wire[slot.type], self.clock(component, name), name, slot) for name, slot in placed)
+        groups = []
+        for (kind, clock), run in groupby(clocked, key=itemgetter(0, 1)):
+            members = [(component.model.variables[name].vr, slot) for _, _, name, slot in run]
+            size = sum(slot.size for _, slot in members)
+            groups.append(Group(kind, tuple(vr for vr, _ in members), members[0][1].first, size, clock))
+        return tuple(groups)
 
     def log(self) -> tuple[Logged, ...]:
         """All columns; InputError where two would have one name."""
@@ -254,17 +287,6 @@ class _Builder:
 def _not_a_number(name: str, kind: str) -> InputError:
     way = "; --text notes its values at both ends of a run" if kind in BLOBS else ""
     return InputError(f"'{name}' cannot be recorded: it is of type {kind}{way}")
-
-
-def _groups(component: Component, placed: Sequence[tuple[str, Slot]]) -> tuple[Group, ...]:
-    wire = WIRE[component.model.fmi_version]
-    groups = []
-    for kind, run in groupby(placed, key=lambda item: wire[item[1].type]):
-        members = list(run)
-        references = tuple(component.model.variables[name].vr for name, _ in members)
-        size = sum(slot.size for _, slot in members)
-        groups.append(Group(kind, references, members[0][1].first, size))
-    return tuple(groups)
 
 
 def _column_type(kind: str) -> str:

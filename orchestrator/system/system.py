@@ -8,8 +8,10 @@ from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import Value, checked_value
 from orchestrator.ssp.conversion import apply
-from orchestrator.ssp.description import ALGORITHMS, Settings
+from orchestrator.ssp.description import ALGORITHMS, Settings, TerminalConnection
+from orchestrator.system.clock_links import ClockLink, check_components
 from orchestrator.system.link import Link
+from orchestrator.system.terminals import check_bit_rate
 from specs.errors import InputError, nearest
 from specs.faults import Fault
 from specs.units import Unit
@@ -61,6 +63,7 @@ class System:
     """A checked system: components in declared order, links to their inputs, its own inputs and outputs.
 
     `start_s`, `stop_s`: of its default experiment; `states_step`: it says itself how long its step is.
+    `clock_links`: connections between clocks; `terminals`: those by terminal.
     `warnings` are full sentences for the user.  The unpacked FMUs live as long as this object.
     """
 
@@ -74,6 +77,8 @@ class System:
     outputs: Mapping[str, SystemOutput]
     warnings: tuple[str, ...]
     faults: tuple[Fault, ...] = ()
+    clock_links: tuple[ClockLink, ...] = ()
+    terminals: tuple[TerminalConnection, ...] = ()
     parameters: Mapping[str, SystemParameter] = field(default_factory=dict)
     start_s: float = 0.0
     states_step: bool = True
@@ -125,6 +130,8 @@ class System:
             variable = parameter(component, name)
             size = component.size(variable)
             values[component.name][name] = checked_value(variable, value, f"parameter {key}", size)
+        for wanted in self.terminals:
+            check_bit_rate(wanted, self.components, values)
         return values
 
     def _set_system_parameter(
@@ -141,6 +148,7 @@ class System:
         """InputError for an unknown algorithm, and one that a component is not able to take part in."""
         if algorithm not in ALGORITHMS:
             raise InputError(f"unknown algorithm '{algorithm}'; {nearest(algorithm, ALGORITHMS)}")
+        check_components(self.clock_links, self.components, algorithm)
         for component in self.components.values():
             if algorithm in ROLLING_BACK and not component.model.can_get_set_state:
                 raise InputError(

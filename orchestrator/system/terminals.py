@@ -2,14 +2,17 @@
 
 SSP 2.0 knows none, so they stand in our annotation.  How members find each other is the terminals' own
 rule (FMI 3.0.2, 2.4.9.2.2): plug by name, all of them; bus by name, those that both have; sequence by place.
+The rule of networks (FMI-LS-BUS 1.0.0, Bus Terminal) connects what one sends with what the other receives.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import TypeVar
 
+from orchestrator.fmi.component import Component
 from orchestrator.fmi.terminals import Member, Terminal
 from orchestrator.fmi.units import Affine
+from orchestrator.fmi.variable import Value
 from orchestrator.ssp.conversion import LINEAR, Transformation
 from orchestrator.ssp.description import Connection, Port, TerminalConnection, Typed
 from orchestrator.system.connection_direction import SOURCE_KINDS, TARGET_KINDS
@@ -17,6 +20,12 @@ from orchestrator.system.graph import Graph, Node
 from specs.errors import InputError, nearest
 
 FLOWS = ("inflow", "outflow")
+TRANSCEIVER = "org.fmi-ls-bus.transceiver"
+CROSSED = {"Tx_Data": "Rx_Data", "Tx_Clock": "Rx_Clock", "Rx_Data": "Tx_Data", "Rx_Clock": "Tx_Clock"}
+CONFIGURATION, BIT_RATE = (
+    "Configuration",
+    "bit_rate",
+)  # of a network terminal: a terminal in it, and its member
 Pair = tuple[Member, Member]
 Item = TypeVar("Item", Member, Terminal)
 
@@ -84,10 +93,43 @@ def _sequence(start: Terminal, end: Terminal, shown: str) -> Iterator[Pair]:
     yield from chain.from_iterable(_pairs(mine, other, shown) for mine, other in inner)
 
 
+def _transceiver(start: Terminal, end: Terminal, shown: str) -> Iterator[Pair]:
+    mine, theirs = _of(start.members, shown), _of(end.members, shown)
+    for terminal, names in ((start, mine), (end, theirs)):
+        missing = [name for name in CROSSED if name not in names]
+        if missing:
+            raise InputError(f"{shown} do not fit: {terminal.name} lacks {', '.join(missing)}")
+    yield from ((mine[name], theirs[other]) for name, other in CROSSED.items())
+
+
+def check_bit_rate(
+    wanted: TerminalConnection,
+    components: Mapping[str, Component],
+    start: Mapping[str, Mapping[str, Value]],
+) -> None:
+    """InputError for two terminals of networks that start with different bit rates, where both state one.
+
+    `start`: start values of every component.
+    """
+    rates = [_bit_rate(components[owner], name, start[owner]) for owner, name in wanted.ends]
+    if None not in rates and rates[0] != rates[1]:
+        ends = [f"{'.'.join(end)} with {rate} bit/s" for end, rate in zip(wanted.ends, rates, strict=True)]
+        raise InputError(f"{wanted.place}: a bus at two rates: {' and '.join(ends)}")
+
+
+def _bit_rate(component: Component, name: str, start: Mapping[str, Value]) -> Value | None:
+    for inner in component.terminals.by_name[name].inner:
+        for member in inner.members if inner.name == CONFIGURATION else ():
+            if member.name == BIT_RATE:
+                return start.get(member.variable, component.model.variables[member.variable].start)
+    return None
+
+
 RULES: dict[str, Callable[[Terminal, Terminal, str], Iterator[Pair]]] = {
     "plug": _plug,
     "bus": _bus,
     "sequence": _sequence,
+    TRANSCEIVER: _transceiver,
 }
 
 
@@ -104,6 +146,11 @@ def _connection(graph: Graph, wanted: TerminalConnection, pair: Pair, shown: str
     start, end = (_node(graph, component, m) for (component, _), m in zip(wanted.ends, pair, strict=True))
     forward = start.kind in SOURCE_KINDS and end.kind in TARGET_KINDS
     backward = end.kind in SOURCE_KINDS and start.kind in TARGET_KINDS
+    if _ticked_by_the_run(start) != _ticked_by_the_run(
+        end
+    ):  # both are inputs: the run ticks the other as well
+        forward = _ticked_by_the_run(start)
+        backward = not forward
     if not (forward or backward):
         raise InputError(
             f"{shown} do not fit: {start.port} is {start.kind} and {end.port} is {end.kind}; "
@@ -111,6 +158,11 @@ def _connection(graph: Graph, wanted: TerminalConnection, pair: Pair, shown: str
         )
     source, target = (start, end) if forward else (end, start)
     return Connection(source.port, target.port, wanted.place, _sign(pair, wanted, shown))
+
+
+def _ticked_by_the_run(node: Node) -> bool:
+    clock = node.variable.clock if node.variable else None
+    return node.kind == "input" and clock is not None and clock.periodic
 
 
 def _node(graph: Graph, component: str, member: Member) -> Node:

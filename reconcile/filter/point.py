@@ -18,6 +18,7 @@ class Free:
     log: bool
     low: float = -np.inf
     high: float = np.inf
+    scaleless: bool = False  # its size only says how it is searched: any size is as likely beforehand
 
     def value(self, z: float) -> float:
         """The parameter at a coordinate."""
@@ -58,10 +59,19 @@ class Point:
 
     @property
     def evidence(self) -> float:
-        """Laplace: log of the marginal likelihood, up to a constant that all sets share."""
+        """Laplace: log of the marginal likelihood, up to a constant that all sets share.
+
+        What has no size of its own costs by how well it is known, whatever its value.
+        """
         moving = ~self.held
-        h = self.information[np.ix_(moving, moving)] + np.eye(int(moving.sum()))
-        return -self.total - 0.5 * float(np.linalg.slogdet(h)[1])
+        unit, kept = np.ones(len(self.free)), self.total
+        for i, f in enumerate(self.free):
+            if f.scaleless:
+                unit[i] = 1.0 / f.size if f.log else min(abs(self.values[f.name]) / f.size, 1.0)
+                kept -= 0.5 * f.coordinate(self.values[f.name]) ** 2
+        own = unit[moving]
+        h = own[:, None] * self.information[np.ix_(moving, moving)] * own + np.eye(int(moving.sum()))
+        return -kept - 0.5 * float(np.linalg.slogdet(h)[1])
 
     def covariance(self) -> np.ndarray:
         """Of the coordinates; nothing for parameters at a limit."""

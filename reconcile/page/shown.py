@@ -132,7 +132,7 @@ def _missing(found: Findings, r, after, effect: np.ndarray | None) -> Missing:
     begun, times = 0.0, []
     for _, t in r.moments:  # one recording after the other
         times.append(begun + t - t[0])
-        begun = float(times[-1][-1]) + float(np.median(np.diff(t)))
+        begun = float(times[-1][-1]) + found.core.period
     time = ("time, one recording after the other", "s", np.concatenate(times))
     seen = effect if effect is not None and np.any(effect) else None
     return Missing(

@@ -92,6 +92,13 @@ def pairs(model: Any) -> list[tuple[str, str]]:
     ]
 
 
+def turns(model: Any, recorded: Sequence[str]) -> list[list[str]]:
+    """Recorded outputs that turn together: a position with its rate; others alone."""
+    both = [[p, r] for p, r in pairs(model) if p in recorded and r in recorded]
+    rest = [[n] for n in recorded if not any(n in pair for pair in both)]
+    return both + rest
+
+
 def known_ratios() -> dict[float, str]:
     """Ratios to recognise, their inverses and both signs."""
     signed = {r: w for k, w in RATIOS.items() for r in ({k, 1 / k} if k > 0 else {k})}

@@ -1,7 +1,7 @@
 """`--init DIR`: a first model.py and map.toml from a recording and a template."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,7 +102,7 @@ def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dra
     if template == "pendulum" and "position" not in found:
         raise InputError(f"{recording} has no angle, which --template pendulum needs; try rotary")
     used = dict(found)
-    drive = _first(usable, "input", kind)
+    drive = _first(usable, "input", kind) or _left(usable, found, kind)
     unit = None if drive is None else _drive_unit(drive, kind)
     if drive is not None:
         used[kind.noun if unit == kind.force else "command"] = drive
@@ -111,6 +111,14 @@ def _axis(template: str, usable: Sequence[Column], recording: Path) -> tuple[Dra
     templates.axis(draft, kind, list(found), unit, template == "pendulum")
     draft.parameters = _axis_values(template, kind, found, drive, unit)
     return draft, used
+
+
+def _left(usable: Sequence[Column], found: Mapping[str, Column], kind: Motion) -> Column | None:
+    """The only column left, where it measures another kind of motion: a beam's angle moves a ball."""
+    rest = [c for c in usable if all(c is not f for f in found.values()) and c.role != "setpoint"]
+    if len(rest) != 1 or rest[0].role not in ("position", "velocity") or rest[0].turns == (kind is TURNS):
+        return None
+    return replace(rest[0], reason="guessed: nothing else is left that could drive it")
 
 
 def _drive_unit(drive: Column, kind: Motion) -> str:

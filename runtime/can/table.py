@@ -11,7 +11,7 @@ from pathlib import Path
 from runtime.can import wire
 from runtime.can.codec import Codec, Field, received_by
 from runtime.can.receive import COUNTS, DOUBT, MOST_DOUBT, SPARE, TWO_SENDERS
-from runtime.can.transmit import turns
+from runtime.can.transmit import Turn, turns
 from runtime.image import INPUT, NODE, OUTPUT, TICK_S, Layout, refreshed
 from specs.e2e import LAST_COUNT, TABLE
 
@@ -30,7 +30,7 @@ NUMBERS = {
 
 def token() -> str:
     """16 hex digits over everything that the C code knows of the frames."""
-    return hashlib.sha256(_body().encode()).hexdigest()[:16]
+    return hashlib.sha256(definitions().encode()).hexdigest()[:16]
 
 
 def header() -> str:
@@ -38,7 +38,7 @@ def header() -> str:
     return (
         "/* Generated from specs/signals.toml by slewright generate; do not edit. */\n"
         "#ifndef SLR_WIRE_LAYOUT_H\n#define SLR_WIRE_LAYOUT_H\n\n"
-        f'#define SLR_WIRE_LAYOUT "{token()}"\n{_body()}\n#endif\n'
+        f'#define SLR_WIRE_LAYOUT "{token()}"\n{definitions()}\n#endif\n'
     )
 
 
@@ -52,13 +52,19 @@ def number_in(name: str) -> int:
     return next((i for i, c in enumerate(received_by(NODE)) if c.message.name == name), -1)
 
 
-def _body() -> str:
-    read, sent = received_by(NODE), turns(NODE)
+def definitions() -> str:
+    """The C definitions of the controller's frames."""
+    return definitions_of(received_by(NODE), turns(NODE), INPUT, OUTPUT)
+
+
+def definitions_of(read: Sequence[Codec], sent: Sequence[Turn], inputs: Layout, outputs: Layout) -> str:
+    """Those of the frames that some node reads and sends, with their signals' places in its images."""
     parts = [f"#define SLR_WIRE_{name} {number:#x}" for name, number in NUMBERS.items()]
-    parts += [f"#define SLR_WIRE_TIMED_BY {number_in(TIMED_BY)} /* {TIMED_BY} */"]
+    timed_by = next((i for i, c in enumerate(read) if c.message.name == TIMED_BY), -1)
+    parts += [f"#define SLR_WIRE_TIMED_BY {timed_by} /* {TIMED_BY} */"]
     parts += [f"#define SLR_WIRE_CRC {{{', '.join(map(str, TABLE))}}}"]
-    parts += _tables("IN", read, [(c.cycle_ticks, 0) for c in read], INPUT)
-    parts += _tables("OUT", [turn[0] for turn in sent], [turn[1:] for turn in sent], OUTPUT)
+    parts += _tables("IN", read, [(c.cycle_ticks, 0) for c in read], inputs)
+    parts += _tables("OUT", [turn[0] for turn in sent], [turn[1:] for turn in sent], outputs)
     return "\n".join(parts)
 
 

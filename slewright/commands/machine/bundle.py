@@ -1,7 +1,7 @@
 """`slewright bundle`: a controller as the runtime loads it."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -66,6 +66,16 @@ def bundle(
             metavar="SCENE", help="Keep off what stands in this scene, whatever the controller says."
         ),
     ] = None,
+    fmu: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Its control core as an FMU, too (.fmu), or with the reference machine on a CAN bus (.ssp).",
+        ),
+    ] = None,
+    can: Annotated[
+        bool, typer.Option("--can", help="The FMU of --fmu has CAN (FMI-LS-BUS), not plain signals only.")
+    ] = False,
     json: JsonOption = None,
 ) -> None:
     """Compile a controller and the control core into a folder that `slewright run` loads."""
@@ -74,6 +84,7 @@ def bundle(
 
     if sign is None and (archive or release or config):
         raise InputError("--archive, --release and --config are of a signed archive: add --sign KEY.pem")
+    _check_fmu(fmu, can, engine)
     key, target = None, archive or out
     if sign:
         from deployment.bundling import archive as signing  # needs cryptography, which a bundle does not
@@ -105,5 +116,37 @@ def bundle(
         signed = signing.write(made, target, key, release, config)
         typer.echo(f"{target}: {len(signed.files)} files, digest {signed.digest}, signed by {key.public.id}")
         figures |= {"archive": str(target), "digest": signed.digest, "key": key.public.id}
+    if fmu:
+        typer.echo(f"{fmu}: {_write_fmu(made, fmu, can)}")
+        figures |= {"fmu": str(fmu)}
     write(json, {**figures, "failures": failures} if plants else figures, None)
     exit_if_missed(failures)
+
+
+def _check_fmu(fmu: Path | None, can: bool, engine: str) -> None:
+    """InputError, before anything is built, for what cannot become an FMU."""
+    if fmu is None:
+        if can:
+            raise InputError("--can says what the FMU of --fmu FILE.fmu has; there is no --fmu")
+        return
+    if fmu.suffix not in (".fmu", ".ssp"):
+        raise InputError(
+            f"--fmu {fmu}: not a name of an FMU or system; valid: one that ends with .fmu or .ssp"
+        )
+    if engine != "native":
+        raise InputError(f"--fmu: {engine} evaluates the policy outside of the core; valid: --engine native")
+
+
+def _write_fmu(made: Any, path: Path, can: bool) -> str:
+    """Write it; what it is."""
+    from deployment.bundling.fmu import build_fmu
+    from deployment.network import nodes, system
+
+    if path.suffix == ".ssp":
+        system.over_the_bus(made, path)
+        return "its control core and the reference machine on a CAN bus"
+    if can:
+        nodes.build_controller(made, path)
+        return "its control core as an FMU with CAN (FMI-LS-BUS) and plain signals"
+    build_fmu(made, path)
+    return "its control core as an FMU"

@@ -1,6 +1,7 @@
 """`slewright simulate`: one system description, one run record."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -57,6 +58,14 @@ def simulate(
             metavar="NAME", help="A string or binary, component.variable, to note at both ends of the run."
         ),
     ] = None,
+    values: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="A parameter (component.parameter) or input of the system, for the whole run (repeatable).",
+        ),
+    ] = None,
     tell_stop: Annotated[
         bool, typer.Option("--tell-stop", help="Tell the FMUs at the start when the run will end.")
     ] = False,
@@ -81,6 +90,7 @@ def simulate(
     """Run a system with its start values and record it."""
     from orchestrator.run import simulate as running
     from orchestrator.system import check, overview
+    from orchestrator.system.stimuli import Stimuli
 
     if system.resolve() in (path.resolve() for path in (out, json) if path):
         raise InputError(f"{system} is to be read; the results need a file of another name")
@@ -88,11 +98,14 @@ def simulate(
     for warning in (*loaded.warnings, *overview.renamed(loaded)):
         typer.echo(f"slewright: warning: {warning}", err=True)
     begin = loaded.start_s if start is None else start
+    parameters, inputs = _set_values(values or (), loaded)
     ticks, statistics = _ticks(loaded, begin, stop), {}
     with progress("simulate") as report:
         found = running.simulate(
             loaded,
             ticks,
+            Stimuli.constant(**inputs),
+            parameters,
             record_path=out,
             algorithm=algorithm,
             seed=seed,
@@ -116,6 +129,34 @@ def simulate(
     said = {key: found.meta.get(key, {}) for key in ("messages", "texts")}
     _show_words(**said)
     figures_file.write(json, {"run_hash": found.meta["run_hash"], "statistics": statistics, **said}, seed)
+
+
+def _set_values(given: Sequence[str], system: Any) -> tuple[dict[str, Any], dict[str, float]]:
+    """Parameters, and inputs of the system, by name; InputError for what is no NAME=VALUE."""
+    parameters: dict[str, Any] = {}
+    inputs: dict[str, float] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not (name and equals):
+            raise InputError(f"--set {text} is not of the form NAME=VALUE")
+        if name not in system.inputs:
+            parameters[name] = _value(value)
+            continue
+        number = _value(value)
+        if isinstance(number, str):
+            raise InputError(f"--set {text}: input {name} needs a number")
+        inputs[name] = number
+    return parameters, inputs
+
+
+def _value(text: str) -> float | bool | str:
+    """A number, true, false, or else the text itself."""
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _ticks(system: Any, start: float, stop: float | None) -> int:

@@ -40,6 +40,31 @@ def test_the_fmu_does_what_the_loaded_core_does_bit_for_bit(packed: Path) -> Non
         assert np.array_equal(simulated.column(name)[1:], stepped.column(name)[:-1]), name
 
 
+def test_the_fmu_of_fmi_3_gives_the_same_records(packed: Path, tmp_path: Path) -> None:
+    chosen = scenario.load("five_targets_2t")
+    records = []
+    for path in (packed, fmu.system_of(built(), tmp_path, 3)):
+        system = load_system(path)
+        values = plant_parameters(system, "reference", chosen.parameters(SEED))
+        records.append(simulate(system, TICKS, Stimuli(chosen.stimuli()), values, seed=SEED))
+    assert system.components["core"].model.fmi_version == 3
+    assert all(np.array_equal(records[0].column(n), records[1].column(n)) for n in records[0].names)
+
+
+def test_what_cannot_become_an_fmu_is_refused_before_anything_is_built(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "pd.bundle"
+    for more, words in (
+        (["--fmu", "core.zip"], "--fmu core.zip: not a name of an FMU or system"),
+        (["--can"], "there is no --fmu"),
+        (["--fmu", "core.fmu", "--engine", "onnxruntime"], "onnxruntime evaluates the policy outside"),
+    ):
+        assert entry.run(["bundle", "pd", "--out", str(out), *more]) == 2
+        assert words in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_its_state_can_be_saved_in_the_middle(packed: Path) -> None:
     chosen = scenario.load("four_targets_empty")
     system = load_system(packed)

@@ -165,17 +165,31 @@ def test_triggered_clocks_that_nobody_ticks_are_warned_of(tmp_path: Path) -> Non
     assert any("triggered clock k is not connected and never ticks" in w for w in found.warnings)
 
 
-def test_connected_clocks_are_refused_and_cycles_named(tmp_path: Path) -> None:
-    fmu = paper(tmp_path, "c", clock("i", 1, "input", "triggered") + clock("o", 2, "output", "triggered"), 3,
-                'hasEventMode="true"')  # fmt: skip
-    ends = [connector("i", "input", "Clock"), connector("o", "output", "Clock")]
+def test_clocks_that_cannot_be_connected_are_refused_and_circles_named(tmp_path: Path) -> None:
+    clocks = [clock("i", 1, "input", "triggered"), clock("o", 2, "output", "triggered")]
+    clocks.append(clock("k", 3, "input", "constant", 'intervalDecimal="0.04"'))
+    ends = [connector(n, kind, "Clock") for n, kind in (("i", "input"), ("o", "output"), ("k", "input"))]
     parts = [component(n, "c", *ends) for n in "ab"]
-    one = [connection("a.o", "b.i")]
-    message = refused(tmp_path, ssd(parts, one, version="2.0"), {"c": fmu})
-    assert "a.o and b.i are clocks; connections between clocks are not supported" in message
-    message = refused(tmp_path, ssd(parts, [*one, connection("b.o", "a.i")], version="2.0"), {"c": fmu})
-    assert "clock cycle: a.o → b.i → b.o → a.i" in message or "clock cycle: b.o → a.i → a.o → b.i" in message
+    there, back = connection("a.o", "b.i"), connection("b.o", "a.i")
+
+    def given(*connections: str, flags: str = 'hasEventMode="true"', structure: str = "") -> tuple[str, Path]:
+        fmu = paper(tmp_path, "c", "".join(clocks), 3, flags, structure=structure)
+        return ssd(parts, connections, version="2.0"), fmu
+
+    text, fmu = given(there, back)
+    assert [str(e.target) for e in load(tmp_path, text, {"c": fmu}).clock_links] == ["b.i", "a.i"]
+    text, fmu = given(there, back, structure='<Output valueReference="2" dependencies="1"/>')
+    message = refused(tmp_path, text, {"c": fmu})
     assert message.startswith("SystemStructure.ssd line 1")
+    assert "clock circle: a.o → b.i → b.o → a.i → a.o" in message
+    text, fmu = given(there, flags="")
+    assert "component a: its FMU has clock k, but no event mode" in refused(tmp_path, text, {"c": fmu})
+    text, fmu = given(there)
+    slower = '"0.01"><slw:Component name="b" stepSize="0.02"/></slw:Simulation>'
+    message = refused(tmp_path, text.replace('"0.01"/>', slower), {"c": fmu})
+    assert "component b: clock i is connected, but the component does not step with the system" in message
+    text, fmu = given(connection("a.o", "b.k"))
+    assert "k is a constant input clock; valid: a triggered input" in refused(tmp_path, text, {"c": fmu})
 
 
 def test_the_fixed_internal_step_is_respected(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ def paper(
     flags: str = "",
     files: dict[str, str] | None = None,
     library: bytes = b"",
+    structure: str = "",
 ) -> Path:
     """An FMU with these variables (XML), capability flags and, if it is to run, a library."""
     target = host()
@@ -51,7 +52,8 @@ def paper(
             f'<?xml version="1.0"?>\n<fmiModelDescription fmiVersion="{version}.0" modelName="{name}" '
             f'{token}="x">'
             f'<CoSimulation modelIdentifier="{name}" {flags}/>{UNITS}{TYPES2 if version == 2 else TYPES3}'
-            f"<ModelVariables>{variables}</ModelVariables><ModelStructure/></fmiModelDescription>",
+            f"<ModelVariables>{variables}</ModelVariables><ModelStructure>{structure}</ModelStructure>"
+            "</fmiModelDescription>",
         )
         archive.writestr(f"binaries/{binaries}/{name}{target.suffix}", library)
         for file, content in (files or {}).items():

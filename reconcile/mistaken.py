@@ -1,0 +1,129 @@
+"""Channels that are not what they are taken for: turned round, or in another unit, as rivals of an answer.
+
+An effect may make up for a wrong sign, with nonsense for its size: the sign is asked first.
+"""
+
+from collections.abc import Iterator, Mapping
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from reconcile import words
+from reconcile.ahead import ahead
+from reconcile.answer import Answer, standard_errors
+from reconcile.beam import LONG, effects, weighed
+from reconcile.core import Core
+from reconcile.data import Run, Signal
+from reconcile.filter.fit import Fitter
+from reconcile.filter.kalman import Values
+from reconcile.filter.point import Point
+from reconcile.model import Attached
+from reconcile.start.units import known_ratios, turns
+from reconcile.tolerances import EVIDENT, HALVED, MOVED, WRONG
+
+Ratios = dict[str, float]  # by channel what its values are multiplied by
+
+
+def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
+    """What to ask before effects are looked for; "" unless a turned channel leaves little of the error.
+
+    `names`: the map, {their column: ours}.
+    """
+    errs, least, found = ahead(core, core.base), np.inf, None
+    for ratios in _turned(core) if errs > WRONG else ():
+        tried = _fitted(core, ratios, core.fresh, ())
+        if tried is not None and tried[1].total < core.base.total and tried[0] < min(least, EVIDENT * errs):
+            least, found = tried[0], ratios
+    return _sentence(core, found, errs, least, names or {}) if found else ""
+
+
+def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
+    """What to ask before the answer is believed; "" where the model errs little or nothing explains more.
+
+    A rival has at least one effect less than the answer.  It must be likelier, err less ahead, and err less
+    than half of what the model errs as the channels are.
+    """
+    core, errs = answer.core, ahead(answer.core, answer.base)
+    if errs < WRONG:
+        return ""
+    least, most = min(ahead(core, answer.point), HALVED * errs), answer.beam.evidence(answer.judged.answer)
+    found = None
+    for ratios, present in _rivals(answer):
+        tried = _fitted(core, ratios, core.fresh | effects(answer.point.values, present), present)
+        if tried is None:
+            continue
+        error, likely = tried[0], weighed(tried[1].evidence, present)
+        if error < least and likely > most:
+            found, least, most = ratios, error, likely
+    return _sentence(core, found, errs, least, names or {}) if found else ""
+
+
+def turned_parameters(answer: Answer) -> str:
+    """A sentence on base parameters that come out with the other sign than in model.py; "" without."""
+    errors, point = standard_errors(answer.point), answer.point
+    found = [
+        f"{v.name} comes out at {point.values[v.name]:.4g} instead of {v.start:g}"
+        for v in answer.core.model.parameters
+        if v.name in errors
+        and v.start * point.values[v.name] < 0.0
+        and abs(point.values[v.name]) > errors[v.name]
+        and abs(point.values[v.name] - v.start) > MOVED * errors[v.name]
+    ]
+    return f"{', '.join(found)}: is the sign of a channel turned?" if found else ""
+
+
+def _turned(core: Core) -> list[Ratios]:
+    """Every input turned round, and every axis with all that is its rate."""
+    groups = [[n] for n in _inputs(core)] + turns(core.model, core.outputs)
+    return [dict.fromkeys(group, -1.0) for group in groups]
+
+
+def _inputs(core: Core) -> list[str]:
+    return [n for n in core.folder.ports.controls if any(n in r.inputs for r in core.runs)]
+
+
+def _rivals(answer: Answer) -> Iterator[tuple[Ratios, tuple[Attached, ...]]]:
+    """Turned channels, beside all but one of the answer's effects or none; then inputs in other units."""
+    less = [tuple(x for x in answer.present if x != a) for a in answer.present]
+    yield from ((ratios, own) for ratios in _turned(answer.core) for own in dict.fromkeys([(), *less]))
+    yield from (({n: r}, ()) for n in _inputs(answer.core) for r in known_ratios() if r != -1.0)
+
+
+def _fitted(
+    core: Core, ratios: Ratios, start: Values, present: tuple[Attached, ...]
+) -> tuple[float, Point] | None:
+    """Error ahead and fit of the model with some effects, where channels are multiplied."""
+    other = copy(core)
+    other.records = [replace(r, run=_multiplied(r.run, ratios)) for r in core.records]
+    other.kalman = core.kalman.over(other.records)
+    other.fitter = Fitter(other.kalman, core.scored["fit"])
+    free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
+    point = other.fitter.fit_staged(start, present, free, LONG, own=True, every=2)
+    return None if point is None else (ahead(other, point), point)
+
+
+def _multiplied(run: Run, ratios: Ratios) -> Run:
+    def of(signals: Mapping[str, Signal]) -> dict[str, Signal]:
+        return {n: replace(s, values=ratios.get(n, 1.0) * s.values) for n, s in signals.items()}
+
+    return replace(run, inputs=of(run.inputs), outputs=of(run.outputs))
+
+
+def _sentence(core: Core, ratios: Ratios, errs: float, less: float, names: Mapping[str, str]) -> str:
+    theirs = {ours.partition("[")[0].strip(): column for column, ours in names.items()}
+    both = " and ".join(theirs.get(n, n) for n in ratios)
+    ratio = next(iter(ratios.values()))
+    lines = "; ".join(f"'{theirs.get(n, n)}' = '-{n}'" for n in ratios)
+    gains = f"the model errs by {words.percent(less)} of the outputs' motion instead of {words.percent(errs)}"
+    if ratio != -1.0:
+        what = known_ratios()[ratio]
+        return (
+            f"column {both}: {ratio:.4g} times as large, {gains}: {what}; state its unit in [names] of "
+            f"--map, as in '{theirs.get(both, both)}' = '{next(iter(ratios))} [unit]', or correct model.py"
+        )
+    direction = "" if set(ratios) & {v.name for v in core.model.inputs} else ", or gravity in model.py"
+    return (
+        f"column {both}: with the sign turned, {gains}; write {lines} in [names] of --map, or turn the sign "
+        f"of what depends on it{direction}"
+    )

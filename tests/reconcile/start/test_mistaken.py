@@ -1,0 +1,106 @@
+"""Signs and units that no other channel contradicts: the model errs less with a channel multiplied."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reconcile import checks
+from reconcile.data import read_run
+from reconcile.workflow import examine
+from slewright.__main__ import run
+from specs.errors import InputError
+from tests.reconcile.start.test_init import rig, table
+
+ROTARY = """
+from fmus.definition import Model, Variable
+
+MODEL = Model(
+    name="rotary", description="A flywheel", kind="continuous", step=0.02,
+    states=(Variable("q", "rad", "Angle"), Variable("v", "rad/s", "Speed")),
+    inputs=(Variable("torque", "N.m", "Torque"),),
+    outputs=(Variable("position", "rad", "Angle"),),
+    parameters=(
+        Variable("inertia", "kg.m2", "Inertia", start=0.25, min=0.02, max=2),
+        Variable("friction", "N.m.s/rad", "Friction", start=0.2, min=0, max=2),
+    ),
+    rhs=lambda x, u, m, p: {"q": x.v, "v": (u.torque - p.friction * x.v) / p.inertia},
+    out=lambda x, u, m, p: {"position": x.q},
+)
+"""
+GAIN = ROTARY.replace("(u.torque -", "(p.gain * u.torque -").replace(
+    "    parameters=(", '    parameters=(Variable("gain", "1", "Gain", start=-1, min=-5, max=5),'
+)
+FALLING = """
+from fmus.definition import Model, Variable
+
+MODEL = Model(
+    name="falling", description="A ball", kind="continuous", step=0.02,
+    states=(Variable("h", "m", "Height"), Variable("v", "m/s", "Speed")),
+    inputs=(), outputs=(Variable("height", "m", "Height"),),
+    parameters=(Variable("g", "m/s2", "Gravity", start=9.81, tolerance=0.001, min=9.7, max=9.9),),
+    rhs=lambda x, u, m, p: {"h": x.v, "v": p.g},
+    out=lambda x, u, m, p: {"height": x.h},
+)
+"""
+
+
+def folder(path: Path, text: str) -> Path:
+    path.mkdir()
+    (path / "model.py").write_text(text, encoding="utf-8")
+    return path
+
+
+def recorded(path: Path, factor: float = 1.0) -> Path:
+    """A flywheel's angle with noise, and its torque as somebody wrote it down."""
+    r = rig(rows=1600)
+    noisy = r["q"] + 0.002 * np.random.default_rng(8).normal(size=len(r["q"]))
+    every = slice(None, None, 2)
+    return table(path, {"time": r["t"][every], "q": noisy[every], "M": factor * r["torque"][every]})
+
+
+def named(path: Path) -> Path:
+    path.write_text('[names]\n"q" = "position [rad]"\n"M" = "torque [N.m]"\n', encoding="utf-8")
+    return path
+
+
+def test_an_input_turned_round_is_asked_and_nothing_is_written(tmp_path: Path, capsys):
+    model, names = folder(tmp_path / "model", ROTARY), named(tmp_path / "map.toml")
+    out, file = tmp_path / "out", recorded(tmp_path / "a.csv", -1.0)
+    arguments = ["reconcile", str(file), "--model", str(model), "--map", str(names), "--out", str(out)]
+    assert run(arguments) == 2
+    said = capsys.readouterr().err
+    assert "column M: with the sign turned" in said
+    assert "'M' = '-torque'" in said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("factor", "word"), [pytest.param(1000.0, "a factor of 1000", marks=pytest.mark.long), (1.0, "")]
+)
+def test_an_input_in_another_unit_is_asked_and_a_right_one_is_not(tmp_path: Path, factor: float, word: str):
+    own = checks.open_folder(str(folder(tmp_path / "model", ROTARY)))
+    names = {"q": "position [rad]", "M": "torque [N.m]"}
+    runs = read_run(recorded(tmp_path / "a.csv", factor), own, names)
+    if word:
+        with pytest.raises(InputError, match=word):
+            examine(own, runs, names=names)
+    else:
+        assert examine(own, runs, names=names)[0]["verdict"] in ("agrees", "reestimated")
+
+
+def test_a_gain_that_turns_its_sign_is_said(tmp_path: Path):
+    own = checks.open_folder(str(folder(tmp_path / "model", GAIN)))
+    names = {"q": "position [rad]", "M": "torque [N.m]"}
+    figures, _ = examine(own, read_run(recorded(tmp_path / "a.csv"), own, names))
+    assert "instead of -1: is the sign of a channel turned?" in figures["sentence"]
+
+
+def test_gravity_that_points_the_other_way_is_asked(tmp_path: Path):
+    own = checks.open_folder(str(folder(tmp_path / "model", FALLING)))
+    t, random, runs = 0.02 * np.arange(40), np.random.default_rng(4), []
+    for i, v in enumerate((0.0, 1.0, 2.5)):
+        h = 3.0 + v * t - 0.5 * 9.81 * t**2 + 0.003 * random.normal(size=len(t))
+        runs += read_run(table(tmp_path / f"{i}.csv", {"time": t, "height": h}), own)
+    with pytest.raises(InputError, match="or gravity in model"):
+        examine(own, runs)
