@@ -7,7 +7,7 @@ from slewright.app import CommandGroup, options
 
 NAMES = (
     *("orchestrator", "model-exchange", "lsbus", "campaign", "slew_nn", "nmpc", "training", "showcases"),
-    *("testpack", "reconcile-suite", "rigs", "dossier"),
+    *("testpack", "reconcile-suite", "rigs", "dossier", "large-recordings"),
 )
 MODULES = {name: f"benchmarks.commands.{name.replace('-', '_')}" for name in NAMES}
 

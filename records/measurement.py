@@ -33,7 +33,7 @@ class Channel:
             raise ValueError(
                 f"channel {self.name}: time {self.time.shape}, values {self.values.shape}; both [n]"
             )
-        if not np.isfinite(self.time).all() or (np.diff(self.time) <= 0).any():
+        if not np.isfinite(self.time).all() or (self.time[1:] <= self.time[:-1]).any():
             raise ValueError(f"channel {self.name}: time must be finite and strictly ascending")
 
     @property

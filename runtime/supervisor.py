@@ -71,6 +71,10 @@ class Counts:
     bus_off: int = 0
 
 
+class NotBegunError(RunError):
+    """A run was ended before its first cycle."""
+
+
 class Supervisor:
     """The runtime of one configuration file; a context, which ends all processes."""
 
@@ -161,7 +165,7 @@ class Supervisor:
     ) -> dict[str, Any]:
         """Watch until the control process ends or `stop()`; its statistics. RunError if it failed.
 
-        KeyboardInterrupt if it was stopped before its first cycle.
+        NotBegunError if it was stopped before its first cycle.
         """
         while (code := self.watch()) is None and not stop():
             report(now := self.now())
@@ -173,8 +177,8 @@ class Supervisor:
         self._notifier.ending()
         if code is None:
             code = self.control.end()
-            if code == -signal.SIGTERM:  # it had not begun: there is nothing to show
-                raise KeyboardInterrupt
+            if code == -signal.SIGTERM:
+                raise NotBegunError("the run was ended before its first cycle: there is nothing to show")
         for helper in self.helpers:  # files are whole when this returns
             helper.end()
         return self._ended(code)

@@ -29,7 +29,10 @@ from runtime.can.busd import start_bus
 from runtime.can.port import open_bus
 from runtime.child import use
 from runtime.image import Flag
+from runtime.policy import open_core
 from runtime.realtime import sleep_until
+from runtime.recorder.reader import Recording
+from runtime.recorder.replay import replay
 from runtime.shared import private_folder
 from runtime.supervisor import Supervisor
 from specs.canopen import definition as devices_on
@@ -45,6 +48,7 @@ ARMED, FAULT = mode_number("armed"), mode_number("fault")
 COMMANDS = ("u_slew", "u_boom", "u_stick")
 BURST_S = 0.2
 ATTACK_TICKS = 40  # longer than a heartbeat may stand still
+RECORDING = "recording"  # folder
 ATTEMPTS = 5  # of the operator to start automatic operation
 HELPERS = {"recorder_killed": ("recorder", Flag.RECORDER_LOST), "modbus_killed": ("modbus", Flag.MODBUS_LOST)}
 
@@ -104,8 +108,8 @@ class Plant:
         """A configuration file, with one helper or none."""
         lines = [f'bundle = "{self.bundle.folder.resolve()}"', "[can]"]
         lines += ['interface = "slewright"', f'channel = "{self.channel}"']
-        if helper == "recorder":
-            lines += ["[recorder]", 'folder = "recording"', "limit_mb = 50"]
+        if helper:  # with Modbus, what clients do to it is to be repeated
+            lines += ["[recorder]", f'folder = "{RECORDING}"', "limit_mb = 50"]
         if helper == "modbus":
             lines += ["[modbus]", f'host = "{HOST}"', f"port = {free_port()}"]
         if self._simulated:
@@ -113,6 +117,12 @@ class Plant:
         path = self.folder / "machine.toml"
         path.write_text("\n".join(lines) + "\n")
         return path
+
+    def replayed(self, outcome: Outcome) -> None:
+        """Repeat what was recorded of the run that has ended; a miss where that does not come out alike."""
+        result = replay(Recording(self.folder / RECORDING), open_core(self.bundle))
+        if result.first:
+            outcome.add(self.tick, None, f"the recording does not repeat: {result.first}")
 
     def wait(self, condition: Callable[[], bool]) -> None:
         """Periods before the start, neutral."""
@@ -251,6 +261,7 @@ def _client_gone(
             code = definition().signals["fault_code"].values[int(plant.shown("fault_code"))]
             why = "" if code in outcome.fault.codes or not stopped else f"fault code {code}"
             outcome.add(plant.tick, ms if stopped else None, why)
+    plant.replayed(outcome)
 
 
 def _attacked(
@@ -272,6 +283,7 @@ def _attacked(
                 code = definition().signals["fault_code"].values[int(plant.shown("fault_code"))]
                 why = judged()
                 outcome.add(plant.tick, 0.0, f"automatic ended: {code}" if left else why)
+    plant.replayed(outcome)
 
 
 def _flooded(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report) -> None:
@@ -290,6 +302,7 @@ def _flooded(plant: Plant, outcome: Outcome, count: int, random: np.random.Gener
         why = why or ("overruns" if supervisor.now().overruns else "")
         for _ in range(count):
             outcome.add(plant.tick, 0.0, why)
+    plant.replayed(outcome)
 
 
 def _helper_killed(

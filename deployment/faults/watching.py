@@ -29,6 +29,7 @@ def run(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator,
     inject = _killed if outcome.fault.name in KILLED else _attacked
     with _driving(plant) as (supervisor, at):
         inject(plant, supervisor, at, outcome, count, random, report)
+    plant.replayed(outcome)
 
 
 @contextmanager

@@ -5,13 +5,14 @@ One module a format; `docs/reference/recordings.md` says what each keeps and wha
 
 import ast
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from records.formats.assemble import assemble
+from records.formats.stated import statement_of
 from records.formats.tables import is_clock
 from records.formats.text.options import TextOptions
 from records.measurement import Measurement
@@ -73,10 +74,14 @@ def read_measurement(
     of a signal comes in that signal's unit.  `dbc` decodes CAN logs (default: specs/generated/slewright.dbc).
     `protocol` says whether J1939's rules hold where the DBC does not.
     `text` states what else is decided from a text file: marks, encoding, clock, words for missing values.
+    What is not given here is what was stated about the file (`stated.py`).
 
     Raises InputError naming the file and the place of what cannot be mended.
     """
     path = Path(path)
+    known = statement_of(path)
+    names = known.names if names is None else names
+    text = _for(path, known.text) if text is None else text
     if path.suffix.lower() in WRITE_ONLY and not _in_folder(path):
         raise InputError(
             f"{path}: a bag of ROS 2 is read where it is a folder with .mcap or .db3 files in it"
@@ -149,12 +154,33 @@ def check_format(path: Path) -> None:
         raise InputError(f"{path}: '{path.suffix}' is no format that is written; valid: {valid}")
 
 
-def _for_text(path: Path, text: TextOptions, options: dict[str, Any]) -> None:
-    """Hand over what is stated about a text file; a Parquet file takes the clock alone."""
+def check_text(paths: Sequence[Path], text: TextOptions) -> None:
+    """Raise InputError where something is stated about text files and none of `paths` can take it."""
+    wrong = [_not_for(path, text) for path in paths]
+    if wrong and all(wrong):
+        raise InputError(
+            f"{paths[0]} is no text file: {', '.join(wrong[0])} is for .csv, .tsv, .txt and .lvm"
+        )
+
+
+def _not_for(path: Path, text: TextOptions) -> list[str]:
+    """What is stated and a file of this kind cannot take; a Parquet file takes the clock alone."""
     module = FORMATS.get(path.suffix.lower())
-    wrong = text.stated if module != "parquet_file" else [o for o in text.stated if o != "--clock"]
-    if module != "csv_file" and wrong:
-        raise InputError(f"{path} is no text file: {', '.join(wrong)} is for .csv, .tsv, .txt and .lvm")
+    if module == "csv_file":
+        return []
+    return [option for option in text.stated if option != "--clock" or module != "parquet_file"]
+
+
+def _for(path: Path, text: TextOptions | None) -> TextOptions | None:
+    """Of what is stated about several files, what this one can take."""
+    if text is None or not (wrong := _not_for(path, text)):
+        return text
+    return text.without(wrong)
+
+
+def _for_text(path: Path, text: TextOptions, options: dict[str, Any]) -> None:
+    """Hand over what is stated about a text file."""
+    check_text([path], text)
     options["text"] = text
 
 

@@ -15,6 +15,7 @@ from records.measurement import GAP, Channel, Measurement
 from specs.errors import InputError, nearest
 from specs.signals import signals
 
+PART = 1 << 20  # samples looked at together, where something about all of them would need much memory
 INT64 = np.iinfo(np.int64)
 OFFSET = "time_offset_s"  # in the metadata: what the file's own time showed at 0 s
 OURS = re.compile(r"^(?P<sign>-?)\s*(?P<name>[^\s\[\]]+)\s*(\[(?P<unit>[^\]]*)\])?$")
@@ -134,6 +135,8 @@ def _channel(
     column: RawColumn, group: Group, wanted: Wanted, source: str, notes: list[str]
 ) -> Channel | None:
     """The channel of a column without what is no sample; None where nothing is left."""
+    if _all_good(column):
+        return _of_samples(column, group, wanted, group.time, column.values, source, notes)
     good, bad = _samples(column)
     if bad.any():
         first = group.place(int(np.flatnonzero(bad)[0]))
@@ -142,12 +145,36 @@ def _channel(
     if not good.any():
         notes.append(f"{wanted.name}: left out, it has no sample")
         return None
-    time, values = (group.time, column.values) if good.all() else (group.time[good], column.values[good])
-    if not good.all():
-        notes += _gaps(time, wanted.name)
+    if good.all():
+        return _of_samples(column, group, wanted, group.time, column.values, source, notes)
+    time = group.time[good]
+    notes += _gaps(time, wanted.name)
+    return _of_samples(column, group, wanted, time, column.values[good], source, notes)
+
+
+def _of_samples(
+    column: RawColumn,
+    group: Group,
+    wanted: Wanted,
+    time: np.ndarray,
+    values: np.ndarray,
+    source: str,
+    notes: list[str],
+) -> Channel:
+    """The channel of a column's samples, in the unit that it has here."""
     values, unit = _in_unit(column, wanted, values, source, notes)
     notes += _beyond(wanted.name, values, time, group.shown)
     return Channel(wanted.name, unit, time, values, column.description)
+
+
+def _all_good(column: RawColumn) -> bool:
+    """Whether every row holds a sample that is one; without memory for it, since recordings are large."""
+    if column.broken is not None or (column.absent is not None and column.absent.any()):
+        return False
+    if column.values.dtype.kind != "f":
+        return len(column.values) > 0
+    parts = (column.values[k : k + PART] for k in range(0, len(column.values), PART))
+    return len(column.values) > 0 and all(np.isfinite(part).all() for part in parts)
 
 
 def _samples(column: RawColumn) -> tuple[np.ndarray, np.ndarray]:
@@ -208,13 +235,17 @@ def _gaps(time: np.ndarray, name: str) -> list[str]:
     """What to say of times without samples; they stay as they are."""
     if len(time) < 3:
         return []
-    period = np.median(np.diff(time), overwrite_input=True)  # no copy: recordings are large
-    steps = np.diff(time)
-    at = np.flatnonzero(steps > GAP * period)
+    steps = np.empty(len(time) - 1, np.float32)  # in parts, half as wide: recordings are large
+    for k in range(0, len(steps), PART):
+        steps[k : k + PART] = np.diff(time[k : k + PART + 1])
+    period = np.median(steps, overwrite_input=True)
+    del steps
+    starts = range(0, len(time) - 1, PART)
+    at = np.concatenate([k + np.flatnonzero(np.diff(time[k : k + PART + 1]) > GAP * period) for k in starts])
     if not len(at):
         return []
     of = f"{name}: " if name else ""
-    longest = int(at[np.argmax(steps[at])])
+    longest = int(at[np.argmax(time[at + 1] - time[at])])
     span = f"{time[longest]:.9g} s to {time[longest + 1]:.9g} s"
     return [f"{of}no samples from {span}: kept as a gap"] if len(at) == 1 else [
         f"{of}{len(at)} gaps kept; the first from {time[at[0]]:.9g} s, the longest from {span}"

@@ -91,9 +91,9 @@ def _drop_rows_without_time(group: Group, source: str) -> tuple[Group, list[str]
 
 def _sort_late_rows(group: Group, source: str) -> tuple[Group, list[str]]:
     """Sort rows that came late, where it is plain that they only did."""
-    steps = np.diff(group.time)
-    if not (steps < 0).any():
+    if not (group.time[1:] < group.time[:-1]).any():
         return group, []
+    steps = np.diff(group.time)
     order = np.argsort(group.time, kind="stable")
     moved = order - np.arange(len(order))
     back = int(np.flatnonzero(steps < 0)[0]) + 1
@@ -116,7 +116,7 @@ def _sort_late_rows(group: Group, source: str) -> tuple[Group, list[str]]:
 
 def _merge_rows_of_one_time(group: Group, source: str) -> tuple[Group, list[str]]:
     """Make one row of those with one time; two values of a channel at one time are refused."""
-    again = np.flatnonzero(np.diff(group.time) == 0) + 1
+    again = np.flatnonzero(group.time[1:] == group.time[:-1]) + 1
     if not len(again):
         return group, []
     first = np.searchsorted(group.time, group.time[again])

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runtime.canopen.eds_numbers import broken
 from runtime.interfaces.beside import library
 from specs.canopen import TYPES, Device, Node
 from specs.canopen_eds import DEVICE_TYPE, IDENTITY, NOT_VALID, downloads
@@ -69,6 +70,8 @@ def read(path: Path, node_id: int | None = None) -> Any:
         raise InputError(f"{path}: no EDS: {_placed(path, reason)}") from None
     if not len(found):
         raise InputError(f"{path}: no EDS: it has no objects")
+    for wrong in broken(_text(path).read().splitlines(), found):
+        raise InputError(f"{path}: {wrong}")
     return found
 
 

@@ -8,25 +8,29 @@ import numpy as np
 from runtime.hmi import frames
 from runtime.hmi.alarms import Alarms, conditions, wrong_inputs
 from runtime.hmi.catalogue import catalogue
+from runtime.hmi.ladder import ladder
 from runtime.hmi.live import asked_number, asked_places
 from runtime.hmi.timeline import Block, Timeline, worked
 from runtime.hmi.trends import thinned
 from runtime.hmi.watch import plain
 from runtime.hmi.web import Request, Route
+from runtime.image import OUTPUT
 from runtime.statistics import Histogram
 from specs.errors import InputError
 
 LONGEST_S = 60.0  # of frames in one answer
 HISTORY_S = 600.0
 ALARMS = 2000  # kept of a recording
+MODE = OUTPUT.index["control_mode"]
 SEEN = "–"  # by nobody: in a recording nothing is acknowledged
 
 
 class Playback:
     """The routes; `read` goes through the recording once, beside them."""
 
-    def __init__(self, timeline: Timeline) -> None:
-        self.timeline = timeline
+    def __init__(self, timeline: Timeline, no_ladder: str = "") -> None:
+        """`no_ladder`: why nobody knows what kept the machine from its next mode."""
+        self.timeline, self._no_ladder = timeline, no_ladder
         self._alarms = Alarms(ALARMS)
         self._late, self._work = Histogram(), Histogram()
         self._done = False
@@ -68,7 +72,9 @@ class Playback:
     def _catalogue(self, request: Request) -> dict[str, Any]:
         line = self.timeline
         span = {"begin": line.begin, "duration": round(line.duration, 2), "clock": line.clock}
-        return {**catalogue(), "source": "recording", "about": line.about, "notes": line.notes, **span}
+        return {**catalogue(), "source": "recording", "about": line.about, "notes": line.notes, **span} | {
+            "no_ladder": self._no_ladder
+        }
 
     def _frames(self, request: Request) -> dict[str, Any]:
         first = asked_number(request, "from", 0.0, 1e9)
@@ -78,7 +84,7 @@ class Playback:
             inside = np.flatnonzero(
                 (block.times >= begin + first - 0.11) & (block.times <= begin + last + 0.11)
             )
-            found += [frames.frame(float(block.times[i]), block.inputs[i], block.outputs[i]) for i in inside]
+            found += [_frame(block, int(i)) for i in inside]
         return {"frames": found}
 
     def _history(self, request: Request) -> dict[str, Any]:
@@ -95,6 +101,14 @@ class Playback:
         alarms = sorted([*self._alarms.history, *self._alarms.listed()], key=lambda a: a.since)
         work = worked(self._late, self._work) | {"t": self.timeline.begin} if self._late.count else None
         return {"done": self._done, "alarms": [plain(a) for a in alarms], "work": work}
+
+
+def _frame(block: Block, at: int) -> dict[str, Any]:
+    """A moment of a block as the page gets it, with the ladder where it is known."""
+    shown = frames.frame(float(block.times[at]), block.inputs[at], block.outputs[at])
+    if block.ladders is None or at >= len(block.ladders):
+        return shown
+    return {**shown, "ladder": ladder(block.ladders[at], int(block.outputs[at]["value"][MODE]))}
 
 
 def checked(timeline: Timeline) -> Timeline:

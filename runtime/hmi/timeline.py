@@ -8,7 +8,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from mcap.reader import make_reader
 
 from runtime.hmi.cells import WORK
 from runtime.hmi.frames import COUNT, values
+from runtime.hmi.retold import Retold
 from runtime.image import INPUT, OUTPUT, TICK_S, Status, token
 from runtime.recorder.feed import TIMING
 from runtime.recorder.message import TIMING_FIELDS
@@ -41,6 +42,12 @@ class Block:
     outputs: np.ndarray
     late_ns: np.ndarray
     work_ns: np.ndarray
+    tell: Callable[[], np.ndarray | None] = lambda: None
+
+    @cached_property
+    def ladders(self) -> np.ndarray | None:
+        """What the core told of its conditions at each moment (cells.LADDER); None if that is not known."""
+        return self.tell()
 
     @cached_property
     def rows(self) -> np.ndarray:
@@ -97,17 +104,20 @@ class Timeline:
                 yield self.block(number)
 
 
-def open_timeline(path: Path) -> Timeline:
-    """The timeline of a recording; InputError if it is none, or of another version."""
-    return _record(path) if path.suffix == ".parquet" else _recording(path)
+def open_timeline(path: Path, retold: Retold | None = None) -> Timeline:
+    """The timeline of a recording; InputError if it is none, or of another version.
+
+    `retold`: who knows what the core told then.
+    """
+    return _record(path) if path.suffix == ".parquet" else _recording(path, retold)
 
 
-def _recording(path: Path) -> Timeline:
+def _recording(path: Path, retold: Retold | None) -> Timeline:
     recording = Recording(path)
     metadata = recording.metadata()
     if metadata.get("layout") != token():
         raise InputError(f"{path} was recorded with other signals: {metadata.get('layout')}, not {token()}")
-    spans = [s for file in recording.files() if (s := _span(file, recording.notes))]
+    spans = [s for file in recording.files() if (s := _span(file, recording.notes, retold))]
     about = {
         "machine": path.name + SHADOW * (metadata.get("mode") == SHADOWED),
         **{k: metadata[k] for k in ("controller", "bundle", "platform") if k in metadata},
@@ -115,7 +125,7 @@ def _recording(path: Path) -> Timeline:
     return Timeline(spans, about, "day", recording.notes)
 
 
-def _span(path: Path, notes: list[str]) -> Span | None:
+def _span(path: Path, notes: list[str], retold: Retold | None) -> Span | None:
     """Where a segment begins and ends, by its index; one that was not closed is read."""
     try:
         with path.open("rb") as file:
@@ -124,16 +134,18 @@ def _span(path: Path, notes: list[str]) -> Span | None:
         summary = None
     if summary and summary.statistics and summary.statistics.message_count:
         found = summary.statistics
-        return Span(found.message_start_time / 1e9, found.message_end_time / 1e9, lambda: _block(path))
-    block = _block(path, notes)
+        return Span(
+            found.message_start_time / 1e9, found.message_end_time / 1e9, lambda: _block(path, retold)
+        )
+    block = _block(path, retold, notes)
     return (
-        Span(float(block.times[0]), float(block.times[-1]), lambda: _block(path))
+        Span(float(block.times[0]), float(block.times[-1]), lambda: _block(path, retold))
         if len(block.times)
         else None
     )
 
 
-def _block(path: Path, notes: list[str] | None = None) -> Block:
+def _block(path: Path, retold: Retold | None, notes: list[str] | None = None) -> Block:
     recording = Recording(path)
     entries = [item.entry for item in recording.items() if isinstance(item, Tick)]
     if notes is not None:
@@ -143,7 +155,8 @@ def _block(path: Path, notes: list[str] | None = None) -> Block:
     inputs = np.frombuffer(b"".join(e[INPUT_AT:OUTPUT_AT] for e in chosen), INPUT.dtype)
     outputs = np.frombuffer(b"".join(e[OUTPUT_AT:] for e in chosen), OUTPUT.dtype)
     times = heads["day_ns"][::EVERY] / 1e9
-    return Block(times, inputs, outputs, heads["late_ns"], heads["work_ns"])
+    tell = partial(retold.of, path, EVERY) if retold else lambda: None
+    return Block(times, inputs, outputs, heads["late_ns"], heads["work_ns"], tell)
 
 
 def _record(path: Path) -> Timeline:

@@ -79,7 +79,7 @@ def bundle_of(recorded: Mapping[str, str]) -> Bundle:
 
 def replay(recording: Recording, core: Core, report: Callable[[int], None] = lambda ticks: None) -> Result:
     """Repeat until the end or the first difference; raises InputError for a recording without ticks."""
-    run = _Run(core)
+    run = Repetition(core)
     for item in recording.items():
         if isinstance(item, Snapshot):
             run.pending = item
@@ -95,27 +95,31 @@ def replay(recording: Recording, core: Core, report: Callable[[int], None] = lam
     return run.result
 
 
-class _Run:
+class Repetition:
+    """A core that repeats ticks in order, from snapshots that are put into `pending` before their tick."""
+
     def __init__(self, core: Core) -> None:
         self.core, self.result = core, Result()
         self.pending: Snapshot | None = None
         self._count: int | None = None  # of the last tick repeated; None: there is no state to go on from
 
-    def tick(self, entry: bytes) -> None:
+    def tick(self, entry: bytes) -> bool:
+        """Whether the core is now in the recorded state: one was there before, and what came out is alike."""
         inputs = np.frombuffer(entry, INPUT.dtype, 1, TIMING.size).reshape(())
         count, tick = struct.unpack_from("<q", entry, COUNT_AT)[0], int(inputs["tick"])
         snapshot, self.pending = self.pending, None
         if not self._ready(count, tick, snapshot):
             self.result.left_out += 1
-            return
+            return False
         if self.result.first:
-            return
+            return False
         self._count = count
         outputs = self.core.step(inputs, tick)
         self.result.ticks += 1
         if outputs.tobytes() != entry[INPUT_END:]:
             recorded = np.frombuffer(entry, OUTPUT.dtype, 1, INPUT_END).reshape(())
             self.result.first = difference(tick, recorded, outputs)
+        return self.result.first is None
 
     def _ready(self, count: int, tick: int, snapshot: Snapshot | None) -> bool:
         """True if the core is in the state before `tick`."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from records.formats import read_measurement
 from specs.errors import InputError
-from tests.records import variants_binary, variants_text
+from tests.records import variants_binary, variants_lvm, variants_text
 from tests.records.variants_written import Written
 
 KINDS: dict[str, tuple[int, Callable[[random.Random, Path], Written]]] = {
@@ -32,6 +32,7 @@ KINDS: dict[str, tuple[int, Callable[[random.Random, Path], Written]]] = {
     "mcap": (2, variants_binary.mcap),
     "parquet": (2, variants_binary.parquet),
     "mf4": (1, variants_binary.mf4),
+    "lvm": (1, variants_lvm.lvm),
 }
 
 

@@ -1,6 +1,7 @@
 """The cycle in C against the one in Python: the same images, frames, recording and shared memory."""
 
 import ctypes
+import shutil
 import socket
 import time
 from collections.abc import Sequence
@@ -100,6 +101,7 @@ def test_whatever_comes_both_do_the_same(story: list[tuple[str, Any]], joystick:
         told(pair, story)
     finally:
         pair.close()
+        shutil.rmtree(folder)
 
 
 def test_a_drive_into_automatic_operation_is_the_same_with_skipped_ticks_and_a_full_queue(
@@ -228,6 +230,7 @@ def test_canopen_devices_are_heard_and_told_the_same(
             assert found[name] == value, (tick, name)
     for rack in racks:
         rack.close()
+    shutil.rmtree(folder)
 
 
 def test_frames_of_socketcan_go_both_ways_as_in_python() -> None:

@@ -19,7 +19,8 @@ from runtime.image import Flag
 from runtime.recorder.reader import Recording
 from runtime.retain.copies import COPIES, Folder, Retained
 from runtime.shared import private_folder
-from runtime.supervisor import Counts, Supervisor, retained_layout
+from runtime.supervisor import Counts, NotBegunError, Supervisor, retained_layout
+from slewright.commands.machine.run import _ended
 from specs.errors import InputError, RunError
 from tests.runtime.bench import FAULT
 from tests.runtime.bundles import built
@@ -73,6 +74,23 @@ def test_a_killed_helper_comes_back_and_a_killed_control_process_does_not(machin
         with pytest.raises(RunError, match="ended with -9; the valves are neutral"):
             supervisor.run(lambda _: None)
         assert supervisor.control.starts == 1
+
+
+def test_a_run_that_is_ended_before_its_first_cycle_says_so_and_interrupts_nobody_else(
+    machine: Path, monkeypatch: pytest.MonkeyPatch
+):
+    supervisor = Supervisor(machine)
+    monkeypatch.setattr(supervisor.control, "module", "tests.runtime.sleeper")  # never comes to a cycle
+    with supervisor, pytest.raises(NotBegunError, match="before its first cycle"):
+        supervisor.run(lambda _: None, stop=lambda: True)
+    assert not supervisor.folder.exists()
+
+    def not_begun(*_: object, **__: object) -> None:
+        raise NotBegunError
+
+    monkeypatch.setattr(supervisor, "run", not_begun)
+    with pytest.raises(KeyboardInterrupt):  # for the command line: interrupted, exit code 130
+        _ended(supervisor, lambda _: None)
 
 
 def test_a_fault_that_was_kept_is_latched_from_the_first_cycle_on(machine: Path):

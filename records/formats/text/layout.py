@@ -44,6 +44,7 @@ class Layout:
     meta: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     width: int = 0  # cells of a row, those without a name included
+    remark: str = ""  # name of a last cell that only some rows have, where there may be one
 
 
 def cells_of(text: str, delimiter: str) -> list[str]:

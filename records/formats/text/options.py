@@ -2,7 +2,8 @@
 
 import codecs
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 from specs.errors import InputError
 
@@ -44,3 +45,8 @@ class TextOptions:
     def stated(self) -> list[str]:
         """The options that are stated, as they are written on the command line."""
         return [f"--{name}" for name, value in vars(self).items() if value not in (None, 0, (), [])]
+
+    def without(self, options: Sequence[str]) -> Self:
+        """The same but for `options`, named as on the command line: about them nothing is stated."""
+        plain = {f.name: f.default for f in fields(self) if f"--{f.name}" in options}
+        return replace(self, **plain)  # type: ignore[arg-type]

@@ -30,6 +30,7 @@ class Left:
     comments: int = 0
     first_comment: int = 0
     cut: int = 0
+    remarks: int = 0  # in a last cell of rows that are kept
 
     @property
     def lines(self) -> int:
@@ -110,6 +111,9 @@ class Rows:
                 self.left.continued += 1
                 k += 1
             width = self.width(line)
+            if self.layout.remark and width != self.layout.width:
+                line = self._without_remark(line, width)
+                width = self.width(line)
             if width != self.layout.width:
                 if number == self.source.lines:
                     self.left.cut = number
@@ -119,6 +123,17 @@ class Rows:
                     + self._hint(width)
                 )
             yield number, line
+
+    def _without_remark(self, line: str, width: int) -> str:
+        """A row with one cell too many without it, one too few with an empty one, where that is a remark."""
+        has_column = self.layout.headings[-1].name == self.layout.remark
+        if has_column and width == self.layout.width - 1:
+            return line + self.delimiter
+        if has_column or width != self.layout.width + 1:
+            return line
+        *cells, remark = self._split(line)
+        self.left.remarks += bool(remark.strip())
+        return self.delimiter.join(cells)
 
     def _hint(self, width: int) -> str:
         twice = self.delimiter == "," and width == 2 * self.layout.width

@@ -17,12 +17,13 @@ from records.formats.tables import Heading, check_twice, clock_name, clock_unit,
 from records.formats.text.clock import Clock
 from records.formats.text.columns import Column
 from records.formats.text.head import head_of
-from records.formats.text.layout import BLANKS, cells_of, layout_of
-from records.formats.text.lvm import is_lvm, lvm_layout
+from records.formats.text.layout import BLANKS, Line, cells_of, layout_of
+from records.formats.text.lvm import has_one_table, is_lvm, lvm_layout
+from records.formats.text.lvm_segments import read_segments
 from records.formats.text.marks import decide
 from records.formats.text.options import TextOptions
 from records.formats.text.rows import Block, Rows
-from records.formats.text.source import opened
+from records.formats.text.source import Source, opened
 from records.formats.text.whole import keep_whole_numbers
 from records.formats.text.words import is_date, is_number, is_value
 from records.formats.units import of_time
@@ -35,11 +36,18 @@ DAY = "day"
 class TextTable:
     """A text file under the decisions made about it."""
 
-    def __init__(self, path: Path, names: Mapping[str, str], options: TextOptions) -> None:
+    def __init__(
+        self,
+        source: Source,
+        head: list[Line],
+        names: Mapping[str, str],
+        options: TextOptions,
+        notes: list[str],
+    ) -> None:
         """Make the decisions; raises InputError where one cannot be made."""
-        self.path, self.options, self.notes = path, options, list[str]()
-        self.source = opened(path, options.encoding, self.notes)
-        self.head = head_of(self.source, options.skip)
+        path = source.path
+        self.path, self.options, self.notes = path, options, notes
+        self.source, self.head = source, head
         stated = [options.clock or "", *names]
         clocks = [c for c in (options.clock, *(t for t, o in names.items() if o)) if c] if any(stated) else []
         clocks += [c.rsplit(" [", 1)[0] for c in clocks]
@@ -69,6 +77,11 @@ class TextTable:
             if x.number >= layout.first and x.text.strip()
         ][:20]
         if not rows:
+            return
+        if layout.remark:
+            if 2 * sum(len(r) > layout.width for r in rows) > len(rows):
+                layout.headings.append(Heading(layout.remark))
+            layout.width = len(layout.headings)
             return
         widths = {len(r) for r in rows}
         if widths == {layout.width + 1} and all(not r[-1] for r in rows):
@@ -152,6 +165,7 @@ class TextTable:
                 column.put(at, table.column(i), block.numbers, self.marks, frozenset(self.options.missing))
             at += table.num_rows
             numbers.append(block.numbers)
+        pa.default_memory_pool().release_unused()  # what the blocks needed
         self._count(at)
         keep_whole_numbers(self.rows.blocks, self.strings, columns, self.marks, at)
         return self._raw(clock, columns, at, numbers)
@@ -197,6 +211,8 @@ class TextTable:
             raise InputError(f"{self.path}: no rows after the header")
         if left.cut:
             self.notes.append(f"dropped line {left.cut}: it was not written to its end")
+        if left.remarks:
+            self.notes.append(f"left out {left.remarks} remarks at the ends of rows")
         if left.comments:
             self.notes.append(
                 f"left out {left.comments} comment lines among the rows; the first: line {left.first_comment}"
@@ -243,7 +259,12 @@ class TextTable:
 
 def read_text(path: Path, names: Mapping[str, str], options: TextOptions) -> Raw:
     """Read a text file; raises InputError naming the line that cannot be read."""
-    return TextTable(path, names, options).read()
+    notes: list[str] = []
+    source = opened(path, options.encoding, notes)
+    head = head_of(source, options.skip)
+    if is_lvm(head) and not has_one_table(head):
+        return read_segments(source, options, notes)
+    return TextTable(source, head, names, options, notes).read()
 
 
 def _day_and_time(columns: Mapping[int, list[str]]) -> list[int] | None:

@@ -190,6 +190,8 @@ function showLadder() {
     const missing = r.missing.length ? `: ${r.missing.join("; ")}` : "";
     return element("li", { className: r.reached ? "reached" : i === next ? "next" : "" }, element("b", {}, `${r.reached ? "✓ " : ""}${r.to}`), missing);
   });
+  const why = model.catalogue.no_ladder || "the recording begins between two states of the controller";
+  if (!lines.length && model.catalogue.source !== "live") lines.push(element("li", {}, `What kept it from moving is not known here: ${why}`));
   byId("ladder").replaceChildren(...lines);
 }
 

@@ -1,11 +1,10 @@
 // Alarms, the audit log, statistics of cycles and bus, and all signals.  Whatever comes from outside is text.
-import { model, on, tell, ask, attempt, byId, element, value, status, text, signal, shown, kept, time, mode } from "./model.js";
+import { model, on, tell, ask, attempt, byId, element, value, status, text, signal, shown, kept, exact, mode } from "./model.js";
 
 const MARKS = { critical: "!!", warning: "!", note: "F" };
 const mark = (level) => element("span", { className: `mark ${level}`, title: level }, MARKS[level] ?? "?");
 const cell = (content, className = "") => element("td", { className }, content);
 
-const exact = (t) => time(t, { hour: "2-digit", minute: "2-digit", second: "2-digit", fractionalSecondDigits: 3 });
 const state = (a) => (a.shelved ? "shelved" : a.gone === null ? "present" : "gone");
 
 // The alarms that the fields above the list ask for.
@@ -60,7 +59,7 @@ async function showAudit() {
   const rows = (found?.entries ?? []).map((e) => {
     const about = said(e.signal ?? e.alarm);
     const change = e.new === undefined && e.old === undefined ? "" : `${said(e.old, e.signal) || "–"} → ${said(e.new, e.signal) || "–"}`;
-    return element("tr", {}, cell(new Date(e.time).toLocaleString("sv-SE"), "time"), cell(`${said(e.who)} (${said(e.role)})`), cell(`${said(e.what)} ${about}`), cell(change), cell(said(e.result)));
+    return element("tr", {}, cell(`${new Date(e.time).toLocaleDateString("sv-SE")} ${exact(new Date(e.time) / 1000)}`, "time"), cell(`${said(e.who)} (${said(e.role)})`), cell(`${said(e.what)} ${about}`), cell(change), cell(said(e.result)));
   });
   byId("audit-list").tBodies[0].replaceChildren(...rows);
 }

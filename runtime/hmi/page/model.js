@@ -61,6 +61,12 @@ export function time(t, parts = { hour: "2-digit", minute: "2-digit", second: "2
   return new Date(1000 * t).toLocaleTimeString(undefined, { hour12: false, ...parts });
 }
 
+// To the millisecond: when something happened.
+export function exact(t) {
+  if (model.catalogue?.clock === "run") return `${t.toFixed(3)} s`;
+  return time(t, { hour: "2-digit", minute: "2-digit", second: "2-digit", fractionalSecondDigits: 3 });
+}
+
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
   for (const [key, x] of Object.entries(attributes)) key in made ? (made[key] = x) : made.setAttribute(key, x);

@@ -1,5 +1,6 @@
 // Signals over time, one lane each: nothing needs a colour to be told from its neighbour.
-import { model, on, ask, attempt, byId, element, value, signal, text, shown, time } from "./model.js";
+import { model, on, ask, attempt, byId, element, value, signal, text, shown } from "./model.js";
+import * as scope from "./scope.js";
 
 const MOST = 6;
 const KEPT_S = 600;
@@ -11,13 +12,18 @@ let span = 60;
 const style = () => getComputedStyle(document.documentElement);
 
 class Plot {
-  constructor(canvas, names, seconds, titles = {}) {
-    Object.assign(this, { canvas, names, seconds, titles });
+  // `view`: what is drawn until when; `marks`: the cursors and the trigger of the scope.
+  constructor(canvas, names, seconds, titles, view, marks = () => []) {
+    Object.assign(this, { canvas, names, seconds, titles, view, marks });
     plots.push(this);
   }
 
-  draw(now) {
+  draw() {
     const { canvas } = this;
+    const seen = this.view();
+    if (!seen) return;
+    const now = seen.now;
+    this.series = seen.series;
     const [w, h, dpr] = [canvas.clientWidth, canvas.clientHeight, devicePixelRatio];
     if (!w || !h) return;
     if (canvas.width !== Math.round(w * dpr) || canvas.height !== Math.round(h * dpr)) [canvas.width, canvas.height] = [Math.round(w * dpr), Math.round(h * dpr)];
@@ -29,11 +35,30 @@ class Plot {
     const colours = Object.fromEntries(["ink", "soft", "faint", "line", "text"].map((n) => [n, style().getPropertyValue(`--${n}`)]));
     names.forEach((name, i) => this.lane(c, name, { x: 8, y: i * height, w: w - 150, h: height }, now, colours));
     this.times(c, { x: 8, w: w - 150, y: h - 4 }, colours);
+    for (const mark of this.marks()) this.mark(c, mark, { x: 8, w: w - 150, h: h - 16 }, now, colours);
+  }
+
+  // A vertical line with its letter; nothing where its time is not shown.
+  mark(c, { t, letter }, box, now, colours) {
+    const x = box.x + (1 + (t - now) / this.seconds()) * box.w;
+    if (x < box.x || x > box.x + box.w) return;
+    this.line(c, [[x, 0], [x, box.h]], colours.text, 1);
+    c.fillStyle = colours.text;
+    c.font = "600 12px system-ui, sans-serif";
+    c.textBaseline = "top";
+    c.fillText(letter, x + 3, 2);
+  }
+
+  // The time at a place of the canvas in CSS pixels.
+  time(x) {
+    const [seen, w] = [this.view(), this.canvas.clientWidth - 150];
+    const share = Math.min(1, Math.max(0, (x - 8) / w));
+    return seen ? seen.now - (1 - share) * this.seconds() : null;
   }
 
   lane(c, name, box, now, colours) {
     const s = signal(name);
-    const points = series.get(name) ?? { t: [], v: [] };
+    const points = this.series.get(name) ?? { t: [], v: [] };
     const from = now - this.seconds();
     let first = points.t.findIndex((t) => t >= from);
     if (first < 0) first = points.t.length;
@@ -116,8 +141,7 @@ function append(frame) {
 }
 
 export function draw() {
-  if (!model.frame) return;
-  for (const plot of plots) if (plot.canvas.offsetParent !== null) plot.draw(model.frame.t);
+  for (const plot of plots) if (plot.canvas.offsetParent !== null) plot.draw();
 }
 
 function bar() {
@@ -139,6 +163,12 @@ function bar() {
     button.addEventListener("click", () => ((span = seconds), bar(), draw()));
     at.append(button);
   }
+  scope.offer(chosen);
+}
+
+function marks() {
+  const found = scope.cursors().map((t, i) => ({ t, letter: "AB"[i] }));
+  return scope.trigger()?.t === undefined ? found : [...found, { t: scope.trigger().t, letter: "T" }];
 }
 
 function choose(names) {
@@ -150,8 +180,15 @@ function choose(names) {
 
 export function start() {
   chosen = chosen.filter((n) => model.place.has(n));
-  new Plot(byId("strip"), () => STRIP, () => 60, TITLES);
-  new Plot(byId("plot"), () => chosen, () => span);
+  const live = () => model.frame && { now: model.frame.t, series };
+  new Plot(byId("strip"), () => STRIP, () => 60, TITLES, live);
+  const plot = new Plot(byId("plot"), () => chosen, () => span, {}, scope.view, marks);
+  scope.start(() => ({ span, chosen, series }));
+  byId("plot").addEventListener("pointerdown", (e) => {
+    const t = plot.time(e.offsetX);
+    if (t !== null) scope.place(t);
+  });
+  on("scope", draw);
   bar();
   if (model.catalogue.source === "live") {
     on("frame", (frame) => (append(frame), draw()));

@@ -8,6 +8,7 @@ import typer
 from records.figures_file import check_target, write, write_text
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.reading import NOTHING, MapOption, Reading, reads_recordings
 from slewright.tables import show
 
 app = typer.Typer(help="Calibrate a controller's tables from recordings.", no_args_is_help=True)
@@ -19,6 +20,7 @@ def calibrate() -> None:
 
 
 @app.command()
+@reads_recordings
 def lut(
     recordings: Annotated[
         list[Path] | None,
@@ -45,6 +47,8 @@ def lut(
     folder: Annotated[
         Path, typer.Option("--folder", metavar="DIR", help="For the page and recorded sweeps.")
     ] = Path("out/calibrate"),
+    names: MapOption = None,
+    reading: Reading = NOTHING,
     json: JsonOption = None,
 ) -> None:
     """Make the arm's 25-point feed-forward tables from recorded sweeps."""
@@ -55,7 +59,7 @@ def lut(
     if noise_free:
         _noise_free(joints, write_specs, json)
         return
-    with progress("calibrate lut") as report:
+    with reading.of(recordings or [], names), progress("calibrate lut") as report:
         outcome = session.run(
             recordings or [], joints, seed, machine, folder / machine.replace(":", "_"), report
         )

@@ -8,6 +8,7 @@ import typer
 from records.figures_file import check_target, write
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.reading import NOTHING, MapOption, Reading, reads_recordings
 from slewright.tables import show
 from specs.errors import InputError
 
@@ -23,6 +24,7 @@ def estimate() -> None:
 
 
 @app.command()
+@reads_recordings
 def load(
     recordings: Recordings = None,
     calibration: Annotated[
@@ -37,6 +39,8 @@ def load(
         tuple[float, float],
         typer.Option(metavar="FROM TO", help="Friction that cylinders keep at rest, with --simulate."),
     ] = (0.0, 0.0),
+    names: MapOption = None,
+    reading: Reading = NOTHING,
     json: JsonOption = None,
 ) -> None:
     """Load in the grab from boom and stick pressures, with a 95 % interval, wherever a moment counts."""
@@ -44,13 +48,15 @@ def load(
         raise InputError("slewright estimate load takes recordings, or --simulate, and not both")
     if simulate and calibration:
         raise InputError("--simulate calibrates each machine itself: leave --calibration out")
-    if simulate:
-        _simulate(draws, retained, json)
-    else:
-        _load(recordings or [], calibration, json)
+    with reading.of(recordings or [], names):
+        if simulate:
+            _simulate(draws, retained, json)
+        else:
+            _load(recordings or [], calibration, json)
 
 
 @app.command()
+@reads_recordings
 def calibrate(
     recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...", help="With a known load.")],
     out: Annotated[
@@ -60,6 +66,8 @@ def calibrate(
         list[float] | None,
         typer.Option("--load", metavar="KG", help="Load in the grab: once for all, or once a recording."),
     ] = None,
+    names: MapOption = None,
+    reading: Reading = NOTHING,
     json: JsonOption = None,
 ) -> None:
     """Fit a machine's own figures to recordings with a known load (default: an empty grab)."""
@@ -67,7 +75,7 @@ def calibrate(
     from records.formats import read_measurement
 
     known = calibration.known_loads(loads or [0.0], len(recordings))
-    with progress("calibrate load") as report:
+    with reading.of(recordings, names), progress("calibrate load") as report:
         report("reading")
         found = [read_measurement(path) for path in recordings]
         report("fitting")

@@ -9,6 +9,7 @@ from records.figures_file import write
 from slewright.channel_names import channel_names
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.reading import NOTHING, MapOption, Reading, reads_recordings
 from slewright.tables import show
 from specs.errors import InputError
 
@@ -35,6 +36,7 @@ def slew(json: JsonOption = None) -> None:
 
 
 @app.command()
+@reads_recordings
 def fmu(
     system: Annotated[Path, typer.Argument(metavar="FILE", help="The system: .fmu, .ssp or .ssd.")],
     recording: Annotated[list[Path], typer.Argument(metavar="RECORDING...", help="Recordings to fit to.")],
@@ -50,15 +52,14 @@ def fmu(
         list[Path] | None,
         typer.Option("--holdout", metavar="RECORDING", help="Only to show the error on (repeatable)."),
     ] = None,
-    names: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="FILE", help=r"Names: a table \[names] with theirs = 'ours \[unit]'."),
-    ] = None,
+    names: MapOption = None,
+    reading: Reading = NOTHING,
     step: Annotated[
         float | None, typer.Option("--step", metavar="S", help="Step in s, of a system that states none.")
     ] = None,
-    skip: Annotated[
-        float, typer.Option("--skip", metavar="S", min=0.0, help="Seconds of each run that do not count.")
+    settle: Annotated[
+        float,
+        typer.Option("--settle", metavar="S", min=0.0, help="First seconds of each run, which do not count."),
     ] = 0.0,
     starts: Annotated[
         int, typer.Option("--starts", metavar="N", min=1, max=1000, help="Starts of the search.")
@@ -86,10 +87,11 @@ def fmu(
         )
     renamed = channel_names(names)
     recordings.check_names(loaded, renamed, names)
-    runs, kept = (
-        [recordings.read(path, loaded, renamed, skip) for path in paths]
-        for paths in (recording, holdout or ())
-    )
+    with reading.of([*recording, *(holdout or ())], names):
+        runs, kept = (
+            [recordings.read(path, loaded, renamed, settle) for path in paths]
+            for paths in (recording, holdout or ())
+        )
     problem = fitting.Problem(
         loaded, moved, runs, limit, lambda text: typer.echo(f"slewright: warning: {text}", err=True)
     )

@@ -8,6 +8,7 @@ import typer
 from records.figures_file import check_target, write
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.reading import NOTHING, MapOption, Reading, reads_recordings
 from slewright.tables import show
 
 app = typer.Typer(help="Bring what was made elsewhere.", no_args_is_help=True)
@@ -19,6 +20,7 @@ def import_() -> None:
 
 
 @app.command()
+@reads_recordings
 def slew(
     pressure: Annotated[Path, typer.Option(metavar="FILE", help="Pressure network: .onnx, .pt or .pth.")],
     velocity: Annotated[Path, typer.Option(metavar="FILE", help="Velocity network, of the same kind.")],
@@ -44,13 +46,15 @@ def slew(
             "--most-error", metavar="ERROR", min=0.0, help="Speed error on the recording, °/s (default: 2)."
         ),
     ] = None,
+    names: MapOption = None,
+    reading: Reading = NOTHING,
     json: JsonOption = None,
 ) -> None:
     """Bring a slew model trained elsewhere: check it against a recording, write it as .npz, ONNX and FMU."""
     from learning.slew import importing
 
     target = importing.Target(out, fmu, fmi)
-    with progress("import slew") as report:
+    with reading.of([check], names), progress("import slew") as report:
         most = importing.MOST_ERROR if most_error is None else most_error
         made = importing.bring((pressure, velocity), description, check, target, report, most)
     figures = made.figures()

@@ -18,6 +18,14 @@ def hmi(
         ),
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Where the page is served (0: any).")] = 8080,
+    bundle: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="The bundle that ran: it knows what kept the machine from moving (default: where it was).",
+            show_default=False,
+        ),
+    ] = None,
     new_tokens: Annotated[
         Path | None,
         typer.Option(
@@ -29,16 +37,21 @@ def hmi(
 
     if (recording is None) == (new_tokens is None):
         raise InputError("either RECORDING to play back, or --new-tokens FILE")
-    from runtime.hmi import playback, process, timeline, tokens
+    from runtime.hmi import playback, process, retold, timeline, tokens
 
     if new_tokens:
         show_tokens(tokens.make(new_tokens), new_tokens)
         return
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    moments = playback.checked(timeline.open_timeline(recording or Path()))
-    player = playback.Playback(moments)
+    path = recording or Path()
+    teller, why = retold.retold(path, bundle) if path.exists() else (None, "")
+    moments = playback.checked(timeline.open_timeline(path, teller))
+    player = playback.Playback(moments, why)
     site = process.open_site({"host": "127.0.0.1", "port": port}, player.routes(), None)
-    for note in moments.notes:
+    for note in [
+        *moments.notes,
+        *([f"what kept the machine from moving is not shown: {why}"] if why else []),
+    ]:
         typer.echo(f"slewright: {note}", err=True)
     typer.echo(f"{moments.duration:.1f} s of {recording}: http://127.0.0.1:{site.port}/ (Ctrl-C ends)")
     threading.Thread(target=player.read, daemon=True).start()

@@ -2,8 +2,9 @@
 
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,7 +15,7 @@ from slewright.progress import progress
 from slewright.tables import show
 
 if TYPE_CHECKING:
-    from runtime.supervisor import Supervisor
+    from runtime.supervisor import Counts, Supervisor
 
 
 def run(
@@ -81,9 +82,19 @@ def run(
                 found = supervisor.run(show)
             except KeyboardInterrupt:
                 stopped = True
-                found = supervisor.run(show, stop=lambda: True)
+                found = _ended(supervisor, show)
     _show(found)
     figures_file.write(json, {**found, "interrupted": stopped})
+
+
+def _ended(supervisor: "Supervisor", show: Callable[["Counts"], None]) -> dict[str, Any]:
+    """End the run; what its cycles came to. KeyboardInterrupt where there was none yet."""
+    from runtime.supervisor import NotBegunError
+
+    try:
+        return supervisor.run(show, stop=lambda: True)
+    except NotBegunError:
+        raise KeyboardInterrupt from None
 
 
 def who_may_write(supervisor: "Supervisor") -> list[str]:

@@ -8,10 +8,12 @@ import typer
 from records.figures_file import write
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.reading import NOTHING, MapOption, Reading, reads_recordings
 from slewright.tables import show
 from specs.errors import InputError
 
 
+@reads_recordings
 def reconcile(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Recordings to fit.")],
     model: Annotated[
@@ -26,10 +28,8 @@ def reconcile(
     holdout: Annotated[
         list[Path] | None, typer.Option(metavar="RUN", help="Recordings for the figures shown only.")
     ] = None,
-    names: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="FILE", help=r"Names: a table \[names] with theirs = 'ours \[unit]'."),
-    ] = None,
+    names: MapOption = None,
+    reading: Reading = NOTHING,
     report_only: Annotated[
         bool, typer.Option("--report-only", help="Write report.json alone: no extended model, no page.")
     ] = False,
@@ -71,39 +71,40 @@ def reconcile(
     from reconcile.workflow import reconcile as run
     from specs import draws
 
-    if init is not None or template is not None or dof is not None:
-        _begin(runs, init, template, dof)
-        return
-    if check_only and model is not None:
-        from reconcile.start import tellable
+    with reading.of([*runs, *(confirm or ()), *(holdout or ())]):
+        if init is not None or template is not None or dof is not None:
+            _begin(runs, init, template, dof, reading.shown)
+            return
+        if check_only and model is not None:
+            from reconcile.start import tellable
 
-        figures = tellable.examine(runs, model, names)
-        for line in tellable.lines(figures):
+            figures = tellable.examine(runs, model, names)
+            for line in tellable.lines(figures):
+                typer.echo(line)
+            write(json, figures, figures["seed"])
+            return
+        if model is None or out is None:
+            raise InputError("reconcile needs --model MODEL and --out DIR; --init DIR writes a first model")
+        given = (confirm or [], holdout or [], names)
+        if driven and before:
+            raise InputError("--drive and --before: one or the other")
+        machine = draws.asked(driven, "--drive") if driven else None
+        then = drive.compare(drive.before(before), runs[0]) if before else None
+        with progress("reconcile") as report:
+            if machine is None:
+                figures = run(runs, model, out, *given, report, report_only, then)
+            else:
+                figures = drive.drive(runs, model, out, *given, machine, report)
+        for table in terminal.tables(figures):
+            show(*table)
+        for line in (*terminal.lines(figures), *drive.lines(figures)):
             typer.echo(line)
         write(json, figures, figures["seed"])
-        return
-    if model is None or out is None:
-        raise InputError("reconcile needs --model MODEL and --out DIR; --init DIR writes a first model")
-    given = (confirm or [], holdout or [], names)
-    if driven and before:
-        raise InputError("--drive and --before: one or the other")
-    machine = draws.asked(driven, "--drive") if driven else None
-    then = drive.compare(drive.before(before), runs[0]) if before else None
-    with progress("reconcile") as report:
-        if machine is None:
-            figures = run(runs, model, out, *given, report, report_only, then)
-        else:
-            figures = drive.drive(runs, model, out, *given, machine, report)
-    for table in terminal.tables(figures):
-        show(*table)
-    for line in (*terminal.lines(figures), *drive.lines(figures)):
-        typer.echo(line)
-    write(json, figures, figures["seed"])
-    page = out / "report.html"
-    typer.echo(f"report: {page if page.is_file() else out / 'report.json'}")
+        page = out / "report.html"
+        typer.echo(f"report: {page if page.is_file() else out / 'report.json'}")
 
 
-def _begin(runs: list[Path], folder: Path | None, template: str | None, dof: int | None) -> None:
+def _begin(runs: list[Path], folder: Path | None, template: str | None, dof: int | None, stated: str) -> None:
     """Write a first model and map, and say how to go on."""
     from reconcile.start.write import start
 
@@ -116,4 +117,6 @@ def _begin(runs: list[Path], folder: Path | None, template: str | None, dof: int
     for line in start(runs[0], folder, template, dof):
         typer.echo(line)
     typer.echo(f"wrote {folder / 'model.py'} and {folder / 'map.toml'}; read and correct both, then:")
-    typer.echo(f"slewright reconcile {runs[0]} --model {folder} --map {folder / 'map.toml'} --out found")
+    typer.echo(
+        f"slewright reconcile {runs[0]} --model {folder} --map {folder / 'map.toml'} --out found{stated}"
+    )

@@ -7,12 +7,13 @@ import typer
 
 from records import figures_file
 from records.figures_file import check_target
-from slewright.channel_names import channel_names
 from slewright.figures import JsonOption
 from slewright.progress import progress
+from slewright.reading import NOTHING, MapOption, Reading, reads_recordings
 from specs.errors import InputError
 
 
+@reads_recordings
 def convert(
     source: Annotated[
         Path,
@@ -39,39 +40,8 @@ def convert(
         float | None,
         typer.Option("--step", metavar="S", help="Put all channels on one grid of so many seconds."),
     ] = None,
-    names: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="FILE.toml", help=r"Names: a table \[names] with theirs = 'ours'."),
-    ] = None,
-    decimal: Annotated[
-        str | None,
-        typer.Option("--decimal", metavar="MARK", help="Text: what stands before the decimals, . or ,"),
-    ] = None,
-    thousands: Annotated[
-        str | None,
-        typer.Option("--thousands", metavar="MARK", help="Text: what groups digits, such as . or , or none."),
-    ] = None,
-    encoding: Annotated[
-        str | None,
-        typer.Option("--encoding", metavar="NAME", help="Text: utf-8, cp1252, utf-16 …"),
-    ] = None,
-    skip: Annotated[
-        int, typer.Option("--skip", metavar="N", help="Text: lines before the header that are not read.")
-    ] = 0,
-    clock: Annotated[
-        str | None,
-        typer.Option(
-            "--clock",
-            metavar="'NAME [unit]'",
-            help=r"Text and Parquet: the column that is the time, in \[s], \[ms] …, \[excel], \[dd/mm/yyyy].",
-        ),
-    ] = None,
-    missing: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--missing", metavar="WORD", help="Text: a word for a missing value; several times for several."
-        ),
-    ] = None,
+    names: MapOption = None,
+    reading: Reading = NOTHING,
     force: Annotated[bool, typer.Option("--force", help="Overwrite OUT if it is there.")] = False,
     json: JsonOption = None,
 ) -> None:
@@ -85,7 +55,6 @@ def convert(
         write_measurement,
     )
     from records.formats.tables import on_grid
-    from records.formats.text.options import TextOptions
 
     check_format(target)
     if target.suffix.lower() in WRITE_ONLY and target.exists():
@@ -95,13 +64,9 @@ def convert(
     logs = [p for p, of in ((source, framed), (target, CAN_LOGS)) if p.suffix.lower() in of]
     if dbc is not None and not logs:
         raise InputError(f"--dbc is for CAN logs ({', '.join(CAN_LOGS)}), not for {source} and {target}")
-    renamed = channel_names(names)
-    text = TextOptions(decimal, thousands, encoding, skip, clock, tuple(missing or ()))
-    with progress("convert") as report:
+    with reading.of([source], names), progress("convert") as report:
         report(f"reading {source.name}")
-        found = read_measurement(
-            source, dbc=dbc if source in logs else None, names=renamed, text=text, protocol=protocol
-        )
+        found = read_measurement(source, dbc=dbc if source in logs else None, protocol=protocol)
         made = found if step is None else on_grid(found, step)
         report(f"writing {target.name}")
         lost = write_measurement(made, target, dbc=dbc if target in logs else None)

@@ -17,6 +17,7 @@ from fmus.toolchain.build import BUILD
 from tests.edges import Edge
 from tests.orchestrator.fuzz.case import CORPUS, Case, read_corpus, write_corpus
 from tests.orchestrator.fuzz.judge import Verdict, judge, limit_memory
+from tests.orchestrator.fuzz.kinds import kinds
 from tests.orchestrator.fuzz.mutate import Mutator
 from tests.orchestrator.fuzz.seeds import packages, seeds
 from tests.orchestrator.fuzz.stepper import Stepper, available
@@ -48,7 +49,7 @@ class Fuzzer:
         self.runs += 1
         self.accepted += verdict.accepted
         problem = verdict.problem
-        if verdict.accepted and self.stepper is not None:
+        if verdict.accepted and self.stepper is not None and not case.foreign:
             problem, taken = self.stepper.step(case)
             edges |= {("C", 0, 0, number) for number in taken}
         if problem:
@@ -96,6 +97,7 @@ def _beginning() -> Iterator[Case]:
     for path in sorted(WORK.glob("*.json.gz")):
         yield from read_corpus(path)
     yield from seeds()
+    yield from kinds()
     yield from packages()
 
 

@@ -18,6 +18,7 @@ from fmus.toolchain.build import BUILD, SHIM
 
 CORPUS = Path(__file__).parent / "corpus.json.gz"
 LIBRARY = "library"  # key of an FMU's part that says for which FMI version it has a binary: "2" or "3"
+BINARIES = "binaries/"
 SPONGES = BUILD / "fuzz" / "sponges"
 IDENTIFIER = re.compile(r'<CoSimulation[^>]*?modelIdentifier="([^"]*)"')
 
@@ -44,6 +45,11 @@ class Case:
     def size(self) -> int:
         """Characters in all."""
         return len(json.dumps(asdict(self)))
+
+    @property
+    def foreign(self) -> bool:
+        """Whether it brings machine code of its own, which nobody should run."""
+        return any(name.startswith(BINARIES) for parts in self.fmus.values() for name in parts)
 
     def write(self, folder: Path, real: bool = False) -> Path:
         """Make the files in `folder` and return the one to load; `real`: with binaries that can run."""

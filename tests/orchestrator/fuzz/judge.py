@@ -9,6 +9,7 @@ from pathlib import Path
 from types import FrameType
 
 import orchestrator
+from orchestrator.system import overview
 from orchestrator.system.check import load_system
 from specs.errors import InputError, RunError
 from tests.edges import Edge, traced
@@ -41,13 +42,10 @@ def limit_memory() -> None:
 def judge(case: Case, edges: set[Edge] | None = None) -> Verdict:
     """Load a case; its edges are added to `edges`."""
     with tempfile.TemporaryDirectory(prefix="slewright-fuzz-") as folder:
-        path = case.write(Path(folder))
+        path = case.write(Path(folder), real=True)
         try:
             with _Alarm():
-                if edges is None:
-                    load_system(path)
-                else:
-                    traced(lambda: load_system(path), orchestrator, edges)
+                said = checked(path) if edges is None else traced(lambda: checked(path), orchestrator, edges)
         except (InputError, RunError) as error:
             return Verdict(False, str(error), _unfit(str(error)))
         except TooSlow:
@@ -58,7 +56,20 @@ def judge(case: Case, edges: set[Edge] | None = None) -> Verdict:
             return Verdict(False, "", f"{type(error).__name__}: {error} {place(error)}")
         finally:
             gc.collect(0)
-    return Verdict(True, "")
+    return Verdict(True, said or "", _unfit(said or ""))
+
+
+def checked(path: Path) -> str:
+    """What `slewright check` does: load the system, then look into its libraries; what that refuses, or "".
+
+    A refusal by what the libraries hold leaves the system accepted: it is stepped with another one.
+    """
+    system = load_system(path)
+    try:
+        overview.figures(system)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def _unfit(message: str) -> str:

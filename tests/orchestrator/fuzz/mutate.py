@@ -11,7 +11,8 @@ from lxml import etree
 
 import orchestrator
 from tests.edges import folder_of
-from tests.orchestrator.fuzz.case import LIBRARY, Case
+from tests.orchestrator.fuzz.case import BINARIES, LIBRARY, Case
+from tests.orchestrator.fuzz.kinds import with_bent_binary
 
 ODD = (
     "", " ", "0", "1", "-1", "2", "1.5", "-0", "00", "0x1", "1_0", "١", "127", "128", "255", "256", "65536",
@@ -49,7 +50,9 @@ class Mutator:
         """A changed copy: one to five mutations, mostly one, mostly of the XML trees."""
         for _ in range(1 + int(self.random.expovariate(1.2)) % 5):
             kind = self.random.random()
-            if kind < 0.84:
+            if case.foreign and self.random.random() < 0.5:
+                case = with_bent_binary(case, self.random)
+            elif kind < 0.84:
                 case = self._document(case, others)
             elif kind < 0.92:
                 case = self._files(case, others)
@@ -61,7 +64,10 @@ class Mutator:
 
     def _document(self, case: Case, others: list[Case]) -> Case:
         places = [("", name) for name in case.files] + [
-            (path, name) for path, parts in case.fmus.items() for name in parts if name != LIBRARY
+            (path, name)
+            for path, parts in case.fmus.items()
+            for name in parts
+            if name != LIBRARY and not name.startswith(BINARIES)
         ]
         if not places:
             return case

@@ -1,6 +1,7 @@
 """Every case of the fuzzer's corpus, once more: accepted or refused, and nothing else."""
 
 from collections.abc import Iterator
+from random import Random
 
 import pytest
 
@@ -8,6 +9,7 @@ from orchestrator.fmi.variable import FMI3_TYPES
 from tests.edges import Edge
 from tests.orchestrator.fuzz.case import Case, read_corpus
 from tests.orchestrator.fuzz.judge import judge
+from tests.orchestrator.fuzz.kinds import kinds, with_bent_binary
 from tests.orchestrator.fuzz.mutate import Mutator
 from tests.orchestrator.fuzz.seeds import seeds
 from tests.orchestrator.fuzz.stepper import Stepper, available
@@ -65,6 +67,22 @@ def test_seeds_are_mostly_accepted() -> None:
     """A corpus of refusals would test little: the seeds must get through to the end."""
     verdicts = [judge(case) for case in seeds()]
     assert sum(v.accepted for v in verdicts) > len(verdicts) / 2, [v.message for v in verdicts]
+
+
+def test_the_kinds_of_other_peoples_faults_are_there_and_bent_further() -> None:
+    cases = list(kinds())
+    verdicts = [judge(case) for case in cases]
+    assert len(cases) > 30
+    assert not [v.problem for v in verdicts if v.problem]
+    said = " ".join(v.message for v in verdicts)
+    for words in ("is empty", "is a text", "Git LFS", "for the processor aarch64", "of FMI 1.0"):
+        assert words in said
+    r, messages = Random(41), set()
+    for number, case in enumerate([c for c in cases if c.foreign] * 3):
+        verdict = judge(with_bent_binary(case, r))
+        assert not verdict.problem, f"bent case {number}: {verdict.problem}"
+        messages.add(verdict.message.rpartition("its library")[2][:24])
+    assert len(messages) > 8, messages
 
 
 def test_edges_are_counted_per_line() -> None:

@@ -42,7 +42,6 @@ def path() -> Iterator[Path]:
         process.wait(10)
         if process.stdout:
             process.stdout.close()
-        (folder / "bus").unlink(missing_ok=True)
         folder.rmdir()
 
 
@@ -151,6 +150,7 @@ def test_ctrl_c_leaves_the_bus_to_the_process_that_made_it() -> None:
     process.terminate()
     assert process.wait(10) == 0
     assert not (folder / "bus").exists()
+    folder.rmdir()
 
 
 def test_a_bus_process_that_dies_is_a_bus_that_is_off() -> None:

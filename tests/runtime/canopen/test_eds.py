@@ -96,6 +96,37 @@ def test_a_broken_number_is_named_with_line_and_section(tmp_path: Path, was: str
         eds.read(tmp_path / "x.eds")
 
 
+@pytest.mark.parametrize(
+    ("was", "instead", "said"),
+    [
+        (
+            "DefaultValue=262144",
+            "DefaultValue=262x44",
+            r"line \d+, \[6501\]: DefaultValue=262x44 is no",
+        ),
+        ("DefaultValue=262144", "DefaultValue=", None),
+        ("DefaultValue=262144", "DefaultValue=0x100000000", r"DefaultValue=0x100000000 does not go into 32"),
+        ("DefaultValue=262144", "DefaultValue=-1", r"\[6501\]: DefaultValue=-1 does not go into 32 bits"),
+        ("DefaultValue=262144", "DefaultValue=262144\nLowLimit=low", r"\[6501\]: LowLimit=low is no"),
+        ("DefaultValue=262144", "DefaultValue=262144 ; counts a turn\nHighLimit=0xFFFFFFFF", None),
+        (
+            "DefaultValue=262144",
+            "ParameterValue=26 21 4?\nDefaultValue=262144",
+            r"ParameterValue=26 21 4\? is",
+        ),
+        ("DefaultValue=262144", "DefaultValue=$NODEID+0x4000", None),
+    ],
+)
+def test_a_value_that_its_type_cannot_be_is_refused_with_its_place(
+    tmp_path: Path, was: str, instead: str, said: str | None
+):
+    if said is None:
+        assert len(eds.read(maker(tmp_path, was, instead), 5))
+        return
+    with pytest.raises(InputError, match=rf"maker.eds: .*{said}"):
+        eds.read(maker(tmp_path, was, instead))
+
+
 def test_zeros_come_from_the_bundles_commissioning_record(tmp_path: Path):
     assert zeros(tmp_path) == {}
     (tmp_path / "commissioning.json").write_text(json.dumps({"zeros": {"q_slew": 0.01}}))

@@ -175,6 +175,59 @@ def test_service_forces_in_standby_and_every_page_says_so(page: Browser, served:
     page.run("location.hash = '#machine'")
 
 
+TAP = (
+    "(c => [0.46, 0.8].forEach(x => c.dispatchEvent(new PointerEvent('pointerdown', "
+    "{clientX: c.getBoundingClientRect().left + 8 + x * (c.clientWidth - 150), "
+    "clientY: c.getBoundingClientRect().top + 20, bubbles: true}))))(document.querySelector('#plot'))"
+)
+
+
+def test_the_scope_holds_reads_with_two_cursors_and_waits_for_a_trigger(page: Browser, served: Served):
+    state = "document.querySelector('#scope-state').textContent"
+    read = "[...document.querySelectorAll('#scope-read span')]"
+    shown = f"JSON.stringify({read}.map(x => x.textContent))"
+    page.run("location.hash = '#trends'")
+    served.bench.set(p_pump=1e7)
+    until(lambda: abs(value(served, "p_pump") - 1e7) < 1.0)
+    page.run(
+        "[...document.querySelectorAll('#trend-bar button')].find(x => x.textContent === '30 s').click()"
+    )
+    choose = "(s => (s.value = 'p_pump', s.dispatchEvent(new Event('change'))))"
+    page.run(f"{choose}(document.querySelector('#scope-signal'))")
+    page.write("#scope-level", "150")
+    page.click("#scope-arm")
+    page.wait(f"{state} === 'waits until p_pump rises above 150'")
+    for _ in range(3):  # it is below for a while, to begin with
+        clock = page.run("document.querySelector('#clock').textContent")
+        page.wait(f"document.querySelector('#clock').textContent !== {json.dumps(clock)}")
+    served.bench.set(p_pump=2e7)
+    page.wait(f"/^triggered at \\d\\d:\\d\\d:\\d\\d[.,]\\d{{3}}/.test({state})")
+    page.wait(f"{state}.endsWith(', held')")  # half of the span later
+    page.run(TAP)
+    found = json.loads(page.run(shown))
+    assert "B − A 10.200 s" in found[0]  # 0.34 of 30 s
+    assert "p_pump 100.0 → 200.0 (100.0) bar" in found
+    served.bench.set(p_pump=2.1e7)
+    until(lambda: abs(value(served, "p_pump") - 2.1e7) < 1.0)
+    assert json.loads(page.run(shown)) == found  # what is held stays
+    page.click("#scope-clear")
+    page.wait(f"{shown} === '[]'")
+    page.click("#scope-hold")
+    page.wait(f"!{state}.includes('held')")
+    page.run("location.hash = '#machine'")
+
+
+def test_times_of_the_audit_log_have_milliseconds(page: Browser, served: Served):
+    sign_in(page, served, "operator")
+    page.run("location.hash = '#alarms'")
+    page.click("#audit-load")
+    page.wait(
+        "/\\d:\\d\\d[.,]\\d{3}$/.test(document.querySelector('#audit-list td.time')?.textContent ?? '')"
+    )
+    sign_out(page)
+    page.run("location.hash = '#machine'")
+
+
 def test_texts_from_outside_stay_texts(page: Browser, served: Served, monkeypatch: pytest.MonkeyPatch):
     sign_in(page, served, "operator", EVIL)
     extra = [Condition("evil", Level.CRITICAL, EVIL, EVIL)]

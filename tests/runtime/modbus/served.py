@@ -1,6 +1,7 @@
 """A Modbus server process for the tests, with the control process's side of it."""
 
 import json
+import shutil
 import socket
 import struct
 import subprocess
@@ -19,7 +20,7 @@ class Served:
     """The process, its ports, and the control process's port; a context."""
 
     def __init__(self, folder: Path, tls: dict[str, str] | None = None) -> None:
-        self.port = ModbusPort(*create(folder))
+        self.folder, self.port = folder, ModbusPort(*create(folder))
         self.inputs, self.outputs = INPUT.new(), OUTPUT.new()
         ports = folder / "ports"
         told: dict[str, Any] = {"folder": str(folder), "host": "127.0.0.1", "port": 0, "ports": str(ports)}
@@ -61,6 +62,7 @@ class Served:
     def __exit__(self, *_: object) -> None:
         self.process.terminate()
         assert self.process.wait(20) == 0
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
 class Raw:

@@ -27,12 +27,8 @@ ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, BUSY, NO_TARGET = 1, 2, 3, 6, 
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[Served]:
-    folder = private_folder()
-    with Served(folder) as found:
+    with Served(private_folder()) as found:
         yield found
-    for path in folder.iterdir():
-        path.unlink()
-    folder.rmdir()
 
 
 @pytest.fixture
