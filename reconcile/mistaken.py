@@ -35,7 +35,9 @@ def evident(core: Core, names: Mapping[str, str] | None = None) -> str:
         tried = _fitted(core, ratios, core.fresh, ())
         if tried is not None and tried[1].total < core.base.total and tried[0] < min(least, EVIDENT * errs):
             least, found = tried[0], ratios
-    return _sentence(core, found, errs, least, names or {}) if found else ""
+    if found is None or _silent(core, least, core.fresh, ()):
+        return ""
+    return _sentence(core, found, errs, least, names or {})
 
 
 def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
@@ -50,11 +52,12 @@ def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
     least, most = min(ahead(core, answer.point), HALVED * errs), answer.beam.evidence(answer.judged.answer)
     found = None
     for ratios, present in _rivals(answer):
-        tried = _fitted(core, ratios, core.fresh | effects(answer.point.values, present), present)
+        start = core.fresh | effects(answer.point.values, present)
+        tried = _fitted(core, ratios, start, present)
         if tried is None:
             continue
         error, likely = tried[0], weighed(tried[1].evidence, present)
-        if error < least and likely > most:
+        if error < least and likely > most and not _silent(core, error, start, present):
             found, least, most = ratios, error, likely
     return _sentence(core, found, errs, least, names or {}) if found else ""
 
@@ -101,6 +104,16 @@ def _fitted(
     free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
     point = other.fitter.fit_staged(start, present, free, LONG, own=True, every=2)
     return None if point is None else (ahead(other, point), point)
+
+
+def _silent(core: Core, error: float, start: Values, present: tuple[Attached, ...]) -> bool:
+    """Whether the model errs nearly as little as `error` without any input: none tells its sign or unit then.
+
+    A dead zone that takes nearly all of a command leaves a gain at its bound, and turned round it does least.
+    """
+    inputs = dict.fromkeys(_inputs(core), 0.0)
+    tried = _fitted(core, inputs, start, present) if inputs else None
+    return tried is not None and error > HALVED * tried[0]
 
 
 def _multiplied(run: Run, ratios: Ratios) -> Run:

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconcile import checks
-from reconcile.data import read_run
+from reconcile import checks, mistaken
+from reconcile.core import Core
+from reconcile.data import read_run, split
 from reconcile.workflow import examine
 from slewright.__main__ import run
 from specs.errors import InputError
@@ -31,6 +32,21 @@ MODEL = Model(
 GAIN = ROTARY.replace("(u.torque -", "(p.gain * u.torque -").replace(
     "    parameters=(", '    parameters=(Variable("gain", "1", "Gain", start=-1, min=-5, max=5),'
 )
+LAG = """
+from fmus.definition import Model, Variable
+
+MODEL = Model(
+    name="lag", description="A level", kind="continuous", step=0.02,
+    states=(Variable("y", "1", "Level"),), inputs=(Variable("u", "1", "Command"),),
+    outputs=(Variable("level", "1", "Level"),),
+    parameters=(
+        Variable("T", "s", "Time constant", start=0.6, min=0.05, max=10),
+        Variable("gain", "1", "Gain", start=1.7, min=0.1, max=10),
+    ),
+    rhs=lambda x, u, m, p: {"y": (p.gain * u.u - x.y) / p.T},
+    out=lambda x, u, m, p: {"level": x.y},
+)
+"""
 FALLING = """
 from fmus.definition import Model, Variable
 
@@ -93,6 +109,18 @@ def test_an_input_in_another_unit_is_asked_and_a_right_one_is_not(tmp_path: Path
             examine(own, runs, names=names)
     else:
         assert examine(own, runs, names=names)[0]["verdict"] in ("agrees", "reestimated")
+
+
+def test_a_dead_zone_that_takes_nearly_all_of_a_command_is_no_turned_sign(tmp_path: Path):
+    own, step = checks.open_folder(str(folder(tmp_path / "model", LAG))), 0.02
+    u = np.repeat(np.random.default_rng(3).uniform(-1, 1, 20), 50)
+    y, noise = np.zeros(len(u)), np.random.default_rng(9).normal(size=len(u))
+    for k in range(len(u) - 1):
+        beyond = np.sign(u[k]) * max(abs(u[k]) - 0.8, 0.0)
+        y[k + 1] = y[k] + (2.0 * beyond - y[k]) * (1 - np.exp(-step / 0.5))
+    columns = {"time": step * np.arange(len(u)), "u": u, "level": y + 0.002 * np.std(y) * noise}
+    core = Core(own, split(read_run(table(tmp_path / "a.csv", columns), own), (), ()))
+    assert mistaken.evident(core) == ""
 
 
 def test_a_gain_that_turns_its_sign_is_said(tmp_path: Path):
