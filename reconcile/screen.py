@@ -1,6 +1,6 @@
 """What every candidate would gain, from one fit: score tests of amplitudes, finite probes of other shapes."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from reconcile.tolerances import SEPARABLE, WORTH
 
 PROBE = 0.1  # of an amplitude's size: dry friction does not show when it is much smaller
 TRUSTED = 3.0  # times what a step really gains, that slopes may promise
-WEAKER = (0.3, 0.1, 0.03, 0.01, 0.003, 3.0, 10.0)  # of a start's size, tried where it is too strong
+SIZES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 3.0, 10.0)  # of a start, tried where it is too strong
 MOST_PROBES = 24  # starts of one effect that are tried
 
 
@@ -27,6 +27,7 @@ class Scored:
     values: Values
     separable: bool = True
     start: int = 0  # which of the effect's starts it is
+    fits: bool = True  # whether these values are likelier than none of it
 
 
 class Screen:
@@ -57,7 +58,8 @@ class Screen:
             found = self._gated(a, every[k]) if a.effect.gated else self._linear(a, every[k])
             if found is not None:
                 tried.append(replace(found, start=k))
-        return max(tried, key=lambda s: s.gain, default=None)
+        best = max(tried, key=lambda s: s.gain, default=None)
+        return self._at_its_size(best) if best and not best.fits and best.gain >= WORTH else best
 
     def _starts(self, a: Attached) -> list[Values]:
         """Starts of an effect's parameters: those of the catalogue, and what the missing force suggests."""
@@ -147,32 +149,41 @@ class Screen:
         return best, found
 
     def _gated(self, a: Attached, start: Values) -> Scored | None:
-        present, on = (*self.point.present, a), {a.name("gate"): 1.0}
-        other = self.fitter.innovations(self.point.values | start | on, present)
+        on = start | {a.name("gate"): 1.0}
+        other = self.fitter.innovations(self.point.values | on, (*self.point.present, a))
         if other is None:
             return None
         de = np.nan_to_num(other[0] - self.e)[:, None]
         ds = np.nan_to_num(np.log(other[1]) - np.log(self.s))[:, None]
         g, c, own, _ = self._schur(de, ds)
-        before = float(self.fitter.loss(self.e, self.s).sum())
-        whole = before - float(self.fitter.loss(*other).sum())
+        whole = self._gained(other)
         share = float(np.clip(-g[0] / max(c[0, 0], 1e-300), 0.0, 1.0))
         linear = float(-g[0] * share - 0.5 * c[0, 0] * share**2)
+        gain = max(whole, linear) - len(a.effect.parameters)
         if c[0, 0] <= SEPARABLE * own[0, 0] or own[0, 0] < 1e-9:
-            return Scored(a, -np.inf, start | on, False)
-        if whole < 0.0 < linear:  # there is some of it, but not as much as the start says
-            whole, start = max([(whole, start), *self._weaker(a, start, before)], key=lambda r: r[0])
-        return Scored(a, max(whole, linear) - len(a.effect.parameters), start | on)
+            return Scored(a, -np.inf, on, False)
+        return Scored(a, gain, on, fits=whole >= 0.0)
 
-    def _weaker(self, a: Attached, start: Values, before: float) -> Iterator[tuple[float, Values]]:
-        """Nats and values of starts of other sizes: some effects vanish as they grow small, some as large."""
-        shapes = [f.name for f in self.core.free_of(a) if f.log]
-        for factor in WEAKER:
-            values = start | {n: factor * start[n] for n in shapes}
-            on = values | {a.name("gate"): 1.0}
-            there = self.fitter.innovations(self.point.values | on, (*self.point.present, a))
-            if there is not None:
-                yield before - float(self.fitter.loss(*there).sum()), values
+    def _gained(self, there: tuple[np.ndarray, np.ndarray]) -> float:
+        return float(self.fitter.loss(self.e, self.s).sum() - self.fitter.loss(*there).sum())
+
+    def _at_its_size(self, best: Scored) -> Scored:
+        """The start of the size that gains most: some effects vanish as they grow small, some as they grow.
+
+        Slopes tell that there is some of it, but not as much as the start says: a fit would not come back.
+        """
+        a = best.attached
+        shapes = [f.name for f in self.core.free_of(a) if f.log and f.name in best.values]
+        least, found = -np.inf, best.values
+        for factor in SIZES:
+            values = best.values | {n: factor * best.values[n] for n in shapes}
+            there = self.fitter.innovations(self.point.values | values, (*self.point.present, a))
+            gained = -np.inf if there is None else self._gained(there)
+            if gained > least:
+                least, found = gained, values
+            elif least > 0.0:
+                break
+        return replace(best, values=found)
 
     def _schur(self, de: np.ndarray, ds: np.ndarray) -> tuple[np.ndarray, ...]:
         """Gradient, information beside what is fitted, own; how what is fitted gives way [F, K]."""
