@@ -12,7 +12,7 @@ import numpy as np
 from reconcile import words
 from reconcile.ahead import ahead
 from reconcile.answer import Answer, standard_errors
-from reconcile.beam import LONG, effects, weighed
+from reconcile.beam import effects, weighed
 from reconcile.core import Core
 from reconcile.data import Run, Signal
 from reconcile.filter.fit import Fitter
@@ -22,6 +22,8 @@ from reconcile.model import Attached
 from reconcile.start.units import bare, known_ratios, turned_line, turns
 from reconcile.tolerances import EVIDENT, HALVED, MOVED, WRONG
 
+STEPS = 15  # of a fit: one that is right gets there soon
+LOST = 0.5  # error ahead, in spreads, of a model whose inputs may be far too large or small
 Ratios = dict[str, float]  # by channel what its values are multiplied by
 
 
@@ -90,7 +92,8 @@ def _rivals(answer: Answer) -> Iterator[tuple[Ratios, tuple[Attached, ...]]]:
     """Turned channels, beside all but one of the answer's effects or none; then inputs in other units."""
     less = [tuple(x for x in answer.present if x != a) for a in answer.present]
     yield from ((ratios, own) for ratios in _turned(answer.core) for own in dict.fromkeys([(), *less]))
-    yield from (({n: r}, ()) for n in _inputs(answer.core) for r in known_ratios() if r != -1.0)
+    if ahead(answer.core, answer.base) > LOST:
+        yield from (({n: r}, ()) for n in _inputs(answer.core) for r in known_ratios() if r != -1.0)
 
 
 def _fitted(
@@ -102,7 +105,7 @@ def _fitted(
     other.kalman = core.kalman.over(other.records)
     other.fitter = Fitter(other.kalman, core.scored["fit"])
     free = [*core.base_free, *core.noise_free, *(f for a in present for f in core.free_of(a))]
-    point = other.fitter.fit_staged(start, present, free, LONG, own=True, every=2)
+    point = other.fitter.fit_staged(start, present, free, STEPS, own=True, every=2)
     return None if point is None else (ahead(other, point), point)
 
 

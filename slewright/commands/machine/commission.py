@@ -69,7 +69,8 @@ def commission(
 
     if simulate == bool(config):
         raise InputError(
-            "slewright commission takes --config FILE.toml for a machine, or --simulate, and not both"
+            "slewright commission takes one of --config FILE.toml, for a machine, and --simulate; "
+            f"there is {'both' if simulate else 'neither'}"
         )
     if not simulate and (inject or bundle or wiring != "all" or markdown or machine != "nominal"):
         raise InputError("--inject, --bundle, --wiring, --machine and --markdown are of --simulate")
