@@ -78,6 +78,22 @@ def turned_parameters(answer: Answer) -> str:
     return f"{', '.join(found)}: is the sign of a channel turned?" if found else ""
 
 
+def bounded_parameters(answer: Answer) -> str:
+    """A sentence on base parameters that limits of model.py keep from where they would go; "" without.
+
+    Zero is left out: friction or a load may well be nothing.
+    """
+    point = answer.point
+    held = {f.name for f, h in zip(point.free, point.held, strict=True) if h}
+    found = [
+        f"{v.name} lies at its limit, {limit:g}"
+        for v in answer.core.model.parameters
+        for limit in (v.min, v.max)
+        if v.name in held and limit and np.isclose(point.values[v.name], limit, rtol=1e-3)
+    ]
+    return f"{', '.join(found)} (in model.py): a wider one may explain more." if found else ""
+
+
 def _turned(core: Core) -> list[Ratios]:
     """Every input turned round, and every axis with all that is its rate."""
     groups = [[n] for n in _inputs(core)] + turns(core.model, core.outputs)

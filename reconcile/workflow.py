@@ -122,8 +122,8 @@ def examine(
         figures["sentence"] += f" {recorded_clocks.said(clocks)}."
         figures["nuisances"] = {n: c.figures() for n, c in clocks.items()}
     figures |= told(answer, figures)
-    if turned := mistaken.turned_parameters(answer):
-        figures["sentence"] += f" {turned}"
+    for more in (mistaken.turned_parameters(answer), mistaken.bounded_parameters(answer)):
+        figures["sentence"] += f" {more}" if more else ""
     steps = quantization.examine(answer.core.model, answer.core.runs)
     figures |= quantization.added(figures, steps, answer.core.model.name)
     return figures, answer

@@ -130,6 +130,14 @@ def test_a_gain_that_turns_its_sign_is_said(tmp_path: Path):
     assert "instead of -1: is the sign of a channel turned?" in figures["sentence"]
 
 
+def test_a_parameter_at_its_limit_is_said(tmp_path: Path):
+    text = ROTARY.replace("start=0.25, min=0.02, max=2", "start=0.25, min=0.24, max=2")
+    own = checks.open_folder(str(folder(tmp_path / "model", text)))
+    names = {"q": "position [rad]", "M": "torque [N.m]"}
+    figures, _ = examine(own, read_run(recorded(tmp_path / "a.csv"), own, names))
+    assert "inertia lies at its limit, 0.24 (in model.py)" in figures["sentence"]
+
+
 def test_gravity_that_points_the_other_way_is_asked(tmp_path: Path):
     own = checks.open_folder(str(folder(tmp_path / "model", FALLING)))
     t, random, runs = 0.02 * np.arange(40), np.random.default_rng(4), []
