@@ -13,7 +13,7 @@ from deployment.bundling.build import UNUSED_GONE, UNUSED_OUT, Cached, objects_o
 from fmus.definition import Model, from_signals
 from fmus.paths import SHIM
 from fmus.toolchain import codegen, compiler, description, reference, terminals
-from fmus.toolchain.build import HEADERS, SHIM_FILES, build_fmu as build_model, mark_built, pack
+from fmus.toolchain.build import HEADERS, SHIM_FILES, build_fmu as build_model, mark_built, pack, write_whole
 from orchestrator.system.pack import pack as pack_ssp
 from runtime.bundle import NATIVE, Bundle
 from runtime.control import ControlCore
@@ -61,8 +61,7 @@ def build_fmu(bundle: Bundle, path: Path, fmi_version: Literal[2, 3] = 3) -> Pat
         files[f"binaries/{place}/{NAME}{host.suffix}"] = library[fmi_version]
         files["documentation/licenses/license.txt"] = b"Apache License, Version 2.0 (SPDX: Apache-2.0)\n"
         archive = pack(files | reference.files(model, library[FMI], token) | terminals.files(model))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(archive)
+    write_whole(path, archive)
     mark_built(archive)
     return path
 

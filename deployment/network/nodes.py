@@ -12,6 +12,7 @@ from fmus.definition import Variable
 from fmus.network.build import archive, build, compile_sources, write_sources
 from fmus.network.definition import OWN_VR, Causality, NetworkFmu, Number
 from fmus.toolchain import compiler
+from fmus.toolchain.build import write_whole
 from runtime.bundle import Bundle
 from runtime.control import ControlCore
 from specs.signals import definition
@@ -77,8 +78,7 @@ def build_machine_io(path: Path) -> Path:
 
 
 def _write(path: Path, content: bytes) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
+    write_whole(path, content)
     return path
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fmus.network.build import HERE, build
 from fmus.network.definition import OWN_VR, Causality, NetworkFmu, Number, Type
+from fmus.toolchain.build import write_whole
 from specs.errors import InputError
 from specs.signals import definition
 
@@ -60,8 +61,7 @@ def _number(
 def build_bus(path: Path, nodes: int = USUAL_NODES) -> Path:
     """Build the bus FMU `path` for so many nodes (FMI 3.0, this platform); RunError if C fails."""
     own = {name: (HERE / name).read_text() for name in OWN} | {"app.h": '#include "bus.h"\n'}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(build(definition_of_bus(nodes), own))
+    write_whole(path, build(definition_of_bus(nodes), own))
     return path
 
 

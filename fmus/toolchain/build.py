@@ -63,9 +63,9 @@ def build_fmu(
     model = load_model(path)
     codegen.check_no_feedthrough(model)
     archive = _archive(model, path, fmi_version, names)
-    _write(result, archive)
+    write_whole(result, archive)
     mark_built(archive)
-    _write(stamp, json.dumps({"quick": quick, "targets": names, "sha256": _sha256(archive)}).encode())
+    write_whole(stamp, json.dumps({"quick": quick, "targets": names, "sha256": _sha256(archive)}).encode())
     return result
 
 
@@ -119,7 +119,7 @@ def compile_library(model: Model, sources: Path, fmi_version: int, target: str) 
                 for name in (*description.SOURCES, f"fmi{fmi_version}.c")
             ]
             library = Path(scratch) / (model.name + compiler.target(target).suffix)
-            _write(cached, compiler.link_shared(objects, library, target).read_bytes())
+            write_whole(cached, compiler.link_shared(objects, library, target).read_bytes())
     return cached.read_bytes()
 
 
@@ -133,7 +133,7 @@ def compile_generated(source: Path, out: Path, target: str, extra: Sequence[str]
     key = _sha256(content + repr(about).encode())
     cached = BUILD / "cache" / key[:2] / key
     if not cached.is_file():
-        _write(cached, compiler.compile_object(source, out, target, extra, generated=True).read_bytes())
+        write_whole(cached, compiler.compile_object(source, out, target, extra, generated=True).read_bytes())
     out.write_bytes(cached.read_bytes())
     return out
 
@@ -163,7 +163,7 @@ def _archive(model: Model, folder: Path, fmi_version: int, targets: Iterable[str
 
 def mark_built(archive: bytes) -> None:
     """Note that the FMU of this content was made here: its machine code is our own."""
-    _write(BUILT_HERE / _sha256(archive), b"")
+    write_whole(BUILT_HERE / _sha256(archive), b"")
 
 
 def pack(files: dict[str, bytes]) -> bytes:
@@ -209,7 +209,7 @@ def _inputs(base: Path) -> Iterator[Path]:
             yield path
 
 
-def _write(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes) -> None:
     """Write by rename, so that a reader never sees half a file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")  # another process may write the same
