@@ -182,6 +182,7 @@ TAP = (
 )
 
 
+@pytest.mark.long
 def test_the_scope_holds_reads_with_two_cursors_and_waits_for_a_trigger(page: Browser, served: Served):
     state = "document.querySelector('#scope-state').textContent"
     read = "[...document.querySelectorAll('#scope-read span')]"
