@@ -10,11 +10,11 @@ from reconcile.filter.kalman import Values
 from reconcile.filter.point import Free, Point
 from reconcile.model import Attached
 from reconcile.shapes import Shapes
-from reconcile.tolerances import SEPARABLE, WORTH
+from reconcile.tolerances import PLAIN, SEPARABLE, WORTH
 
 PROBE = 0.1  # of an amplitude's size: dry friction does not show when it is much smaller
 TRUSTED = 3.0  # times what a step really gains, that slopes may promise
-SIZES = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 3.0, 10.0)  # of a start, tried where it is too strong
+SIZES = (0.3, 0.1, 0.03, 0.01, 0.003, 3.0, 10.0)  # of a start, tried where it is too strong
 MOST_PROBES = 24  # starts of one effect that are tried
 
 
@@ -174,14 +174,14 @@ class Screen:
         """
         a = best.attached
         shapes = [f.name for f in self.core.free_of(a) if f.log and f.name in best.values]
-        least, found = -np.inf, best.values
+        least, found = PLAIN, best.values  # where nothing is left of it, nothing is gained either
         for factor in SIZES:
             values = best.values | {n: factor * best.values[n] for n in shapes}
             there = self.fitter.innovations(self.point.values | values, (*self.point.present, a))
             gained = -np.inf if there is None else self._gained(there)
             if gained > least:
                 least, found = gained, values
-            elif least > 0.0:
+            elif least > PLAIN:
                 break
         return replace(best, values=found)
 
