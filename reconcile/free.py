@@ -58,17 +58,15 @@ class FreeParameters:
 
     def _own(self, a: Attached, q: Parameter, s: Scales, other: Scales) -> Free:
         low, high = q.bounds(s)
-        starts = np.array(q.starts(s), float)
+        starts, scaleless = np.array(q.starts(s), float), q.unit == "s"
         if q.amplitude or np.min(starts) <= 0.0:
             size = self._unit_size(a, q.unit, s, other)
             if q.name in ("factor",):
                 size = 1.0
-            return Free(a.name(q.name), 0.0, size, False, low, high, scaleless=q.unit == "s")
+            return Free(a.name(q.name), 0.0, size, False, low, high, scaleless)
         center = float(np.exp(np.mean(np.log(starts))))
         size = max(0.7, 0.5 * float(np.log(starts.max() / starts.min())))
-        return Free(
-            a.name(q.name), center, size, True, max(low, 1e-9 * center), high, scaleless=q.unit == "s"
-        )
+        return Free(a.name(q.name), center, size, True, max(low, 1e-9 * center), high, scaleless)
 
     def _unit_size(self, a: Attached, unit: str, s: Scales, other: Scales) -> float:
         """Size of an amplitude from its unit: a force of the recording's own size at its port, and so on."""

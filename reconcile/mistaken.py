@@ -20,10 +20,9 @@ from reconcile.filter.kalman import Values
 from reconcile.filter.point import Point
 from reconcile.model import Attached
 from reconcile.start.units import bare, known_ratios, turned_line, turns
-from reconcile.tolerances import EVIDENT, HALVED, MOVED, WRONG
+from reconcile.tolerances import EVIDENT, HALVED, LOST, MOVED, WRONG
 
 STEPS = 15  # of a fit: one that is right gets there soon
-LOST = 0.5  # error ahead, in spreads, of a model whose inputs may be far too large or small
 Ratios = dict[str, float]  # by channel what its values are multiplied by
 
 
@@ -53,7 +52,7 @@ def doubt(answer: Answer, names: Mapping[str, str] | None = None) -> str:
         return ""
     least, most = min(ahead(core, answer.point), HALVED * errs), answer.beam.evidence(answer.judged.answer)
     found = None
-    for ratios, present in _rivals(answer):
+    for ratios, present in _rivals(answer, errs):
         start = core.fresh | effects(answer.point.values, present)
         tried = _fitted(core, ratios, start, present)
         if tried is None:
@@ -104,11 +103,14 @@ def _inputs(core: Core) -> list[str]:
     return [n for n in core.folder.ports.controls if any(n in r.inputs for r in core.runs)]
 
 
-def _rivals(answer: Answer) -> Iterator[tuple[Ratios, tuple[Attached, ...]]]:
-    """Turned channels, beside all but one of the answer's effects or none; then inputs in other units."""
+def _rivals(answer: Answer, errs: float) -> Iterator[tuple[Ratios, tuple[Attached, ...]]]:
+    """Turned channels, beside all but one of the answer's effects or none; then inputs in other units.
+
+    `errs`: error ahead of the model as the channels are.
+    """
     less = [tuple(x for x in answer.present if x != a) for a in answer.present]
     yield from ((ratios, own) for ratios in _turned(answer.core) for own in dict.fromkeys([(), *less]))
-    if ahead(answer.core, answer.base) > LOST:
+    if errs > LOST:
         yield from (({n: r}, ()) for n in _inputs(answer.core) for r in known_ratios() if r != -1.0)
 
 

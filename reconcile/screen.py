@@ -36,6 +36,7 @@ class Screen:
     def __init__(self, core: Core, point: Point, shapes: Shapes):
         self.core, self.point, self.fitter, self.shapes = core, point, core.fitter, shapes
         free, self.e, self.s = point.free, point.e, point.s
+        self.loss = float(self.fitter.loss(self.e, self.s).sum())
         de, ds = point.slopes
         moving = ~point.held
         self.de, self.ds = de[:, moving], ds[:, moving]
@@ -127,7 +128,6 @@ class Screen:
         self, present, shapes: Values, free, at: np.ndarray, beside: np.ndarray
     ) -> tuple[float, Values]:
         """The best of some lengths of the step that the slopes ask for: nats, values."""
-        before = float(self.fitter.loss(self.e, self.s).sum())
         moved = [
             (f, f.coordinate(self.point.values[f.name]))
             for f, h in zip(self.point.free, self.point.held, strict=True)
@@ -141,7 +141,7 @@ class Screen:
             }
             values = shapes | {f.name: f.value(length * at[j]) for j, f in enumerate(free)} | others
             there = self.fitter.innovations(self.point.values | values, present)
-            gained = -np.inf if there is None else before - float(self.fitter.loss(*there).sum())
+            gained = -np.inf if there is None else self._gained(there)
             if gained > best:
                 best, found = gained, values
             if gained > 0.0:
@@ -165,7 +165,8 @@ class Screen:
         return Scored(a, gain, on, fits=whole >= 0.0)
 
     def _gained(self, there: tuple[np.ndarray, np.ndarray]) -> float:
-        return float(self.fitter.loss(self.e, self.s).sum() - self.fitter.loss(*there).sum())
+        """Nats by which innovations elsewhere are likelier than the point's."""
+        return self.loss - float(self.fitter.loss(*there).sum())
 
     def _at_its_size(self, best: Scored) -> Scored:
         """The start of the size that gains most: some effects vanish as they grow small, some as they grow.

@@ -42,7 +42,6 @@ KNOWN = 0.5  # of its prior's deviation: a parameter known no better than that w
 MOVED = 3.0  # standard errors by which a re-estimated parameter must have moved
 CLOCK_GAIN = 10.0  # nats a recording by which clocks of their own must be likelier than one offset for all
 WRONG = 0.1  # error ahead, in spreads, from which signs and units of channels are asked
-EVIDENT, HALVED = (
-    0.25,
-    0.5,
-)  # of it that is left with a channel turned, before effects are looked for and after
+LOST = 0.5  # the same, of a model whose inputs may be far too large or small
+EVIDENT = 0.25  # of that error that is left with a channel turned, asked before effects are looked for
+HALVED = 0.5  # the same, after effects were looked for
