@@ -25,13 +25,9 @@ int nw_step(NwNode *n, int64_t until) {
 
 int nw_receive(NwNode *n, int port) {
   const NwBuffer *received = &n->port[port].received;
-  NwOperation o;
   NwFrame frame;
   uint32_t at = 0;
-  while (nw_next(received->data, received->size, &at, &o) > 0) {
-    n->value[NW_bus_errors] += o.code == NW_BUS_ERROR;
-    if (o.code == NW_CAN_TRANSMIT && nw_read_transmit(&o, &frame)) peer_receive(n->own.peer, &frame, 1, n->own.beat - 1);
-  }
+  while (nw_next_frame(received, &at, &n->value[NW_bus_errors], &frame)) peer_receive(n->own.peer, &frame, 1, n->own.beat - 1);
   ends_show(n, n->own.peer);
   return 1;
 }

@@ -102,3 +102,12 @@ int nw_read_transmit(const NwOperation *o, NwFrame *frame) {
   memcpy(frame->data, at + 8, n);
   return frame->identifier <= (frame->extended ? 0x1fffffffu : 0x7ffu);
 }
+
+int nw_next_frame(const NwBuffer *received, uint32_t *at, double *bus_errors, NwFrame *frame) {
+  NwOperation o;
+  while (nw_next(received->data, received->size, at, &o) > 0) {
+    *bus_errors += o.code == NW_BUS_ERROR;
+    if (o.code == NW_CAN_TRANSMIT && nw_read_transmit(&o, frame)) return 1;
+  }
+  return 0;
+}

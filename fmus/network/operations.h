@@ -44,6 +44,8 @@ typedef struct {
 int nw_next(const uint8_t *data, uint32_t size, uint32_t *at, NwOperation *operation);
 /* Arguments; false where the length does not fit. */
 int nw_read_transmit(const NwOperation *operation, NwFrame *frame);
+/* The next CAN frame at `*at`: true, or false at the end. Bus errors on the way are counted. */
+int nw_next_frame(const NwBuffer *received, uint32_t *at, double *bus_errors, NwFrame *frame);
 int nw_read_number(const NwOperation *operation, uint32_t at, uint32_t bytes, uint32_t *number);
 
 void nw_put_transmit(NwBuffer *buffer, const NwFrame *frame);
