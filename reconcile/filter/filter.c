@@ -36,6 +36,7 @@ Function kf_f, kf_fj, kf_dry, kf_post, kf_hj, kf_in, kf_first;
 
 typedef struct {
   int steps, substeps, active;
+  double step;                    /* length of a step that has `substeps`; shorter ones have fewer */
   const int *state;               /* [active] */
   const double *u;                /* NU a step */
   const double *m;                /* NM a step */
@@ -281,8 +282,9 @@ static int advance(const Run *run, double *x, const double *u, const double *m, 
                    double *total) {
   static double posted[NX], px[NX * NX], full[NX * N], phi[NX * N], f[NX];
   const int n = run->active, wide = n + NW, *at = run->state;
-  const double h = dt / run->substeps;
-  for (int q = 0; q < run->substeps; q++) {
+  const int substeps = DISCRETE || dt >= run->step ? run->substeps : (int)ceil(run->substeps * dt / run->step - 1e-6);
+  const double h = dt / substeps;
+  for (int q = 0; q < substeps; q++) {
     const int again = q == 0 || DISCRETE;
     if (again && !linearise(run, x, u, m, h, s, P != 0)) return 0;
     if (!again) call(kf_f, x, u, m, run->p, f, 0, 0);
@@ -471,7 +473,9 @@ EXPORT int run_filter(const Run *run) {
     if (window && run->free) shown(run, alone, k ? last : u, u, m, run->free + (size_t)k * NY, hx, hw);
     if (window && run->zfree) memcpy(run->zfree + (size_t)k * NX, alone, sizeof alone);
     for (int i = 0; i < NW; i++) u[W0 + i] = now[W0 + i] + w[i];
-    shown(run, x, k ? last : u, u, m, y, hx, hw);
+    int seen_any = 0;
+    for (int o = 0; o < NY; o++) seen_any |= !isnan(run->y[(size_t)k * NY + (size_t)o]);
+    if (seen_any) shown(run, x, k ? last : u, u, m, y, hx, hw);
     memset(moved, 0, sizeof moved);
     for (int o = 0; o < NY; o++) {
       const double seen = run->y[(size_t)k * NY + (size_t)o];
