@@ -20,6 +20,7 @@ from reconcile.reach import behind, felt
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
 NOTHING = np.empty((0, 0))
+FOLLOWED = 4  # substeps, at least, where an effect of an input moves within a step
 SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 
 
@@ -115,6 +116,9 @@ class Kalman:
             "white": np.array([values[WHITE + n] for n in self.places]),
             "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.outputs]),
         }
+        substeps = self.substeps
+        if self.model.kind == "continuous" and any(a in part.library.stepped.memories for a in present):
+            substeps = max(substeps, FOLLOWED)
         found = []
         for k in range(len(self.records)):
             u, y, step = self._rows(k, full)
@@ -123,7 +127,7 @@ class Kalman:
             parted = np.diff(step, prepend=-1) == 0  # rows without a sample: a part of a step after the first
             more = {"u": u, "m": self.modes[k][step], "y": y, "x0": x0, "p0": p0}
             run = part.library.run(
-                self.substeps,
+                substeps,
                 self.records[k].period_s,
                 active,
                 given | more,
