@@ -65,7 +65,9 @@ class Beam:
     def foremost(self) -> list[Point]:
         """The best sets of effects, for a search with another noise."""
         ranked = [k for k in self.ranked() if k]
-        return [self.points[k] for k in ranked[:FRESH] if self.evidence(k) > self.evidence(ranked[0]) - BEHIND]
+        return [
+            self.points[k] for k in ranked[:FRESH] if self.evidence(k) > self.evidence(ranked[0]) - BEHIND
+        ]
 
     def _grow(self, kept: list[Key], first: int) -> None:
         """Add one effect to each of the best sets, level by level, as long as it is worth it."""
