@@ -62,7 +62,7 @@ class Screen:
         best = max(tried, key=lambda s: s.gain, default=None)
         if best is None or best.whole >= 0.0 or best.gain < WORTH:
             return best
-        # slopes far from what is there promise anything: of the starts that promise enough, the least wrong one
+        # slopes far from what is there promise anything: of the starts that promise enough the least wrong
         nearest = max((s for s in tried if s.gain >= WORTH), key=lambda s: s.whole)
         return self._at_its_size(nearest)
 
