@@ -218,15 +218,18 @@ class Beam:
         return grown
 
     def _same(self, a: Attached, other: Attached, values: Values) -> Values:
-        """Parameters of another effect with the values of an effect's, where both have the same units."""
-        own, left = a.effect.parameters, list(other.effect.parameters)
-        found = {}
-        for p in own:
-            twin = next((q for q in left if q.unit == p.unit), None)
+        """An effect's values as another one's parameters: those of the same names, or all of the same units."""
+        own, wanted = a.effect.parameters, other.effect.parameters
+        units = {p.name: p.unit for p in own}
+        if all(units.get(q.name) == q.unit for q in wanted):
+            return {other.name(q.name): values[a.name(q.name)] for q in wanted}
+        left, found = list(own), {}
+        for q in wanted:
+            twin = next((p for p in left if p.unit == q.unit), None)
             if twin is not None:
                 left.remove(twin)
-                found[other.name(twin.name)] = values[a.name(p.name)]
-        return found if len(found) == len(own) and not left else {}
+                found[other.name(q.name)] = values[a.name(twin.name)]
+        return found if len(found) == len(wanted) and not left else {}
 
     def _simpler(self, key: Key, a: Attached) -> Key | None:
         """The set with what an effect becomes in a limit in its place."""

@@ -18,7 +18,7 @@ from reconcile.free import FreeParameters
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.noise import high_pass_level, quantum
 from reconcile.reach import Reach
-from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR, STRAIGHT
+from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
 from specs.errors import InputError
 
 
@@ -74,8 +74,6 @@ class Core:
         first = self.values = self._first_values()
         self._choose_substeps()
         self.settle()
-        if self._straight():
-            self.settle()
         noise = {f.name: v for f in self.noise_free if (v := first.get(f.name)) is not None}
         quiet = {n: QUIET * v for n, v in noise.items() if n.startswith((SIGMA, WHITE))}
         self.fresh = self.values | noise | quiet | {v.name: v.start for v in self.model.parameters}
@@ -165,21 +163,6 @@ class Core:
                     self.kalman.substeps = n // 2
                     return
             before = found
-
-    def _straight(self) -> bool:
-        """Take inputs as straight lines between their samples where that is far likelier than held values.
-
-        A command is held by what sends it; a force or a current that was measured is not.
-        """
-        if self.model.kind == "discrete" or not any(r.inputs for r in self.runs):
-            return False
-        found = []
-        for self.kalman.linear in (False, True):
-            found.append(self.fitter.fit(self.values, (), self.noise_free, 8, own=True))
-        held, straight = found
-        least = STRAIGHT * len(self.runs)
-        self.kalman.linear = bool(held and straight and straight.loss < held.loss - least)
-        return self.kalman.linear
 
     @cached_property
     def floors(self) -> dict[str, Floor]:

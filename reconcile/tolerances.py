@@ -41,9 +41,6 @@ SEEN = 4.0  # noise levels that an output must move by
 KNOWN = 0.5  # of its prior's deviation: a parameter known no better than that was not excited
 MOVED = 3.0  # standard errors by which a re-estimated parameter must have moved
 CLOCK_GAIN = 10.0  # nats a recording by which clocks of their own must be likelier than one offset for all
-STRAIGHT = (
-    10.0  # nats a recording by which straight lines between an input's samples must be likelier than steps
-)
 WRONG = 0.1  # error ahead, in spreads, from which signs and units of channels are asked
 LOST = 0.5  # the same, of a model whose inputs may be far too large or small
 EVIDENT = 0.25  # of that error that is left with a channel turned, asked before effects are looked for

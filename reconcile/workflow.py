@@ -174,8 +174,6 @@ def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:
         found["sentence"] = f"{figures['sentence']} {untold.sentence(parameters)}"
     alike = recorded_clocks.alike(answer.present, core.runs)
     mended = [f"{n} does not change: it is left out, since it tells nothing" for n in sorted(core.still)]
-    if core.kalman.linear:
-        mended.append("inputs are straight lines between their samples, which is likelier than held values")
     found["nuisances"] = {
         r.name: row
         for r in core.runs

@@ -68,7 +68,7 @@ class Kalman:
         self.whole = Extended(folder, self.candidates)
         self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
         self.late = Late(self.whole, list(self.outputs))
-        self.substeps, self.linear = 1, False
+        self.substeps = 1
         self.extra = (0.0, 0.0)  # of all outputs: late by so much (s), and a drift, beside the parameters
         self.scale = np.array([v.nominal or 1.0 for v in self.model.states])
         self._begins: tuple[bytes, np.ndarray] | None = None
@@ -245,15 +245,15 @@ class Kalman:
         late_out = {n: self.late.of_output(n, p) for n in self.outputs}
         if any(self.extra):
             late_out = {n: (d + self.extra[0], drift + self.extra[1]) for n, (d, drift) in late_out.items()}
-        key = (k, self.linear, tuple(late_in.items()), tuple(late_out.items()))
+        key = (k, tuple(late_in.items()), tuple(late_out.items()))
         if key not in self._kept:
             if len(self._kept) > KEPT:
                 self._kept.clear()
             record, own = self.records[k], self.model.inputs
             time, step = record.time, np.arange(len(record.time))
-            if self.model.kind == "continuous" and not self.linear:
+            if self.model.kind == "continuous":
                 time, step = record.parts(late_in)
-            u = [record.input(v.name, v.start, late_in.get(v.name, 0.0), self.linear, time) for v in own]
+            u = [record.input(v.name, v.start, late_in.get(v.name, 0.0), time) for v in own]
             seen = [record.output(n, late_out[n]) for n in self.outputs]
             pushes = np.zeros((len(self.places), len(time)))
             lengths = np.diff(time, append=record.time[-1] + record.steps[-1])

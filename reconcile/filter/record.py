@@ -43,14 +43,14 @@ class Record:
         """
         return self._kept(("parts", *late.items()), lambda: self._parts(late))
 
-    def input(self, name: str, default: float, late: float, linear: bool, time: np.ndarray) -> np.ndarray:
+    def input(self, name: str, default: float, late: float, time: np.ndarray) -> np.ndarray:
         """An input [m] over each part that begins at `time` [m], `late` (s)."""
         signal = self.run.inputs.get(name)
         if signal is None:
             return np.full(len(time), default)
         edges = np.append(time, self.time[-1] + self.steps[-1])
         return self._kept(
-            (name, late, linear, len(time), float(time.sum())), lambda: _means(signal, edges - late, linear)
+            (name, late, len(time), float(time.sum())), lambda: Held(signal).means(edges - late)
         )
 
     def output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -97,21 +97,6 @@ class Record:
         y[k[order]] = signal.values[order]
         early[k[order]] = (self.time[k] - true)[order]
         return y, early
-
-
-def _means(signal, edges: np.ndarray, linear: bool) -> np.ndarray:
-    """Mean of a signal between edges: held between its samples, or a straight line."""
-    if not linear:
-        return Held(signal).means(edges)
-    t, v = signal.time, signal.values
-    t = np.concatenate([[t[0] - 1e6], t, [t[-1] + 1e6]])
-    v = np.concatenate([[v[0]], v, [v[-1]]])
-    area = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (v[1:] + v[:-1]))])
-    k = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 2)
-    past = edges - t[k]
-    slope = (v[k + 1] - v[k]) / np.maximum(t[k + 1] - t[k], 1e-300)
-    area = area - np.interp(edges[0], t, area)
-    return np.diff(area[k] + past * (v[k] + 0.5 * slope * past)) / np.diff(edges)
 
 
 def records(runs: Sequence[Run], blocks: Mapping[str, Sequence[Block]], most: int) -> list[Record]:

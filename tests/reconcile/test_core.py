@@ -17,7 +17,7 @@ from reconcile.model import Folder
 from reconcile.screen import Screen
 from tests.reconcile import models
 from tests.reconcile.answers import cored, fitted, recorded, rig
-from tests.reconcile.truth import DT, PERIOD, Truth, coulomb
+from tests.reconcile.truth import Truth, coulomb
 
 FRICTION = "coulomb_friction@v"
 FEW = (FRICTION, "quadratic_drag@v", "stiffness@v", "sensor_scale@velocity", "constant_load@v")
@@ -29,19 +29,6 @@ def friction() -> Beam:
     beam = Beam(cored(recorded(Truth(**coulomb(1.0)), seconds=20.0, seed=4), *FEW))
     beam.run()
     return beam
-
-
-@pytest.mark.parametrize("straight", [False, True])
-def test_an_input_is_taken_as_a_straight_line_between_samples_where_it_was_one(straight: bool):
-    """A force that is sent is held until the next sample; one that is measured goes on."""
-
-    def between(u: np.ndarray) -> np.ndarray:
-        per = round(PERIOD / DT)
-        return np.interp(np.arange(len(u)), per * np.arange(len(u) // per), u[::per])
-
-    truth = Truth(inputs=between) if straight else Truth()
-    core = cored(recorded(truth, seconds=20.0, seed=4), FRICTION)
-    assert core.kalman.linear is straight
 
 
 # ---------------------------------------------------------------- fit
