@@ -21,7 +21,14 @@ from orchestrator.core import native
 SINK = 0xFFFFFFFF  # SLW_SINK
 TARGET = 0x80000000  # SLW_TARGET
 ALGORITHM = {"jacobi": 0, "gauss-seidel": 1, "iterate": 2, "adaptive": 3}  # slw_algorithm
-CLOCK_KIND = {"grid": 0, "periodic": 1, "fixed": 2, "tunable": 3, "changing": 4, "countdown": 5}  # slw_clock_kind
+CLOCK_KIND = {
+    "grid": 0,
+    "periodic": 1,
+    "fixed": 2,
+    "tunable": 3,
+    "changing": 4,
+    "countdown": 5,
+}  # slw_clock_kind
 DONE, FAILED, ENDED = range(3)  # slw_outcome
 SET, GET = range(2)  # slw_direction
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.core import binding
 from orchestrator.core.binding import BlockStatistics, Statistics
-from orchestrator.fmi.component import runs_here
+from orchestrator.fmi.component import Component, runs_here
 from orchestrator.fmi.instance import LIMIT_S, Instance
 from orchestrator.fmi.model_description import REALS
 from orchestrator.fmi.variable import BLOBS, ERROR, HUNG, STATUS, Scalar, Value
@@ -284,6 +284,8 @@ class Master:
             binding.BAD_TIME: f"it says that it reached t = {failure.told:.12g} s in a step from "
             f"{failure.from_s:.12g} s to {failure.to_s:.12g} s",
         }
+        if failure.what in (binding.BAD_INTERVAL, binding.CLOCK_INSIDE):
+            return self._clock(failure)
         if failure.what == binding.NO_CONVERGENCE:
             return self._not_converged(failure)
         if failure.what in words:
@@ -293,6 +295,22 @@ class Master:
         asked = {binding.DOING_SET: "set an input", binding.DOING_GET: "get an output"}.get(failure.what)
         doing = f", asked to {asked}," if asked and STATUS[failure.status] == "discard" else ""
         return f"the FMU{doing} returned {instance.status_text(failure.status)}"
+
+    def _clock(self, failure: Any) -> str:
+        """What is wrong with the times of a clock."""
+        component = self.system.components[self.layout.blocks[failure.block].component]
+        name = next((v.name for v in component.model.variables.values() if v.vr == failure.clock), None)
+        if failure.what == binding.CLOCK_INSIDE:
+            return _inside(component, name, failure.from_s)
+        told = failure.told
+        what = {0: "that its interval is not yet known", -1: f"a shift of {told:g} s"}.get(
+            failure.qualifier, f"an interval of {told:g} s"
+        )
+        if failure.qualifier not in (-1, 0, 1, 2):
+            what = f"its interval with the unknown qualifier {failure.qualifier}"
+        kind = component.timed[name].kind if name and name in component.timed else "periodic"
+        valid = VALID_TIMES[kind]
+        return f"at t = {failure.from_s:.9g} s the FMU tells of {kind} clock {name} {what}; valid: {valid}"
 
     def _not_converged(self, failure: Any) -> str:
         settings = self.options.settings
@@ -344,6 +362,24 @@ class Master:
         else:
             values = [str(x) for x in self.plan.integers[slot.first : slot.first + slot.size]]
         return values[0] if slot.size == 1 else f"({', '.join(values)})"
+
+
+VALID_TIMES = {
+    **dict.fromkeys(("periodic", "fixed", "tunable"), "positive intervals, shifts of 0 or more"),
+    "changing": "intervals of 0 or more",
+    "countdown": "intervals of 0 or more, or not yet known",
+}
+
+
+def _inside(component: Component, name: str | None, time: float) -> str:
+    internal = component.model.fixed_internal_step_s if component.model.variable_step else None
+    parts = (
+        f"only in steps of {internal:g} s (fixedInternalStepSize)"
+        if internal
+        else ("not (canHandleVariableCommunicationStepSize); a shorter step of the system may meet it")
+    )
+    clock = f"clock {name}" if name else "a clock of another component that it is connected with"
+    return f"{clock} ticks at t = {time:.9g} s, inside a step, which its FMU can divide {parts}"
 
 
 def _shown(value: Value) -> Value:
