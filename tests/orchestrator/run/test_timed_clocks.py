@@ -25,16 +25,16 @@ def run(
 ) -> tuple[list[float], list[float]]:
     """How often k had ticked at each tick of the system, and when last."""
     given = {f"beats.{name}": value for name, value in parameters.items()}
-    more = {"algorithm": algorithm} if algorithm else {}
-    record = simulate(load_system(fmu), ticks, parameters=given, record=RECORD, trust=trust, **more)
+    chosen = algorithm or None
+    record = simulate(load_system(fmu), ticks, parameters=given, record=RECORD, trust=trust, algorithm=chosen)
     assert record.column("beats.x") == pytest.approx([STEP_S * n for n in range(ticks + 1)], abs=1e-12)
     return record.column("beats.ticks").tolist(), record.column("beats.last").tolist()
 
 
-def failed(fmu: Path, ticks: int = 5, **parameters: float) -> str:
+def failed(fmu: Path, **parameters: float) -> str:
     given = {f"beats.{name}": value for name, value in parameters.items()}
     with pytest.raises(RunError) as caught:
-        simulate(load_system(fmu), ticks, parameters=given, trust=True)
+        simulate(load_system(fmu), 5, parameters=given, trust=True)
     return str(caught.value)
 
 
