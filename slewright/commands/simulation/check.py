@@ -56,7 +56,9 @@ def check(
         show("Terminals", ["terminal", "kind", "rule", "members"], rows)
     clocks = [_clock(c["name"], k) for c in found["components"] for k in c["clocks"]]
     if clocks:
-        show("Clocks", ["clock", "causality", "interval", "every [s]", "from [s]", "priority", "ticks"], clocks)
+        show(
+            "Clocks", ["clock", "causality", "interval", "every [s]", "from [s]", "priority", "ticks"], clocks
+        )
     logged = [(c["name"], *row) for c in found["components"] for row in c["log_categories"].items()]
     if logged:
         show("Log categories", ["component", "category", "what it logs"], logged)
