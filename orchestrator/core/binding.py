@@ -20,6 +20,7 @@ from orchestrator.core import native
 
 SINK = 0xFFFFFFFF  # SLW_SINK
 TARGET = 0x80000000  # SLW_TARGET
+NO_CLOCK = 0xFFFFFFFF  # SLW_NO_CLOCK
 ALGORITHM = {"jacobi": 0, "gauss-seidel": 1, "iterate": 2, "adaptive": 3}  # slw_algorithm
 CLOCK_KIND = {
     "grid": 0,
@@ -127,6 +128,7 @@ PROTOTYPES: dict[str, tuple[object, ...]] = {  # name: (result, *arguments)
     "parameter": (c_bool, CORE, c_int64, c_uint32, c_int, c_uint32, c_int64),
     "clock": (c_bool, CORE, c_uint32, c_uint32, c_int64, c_int64),
     "timed_clock": (c_bool, CORE, c_uint32, c_uint32, c_int, c_bool, c_double, c_double),
+    "clock_told": (c_bool, CORE, c_uint32, c_uint32),
     "parts": (c_bool, CORE, c_uint32, c_double),
     "source_clock": (c_bool, CORE, c_uint32, c_uint32),
     "target_clock": (c_bool, CORE, c_uint32, c_uint32, c_uint32, c_uint32, POINTER(c_uint32)),

@@ -10,7 +10,7 @@ bool slw_fail(slw_core *core, slw_what what, slw_status status, const slw_block 
   slw_failure *f = &core->failure;
   f->what = what, f->status = status, f->cell = cell;
   f->block = b ? (uint32_t)(b - core->blocks) : SLW_SINK;
-  f->tick = core->failure.tick;
+  f->tick = core->failure.tick, f->clock = SLW_NO_CLOCK;
   f->time = core->start_s + (f->tick < 0 ? 0.0 : (double)f->tick * core->step_s);
   return false;
 }
@@ -100,7 +100,7 @@ static bool tick_due(slw_core *core, slw_block *b, double time) {
     if (!slw_own_tick(core, b, time) || !settle(core, b, time)) return false;
     if (!slw_own_due(core, b, SLW_INSIDE, time)) return true;
   }
-  return slw_fail(core, SLW_NO_PROGRESS, SLW_OK, b, 0);
+  return slw_timed_endless(core, b, time, 0.0);
 }
 
 bool slw_block_tick_clocks(slw_core *core, slw_block *b) {
@@ -171,7 +171,7 @@ static bool meet_clocks(slw_core *core, slw_block *b, double t, double *h, doubl
   double stop = end;
   if (!slw_timed_part(core, b, t, end, &stop)) return false;
   for (uint32_t i = 0; stop < end && slw_timed_near(core, stop, t); i++) {
-    if (i == MAX_EVENT_ITERATIONS) return slw_fail(core, SLW_NO_PROGRESS, SLW_OK, b, 0);
+    if (i == MAX_EVENT_ITERATIONS) return slw_timed_endless(core, b, t, 0.0);
     slw_own_due(core, b, SLW_INSIDE, t);
     if (!enter(core, b) || !tick_due(core, b, t) || !leave(core, b)) return false;
     if (!slw_timed_part(core, b, t, end, &stop)) return false;
@@ -191,7 +191,7 @@ static bool step_to(slw_core *core, slw_block *b, double t, double h, double end
     idle = reached > t + least ? 0 : idle + 1;
     if (reached > t) t = reached, h = end - t;
   }
-  return slw_fail(core, SLW_NO_PROGRESS, SLW_OK, b, 0);
+  return slw_timed_endless(core, b, t, least);
 }
 
 bool slw_block_step(slw_core *core, slw_block *b, double t, double h) {

@@ -120,6 +120,18 @@ static slw_block *still_busy(slw_core *core) {
   return b;
 }
 
+/* False: names a clock that ticked others in the last iteration, else one of a block that wants another. */
+static bool endless(slw_core *core, double time) {
+  slw_timed_endless(core, still_busy(core), time, 0.0);
+  for (slw_block *b = core->blocks; b < core->blocks + core->n_blocks; b++)
+    for (uint32_t i = 0; i < b->n_sources; i++)
+      if (b->sources[i].active) {
+        core->failure.block = (uint32_t)(b - core->blocks), core->failure.clock = b->sources[i].vr;
+        return false;
+      }
+  return false;
+}
+
 bool slw_clocks_run(slw_core *core, int64_t tick, double time) {
   bool more = false;
   for (slw_block *b = core->blocks; b < core->blocks + core->n_blocks; b++) {
@@ -128,7 +140,7 @@ bool slw_clocks_run(slw_core *core, int64_t tick, double time) {
     more = more || b->takes_part;
   }
   for (int i = 0; more; i++) {
-    if (i == MAX_EVENT_ITERATIONS) return slw_fail(core, SLW_NO_PROGRESS, SLW_OK, still_busy(core), 0);
+    if (i == MAX_EVENT_ITERATIONS) return endless(core, time);
     if (!read_sources(core, time) || !tick_targets(core, time) || !update(core, time, &more)) return false;
   }
   return leave(core);
@@ -138,13 +150,14 @@ bool slw_clocks_run(slw_core *core, int64_t tick, double time) {
 
 #define EACH(b) for (slw_block *b = core->blocks; b < core->blocks + core->n_blocks; b++) if (b->connected)
 
-/* The first instant between t and `end` at which a clock of any connected block ticks; all of them step to it. */
-static bool next_instant(slw_core *core, double t, double end, double *stop) {
+/* The first instant between t and `end` at which a clock of any connected block ticks (`first`'s, if there is one);
+ * all of them step to it. */
+static bool next_instant(slw_core *core, double t, double end, double *stop, slw_block **first) {
   *stop = end;
   EACH(b) {
     double own = end;
     if (!slw_timed_part(core, b, t, end, &own)) return false;
-    if (own < *stop) *stop = own;
+    if (own < *stop) *stop = own, *first = b;
   }
   return true;
 }
@@ -152,7 +165,9 @@ static bool next_instant(slw_core *core, double t, double end, double *stop) {
 static bool step_together(slw_core *core, double t, double stop, double end) {
   EACH(b) {
     if (stop < end && !slw_may_part(core, b, t, stop)) return false;
+    const double before = core->timing ? slw_clock_s() : 0.0;
     if (!slw_block_step(core, b, t, stop - t)) return false;
+    if (core->timing) b->count.seconds += slw_clock_s() - before;
   }
   return true;
 }
@@ -160,10 +175,11 @@ static bool step_together(slw_core *core, double t, double stop, double end) {
 bool slw_clocks_advance(slw_core *core) {
   const double end = slw_time_of(core, core->tick + 1);
   double t = slw_time(core), stop;
+  slw_block *first = NULL;
   EACH(b) if (!slw_block_set(core, b)) return false;
   for (uint32_t i = 0; !core->ended; i++) {
-    if (i == MAX_INSTANTS) return slw_fail(core, SLW_NO_PROGRESS, SLW_OK, NULL, 0);
-    if (!next_instant(core, t, end, &stop)) return false;
+    if (!next_instant(core, t, end, &stop, &first)) return false;
+    if (i == MAX_INSTANTS && stop < end) return slw_timed_endless(core, first, t, stop - t);
     if (stop > t && !step_together(core, t, stop, end)) return false;
     if (stop >= end) break;
     if (!slw_clocks_run(core, SLW_INSIDE, stop)) return false;

@@ -89,7 +89,8 @@ bool slw_core_parts(slw_core *core, uint32_t block, double part_s);
 bool slw_core_source_clock(slw_core *core, uint32_t block, uint32_t vr);
 bool slw_core_target_clock(slw_core *core, uint32_t block, uint32_t vr, uint32_t source_block, uint32_t source_vr,
                            uint32_t *number);
-/* As slw_core_group, for variables that clock `clock_vr` clocks, which they move with: set before it ticks, got after. */
+/* As slw_core_group, for variables that clock `clock_vr` clocks, which they move with: set before it ticks, got
+ * after. */
 bool slw_core_clocked(slw_core *core, uint32_t block, slw_direction direction, uint32_t clock_vr, slw_type type,
                       size_t n_vr, const uint32_t *vr, size_t n, uint32_t first_cell);
 
@@ -151,6 +152,8 @@ typedef struct {
 } slw_failure;
 /* After SLW_ENDED: `block` says whose FMU asked. */
 const slw_failure *slw_core_failure(const slw_core *core);
+/* Whether a clock of slw_core_timed_clock has ticked, or will at a time that is known. */
+bool slw_core_clock_told(const slw_core *core, uint32_t block, uint32_t vr);
 
 /* ---- beside a run, from another thread ---- */
 

@@ -348,6 +348,13 @@ bool slw_core_timed_clock(slw_core *core, uint32_t block, uint32_t vr, slw_clock
   return true;
 }
 
+bool slw_core_clock_told(const slw_core *core, uint32_t block, uint32_t vr) {
+  const slw_block *b = block < core->n_blocks ? &core->blocks[block] : NULL;
+  for (uint32_t i = 0; b && i < b->n_clocks; i++)
+    if (b->clocks[i].vr == vr) return b->clocks[i].ever || b->clocks[i].next.known;
+  return false;
+}
+
 bool slw_core_parts(slw_core *core, uint32_t block, double part_s) {
   if (!known(core, block)) return false;
   core->blocks[block].part_s = part_s;

@@ -62,6 +62,7 @@ typedef struct {
   double shift_s;          /* the others */
   slw_schedule next;
   bool due, ticked, active; /* within one instant: is to tick, has ticked, ticks in its present iteration */
+  bool ever;               /* it ticked in this run */
   slw_group *sets, *gets;  /* what it clocks and is connected, or read */
   uint32_t n_sets, n_gets;
 } slw_own_clock;
@@ -236,13 +237,16 @@ bool slw_groups_finite(slw_core *core, const slw_block *b, const slw_group *grou
 #define SLW_INSIDE (-1) /* as tick: an instant inside a step, where no clock of the grid ticks */
 bool slw_timed_start(slw_core *core, slw_block *b);             /* in initialisation mode: first times */
 bool slw_timed_ask(slw_core *core, slw_block *b, double time);  /* after an event: times that have changed */
-bool slw_own_due(slw_core *core, slw_block *b, int64_t tick, double time); /* notes who is to tick; whether anybody is */
+/* Notes who is to tick; whether anybody is. */
+bool slw_own_due(slw_core *core, slw_block *b, int64_t tick, double time);
 bool slw_activate(slw_core *core, slw_block *b, uint32_t vr, double time); /* a clock */
 bool slw_own_tick(slw_core *core, slw_block *b, double time);   /* those who are; of scheduled execution the first one */
 /* Where a step from t to `end` is divided: at the first tick inside it, or not at all. */
 bool slw_timed_part(slw_core *core, slw_block *b, double t, double end, double *stop);
 bool slw_may_part(slw_core *core, slw_block *b, double t, double stop);
 bool slw_timed_near(const slw_core *core, double a, double b);  /* whether two times are one */
+/* False: events without end, of a clock if one ticks at `time` or up to `within_s` later. */
+bool slw_timed_endless(slw_core *core, slw_block *b, double time, double within_s);
 
 /* clocks.c: an instant, after the step that led to it. */
 bool slw_clocks_run(slw_core *core, int64_t tick, double time);

@@ -32,7 +32,8 @@
 static const char *const call_names[SLW_N_CALLS] = {
     "instantiate", "enterConfigurationMode", "exitConfigurationMode", "enterInitializationMode",
     "exitInitializationMode", "set", "get", "doStep", "getStatus", "enterEventMode", "updateDiscreteStates",
-    "enterStepMode", "getInterval", "getShift", "getFMUState", "setFMUState", "freeFMUState", "serializedFMUStateSize", "serializeFMUState",
+    "enterStepMode", "getInterval", "getShift", "getFMUState", "setFMUState", "freeFMUState",
+    "serializedFMUStateSize", "serializeFMUState",
     "deserializeFMUState", "getDirectionalDerivative", "terminate", "reset", "doStep", "freeInstance"};
 
 typedef struct {

@@ -53,7 +53,8 @@ static uint64_t check_of(const slw_core *core, const char *bytes, size_t size) {
   uint64_t hash = hashed(UINT64_C(0xcbf29ce484222325), &core->step_s, sizeof core->step_s);
   for (const slw_block *b = core->blocks; b < core->blocks + core->n_blocks; b++) {
     hash = hashed(hash, &b->multiple, sizeof b->multiple);
-    for (uint32_t i = 0; b->timed && i < b->n_clocks; i++) hash = hashed(hash, &b->clocks[i].vr, sizeof b->clocks[i].vr);
+    for (uint32_t i = 0; b->timed && i < b->n_clocks; i++)
+      hash = hashed(hash, &b->clocks[i].vr, sizeof b->clocks[i].vr);
     hash = hashed_groups(hashed_groups(hash, b->sets, b->n_sets), b->gets, b->n_gets);
   }
   hash = hashed(hash, &core->max_halvings, sizeof core->max_halvings);

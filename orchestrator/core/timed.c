@@ -85,7 +85,8 @@ bool slw_timed_start(slw_core *core, slw_block *b) {
   return true;
 }
 
-/* After an event: a tunable interval may have changed, a changing one has if the clock ticked, a countdown may be known. */
+/* After an event: a tunable interval may have changed, a changing one has if the clock ticked, a countdown may be
+ * known. */
 static bool tell(slw_core *core, slw_block *b, slw_own_clock *c, double time) {
   slw_interval found;
   if (c->kind == SLW_CHANGING && !c->ticked) return true;
@@ -133,7 +134,7 @@ static bool move(slw_core *core, slw_block *b, slw_group *groups, uint32_t n, bo
 }
 
 static void ticked(slw_own_clock *c) {
-  c->due = false, c->ticked = c->active = true;
+  c->due = false, c->ticked = c->active = c->ever = true;
   if (periodic(c)) c->next.n++;
   else c->next.known = false;
 }
@@ -174,10 +175,21 @@ static const slw_own_clock *first_before(const slw_block *b, double end) {
   return first;
 }
 
+#define COUNTED 1e6 /* parts: more of them are told apart from whole ones by nothing */
+
+static bool is_whole(double parts) {
+  return parts > COUNTED || slw_abs(parts - (double)(int64_t)(parts + 0.5)) <= 1e-6 * slw_max(parts, 1.0);
+}
+
+bool slw_timed_endless(slw_core *core, slw_block *b, double time, double within_s) {
+  const slw_own_clock *c = b->timed ? first_before(b, time + within_s + ABSOLUTE * core->step_s) : NULL;
+  return refused(core, b, SLW_NO_PROGRESS, c, time);
+}
+
 bool slw_may_part(slw_core *core, slw_block *b, double t, double stop) {
   if (b->part_s == 0.0) return true;
-  const double parts = (stop - t) / b->part_s, whole = (double)(int64_t)(parts + 0.5);
-  if (b->part_s > 0.0 && slw_abs(parts - whole) <= 1e-6 * slw_max(parts, 1.0)) return true;
+  const double parts = (stop - t) / b->part_s;
+  if (b->part_s > 0.0 && is_whole(parts)) return true;
   return refused(core, b, SLW_CLOCK_INSIDE, NULL, stop);
 }
 

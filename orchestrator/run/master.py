@@ -229,8 +229,22 @@ class Master:
     # ---- what came of it ----
 
     def messages(self) -> dict[str, list[str]]:
-        """What FMUs logged, by component, as far as it is kept."""
-        return {i.name: log for i in self.instances if (log := i.log())}
+        """What FMUs logged, by component, as far as it is kept, and which of their clocks were never told."""
+        found = {
+            instance.name: [*instance.log(), *self._untold(number)]
+            for number, instance in enumerate(self.instances)
+        }
+        return {name: lines for name, lines in found.items() if lines}
+
+    def _untold(self, number: int) -> list[str]:
+        """Countdown clocks of a component that wait for ever."""
+        component = self.system.components[self.layout.blocks[number].component]
+        return [
+            f"countdown clock {name} never ticked: the FMU did not tell an interval"
+            for name, clock in component.timed.items()
+            if clock.kind == "countdown"
+            and not self.library.slw_core_clock_told(self.core, number, component.model.variables[name].vr)
+        ]
 
     def texts(self, names: Sequence[str]) -> dict[str, Value]:
         """Present values of strings and binaries (hexadecimal) by component.variable."""
@@ -284,7 +298,8 @@ class Master:
             binding.BAD_TIME: f"it says that it reached t = {failure.told:.12g} s in a step from "
             f"{failure.from_s:.12g} s to {failure.to_s:.12g} s",
         }
-        if failure.what in (binding.BAD_INTERVAL, binding.CLOCK_INSIDE):
+        named = failure.what == binding.NO_PROGRESS and failure.clock != binding.NO_CLOCK
+        if named or failure.what in (binding.BAD_INTERVAL, binding.CLOCK_INSIDE):
             return self._clock(failure)
         if failure.what == binding.NO_CONVERGENCE:
             return self._not_converged(failure)
@@ -302,6 +317,8 @@ class Master:
         name = next((v.name for v in component.model.variables.values() if v.vr == failure.clock), None)
         if failure.what == binding.CLOCK_INSIDE:
             return _inside(component, name, failure.from_s)
+        if failure.what == binding.NO_PROGRESS:
+            return f"at t = {failure.from_s:.9g} s clock {name} ticks without end"
         told = failure.told
         what = {0: "that its interval is not yet known", -1: f"a shift of {told:g} s"}.get(
             failure.qualifier, f"an interval of {told:g} s"

@@ -60,8 +60,11 @@ def test_a_countdown_of_zero_ticks_in_the_same_instant_and_one_without_end_is_na
     fmu = beats(tmp_path, CHANGING)
     ticks, last = run(fmu, 3, interval=0.0, growth=0.015)  # at 0, 0.015, 0.045
     assert (ticks, last) == ([0, 2, 2, 3], pytest.approx([0, 0.015, 0.015, 0.045]))
-    assert "component beats failed in the step from t = 0 s" in failed(fmu, interval=0.0)
-    assert "iterates events without end" in failed(beats(tmp_path, COUNTDOWN), interval=0.0)
+    for endless in (fmu, beats(tmp_path, COUNTDOWN)):
+        message = failed(endless, interval=0.0)
+        assert (
+            "component beats failed in the step from t = 0 s: at t = 0 s clock k ticks without end" in message
+        )
 
 
 def test_fixed_and_tunable_clocks_without_a_stated_interval_are_asked_for_it(tmp_path: Path) -> None:
@@ -113,6 +116,29 @@ def test_steps_that_are_taken_back_take_their_clocks_back(tmp_path: Path, algori
     assert found[1] == pytest.approx(expected[1])
 
 
+def test_each_sweep_of_iterate_samples_what_was_there_at_the_tick(tmp_path: Path) -> None:
+    ends = [*(connector(n, "input") for n in "uw"), connector("x", "output")]
+    fmus = {"one": beats(tmp_path, '"constant" intervalDecimal="0.02"', name="one")}
+    parts = [component(name, "one", *ends) for name in "ab"]
+    links = [connection("a.x", f"b.{name}") for name in "uw"]  # w moves with every step, and is iterated
+    text = ssd(parts, links, step=str(STEP_S), version="2.0")
+    statistics: dict = {}
+    record = simulate(
+        load_system(write_ssp(tmp_path, text, fmus)), 4, record=["b.seen"], trust=True, algorithm="iterate",
+        statistics=statistics,
+    )  # fmt: skip
+    assert statistics["sweeps"] > 4
+    assert record.column("b.seen") == pytest.approx([0, 0, 0.02, 0.04, 0.06])
+
+
+def test_a_countdown_that_waits_for_ever_is_said(tmp_path: Path) -> None:
+    system = load_system(beats(tmp_path, COUNTDOWN))
+    said = [
+        simulate(system, 3, parameters={"beats.go": go}, trust=True).meta.get("messages") for go in (9, 3)
+    ]  # known at 0.18 s, and at 0.06 s, the end
+    assert said == [{"beats": ["countdown clock k never ticked: the FMU did not tell an interval"]}, None]
+
+
 @pytest.mark.parametrize(
     ("kind", "given", "words"),
     [
@@ -125,7 +151,7 @@ def test_steps_that_are_taken_back_take_their_clocks_back(tmp_path: Path, algori
         (FIXED, {"shift": -1.0}, "fixed clock k a shift of -1 s"),
         (CHANGING, {"qualifier": 0}, "changing clock k that its interval is not yet known"),
         (CHANGING, {"qualifier": 7}, "its interval with the unknown qualifier 7"),
-        (CHANGING, {"interval": 1e-9, "growth": 0.0}, "the FMU does not advance"),
+        (CHANGING, {"interval": 1e-9, "growth": 0.0}, "s clock k ticks without end"),
     ],
 )  # fmt: skip
 def test_times_at_which_no_clock_ticks_are_refused_by_component_clock_and_time(
@@ -217,3 +243,10 @@ def test_all_that_are_connected_must_be_able_to_divide_their_steps(tmp_path: Pat
     assert "a clock of another component that it is connected with ticks at t = 0.013 s" in str(caught.value)
     with pytest.raises(InputError, match="algorithm 'gauss-seidel' cannot divide; valid: jacobi"):
         pair(tmp_path, CHANGING, "gauss-seidel")
+
+
+def test_a_clock_that_ticks_too_often_beside_others_is_named(tmp_path: Path) -> None:
+    with pytest.raises(
+        RunError, match=r"component a failed in the step from t = 0 s: at t = .* s clock k ticks"
+    ):
+        simulate(pair(tmp_path, CHANGING), 1, parameters={"a.interval": 1e-9, **NEVER}, trust=True)
