@@ -7,7 +7,9 @@ import tempfile
 import threading
 import time
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -40,10 +42,10 @@ def run_fmus(wanted: Sequence[Fault], count: int, seed: int, report: Report) -> 
     outcomes = []
     for number, fault in enumerate(wanted):
         report(fault.name, number, len(wanted))
-        random, outcome = np.random.default_rng([seed, number]), Outcome(fault)
-        for time_ in range(count):
+        random, outcome = np.random.default_rng([seed, zlib.crc32(fault.name.encode())]), Outcome(fault)
+        for k in range(count):
             with tempfile.TemporaryDirectory() as folder:
-                _inject(fault, Path(folder), random, outcome, time_)
+                _inject(fault, Path(folder), random, outcome, k)
         outcomes.append(outcome)
     return outcomes
 
@@ -152,19 +154,16 @@ DAMAGES: dict[str, Damage] = {
 
 
 def _unpacked(content: bytes) -> Files:
-    with tempfile.TemporaryFile() as file:
-        file.write(content)
-        with zipfile.ZipFile(file) as archive:
-            return {n: archive.read(n) for n in archive.namelist() if not n.endswith("/")}
+    with zipfile.ZipFile(BytesIO(content)) as archive:
+        return {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
 
 
 def _packed(files: Files) -> bytes:
-    with tempfile.TemporaryFile() as file:
-        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in files.items():
-                archive.writestr(name, content)
-        file.seek(0)
-        return file.read()
+    file = BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return file.getvalue()
 
 
 # ---- FMUs that fail in a run ----
