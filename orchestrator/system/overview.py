@@ -78,30 +78,24 @@ def _kind(component: Component) -> str:
 def _clock(component: Component, variable: Variable) -> dict[str, Any]:
     """A clock as it is stated, and who ticks it."""
     clock = variable.clock or ClockInfo("")
-    if variable.name in component.clocks:
-        ticks = "with the steps"
-    elif variable.name in component.timed:
-        ticks = (
-            "at stated times"
-            if component.timed[variable.name].kind == "periodic"
-            else "at times that its FMU tells"
-        )
-    else:
-        ticks = "by connection" if variable.causality == "input" else "by its FMU"
-    stated = (
-        {}
-        if clock.interval_s is None
-        else {"interval_s": float(clock.interval_s), "shift_s": float(clock.shift_s)}
-    )
-    priority = {"priority": clock.priority} if component.model.scheduled else {}
-    return {
+    found: dict[str, Any] = {
         "name": variable.name,
         "causality": variable.causality,
         "interval": clock.interval_variability,
-        **stated,
-        **priority,
-        "ticks": ticks,
     }
+    if clock.interval_s is not None:
+        found |= {"interval_s": float(clock.interval_s), "shift_s": float(clock.shift_s)}
+    if component.model.scheduled:
+        found["priority"] = clock.priority
+    return found | {"ticks": _ticks(component, variable)}
+
+
+def _ticks(component: Component, variable: Variable) -> str:
+    if variable.name in component.clocks:
+        return "with the steps"
+    if timed := component.timed.get(variable.name):
+        return "at stated times" if timed.kind == "periodic" else "at times that its FMU tells"
+    return "by connection" if variable.causality == "input" else "by its FMU"
 
 
 def _component(component: Component, step_s: float) -> dict[str, Any]:
