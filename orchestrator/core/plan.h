@@ -158,7 +158,6 @@ struct slw_core {
   uint32_t n_blocks;
   slw_target_clock *targets;
   uint32_t n_targets;
-  bool timed_instants;     /* connected blocks have clocks that tick at times of their own */
   int fmi_version;         /* of all blocks; 0: both */
   slw_copy *copies;        /* plain systems: moves without conversion */
   size_t n_copies;
@@ -183,6 +182,7 @@ struct slw_core {
   bool logs;
   slw_pacing *pace;
   bool timing, ended, initialised;
+  bool timed_instants; /* connected blocks have clocks that tick at times of their own */
   uint64_t size; /* of the adaptive step, in units of step_s / 2^(max_halvings + 1) */
   slw_cell *scratch; /* SCRATCH_ARENAS copies of all cells, for rollbacks and loops */
   slw_statistics count;
