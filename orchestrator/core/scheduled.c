@@ -81,7 +81,8 @@ static bool note(slw_fmu *fmu, uint32_t vr, double time) {
   size_t k = 0;
   while (k < s->n_last && s->last[k].vr != vr) k++;
   if (k < s->n_last && !(s->last[k].time < time)) {
-    slw_fmu_logf(fmu, "clock %u ticks twice at t = %.9g s, which scheduled execution does not allow", vr, time);
+    slw_fmu_logf(fmu, "the clock of value reference %u ticks twice at t = %.9g s, which scheduled execution does not allow",
+                 vr, time);
     return false;
   }
   if (k == s->n_last) {
@@ -101,8 +102,8 @@ static slw_status run_partition(slw_fmu *fmu, uint32_t vr, double time) {
   if (s->worst > status) status = s->worst;
   if (status == SLW_DISCARD) status = SLW_ERROR;
   if (locks == 0) return status;
-  slw_fmu_logf(fmu, "the partition of clock %u ends at t = %.9g s with %d preemption locks %s", vr, time,
-               locks > 0 ? locks : -locks, locks > 0 ? "held" : "too few");
+  slw_fmu_logf(fmu, "the partition of the clock of value reference %u ends at t = %.9g s with %d preemption locks %s",
+               vr, time, locks > 0 ? locks : -locks, locks > 0 ? "held" : "too few");
   return status > SLW_WARNING ? status : SLW_WARNING;
 }
 

@@ -71,7 +71,7 @@ def test_a_countdown_of_zero_runs_next_and_before_what_is_less_urgent(tmp_path: 
 
 def test_what_the_standard_forbids_is_named(tmp_path: Path) -> None:
     twice = scheduled(tmp_path, '"changing"')
-    with pytest.raises(RunError, match=r"clock 10 ticks twice at t = 0\.01 s"):
+    with pytest.raises(RunError, match=r"the clock of value reference 10 ticks twice at t = 0\.01 s"):
         simulate(twice, 3, parameters={"beats.interval": 0.01, "beats.growth": -0.01}, trust=True)
     with pytest.raises(
         RunError, match="component beats failed in the step from t = 0 s: the FMU returned error"
@@ -90,7 +90,7 @@ def test_a_lock_that_is_not_given_back_is_said(tmp_path: Path) -> None:
             statistics=statistics,
         )
         said = json.dumps(record.meta)
-        assert "the partition of clock 10 ends at t = 0 s with 1 preemption locks held" in said
+        assert "the partition of the clock of value reference 10 ends at t = 0 s with 1 preemption locks held" in said
         assert statistics["components"]["beats"]["warnings"] == 1
 
 
