@@ -90,7 +90,7 @@ def test_a_lock_that_is_not_given_back_is_said(tmp_path: Path) -> None:
             statistics=statistics,
         )
         said = json.dumps(record.meta)
-        assert "the partition of the clock of value reference 10 ends at t = 0 s with 1 preemption locks held" in said
+        assert "value reference 10 ends at t = 0 s with 1 preemption locks held" in said
         assert statistics["components"]["beats"]["warnings"] == 1
 
 
