@@ -218,7 +218,7 @@ class Beam:
         return grown
 
     def _same(self, a: Attached, other: Attached, values: Values) -> Values:
-        """An effect's values as another one's parameters: those of the same names, or all of the same units."""
+        """An effect's values as another one's parameters: by name, or else by unit."""
         own, wanted = a.effect.parameters, other.effect.parameters
         units = {p.name: p.unit for p in own}
         if all(units.get(q.name) == q.unit for q in wanted):
