@@ -43,8 +43,16 @@ class Beam:
         return Shapes(self.core)
 
     def run(self) -> list[Key]:
-        """Fitted sets, most evidence first."""
+        """Search and settle: fitted sets, most evidence first."""
+        self.search()
+        return self.settle()
+
+    def search(self, known: Sequence[Point] = ()) -> None:
+        """Fit sets that may be the best one; `known`: those of a search with another noise, tried as well."""
         self.points[frozenset()] = self.core.base
+        for point in known:
+            own = effects(point.values, point.present)
+            self.fit(frozenset(point.present), point.present, [point.values], fresh=own)
         self._grow([frozenset()], 0)
         self.report("best sets again")
         self._refresh()
@@ -53,9 +61,13 @@ class Beam:
             self.report("sets of 1, with a quiet disturbance")
             self._grow(self._quietly(), 1)
             self._mend()
-        self.report("settling")
-        self._settle()
-        return self.ranked()
+
+    def foremost(self) -> list[Point]:
+        """The best sets of effects, for a search with another noise."""
+        ranked = [k for k in self.ranked() if k]
+        return [
+            self.points[k] for k in ranked[:FRESH] if self.evidence(k) > self.evidence(ranked[0]) - BEHIND
+        ]
 
     def _grow(self, kept: list[Key], first: int) -> None:
         """Add one effect to each of the best sets, level by level, as long as it is worth it."""
@@ -115,8 +127,9 @@ class Beam:
                 point = self.points[key]
                 self.fit(key, point.present, [], fresh=effects(point.values, point.present))
 
-    def _settle(self) -> None:
+    def settle(self) -> list[Key]:
         """Fit the best sets to the end, also from less noise: one that has not settled looks worse."""
+        self.report("settling")
         done: set[Key] = set()
         while todo := [k for k in self._foremost() if k not in done]:
             key = todo[0]
@@ -127,18 +140,24 @@ class Beam:
             if key == self.ranked()[0]:
                 for a in key:  # an effect that is not there looks needed while the rest has not settled
                     self.refit(key, tuple(x for x in point.present if x != a), False, LONG)
+        return self.ranked()
 
     def _foremost(self) -> list[Key]:
         """The best sets, and the best one with one effect less, or a limit, kin or twin in its place."""
         ranked = self.ranked()
         simpler = [ranked[0] - {a} for a in ranked[0]]
         known = [k for k in (*ranked[:SETTLED], *simpler) if k in self.points]
-        simpler += [twin for k in known for a in k for twin in self._twins(k, a)]
+        simpler += [twin for k in known for a in k if self._earns(k, a) for twin in self._twins(k, a)]
         simpler += [k for a in ranked[0] if (k := self._simpler(ranked[0], a)) is not None]
         simpler += [k for a in ranked[0] for k in self._kin(ranked[0], a)]
         least = self.evidence(ranked[0]) - BEHIND
         near = [k for k in (*ranked[:SETTLED], *simpler) if k in self.points and self.evidence(k) > least]
         return list(dict.fromkeys(near))
+
+    def _earns(self, key: Key, a: Attached) -> bool:
+        """Whether a set is likelier with an effect than without it."""
+        less = key - {a}
+        return less not in self.points or self.evidence(key) > self.evidence(less)
 
     def _kin(self, key: Key, a: Attached) -> list[Key]:
         """Sets with another effect of the same kind in an effect's place, from the same values.
@@ -199,15 +218,18 @@ class Beam:
         return grown
 
     def _same(self, a: Attached, other: Attached, values: Values) -> Values:
-        """Parameters of another effect with the values of an effect's, where both have the same units."""
-        own, left = a.effect.parameters, list(other.effect.parameters)
-        found = {}
-        for p in own:
-            twin = next((q for q in left if q.unit == p.unit), None)
+        """An effect's values as another one's parameters: by name, or else by unit."""
+        own, wanted = a.effect.parameters, other.effect.parameters
+        units = {p.name: p.unit for p in own}
+        if all(units.get(q.name) == q.unit for q in wanted):
+            return {other.name(q.name): values[a.name(q.name)] for q in wanted}
+        left, found = list(own), {}
+        for q in wanted:
+            twin = next((p for p in left if p.unit == q.unit), None)
             if twin is not None:
                 left.remove(twin)
-                found[other.name(twin.name)] = values[a.name(p.name)]
-        return found if len(found) == len(own) and not left else {}
+                found[other.name(q.name)] = values[a.name(twin.name)]
+        return found if len(found) == len(wanted) and not left else {}
 
     def _simpler(self, key: Key, a: Attached) -> Key | None:
         """The set with what an effect becomes in a limit in its place."""

@@ -32,6 +32,7 @@ class Floor:
 
 STEPPED = 0.03  # deviations by which innovations may depend on the filter's own steps
 STEPPED_NATS = 0.02  # the same, nats a sample: few that are far off do not show in most of them
+MOST_SUBSTEPS = 32  # of a step
 BEGUN, BEGUN_SHARE = 8, 0.02  # samples, beside one a state, that are not scored; at most that share of a run
 QUIET = 0.2  # of the noise of the motion, from which fits begin as well
 
@@ -152,7 +153,7 @@ class Core:
             self.kalman.substeps = max(1, round(self.period / self.model.step))
             return
         before = None
-        for n in (1, 2, 4, 8, 16, 32):
+        for n in (2**k for k in range(MOST_SUBSTEPS.bit_length())):
             self.kalman.substeps = n
             found = self.fitter.innovations(self.values, ())
             if found and before:
@@ -198,6 +199,8 @@ class Core:
             self.base_free = self._free.of_base()
             self.base = self._base_fit(first)
             self.values = self.base.values
+            if first:  # with the noise that was found, smaller errors of a step show
+                self._choose_substeps()
 
     def _base_fit(self, first: bool) -> Point:
         """The model without effects: from where it is; at `first` also with less noise, for slow motion."""
@@ -208,6 +211,9 @@ class Core:
             start = self.values | less | {v.name: v.start for v in self.model.parameters}
             points.append(self.fitter.fit_staged(start, (), free, 25, own=True, every=2))
         found = [p for p in points if p is not None]
+        if not found and self.model.kind == "continuous" and self.kalman.substeps < MOST_SUBSTEPS:
+            self.kalman.substeps *= 2
+            return self._base_fit(first)
         if not found:
             raise InputError(self._runs_away())
         return min(found, key=lambda p: p.total)

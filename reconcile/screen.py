@@ -27,7 +27,7 @@ class Scored:
     values: Values
     separable: bool = True
     start: int = 0  # which of the effect's starts it is
-    fits: bool = True  # whether these values are likelier than none of it
+    whole: float = 0.0  # nats that these values gain, all else as it is; below nothing they are far too much
 
 
 class Screen:
@@ -60,7 +60,11 @@ class Screen:
             if found is not None:
                 tried.append(replace(found, start=k))
         best = max(tried, key=lambda s: s.gain, default=None)
-        return self._at_its_size(best) if best and not best.fits and best.gain >= WORTH else best
+        if best is None or best.whole >= 0.0 or best.gain < WORTH:
+            return best
+        # slopes far from what is there promise anything: of the starts that promise enough the least wrong
+        nearest = max((s for s in tried if s.gain >= WORTH), key=lambda s: s.whole)
+        return self._at_its_size(nearest)
 
     def _starts(self, a: Attached) -> list[Values]:
         """Starts of an effect's parameters: those of the catalogue, and what the missing force suggests."""
@@ -162,7 +166,7 @@ class Screen:
         gain = max(whole, linear) - len(a.effect.parameters)
         if c[0, 0] <= SEPARABLE * own[0, 0] or own[0, 0] < 1e-9:
             return Scored(a, -np.inf, on, False)
-        return Scored(a, gain, on, fits=whole >= 0.0)
+        return Scored(a, gain, on, whole=whole)
 
     def _gained(self, there: tuple[np.ndarray, np.ndarray]) -> float:
         """Nats by which innovations elsewhere are likelier than the point's."""

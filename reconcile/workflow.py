@@ -18,7 +18,7 @@ from reconcile import (
     untold,
     verdict as verdicts,
 )
-from reconcile.ahead import noise
+from reconcile.ahead import ahead, noise
 from reconcile.answer import Answer
 from reconcile.beam import Beam
 from reconcile.core import Core
@@ -132,29 +132,37 @@ def examine(
 def _searched(
     folder: Folder, given: Sequence[Sequence[Run]], said: Report, names: Mapping[str, str] | None = None
 ) -> Answer:
-    """The search, and once more with as little noise as the model's own error by then allows.
+    """The search, and again with as little noise as the model's own error by then allows.
 
     Small effects show with less noise only; what acts seldom may be found only with more.
     """
     said("filtering")
     parts = split(*given)
-    core, best = Core(folder, parts), None
-    if asked := mistaken.evident(core, names):
+    beam = Beam(Core(folder, parts), said)
+    if asked := mistaken.evident(beam.core, names):
         raise InputError(asked)
-    while True:
-        beam = Beam(core, said)
-        beam.run()
-        said("judging")
-        judge = Judge(beam)
-        judged = judge.decide()
-        if best is None or judged.answer:
-            best = Answer(core, beam, judged)
-        error = math.hypot(judge.ahead(judged.answer), noise(core, beam.points[judged.answer]))
-        share = max(OF_ERROR * error, LEAST_FLOOR)
-        if share >= 0.5 * core.share:
-            return best
+    beam.search()
+    before = None
+    while (share := _least_noise(beam)) < 0.5 * beam.core.share:
         said("again, with less noise")
-        core = Core(folder, parts, floor=share)
+        before, beam = beam, Beam(Core(folder, parts, floor=share), said)
+        beam.search(before.foremost())
+    answer = _judged(beam, said)
+    if before is None or answer.present:
+        return answer
+    return _judged(before, said)
+
+
+def _least_noise(beam: Beam) -> float:
+    """The least noise of an output, of its spread, that the error of the best set allows."""
+    best = beam.points[beam.ranked()[0]]
+    return max(OF_ERROR * math.hypot(ahead(beam.core, best), noise(beam.core, best)), LEAST_FLOOR)
+
+
+def _judged(beam: Beam, said: Report) -> Answer:
+    beam.settle()
+    said("judging")
+    return Answer(beam.core, beam, Judge(beam).decide())
 
 
 def told(answer: Answer, figures: dict[str, Any]) -> dict[str, Any]:

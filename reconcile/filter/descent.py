@@ -105,7 +105,7 @@ class Descent:
     def jump(self) -> float:
         """Nats gained by delays that are some samples longer or shorter, all else giving way; 0 if none is.
 
-        Between samples the inputs are blurred, so that small steps do not lead from one to the next.
+        Where an input is rough, small steps of its delay do not lead from one good value to the next.
         """
         z, _, information, held = self._state()
         before, best, period = self.at.total, self.at, self.fitter.period

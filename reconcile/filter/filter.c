@@ -36,6 +36,7 @@ Function kf_f, kf_fj, kf_dry, kf_post, kf_hj, kf_in, kf_first;
 
 typedef struct {
   int steps, substeps, active;
+  double step;                    /* length of a step that has `substeps`; shorter ones have fewer */
   const int *state;               /* [active] */
   const double *u;                /* NU a step */
   const double *m;                /* NM a step */
@@ -276,14 +277,26 @@ static void follow(double *total, const double *phi, int n) {
   memcpy(total, t, sizeof(double) * (size_t)(n * wide));
 }
 
-/* All substeps of a step, and the covariance P with them, if any; s: what they were made with. */
-static int advance(const Run *run, double *x, const double *u, const double *m, double dt, double *P, Slopes *s,
-                   double *total) {
-  static double posted[NX], px[NX * NX], full[NX * N], phi[NX * N], f[NX];
+/* All substeps of a step under the inputs `given`, with the disturbances w, if any, and the covariance P with them, if any; s:
+ * what they were made with.  The memories of inputs move too; u: what the model felt last. */
+static int advance(const Run *run, double *x, const double *given, const double *w, double *memory, double *u,
+                   const double *m, double *P, Slopes *s, double *total) {
+  static double posted[NX], px[NX * NX], full[NX * N], phi[NX * N], f[NX], row[NU], next[NI + 1];
   const int n = run->active, wide = n + NW, *at = run->state;
-  const double h = dt / run->substeps;
-  for (int q = 0; q < run->substeps; q++) {
+  const double dt = given[DT];
+  const int substeps = DISCRETE || dt >= run->step ? run->substeps : (int)ceil(run->substeps * dt / run->step - 1e-6);
+  const double h = dt / substeps;
+  memcpy(row, given, sizeof row);
+  if (!DISCRETE) row[DT] = h;
+  for (int q = 0; q < substeps; q++) {
     const int again = q == 0 || DISCRETE;
+    if (q == 0 || (NI && !DISCRETE)) {
+      const double *arg[4] = {memory, row, m, run->p};
+      double *res[2] = {u, next};
+      kf_in(arg, res, iscratch, scratch, 0);
+      if (NI) memcpy(memory, next, sizeof(double) * NI);
+      for (int i = 0; w && i < NW; i++) u[W0 + i] += w[i];
+    }
     if (again && !linearise(run, x, u, m, h, s, P != 0)) return 0;
     if (!again) call(kf_f, x, u, m, run->p, f, 0, 0);
     if (P) memcpy(phi, s->phi, sizeof(double) * (size_t)(n * wide));
@@ -291,6 +304,7 @@ static int advance(const Run *run, double *x, const double *u, const double *m, 
     if (P) spread(P, phi, n);
     if (total) follow(total, phi, n);
   }
+  u[DT] = dt;
   if (!POSTS) return 1;
   call(kf_post, x, u, m, run->p, posted, px, 0);
   if (P) {
@@ -442,18 +456,14 @@ EXPORT int run_filter(const Run *run) {
     const int window = run->window ? run->window[k] : 0;
     if (k > 0) {
       const double *before = run->u + (size_t)(k - 1) * NU, *m = run->m + (size_t)(k - 1) * NM, dt = before[DT];
-      const double *arg[4] = {memory, before, m, run->p};
-      double *res[2] = {u, next};
-      kf_in(arg, res, iscratch, scratch, 0);
-      if (NI) memcpy(memory, next, sizeof(double) * NI);
       if (window) {
         if (window != run->window[k - 1]) memcpy(alone, x, sizeof x);
-        if (!advance(run, alone, u, m, dt, 0, &slopes, 0)) return k;
+        memcpy(next, memory, sizeof memory);
+        if (!advance(run, alone, before, 0, next, u, m, 0, &slopes, 0)) return k;
       }
-      for (int i = 0; i < NW; i++) u[W0 + i] += w[i];
       double *total = run->phi ? run->phi + (size_t)k * (size_t)(wide * wide) : run->de ? stepped : 0;
       for (int i = 0; total && i < wide * wide; i++) total[i] = i % (wide + 1) == 0;
-      if (!advance(run, x, u, m, dt, P, &slopes, total)) return k;
+      if (!advance(run, x, before, w, memory, u, m, P, &slopes, total)) return k;
       if (run->de) {
         noise_move(total, n);
         noise_shake(run, slopes.b, dt, w, P);
@@ -471,7 +481,9 @@ EXPORT int run_filter(const Run *run) {
     if (window && run->free) shown(run, alone, k ? last : u, u, m, run->free + (size_t)k * NY, hx, hw);
     if (window && run->zfree) memcpy(run->zfree + (size_t)k * NX, alone, sizeof alone);
     for (int i = 0; i < NW; i++) u[W0 + i] = now[W0 + i] + w[i];
-    shown(run, x, k ? last : u, u, m, y, hx, hw);
+    int seen_any = 0;
+    for (int o = 0; o < NY; o++) seen_any |= !isnan(run->y[(size_t)k * NY + (size_t)o]);
+    if (seen_any) shown(run, x, k ? last : u, u, m, y, hx, hw);
     memset(moved, 0, sizeof moved);
     for (int o = 0; o < NY; o++) {
       const double seen = run->y[(size_t)k * NY + (size_t)o];

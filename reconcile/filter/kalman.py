@@ -20,6 +20,7 @@ from reconcile.reach import behind, felt
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
 NOTHING = np.empty((0, 0))
+FOLLOWED = 4  # substeps, at least, where an effect of an input moves within a step
 SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 
 
@@ -67,7 +68,7 @@ class Kalman:
         self.whole = Extended(folder, self.candidates)
         self.places = [a.name for a in folder.ports.axes] + list(self.pushed_states)
         self.late = Late(self.whole, list(self.outputs))
-        self.substeps, self.linear = 1, False
+        self.substeps = 1
         self.extra = (0.0, 0.0)  # of all outputs: late by so much (s), and a drift, beside the parameters
         self.scale = np.array([v.nominal or 1.0 for v in self.model.states])
         self._begins: tuple[bytes, np.ndarray] | None = None
@@ -115,17 +116,22 @@ class Kalman:
             "white": np.array([values[WHITE + n] for n in self.places]),
             "r": np.array([values.get(NOISE + n, 1.0) ** 2 for n in self.outputs]),
         }
+        substeps = self.substeps
+        if self.model.kind == "continuous" and any(a in part.library.stepped.memories for a in present):
+            substeps = max(substeps, FOLLOWED)
         found = []
         for k in range(len(self.records)):
-            u, y = self._rows(k, full)
+            u, y, step = self._rows(k, full)
             x0, p0 = self._start(part, p, y)
             self.runs_done += 1
-            more = {"u": u, "m": self.modes[k], "y": y, "x0": x0, "p0": p0}
+            parted = np.diff(step, prepend=-1) == 0  # rows without a sample: a part of a step after the first
+            more = {"u": u, "m": self.modes[k][step], "y": y, "x0": x0, "p0": p0}
             run = part.library.run(
-                self.substeps,
+                substeps,
+                self.records[k].period_s,
                 active,
                 given | more,
-                None if windows is None else windows[k],
+                None if windows is None else windows[k][np.minimum(step + parted, len(windows[k]) - 1)],
                 states or smooth,
                 smooth,
                 by_noise,
@@ -135,7 +141,8 @@ class Kalman:
             if smooth:
                 columns = np.concatenate([active, part.library.nx + np.arange(part.library.nw)])
                 run["z"], run["v"] = smoothed(run, columns)
-            found.append(Filtered(**{n: run.get(n, NOTHING) for n in SHOWN}, y=y))
+            whole = {n: run[n][~parted] if n in run else NOTHING for n in SHOWN}
+            found.append(Filtered(**whole, y=y[~parted]))
         return found
 
     def over(self, records: Sequence[Record]) -> "Kalman":
@@ -165,7 +172,8 @@ class Kalman:
         found = []
         full = np.array([values[n] for n in self.whole.index])
         for k, states in enumerate(z):
-            x, u = states[:, : part.library.nx].T, self._rows(k, full)[0].T
+            rows, _, step = self._rows(k, full)
+            x, u = states[:, : part.library.nx].T, rows[np.diff(step, prepend=-1) > 0].T
             n, m = x.shape[1], self.modes[k].T
             rates = [np.asarray(stages["kf_f"].map(n)(x, u, m, np.repeat(q[:, None], n, 1))) for q in (p, p0)]
             dry = np.asarray(stages["kf_dry"].map(n)(x, u, m, np.repeat(p[:, None], n, 1)))
@@ -228,24 +236,32 @@ class Kalman:
         pushed = [i for i in every if model.states[i].name in axes]
         return sorted(behind(felt(model, model.f, model.symbols[0]).T, pushed))
 
-    def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """u [n, NU] and y [n, NY] of a recording for the delays among the parameters [NP]."""
+    def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """u [m, NU] and y [m, NY] of a recording for the delays among the parameters [NP], and the steps [m].
+
+        A step in which an input changes has a row for each of its parts; only the first has samples.
+        """
         late_in = {self.model.inputs[i].name: d for i, d in self.late.of_inputs(p).items()}
         late_out = {n: self.late.of_output(n, p) for n in self.outputs}
         if any(self.extra):
             late_out = {n: (d + self.extra[0], drift + self.extra[1]) for n, (d, drift) in late_out.items()}
-        key = (k, self.linear, tuple(late_in.items()), tuple(late_out.items()))
+        key = (k, tuple(late_in.items()), tuple(late_out.items()))
         if key not in self._kept:
             if len(self._kept) > KEPT:
                 self._kept.clear()
             record, own = self.records[k], self.model.inputs
-            u = [record.input(v.name, v.start, late_in.get(v.name, 0.0), self.linear) for v in own]
+            time, step = record.time, np.arange(len(record.time))
+            if self.model.kind == "continuous":
+                time, step = record.parts(late_in)
+            u = [record.input(v.name, v.start, late_in.get(v.name, 0.0), time) for v in own]
             seen = [record.output(n, late_out[n]) for n in self.outputs]
-            clock = record.time - record.run.began_s
-            pushes = np.zeros((len(self.places), len(clock)))
-            early = [e for _, e in seen]
-            rows = np.vstack([*u, clock, pushes, record.steps, *early])
-            self._kept[key] = np.ascontiguousarray(rows.T), np.column_stack([y for y, _ in seen])
+            pushes = np.zeros((len(self.places), len(time)))
+            lengths = np.diff(time, append=record.time[-1] + record.steps[-1])
+            first = np.searchsorted(step, np.arange(len(record.time)))
+            y, early = np.full((len(time), len(seen)), np.nan), np.zeros((len(time), len(seen)))
+            y[first], early[first] = (np.column_stack(columns) for columns in zip(*seen, strict=True))
+            rows = np.vstack([*u, time - record.run.began_s, pushes, lengths, *early.T])
+            self._kept[key] = np.ascontiguousarray(rows.T), y, step
         return self._kept[key]
 
     def _start(self, part: _Part, p: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -28,6 +28,7 @@ class _Run(ctypes.Structure):
         ("steps", ctypes.c_int),
         ("substeps", ctypes.c_int),
         ("active", ctypes.c_int),
+        ("step", ctypes.c_double),
         ("state", ctypes.c_void_p),
         *((n, ctypes.c_void_p) for n in (*POINTERS, *RESULTS, *BY_NOISE, *SLOPES)),
     )
@@ -49,6 +50,7 @@ class Library:
     def run(
         self,
         substeps: int,
+        step: float,
         state: np.ndarray,
         given: dict[str, np.ndarray],
         window: np.ndarray | None = None,
@@ -57,6 +59,8 @@ class Library:
         by_noise: Sequence[np.ndarray] | None = None,
     ) -> dict[str, np.ndarray] | None:
         """Innovations `e`, variances `s` [steps, NY]; on demand `z`, `v` [steps, NX + NW], `free`, `zfree`.
+
+        `step` (s) is the length of one that has `substeps`; shorter ones have fewer.
 
         With `by_noise`, slopes of sigma, keep, white and r [NW or NY, K] by parameters of the noise, those of
         e and log s too: `de`, `ds` [steps, NY, K].  None where the states run away.
@@ -80,7 +84,7 @@ class Library:
         held["state"] = np.ascontiguousarray(state, np.int32)
         if window is not None:
             held["window"] = np.ascontiguousarray(window, np.int32)
-        run = _Run(steps=steps, substeps=substeps, active=len(state))
+        run = _Run(steps=steps, substeps=substeps, active=len(state), step=step)
         for n, a in (held | found).items():
             setattr(run, n, a.ctypes.data)
         done = self._library.run_filter(ctypes.byref(run))

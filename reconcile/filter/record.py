@@ -11,6 +11,8 @@ from reconcile.held import Held
 
 KEPT = 200  # rows of signals, by their delays, that are kept
 NEAR = 0.51  # of a step, by which a sample may be away from it
+MOST_CHANGES = 3  # of inputs a step: where they change more often, each step has their mean
+CLOSE = 1e-3  # of a step, by which an input may change before or after it without a step of its own
 
 
 @dataclass(frozen=True)
@@ -29,9 +31,27 @@ class Record:
         """Lengths of the steps [n] (s)."""
         return np.diff(self.time, append=2.0 * self.time[-1] - self.time[-2])
 
-    def input(self, name: str, default: float, late: float, linear: bool) -> np.ndarray:
-        """An input [n] over each step, `late` (s)."""
-        return self._kept((name, late, linear), lambda: self._input(name, default, late, linear))
+    @property
+    def period_s(self) -> float:
+        """Median length of a step."""
+        return float(np.median(np.diff(self.time)))
+
+    def parts(self, late: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """When a step or a part of it begins [m] (s), and which step it is a part of [m].
+
+        A part ends where an input that holds its values changes, with the delays `late` (s).
+        """
+        return self._kept(("parts", *late.items()), lambda: self._parts(late))
+
+    def input(self, name: str, default: float, late: float, time: np.ndarray) -> np.ndarray:
+        """An input [m] over each part that begins at `time` [m], `late` (s)."""
+        signal = self.run.inputs.get(name)
+        if signal is None:
+            return np.full(len(time), default)
+        edges = np.append(time, self.time[-1] + self.steps[-1])
+        return self._kept(
+            (name, late, len(time), float(time.sum())), lambda: Held(signal).means(edges - late)
+        )
 
     def output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         """Samples of an output [n] (NaN: none) and by how much they are earlier than their step (s).
@@ -48,12 +68,20 @@ class Record:
             self.made[key] = make()
         return self.made[key]
 
-    def _input(self, name: str, default: float, late: float, linear: bool) -> np.ndarray:
-        signal = self.run.inputs.get(name)
-        if signal is None:
-            return np.full(len(self.time), default)
-        edges = np.append(self.time, self.time[-1] + self.steps[-1])
-        return _means(signal, edges - late, linear)
+    def _parts(self, late: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        changes = [
+            signal.time[1:][np.diff(signal.values) != 0.0] + late.get(name, 0.0)
+            for name, signal in self.run.inputs.items()
+        ]
+        every = np.unique(np.concatenate([*changes, np.empty(0)]))
+        every = every[(every > self.time[0]) & (every < self.time[-1])]
+        step = np.searchsorted(self.time, every, side="right") - 1
+        past, least = every - self.time[step], CLOSE * self.steps[step]
+        inside = (past > least) & (past < self.steps[step] - least)
+        if inside.sum() > MOST_CHANGES * len(self.time):
+            inside[:] = False
+        time = np.sort(np.concatenate([self.time, every[inside]]))
+        return time, np.searchsorted(self.time, time, side="right") - 1
 
     def _output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         y, early = np.full(len(self.time), np.nan), np.zeros(len(self.time))
@@ -69,21 +97,6 @@ class Record:
         y[k[order]] = signal.values[order]
         early[k[order]] = (self.time[k] - true)[order]
         return y, early
-
-
-def _means(signal, edges: np.ndarray, linear: bool) -> np.ndarray:
-    """Mean of a signal between edges: held between its samples, or a straight line."""
-    if not linear:
-        return Held(signal).means(edges)
-    t, v = signal.time, signal.values
-    t = np.concatenate([[t[0] - 1e6], t, [t[-1] + 1e6]])
-    v = np.concatenate([[v[0]], v, [v[-1]]])
-    area = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (v[1:] + v[:-1]))])
-    k = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 2)
-    past = edges - t[k]
-    slope = (v[k + 1] - v[k]) / np.maximum(t[k + 1] - t[k], 1e-300)
-    area = area - np.interp(edges[0], t, area)
-    return np.diff(area[k] + past * (v[k] + 0.5 * slope * past)) / np.diff(edges)
 
 
 def records(runs: Sequence[Run], blocks: Mapping[str, Sequence[Block]], most: int) -> list[Record]:

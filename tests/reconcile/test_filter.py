@@ -24,6 +24,7 @@ from tests.reconcile import models
 from tests.reconcile.truth import Truth, record
 
 MASS, DRAG, STIFFNESS = 2.0, 1.5, 8.0
+QUICK = 100.0  # the drag with which a speed dies away within a step
 SIGMA, TAU, WHITE, OUT = 0.7, 0.3, 0.2, 0.01
 GAMMA = 1.0 - np.sqrt(0.5)
 
@@ -36,8 +37,13 @@ def ros2(a: np.ndarray) -> np.ndarray:
     return top @ bottom @ bottom
 
 
-def textbook(time: np.ndarray, force: np.ndarray, y: np.ndarray, p0: np.ndarray, substeps: int):
-    """Innovations and variances [n, 2] of the spring with a lagged random force; NaN where missing."""
+def textbook(
+    time: np.ndarray, force: np.ndarray, y: np.ndarray, p0: np.ndarray, substeps: int, period: float
+):
+    """Innovations and variances [n, 2] of the spring with a lagged random force; NaN where missing.
+
+    A step of `period` or more has `substeps`, a shorter one fewer.
+    """
     a = np.zeros((4, 4))  # x, v, force that nobody recorded, input
     a[0, 1] = 1.0
     a[1] = [-STIFFNESS / MASS, -DRAG / MASS, 1.0 / MASS, 1.0 / MASS]
@@ -47,7 +53,8 @@ def textbook(time: np.ndarray, force: np.ndarray, y: np.ndarray, p0: np.ndarray,
     for k in range(len(time)):
         if k:
             dt = time[k] - time[k - 1]
-            phi = np.linalg.matrix_power(ros2(a * dt / substeps), substeps)
+            n = int(np.ceil(min(substeps * dt / period, substeps) - 1e-6))
+            phi = np.linalg.matrix_power(ros2(a * dt / n), n)
             keep = np.exp(-dt / TAU)
             z = phi[:3, :3] @ z + phi[:3, 3] * force[k - 1]
             p = phi[:3, :3] @ p @ phi[:3, :3].T
@@ -105,23 +112,16 @@ def test_innovations_are_those_of_a_textbook_kalman_filter(time, missing, subste
     }
     one = models.run({"force": (time, force)}, both)
     rows = models.recorded(one)
-    if missing:  # steps are those of the denser output
-        time, force, y = time[kept[1]], force[kept[1]], y[kept[1]]
     kalman = Kalman(models.spring(), (), rows, ["position", "velocity"])
     kalman.scale, kalman.substeps = np.array([0.5, 1.0]), substeps
     found = kalman.run(models.noise(kalman, SIGMA, TAU, WHITE, OUT), ())
     assert found is not None
-    if missing:  # the force goes on changing in the gap, over which the filter makes one step
-        whole = np.repeat(np.nan, len(time))
-        full = STEADY if np.array_equal(one.inputs["force"].time, STEADY) else IRREGULAR
-        for k in range(len(time) - 1):
-            inside = (full >= time[k] - 1e-12) & (full < time[k + 1] - 1e-12)
-            ends = np.append(full[inside][1:], time[k + 1])
-            whole[k] = np.sum(one.inputs["force"].values[inside] * (ends - full[inside])) / (
-                time[k + 1] - time[k]
-            )
-        force = whole
-    e, s = textbook(time, force, y, (2.0 * kalman.scale) ** 2, substeps)
+    # steps are those of the denser output; where the force changes in its gap, a step has two parts
+    changed = np.flatnonzero(np.diff(force, prepend=force[0]) != 0.0)
+    steps = np.union1d(kept[1], changed)
+    period = float(np.median(np.diff(time[kept[1]])))
+    e, s = textbook(time[steps], force[steps], y[steps], (2.0 * kalman.scale) ** 2, substeps, period)
+    e, s = (v[np.isin(steps, kept[1])] for v in (e, s))
     assert np.nanmax(np.abs(e) / np.sqrt(s)) < 4.0  # none is clipped
     np.testing.assert_allclose(found[0].e, e, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(found[0].s, s, rtol=1e-9, atol=1e-12)
@@ -271,6 +271,42 @@ def test_a_delay_of_a_fraction_of_a_sample_is_the_likeliest_there(key, late):
     assert grid[np.argmin(loss)] == pytest.approx(late, abs=0.11 * period)
     assert loss[0] > loss.min() + 100.0
     assert loss[-1] > loss.min() + 100.0
+
+
+@pytest.mark.parametrize(("name", "length"), [("input_delay", "delay"), ("input_lag", "time")])
+def test_inputs_that_change_within_a_step_move_the_model_as_they_do(name, length):
+    """Steps of 20 ms with a change in each, 7 ms late or with a lag of 7 ms: the model by itself."""
+    folder, period, late = models.spring(drag=QUICK), 0.02, 0.007
+    command = np.random.default_rng(5).uniform(-5, 5, 80)
+    time = period * np.arange(len(command))
+    nothing = np.zeros(len(time))
+    one = models.run({"force": (time, command)}, {"position": (time, nothing), "velocity": (time, nothing)})
+    (effect,) = candidates(folder, ["force", "position", "velocity"], [e for e in ALL if e.name == name])
+    kalman = Kalman(folder, (effect,), models.recorded(one), ["position", "velocity"])
+    kalman.substeps = 4
+    values = models.noise(kalman) | {effect.name(length): late, effect.name("gate"): 1.0}
+    run = kalman.run(values, (effect,), windows=[np.r_[0, np.ones(len(time) - 1, int)]])
+    assert run is not None
+    true = moved_by(command, period, late, name == "input_delay")
+    assert (
+        np.abs(run[0].zfree[1:, 1] - true[1:]).max() < 6e-3 * np.abs(true).max()
+    )  # a mean over the step: 7e-2
+
+
+def moved_by(command: np.ndarray, period: float, late: float, delayed: bool) -> np.ndarray:
+    """Speeds [n] of the quick spring at rest under a held command that arrives late, or with a lag."""
+    z, found = np.array([0.0, 0.0, command[0]]), []
+    for k, target in enumerate(command):
+        found.append(z[1])
+        before = command[max(k - 1, 0)]
+        for end, late_force in ((late, before), (period - late, target)):
+
+            def rates(_: float, z: np.ndarray, u: float = target, felt: float = late_force) -> list[float]:
+                force = felt if delayed else z[2]
+                return [z[1], (force - QUICK * z[1] - STIFFNESS * z[0]) / MASS, (u - z[2]) / late]
+
+            z = solve_ivp(rates, (0.0, end), z, rtol=1e-10, atol=1e-12).y[:, -1]
+    return np.array(found)
 
 
 @pytest.mark.parametrize(
