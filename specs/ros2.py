@@ -15,7 +15,7 @@ from specs.errors import InputError, nearest
 from specs.signals import Signal, definition
 
 PACKAGE = "slewright_msgs"
-SIGNALS, TARGET = f"{PACKAGE}/msg/Signals", f"{PACKAGE}/msg/Target"
+SIGNALS, TARGET, POLICY = (f"{PACKAGE}/msg/{name}" for name in ("Signals", "Target", "PolicyCommand"))
 MADE = "Generated from specs/signals.toml by slewright generate; do not edit."
 STANDARD = """
 builtin_interfaces/msg/Time: int32 sec, uint32 nanosec
@@ -61,6 +61,7 @@ def types() -> dict[str, Fields]:
     status = [(f"{s.name}_status", "uint8") for s in wired()]
     found[SIGNALS] = (header, ("tick", "int64"), *values, *status)
     found[TARGET] = (header, *((s.name, "bool" if s.values else "float64") for s in targets()))
+    found[POLICY] = (header, *((s.name, "float64" if s.nominal else "uint8") for s in references()))
     return found
 
 
@@ -73,6 +74,11 @@ def targets() -> list[Signal]:
     """What a publisher of Target says; its messages themselves are the sign of life."""
     counted = ("planner_heartbeat", "target_number")
     return [s for s in definition().signals.values() if s.kind == "target" and s.name not in counted]
+
+
+def references() -> list[Signal]:
+    """What a policy outside says in each message; the one without a nominal size counts its messages."""
+    return [s for s in definition().signals.values() if s.kind == "reference"]
 
 
 def fields_of(name: str) -> Fields:
@@ -127,7 +133,7 @@ def dds_type(name: str) -> str:
 def files() -> dict[str, str]:
     """The package's files: `.msg` for people who build it, `.idl` for every other DDS."""
     found = {}
-    for name in (SIGNALS, TARGET):
+    for name in (SIGNALS, TARGET, POLICY):
         plain = name.rsplit("/", 1)[1]
         found[f"{PACKAGE}/msg/{plain}.msg"] = "\n".join(_msg(name)) + "\n"
         found[f"{PACKAGE}/msg/{plain}.idl"] = "\n".join(_idl(name)) + "\n"

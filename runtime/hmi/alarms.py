@@ -98,6 +98,7 @@ FAULTS = {
     "sensor_error": "A sensor reports an error",
     "sensor_stuck": "A sensor is stuck",
     "target_timeout": "Whoever writes targets was lost",
+    "policy_timeout": "The policy outside was lost, or its commands are stale",
     "target_out_of_reach": "The target is out of reach",
     "machine_not_ready": "The machine is not ready",
     "machine_timeout": "The machine's messages stopped",

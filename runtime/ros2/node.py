@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from typing import Any
+from uuid import UUID
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.core import DDSException
@@ -17,18 +18,30 @@ from specs.ros2 import dds_type, type_hash
 
 NAME, NAMESPACE = "controller", "/slewright"
 GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+TYPE_HASH = "typehash="
 DEPTH = 8  # targets that may wait; a publisher that floods loses the older ones
 ALIVE = 16  # of an instance: its writer is there
 
 
 @dataclass(frozen=True)
 class Peer:
-    """A publisher of a topic that is subscribed to, and why it is refused; "" if it is not."""
+    """A publisher of somebody on the domain, as it announces itself; all empty once it is gone."""
 
     handle: int
-    name: str
-    refused: str
+    key: UUID | None = None
+    topic: str = ""
+    type: str = ""
+    told: str = ""  # its type's hash, among others
     gone: bool = False
+
+    def wrong(self, kind: str) -> str:
+        """Why its messages are not ours: another type, or another version of it; "" if they are."""
+        if self.type != dds_type(kind):
+            return f"it publishes {self.type}, not {dds_type(kind)}"
+        hashes = [p[len(TYPE_HASH) :] for p in self.told.split(";") if p.startswith(TYPE_HASH)]
+        if hashes and hashes[0] != type_hash(kind):
+            return f"its {kind} is of another version ({hashes[0][:15]}…, not {type_hash(kind)[:15]}…)"
+        return ""
 
 
 class Node:
@@ -47,10 +60,10 @@ class Node:
         topic = Topic(self.participant, topic_name(name), message(kind))
         self._writers[name] = DataWriter(self.participant, topic, qos(kind, depth, latched))
 
-    def subscriber(self, name: str, kind: str) -> Any:
+    def subscriber(self, name: str, kind: str, depth: int = DEPTH) -> Any:
         """Subscribe to a topic: best effort, which takes what reliable publishers send, too."""
         topic = Topic(self.participant, topic_name(name), message(kind))
-        self._readers.append(DataReader(self.participant, topic, qos(kind, DEPTH, reliable=False)))
+        self._readers.append(DataReader(self.participant, topic, qos(kind, depth, reliable=False)))
         return self._readers[-1]
 
     def publish(self, name: str, data: Any) -> None:
@@ -73,29 +86,18 @@ class Node:
         told = message(GRAPH)(gid=gid(_bytes(self.participant)), node_entities_info_seq=[node])
         self._graph.write(told)
 
-    def peers(self, name: str, kind: str) -> list[Peer]:
-        """Publishers of a topic that came or went since the last call."""
+    def peers(self) -> list[Peer]:
+        """Publishers that came or went since the last call."""
         found = []
         for sample in self._peers.take(64):
             info = sample.sample_info
             if info.instance_state != ALIVE or not info.valid_data:
-                found.append(Peer(info.instance_handle, "", "", gone=True))
-            elif sample.topic_name == topic_name(name):
-                found.append(Peer(info.instance_handle, str(sample.key), _wrong(sample, kind)))
+                found.append(Peer(info.instance_handle, gone=True))
+                continue
+            told = next((p.data for p in sample.qos if isinstance(p, Policy.Userdata)), b"")
+            said = sample.topic_name, sample.type_name, told.decode("ascii", "replace")
+            found.append(Peer(info.instance_handle, sample.key, *said))
         return found
-
-
-def _wrong(sample: Any, kind: str) -> str:
-    """Why a publisher's messages are not ours: another type, or another version of it."""
-    if sample.type_name != dds_type(kind):
-        return f"it publishes {sample.type_name}, not {dds_type(kind)}"
-    told = next((p.data for p in sample.qos if isinstance(p, Policy.Userdata)), b"").decode(
-        "ascii", "replace"
-    )
-    hashes = [part[len("typehash=") :] for part in told.split(";") if part.startswith("typehash=")]
-    if hashes and hashes[0] != type_hash(kind):
-        return f"its {kind} is of another version ({hashes[0][:15]}…, not {type_hash(kind)[:15]}…)"
-    return ""
 
 
 def _bytes(entity: Any) -> list[int]:

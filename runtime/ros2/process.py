@@ -12,7 +12,7 @@ from typing import Any
 
 from runtime.helpers import end_with, run
 from runtime.hmi.alarms import Level
-from runtime.interfaces import seats
+from runtime.interfaces import outside, seats
 from runtime.interfaces.beside import library, ready, until_told
 from runtime.interfaces.news import Line, News
 from runtime.interfaces.told import Teller
@@ -36,6 +36,7 @@ class Live:
         from runtime.ros2 import messages
         from runtime.ros2.commands import Commands
         from runtime.ros2.node import Node
+        from runtime.ros2.policy import PolicyCommands
 
         folder = Path(told["folder"])
         self._view, self._news = View.join(folder), News()
@@ -50,6 +51,8 @@ class Live:
         node.publisher(DIAGNOSTICS, DIAGNOSTIC)
         node.publisher(MODEL, "std_msgs/msg/String", latched=True)
         self._commands = Commands(node, self._seat(folder), self.tell) if told["commands"] else None
+        role = told["policy"]
+        self._policy = PolicyCommands(node, role, outside.join(folder), self.tell) if role else None
         node.announce()
         node.publish(MODEL, messages.message("std_msgs/msg/String")(data=urdf.render()))
         self._lost = False
@@ -67,8 +70,11 @@ class Live:
 
     def work(self) -> None:
         """Publish what is new, take what came."""
+        peers = self.node.peers()
         if self._commands:
-            self._commands.work()
+            self._commands.work(peers)
+        if self._policy:
+            self._policy.work(peers)
         seen = self._view.new()
         if seen:
             self._lost = False

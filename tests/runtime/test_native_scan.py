@@ -22,6 +22,7 @@ from runtime.can.wire import EXTENDED
 from runtime.canopen.cells import NODES
 from runtime.hmi.cells import HMI
 from runtime.image import INPUT, OUTPUT, TICK_S, Flag
+from runtime.interfaces.outside import COMMAND, COMMANDS
 from runtime.modbus.cells import TARGETS
 from runtime.native_scan import NativeScan, serves
 from runtime.realtime import Rights
@@ -64,16 +65,27 @@ def asked(kind: str, owner: int, alive: int, commits: int, values: Sequence[floa
     return state
 
 
+def commanded(owner: int, alive: int, values: Sequence[float]) -> np.ndarray:
+    """What a policy outside asks for; `alive` as above."""
+    state = np.zeros((), COMMAND)
+    state["made_ns"], state["owner"], state["value"] = (0, 1, NOW)[alive], owner, values
+    return state
+
+
 @st.composite
 def events(draw: st.DrawFn) -> tuple[str, Any]:
     kind = draw(
-        st.sampled_from(["frames", "frames", "regular", "regular", "page", "seat", "modbus", "silence"])
+        st.sampled_from(
+            ["frames", "frames", "regular", "regular", "page", "seat", "modbus", "outside", "silence"]
+        )
     )
     if kind == "frames":
         return kind, draw(st.lists(frames(), max_size=8))
     if kind in ("regular", "silence"):
         return kind, draw(st.integers(1, 12))
     owner, alive = draw(st.integers(0, 2)), draw(st.integers(0, 2))
+    if kind == "outside":
+        return kind, commanded(owner, alive, [draw(st.sampled_from([0.0, 0.1, -0.2])) for _ in COMMANDS])
     values = [draw(st.sampled_from([0.0, 1.0, 5.0])) for _ in NAMES]
     return kind, asked(kind, owner, alive, draw(st.integers(0, 2)), values, draw(st.integers(0, 1)))
 
@@ -81,7 +93,7 @@ def events(draw: st.DrawFn) -> tuple[str, Any]:
 def told(pair: Pair, story: Sequence[tuple[str, Any]]) -> None:
     tick = 0
     for kind, what in story:
-        if kind in ("page", "seat", "modbus"):
+        if kind in ("page", "seat", "modbus", "outside"):
             pair.write(kind, what)
         for _ in range(what if kind in ("regular", "silence") else 1):
             switches = {"operator_enable": float(tick > 4), "automatic_request": float(tick > 8)}
@@ -292,6 +304,7 @@ def test_ports_and_buses_that_c_cannot_have_are_told(tmp_path: Path) -> None:
 
 def test_layouts_are_those_of_the_cells() -> None:
     assert np.dtype(scan_layout.Targets) == TARGETS
+    assert np.dtype(scan_layout.Command) == COMMAND
     assert scan_layout.write(check=True) == []
     assert can_port.FRAMES_A_TICK <= 128
     assert round(TICK_S * 1e9) == PERIOD_NS

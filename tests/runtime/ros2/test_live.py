@@ -44,7 +44,9 @@ class Both:
 @pytest.fixture
 def run(tmp_path: Path):
     domain = next(DOMAINS)
-    with Beside("ros2", tmp_path, Both(tmp_path), domain=domain, commands=True, simulated=True) as served:
+    with Beside(
+        "ros2", tmp_path, Both(tmp_path), domain=domain, commands=True, simulated=True, policy=""
+    ) as served:
         yield served, Peer(domain)
 
 
