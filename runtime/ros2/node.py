@@ -16,7 +16,7 @@ from runtime.ros2.loopback import confine
 from runtime.ros2.wire import message, qos, topic_name
 from specs.ros2 import dds_type, type_hash
 
-NAME, NAMESPACE = "controller", "/slewright"
+CONTROLLER = "/slewright/controller"  # our node
 GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 TYPE_HASH = "typehash="
 DEPTH = 8  # targets that may wait; a publisher that floods loses the older ones
@@ -47,7 +47,9 @@ class Peer:
 class Node:
     """The participant; what cannot be written is left out, nobody is waited for."""
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, name: str = CONTROLLER) -> None:
+        """`name`: of the node, in full; `loopback.settings()` comes before the first one of a process."""
+        self.name = name
         self.participant = DomainParticipant(domain, Qos(Policy.Userdata(b"enclave=/;")))
         confine()
         self._writers: dict[str, Any] = {}
@@ -78,8 +80,9 @@ class Node:
         gid = message("rmw_dds_common/msg/Gid")
         topic = Topic(self.participant, "ros_discovery_info", message(GRAPH))
         self._graph = DataWriter(self.participant, topic, qos(GRAPH, latched=True, hashed=False))
+        space, _, plain = self.name.rpartition("/")
         node = message("rmw_dds_common/msg/NodeEntitiesInfo")(
-            node_namespace=NAMESPACE, node_name=NAME,
+            node_namespace=space or "/", node_name=plain,
             reader_gid_seq=[gid(_bytes(r)) for r in self._readers],
             writer_gid_seq=[gid(_bytes(w)) for w in self._writers.values()],
         )  # fmt: skip

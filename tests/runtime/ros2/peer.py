@@ -39,20 +39,6 @@ class Peer:
         topic = Topic(self.participant, topic_name(name), like or message(kind))
         return DataWriter(self.participant, topic, chosen or qos(kind))
 
-    def announce(self, name: str, writers: list[Any]) -> Any:
-        """Say that these publishers are those of the node `name`, as ROS 2's middleware does."""
-        from cyclonedds.pub import DataWriter
-        from cyclonedds.topic import Topic
-
-        kind, folder = "rmw_dds_common/msg/ParticipantEntitiesInfo", name.rsplit("/", 1)
-        topic = Topic(self.participant, "ros_discovery_info", message(kind))
-        gid = message("rmw_dds_common/msg/Gid")
-        node = message("rmw_dds_common/msg/NodeEntitiesInfo")(
-            folder[0] or "/", folder[1], [], [gid(list(w.guid.bytes)) for w in writers]
-        )
-        self._kept.append(DataWriter(self.participant, topic, qos(kind, latched=True, hashed=False)))
-        self._kept[-1].write(message(kind)(gid(list(self.participant.guid.bytes)), [node]))
-
 
 def target(x: float, stamp_ns: int | None = None, y: float = 1.0) -> Any:
     """A command, stamped now."""

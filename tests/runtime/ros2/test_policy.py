@@ -38,15 +38,17 @@ class Both:
 class Policy:
     """A node that publishes commands."""
 
-    def __init__(self, domain: int, name: str = ROLE, kind: str = ros2.POLICY, **chosen: Any) -> None:
-        self.peer = Peer(domain)
-        self.writer = self.peer.publisher(TOPIC, kind, **chosen)
-        self.beat = 0
-        self.node = self.peer.announce(name, [self.writer])
+    def __init__(self, domain: int, name: str = ROLE, kind: str = ros2.POLICY) -> None:
+        from runtime.ros2.node import Node
+
+        self.peer, self.beat = Peer(domain), 0
+        self.node = Node(domain, name)
+        self.node.publisher(TOPIC, kind)
+        self.node.announce()
 
     def send(self, u: float = 0.5, age_s: float = 0.0, beats: bool = True) -> None:
         self.beat = (self.beat + beats) % 251
-        self.writer.write(command(u, time.time_ns() - round(1e9 * age_s), self.beat))
+        self.node.publish(TOPIC, command(u, time.time_ns() - round(1e9 * age_s), self.beat))
 
 
 def command(u: float, stamp_ns: int, beat: int) -> Any:
@@ -108,7 +110,7 @@ def test_the_node_with_the_role_commands_until_its_commands_are_stale(run: tuple
         (lambda p: p.send(1.25), "policy_u_slew = 1.25 1: outside -1 … 1"),
         (lambda p: p.send(age_s=0.5), "s old"),
         (lambda p: p.send(age_s=-1.0), "in the future"),
-        (lambda p: p.writer.write(command(0.5, 0, 7)), "says no time"),
+        (lambda p: p.node.publish(TOPIC, command(0.5, 0, 7)), "says no time"),
     ],
 )
 def test_what_is_wrong_or_stale_does_not_count(
