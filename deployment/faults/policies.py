@@ -1,7 +1,7 @@
 """A policy outside for the faults: `python -m deployment.faults.policies DOMAIN NAME`.
 
-NAME is a fault.  A node that is well commands until a line comes on standard input; then it does what the fault
-says, until the next line.  Where the fault is somebody else's, it is a second process that attacks: `--other`.
+NAME is a fault.  A node that is well commands until a line comes on standard input; then it does what the
+fault says, until the next line.  Where the fault is somebody else's, a second process attacks: `--other`.
 """
 
 import math

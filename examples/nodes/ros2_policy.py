@@ -1,4 +1,4 @@
-"""A policy as a ROS 2 node that commands the machine: python examples/nodes/ros2_policy.py POLICY.onnx [DOMAIN]
+"""A policy as a ROS 2 node that commands: python examples/nodes/ros2_policy.py POLICY.onnx [DOMAIN]
 
 The controller runs a bundle of `slewright bundle outside` and gives the role to this node:
 

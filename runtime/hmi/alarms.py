@@ -231,6 +231,12 @@ class Alarms:
             self.version += bool(fresh)
             return fresh
 
+    def acknowledge_key(self, key: str, who: str) -> list[Alarm]:
+        """Mark the alarm of this key as seen, if there is one that was not."""
+        return [
+            a for alarm in self.unseen(None) if alarm.key == key for a in self.acknowledge(alarm.number, who)
+        ]
+
     def shelve(self, number: int, until: float, said: str) -> None:
         """Put an alarm aside until then [s, the clock of `update`]; ValueError if it is not one to put aside.
 
