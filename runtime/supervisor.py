@@ -306,7 +306,9 @@ class Supervisor:
     def _prepare_ros2(self, wanted: configuration.Ros2) -> None:
         simulated = self.wanted.can.interface == configuration.LOCAL_BUS
         told = {"domain": wanted.domain, "commands": wanted.commands, "simulated": simulated}
-        told["policy"] = wanted.policy
+        told["policy"], told["bundle"] = wanted.policy, str(self.bundle.folder.resolve())
+        told["about"] = {"controller": self.bundle.controller, "bundle": self.bundle.digest}
+        told["about"] |= {"shadow": self.wanted.shadow, "use_sim_time": False, "version": VERSION}
         self._interface("ros2", told)
 
     def _prepare_canopen(self, wanted: configuration.Canopen) -> None:

@@ -1,8 +1,8 @@
 """Who an OPC UA client is: its application certificate on a signed and encrypted channel.
 
 Certificates are those of Modbus/TLS (runtime/modbus/roles.py): issued by the authority of the configuration,
-the role in an extension.  `Planner` commands, `Operator` acknowledges alarms; everybody else, and whoever comes
-without a certificate, reads.
+the role in an extension.  `Planner` commands, `Operator` acknowledges alarms; everybody else, and whoever
+comes without a certificate, reads.
 """
 
 from collections.abc import Callable

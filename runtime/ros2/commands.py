@@ -58,6 +58,13 @@ class Commands:
             self.dropped += 1
             self._complaints.say(name, reason, now)
 
+    def stop(self, why: str) -> bool:
+        """End the right of whoever has it, or asks for it; whether somebody did."""
+        client = self._seat.client
+        self._seat.release(client, f"lost the right to command: {why}")
+        self._seat.beat(time.monotonic_ns())
+        return bool(client)
+
     def _leave(self, handle: int) -> None:
         name = self._names.pop(handle, "")
         self._refused.pop(handle, None)

@@ -1,6 +1,7 @@
 """The DDS side: a participant that looks like a ROS 2 node, its publishers and subscriber."""
 
 from dataclasses import dataclass
+from secrets import token_bytes
 from typing import Any
 from uuid import UUID
 
@@ -13,13 +14,14 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from runtime.ros2.loopback import confine
-from runtime.ros2.wire import message, qos, topic_name
+from runtime.ros2.wire import message, qos, service_topics, topic_name
 from specs.ros2 import dds_type, type_hash
 
 CONTROLLER = "/slewright/controller"  # our node
 GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 TYPE_HASH = "typehash="
 DEPTH = 8  # targets that may wait; a publisher that floods loses the older ones
+SERVICE_DEPTH = 10  # as of ROS 2's services
 ALIVE = 16  # of an instance: its writer is there
 
 
@@ -67,6 +69,25 @@ class Node:
         topic = Topic(self.participant, topic_name(name), message(kind))
         self._readers.append(DataReader(self.participant, topic, qos(kind, depth, reliable=False)))
         return self._readers[-1]
+
+    def service(self, name: str, kind: str) -> tuple[Any, Any]:
+        """Serve `kind`, PACKAGE/srv/NAME, under a name: reader of requests and writer of replies.
+
+        Clients of rmw_cyclonedds know by an id that both belong together.
+        """
+        asked, answered = service_topics(name)
+        told = f"serviceid={'.'.join(f'{b:x}' for b in token_bytes(16))};"
+        types = f"{kind}_Request", f"{kind}_Response"
+        topics = [
+            Topic(self.participant, t, message(k)) for t, k in zip((asked, answered), types, strict=True)
+        ]
+        reader, writer = (
+            of(self.participant, topic, qos(k, SERVICE_DEPTH, hashed=False, told=told))
+            for of, topic, k in zip((DataReader, DataWriter), topics, types, strict=True)
+        )
+        self._readers.append(reader)
+        self._writers[answered] = writer
+        return reader, writer
 
     def publish(self, name: str, data: Any) -> None:
         """Write; a message that finds no room is lost."""

@@ -147,6 +147,13 @@ class PolicyCommands:
         values = {s.name: float(getattr(sample, s.name)) for s in COMMANDS}
         return self._right.take(handle, publisher.name, values, now - age, now)
 
+    def stop(self, why: str) -> bool:
+        """End the right of whoever has it; whether somebody did."""
+        had = bool(self._right.handle)
+        if had:
+            self._right.end(why)
+        return had
+
     def _leave(self, handle: int) -> None:
         self._publishers.pop(handle, None)
         if handle == self._right.handle:

@@ -45,7 +45,15 @@ def test_fast_dds_reads_every_signal_and_commands(tmp_path: Path, program: Path)
     images, domain = drawn(1), next(DOMAINS)
     followed: set[tuple[float, int]] = set()
     with Beside(
-        "ros2", tmp_path, Both(tmp_path), domain=domain, commands=True, simulated=True, policy=""
+        "ros2",
+        tmp_path,
+        Both(tmp_path),
+        domain=domain,
+        commands=True,
+        simulated=True,
+        policy="",
+        bundle="",
+        about={},
     ) as served:
         served.publish(images)
 

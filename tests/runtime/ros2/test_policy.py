@@ -61,7 +61,7 @@ def command(u: float, stamp_ns: int, beat: int) -> Any:
 @pytest.fixture
 def run(tmp_path: Path):
     domain = next(DOMAINS)
-    told = {"domain": domain, "commands": False, "simulated": True, "policy": ROLE}
+    told = {"domain": domain, "commands": False, "simulated": True, "policy": ROLE, "bundle": "", "about": {}}
     with Beside("ros2", tmp_path, Both(tmp_path), **told) as served:
         yield served, domain
 
