@@ -17,6 +17,7 @@ from reconcile.filter.record import Record, records
 from reconcile.free import FreeParameters
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.noise import high_pass_level, quantum
+from reconcile.reach import Reach
 from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
 from specs.errors import InputError
 
@@ -55,6 +56,7 @@ class Core:
             raise InputError(f"the recordings hold no output of {self.model.name} that varies")
         constant = still(runs, [v.name for v in self.model.inputs])
         self.candidates = candidates(folder, sorted(recorded), catalogue, constant=constant)
+        self.reach = Reach(folder, self.outputs)
         self.records = records(runs, blocks, MOST_SAMPLES)
         self.runs = runs
         self.kalman = Kalman(folder, self.candidates, self.records, self.outputs)

@@ -208,6 +208,12 @@ _RECIPES = (
         episode_s=15.0, consecutive=0.5,
     ),
     Recipe(
+        "ppo_slew", "ours, slew-only, PPO from scratch: as ppo, the tool's swing counts less", task="slew",
+        method="ppo", weights={k: v for k, v in _OWN_PPO.items() if k != "keep_out"} | {"sway": 0.5},
+        deviation_least=0.05, asymmetric=True, spatial=True, episode_s=15.0, consecutive=0.5,
+        first=Shape(8.0, 4.0, 0.3, 0.4), last=Shape(1.0, 0.5, 0.1, 0.06), late_terms=("one_shot", "sway"),
+    ),
+    Recipe(
         "full", "ours: through the simulation's own gradient", prior="gentle", weights=_OURS, **_EVEN,
         first=Shape(5.0, 1.0, 0.2, 0.4), last=Shape(0.7, 0.5, 0.05, 0.06), curriculum=0.25,
         fade=0.99, level=2.0, spatial=True,

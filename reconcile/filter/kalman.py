@@ -4,10 +4,12 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from fmus.definition import Variable
 from reconcile.extended import Extended
 from reconcile.filter.equations import Stepped
 from reconcile.filter.late import Late
@@ -19,6 +21,7 @@ from reconcile.model import Attached, Folder
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
 NOTHING = np.empty((0, 0))
+KEPT = 200  # rows of recordings, and signals by their delay, that are kept
 SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 
 
@@ -72,6 +75,7 @@ class Kalman:
         self._begins: tuple[bytes, np.ndarray] | None = None
         self._parts: dict[frozenset, _Part] = {}
         self._kept: dict[tuple, tuple] = {}
+        self._signals: dict[tuple, Any] = {}
         self.modes: list[np.ndarray] = [self._modes(r) for r in self.records]
         self.runs_done = 0
 
@@ -140,7 +144,7 @@ class Kalman:
     def over(self, records: Sequence[Record]) -> "Kalman":
         """The same filter over other recordings."""
         other = copy(self)
-        other.records, other._kept = list(records), {}
+        other.records, other._kept, other._signals = list(records), {}, {}
         other.modes = [other._modes(r) for r in other.records]
         return other
 
@@ -240,17 +244,31 @@ class Kalman:
             late_out = {n: (d + self.extra[0], drift + self.extra[1]) for n, (d, drift) in late_out.items()}
         key = (k, self.linear, tuple(late_in.items()), tuple(late_out.items()))
         if key not in self._kept:
-            if len(self._kept) > 200:
+            if len(self._kept) > KEPT:
                 self._kept.clear()
-            record = self.records[k]
-            names = [v.name for v in self.model.inputs]
-            defaults = np.array([v.start for v in self.model.inputs])
-            u = record.inputs(names, defaults, late_in, self.linear)
-            y, early = record.outputs(self.outputs, late_out)
-            clock = (record.time - record.run.began_s)[:, None]
-            pushes = np.zeros((len(y), len(self.places)))
-            self._kept[key] = np.hstack([u, clock, pushes, record.steps[:, None], early]), y
+            record, one = self.records[k], self._signal
+            u = [one(k, v, late_in.get(v.name, 0.0)) for v in self.model.inputs]
+            seen = [one(k, n, *late_out[n]) for n in self.outputs]
+            clock = record.time - record.run.began_s
+            pushes = np.zeros((len(self.places), len(clock)))
+            early = [e for _, e in seen]
+            rows = np.vstack([*u, clock, pushes, record.steps, *early])
+            self._kept[key] = np.ascontiguousarray(rows.T), np.column_stack([y for y, _ in seen])
         return self._kept[key]
+
+    def _signal(self, k: int, v: Variable | str, late: float, drift: float = 0.0) -> Any:
+        """An input or output of a recording, kept by its delay: of several signals mostly one changes it."""
+        key = (k, v if isinstance(v, str) else v.name, late, drift, self.linear)
+        if key not in self._signals:
+            if len(self._signals) > KEPT:
+                self._signals.clear()
+            record = self.records[k]
+            self._signals[key] = (
+                record.output(v, (late, drift))
+                if isinstance(v, str)
+                else record.input(v.name, v.start, late, self.linear)
+            )
+        return self._signals[key]
 
     def _start(self, part: _Part, p: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Initial state and its variances: outputs that are states begin as recorded."""

@@ -26,39 +26,31 @@ class Record:
         """Lengths of the steps [n] (s)."""
         return np.diff(self.time, append=2.0 * self.time[-1] - self.time[-2])
 
-    def inputs(
-        self, names: Sequence[str], defaults: np.ndarray, late: Mapping[str, float], linear: bool
-    ) -> np.ndarray:
-        """Inputs [n, names] over each step, `late` (s)."""
-        u = np.repeat(defaults[None, :], len(self.time), 0)
+    def input(self, name: str, default: float, late: float, linear: bool) -> np.ndarray:
+        """An input [n] over each step, `late` (s)."""
+        signal = self.run.inputs.get(name)
+        if signal is None:
+            return np.full(len(self.time), default)
         edges = np.append(self.time, self.time[-1] + self.steps[-1])
-        for i, name in enumerate(names):
-            signal = self.run.inputs.get(name)
-            if signal is not None:
-                u[:, i] = _means(signal, edges - late.get(name, 0.0), linear)
-        return u
+        return _means(signal, edges - late, linear)
 
-    def outputs(
-        self, names: Sequence[str], late: Mapping[str, tuple[float, float]]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Samples [n, names] (NaN: none) and by how much they are earlier than their step (s).
+    def output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Samples of an output [n] (NaN: none) and by how much they are earlier than their step (s).
 
-        `late`: delay of an output (s), and what it gains per second of the recording.
+        `late`: its delay (s), and what that gains per second of the recording.
         """
-        y, early = np.full((len(self.time), len(names)), np.nan), np.zeros((len(self.time), len(names)))
-        middle = 0.5 * (self.time[1:] + self.time[:-1])
-        for o, name in enumerate(names):
-            signal = self.run.outputs.get(name)
-            if signal is None:
-                continue
-            fixed, drift = late.get(name, (0.0, 0.0))
-            true = signal.time - fixed - drift * (signal.time - self.run.began_s)
-            k = np.searchsorted(middle, true)
-            away = np.abs(self.time[k] - true)
-            order = np.argsort(-away, kind="stable")  # the nearest is written last
-            order = order[away[order] <= NEAR * self.steps[k[order]]]
-            y[k[order], o] = signal.values[order]
-            early[k[order], o] = (self.time[k] - true)[order]
+        y, early = np.full(len(self.time), np.nan), np.zeros(len(self.time))
+        signal = self.run.outputs.get(name)
+        if signal is None:
+            return y, early
+        fixed, drift = late
+        true = signal.time - fixed - drift * (signal.time - self.run.began_s)
+        k = np.searchsorted(0.5 * (self.time[1:] + self.time[:-1]), true)
+        away = np.abs(self.time[k] - true)
+        order = np.argsort(-away, kind="stable")  # the nearest is written last
+        order = order[away[order] <= NEAR * self.steps[k[order]]]
+        y[k[order]] = signal.values[order]
+        early[k[order]] = (self.time[k] - true)[order]
         return y, early
 
 
