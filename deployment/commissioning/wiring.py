@@ -262,7 +262,7 @@ def _switches() -> Iterator[Fault]:
 
 def _messages() -> Iterator[Fault]:
     for codec in received_by(NODE):
-        if codec.message.sender != "Planner":
+        if codec.message.sender not in ("Planner", "Policy"):
             yield Fault("missing", (codec.message.name,))
             if codec.message.cycle_ms <= 100:
                 yield Fault("half rate", (codec.message.name,))

@@ -36,7 +36,8 @@ def onnx(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def bundles(onnx: Path) -> dict[str, form.Bundle]:
     return {
-        engine: bundle(str(onnx), folder() / f"policy-{engine}", engine=engine) for engine in (form.NATIVE, form.ONNXRUNTIME)
+        engine: bundle(str(onnx), folder() / f"policy-{engine}", engine=engine)
+        for engine in (form.NATIVE, form.ONNXRUNTIME)
     }
 
 
