@@ -1,5 +1,6 @@
 """A policy in a ROS 2 node of its own process drives the simulated machine, and is killed."""
 
+import os
 import subprocess
 import sys
 import time
@@ -32,7 +33,7 @@ AXES = ("u_slew", "u_boom", "u_stick")
 def policy(domain: int) -> Iterator[subprocess.Popen[bytes]]:
     """The example, in a process of its own."""
     command = [sys.executable, "examples/nodes/ros2_policy.py", POLICY, str(domain)]
-    process = subprocess.Popen(command, cwd=ROOT)
+    process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)})
     try:
         yield process
     finally:
