@@ -148,9 +148,8 @@ class Beam:
         less = key - {a}
         if less not in self.points:
             return []
-        alike = self._alike(less, a)
         forms: dict[tuple[str, str], list[Scored]] = {}
-        for s in alike:
+        for s in self._alike(less, a):
             forms.setdefault((s.attached.effect.name, s.attached.port), []).append(s)
         # of every effect its best form and its simplest one: a form with more to fit may score more, and fail
         simplest = [min(own, key=lambda s: len(s.attached.effect.parameters)) for own in forms.values()]

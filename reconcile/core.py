@@ -56,7 +56,6 @@ class Core:
             raise InputError(f"the recordings hold no output of {self.model.name} that varies")
         constant = still(runs, [v.name for v in self.model.inputs])
         self.candidates = candidates(folder, sorted(recorded), catalogue, constant=constant)
-        self.reach = Reach(folder, self.outputs)
         self.records = records(runs, blocks, MOST_SAMPLES)
         self.runs = runs
         self.kalman = Kalman(folder, self.candidates, self.records, self.outputs)
@@ -81,6 +80,11 @@ class Core:
     def _begun(self, record: Record) -> int:
         """Samples of a recording in which the filter learns where it is, effects' hidden states among it."""
         return len(self.model.states) + min(BEGUN, int(BEGUN_SHARE * len(record.time)))
+
+    @cached_property
+    def reach(self) -> Reach:
+        """Which outputs an effect can move."""
+        return Reach(self.folder, self.outputs)
 
     # ---------------------------------------------------------------- sizes
 

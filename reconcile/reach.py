@@ -1,15 +1,14 @@
 """Which recorded outputs an effect can move: only effects with one in common explain the same error."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 
 import casadi as ca
 import numpy as np
 
 from fmus.definition import Model
+from reconcile.catalogue.effect import AXIS_PLACES
 from reconcile.model import Attached, Folder
-
-AXIS_PLACES = ("force", "inertia", "coupling")
 
 
 class Reach:
@@ -17,9 +16,13 @@ class Reach:
 
     def __init__(self, folder: Folder, outputs: Sequence[str]):
         self.folder, self.outputs = folder, tuple(outputs)
-        names = [v.name for v in folder.model.outputs]
-        self._states = {n: states_behind(folder.model, [names.index(n)]) for n in outputs}
-        self._inputs = {n: self._inputs_behind(names.index(n), s) for n, s in self._states.items()}
+        model = folder.model
+        x, u = model.symbols[:2]
+        (hx, fx), (hu, fu) = ([felt(model, g, by) for g in (model.h, model.f)] for by in (x, u))
+        rows = {n: model.index("outputs", n) for n in outputs}
+        self._states = {n: behind(fx, np.flatnonzero(hx[k])) for n, k in rows.items()}
+        moved = {n: hu[k] | fu[sorted(self._states[n])].any(axis=0) for n, k in rows.items()}
+        self._inputs = {n: {model.inputs[i].name for i in np.flatnonzero(m)} for n, m in moved.items()}
         self.of = cache(self._of)
 
     def common(self, a: Attached, b: Attached) -> bool:
@@ -41,24 +44,21 @@ class Reach:
             found = set()
         return frozenset(found or self.outputs)
 
-    def _inputs_behind(self, row: int, states: set[int]) -> set[str]:
-        """Inputs that an output depends on, at once or through these states."""
-        model, symbols = self.folder.model, self.folder.model.symbols
-        hu, fu = (_felt(f(*symbols), symbols[1]) for f in (model.h, model.f))
-        felt = hu[row] | fu[sorted(states)].any(axis=0)
-        return {v.name for v, moves in zip(model.inputs, felt, strict=True) if moves}
-
 
 def states_behind(model: Model, rows: Sequence[int]) -> set[int]:
     """States that outputs `rows` depend on, at once or in time."""
-    symbols = model.symbols
-    hx, fx = (_felt(f(*symbols), symbols[0]) for f in (model.h, model.f))
-    found = set(np.flatnonzero(hx[list(rows)].any(axis=0)))
-    while more := set(np.flatnonzero(fx[sorted(found)].any(axis=0))) - found:
+    x = model.symbols[0]
+    return behind(felt(model, model.f, x), np.flatnonzero(felt(model, model.h, x)[list(rows)].any(axis=0)))
+
+
+def behind(depends: np.ndarray, rows: Iterable[int]) -> set[int]:
+    """`rows`, and all that they depend on in the end; `depends` [n, n]: each row on each column."""
+    found = {int(i) for i in rows}
+    while more := {int(i) for i in np.flatnonzero(depends[sorted(found)].any(axis=0))} - found:
         found |= more
-    return {int(i) for i in found}
+    return found
 
 
-def _felt(expression: ca.SX, by: ca.SX) -> np.ndarray:
-    """[n, m] whether each row depends on each of the symbols."""
-    return np.array(ca.DM(ca.jacobian_sparsity(expression, by), 1)) != 0
+def felt(model: Model, function: ca.Function, by: ca.SX) -> np.ndarray:
+    """[n, m] whether each result of a model's function depends on each of the symbols `by`."""
+    return np.array(ca.DM(ca.jacobian_sparsity(function(*model.symbols), by), 1)) != 0

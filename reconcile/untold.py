@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 import casadi as ca
-import numpy as np
 
 from fmus.definition import Model
 from reconcile.catalogue import ALL, Effect
 from reconcile.data import Run, still
 from reconcile.model import Folder, candidates
-from reconcile.reach import states_behind
+from reconcile.reach import behind, felt, states_behind
 from reconcile.tolerances import KNOWN
 
 # Effects that only a further channel tells apart: what is lacking, and what it is then taken for.
@@ -121,8 +120,7 @@ def _advice(folder: Folder, recorded, name: str) -> dict[str, object]:
     i = model.index("parameters", name)
     f, h = model.f(*model.symbols), model.h(*model.symbols)
     outputs = [k for k, v in enumerate(model.outputs) if v.name in recorded]
-    behind = states_behind(model, outputs)
-    slope = ca.jacobian(ca.vertcat(f[sorted(behind)], h[outputs]), p[i])
+    slope = ca.jacobian(ca.vertcat(f[sorted(states_behind(model, outputs))], h[outputs]), p[i])
     if slope.nnz() == 0:
         lines = [n for n, d in model.delays.items() if d == name]
         if not lines:
@@ -142,11 +140,8 @@ def _movers(folder: Folder, symbols: set[str]) -> list[str]:
     rows = {i for i, v in enumerate(model.states) if v.name in symbols}
     if not rows or not model.inputs:
         return []
-    args = model.symbols
-    fx = np.array(ca.DM(ca.jacobian_sparsity(model.f(*args), args[0]), 1)) != 0
-    fu = np.array(ca.DM(ca.jacobian_sparsity(model.f(*args), args[1]), 1)) != 0
-    while more := {int(i) for i in np.flatnonzero(fx[sorted(rows)].any(axis=0))} - rows:
-        rows |= more
+    x, u = model.symbols[:2]
+    rows, fu = behind(felt(model, model.f, x), rows), felt(model, model.f, u)
     return [v.name for i, v in enumerate(model.inputs) if fu[sorted(rows), i].any()]
 
 

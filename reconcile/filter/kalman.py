@@ -4,24 +4,22 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from fmus.definition import Variable
 from reconcile.extended import Extended
 from reconcile.filter.equations import Stepped
 from reconcile.filter.late import Late
 from reconcile.filter.library import Library
-from reconcile.filter.record import Record
+from reconcile.filter.record import KEPT, Record
 from reconcile.filter.smooth import smoothed
 from reconcile.model import Attached, Folder
+from reconcile.reach import behind, felt
 
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
 NOTHING = np.empty((0, 0))
-KEPT = 200  # rows of recordings, and signals by their delay, that are kept
 SIGMA, TAU, WHITE, NOISE = "sigma of ", "tau of ", "white of ", "noise of "
 
 
@@ -75,7 +73,6 @@ class Kalman:
         self._begins: tuple[bytes, np.ndarray] | None = None
         self._parts: dict[frozenset, _Part] = {}
         self._kept: dict[tuple, tuple] = {}
-        self._signals: dict[tuple, Any] = {}
         self.modes: list[np.ndarray] = [self._modes(r) for r in self.records]
         self.runs_done = 0
 
@@ -144,7 +141,7 @@ class Kalman:
     def over(self, records: Sequence[Record]) -> "Kalman":
         """The same filter over other recordings."""
         other = copy(self)
-        other.records, other._kept, other._signals = list(records), {}, {}
+        other.records, other._kept = list(records), {}
         other.modes = [other._modes(r) for r in other.records]
         return other
 
@@ -227,14 +224,9 @@ class Kalman:
         every = list(range(len(model.states)))
         if model.kind == "continuous":
             return every
-        x, u, m, p = model.symbols
-        pattern = ca.jacobian_sparsity(model.f(x, u, m, p), x)
-        feels = set(zip(pattern.row(), pattern.get_col(), strict=True))
         axes = {n for a in self.folder.ports.axes for n in (a.position, a.velocity)} | set(self.pushed_states)
-        found = {i for i in every if model.states[i].name in axes}
-        while more := {i for i in every if i not in found and any((i, j) in feels for j in found)}:
-            found |= more
-        return sorted(found)
+        pushed = [i for i in every if model.states[i].name in axes]
+        return sorted(behind(felt(model, model.f, model.symbols[0]).T, pushed))
 
     def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """u [n, NU] and y [n, NY] of a recording for the delays among the parameters [NP]."""
@@ -246,29 +238,15 @@ class Kalman:
         if key not in self._kept:
             if len(self._kept) > KEPT:
                 self._kept.clear()
-            record, one = self.records[k], self._signal
-            u = [one(k, v, late_in.get(v.name, 0.0)) for v in self.model.inputs]
-            seen = [one(k, n, *late_out[n]) for n in self.outputs]
+            record, own = self.records[k], self.model.inputs
+            u = [record.input(v.name, v.start, late_in.get(v.name, 0.0), self.linear) for v in own]
+            seen = [record.output(n, late_out[n]) for n in self.outputs]
             clock = record.time - record.run.began_s
             pushes = np.zeros((len(self.places), len(clock)))
             early = [e for _, e in seen]
             rows = np.vstack([*u, clock, pushes, record.steps, *early])
             self._kept[key] = np.ascontiguousarray(rows.T), np.column_stack([y for y, _ in seen])
         return self._kept[key]
-
-    def _signal(self, k: int, v: Variable | str, late: float, drift: float = 0.0) -> Any:
-        """An input or output of a recording, kept by its delay: of several signals mostly one changes it."""
-        key = (k, v if isinstance(v, str) else v.name, late, drift, self.linear)
-        if key not in self._signals:
-            if len(self._signals) > KEPT:
-                self._signals.clear()
-            record = self.records[k]
-            self._signals[key] = (
-                record.output(v, (late, drift))
-                if isinstance(v, str)
-                else record.input(v.name, v.start, late, self.linear)
-            )
-        return self._signals[key]
 
     def _start(self, part: _Part, p: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Initial state and its variances: outputs that are states begin as recorded."""

@@ -1,13 +1,15 @@
 """Recordings as the filter takes them: one row a step, every sample at the step nearest to it."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from reconcile.data import Block, Run
 from reconcile.held import Held
 
+KEPT = 200  # rows of signals, by their delays, that are kept
 NEAR = 0.51  # of a step, by which a sample may be away from it
 
 
@@ -20,6 +22,7 @@ class Record:
     fit: np.ndarray
     confirm: np.ndarray
     holdout: np.ndarray
+    made: dict[tuple, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def steps(self) -> np.ndarray:
@@ -28,17 +31,31 @@ class Record:
 
     def input(self, name: str, default: float, late: float, linear: bool) -> np.ndarray:
         """An input [n] over each step, `late` (s)."""
-        signal = self.run.inputs.get(name)
-        if signal is None:
-            return np.full(len(self.time), default)
-        edges = np.append(self.time, self.time[-1] + self.steps[-1])
-        return _means(signal, edges - late, linear)
+        return self._kept((name, late, linear), lambda: self._input(name, default, late, linear))
 
     def output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         """Samples of an output [n] (NaN: none) and by how much they are earlier than their step (s).
 
         `late`: its delay (s), and what that gains per second of the recording.
         """
+        return self._kept((name, late), lambda: self._output(name, late))
+
+    def _kept(self, key: tuple, make: Callable[[], Any]) -> Any:
+        """What was made before: of several signals mostly one changes its delay."""
+        if key not in self.made:
+            if len(self.made) > KEPT:
+                self.made.clear()
+            self.made[key] = make()
+        return self.made[key]
+
+    def _input(self, name: str, default: float, late: float, linear: bool) -> np.ndarray:
+        signal = self.run.inputs.get(name)
+        if signal is None:
+            return np.full(len(self.time), default)
+        edges = np.append(self.time, self.time[-1] + self.steps[-1])
+        return _means(signal, edges - late, linear)
+
+    def _output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         y, early = np.full(len(self.time), np.nan), np.zeros(len(self.time))
         signal = self.run.outputs.get(name)
         if signal is None:
