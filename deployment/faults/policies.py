@@ -1,7 +1,7 @@
 """A policy outside for the faults: `python -m deployment.faults.policies DOMAIN NAME`.
 
 NAME is a fault.  A node that is well commands until a line comes on standard input; then it does what the
-fault says, until the next line.  Where the fault is somebody else's, a second process attacks: `--other`.
+fault says.  Where the fault is somebody else's, a second process attacks: `--other`.
 """
 
 import math
@@ -12,6 +12,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from deployment.hil.punctual import LATE, Punctual
+from runtime.interfaces.outside import HEARTBEAT
 from runtime.ros2 import loopback
 from specs import ros2
 
@@ -58,22 +60,25 @@ ILL: dict[str, Callable[[int, int], Any]] = {  # (beat, beat at which it began) 
 
 
 def commanding(domain: int, name: str) -> None:
-    """Command at 10 Hz; each line turns the fault on or off, if it is this node's."""
+    """Command at 10 Hz, and say when it was late; a line makes the node ill, if the fault is its own."""
     own, ill = node(domain, ROLE), threading.Event()
     print("ready", flush=True)
     threading.Thread(target=_listen, args=(ill,), daemon=True).start()
+    punctual = Punctual(HEARTBEAT)
     beat = begun = 0
     due = time.monotonic()
     while True:
         begun = begun if ill.is_set() else beat
         own.publish(TOPIC, ILL[name](beat, begun) if ill.is_set() and name in ILL else well(beat))
+        if punctual.was_late():
+            print(LATE, flush=True)
         beat, due = beat + 1, due + PERIOD_S
         time.sleep(max(0.0, due - time.monotonic()))
 
 
 def _listen(ill: threading.Event) -> None:
     for _ in sys.stdin:
-        (ill.clear if ill.is_set() else ill.set)()
+        ill.set()
     os._exit(0)  # who started it has gone
 
 
