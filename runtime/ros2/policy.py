@@ -51,7 +51,7 @@ class Right:
         self._cell, self._tell = cell, tell
         self._claims = randbits(31)  # a process that was started again must not repeat one that is over
         self.handle, self._name = 0, ""
-        self._counted_ns, self._beat = 0, -1.0
+        self._counted_ns, self._newest = 0, (0, -1.0)  # handle and heartbeat of what counted last
         self._state = np.zeros((), COMMAND)
         self._cell.write(self._state)
 
@@ -61,13 +61,14 @@ class Right:
             return reason
         if self.handle not in (0, handle):
             return f"{self._name} has the right to command"
-        if self.handle and values[HEARTBEAT.name] == self._beat:
-            return f"its {HEARTBEAT.name} stands still at {self._beat:g}"
+        beat = values[HEARTBEAT.name]
+        if (handle, beat) == self._newest:
+            return f"its {HEARTBEAT.name} stands still at {beat:g}"
         if not self.handle:
             self._claims += 1
             self.handle, self._name = handle, name
             self._tell(f"{name} has the right to command arm and slew", Level.NOTE)
-        self._counted_ns, self._beat = now, values[HEARTBEAT.name]
+        self._counted_ns, self._newest = now, (handle, beat)
         self._state["made_ns"], self._state["owner"] = made_ns, self._claims
         self._state["value"] = [values[s.name] for s in COMMANDS]
         self._cell.write(self._state)

@@ -6,11 +6,11 @@ Nothing is moved and nobody has to do anything; commands are sent as neutral and
 import numpy as np
 
 from deployment.commissioning.bench import Bench
+from deployment.commissioning.wiring import OPTIONAL
 from runtime.can.codec import received_by
 from runtime.image import INPUT, NODE, TICK_S, Flag, Group, Status, group
 
 HEARTBEATS = ("operator_heartbeat", "machine_heartbeat", "imu_cabin_heartbeat", "imu_tool_heartbeat")
-OTHERS = ("Planner", "Policy")  # nodes that a machine need not have
 WORDS = {s.value: s.name.lower().replace("_", " ") for s in Status}
 
 
@@ -27,7 +27,7 @@ def run(bench: Bench) -> None:
     )
     for codec in received_by(NODE):
         message = codec.message
-        if message.sender not in OTHERS:
+        if message.sender not in OPTIONAL:
             _message(bench, message.name, message.sender, message.cycle_ms / 1000, len(trace) * TICK_S)
     for place, s in enumerate(INPUT.signals):
         gone = s.can is not None and not rig.bus.frames[s.can.message]  # said of its message already

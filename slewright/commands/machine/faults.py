@@ -24,12 +24,12 @@ def faults(
     docs/explanation/hazards.md lists them. In real time, an episode in which the rig itself was late is
     repeated; one that stays late is void.
     """
-    from deployment.bundling.default import ready
+    from deployment.bundling.default import drives_itself
     from deployment.faults.run import faults as chosen, run
 
     wanted = chosen(names or ())
     with progress("faults") as report:
-        outcomes = run(ready(bundle, report), wanted, count, seed, report)
+        outcomes = run(drives_itself(bundle, report), wanted, count, seed, report)
     _show(outcomes)
     figures_file.write(json, {outcome.fault.name: outcome.figures() for outcome in outcomes}, seed)
     for outcome in outcomes:

@@ -9,12 +9,14 @@ from contextlib import contextmanager
 
 import pytest
 
+from deployment.bundling.default import drives_itself
 from deployment.hil.rig import Interfaces, Rig, Setting, free_port
 from runtime.control import ControlCore
 from runtime.interfaces.outside import COMMANDS
 from runtime.interfaces.view import INDEX, Seen, View
 from runtime.recorder.reader import Recording
 from runtime.recorder.replay import replay
+from specs.errors import InputError
 from specs.scenario import load
 from tests.conftest import ROOT
 from tests.runtime.bench import AUTOMATIC, FAULT, FAULTS
@@ -66,6 +68,11 @@ class Watched:
         """Whether the policy turned the machine, or it stopped."""
         far = max(self.angles, default=0.0) - min(self.angles, default=0.0)
         return far >= TURNED or seen.of("control_mode") == FAULT
+
+
+def test_what_brings_no_policy_refuses_its_bundle():
+    with pytest.raises(InputError, match="its controller is a policy outside, and here is none"):
+        drives_itself(built("outside").folder, lambda what, done=None, total=None: None)
 
 
 def test_a_policy_in_another_process_drives_and_its_loss_stops_the_machine():

@@ -133,6 +133,9 @@ def test_a_heartbeat_that_stands_still_is_a_loss(run: tuple[Beside, int]):
         lambda: told("policy_heartbeat stands still") and told("no command that counts"),
         lambda: ticks(served, 5, lambda: policy.send(beats=False)),
     )
+    for _ in range(10):  # nor does it get the right anew
+        ticks(served, 5, lambda: policy.send(beats=False))
+        assert u(served)[1] == Status.NEVER
 
 
 def test_another_node_and_another_type_are_refused_and_told(run: tuple[Beside, int]):
@@ -162,7 +165,8 @@ def test_a_second_commander_and_a_flood_displace_nobody(run: tuple[Beside, int])
         assert u(served)[0] in (0.5, 0.0)  # a busy computer may let the right lapse, to nobody
         if u(served)[1] != Status.OK:
             break
-    until(lambda: told("has the right to command"), served.publish)
+    until(lambda: told("was refused: publisher"), served.publish)  # the second: the first has the right
+    until(lambda: told("the role is /swing/policy's"), served.publish)
     assert served.process.poll() is None
 
 
