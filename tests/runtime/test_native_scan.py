@@ -21,7 +21,7 @@ from runtime.can.transmit import Transmitter
 from runtime.can.wire import EXTENDED
 from runtime.canopen.cells import NODES
 from runtime.hmi.cells import HMI
-from runtime.image import INPUT, OUTPUT, TICK_S, Flag
+from runtime.image import INPUT, OUTPUT, TICK_S, Flag, Status
 from runtime.interfaces.outside import COMMAND, COMMANDS
 from runtime.modbus.cells import TARGETS
 from runtime.native_scan import NativeScan, serves
@@ -129,6 +129,16 @@ def test_a_drive_into_automatic_operation_is_the_same_with_skipped_ticks_and_a_f
     assert moved
     assert pair.told["seen"] & Flag.RECORDER_LOST  # nobody says that the queue is read
     assert pair.told["latency"] > 0
+    pair.close()
+
+
+def test_a_node_on_can_does_not_command_in_the_place_of_the_policy_outside(tmp_path: Path) -> None:
+    pair, place = Pair(tmp_path), INPUT.at("policy_u_slew")
+    for tick in range(10):
+        pair.tick(tick, pair.regular(tick, {"policy_u_slew": 0.5, "policy_heartbeat": float(tick)}))
+        for rack in pair.racks:
+            inputs = rack.scan.inputs
+            assert (inputs["value"][place], inputs["status"][place]) == (0.0, Status.NEVER)
     pair.close()
 
 
