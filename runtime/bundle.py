@@ -19,8 +19,8 @@ from specs.version import VERSION
 
 MANIFEST, PARAMETERS = "manifest.json", "parameters.json"
 FORMAT = 1
-NATIVE, ONNXRUNTIME = "native", "onnxruntime"
-ENGINES = (NATIVE, ONNXRUNTIME)
+NATIVE, ONNXRUNTIME, OUTSIDE = "native", "onnxruntime", "outside"
+ENGINES = (NATIVE, ONNXRUNTIME, OUTSIDE)
 KEYS = {"format": int, "controller": str, "engine": str, "slewright": str, "layout": str, "identity": str}
 SUFFIXES = {"linux": ".so", "darwin": ".dylib", "windows": ".dll"}
 
@@ -31,7 +31,7 @@ class Bundle:
 
     folder: Path
     controller: str
-    engine: str  # what evaluates it: C in the core, or onnxruntime beside it
+    engine: str  # what evaluates it: C in the core, onnxruntime beside it, or an outside node
     identity: str
     platforms: tuple[str, ...]
     digest: str  # SHA-256 of the manifest: stands for the whole bundle

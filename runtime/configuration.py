@@ -5,6 +5,7 @@ What does not fit this version of the specs (a key, a signal, a rate, a DBC, a r
 with one message; nothing of it is found out in operation.
 """
 
+import re
 import socket
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
@@ -25,6 +26,7 @@ from specs.schema import STRICT, read_toml, validate
 from specs.signals import definition
 
 LOCAL_BUS = "slewright"  # on one computer, for tests and simulated machines
+NODE_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")  # ROS 2: namespace and name
 LAST_DOMAIN = 101  # of ROS 2: the ports of higher ones are those of outgoing connections
 LOWEST_PRIORITY, HIGHEST_PRIORITY = 1, 98  # 99 is the kernel's own
 
@@ -187,16 +189,22 @@ class Opcua:
 
 @dataclass(frozen=True, kw_only=True)
 class Ros2:
-    """ROS 2's topics, on this computer only; `commands`: whether publishers on it may send targets."""
+    """ROS 2's topics, on this computer only; `commands`: whether publishers on it may send targets.
+
+    `policy`: the node, by its full name, that has the role of the policy outside; with a bundle of "outside".
+    """
 
     __pydantic_config__: ClassVar[Any] = STRICT
 
     domain: int = 0
     commands: bool = False
+    policy: str = ""
 
     def __post_init__(self) -> None:
         if not 0 <= self.domain <= LAST_DOMAIN:
             raise InputError(f"domain = {self.domain}: 0 to {LAST_DOMAIN}")
+        if self.policy and not NODE_NAME.fullmatch(self.policy):
+            raise InputError(f"policy = {self.policy!r}: a node's full name as in /namespace/name or /name")
 
 
 def is_loopback(host: str) -> bool:
@@ -286,6 +294,11 @@ class Configuration:
     def interfaces(self) -> tuple[Any, ...]:
         """The interfaces beside Modbus and the page that are asked for."""
         return tuple(part for part in (self.foxglove, self.opcua, self.ros2) if part)
+
+    @property
+    def outside(self) -> bool:
+        """Whether a policy outside commands."""
+        return bool(self.ros2 and self.ros2.policy)
 
     @property
     def seats(self) -> tuple[str, ...]:

@@ -24,7 +24,8 @@ from runtime.canopen.port import CanopenPort
 from runtime.control import ControlCore
 from runtime.hmi.cells import join as join_hmi
 from runtime.hmi.port import HmiPort
-from runtime.interfaces import seats
+from runtime.interfaces import outside, seats
+from runtime.interfaces.outside import OutsidePort
 from runtime.interfaces.port import Asked, SeatsPort
 from runtime.interfaces.publish import ImagePort
 from runtime.modbus.cells import HOLDS_IMAGE, IMAGE, IMAGE_FILE, join
@@ -142,12 +143,14 @@ def _seats(ports: list[Port], folder: Path, names: Sequence[str]) -> SeatsPort |
 
 
 def _others(wanted: configuration.Configuration, folder: Path, found: Statistics, images: bool) -> list[Port]:
-    """Modbus, or the images alone where only interfaces want them, and what is published once a second."""
+    """Modbus, or the images alone where only interfaces want them, a policy outside, what is published."""
     counts = Cell.open(folder / "counts.cell", COUNTS.size, COUNTS_HOLD)
     retain = Ring.attach(folder / "retain.ring") if wanted.retain else None
     found_ports: list[Port] = [ModbusPort(*join(folder))] if wanted.modbus else []
     if images and not wanted.modbus:
         found_ports = [ImagePort(Cell.open(folder / IMAGE_FILE, IMAGE.itemsize, HOLDS_IMAGE))]
+    if wanted.outside:
+        found_ports.append(OutsidePort(outside.join(folder)))
     return [*found_ports, Publisher(counts, found, retain, wanted.retain.signals if wanted.retain else ())]
 
 

@@ -75,6 +75,7 @@ class Group(IntEnum):
     SENSOR = 3
     INFORMATION = 4  # shown and recorded; nothing depends on it
     OWN = 5  # outputs
+    POLICY = 6  # a policy outside: counts where the bundle needs it
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ def group(s: Signal) -> Group:
     message = definition().bus.messages[s.can.message]
     if s.kind == "status" and message.sender != NODE:
         return Group.MACHINE if message.name == "MachineStatus" else Group.INFORMATION
-    known = {NODE: Group.OWN, "Planner": Group.PLANNER, "Operator": Group.OPERATOR}
+    known = {NODE: Group.OWN, "Planner": Group.PLANNER, "Operator": Group.OPERATOR, "Policy": Group.POLICY}
     return known.get(message.sender, Group.SENSOR)
 
 

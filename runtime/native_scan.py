@@ -24,6 +24,7 @@ from runtime.control import ControlCore
 from runtime.hmi.cells import MESSAGES
 from runtime.hmi.port import HmiPort
 from runtime.image import timeout_ticks
+from runtime.interfaces.outside import LATE, OutsidePort
 from runtime.interfaces.port import SeatsPort
 from runtime.interfaces.publish import ImagePort
 from runtime.modbus.port import HEARTBEAT, ModbusPort
@@ -34,8 +35,9 @@ from runtime.ring import Ring
 from runtime.scan import EARLY_NS, Clock, Scan, SystemClock
 from runtime.shared import Cell
 
-SERVED = (NativePort, CanopenPort, ModbusPort, ImagePort, SeatsPort, HmiPort, Publisher)
+SERVED = (NativePort, CanopenPort, ModbusPort, OutsidePort, ImagePort, SeatsPort, HmiPort, Publisher)
 KNOWN = ("seen", "stamp", "heartbeat", "commits", "owner", "started", "lost", "value")  # of the planner
+COMMANDED = ("seen", "made", "owner", "value")  # of the policy outside
 STANDING = ("next", "writer", "forcing", "busy")  # of the page
 ALWAYS, ASKED, BUS = 1, 2, 4  # runtime/core/scan.h
 
@@ -91,6 +93,8 @@ class NativeScan(Scan):
         """Know what another one knows of planner and page, for the same tick."""
         for name in KNOWN:
             setattr(self.told.planner, name, getattr(other.told.planner, name))
+        for name in COMMANDED:
+            setattr(self.told.outside, name, getattr(other.told.outside, name))
         mine, theirs = self.told.page, other.told.page
         for name in STANDING:
             setattr(mine, name, getattr(theirs, name))
@@ -160,6 +164,8 @@ class NativeScan(Scan):
                 told.setting.accepted, told.setting.spent = (_cell(c) for c in port.cells)
             case ModbusPort():
                 self._take_planner(port)
+            case OutsidePort():
+                self._take_outside(port)
             case ImagePort():
                 told.planner.image = _cell(port.image)
             case SeatsPort():
@@ -198,6 +204,10 @@ class NativeScan(Scan):
         self._modbus, planner.present = port, True
         planner.image, planner.targets = _cell(port.image), _cell(port.targets)
         planner.seen, planner.lost, planner.started = -1, True, port.started_ns
+
+    def _take_outside(self, port: OutsidePort) -> None:
+        outside = self.told.outside
+        outside.present, outside.commands, outside.late, outside.seen = True, _cell(port.commands), LATE, -1
 
     def _take_seats(self, port: SeatsPort) -> None:
         self._seats = port

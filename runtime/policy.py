@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.bundle import NATIVE, Bundle
+from runtime.bundle import ONNXRUNTIME, Bundle
 from runtime.control import ControlCore
 from runtime.image import INPUT, OUTPUT
 from specs.errors import InputError
@@ -35,7 +35,7 @@ COLUMNS = (*SENSORS, *ACTIONS)  # of a row of the history
 
 def open_core(bundle: Bundle) -> ControlCore:
     """The core of a bundle with the engine that it names."""
-    return ControlCore(bundle) if bundle.engine == NATIVE else PolicyCore(bundle)
+    return PolicyCore(bundle) if bundle.engine == ONNXRUNTIME else ControlCore(bundle)
 
 
 class Kept(History):

@@ -18,6 +18,7 @@ from runtime.can.native import NativePort
 from runtime.control import ControlCore
 from runtime.hmi.cells import create as create_hmi
 from runtime.hmi.port import HmiPort
+from runtime.interfaces.outside import OutsidePort, create as create_outside
 from runtime.modbus.cells import create
 from runtime.modbus.port import ModbusPort
 from runtime.native_scan import NativeScan, serves
@@ -63,11 +64,15 @@ class Rehearsal:
         self._twin_can = NativePort(self._bus, core.library)
         self._twin_can.alone = False  # it hears itself
         self._twin_modbus = ModbusPort(*create(folder)) if self._modbus else None
+        self._outside = next((p for p in ports if isinstance(p, OutsidePort)), None)
+        self._twin_outside = OutsidePort(create_outside(folder)) if self._outside else None
         self._ring = Ring.create(folder / "ring", RING_BYTES) if recorder else None
         self._hmi = next((p for p in ports if isinstance(p, HmiPort)), None)
         found = Statistics()
         self._twin_hmi = self._hmi.twin(create_hmi(folder), found) if self._hmi else None
-        twins: list[Port] = [p for p in (self._twin_can, self._twin_modbus, self._twin_hmi) if p]
+        twins: list[Port] = [
+            p for p in (self._twin_can, self._twin_modbus, self._twin_outside, self._twin_hmi) if p
+        ]
         self.real: Scan | None = None  # whose twin this is
         feed = Feed(self._ring) if self._ring else None
         kind = partial(NativeScan, waits=False) if serves(core, [*ports, *twins]) else Scan
@@ -82,12 +87,19 @@ class Rehearsal:
         self._twin_can.restore(self._can.state())
         if isinstance(self._twin, NativeScan) and isinstance(self.real, NativeScan):
             self._twin.follow(self.real)
-        elif self._modbus and self._twin_modbus:
-            self._twin_modbus.follow(self._modbus)
+        else:
+            self._follow()
         if self._hmi and self._twin_hmi:
             self._twin_hmi.follow(self._hmi)
         self._twin.cycle(tick, deadline_ns)
         self._empty()
+
+    def _follow(self) -> None:
+        """Ports of the cycle in Python."""
+        if self._modbus and self._twin_modbus:
+            self._twin_modbus.follow(self._modbus)
+        if self._outside and self._twin_outside:
+            self._twin_outside.follow(self._outside)
 
     @property
     def ticks(self) -> int:

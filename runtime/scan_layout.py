@@ -14,6 +14,7 @@ from typing import Any
 from runtime.hmi.cells import MESSAGES
 from runtime.hmi.port import EVERY, PHASE
 from runtime.image import INPUT, OUTPUT, refreshed
+from runtime.interfaces.outside import COMMANDS, PLACES as COMMANDED
 from runtime.modbus.cells import HOLDING
 from runtime.publisher import EVERY as PUBLISH_EVERY
 from runtime.recorder import feed
@@ -24,6 +25,7 @@ from specs.errors import InputError
 
 HEADER = Path(__file__).parent / "core" / "scan_layout.h"
 N_TARGETS, N_HEARD, N_OUT, N_SEATS = len(HOLDING), len(MESSAGES), len(OUTPUT.signals), 2
+N_COMMANDS = len(COMMANDS)
 NO_END, LOCAL, SOCKETCAN = range(3)  # kinds of a bus's end
 
 
@@ -104,6 +106,26 @@ class Planner(ctypes.Structure):
         ("started", c_int64),  # ns
         ("lost", c_int64),  # the server gives no sign of life
         ("value", c_double * N_TARGETS),
+    ]
+
+
+class Command(ctypes.Structure):
+    """A state of such a cell (runtime/interfaces/outside.py: COMMAND)."""
+
+    _fields_ = [("made_ns", c_int64), ("owner", c_int64), ("value", c_double * N_COMMANDS)]
+
+
+class Outside(ctypes.Structure):
+    """What is known of the policy outside (runtime/interfaces/outside.py)."""
+
+    _fields_ = [
+        ("present", c_int64),
+        ("commands", Cell),
+        ("late", c_int64),  # ticks of age from which on commands are lost
+        ("seen", c_int64),  # number of the state of `commands` that was taken last; -1: none
+        ("made", c_int64),
+        ("owner", c_int64),
+        ("value", c_double * N_COMMANDS),
     ]
 
 
@@ -194,6 +216,7 @@ class Scan(ctypes.Structure):
         ("devices", Bus),
         ("setting", Devices),
         ("planner", Planner),
+        ("outside", Outside),
         ("seats", Asked * N_SEATS),
         ("seats_busy", c_int64),
         ("page", Page),
@@ -211,10 +234,12 @@ class Scan(ctypes.Structure):
 
 
 STRUCTURES = (
-    *(Cell, Ring, Watch, Bus, Devices, Targets, Planner, Asked, Page, Published, Record, Counts, Tick, Scan),
+    *(Cell, Ring, Watch, Bus, Devices, Targets, Planner, Command, Outside, Asked, Page),
+    *(Published, Record, Counts, Tick, Scan),
 )
 NUMBERS = {
     "TARGETS": N_TARGETS, "FIRST_TARGET": min(INPUT.index[s.name] for s in HOLDING), "HEARD": N_HEARD,
+    "COMMANDS": N_COMMANDS, "FIRST_COMMAND": COMMANDED.start,
     "SEATS": N_SEATS, "LOCAL": LOCAL, "SOCKETCAN": SOCKETCAN, "PERIOD_NS": PERIOD_NS,
     "POLICY_EVERY": POLICY_EVERY, "STOLEN_NS": STOLEN_NS, "SHOWN_TICKS": SHOWN_TICKS,
     "DEAD_TICKS": feed.DEAD_TICKS, "DISK_FULL": feed.DISK_FULL, "TICK": feed.TICK, "SNAPSHOT": feed.SNAPSHOT,

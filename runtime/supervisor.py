@@ -31,6 +31,7 @@ from runtime.helpers import Helper
 from runtime.hmi import tokens
 from runtime.hmi.cells import create as create_hmi
 from runtime.image import OUTPUT, TICK_S
+from runtime.interfaces.outside import create as create_outside
 from runtime.interfaces.publish import create as create_image
 from runtime.interfaces.seats import create as create_seats
 from runtime.modbus.cells import create
@@ -101,6 +102,7 @@ class Supervisor:
             self.wanted = configuration.in_shadow(self.wanted)
         self.active = start.chosen(self.wanted, path)
         self.bundle = self.active.bundle
+        _check_outside(self.wanted, self.bundle)
         library = open_core(self.bundle).library  # loaded once here: what is wrong with it is said now
         check_frames(library)
         if sys.platform == "linux":
@@ -257,6 +259,8 @@ class Supervisor:
             self._prepare_modbus(self.wanted.modbus)
         elif self.wanted.interfaces:
             create_image(self.folder).close()
+        if self.wanted.outside:
+            create_outside(self.folder).close()
         if self.wanted.seats:
             create_seats(self.folder, self.wanted.seats)
         interfaces = {
@@ -302,6 +306,9 @@ class Supervisor:
     def _prepare_ros2(self, wanted: configuration.Ros2) -> None:
         simulated = self.wanted.can.interface == configuration.LOCAL_BUS
         told = {"domain": wanted.domain, "commands": wanted.commands, "simulated": simulated}
+        told["policy"], told["bundle"] = wanted.policy, str(self.bundle.folder.resolve())
+        told["about"] = {"controller": self.bundle.controller, "bundle": self.bundle.digest}
+        told["about"] |= {"shadow": self.wanted.shadow, "use_sim_time": False, "version": VERSION}
         self._interface("ros2", told)
 
     def _prepare_canopen(self, wanted: configuration.Canopen) -> None:
@@ -395,6 +402,20 @@ class Supervisor:
         files = [self._ports] * bool(self.wanted.modbus) + [self._hmi_port] * bool(self.wanted.hmi)
         files += self._ready
         return all(ring.beat for ring in self.rings) and all(f.is_file() for f in files)
+
+
+def _check_outside(wanted: configuration.Configuration, found: bundle.Bundle) -> None:
+    """InputError unless both or none of configuration and bundle say that a policy outside commands."""
+    if found.engine == bundle.OUTSIDE and not wanted.outside:
+        raise InputError(
+            f"bundle {found.folder}: its controller is a policy outside, and no node has its role: "
+            'policy = "/name" in [ros2] (docs/how-to/ros2.md)'
+        )
+    if wanted.outside and found.engine != bundle.OUTSIDE:
+        raise InputError(
+            f"[ros2] policy: bundle {found.folder} has a controller of its own, {found.controller}; "
+            "valid: one of `slewright bundle outside`"
+        )
 
 
 def _left_by_older(folder: Path) -> list[Path]:

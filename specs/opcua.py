@@ -22,7 +22,10 @@ UNECE = {  # unit of specs/units.py -> common code, symbol, name
     "K": ("KEL", "K", "kelvin"),
     "V": ("VLT", "V", "volt"),
 }
-FOLDERS = {"command": "Commands", "target": "Targets", "sensor": "Sensors", "status": "Status"}
+FOLDERS = {
+    "command": "Commands", "target": "Targets", "reference": "References", "sensor": "Sensors",
+    "status": "Status",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """Every signal of the machine, as `specs/signals.toml` defines it: one entry, all its places.
 
-Kinds: command, target, sensor and status cross a wire; estimate is computed by the controller; internal
-runs between nominal models; true is a simulation's true state; disturbance is injected into a simulation.
-Only the first four have a place on CAN and Modbus.
+Kinds: command, target, reference (of a policy outside), sensor and status cross a wire; estimate is computed
+by the controller; internal runs between nominal models; true is a simulation's true state; disturbance is
+injected into a simulation.
+Only the first five have a place on CAN and Modbus.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,8 +18,10 @@ from specs.units import UNITS
 from specs.wire import Bus, CanPlace, Message, ModbusMap, ModbusPlace, check_frames, check_registers, sized
 
 PATH = ROOT / "signals.toml"
-Kind = Literal["command", "target", "sensor", "status", "estimate", "internal", "true", "disturbance"]
-WIRED: tuple[Kind, ...] = ("command", "target", "sensor", "status")
+Kind = Literal[
+    "command", "target", "reference", "sensor", "status", "estimate", "internal", "true", "disturbance"
+]
+WIRED: tuple[Kind, ...] = ("command", "target", "reference", "sensor", "status")
 FIRST_VR, LAST_VR = 1, 999  # parameters have 1000–2999
 
 
@@ -60,6 +63,7 @@ class Signal:
 KINDS: dict[str, tuple[Literal["input", "output"] | None, Literal["input", "output"] | None]] = {
     "command": ("input", "output"),
     "target": (None, "input"),
+    "reference": (None, "input"),
     "sensor": ("output", "input"),
     "status": ("output", "input"),
     "estimate": ("output", "input"),

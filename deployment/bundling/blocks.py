@@ -14,6 +14,7 @@ from fmus.paths import SHIM
 from fmus.toolchain import codegen
 from fmus.toolchain.build import SHIM_FILES
 from runtime.image import INPUT, OUTPUT, TICK_S
+from runtime.interfaces.outside import HEARTBEAT, PREFIX
 from specs.errors import InputError
 
 CORE = Path(__file__).parents[2] / "runtime" / "core"
@@ -72,6 +73,24 @@ class External:
     symbol: str = "external_block"
     outputs: tuple[str, str, str] = ("u_slew", "qd_boom_ref", "qd_stick_ref")  # of a policy, specs/policy.py
     period: int = 5  # ticks: 10 Hz
+
+
+@dataclass(frozen=True)
+class Outside:
+    """In a controller's place: inputs handed on that a policy outside gives (runtime/core/outside.c)."""
+
+    symbol: str = "outside_block"
+    outputs: tuple[str, ...] = ("u_slew", "qd_boom_ref", "qd_stick_ref")  # of a policy, specs/policy.py
+
+    @property
+    def inputs(self) -> list[str]:
+        """The signals that it reads off the input image: all that the policy says, its heartbeat too."""
+        return [*self.commands, HEARTBEAT.name]
+
+    @property
+    def commands(self) -> list[str]:
+        """Those that it hands on, in the order of `outputs`."""
+        return [f"{PREFIX}{name}" for name in self.outputs]
 
 
 def _period(model: Model) -> int:

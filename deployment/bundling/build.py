@@ -21,7 +21,7 @@ from baselines.load.calibration_file import read
 from baselines.load.online import model as load_estimate
 from baselines.registry import Controller
 from deployment.bundling import commissioned, config, guard as guarding, policy
-from deployment.bundling.blocks import COMPILED, CORE, Block, External
+from deployment.bundling.blocks import COMPILED, CORE, Block, External, Outside
 from deployment.bundling.content import Content
 from fmus.definition import Model
 from fmus.paths import BUILD, SHIM
@@ -42,6 +42,7 @@ HAND_WRITTEN = (
     *("gate.c", "guard.c", "check.c", "mode.c", "step.c", "explain.c", "wire.c", "canopen.c"),
     *("scan.c", "bus.c", "exchange.c", "memory.c"),
 )
+IN_ITS_PLACE: dict[type, tuple[str, ...]] = {External: ("external.c",), Outside: ("outside.c",)}
 BAKED_IN = ("geometry", "slew", "machine", "load_estimate")  # files whose figures are constants of the C code
 UNCHECKED = ("geometry.c", "model.c")  # CasADi's own code
 UNUSED_OUT = ["-ffunction-sections", "-fdata-sections"]
@@ -63,13 +64,14 @@ def bundle(
     files: Mapping[str, bytes] | None = None,
     guard: Scene | None = None,
 ) -> form.Bundle:
-    """Build the bundle of a controller of `baselines.registry`, or of a policy's ONNX file, in `out`.
+    """Build the bundle of a controller of `baselines.registry`, a policy's ONNX file, or "outside", in `out`.
 
     What was in `out` before is replaced.  `platforms` are names of fmus.toolchain.compiler.TARGETS (default:
     this machine); `changes` are parameters of specs/parameters/gate.toml; `engine` says how a policy is
     evaluated: "native" C or "onnxruntime"; `calibration` is a file of `slewright estimate calibrate`,
     `commissioning` the calibration.json of `slewright commission`, whose tare a `calibration` replaces;
     `files` lie beside the core; `guard` is the scene that the guard keeps off (none: there is no guard).
+    "outside" is a policy in a node outside (docs/how-to/ros2.md).
     Raises InputError for an unknown controller, platform, parameter or engine, a controller that no core can
     run, or a folder that holds something else; RunError if C fails.
     """
@@ -136,7 +138,7 @@ def assemble(
 
 
 def write_sources(
-    controller: Block | External,
+    controller: Block | External | Outside,
     folder: Path,
     constants: Mapping[str, float],
     calibration: Mapping[str, float] | None = None,
@@ -149,17 +151,16 @@ def write_sources(
     estimator = Block(load_estimate(calibration), "load")
     core = folder / "core"
     core.mkdir(parents=True, exist_ok=True)
-    external = controller if isinstance(controller, External) else None
-    for name in (*HAND_WRITTEN, *(["external.c"] if external else [])):
+    for name in (*HAND_WRITTEN, *IN_ITS_PLACE.get(type(controller), ())):
         (core / name).write_bytes((CORE / name).read_bytes())
     (core / "slw_math.h").write_bytes((SHIM / "slw_math.h").read_bytes())
-    (core / "core_config.h").write_text(config.config_h(constants, external))
+    (core / "core_config.h").write_text(config.config_h(constants, controller))
     (core / "core_config.c").write_text(
         config.config_c(controller, arm, estimator, constants, zeros or {}, guard is not None)
     )
     (core / "guard_config.c").write_text(guarding.guard_c(guard, constants))
     (core / "geometry.c").write_text(config.geometry_c())
-    blocks = [arm, estimator] if isinstance(controller, External) else [controller, arm, estimator]
+    blocks = [controller, arm, estimator] if isinstance(controller, Block) else [arm, estimator]
     for block in blocks:
         block.write(folder / "blocks" / block.name)
     digest = form.digest(_parameters(blocks, constants))
@@ -244,6 +245,12 @@ def sources_hash(folder: Path) -> str:
 def _content(controller: str, engine: str) -> Content:
     if engine not in form.ENGINES:
         raise InputError(f"no engine '{engine}'; valid: {', '.join(form.ENGINES)}")
+    if controller == form.OUTSIDE:
+        if engine not in (form.NATIVE, form.OUTSIDE):
+            raise InputError(f"controller {controller} is evaluated outside: no --engine {engine}")
+        return Content(controller, Outside(), form.OUTSIDE)
+    if engine == form.OUTSIDE:
+        raise InputError(f"engine {engine} is that of the controller {form.OUTSIDE} only")
     if controller.endswith(".onnx"):
         return policy.content(Path(controller), engine)
     found = registry.find(controller)

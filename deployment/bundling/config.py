@@ -1,11 +1,11 @@
 """The generated part of a core beside its blocks: constants, limits of the gate, geometry of the machine."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import casadi as ca
 
 from deployment.bundling import guard
-from deployment.bundling.blocks import Block, External
+from deployment.bundling.blocks import Block, External, Outside
 from fmus.equations import kinematics
 from fmus.toolchain import codegen
 from runtime.image import INPUT, TICK_S, Group, group
@@ -24,7 +24,7 @@ def constants(changes: Mapping[str, float]) -> dict[str, float]:
     return {name: changes.get(name, p.value) for name, p in known.items()}
 
 
-def config_h(c: Mapping[str, float], external: External | None = None) -> str:
+def config_h(c: Mapping[str, float], controller: Block | External | Outside) -> str:
     """`core_config.h`: what check.c, mode.c and step.c need to know."""
     values = {
         "SLR_DEBOUNCE": ticks(c["input_debounce"]),
@@ -35,19 +35,26 @@ def config_h(c: Mapping[str, float], external: External | None = None) -> str:
         "SLR_OVERRUNS": int(c["overruns_allowed"]),
         "SLR_STATUS_TICKS": ticks(1.0 / (signal("controller_heartbeat").rate_hz or 50.0)),
     }
-    if external:
-        places = ", ".join(f"SLR_OUT_{name}" for name in external.outputs)
-        values |= {"SLR_EXTERNAL_PERIOD": external.period}
+    if isinstance(controller, External):
+        values |= {"SLR_EXTERNAL_PERIOD": controller.period}
     lines = [f"#define {name} {value!r}" for name, value in values.items()]
-    if external:
-        lines.append(f"#define SLR_EXTERNAL_OUTPUTS {{{places}}}")
+    if isinstance(controller, External):
+        lines.append(f"#define SLR_EXTERNAL_OUTPUTS {_places('OUT', controller.outputs)}")
+    if isinstance(controller, Outside):
+        lines.append(f"#define SLR_OUTSIDE_INPUTS {_places('IN', controller.commands)}")
+        lines.append(f"#define SLR_OUTSIDE_OUTPUTS {_places('OUT', controller.outputs)}")
+        lines.append(f"#define SLR_OUTSIDE_COMMANDS {len(controller.outputs)}")
     return (
         "/* Constants of the core, generated from specs/parameters/gate.toml. */\n" + "\n".join(lines) + "\n"
     )
 
 
+def _places(side: str, names: Iterable[str]) -> str:
+    return "{" + ", ".join(f"SLR_{side}_{name}" for name in names) + "}"
+
+
 def config_c(
-    controller: Block | External,
+    controller: Block | External | Outside,
     arm: Block,
     estimator: Block,
     c: Mapping[str, float],
@@ -57,7 +64,7 @@ def config_c(
     """`core_config.c`: which blocks, which inputs they need, sensors' zeros, the gate's limits."""
     needed = {*controller.inputs, *arm.inputs, *GATE_SENSORS, *(guard.SENSORS if guarded else ())}
     off = ", ".join(repr(zeros.get(s.name, 0.0)) for s in INPUT.signals)
-    sensors = [int(s.name in needed and group(s) is Group.SENSOR) for s in INPUT.signals]
+    sensors = [int(s.name in needed and group(s) in (Group.SENSOR, Group.POLICY)) for s in INPUT.signals]
     return (
         '/* The bundle\'s own part of the core, generated. */\n#include "slr.h"\n\n'
         f"extern const SlrBlock {controller.symbol}, {arm.symbol}, {estimator.symbol};\n"

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from deployment.bundling.blocks import Block, External
+from deployment.bundling.blocks import Block, External, Outside
 from deployment.bundling.guard import Zones
 from runtime import bundle as form
 
@@ -13,7 +13,7 @@ class Content:
     """What goes into a bundle: the controller's block, what evaluates it, files beside the core."""
 
     name: str
-    controller: Block | External
+    controller: Block | External | Outside
     engine: str = form.NATIVE
     files: Mapping[str, bytes] = field(default_factory=dict)
     calibration: Mapping[str, float] = field(default_factory=dict)  # of the load estimate

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from deployment.bundling.build import bundle, identity_of
 from fmus.paths import BUILD
-from runtime.bundle import load
+from runtime.bundle import OUTSIDE, load
 from specs.errors import InputError
 from specs.progress import Report
 
@@ -25,4 +25,15 @@ def ready(given: Path | None, report: Report) -> Path:
         report(f"building the bundle of {CONTROLLER}")
         folder.parent.mkdir(parents=True, exist_ok=True)
         bundle(CONTROLLER, folder)
+    return folder
+
+
+def drives_itself(given: Path | None, report: Report) -> Path:
+    """The same; raises InputError for one whose controller is a policy outside, for which there is none."""
+    folder = ready(given, report)
+    if load(folder).engine == OUTSIDE:
+        raise InputError(
+            f"bundle {folder}: its controller is a policy outside, and here is none; "
+            "valid: a bundle with a controller of its own"
+        )
     return folder

@@ -57,7 +57,7 @@ def sbom(files: Mapping[str, bytes], manifest: Mapping[str, Any], release: str) 
 
 def runtime_packages(engine: str = form.NATIVE) -> list[str]:
     """Names of this project and of every installed package that its extra `runtime` asks for, sorted."""
-    found, waiting = set(), [(PROJECT, EXTRA)] + [(engine, "")] * (engine != form.NATIVE)
+    found, waiting = set(), [(PROJECT, EXTRA)] + [(engine, "")] * (engine == form.ONNXRUNTIME)
     while waiting:
         name, extra = waiting.pop()
         if (name, extra) in found:

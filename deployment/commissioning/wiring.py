@@ -17,6 +17,7 @@ from runtime.can.codec import received_by
 from runtime.image import INPUT, NODE, TICK_S, Group, group
 from specs.errors import InputError, nearest
 
+OPTIONAL = ("Planner", "Policy")  # nodes that a machine need not have
 JOINTS = ("slew", "boom", "stick")
 PRESSURES = tuple(f"p_{j}_{s}" for j in JOINTS for s in "ab")
 IMUS = ("cabin", "tool")
@@ -262,7 +263,7 @@ def _switches() -> Iterator[Fault]:
 
 def _messages() -> Iterator[Fault]:
     for codec in received_by(NODE):
-        if codec.message.sender != "Planner":
+        if codec.message.sender not in OPTIONAL:
             yield Fault("missing", (codec.message.name,))
             if codec.message.cycle_ms <= 100:
                 yield Fault("half rate", (codec.message.name,))

@@ -12,36 +12,55 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
-from deployment.hil.loads import REGISTERS
+from deployment.faults.lines import Lines
+from deployment.hil.loads import CLIENTS, REGISTERS
 from deployment.hil.planner import NUMBER
 from deployment.hil.rig import HOST
 from runtime.modbus.holding import CLAIM, COMMIT, HEARTBEAT
 from runtime.modbus.server import CONNECTIONS
 from specs.errors import RunError
 
-READS = 2000
+READS, BURST_S = 2000, 0.2
 APART_S = 0.003  # between idle connections: they need not come at once
 BUSY = 6  # Modbus exception
 
 
+class Attack:
+    """What a process that attacks is told, and says; nobody waits for it."""
+
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
+        self._process, self._lines = process, Lines(process)
+        self.said = ""  # what went wrong in the newest one that is over
+
+    def begin(self) -> None:
+        """Begin an attack; the one before is over."""
+        if self._process.stdin:
+            with suppress(BrokenPipeError):  # `over` says so
+                self._process.stdin.write("\n")
+                self._process.stdin.flush()
+
+    @property
+    def over(self) -> bool:
+        """Whether it is over, since it was asked last."""
+        found = self._lines.new()
+        if self._lines.ended:
+            self.said = "the attacking process ended"
+        elif found:
+            self.said = found[-1]
+        return bool(found) or self._lines.ended
+
+
 @contextmanager
-def attacker(*words: object, module: str = __name__) -> Iterator[Callable[[], Callable[[], str]]]:
-    """A process of `python -m MODULE WORDS…`: a call begins an attack, and gives what tells how it went."""
+def attacker(*words: object, module: str = __name__) -> Iterator[Attack]:
+    """A process of `python -m MODULE WORDS…`, which attacks for each line, and says in one how it went."""
     command = [sys.executable, "-m", module, *map(str, words)]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    stdin, stdout = process.stdin, process.stdout
-    if stdin is None or stdout is None or stdout.readline() != "ready\n":
-        raise RunError("the attacking clients did not start")
-
-    def begin() -> Callable[[], str]:
-        stdin.write("\n")
-        stdin.flush()
-        return lambda: stdout.readline().strip()
-
     try:
-        yield begin
+        if not process.stdout or process.stdout.readline() != "ready\n":
+            raise RunError("the attacking clients did not start")
+        yield Attack(process)
     finally:
         process.kill()
         process.wait()
@@ -77,7 +96,19 @@ def _stay_idle(port: int, stack: ExitStack) -> str:
     return "" if end.recv(64)[7:8] == b"\x04" else "another client was not answered"
 
 
+def _flood(port: int, stack: ExitStack) -> str:
+    """Twenty clients that ask as fast as they are answered."""
+    ends, end = [_connect(port, stack) for _ in range(CLIENTS)], time.monotonic() + BURST_S
+    while time.monotonic() < end:
+        for one in ends:
+            one.sendall(_request(4, 0, REGISTERS))
+        for one in ends:
+            one.recv(4096)
+    return ""
+
+
 ATTACKS: dict[str, Callable[[int, ExitStack], str]] = {
+    "modbus_flooding": _flood,
     "modbus_reading_flood": _read_without_end,
     "modbus_second_writer": _write_beside,
     "modbus_idle_connections": _stay_idle,
@@ -86,7 +117,7 @@ ATTACKS: dict[str, Callable[[int, ExitStack], str]] = {
 
 def main(port: int, name: str) -> None:
     """Attack for each line that comes."""
-    os.nice(19)
+    os.nice(0 if name == "modbus_flooding" else 19)  # a flood is to take what it can get
     print("ready", flush=True)
     stack = ExitStack()
     for _ in sys.stdin:

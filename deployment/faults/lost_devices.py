@@ -2,15 +2,15 @@
 
 import os
 import signal
-import time
 from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
 
 from deployment.faults.drive import AUTOMATIC
-from deployment.faults.processes import ATTEMPTS, PATIENCE_TICKS, Plant
-from deployment.faults.table import Outcome
+from deployment.faults.episodes import Result, episodes
+from deployment.faults.plant import ATTEMPTS, PATIENCE_TICKS, STOP_TICKS, Plant
+from deployment.faults.table import Fault, Outcome
 from deployment.hil.canopen_devices import SimulatedDevice
 from runtime.canopen import cells
 from runtime.interfaces.told import Listener
@@ -18,10 +18,9 @@ from runtime.supervisor import Supervisor
 from specs.canopen import definition
 from specs.errors import RunError
 from specs.progress import Report
-from specs.signals import definition as signals
 
 ENCODERS = [n.name for n in definition().nodes if n.device.name == "encoder"]
-STOP_TICKS, TOLD_TICKS = 100, 1500
+TOLD_TICKS = 1500
 VENDOR = 1  # sub-index of object 0x1018
 
 
@@ -57,20 +56,15 @@ class Driven:
         return self.plant.devices.by_name[str(random.choice(ENCODERS))]
 
 
-def _unplugged(driven: Driven, outcome: Outcome, random: np.random.Generator) -> None:
+def _unplugged(driven: Driven, fault: Fault, random: np.random.Generator) -> Result:
     plant, device = driven.plant, driven.one(random)
     plant.drive(int(random.integers(5, 60)), lambda: False)
-    device.switch_off()
-    gone = time.monotonic()
-    stopped = plant.drive(STOP_TICKS, plant.stopped)
-    ms = 1000.0 * (time.monotonic() - gone)
-    code = signals().signals["fault_code"].values[int(plant.shown("fault_code"))]
+    found = plant.stop(device.switch_off, fault.codes)
     device.switch_on()
-    why = "" if code in outcome.fault.codes or not stopped else f"fault code {code}"
-    outcome.add(plant.tick, ms if stopped else None, why)
+    return found
 
 
-def _wrong_identity(driven: Driven, outcome: Outcome, random: np.random.Generator) -> None:
+def _wrong_identity(driven: Driven, fault: Fault, random: np.random.Generator) -> Result:
     """In the other's place, with the same number; then the right one again."""
     plant, device = driven.plant, driven.one(random)
     place = list(plant.devices.by_name).index(device.node.name)
@@ -86,37 +80,38 @@ def _wrong_identity(driven: Driven, outcome: Outcome, random: np.random.Generato
     device.identity = right
     device.restart()
     why = "" if plant.stopped() else "the machine went on without it"
-    why = why or ("" if until else "nobody was told") or ("it counted" if counted else "")
-    outcome.add(plant.tick, 0.0, why)
+    return 0.0, why or ("" if until else "nobody was told") or ("it counted" if counted else "")
 
 
 def _refused(told: list[str], device: SimulatedDevice) -> bool:
     return f"{device.node.name} is refused: wrong device: vendor" in "; ".join(told)
 
 
-def _killed(driven: Driven, outcome: Outcome, random: np.random.Generator) -> None:
+def _killed(driven: Driven, fault: Fault, random: np.random.Generator) -> Result:
     plant, supervisor = driven.plant, driven.supervisor
     helper, numbers = next(h for h in supervisor.helpers if h.name == "canopen"), driven.numbers()
     plant.drive(int(random.integers(5, 60)), lambda: False)
-    before, killed = helper.pid, time.monotonic()
-    os.kill(before, signal.SIGKILL)
-    again = plant.drive(PATIENCE_TICKS, lambda: supervisor.watch() is None and helper.pid != before)
-    ms = 1000.0 * (time.monotonic() - killed)
+    pid = helper.pid
+    ms = plant.reaction(
+        lambda: os.kill(pid, signal.SIGKILL),
+        PATIENCE_TICKS,
+        lambda: supervisor.watch() is None and helper.pid != pid,
+    )
     plant.drive(STOP_TICKS, lambda: False)  # it has begun
-    code = signals().signals["fault_code"].values[int(plant.shown("fault_code"))]
-    why = "" if plant.shown("control_mode") == AUTOMATIC else f"automatic ended: {code}"
-    why = why or ("" if driven.numbers() == numbers else "devices were set up anew")
-    outcome.add(plant.tick, ms if again else None, why)
+    why = "" if plant.shown("control_mode") == AUTOMATIC else f"automatic ended: {plant.fault}"
+    return ms, why or ("" if driven.numbers() == numbers else "devices were set up anew")
 
 
-def _repeated(one: Callable[[Driven, Outcome, np.random.Generator], None]) -> Callable[..., None]:
+def _repeated(one: Callable[[Driven, Fault, np.random.Generator], Result]) -> Callable[..., None]:
     def run(plant: Plant, outcome: Outcome, count: int, random: np.random.Generator, report: Report) -> None:
         with Supervisor(plant.configuration()) as supervisor:
             driven = Driven(plant, supervisor)
-            for number in range(count):
-                report(outcome.fault.name, number, count)
+
+            def inject() -> Result:
                 driven.go()
-                one(driven, outcome, random)
+                return one(driven, outcome.fault, random)
+
+            episodes(plant, outcome, count, report, inject)
 
     return run
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, suppress
 from typing import Any
 
-from deployment.faults.attacks import attacker
+from deployment.faults.attacks import Attack, attacker
 from deployment.hil.rig import HOST, Interfaces
 from deployment.hil.watchers import Heard, foxglove
 from specs import ros2
@@ -30,8 +30,8 @@ UPGRADE = (
 )
 
 
-def outsider(at: Interfaces, name: str) -> AbstractContextManager[Callable[[], Callable[[], str]]]:
-    """The process: a call begins an attack, and gives what tells how it went."""
+def outsider(at: Interfaces, name: str) -> AbstractContextManager[Attack]:
+    """The process that attacks."""
     return attacker(at.foxglove, at.opcua, at.domain, name, module=__name__)
 
 

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from deployment.faults import devices, injected, interfaces, lost_devices, process_faults, watching
+from deployment.faults import devices, injected, interfaces, lost_devices, outside, process_faults, watching
 from deployment.faults.canopen_table import CANOPEN
 from deployment.faults.drive import Drive
 from deployment.faults.fmu_table import FMU
 from deployment.faults.foreign_fmus import run_fmus
+from deployment.faults.outside_table import OUTSIDE
 from deployment.faults.processes import run_all
 from deployment.faults.table import BUS, IMAGE, INSIDE, PROCESS, Fault, Outcome
 from runtime.bundle import load
@@ -26,7 +27,7 @@ LAST_TICKS = 60  # of the drive, in which no fault begins: it needs frames to go
 
 def faults(names: Sequence[str] = ()) -> list[Fault]:
     """Those called `names`, all without; raises InputError for an unknown one."""
-    known = {f.name: f for f in (*BUS, *IMAGE, *INSIDE, *CANOPEN, *FMU, *PROCESS)}
+    known = {f.name: f for f in (*BUS, *IMAGE, *INSIDE, *CANOPEN, *FMU, *PROCESS, *OUTSIDE)}
     for name in names:
         if name not in known:
             raise InputError(f"no fault '{name}'; {nearest(name, known)}")
@@ -48,7 +49,11 @@ def run(
     outcomes += run_fmus(files, count, seed, report)
     several = [f for f in wanted if f.level == "process"]
     if several:
-        more = {**dict.fromkeys(watching.NAMES, watching.run), **lost_devices.INJECTIONS}
+        more = {
+            **dict.fromkeys(watching.NAMES, watching.run),
+            **lost_devices.INJECTIONS,
+            **outside.INJECTIONS,
+        }
         outcomes += run_all(bundle, several, count, seed, report, more)
     return outcomes
 

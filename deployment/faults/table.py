@@ -344,22 +344,41 @@ class Outcome:
     caught: int = 0
     worst_ms: float = 0.0
     missed: list[str] = field(default_factory=list)
+    repeated_late: int = 0  # episodes that proved nothing, since the rig itself was late (episodes.py)
+    void: int = 0  # of the injections: those of which no episode was in time
+
+    @property
+    def passed(self) -> bool:
+        """Whether every reaction came as it must."""
+        return not self.missed and not self.void
+
+    def good(self, ms: float | None, why: str) -> bool:
+        """Whether a reaction after `ms` is as it must be."""
+        return ms is not None and ms <= self.fault.limit_ms and not why
 
     def add(self, tick: int, ms: float | None, why: str = "") -> None:
         """One injection; `ms` is None if the reaction did not come."""
         self.injected += 1
         if ms is not None:
             self.worst_ms = max(self.worst_ms, ms)
-        if ms is not None and ms <= self.fault.limit_ms and not why:
+        if self.good(ms, why):
             self.caught += 1
         else:
             self.missed.append(f"tick {tick}: {why or (f'{ms:.0f} ms' if ms is not None else 'no reaction')}")
+
+    def add_late(self, repeated: bool) -> None:
+        """An episode in which the rig was late; not `repeated`: the last one of an injection."""
+        self.repeated_late += repeated
+        self.injected += not repeated
+        self.void += not repeated
 
     def figures(self) -> dict[str, Any]:
         """As `slewright faults --json` writes it."""
         return {
             "injected": self.injected,
             "caught": self.caught,
+            "repeated_late": self.repeated_late,
+            "void": self.void,
             "worst_reaction_ms": self.worst_ms,
             "limit_ms": self.fault.limit_ms,
             "reaction": self.fault.reaction,

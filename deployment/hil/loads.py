@@ -3,7 +3,6 @@
 import asyncio
 import json
 import os
-import random
 import shutil
 import signal
 import subprocess
@@ -34,15 +33,14 @@ STRESS = ("stress-ng", "--cpu", "2", "--io", "1", "--vm", "1", "--vm-bytes", "12
 
 
 @contextmanager
-def clients(port: int, seconds: float, bursts: int = 1) -> Iterator[dict[str, Any]]:
-    """CLIENTS clients in a process of their own, which ask without a pause for `seconds`, `bursts` times."""
-    command = [sys.executable, "-m", "deployment.hil.loads", str(port), str(seconds), str(bursts)]
+def clients(port: int, seconds: float) -> Iterator[dict[str, Any]]:
+    """CLIENTS clients in a process of their own, which ask without a pause for `seconds`."""
+    command = [sys.executable, "-m", "deployment.hil.loads", str(port), str(seconds)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     found: dict[str, Any] = {}
     try:
         if not process.stdout or process.stdout.readline() != "ready\n":
             raise RunError("the Modbus clients did not start")
-        found["process"] = process
         yield found
         found |= json.loads(process.stdout.readline() or "{}")
     finally:
@@ -160,8 +158,8 @@ def _port_of(path: Path, process: subprocess.Popen[bytes]) -> int:
     return json.loads(path.read_text())["plain"]
 
 
-def main(port: int, seconds: float, bursts: int = 1) -> None:
-    """The clients' process: says `ready`, asks in bursts with random pauses, says how often."""
+def main(port: int, seconds: float) -> None:
+    """The clients' process: says `ready`, asks, says how often."""
 
     async def ask(end: float) -> int:
         reader, writer = await asyncio.open_connection(HOST, port)
@@ -178,16 +176,12 @@ def main(port: int, seconds: float, bursts: int = 1) -> None:
 
     async def all_of_them() -> list[int]:
         print("ready", flush=True)
-        counts: list[int] = []
-        for number in range(bursts):
-            await asyncio.sleep(random.uniform(0.0, 0.3) if number else 0.0)
-            end = time.monotonic() + seconds
-            counts += await asyncio.gather(*(ask(end) for _ in range(CLIENTS)))
-        return counts
+        end = time.monotonic() + seconds
+        return await asyncio.gather(*(ask(end) for _ in range(CLIENTS)))
 
     counts = asyncio.run(all_of_them())
-    print(json.dumps({"rps": sum(counts) / (seconds * bursts)}), flush=True)
+    print(json.dumps({"rps": sum(counts) / seconds}), flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), float(sys.argv[2]), *map(int, sys.argv[3:]))
+    main(int(sys.argv[1]), float(sys.argv[2]))

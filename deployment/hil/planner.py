@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from pymodbus.client import ModbusTcpClient
 
 from deployment.hil.panel import ARMING_TICKS
+from deployment.hil.punctual import LATE, Punctual
 from runtime.modbus.cells import HOLDING
 from runtime.modbus.holding import CLAIM, COMMIT, HEARTBEAT, PLACES, encode
 from specs.errors import RunError
 from specs.scenario import TICK_S, Scenario, load
-from specs.signals import definition
+from specs.signals import definition, signal
 from specs.wire import MODBUS_HEADER
 
 NUMBER = 4711  # of its claim
@@ -44,17 +45,19 @@ class Planner:
         """Tick -ARMING_TICKS of the scenario begins now."""
         self._start = time.monotonic() + ARMING_TICKS * TICK_S
 
-    def work(self) -> None:
-        """Heartbeat and, when it is time, the next target; to be called often."""
+    def work(self) -> bool:
+        """Heartbeat and, when it is time, the next target; to be called often. Whether the heartbeat went."""
         now = time.monotonic()
         if self._start is not None:
             tick = int((now - self._start) / TICK_S)
             if tick // self._every != self._sent and tick >= 0 and self._due(tick) is not None:
                 self._ask(tick)
-        if now >= self._next:
-            self._beat = (self._beat + 1) % BEATS
-            self._write(HEARTBEAT, [self._beat])
-            self._next = now + BEAT_S
+        if now < self._next:
+            return False
+        self._beat = (self._beat + 1) % BEATS
+        self._write(HEARTBEAT, [self._beat])
+        self._next = now + BEAT_S
+        return True
 
     def close(self) -> None:
         """Leave; targets lapse."""
@@ -86,12 +89,14 @@ class Planner:
 
 
 def main(port: int, scenario: str) -> None:
-    """A planner that keeps asking for the scenario's first target until it is ended."""
+    """A planner that asks for the scenario's first target until it is ended, and says when it was late."""
     planner = Planner("127.0.0.1", port, load(scenario), 1.0)
     planner.connect()
     print("ready", flush=True)
+    punctual = Punctual(signal("planner_heartbeat"))
     while True:
-        planner.work()
+        if planner.work() and punctual.was_late():
+            print(LATE, flush=True)
         time.sleep(BEAT_S / 10)
 
 

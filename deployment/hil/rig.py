@@ -45,6 +45,7 @@ class Interfaces:
     opcua: int
     domain: int
     commands: bool = False  # whether ROS 2 publishers may command
+    policy: str = ""  # the ROS 2 node that has the role of the policy outside
 
 
 @dataclass(frozen=True)
@@ -215,6 +216,7 @@ class Rig:
             ]
             lines += ["[ros2]", f"domain = {s.interfaces.domain}"]
             lines += ["commands = true"] * s.interfaces.commands
+            lines += [f'policy = "{s.interfaces.policy}"'] * bool(s.interfaces.policy)
         path = self.folder / "machine.toml"
         path.write_text("\n".join(lines) + "\n")
         return path

@@ -23,7 +23,8 @@ static const int angles[][2] = {{SLR_IN_q_slew, SLR_IN_imu_cabin_rate_z},
                                 {SLR_IN_q_boom, SLR_IN_qd_boom},
                                 {SLR_IN_q_stick, SLR_IN_qd_stick}};
 
-static const int heartbeats[] = {SLR_IN_planner_heartbeat, SLR_IN_operator_heartbeat, SLR_IN_machine_heartbeat};
+static const int heartbeats[] = {SLR_IN_planner_heartbeat, SLR_IN_operator_heartbeat, SLR_IN_machine_heartbeat,
+                                 SLR_IN_policy_heartbeat};
 
 #define LENGTH(array) ((int)(sizeof(array) / sizeof(array)[0]))
 
@@ -101,15 +102,20 @@ void slr_check(const SlrInput *in, SlrState *s, SlrView *view) {
     view->deflected |= size_of(view->board[i]) > SLR_DEFLECTED;
 }
 
+/* Sensors, and a policy outside, are there for some bundles and not for others. */
+static int by_bundle(SlrGroup group) { return group == SLR_GROUP_SENSOR || group == SLR_GROUP_POLICY; }
+
 int slr_first_lost(const SlrView *view, SlrGroup group) {
   for (int i = 0; i < SLR_IN_COUNT; i++)
-    if (signals[i].group == group && view->lost[i] && (group != SLR_GROUP_SENSOR || slr_needed[i])) return i;
+    if (signals[i].group == group && view->lost[i] && (!by_bundle(group) || slr_needed[i])) return i;
   return -1;
 }
 
 int slr_first_doubled(const SlrView *view) {
   for (int i = 0; i < SLR_IN_COUNT; i++)
-    if (view->status[i] == SLR_STATUS_TWO_SENDERS && signals[i].group != SLR_GROUP_INFORMATION) return i;
+    if (view->status[i] == SLR_STATUS_TWO_SENDERS && signals[i].group != SLR_GROUP_INFORMATION &&
+        (signals[i].group != SLR_GROUP_POLICY || slr_needed[i]))
+      return i;
   return -1;
 }
 

@@ -8,7 +8,7 @@
 #if defined(__linux__)
 #define START(name, vr, group, min, max, timeout, start) start,
 static const double starts[SLR_IN_COUNT] = {SLR_INPUT_SIGNALS(START)};
-enum { FIRST = SLR_SCAN_FIRST_TARGET, FRAMES_BYTES = SLR_SCAN_HEARD * 8 };
+enum { FIRST = SLR_SCAN_FIRST_TARGET, COMMANDED = SLR_SCAN_FIRST_COMMAND, FRAMES_BYTES = SLR_SCAN_HEARD * 8 };
 
 /* ---- the planner (runtime/modbus/port.py) ---- */
 
@@ -26,23 +26,49 @@ static int take_targets(SlrPlanner *p) {
   return handed_over;
 }
 
-static void put_targets(SlrInput *in, const double *value, int64_t age, SlrStatus status) {
-  memcpy(in->value + FIRST, value, SLR_SCAN_TARGETS * sizeof *value);
-  for (int i = FIRST; i < FIRST + SLR_SCAN_TARGETS; i++) {
+static void put(SlrInput *in, int first, int count, const double *value, int64_t age, SlrStatus status) {
+  memcpy(in->value + first, value, (size_t)count * sizeof *value);
+  for (int i = first; i < first + count; i++) {
     in->age[i] = (int32_t)age;
     in->status[i] = (uint8_t)status;
   }
 }
 
+static int64_t ticks_since(int64_t then, int64_t now) { return now > then ? (now - then) / SLR_SCAN_PERIOD_NS : 0; }
+
 void slr_hear_planner(SlrPlanner *p, SlrInput *in, int64_t now) {
   const int handed_over = take_targets(p);
   p->lost = now - (p->stamp ? p->stamp : p->started) > p->late * SLR_SCAN_PERIOD_NS;
   if (!p->commits || !p->heartbeat || handed_over) {
-    put_targets(in, starts + FIRST, -1, SLR_STATUS_NEVER);
+    put(in, FIRST, SLR_SCAN_TARGETS, starts + FIRST, -1, SLR_STATUS_NEVER);
     return;
   }
-  const int64_t age = now > p->heartbeat ? (now - p->heartbeat) / SLR_SCAN_PERIOD_NS : 0;
-  put_targets(in, p->value, age, age >= p->late ? SLR_STATUS_TIMEOUT : SLR_STATUS_OK);
+  const int64_t age = ticks_since(p->heartbeat, now);
+  put(in, FIRST, SLR_SCAN_TARGETS, p->value, age, age >= p->late ? SLR_STATUS_TIMEOUT : SLR_STATUS_OK);
+}
+
+/* ---- the policy outside (runtime/interfaces/outside.py) ---- */
+
+/* As with targets, nobody goes on with what another one began: for one tick there are no commands. */
+static int take_commands(SlrOutside *o) {
+  SlrCommand newest;
+  const int64_t number = slr_cell_number(&o->commands) == o->seen ? 0 : slr_cell_read(&o->commands, &newest);
+  if (!number) return 0;
+  const int handed_over = o->owner && o->owner != newest.owner;
+  o->seen = number;
+  o->made = newest.made_ns, o->owner = newest.owner;
+  memcpy(o->value, newest.value, sizeof o->value);
+  return handed_over;
+}
+
+void slr_hear_outside(SlrOutside *o, SlrInput *in, int64_t now) {
+  const int handed_over = take_commands(o);
+  const int64_t age = ticks_since(o->made, now);
+  const SlrStatus status = age >= o->late ? SLR_STATUS_TIMEOUT : SLR_STATUS_OK;
+  if (!o->owner || handed_over)
+    put(in, COMMANDED, SLR_SCAN_COMMANDS, starts + COMMANDED, -1, SLR_STATUS_NEVER);
+  else
+    put(in, COMMANDED, SLR_SCAN_COMMANDS, o->value, age, status);
 }
 
 void slr_show_images(const SlrPlanner *p, const SlrInput *in, const SlrOutput *out, int64_t now) {

@@ -7,6 +7,8 @@
 
 /* The planner's targets into the input image; whether it is there. */
 void slr_hear_planner(SlrPlanner *p, SlrInput *in, int64_t now);
+/* Commands of a policy outside into the input image. */
+void slr_hear_outside(SlrOutside *o, SlrInput *in, int64_t now);
 /* Both images, for whoever looks. */
 void slr_show_images(const SlrPlanner *p, const SlrInput *in, const SlrOutput *out, int64_t now);
 

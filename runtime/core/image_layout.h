@@ -4,13 +4,13 @@
 
 #include <stdint.h>
 
-#define SLR_LAYOUT "d1ced88ec0f05d0f"
+#define SLR_LAYOUT "87651f1be0afaea3"
 #define SLR_TICK_S 0.02
 typedef enum { SLR_STATUS_OK = 0, SLR_STATUS_NEVER = 1, SLR_STATUS_TIMEOUT = 2, SLR_STATUS_ERROR = 3, SLR_STATUS_NOT_AVAILABLE = 4, SLR_STATUS_CHECKSUM = 5, SLR_STATUS_RANGE = 6, SLR_STATUS_STUCK = 7, SLR_STATUS_FORCED = 8, SLR_STATUS_TWO_SENDERS = 9 } SlrStatus;
 typedef enum { SLR_FLAG_NO_REALTIME = 1, SLR_FLAG_NO_LOCK = 2, SLR_FLAG_STOLEN_TIME = 4, SLR_FLAG_BUS_PASSIVE = 8, SLR_FLAG_BUS_OFF = 16, SLR_FLAG_RECORDER_LOST = 32, SLR_FLAG_MODBUS_LOST = 64, SLR_FLAG_RETAIN_LOST = 128, SLR_FLAG_DISK_FULL = 256, SLR_FLAG_GATE_LIMITED = 512, SLR_FLAG_POLICY_LATE = 1024, SLR_FLAG_FORCED = 2048, SLR_FLAG_OTHER_CONTROLLER = 4096, SLR_FLAG_GUARDED = 8192 } SlrFlag;
-typedef enum { SLR_GROUP_PLANNER = 0, SLR_GROUP_OPERATOR = 1, SLR_GROUP_MACHINE = 2, SLR_GROUP_SENSOR = 3, SLR_GROUP_INFORMATION = 4, SLR_GROUP_OWN = 5 } SlrGroup;
+typedef enum { SLR_GROUP_PLANNER = 0, SLR_GROUP_OPERATOR = 1, SLR_GROUP_MACHINE = 2, SLR_GROUP_SENSOR = 3, SLR_GROUP_INFORMATION = 4, SLR_GROUP_OWN = 5, SLR_GROUP_POLICY = 6 } SlrGroup;
 typedef enum { SLR_MODE_OFF = 0, SLR_MODE_STANDBY = 1, SLR_MODE_MANUAL = 2, SLR_MODE_AUTOMATIC = 3, SLR_MODE_STOPPING = 4, SLR_MODE_FAULT = 5, SLR_MODE_ARMED = 6, SLR_MODE_HOLD = 7 } SlrMode;
-typedef enum { SLR_FAULT_NONE = 0, SLR_FAULT_SENSOR_TIMEOUT = 1, SLR_FAULT_SENSOR_RANGE = 2, SLR_FAULT_TARGET_TIMEOUT = 3, SLR_FAULT_TARGET_OUT_OF_REACH = 4, SLR_FAULT_MACHINE_NOT_READY = 5, SLR_FAULT_TASK_OVERRUN = 6, SLR_FAULT_CONTROLLER_FAILED = 7, SLR_FAULT_CONFIGURATION = 8, SLR_FAULT_EMERGENCY_STOP = 9, SLR_FAULT_OPERATOR_TIMEOUT = 10, SLR_FAULT_MACHINE_TIMEOUT = 11, SLR_FAULT_SENSOR_CHECKSUM = 12, SLR_FAULT_SENSOR_ERROR = 13, SLR_FAULT_SENSOR_STUCK = 14, SLR_FAULT_BUS_OFF = 15, SLR_FAULT_MACHINE_FAULT = 16, SLR_FAULT_KEEP_OUT = 17, SLR_FAULT_OTHER_CONTROLLER = 18, SLR_FAULT_TWO_SENDERS = 19 } SlrFault;
+typedef enum { SLR_FAULT_NONE = 0, SLR_FAULT_SENSOR_TIMEOUT = 1, SLR_FAULT_SENSOR_RANGE = 2, SLR_FAULT_TARGET_TIMEOUT = 3, SLR_FAULT_TARGET_OUT_OF_REACH = 4, SLR_FAULT_MACHINE_NOT_READY = 5, SLR_FAULT_TASK_OVERRUN = 6, SLR_FAULT_CONTROLLER_FAILED = 7, SLR_FAULT_CONFIGURATION = 8, SLR_FAULT_EMERGENCY_STOP = 9, SLR_FAULT_OPERATOR_TIMEOUT = 10, SLR_FAULT_MACHINE_TIMEOUT = 11, SLR_FAULT_SENSOR_CHECKSUM = 12, SLR_FAULT_SENSOR_ERROR = 13, SLR_FAULT_SENSOR_STUCK = 14, SLR_FAULT_BUS_OFF = 15, SLR_FAULT_MACHINE_FAULT = 16, SLR_FAULT_KEEP_OUT = 17, SLR_FAULT_OTHER_CONTROLLER = 18, SLR_FAULT_TWO_SENDERS = 19, SLR_FAULT_POLICY_TIMEOUT = 20 } SlrFault;
 enum {
   SLR_IN_target_x = 0,
   SLR_IN_target_y = 1,
@@ -20,64 +20,68 @@ enum {
   SLR_IN_load_told = 5,
   SLR_IN_pace = 6,
   SLR_IN_planner_heartbeat = 7,
-  SLR_IN_q_slew = 8,
-  SLR_IN_q_boom = 9,
-  SLR_IN_q_stick = 10,
-  SLR_IN_qd_slew = 11,
-  SLR_IN_qd_boom = 12,
-  SLR_IN_qd_stick = 13,
-  SLR_IN_p_slew_a = 14,
-  SLR_IN_p_slew_b = 15,
-  SLR_IN_p_boom_a = 16,
-  SLR_IN_p_boom_b = 17,
-  SLR_IN_p_stick_a = 18,
-  SLR_IN_p_stick_b = 19,
-  SLR_IN_p_pump = 20,
-  SLR_IN_brake_released = 21,
-  SLR_IN_imu_cabin_rate_x = 22,
-  SLR_IN_imu_cabin_rate_y = 23,
-  SLR_IN_imu_cabin_rate_z = 24,
-  SLR_IN_imu_cabin_roll = 25,
-  SLR_IN_imu_cabin_acc_x = 26,
-  SLR_IN_imu_cabin_acc_y = 27,
-  SLR_IN_imu_cabin_acc_z = 28,
-  SLR_IN_imu_cabin_pitch = 29,
-  SLR_IN_imu_tool_rate_x = 30,
-  SLR_IN_imu_tool_rate_y = 31,
-  SLR_IN_imu_tool_rate_z = 32,
-  SLR_IN_imu_tool_roll = 33,
-  SLR_IN_imu_tool_acc_x = 34,
-  SLR_IN_imu_tool_acc_y = 35,
-  SLR_IN_imu_tool_acc_z = 36,
-  SLR_IN_imu_tool_pitch = 37,
-  SLR_IN_joystick_slew = 38,
-  SLR_IN_joystick_boom = 39,
-  SLR_IN_joystick_stick = 40,
-  SLR_IN_operator_enable = 41,
-  SLR_IN_automatic_request = 42,
-  SLR_IN_operator_heartbeat = 43,
-  SLR_IN_machine_ready = 44,
-  SLR_IN_emergency_stop = 45,
-  SLR_IN_pilot_enabled = 46,
-  SLR_IN_automatic_allowed = 47,
-  SLR_IN_machine_fault = 48,
-  SLR_IN_supply_pressure = 49,
-  SLR_IN_machine_heartbeat = 50,
-  SLR_IN_imu_cabin_heartbeat = 51,
-  SLR_IN_imu_tool_heartbeat = 52,
-  SLR_IN_engine_speed = 53,
-  SLR_IN_oil_temperature = 54,
-  SLR_IN_supply_voltage = 55,
-  SLR_IN_COUNT = 56
+  SLR_IN_policy_u_slew = 8,
+  SLR_IN_policy_qd_boom_ref = 9,
+  SLR_IN_policy_qd_stick_ref = 10,
+  SLR_IN_policy_heartbeat = 11,
+  SLR_IN_q_slew = 12,
+  SLR_IN_q_boom = 13,
+  SLR_IN_q_stick = 14,
+  SLR_IN_qd_slew = 15,
+  SLR_IN_qd_boom = 16,
+  SLR_IN_qd_stick = 17,
+  SLR_IN_p_slew_a = 18,
+  SLR_IN_p_slew_b = 19,
+  SLR_IN_p_boom_a = 20,
+  SLR_IN_p_boom_b = 21,
+  SLR_IN_p_stick_a = 22,
+  SLR_IN_p_stick_b = 23,
+  SLR_IN_p_pump = 24,
+  SLR_IN_brake_released = 25,
+  SLR_IN_imu_cabin_rate_x = 26,
+  SLR_IN_imu_cabin_rate_y = 27,
+  SLR_IN_imu_cabin_rate_z = 28,
+  SLR_IN_imu_cabin_roll = 29,
+  SLR_IN_imu_cabin_acc_x = 30,
+  SLR_IN_imu_cabin_acc_y = 31,
+  SLR_IN_imu_cabin_acc_z = 32,
+  SLR_IN_imu_cabin_pitch = 33,
+  SLR_IN_imu_tool_rate_x = 34,
+  SLR_IN_imu_tool_rate_y = 35,
+  SLR_IN_imu_tool_rate_z = 36,
+  SLR_IN_imu_tool_roll = 37,
+  SLR_IN_imu_tool_acc_x = 38,
+  SLR_IN_imu_tool_acc_y = 39,
+  SLR_IN_imu_tool_acc_z = 40,
+  SLR_IN_imu_tool_pitch = 41,
+  SLR_IN_joystick_slew = 42,
+  SLR_IN_joystick_boom = 43,
+  SLR_IN_joystick_stick = 44,
+  SLR_IN_operator_enable = 45,
+  SLR_IN_automatic_request = 46,
+  SLR_IN_operator_heartbeat = 47,
+  SLR_IN_machine_ready = 48,
+  SLR_IN_emergency_stop = 49,
+  SLR_IN_pilot_enabled = 50,
+  SLR_IN_automatic_allowed = 51,
+  SLR_IN_machine_fault = 52,
+  SLR_IN_supply_pressure = 53,
+  SLR_IN_machine_heartbeat = 54,
+  SLR_IN_imu_cabin_heartbeat = 55,
+  SLR_IN_imu_tool_heartbeat = 56,
+  SLR_IN_engine_speed = 57,
+  SLR_IN_oil_temperature = 58,
+  SLR_IN_supply_voltage = 59,
+  SLR_IN_COUNT = 60
 };
 typedef struct {
   int64_t tick;
   int32_t overruns;
   uint32_t flags;
-  double value[56];
-  int32_t age[56];
-  uint8_t status[56];
-  uint8_t pad[8];
+  double value[60];
+  int32_t age[60];
+  uint8_t status[60];
+  uint8_t pad[4];
 } SlrInput;
 #define SLR_INPUT_SIGNALS(X) \
   X(target_x, 20, SLR_GROUP_PLANNER, -25.0, 25.0, 25, 0.0) \
@@ -88,6 +92,10 @@ typedef struct {
   X(load_told, 25, SLR_GROUP_PLANNER, 0.0, 4000.0, 25, 0.0) \
   X(pace, 26, SLR_GROUP_PLANNER, 0.0, 2.0, 25, 1.0) \
   X(planner_heartbeat, 27, SLR_GROUP_PLANNER, 0.0, 250.0, 25, 0.0) \
+  X(policy_u_slew, 28, SLR_GROUP_POLICY, -1.0, 1.0, 15, 0.0) \
+  X(policy_qd_boom_ref, 29, SLR_GROUP_POLICY, -0.2, 0.2, 15, 0.0) \
+  X(policy_qd_stick_ref, 30, SLR_GROUP_POLICY, -0.2, 0.2, 15, 0.0) \
+  X(policy_heartbeat, 31, SLR_GROUP_POLICY, 0.0, 250.0, 15, 0.0) \
   X(q_slew, 40, SLR_GROUP_SENSOR, -1000.0, 1000.0, 5, 0.0) \
   X(q_boom, 41, SLR_GROUP_SENSOR, -3.2, 3.2, 5, 1.1) \
   X(q_stick, 42, SLR_GROUP_SENSOR, -3.2, 3.2, 5, -1.2) \

@@ -73,6 +73,7 @@ static Cause automatic(const SlrView *view) {
   int input;
   if ((input = slr_first_lost(view, SLR_GROUP_SENSOR)) >= 0) return (Cause){of_status(view->status[input]), input};
   if ((input = slr_first_lost(view, SLR_GROUP_PLANNER)) >= 0) return (Cause){SLR_FAULT_TARGET_TIMEOUT, input};
+  if ((input = slr_first_lost(view, SLR_GROUP_POLICY)) >= 0) return (Cause){SLR_FAULT_POLICY_TIMEOUT, input};
   return none;
 }
 

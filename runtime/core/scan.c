@@ -129,6 +129,7 @@ static int64_t read_all(SlrScan *s) {
   hear_wires(s);
   hear_devices(s);
   if (s->planner.present) slr_hear_planner(&s->planner, in, slr_now());
+  if (s->outside.present) slr_hear_outside(&s->outside, in, slr_now());
   return (s->attends ? SLR_ATTEND_ALWAYS : 0) | (slr_somebody_asks(s) ? SLR_ATTEND_ASKED : 0) |
          (s->wires.gone || s->devices.gone ? SLR_ATTEND_BUS : 0);
 }

@@ -4,10 +4,12 @@
 
 #include <stdint.h>
 
-#define SLR_SCAN_LAYOUT "3d79163d3f408339"
+#define SLR_SCAN_LAYOUT "844e675e7211ba4e"
 #define SLR_SCAN_TARGETS 8
 #define SLR_SCAN_FIRST_TARGET 0
-#define SLR_SCAN_HEARD 18
+#define SLR_SCAN_HEARD 19
+#define SLR_SCAN_COMMANDS 4
+#define SLR_SCAN_FIRST_COMMAND 8
 #define SLR_SCAN_SEATS 2
 #define SLR_SCAN_LOCAL 1
 #define SLR_SCAN_SOCKETCAN 2
@@ -87,6 +89,20 @@ typedef struct {
   double value[8];
 } SlrPlanner;
 typedef struct {
+  int64_t made_ns;
+  int64_t owner;
+  double value[4];
+} SlrCommand;
+typedef struct {
+  int64_t present;
+  SlrCellEnd commands;
+  int64_t late;
+  int64_t seen;
+  int64_t made;
+  int64_t owner;
+  double value[4];
+} SlrOutside;
+typedef struct {
   SlrCellEnd cell;
   int64_t more;
   int64_t seen;
@@ -101,7 +117,7 @@ typedef struct {
   int64_t writer;
   int64_t forcing;
   void *frames;
-  int64_t heard[18];
+  int64_t heard[19];
   void *refused;
 } SlrPageEnd;
 typedef struct {
@@ -154,6 +170,7 @@ typedef struct {
   SlrBusEnd devices;
   SlrDevices setting;
   SlrPlanner planner;
+  SlrOutside outside;
   SlrAsked seats[2];
   int64_t seats_busy;
   SlrPageEnd page;

@@ -78,7 +78,7 @@ void slr_geometry(const double *joints, const double *target, double *walls, dou
 
 /* Values that may be used, by the images alone: check.c. */
 void slr_check(const SlrInput *in, SlrState *s, SlrView *view);
-/* First lost input of a group (of the sensors: one that is needed); -1: all are well. */
+/* First lost input of a group (of sensors and the policy outside: one that is needed); -1: all are well. */
 int slr_first_lost(const SlrView *view, SlrGroup group);
 /* First input that is not only information and whose message two nodes send; -1: none. */
 int slr_first_doubled(const SlrView *view);

@@ -98,6 +98,7 @@ FAULTS = {
     "sensor_error": "A sensor reports an error",
     "sensor_stuck": "A sensor is stuck",
     "target_timeout": "Whoever writes targets was lost",
+    "policy_timeout": "The policy outside was lost, or its commands are stale",
     "target_out_of_reach": "The target is out of reach",
     "machine_not_ready": "The machine is not ready",
     "machine_timeout": "The machine's messages stopped",
@@ -229,6 +230,12 @@ class Alarms:
                 self.history.append(alarm)
             self.version += bool(fresh)
             return fresh
+
+    def acknowledge_key(self, key: str, who: str) -> list[Alarm]:
+        """Mark the alarm of this key as seen, if there is one that was not."""
+        return [
+            a for alarm in self.unseen(None) if alarm.key == key for a in self.acknowledge(alarm.number, who)
+        ]
 
     def shelve(self, number: int, until: float, said: str) -> None:
         """Put an alarm aside until then [s, the clock of `update`]; ValueError if it is not one to put aside.

@@ -19,6 +19,7 @@ class Outsiders:
         self._listeners = [Listener(folder, name) for name in LABELS]
         self._audit, self._looked = audit, 0
         self._present: dict[str, tuple[int, Condition]] = {}
+        self.acknowledged: list[tuple[str, str]] = []  # alarms by key, and by whom; taken by `Watch`
 
     def look(self, now: int) -> None:
         """Take what is new at `now` [ns]."""
@@ -35,6 +36,8 @@ class Outsiders:
         return [condition for _, condition in self._present.values()]
 
     def _take(self, label: str, event: dict[str, Any], now: int) -> None:
+        if key := event.get("acknowledged"):
+            self.acknowledged.append((key, f"{event['who']} ({label})"))
         level = Level(event["level"])
         if level != Level.NOTE:
             text = f"{label}: {ABOUT.get(label, 'somebody was refused or lost the right to command')}"

@@ -90,6 +90,8 @@ class Watch:
             self.hub.put("stale", {"t": round(time.time(), 3)})
         if self._outsiders:
             self._outsiders.look(now)
+            while self._outsiders.acknowledged:
+                self.alarms.acknowledge_key(*self._outsiders.acknowledged.pop(0))
         if self.planners and self.planners.look(now):
             shown = {k: v for k, v in self.planners.state.items() if k != "events"}
             self.hub.put("modbus", shown | {"last": self.planners.last})

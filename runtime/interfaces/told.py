@@ -39,15 +39,23 @@ class Teller:
         """Say it, unless it was said in the last minute; whether it was."""
         now = time.monotonic()
         self._said = {said: at for said, at in self._said.items() if now - at < MINUTE_S}
-        text = "".join(c if c.isprintable() else "?" for c in text)[:LENGTH]
+        text = _plain(text)
         if text in self._said or len(self._said) >= LINES:
             return False
         self._said[text] = now
+        self._say(text, {"level": level.value})
+        return True
+
+    def acknowledge(self, key: str, who: str, text: str) -> None:
+        """Say that somebody with the right to do so acknowledged the alarm `key`; always said."""
+        more = {"level": Level.NOTE.value, "acknowledged": key, "who": _plain(who)}
+        self._say(_plain(text), more)
+
+    def _say(self, text: str, more: dict[str, Any]) -> None:
         number = max(time.monotonic_ns(), self._events[-1]["number"] + 1 if self._events else 0)
-        self._events.append({"number": number, "level": level.value, "what": text})
+        self._events.append({"number": number, "what": text, **more})
         self._cell.write(json.dumps(list(self._events), ensure_ascii=False).encode().ljust(BYTES))
         to_console(f"{self._label}: {text}")
-        return True
 
 
 class Listener:
@@ -76,6 +84,10 @@ class Listener:
             return Cell.open(self._path, BYTES, HOLDS)
         except InputError:  # being made
             return None
+
+
+def _plain(text: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in text)[:LENGTH]
 
 
 def _made(path: Path) -> Cell:

@@ -10,7 +10,7 @@ from pathlib import Path
 from specs.errors import InputError
 
 ROLE = "1.3.6.1.4.1.50316.802.1"
-WRITERS = ("Planner",)
+WRITERS, OPERATORS = ("Planner",), ("Operator",)
 NAME_LENGTH = 40
 UTF8 = 0x0C  # tag of a UTF8String in DER
 
@@ -33,6 +33,11 @@ def role(certificate: bytes) -> str | None:
 def may_write(certificate: bytes | None) -> bool:
     """Whether the holder of a certificate (DER) may write."""
     return certificate is not None and role(certificate) in WRITERS
+
+
+def may_acknowledge(certificate: bytes | None) -> bool:
+    """Whether the holder of a certificate (DER) may acknowledge alarms."""
+    return certificate is not None and role(certificate) in OPERATORS
 
 
 def common_name(certificate: bytes | None) -> str:

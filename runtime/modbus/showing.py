@@ -1,7 +1,7 @@
 """The registers that every client reads: the images of the control process, and the server's own numbers.
 
-A value that is not known (never came, lost, error, not available) is not a number in a float32 and 0xFFFF in
-a uint16; so is everything when the control process no longer publishes.
+A value that is not known (never came, lost, error, not available) is not a number in a float32, 0xFFFF in a
+uint16 and 0x8000 in an int16; so is everything when the control process no longer publishes.
 """
 
 import numpy as np
@@ -15,7 +15,8 @@ from specs.signals import definition, signal
 from specs.tables import header_values
 
 UNKNOWN = (Status.NEVER, Status.TIMEOUT, Status.ERROR, Status.NOT_AVAILABLE, Status.TWO_SENDERS)
-NO_WORD = 0xFFFF
+NO_WORD, NO_SIGNED = 0xFFFF, 0x8000
+HIGHEST = 0x7FFF  # of an int16
 STALE_NS = timeout_ticks(signal("controller_heartbeat")) * PERIOD_NS
 
 
@@ -34,8 +35,9 @@ class Showing:
         )
         self._floats = np.array([p.type == "float32" for _, p in found])
         self._first = np.array([p.address for _, p in found])
-        if any(p.type not in ("float32", "uint16") or p.word_order != "high_first" for _, p in found):
-            raise NotImplementedError("input registers are float32 or uint16, high word first")
+        self._signed = np.array([p.type == "int16" for _, p in found])[~self._floats]
+        if any(p.type == "uint32" or p.word_order != "high_first" for _, p in found):
+            raise NotImplementedError("input registers are float32, uint16 or int16, high word first")
         self._scale = np.array([p.scale for _, p in found])
         self._number = 0
         self._stamp = 0
@@ -81,6 +83,8 @@ class Showing:
         first = self._first[self._floats]
         table[first], table[first + 1] = words[:, 0], words[:, 1]
         whole = np.rint(scaled[~self._floats])
-        good = np.isfinite(whole) & (whole >= 0) & (whole < NO_WORD)
-        table[self._first[~self._floats]] = np.where(good, whole, NO_WORD).astype(np.uint16)
+        low, high = np.where(self._signed, -HIGHEST, 0), np.where(self._signed, HIGHEST, NO_WORD - 1)
+        good = (whole >= low) & (whole <= high)  # no number is not
+        known = np.where(good, whole, np.where(self._signed, NO_SIGNED, NO_WORD)).astype(np.int64)
+        table[self._first[~self._floats]] = known & 0xFFFF
         return table.tolist()

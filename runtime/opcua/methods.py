@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextvars import ContextVar
 from typing import Any
 
@@ -17,6 +17,7 @@ ua: Any = types  # its declared types leave out much of what it takes
 
 CODES = ua.StatusCodes
 ANSWER_S = 0.5  # for which a claim waits for the control process
+ACKNOWLEDGE = ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge)
 CALLING: ContextVar[Any] = ContextVar("calling")  # the session that calls
 
 
@@ -24,9 +25,16 @@ class Session(InternalSession):
     """A session whose methods know who calls them."""
 
     async def call(self, params: Any) -> Any:
-        """asyncua's, with the session in CALLING."""
+        """asyncua's, with the session in CALLING; alarms are no nodes, and are acknowledged here."""
         CALLING.set(self)
-        return await super().call(params)
+        found: list[Any] = []
+        for request in params:
+            if request.MethodId == ACKNOWLEDGE:
+                code = await self.iserver.acknowledge(self, request)  # type: ignore[attr-defined]
+                found.append(ua.CallMethodResult(ua.StatusCode(code)))
+            else:
+                found += await super().call([request])
+        return found
 
     async def close_session(self, delete_subs: bool = True) -> None:
         """asyncua's; what the client commanded lapses with it."""
@@ -35,9 +43,10 @@ class Session(InternalSession):
 
 
 class Sessions(InternalServer):
-    """Makes our sessions; `gone` is told of each that ends."""
+    """Makes our sessions; `gone` is told of each that ends, `acknowledge` of each call of that method."""
 
     gone: Callable[[Any], None] = staticmethod(lambda session: None)
+    acknowledge: Callable[[Any, Any], Awaitable[int]]
 
     def create_session(self, name: str, user: Any = None, external: bool = False) -> Session:
         """asyncua's."""
@@ -57,7 +66,7 @@ class Methods:
 
     def gone(self, session: Any) -> None:
         """A session ended."""
-        self._seat.release(_name(session), "lost the right to command: its session ended")
+        self._seat.release(client_of(session), "lost the right to command: its session ended")
 
     def _action(self, method: Method) -> Callable[..., Any]:
         async def act(parent: Any, *given: Any) -> Any:
@@ -66,7 +75,7 @@ class Methods:
                 who = getattr(session.user, "name", "somebody") if session else "somebody"
                 self._tell(f"{who} was refused {method.name}: its role does not command")
                 return ua.StatusCode(CODES.BadUserAccessDenied)
-            return await self._do(method, _name(session), given)
+            return await self._do(method, client_of(session), given)
 
         return act
 
@@ -104,6 +113,6 @@ class Methods:
         return ua.StatusCode(CODES.BadUserAccessDenied if busy else CODES.BadOutOfRange)
 
 
-def _name(session: Any) -> str:
+def client_of(session: Any) -> str:
     """A session's client for people and for the seat: its certificate's name and the session's number."""
     return f"{getattr(session.user, 'name', '?')} (session {session.session_id.Identifier})"

@@ -66,11 +66,13 @@ class Served:
         server = Server(iserver=Sessions(user_manager=users))  # type: ignore[arg-type]
         await server.init()
         await self._set_up(server, users, security)
-        space, events, methods = Space(), Events(), Methods(self.seat, self.tell)
+        space, methods = Space(), Methods(self.seat, self.tell)
+        events = Events(self.tell, self._teller.acknowledge)
         await space.build(server)
         await events.build(server, space.machine)
         methods.link(server, space.methods)
         server.iserver.gone = methods.gone  # type: ignore[attr-defined]
+        server.iserver.acknowledge = events.acknowledge  # type: ignore[attr-defined]
         try:
             await server.start()
         except OSError as error:

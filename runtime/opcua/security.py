@@ -1,7 +1,8 @@
 """Who an OPC UA client is: its application certificate on a signed and encrypted channel.
 
 Certificates are those of Modbus/TLS (runtime/modbus/roles.py): issued by the authority of the configuration,
-the role in an extension.  `Planner` commands; everybody else, and whoever comes without a certificate, reads.
+the role in an extension.  `Planner` commands, `Operator` acknowledges alarms; everybody else, and whoever
+comes without a certificate, reads.
 """
 
 from collections.abc import Callable
@@ -11,7 +12,7 @@ from typing import Any
 
 from asyncua.crypto.permission_rules import User, UserRole
 
-from runtime.modbus.roles import common_name, may_write
+from runtime.modbus.roles import common_name, may_acknowledge, may_write
 from specs.errors import InputError
 
 NOBODY = "anonymous"
@@ -20,9 +21,9 @@ NOBODY = "anonymous"
 class Client(User):
     """Who a session's client is; its role for asyncua is never more than reading and calling."""
 
-    def __init__(self, name: str, commands: bool) -> None:
+    def __init__(self, name: str, commands: bool = False, acknowledges: bool = False) -> None:
         super().__init__(UserRole.User, name)
-        self.commands = commands
+        self.commands, self.acknowledges = commands, acknowledges
 
 
 class Users:
@@ -37,12 +38,12 @@ class Users:
     ) -> Client | None:
         """The client with this certificate (of its channel, which proved that it has the key)."""
         if not certificate or self._authority is None:
-            return Client(NOBODY, commands=False)
+            return Client(NOBODY)
         name = common_name(certificate)
         if reason := self.distrust(certificate):
             self._tell(f"{name or 'a client'} was refused: {reason}")
             return None
-        return Client(name or "a client", may_write(certificate))
+        return Client(name or "a client", may_write(certificate), may_acknowledge(certificate))
 
     def distrust(self, certificate: bytes) -> str:
         """Why a certificate (DER) is not trusted; "" if it is."""

@@ -125,3 +125,4 @@ TOPICS = (
 )
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", clock)
 COMMAND = "/slewright/target"  # of type ros2.TARGET: what is subscribed to
+POLICY = "/slewright/policy"  # of type ros2.POLICY: likewise

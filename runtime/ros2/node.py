@@ -1,7 +1,9 @@
 """The DDS side: a participant that looks like a ROS 2 node, its publishers and subscriber."""
 
 from dataclasses import dataclass
+from secrets import token_bytes
 from typing import Any
+from uuid import UUID
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.core import DDSException
@@ -12,29 +14,44 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from runtime.ros2.loopback import confine
-from runtime.ros2.wire import message, qos, topic_name
+from runtime.ros2.wire import message, qos, service_topics, topic_name
 from specs.ros2 import dds_type, type_hash
 
-NAME, NAMESPACE = "controller", "/slewright"
+CONTROLLER = "/slewright/controller"  # our node
 GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+TYPE_HASH = "typehash="
 DEPTH = 8  # targets that may wait; a publisher that floods loses the older ones
+SERVICE_DEPTH = 10  # as of ROS 2's services
 ALIVE = 16  # of an instance: its writer is there
 
 
 @dataclass(frozen=True)
 class Peer:
-    """A publisher of a topic that is subscribed to, and why it is refused; "" if it is not."""
+    """A publisher of somebody on the domain, as it announces itself; all empty once it is gone."""
 
     handle: int
-    name: str
-    refused: str
+    key: UUID | None = None
+    topic: str = ""
+    type: str = ""
+    told: str = ""  # its type's hash, among others
     gone: bool = False
+
+    def wrong(self, kind: str) -> str:
+        """Why its messages are not ours: another type, or another version of it; "" if they are."""
+        if self.type != dds_type(kind):
+            return f"it publishes {self.type}, not {dds_type(kind)}"
+        hashes = [p[len(TYPE_HASH) :] for p in self.told.split(";") if p.startswith(TYPE_HASH)]
+        if hashes and hashes[0] != type_hash(kind):
+            return f"its {kind} is of another version ({hashes[0][:15]}…, not {type_hash(kind)[:15]}…)"
+        return ""
 
 
 class Node:
     """The participant; what cannot be written is left out, nobody is waited for."""
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, name: str = CONTROLLER) -> None:
+        """`name`: of the node, in full; `loopback.settings()` comes before the first one of a process."""
+        self.name = name
         self.participant = DomainParticipant(domain, Qos(Policy.Userdata(b"enclave=/;")))
         confine()
         self._writers: dict[str, Any] = {}
@@ -47,11 +64,30 @@ class Node:
         topic = Topic(self.participant, topic_name(name), message(kind))
         self._writers[name] = DataWriter(self.participant, topic, qos(kind, depth, latched))
 
-    def subscriber(self, name: str, kind: str) -> Any:
+    def subscriber(self, name: str, kind: str, depth: int = DEPTH) -> Any:
         """Subscribe to a topic: best effort, which takes what reliable publishers send, too."""
         topic = Topic(self.participant, topic_name(name), message(kind))
-        self._readers.append(DataReader(self.participant, topic, qos(kind, DEPTH, reliable=False)))
+        self._readers.append(DataReader(self.participant, topic, qos(kind, depth, reliable=False)))
         return self._readers[-1]
+
+    def service(self, name: str, kind: str) -> tuple[Any, Any]:
+        """Serve `kind`, PACKAGE/srv/NAME, under a name: reader of requests and writer of replies.
+
+        Clients of rmw_cyclonedds know by an id that both belong together.
+        """
+        asked, answered = service_topics(name)
+        told = f"serviceid={'.'.join(f'{b:x}' for b in token_bytes(16))};"
+        types = f"{kind}_Request", f"{kind}_Response"
+        topics = [
+            Topic(self.participant, t, message(k)) for t, k in zip((asked, answered), types, strict=True)
+        ]
+        reader, writer = (
+            of(self.participant, topic, qos(k, SERVICE_DEPTH, hashed=False, told=told))
+            for of, topic, k in zip((DataReader, DataWriter), topics, types, strict=True)
+        )
+        self._readers.append(reader)
+        self._writers[answered] = writer
+        return reader, writer
 
     def publish(self, name: str, data: Any) -> None:
         """Write; a message that finds no room is lost."""
@@ -65,37 +101,27 @@ class Node:
         gid = message("rmw_dds_common/msg/Gid")
         topic = Topic(self.participant, "ros_discovery_info", message(GRAPH))
         self._graph = DataWriter(self.participant, topic, qos(GRAPH, latched=True, hashed=False))
+        space, _, plain = self.name.rpartition("/")
         node = message("rmw_dds_common/msg/NodeEntitiesInfo")(
-            node_namespace=NAMESPACE, node_name=NAME,
+            node_namespace=space or "/", node_name=plain,
             reader_gid_seq=[gid(_bytes(r)) for r in self._readers],
             writer_gid_seq=[gid(_bytes(w)) for w in self._writers.values()],
         )  # fmt: skip
         told = message(GRAPH)(gid=gid(_bytes(self.participant)), node_entities_info_seq=[node])
         self._graph.write(told)
 
-    def peers(self, name: str, kind: str) -> list[Peer]:
-        """Publishers of a topic that came or went since the last call."""
+    def peers(self) -> list[Peer]:
+        """Publishers that came or went since the last call."""
         found = []
         for sample in self._peers.take(64):
             info = sample.sample_info
             if info.instance_state != ALIVE or not info.valid_data:
-                found.append(Peer(info.instance_handle, "", "", gone=True))
-            elif sample.topic_name == topic_name(name):
-                found.append(Peer(info.instance_handle, str(sample.key), _wrong(sample, kind)))
+                found.append(Peer(info.instance_handle, gone=True))
+                continue
+            told = next((p.data for p in sample.qos if isinstance(p, Policy.Userdata)), b"")
+            said = sample.topic_name, sample.type_name, told.decode("ascii", "replace")
+            found.append(Peer(info.instance_handle, sample.key, *said))
         return found
-
-
-def _wrong(sample: Any, kind: str) -> str:
-    """Why a publisher's messages are not ours: another type, or another version of it."""
-    if sample.type_name != dds_type(kind):
-        return f"it publishes {sample.type_name}, not {dds_type(kind)}"
-    told = next((p.data for p in sample.qos if isinstance(p, Policy.Userdata)), b"").decode(
-        "ascii", "replace"
-    )
-    hashes = [part[len("typehash=") :] for part in told.split(";") if part.startswith("typehash=")]
-    if hashes and hashes[0] != type_hash(kind):
-        return f"its {kind} is of another version ({hashes[0][:15]}…, not {type_hash(kind)[:15]}…)"
-    return ""
 
 
 def _bytes(entity: Any) -> list[int]:

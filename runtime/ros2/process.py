@@ -6,13 +6,14 @@ at SIGTERM.
 
 import json
 import os
-import signal
+import signal as signals
+import time
 from pathlib import Path
 from typing import Any
 
 from runtime.helpers import end_with, run
 from runtime.hmi.alarms import Level
-from runtime.interfaces import seats
+from runtime.interfaces import outside, seats
 from runtime.interfaces.beside import library, ready, until_told
 from runtime.interfaces.news import Line, News
 from runtime.interfaces.told import Teller
@@ -20,6 +21,7 @@ from runtime.interfaces.view import Seen, View
 from runtime.ros2 import loopback
 from specs import urdf
 from specs.errors import InputError
+from specs.signals import signal
 
 LOG_LEVELS = {Level.CRITICAL: 40, Level.WARNING: 30, Level.NOTE: 20}  # rcl_interfaces/Log
 DIAGNOSED = {Level.CRITICAL: 2, Level.WARNING: 1, Level.NOTE: 0}  # diagnostic_msgs/DiagnosticStatus
@@ -36,6 +38,9 @@ class Live:
         from runtime.ros2 import messages
         from runtime.ros2.commands import Commands
         from runtime.ros2.node import Node
+        from runtime.ros2.parameters import Parameter, Parameters, read
+        from runtime.ros2.policy import PolicyCommands
+        from runtime.ros2.services import Services
 
         folder = Path(told["folder"])
         self._view, self._news = View.join(folder), News()
@@ -50,6 +55,12 @@ class Live:
         node.publisher(DIAGNOSTICS, DIAGNOSTIC)
         node.publisher(MODEL, "std_msgs/msg/String", latched=True)
         self._commands = Commands(node, self._seat(folder), self.tell) if told["commands"] else None
+        role = told["policy"]
+        self._policy = PolicyCommands(node, role, outside.join(folder), self.tell) if role else None
+        known = {n: Parameter(v, "of this run") for n, v in told["about"].items()}
+        known |= read(Path(told["bundle"])) if told["bundle"] else {}
+        self._services = Services(node, Parameters(known), self._mode, self._stop, self.tell)
+        self._seen: Seen | None = None
         node.announce()
         node.publish(MODEL, messages.message("std_msgs/msg/String")(data=urdf.render()))
         self._lost = False
@@ -60,6 +71,19 @@ class Live:
             raise InputError(f"ros2: {folder} has no cell of who has the right to command")
         return seats.Seat("ros2", seats.join(folder, "ros2"), granted, self.tell)
 
+    def _mode(self) -> str:
+        """Mode and fault, for people; "" if they are not known."""
+        if self._seen is None or self._view.stale:
+            return ""
+        said = {n: signal(n).values for n in ("control_mode", "fault_code")}
+        mode, fault = (texts.get(int(self._seen.of(n)), "?") for n, texts in said.items())
+        return f"{mode}, fault {fault}"
+
+    def _stop(self) -> bool:
+        """End who commands over ROS 2; whether there was one."""
+        ways = [way for way in (self._commands, self._policy) if way]
+        return sum(way.stop("stop was called") for way in ways) > 0
+
     def tell(self, text: str, level: Level = Level.WARNING) -> None:
         """Something happened: on the console, in the HMI's alarms, and on /rosout."""
         if self._teller.tell(text, level):
@@ -67,9 +91,14 @@ class Live:
 
     def work(self) -> None:
         """Publish what is new, take what came."""
+        peers = self.node.peers()
         if self._commands:
-            self._commands.work()
+            self._commands.work(peers)
+        if self._policy:
+            self._policy.work(peers)
+        self._services.work(peers, time.monotonic_ns())
         seen = self._view.new()
+        self._seen = seen or self._seen
         if seen:
             self._lost = False
             self._publish(seen)
@@ -104,7 +133,7 @@ class Live:
 
 def main(text: str) -> None:
     """Publish until told to end."""
-    end_with(signal.SIGTERM)
+    end_with(signals.SIGTERM)
     loopback.settings()
     library("cyclonedds", "cyclonedds", "ros2")
     live = Live(json.loads(text))

@@ -22,7 +22,9 @@ BLOCKS = duration(milliseconds=5)  # for which a write may wait for readers that
 @cache
 def message(name: str) -> Any:
     """The class of a type's messages."""
-    fields = {}
+    fields: dict[str, Any] = {}
+    if name.split("/")[1] == "srv":  # rmw_cyclonedds puts who asked, and the number of the request, before it
+        fields |= {"guid": types.uint64, "seq": types.int64}
     for field, kind in fields_of(name):
         base, count = split(kind)
         one = BASES[base] if base in BASES else message(base)
@@ -36,10 +38,22 @@ def topic_name(name: str) -> str:
     return f"rt{name}"
 
 
-def qos(name: str, depth: int = 1, latched: bool = False, reliable: bool = True, hashed: bool = True) -> Qos:
+def service_topics(name: str) -> tuple[str, str]:
+    """A service's topics on the wire: requests and replies."""
+    return f"rq{name}Request", f"rr{name}Reply"
+
+
+def qos(
+    name: str,
+    depth: int = 1,
+    latched: bool = False,
+    reliable: bool = True,
+    hashed: bool = True,
+    told: str = "",
+) -> Qos:
     """ROS 2's quality of service: reliable or best effort, keep last, volatile or transient local.
 
-    The type's hash goes with it, as Jazzy's middleware sends it; without `hashed` it does not.
+    The type's hash goes with it, as Jazzy's middleware sends it; without `hashed`, `told` does.
     """
     chosen = [
         Policy.Reliability.Reliable(BLOCKS) if reliable else Policy.Reliability.BestEffort,
@@ -48,5 +62,7 @@ def qos(name: str, depth: int = 1, latched: bool = False, reliable: bool = True,
         Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
     ]
     if hashed:
-        chosen.append(Policy.Userdata(f"typehash={type_hash(name)};".encode()))
+        told = f"typehash={type_hash(name)};"
+    if told:
+        chosen.append(Policy.Userdata(told.encode()))
     return Qos(*chosen)

@@ -18,7 +18,8 @@ from runtime.canopen.port import CanopenPort
 from runtime.hmi.cells import create as create_hmi
 from runtime.hmi.port import HmiPort
 from runtime.image import INPUT, OUTPUT
-from runtime.interfaces import seats
+from runtime.interfaces import outside, seats
+from runtime.interfaces.outside import OutsidePort
 from runtime.interfaces.port import Asked, SeatsPort
 from runtime.modbus.cells import HOLDING, create
 from runtime.modbus.port import ModbusPort
@@ -91,6 +92,7 @@ class Rack:
         self.statistics = found = Statistics()
         self.image, self.targets = create(folder)
         self.pages = create_hmi(folder)
+        self.outside = outside.create(folder)
         seats.create(folder, seats.NAMES)
         granted = seats.join_granted(folder)
         assert granted
@@ -109,7 +111,7 @@ class Rack:
         )  # fmt: skip
         claims.page = page.commands
         kept = Publisher(self.counts, found, self.retain, ("control_mode", "load_estimate"))
-        self.ports: list[Port] = [wires, modbus, claims, page, kept]
+        self.ports: list[Port] = [wires, OutsidePort(self.outside), modbus, claims, page, kept]
         feed = Feed(self.ring, snapshot_ticks=7)
         self.scan = kind(self.core, self.ports, rights, feed, statistics=found)
         if isinstance(self.scan, NativeScan):
@@ -198,8 +200,8 @@ class Pair:
 
     def write(self, what: str, state: np.ndarray) -> None:
         for rack in self.racks:
-            cell = rack.pages[2] if what == "page" else rack.targets if what == "modbus" else rack.seats[0]
-            cell.write(state)
+            cells = {"page": rack.pages[2], "modbus": rack.targets, "outside": rack.outside}
+            cells.get(what, rack.seats[0]).write(state)
 
     def tick(self, tick: int, given_frames: Sequence[Frame] = ()) -> None:
         for rack in self.racks:

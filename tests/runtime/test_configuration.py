@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from runtime import configuration
-from runtime.supervisor import lock
+from runtime.supervisor import _check_outside, lock
 from specs.errors import InputError
 from tests.conftest import ROOT
+from tests.runtime.bundles import built
 
 DBC = ROOT / "specs" / "generated" / "slewright.dbc"
 MAP = ROOT / "specs" / "generated" / "modbus_map.csv"
@@ -280,3 +281,24 @@ def test_a_devices_bus_that_is_not_there_and_an_eds_that_is_none_are_refused(fol
     pytest.importorskip("canopen")
     with pytest.raises(InputError, match=r"none.eds does not exist"):
         identities({"encoder_slew": folder / "none.eds"})
+
+
+@pytest.mark.parametrize("name", ["policy", "/", "/a b", "/1st", "//a", "/a/"])
+def test_the_role_of_a_policy_outside_is_a_nodes_full_name(name: str):
+    with pytest.raises(InputError, match="a node's full name"):
+        configuration.Ros2(policy=name)
+    assert configuration.Ros2(policy="/swing/policy").policy
+
+
+def test_configuration_and_bundle_agree_on_a_policy_outside():
+    can = configuration.Can(interface="slewright", channel="bus")
+    with_role, without = (
+        configuration.Configuration(can=can, bundle=Path("b"), ros2=configuration.Ros2(policy=policy))
+        for policy in ("/swing/policy", "")
+    )
+    _check_outside(with_role, built("outside"))
+    _check_outside(without, built("pd"))
+    with pytest.raises(InputError, match="no node has its role"):
+        _check_outside(without, built("outside"))
+    with pytest.raises(InputError, match="has a controller of its own, pd"):
+        _check_outside(with_role, built("pd"))

@@ -21,7 +21,8 @@ from runtime.can.transmit import Transmitter
 from runtime.can.wire import EXTENDED
 from runtime.canopen.cells import NODES
 from runtime.hmi.cells import HMI
-from runtime.image import INPUT, OUTPUT, TICK_S, Flag
+from runtime.image import INPUT, OUTPUT, TICK_S, Flag, Status
+from runtime.interfaces.outside import COMMAND, COMMANDS
 from runtime.modbus.cells import TARGETS
 from runtime.native_scan import NativeScan, serves
 from runtime.realtime import Rights
@@ -64,16 +65,27 @@ def asked(kind: str, owner: int, alive: int, commits: int, values: Sequence[floa
     return state
 
 
+def commanded(owner: int, alive: int, values: Sequence[float]) -> np.ndarray:
+    """What a policy outside asks for; `alive` as above."""
+    state = np.zeros((), COMMAND)
+    state["made_ns"], state["owner"], state["value"] = (0, 1, NOW)[alive], owner, values
+    return state
+
+
 @st.composite
 def events(draw: st.DrawFn) -> tuple[str, Any]:
     kind = draw(
-        st.sampled_from(["frames", "frames", "regular", "regular", "page", "seat", "modbus", "silence"])
+        st.sampled_from(
+            ["frames", "frames", "regular", "regular", "page", "seat", "modbus", "outside", "silence"]
+        )
     )
     if kind == "frames":
         return kind, draw(st.lists(frames(), max_size=8))
     if kind in ("regular", "silence"):
         return kind, draw(st.integers(1, 12))
     owner, alive = draw(st.integers(0, 2)), draw(st.integers(0, 2))
+    if kind == "outside":
+        return kind, commanded(owner, alive, [draw(st.sampled_from([0.0, 0.1, -0.2])) for _ in COMMANDS])
     values = [draw(st.sampled_from([0.0, 1.0, 5.0])) for _ in NAMES]
     return kind, asked(kind, owner, alive, draw(st.integers(0, 2)), values, draw(st.integers(0, 1)))
 
@@ -81,7 +93,7 @@ def events(draw: st.DrawFn) -> tuple[str, Any]:
 def told(pair: Pair, story: Sequence[tuple[str, Any]]) -> None:
     tick = 0
     for kind, what in story:
-        if kind in ("page", "seat", "modbus"):
+        if kind in ("page", "seat", "modbus", "outside"):
             pair.write(kind, what)
         for _ in range(what if kind in ("regular", "silence") else 1):
             switches = {"operator_enable": float(tick > 4), "automatic_request": float(tick > 8)}
@@ -117,6 +129,16 @@ def test_a_drive_into_automatic_operation_is_the_same_with_skipped_ticks_and_a_f
     assert moved
     assert pair.told["seen"] & Flag.RECORDER_LOST  # nobody says that the queue is read
     assert pair.told["latency"] > 0
+    pair.close()
+
+
+def test_a_node_on_can_does_not_command_in_the_place_of_the_policy_outside(tmp_path: Path) -> None:
+    pair, place = Pair(tmp_path), INPUT.at("policy_u_slew")
+    for tick in range(10):
+        pair.tick(tick, pair.regular(tick, {"policy_u_slew": 0.5, "policy_heartbeat": float(tick)}))
+        for rack in pair.racks:
+            inputs = rack.scan.inputs
+            assert (inputs["value"][place], inputs["status"][place]) == (0.0, Status.NEVER)
     pair.close()
 
 
@@ -292,6 +314,7 @@ def test_ports_and_buses_that_c_cannot_have_are_told(tmp_path: Path) -> None:
 
 def test_layouts_are_those_of_the_cells() -> None:
     assert np.dtype(scan_layout.Targets) == TARGETS
+    assert np.dtype(scan_layout.Command) == COMMAND
     assert scan_layout.write(check=True) == []
     assert can_port.FRAMES_A_TICK <= 128
     assert round(TICK_S * 1e9) == PERIOD_NS

@@ -6,6 +6,7 @@ Nothing is moved and nobody has to do anything; commands are sent as neutral and
 import numpy as np
 
 from deployment.commissioning.bench import Bench
+from deployment.commissioning.wiring import OPTIONAL
 from runtime.can.codec import received_by
 from runtime.image import INPUT, NODE, TICK_S, Flag, Group, Status, group
 
@@ -26,11 +27,11 @@ def run(bench: Bench) -> None:
     )
     for codec in received_by(NODE):
         message = codec.message
-        if message.sender != "Planner":
+        if message.sender not in OPTIONAL:
             _message(bench, message.name, message.sender, message.cycle_ms / 1000, len(trace) * TICK_S)
     for place, s in enumerate(INPUT.signals):
         gone = s.can is not None and not rig.bus.frames[s.can.message]  # said of its message already
-        if group(s) is not Group.PLANNER and not gone:
+        if group(s) not in (Group.PLANNER, Group.POLICY) and not gone:
             _signal(bench, s.name, trace.status[:, place])
     for name in HEARTBEATS:
         counts = len(np.unique(trace[name]))

@@ -124,7 +124,8 @@ function bus(work) {
     const age = model.frame?.a[i] ?? -1;
     const ms = age * 1000 * model.catalogue.tick_s;
     const elsewhere = m.sender === "Planner" && !(rates[i] > 0) && byModbus(); // its targets come another way
-    const late = !elsewhere && (age < 0 || (m.timeout_ms && ms >= m.timeout_ms));
+    const none = m.sender === "Policy" && age < 0; // most machines have none outside
+    const late = !elsewhere && !none && (age < 0 || (m.timeout_ms && ms >= m.timeout_ms));
     const shownAge = element("span", { className: late ? "wrong" : "" }, elsewhere ? "by Modbus" : age < 0 ? "never" : ms > 9999 ? "> 10 s" : `${Math.round(ms)} ms`);
     return element("tr", { title: m.description }, cell(m.name), cell(m.sender), cell(Number.isFinite(rates[i]) ? rates[i].toFixed(1) : "–", "number"), cell((1000 / m.cycle_ms).toFixed(0), "number"), cell(shownAge, "number"), cell(counted(work.refused?.[i]), "number"), cell(counted(work.repeated?.[i]), "number"));
   });

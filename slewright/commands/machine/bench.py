@@ -52,14 +52,14 @@ def runtime(
     json: JsonOption = None,
 ) -> None:
     """Lateness of the control cycle against cyclictest: idle, with clients, stress-ng, pages, interfaces."""
-    from deployment.bundling.default import ready
+    from deployment.bundling.default import drives_itself
     from deployment.hil.bench import LOADS, MORE, run, tables
 
     for name in load or ():
         if name not in (*LOADS, *MORE):
             raise InputError(f"no load '{name}'; {nearest(name, (*LOADS, *MORE))}")
     with progress("bench runtime") as report:
-        result = run(ready(bundle, report), blocks, seconds, load or LOADS, report)
+        result = run(drives_itself(bundle, report), blocks, seconds, load or LOADS, report)
     figures, costs = result.figures(), {name: found for name in MORE if (found := result.costs(name))}
     write(json, {**figures, "costs_us": costs} if costs else figures)
     if result.skipped:

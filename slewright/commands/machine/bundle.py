@@ -19,7 +19,7 @@ def bundle(
         str,
         typer.Argument(
             metavar="CONTROLLER",
-            help="Which controller (docs/explanation/controllers.md), or a policy's ONNX file.",
+            help="Which controller (docs/explanation/controllers.md), a policy's ONNX file, or: outside.",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the bundle; it is replaced.")],
@@ -84,7 +84,7 @@ def bundle(
 
     if sign is None and (archive or release or config):
         raise InputError("--archive, --release and --config are of a signed archive: add --sign KEY.pem")
-    _check_fmu(fmu, can, engine, out)
+    _check_fmu(fmu, can, controller, engine, out)
     key, target = None, archive or out
     if sign:
         from deployment.bundling import archive as signing  # needs cryptography, which a bundle does not
@@ -92,6 +92,8 @@ def bundle(
         target = archive or signing.default_path(out)
         key = signing.check(target, sign, release, config, passphrase)
     scene = single(guard) if guard else None
+    if plants and controller == "outside":
+        raise InputError("--plants: a policy outside is tried on plants by its own file")
     table, failures = admission(controller, plants) if plants else ({}, [])
     with progress("bundle") as report:
         report(f"compiling {controller}")
@@ -127,7 +129,7 @@ def bundle(
     exit_if_missed(failures)
 
 
-def _check_fmu(fmu: Path | None, can: bool, engine: str, out: Path) -> None:
+def _check_fmu(fmu: Path | None, can: bool, controller: str, engine: str, out: Path) -> None:
     """InputError, before anything is built, for what cannot become an FMU."""
     if fmu is None:
         if can:
@@ -140,6 +142,8 @@ def _check_fmu(fmu: Path | None, can: bool, engine: str, out: Path) -> None:
     check_target(fmu)
     if fmu.resolve() == out.resolve():
         raise InputError(f"--fmu {fmu} is the folder of --out, too; name a file")
+    if controller == "outside":
+        raise InputError("--fmu: a policy outside commands; what it says is no part of the core")
     if engine != "native":
         raise InputError(f"--fmu: {engine} evaluates the policy outside of the core; valid: --engine native")
 

@@ -32,7 +32,7 @@ def hil(
     json: JsonOption = None,
 ) -> None:
     """Run a scenario in real time on one computer; metrics must be those of lock-step within tolerance."""
-    from deployment.bundling.default import ready
+    from deployment.bundling.default import drives_itself
     from deployment.hil.hil import on_page, run
     from deployment.hil.rig import Setting
     from specs.scenario import TICK_S, load
@@ -43,7 +43,7 @@ def hil(
     ticks = None if seconds is None else round(seconds / TICK_S)
     with progress("hil") as report:
         page = {"hmi": port, "planner": not drive} if hmi else {}
-        setting = Setting(ready(bundle, report), found, seed, ticks=ticks, **page)
+        setting = Setting(drives_itself(bundle, report), found, seed, ticks=ticks, **page)
         if drive:
             on_page(setting, show_page, report)
             return

@@ -12,6 +12,7 @@ from deployment.faults.canopen_table import CANOPEN
 from deployment.faults.drive import Drive
 from deployment.faults.fmu_table import FMU
 from deployment.faults.injected import Disturbance
+from deployment.faults.outside_table import NAMES
 from deployment.faults.process_faults import Recorded
 from deployment.faults.run import faults, run
 from deployment.faults.table import BUS, IMAGE, INSIDE, Fault, Outcome
@@ -102,6 +103,17 @@ def test_a_device_that_is_well_is_no_fault(name: str, monkeypatch: pytest.Monkey
 @pytest.mark.parametrize("name", [f.name for f in CANOPEN if f.level == "process"])
 def test_faults_of_real_devices(name: str):
     pytest.importorskip("canopen")
+    (outcome,) = run(built("pd").folder, faults([name]), 1, 3, quiet)
+    assert outcome.injected == 1
+    late = outcome.worst_ms > outcome.fault.limit_ms  # a busy computer's; no test asserts a time
+    assert outcome.missed == [] or late
+
+
+@pytest.mark.slow
+@pytest.mark.soak
+@pytest.mark.parametrize("name", NAMES)
+def test_faults_of_a_policy_outside(name: str):
+    pytest.importorskip("cyclonedds")
     (outcome,) = run(built("pd").folder, faults([name]), 1, 3, quiet)
     assert outcome.injected == 1
     late = outcome.worst_ms > outcome.fault.limit_ms  # a busy computer's; no test asserts a time

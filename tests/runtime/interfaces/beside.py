@@ -35,7 +35,7 @@ class Beside:
     def __init__(self, interface: str, folder: Path, over: Any = None, **told: object) -> None:
         self.port = over or ImagePort(create(folder))
         self.inputs, self.outputs = INPUT.new(), OUTPUT.new()
-        self.tick = 0
+        self.tick, self.folder = 0, folder
         ready = folder / "ready"
         said = {"folder": str(folder), "ready": str(ready), **told}
         command = [sys.executable, "-m", f"runtime.{interface}.process", json.dumps(said)]

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from runtime.hmi.alarms import Level
+from runtime.hmi.alarms import Alarms, Condition, Level
 from runtime.hmi.audit import Audit
 from runtime.hmi.outsiders import JOIN_NS, SHOWN_NS, Outsiders
 from runtime.interfaces.told import KEPT, LINES, Teller
@@ -53,3 +53,18 @@ def test_who_tries_again_and_again_fills_no_log(tmp_path: Path, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == LINES > KEPT
     assert not any("\x1b" in line for line in lines)
+
+
+def test_who_acknowledged_over_an_interface_shows_in_alarms_and_audit_log(tmp_path: Path):
+    audit, alarms = Audit(tmp_path / "audit"), Alarms()
+    alarms.update([Condition("emergency_stop", Level.CRITICAL, "Emergency stop is open", "")], [], 1.0)
+    outsiders = Outsiders(tmp_path, audit)
+    Teller(tmp_path, "opcua").acknowledge("emergency_stop", "ann", "ann acknowledged Emergency stop: seen")
+    outsiders.look(JOIN_NS)
+    assert outsiders.conditions() == []
+    (found,) = outsiders.acknowledged
+    alarms.acknowledge_key(*found)
+    assert [a.acknowledged for a in alarms.listed()] == ["ann (OPC UA)"]
+    assert alarms.acknowledge_key("no_such", "ann") == []
+    entries = [json.loads(line) for path in (tmp_path / "audit").iterdir() for line in path.open()]
+    assert entries[-1]["what"] == "ann acknowledged Emergency stop: seen"

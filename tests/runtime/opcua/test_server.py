@@ -64,6 +64,7 @@ def papers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "server": authority.give("server", uri="urn:slewright:runtime"),
         "planner": authority.give("planner", utf8("Planner"), uri=uri),
         "second": authority.give("second", utf8("Planner"), uri=uri),
+        "operator": authority.give("operator", utf8("Operator"), uri=uri),
         "viewer": authority.give("viewer", utf8("Viewer"), uri=uri),
         "stranger": stranger.give("planner-of-another", utf8("Planner"), uri=uri),
         "authority": authority.path,
@@ -247,6 +248,69 @@ async def _now(found: Any) -> Any:
     return found
 
 
+def test_an_operator_acknowledges_and_nobody_else(served: Beside, papers: dict[str, Any], tmp_path: Path):
+    """By the event's id; the page and the audit log have it."""
+    from runtime.interfaces.told import Listener
+
+    acknowledge = ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge)
+    listener = Listener(served.folder, "opcua")
+    told: list[dict[str, Any]] = []
+
+    class Heard:
+        def __init__(self) -> None:
+            self.events: list[Any] = []
+
+        def event_notification(self, event: Any) -> None:
+            if event.ConditionName == "emergency_stop":
+                self.events.append(event)
+
+    async def asked(client: Any, index: int, key: str, event: bytes) -> str:
+        condition = client.get_node(ua.NodeId(f"Alarms.{key}", index))
+        given = ua.Variant(event, ua.VariantType.ByteString), ua.Variant(ua.LocalizedText("seen"))
+        try:
+            await condition.call_method(acknowledge, *given)
+        except ua.UaStatusCodeError as error:
+            return ua.status_codes.get_name_and_doc(error.code)[0]
+        return "Good"
+
+    async def story() -> None:
+        heard = Heard()
+        served.inputs["value"][INPUT.at("emergency_stop")] = 0.0
+        served.inputs["status"][INPUT.at("emergency_stop")] = Status.OK
+        async with connected(served, papers, "operator") as (client, index):
+            watching = await client.create_subscription(50, heard)
+            await watching.subscribe_events(client.nodes.server, ua.ObjectIds.AlarmConditionType)
+            await asyncio.sleep(0.2)
+            served.inputs["value"][INPUT.at("emergency_stop")] = 1.0
+            await until(lambda: _now(heard.events))
+            event = heard.events[0].EventId
+            assert await asked(client, index, "no_such", event) == "BadNodeIdUnknown"
+            assert await asked(client, index, "emergency_stop", b"another") == "BadEventIdUnknown"
+            async with connected(served, papers, "planner") as (planner, _):
+                assert await asked(planner, index, "emergency_stop", event) == "BadUserAccessDenied"
+            async with connected(served, papers) as (nobody, _):
+                assert await asked(nobody, index, "emergency_stop", event) == "BadUserAccessDenied"
+            assert await asked(client, index, "emergency_stop", event) == "Good"
+            await until(lambda: _now(len(heard.events) > 1))
+            newest = heard.events[-1]
+            assert (getattr(newest, "AckedState/Id"), newest.Retain) == (True, True)
+            assert (
+                await asked(client, index, "emergency_stop", newest.EventId)
+                == "BadConditionBranchAlreadyAcked"
+            )
+            served.inputs["value"][INPUT.at("emergency_stop")] = 0.0
+            await until(lambda: _now(len(heard.events) > 2))
+            assert heard.events[-1].Retain is False
+
+    asyncio.run(story())
+    told += listener.new()
+    (done,) = [e for e in told if e.get("acknowledged")]
+    assert done["acknowledged"] == "emergency_stop"
+    assert "operator" in done["what"]
+    assert done["what"].endswith(": seen")
+    assert any("planner" in e["what"] and "refused Acknowledge" in e["what"] for e in told)
+
+
 def test_alarms_come_and_go_as_events_and_the_loss_of_the_control_process_shows(
     served: Beside, papers: dict[str, Any]
 ):
@@ -271,7 +335,7 @@ def test_alarms_come_and_go_as_events_and_the_loss_of_the_control_process_shows(
             served.inputs["value"][INPUT.at("emergency_stop")] = 0.0
             of = lambda: [e for e in heard.events if e.ConditionName == "emergency_stop"]  # noqa: E731
             await until(lambda: _now(len(of()) > 1))
-            assert [(e.Retain, e.Severity) for e in of()] == [(True, 900), (False, 200)]
+            assert [(e.Retain, e.Severity) for e in of()] == [(True, 900), (True, 200)]  # nobody acknowledged
             assert of()[0].Message.Text.startswith("Emergency stop is open")
 
     asyncio.run(look())

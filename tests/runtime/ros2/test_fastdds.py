@@ -44,7 +44,17 @@ def test_fast_dds_reads_every_signal_and_commands(tmp_path: Path, program: Path)
         store.register(typesys.get_types_from_msg(ros2.files()[f"{name}.msg"], name))
     images, domain = drawn(1), next(DOMAINS)
     followed: set[tuple[float, int]] = set()
-    with Beside("ros2", tmp_path, Both(tmp_path), domain=domain, commands=True, simulated=True) as served:
+    with Beside(
+        "ros2",
+        tmp_path,
+        Both(tmp_path),
+        domain=domain,
+        commands=True,
+        simulated=True,
+        policy="",
+        bundle="",
+        about={},
+    ) as served:
         served.publish(images)
 
         def run(*given: str) -> str:

@@ -44,7 +44,17 @@ class Both:
 @pytest.fixture
 def run(tmp_path: Path):
     domain = next(DOMAINS)
-    with Beside("ros2", tmp_path, Both(tmp_path), domain=domain, commands=True, simulated=True) as served:
+    with Beside(
+        "ros2",
+        tmp_path,
+        Both(tmp_path),
+        domain=domain,
+        commands=True,
+        simulated=True,
+        policy="",
+        bundle="",
+        about={},
+    ) as served:
         yield served, Peer(domain)
 
 
@@ -100,7 +110,7 @@ def test_ros_2s_graph_sees_a_node(run: tuple[Beside, Peer]):
     node = until(lambda: reader.take(1), served.publish)[0].node_entities_info_seq[0]
     assert (node.node_namespace, node.node_name) == ("/slewright", "controller")
     assert len(node.writer_gid_seq) > 8
-    assert len(node.reader_gid_seq) == 1
+    assert len(node.reader_gid_seq) == 1 + 9  # targets, requests of services
 
 
 def test_a_publisher_commands_until_it_is_silent_and_nobody_displaces_it(run: tuple[Beside, Peer]):

@@ -19,7 +19,7 @@ typesys = pytest.importorskip("rosbags.typesys")
 @pytest.fixture(scope="module")
 def store() -> Any:
     found = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    for name in (ros2.SIGNALS, ros2.TARGET):
+    for name in (ros2.SIGNALS, ros2.TARGET, ros2.POLICY):
         found.register(typesys.get_types_from_msg(ros2.files()[f"{name}.msg"], name))
     return found
 
