@@ -20,6 +20,7 @@ EVERY = 10  # ticks between the samples of the cross-track error that are kept
 SAMPLES = "cross_track"  # a row's samples, which summaries pool
 PICTURE = "picture"  # what a page draws of a run
 PICTURE_TICKS = 10  # between the poses of it
+PARTS = ("", "boom", "stick", "lines", "grab", "carriage")  # of the machine, as runtime/core/guard.h numbers them
 
 
 def score(ran: Ran) -> dict[str, Any]:
@@ -52,6 +53,20 @@ def score(ran: Ran) -> dict[str, Any]:
         **_times(ran, record, grab),
         "tool": float(np.mean(np.degrees(np.hypot(*(record.column(f"true_qd_tool_{a}") for a in "xy"))))),
         "swing_deg": float(np.degrees(np.abs(angles[:, 3:]).max())),
+        **_stepped_in(ran),
+    }
+
+
+def _stepped_in(ran: Ran) -> dict[str, Any]:
+    """How often the guard stepped in, in which share of the ticks, and for which parts of the machine."""
+    if ran.case.guarding is None:
+        return {}
+    parts = np.array(ran.parts)
+    begins = np.flatnonzero(np.diff(parts > 0, prepend=False) & (parts > 0))
+    return {
+        "interventions": len(begins),
+        "guarded_share": float(np.mean(parts > 0)),
+        "guarded_parts": sorted({PARTS[part] for part in parts[begins].tolist()}),
     }
 
 
@@ -155,6 +170,10 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     if not driven:
         return found
     count = sum(row["contact"] for row in driven)
+    if "interventions" in driven[0]:
+        found["interventions"] = sum(row["interventions"] for row in driven)
+        found["runs_stepped_in"] = sum(row["interventions"] > 0 for row in driven)
+        found["guarded_share"] = float(np.mean([row["guarded_share"] for row in driven]))
     return {
         **found,
         "contacts": count,
@@ -169,6 +188,19 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             name: float(np.mean([row[name] for row in driven]))
             for name in ("cycle", "speed", "tool", "swing_deg")
         },
+    }
+
+
+def guarded(alone: Mapping[str, Any], behind: Mapping[str, Any]) -> dict[str, Any]:
+    """What the guard did to a controller's figures: summaries of the same runs without and with it."""
+    if not alone["runs"] or not behind["runs"]:
+        return {}
+    return {
+        "guarded": {name: value for name, value in behind.items() if name != "families"},
+        "contacts_guarded": behind["contacts"],
+        "interventions": behind["interventions"],
+        "speed_guarded": behind["speed"] / alone["speed"],
+        "cycle_guarded": behind["cycle"] / alone["cycle"],
     }
 
 

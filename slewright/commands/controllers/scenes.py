@@ -19,7 +19,11 @@ from specs.errors import InputError
 COLUMNS = (
     "controller", "scenes", "runs", "contacts", "keep-out", "clearance m", "beside p95 m", "cycle s",
     "speed °/s", "tool °/s", "missed", "plan p95 s",
-)  # fmt: skip
+)
+GUARD_COLUMNS = (
+    "behind", "runs", "contacts without", "contacts with", "runs stepped in", "times", "share of time",
+    "speed kept", "cycle longer", "missed without", "missed with",
+)  # fmt: skip  # fmt: skip
 
 
 def scenes(
@@ -55,6 +59,9 @@ def scenes(
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of results; a second call goes on there.")
     ] = Path("out/scenes"),
+    guard: Annotated[
+        bool, typer.Option("--guard", help="Each controller also with the control core's guard behind it.")
+    ] = False,
     page: Annotated[
         Path | None,
         typer.Option(
@@ -66,6 +73,7 @@ def scenes(
     json: JsonOption = None,
 ) -> None:  # fmt: skip
     """Drive controllers through scenes: contacts, clearance, cross-track error, cycle time, speeds."""
+    from deployment.guard.alone import Alone
     from specs import draws, scene_families
     from verification.scenes import study
 
@@ -77,18 +85,19 @@ def scenes(
     if draw_set == draws.SEALED:
         raise InputError("the test draws are sealed: --sealed PURPOSE opens them, and logs it")
     study.check_controllers(controllers)
-    mark = "sealed" if sealed else (scene or [""])[0].split(":")[0]
+    mark = ("guarded " if guard else "") + ("sealed" if sealed else (scene or [""])[0].split(":")[0])
     if page is not None and page.suffix == ".md":
         markers.around(page, mark)
     opened = draws.open_test_set(f"scenes: {sealed}") if sealed else None
     chosen = scene_families.sealed(opened) if opened else scene_families.find(scene or [])
-    study.check_scenes(chosen)
+    guarding = Alone if guard else None
+    study.check_scenes(chosen, guarding)
     drawn: dict[str, Any] = {draws.NOMINAL: {}}
     if machines:
         which = draws.SEALED if opened else draw_set
         drawn = {f"{which}:{k}": draws.draw(which, k, opened) for k in range(machines)}
     with progress("scenes") as report:
-        found = study.study(chosen, controllers, drawn, seed, jobs, out, report)
+        found = study.study(chosen, controllers, drawn, seed, jobs, out, report, guarding)
     table = [_row(c, f) for c, f in found["controllers"].items()]
     families = [
         [family, *_row(c, f)]
@@ -96,6 +105,9 @@ def scenes(
         for family, f in of["families"].items()
     ]
     show("Scenes, simulated reference machine", COLUMNS, table)
+    stepped_in = [_guard_row(c, found["controllers"][c]) for c in controllers] if guard else []
+    if guard:
+        show("The guard", GUARD_COLUMNS, stepped_in)
     for name, figures in found["controllers"].items():
         for which, reason in figures["without_plan"].items():
             typer.echo(f"no plan: {name} in {which}: {reason}")
@@ -104,7 +116,9 @@ def scenes(
         from verification.scenes import page as pages
 
         if page.suffix == ".md":
-            pages.fill(page, mark, _command(), (COLUMNS, table), (("family", *COLUMNS), families))
+            tables = [(GUARD_COLUMNS, stepped_in)] if guard else []
+            tables += [(COLUMNS, table), (("family", *COLUMNS), families)]
+            pages.fill(page, mark, _command(), *tables)
         else:
             pages.write(page, chosen, pictures, (COLUMNS, table))
         typer.echo(f"written: {page}")
@@ -120,6 +134,18 @@ def _row(name: str, f: dict[str, Any]) -> list[str]:
         name, str(f["scenes"]), str(f["runs"]), _contacts(f), text("keep_outs", "{}"),
         text("clearance_min"), text("cross_track_p95"), text("cycle", "{:.1f}"), text("speed", "{:.1f}"),
         text("tool", "{:.1f}"), text("missed", "{}"), text("plan_p95_s"),
+    ]  # fmt: skip
+
+
+def _guard_row(name: str, f: dict[str, Any]) -> list[str]:
+    """What the guard did behind a controller."""
+    if "guarded" not in f:
+        return [name, *["–"] * (len(GUARD_COLUMNS) - 1)]
+    with_it = f["guarded"]
+    return [
+        name, str(with_it["runs"]), _contacts(f), _contacts(with_it), str(with_it["runs_stepped_in"]),
+        str(f["interventions"]), f"{100 * with_it['guarded_share']:.0f} %", f"{f['speed_guarded']:.3f}",
+        f"{f['cycle_guarded']:.3f}", str(f["missed"]), str(with_it["missed"]),
     ]  # fmt: skip
 
 
