@@ -149,7 +149,7 @@ def _follow(case: Case, legs: tuple[Leg, ...]) -> Ran:
         return checked(driver.step({**sensors, "load_told": 0.0, "pace": 1.0}), case.controller)
 
     seconds = sum(path.seconds + MOST_EXTRA_S for path in paths) + AFTER_S
-    record, parts = _driven(case, _plant(bool(case.guarding)), offered(SYSTEM), answer, seconds)
+    record, parts = _driven(case, bare(bool(case.guarding)), offered(SYSTEM), answer, seconds)
     return Ran(case, record, legs, tuple(begins), parts)
 
 
@@ -245,7 +245,7 @@ class Behind:
 
 
 @cache
-def _plant(opened: bool) -> System:
+def bare(opened: bool) -> System:
     """The reference machine without its controller; `opened`: its commands are set from outside."""
     spec = systems_spec.load(SYSTEM).without(SLOT)
     return assemble(spec.opened(MACHINE, COMMANDS) if opened else spec)
