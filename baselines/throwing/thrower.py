@@ -1,5 +1,6 @@
 """What drives a throw: the follower of its path, and the moment of the release from measured state."""
 
+import math
 from collections import deque
 from collections.abc import Mapping
 
@@ -10,7 +11,6 @@ from baselines.throwing.ballistics import Flight, ahead, flight
 from baselines.throwing.plan import Throw
 from specs import parameters, shapes
 
-RATES = ("imu_cabin_rate_z", "qd_boom", "qd_stick", "imu_tool_rate_y", "imu_tool_rate_x")  # of SENSED
 TICK_S = 0.02
 AHEAD_S = 0.1  # over which the landing's own speed is taken
 MEAN_TICKS = 15  # that the moment of the release is the mean of
@@ -29,8 +29,7 @@ class Thrower:
         self._follower = follower or Tracking(leads=True)
         self._follower.begin(throw.path)
         self._sizes = shapes.sizes()
-        known = parameters.load("throwing", "grab")
-        self._late = known["throw_late"].value + known["grab_open_delay"].value
+        self._delay = parameters.parameter("grab_open_delay", "grab").value
 
     def step(self, sensors: Mapping[str, float]) -> Mapping[str, float]:
         """Commands after 0.02 s more; from the tick of the release on `released` is true."""
@@ -49,5 +48,13 @@ class Thrower:
 
     def lands(self, sensors: Mapping[str, float], more: float = 0.0) -> Flight:
         """Where the load would land if the grab were told to open in this tick, or `more` s later."""
-        angles, rates = (np.array([sensors[name] for name in names]) for names in (SENSED, RATES))
-        return flight(*ahead(angles, rates, self._late + more, self._sizes))
+        angles = np.array([sensors[name] for name in SENSED])
+        return flight(*ahead(angles, _rates(sensors), self._delay + more, self._sizes))
+
+
+def _rates(sensors: Mapping[str, float]) -> np.ndarray:
+    """Rates of the angles SENSED: the tool's gyros also see the slew, as far as the tool is tilted."""
+    slew, pitch, roll = (sensors[n] for n in ("imu_cabin_rate_z", "imu_tool_pitch", "imu_tool_roll"))
+    pitches = (sensors["imu_tool_rate_y"] - slew * math.cos(pitch) * math.sin(roll)) / math.cos(roll)
+    rolls = sensors["imu_tool_rate_x"] + slew * math.sin(pitch)
+    return np.array([slew, sensors["qd_boom"], sensors["qd_stick"], pitches, rolls])
