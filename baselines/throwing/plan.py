@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from specs.errors import InputError
 
 RADII_M = np.arange(8.0, 17.0, 0.25)
 HEIGHTS_M = np.arange(4.0, 8.5, 0.5)
+FINE_M = 0.05
 SPARE_M = 0.4  # of the arm's reach: the grab is led from outside the circle
 MEANS = 3  # of the path, which make it smooth enough for the grab to be led (baselines/planning/flat.py)
 AFTER_S = 0.8  # for which the speed is kept beyond the release
@@ -31,26 +33,39 @@ class Throw:
 
 
 def plan(start: np.ndarray, target: tuple[float, float]) -> Throw:
-    """The quickest throw from rest in a pose (slew, boom, stick) to a place on the ground.
+    """The quickest throw, or a slower one whose load flies slower, from rest in a pose (slew, boom, stick) to a place on the ground.
 
     InputError for a place that no throw reaches, with the farthest one.
     """
     away = math.hypot(*target)
     found = [throw for choice in _choices(away) if (throw := _thrown(start, target, *choice))]
     if not found:
-        raise InputError(f"no throw lands {away:.1f} m from the slew axis; valid: to {farthest():.1f} m")
-    return min(found, key=lambda throw: throw.seconds)
+        low, high = span()
+        raise InputError(f"no throw lands {away:.1f} m from the slew axis; valid: {low:.1f} to {high:.1f} m")
+    return min(found, key=_cost)
 
 
-def farthest() -> float:
-    """How far from the slew axis a throw may land, m."""
-    top = _gains()["throw_slew_speed"]
-    return max(math.hypot(r, top * r * _fall(z)) for r, z in _poses())
+def _cost(throw: Throw) -> float:
+    """Time until the release, and the time that its speed is worth, s."""
+    return throw.seconds + _gains()["throw_speed_cost"] * abs(throw.speed) * throw.radius
 
 
+def span() -> tuple[float, float]:
+    """From where to where throws may land, m from the slew axis."""
+    g = _gains()
+    nearest, farthest = (
+        [math.hypot(r, g[name] * r * _fall(z)) for r, z in _poses()]
+        for name in ("throw_least_speed", "throw_slew_speed")
+    )
+    return min(nearest), max(farthest)
+
+
+@cache
 def reach() -> float:
-    """How far from the slew axis the grab may be, m."""
-    return max(r + SPARE_M for r, _ in _poses())
+    """How far from the slew axis the grab may be at any height, m, to FINE_M."""
+    heights = np.arange(HEIGHTS_M[0], HEIGHTS_M[-1], 5 * FINE_M).tolist()
+    radii = np.arange(RADII_M[0], 20.0, FINE_M).tolist()
+    return max(r for z in heights for r in radii if not kinematics.reachable(r, 0.0, z))
 
 
 def _choices(away: float) -> Iterator[tuple[float, float, float]]:
@@ -113,6 +128,7 @@ class _Profile:
     until: float
 
     def at(self, times: np.ndarray) -> np.ndarray:
+        """Angle gone at times a tick apart, rad."""
         moving = np.maximum(times - self.wait, 0.0)
         rates = np.minimum(self.rise * moving, self.speed)
         rates = np.minimum(rates, np.maximum(self.speed - self.rise * (moving - self.until), 0.0))
@@ -120,6 +136,7 @@ class _Profile:
 
     @property
     def seconds(self) -> float:
+        """Until it is at rest again."""
         return self.wait + self.until + self.speed / self.rise
 
 

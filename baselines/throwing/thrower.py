@@ -13,7 +13,7 @@ from specs import parameters, shapes
 
 TICK_S = 0.02
 AHEAD_S = 0.1  # over which the landing's own speed is taken
-MEAN_TICKS = 15  # that the moment of the release is the mean of
+MEAN_TICKS = 5  # that the moment of the release is the mean of
 NEARLY = 0.7  # of the planned slew speed: before it no release is looked for
 NEAR_RAD = 1.0  # of the planned release: before it none is looked for
 

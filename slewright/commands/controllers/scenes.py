@@ -1,8 +1,5 @@
 """`slewright scenes`: controllers in scenes with obstacles, on the simulated reference machine."""
 
-import shlex
-import sys
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +11,7 @@ from slewright.figures import JsonOption
 from slewright.progress import progress
 from slewright.sealed import purpose
 from slewright.tables import show
+from slewright.typed import command
 from specs.errors import InputError
 
 COLUMNS = (
@@ -118,7 +116,7 @@ def scenes(
         if page.suffix == ".md":
             tables = [(GUARD_COLUMNS, stepped_in)] if guard else []
             tables += [(COLUMNS, table), (("family", *COLUMNS), families)]
-            pages.fill(page, mark, _command(), *tables)
+            pages.fill(page, mark, command(), *tables)
         else:
             pages.write(page, chosen, pictures, (COLUMNS, table))
         typer.echo(f"written: {page}")
@@ -155,11 +153,3 @@ def _contacts(f: dict[str, Any]) -> str:
         return "–"
     return f"{f['contacts']} (≤ {100 * f['contact_share_ci95'][1]:.1f} %)"
 
-
-def _command() -> str:
-    """What was typed, without where the results go."""
-    words, left_out = [], ("--json", "--out", "--page", "--jobs")
-    for before, word in pairwise(["", *sys.argv[1:]]):
-        if word not in left_out and before not in left_out:
-            words.append(shlex.quote(word))
-    return f"slewright {' '.join(words)}"
