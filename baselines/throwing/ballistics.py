@@ -46,10 +46,11 @@ def ahead(angles: Vector, rates: Vector, seconds: float, sizes: dict[str, float]
     place, speed = now.mean(axis=0), (now[1] - now[0]) / (2.0 * SMALL_S)
     flat, moves = place[:2].copy(), speed[:2].copy()
     for tip in tips[1:-1]:
+        flat = flat + step / 2 * moves
         below = tip[2] - _hangs(tip, flat, length)
         moves = moves + step * gravity / below * (tip[:2] - flat)
-        flat = flat + step * moves
-    heights = [_hangs(tips[k], flat + (k - steps) * step * moves, length) for k in (steps, steps + 1)]
+        flat = flat + step / 2 * moves
+    heights = [_hangs(tips[k], flat + (k - steps - 0.5) * step * moves, length) for k in (steps, steps + 1)]
     return np.array([*flat, np.mean(heights)]), np.array([*moves, (heights[1] - heights[0]) / step])
 
 
