@@ -148,9 +148,8 @@ class Beam:
         less = key - {a}
         if less not in self.points:
             return []
-        alike = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
         forms: dict[tuple[str, str], list[Scored]] = {}
-        for s in alike:
+        for s in self._alike(less, a):
             forms.setdefault((s.attached.effect.name, s.attached.port), []).append(s)
         # of every effect its best form and its simplest one: a form with more to fit may score more, and fail
         simplest = [min(own, key=lambda s: len(s.attached.effect.parameters)) for own in forms.values()]
@@ -172,6 +171,15 @@ class Beam:
             and b.effect.name != a.effect.name
             and (b.effect.name, b.port) not in taken
             and [q.unit for q in b.effect.parameters] == units
+            and self.core.reach.common(a, b)
+        ]
+
+    def _alike(self, key: Key, a: Attached) -> list[Scored]:
+        """Scores beside a set of effects of an effect's kind that move an output which it moves."""
+        return [
+            s
+            for s in self.scores(key)
+            if kind(s.attached.effect.name) == kind(a.effect.name) and self.core.reach.common(a, s.attached)
         ]
 
     def _in_place(self, key: Key, a: Attached, scored: Scored) -> Key:
@@ -298,8 +306,7 @@ class Beam:
             for scored in self.scores(less)[: SINGLES[1]]:
                 if scored.gain >= WORTH:
                     self.attempt(less, scored)
-            siblings = [s for s in self.scores(less) if kind(s.attached.effect.name) == kind(a.effect.name)]
-            for scored in siblings[: SINGLES[2]]:
+            for scored in self._alike(less, a)[: SINGLES[2]]:
                 self.attempt(less, scored)
         return self.evidence(self.ranked()[0]) > before + 0.1
 

@@ -17,6 +17,7 @@ from reconcile.filter.record import Record, records
 from reconcile.free import FreeParameters
 from reconcile.model import ALL_OUTPUTS, Attached, Folder, candidates
 from reconcile.noise import high_pass_level, quantum
+from reconcile.reach import Reach
 from reconcile.tolerances import MOST_SAMPLES, OUTPUT_FLOOR
 from specs.errors import InputError
 
@@ -79,6 +80,11 @@ class Core:
     def _begun(self, record: Record) -> int:
         """Samples of a recording in which the filter learns where it is, effects' hidden states among it."""
         return len(self.model.states) + min(BEGUN, int(BEGUN_SHARE * len(record.time)))
+
+    @cached_property
+    def reach(self) -> Reach:
+        """Which outputs an effect can move."""
+        return Reach(self.folder, self.outputs)
 
     # ---------------------------------------------------------------- sizes
 

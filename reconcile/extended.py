@@ -12,6 +12,7 @@ import casadi as ca
 
 from reconcile import motion, sites
 from reconcile.assembly import Assembly
+from reconcile.catalogue.effect import AXIS_PLACES
 from reconcile.model import Attached, Folder, unit_of
 from reconcile.ports import Axis
 
@@ -91,7 +92,7 @@ def _own_names(a: Attached) -> list[str]:
 def _units(folder: Folder, a: Attached) -> dict[str, str]:
     if a.effect.port:
         return sites.units(folder.model, folder.ports, a.port)
-    if a.effect.place in ("force", "inertia", "coupling"):
+    if a.effect.place in AXIS_PLACES:
         axis = next(x for x in folder.ports.axes if x.name == a.port)
         q = unit_of(folder.model, axis.position) if axis.position else ""
         v = unit_of(folder.model, axis.velocity)

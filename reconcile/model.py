@@ -11,6 +11,7 @@ from fmus.toolchain.loader import load_model, model_folders
 from fmus.toolchain.tried import line, tried, try_equations
 from reconcile import motion, sites
 from reconcile.catalogue import ALL, Effect
+from reconcile.catalogue.effect import AXIS_PLACES
 from reconcile.ports import ALL_OUTPUTS, Axis, Ports, find_ports
 from specs.errors import InputError
 
@@ -114,7 +115,7 @@ def candidates(
                 found += _crossed(effect, outputs, folder)
             if effect.clock or (effect.delays and len(outputs) > 1):
                 found.append(Attached(effect, ALL_OUTPUTS))
-        elif effect.place in ("force", "inertia", "coupling"):
+        elif effect.place in AXIS_PLACES:
             found += [Attached(effect, a.name) for a in ports.axes if _fits(effect, a, folder)]
     found = [a for a in found if a.effect.name not in ports.has.get(a.port, ())]
     moves = any(v.name in recorded and v.name not in constant for v in folder.model.inputs)

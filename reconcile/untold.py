@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 import casadi as ca
-import numpy as np
 
 from fmus.definition import Model
 from reconcile.catalogue import ALL, Effect
 from reconcile.data import Run, still
 from reconcile.model import Folder, candidates
+from reconcile.reach import behind, felt, states_behind
 from reconcile.tolerances import KNOWN
 
 # Effects that only a further channel tells apart: what is lacking, and what it is then taken for.
@@ -85,20 +85,9 @@ def _hidden_axes(folder: Folder, recorded: set[str]) -> list[str]:
     """Axes whose motion reaches no recorded output."""
     model = folder.model
     outputs = [v.name for v in model.outputs]
-    shown = {i for n in recorded & set(outputs) for i in _behind(model, [outputs.index(n)])}
+    shown = {i for n in recorded & set(outputs) for i in states_behind(model, [outputs.index(n)])}
     index = [v.name for v in model.states]
     return [a.name for a in folder.ports.axes if index.index(a.velocity) not in shown]
-
-
-def _behind(model: Model, rows: Sequence[int]) -> set[int]:
-    """States that outputs `rows` depend on, at once or in time."""
-    symbols = model.symbols
-    hx = np.array(ca.DM(ca.jacobian_sparsity(model.h(*symbols), symbols[0]), 1)) != 0
-    fx = np.array(ca.DM(ca.jacobian_sparsity(model.f(*symbols), symbols[0]), 1)) != 0
-    found = set(np.flatnonzero(hx[list(rows)].any(axis=0)))
-    while more := set(np.flatnonzero(fx[sorted(found)].any(axis=0))) - found:
-        found |= more
-    return {int(i) for i in found}
 
 
 def unseen(core) -> list[dict[str, object]]:
@@ -131,8 +120,7 @@ def _advice(folder: Folder, recorded, name: str) -> dict[str, object]:
     i = model.index("parameters", name)
     f, h = model.f(*model.symbols), model.h(*model.symbols)
     outputs = [k for k, v in enumerate(model.outputs) if v.name in recorded]
-    behind = _behind(model, outputs)
-    slope = ca.jacobian(ca.vertcat(f[sorted(behind)], h[outputs]), p[i])
+    slope = ca.jacobian(ca.vertcat(f[sorted(states_behind(model, outputs))], h[outputs]), p[i])
     if slope.nnz() == 0:
         lines = [n for n, d in model.delays.items() if d == name]
         if not lines:
@@ -152,11 +140,8 @@ def _movers(folder: Folder, symbols: set[str]) -> list[str]:
     rows = {i for i, v in enumerate(model.states) if v.name in symbols}
     if not rows or not model.inputs:
         return []
-    args = model.symbols
-    fx = np.array(ca.DM(ca.jacobian_sparsity(model.f(*args), args[0]), 1)) != 0
-    fu = np.array(ca.DM(ca.jacobian_sparsity(model.f(*args), args[1]), 1)) != 0
-    while more := {int(i) for i in np.flatnonzero(fx[sorted(rows)].any(axis=0))} - rows:
-        rows |= more
+    x, u = model.symbols[:2]
+    rows, fu = behind(felt(model, model.f, x), rows), felt(model, model.f, u)
     return [v.name for i, v in enumerate(model.inputs) if fu[sorted(rows), i].any()]
 
 

@@ -190,6 +190,11 @@ _FAMILY: dict[str, Any] = {
         inertia_scale=(0.7, 1.4), slew_delay=(0.0, 0.25), edge=(-0.2, 0.5), rate_filter=(0.0, 0.4),
     ),
 }  # fmt: skip
+_SCRATCH: dict[str, Any] = {  # ours, PPO
+    "method": "ppo", "deviation_least": 0.05, "asymmetric": True, "spatial": True, "episode_s": 15.0,
+    "consecutive": 0.5, "first": Shape(8.0, 4.0, 0.3, 0.4), "last": Shape(1.0, 0.5, 0.1, 0.06),
+    "late_terms": ("one_shot", "sway"),
+}  # fmt: skip
 _RECIPES = (
     Recipe(
         "paper", "the paper's seven terms, PPO", method="ppo", weights=_PAPER, ahead_s=0.0,
@@ -201,11 +206,13 @@ _RECIPES = (
         first=Shape(8.0, 4.0, 0.3), last=Shape(1.0, 1.0, 0.1), ahead_s=0.0, deviation_least=0.05,
     ),
     Recipe(
-        "ppo", "ours, PPO from scratch: no law to start from, a critic that sees the machine", method="ppo",
-        weights=_OWN_PPO, ending=-8.0, deviation_least=0.05, asymmetric=True, spatial=True,
-        first=Shape(8.0, 4.0, 0.3, 0.4), last=Shape(1.0, 0.5, 0.1, 0.06), late_terms=("one_shot", "sway"),
+        "ppo", "ours, PPO from scratch: no law to start from, a critic that sees the machine",
+        weights=_OWN_PPO, ending=-8.0, **_SCRATCH,
         random=Randomisation(oil_hz=(1.3, 2.6), dead_rate=(0.005, 0.018), arm_gain=(0.95, 1.2)),
-        episode_s=15.0, consecutive=0.5,
+    ),
+    Recipe(
+        "ppo_slew", "ours, slew-only, PPO from scratch: as ppo, the tool's swing counts less", task="slew",
+        weights={k: v for k, v in _OWN_PPO.items() if k != "keep_out"} | {"sway": 0.5}, **_SCRATCH,
     ),
     Recipe(
         "full", "ours: through the simulation's own gradient", prior="gentle", weights=_OURS, **_EVEN,

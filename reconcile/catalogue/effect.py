@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 Place = Literal["input", "hydraulic", "force", "inertia", "coupling", "output"]
+AXIS_PLACES = ("force", "inertia", "coupling")  # where an effect acts on an axis
 Scalar = Any  # casadi.SX
 Namespace = Any  # SimpleNamespace of Scalar
 

@@ -12,9 +12,10 @@ from reconcile.extended import Extended
 from reconcile.filter.equations import Stepped
 from reconcile.filter.late import Late
 from reconcile.filter.library import Library
-from reconcile.filter.record import Record
+from reconcile.filter.record import KEPT, Record
 from reconcile.filter.smooth import smoothed
 from reconcile.model import Attached, Folder
+from reconcile.reach import behind, felt
 
 Values = dict[str, float]  # parameters of the model, its effects and the noise, by name
 SHOWN = ("e", "s", "z", "v", "free", "zfree", "de", "ds")
@@ -223,14 +224,9 @@ class Kalman:
         every = list(range(len(model.states)))
         if model.kind == "continuous":
             return every
-        x, u, m, p = model.symbols
-        pattern = ca.jacobian_sparsity(model.f(x, u, m, p), x)
-        feels = set(zip(pattern.row(), pattern.get_col(), strict=True))
         axes = {n for a in self.folder.ports.axes for n in (a.position, a.velocity)} | set(self.pushed_states)
-        found = {i for i in every if model.states[i].name in axes}
-        while more := {i for i in every if i not in found and any((i, j) in feels for j in found)}:
-            found |= more
-        return sorted(found)
+        pushed = [i for i in every if model.states[i].name in axes]
+        return sorted(behind(felt(model, model.f, model.symbols[0]).T, pushed))
 
     def _rows(self, k: int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """u [n, NU] and y [n, NY] of a recording for the delays among the parameters [NP]."""
@@ -240,16 +236,16 @@ class Kalman:
             late_out = {n: (d + self.extra[0], drift + self.extra[1]) for n, (d, drift) in late_out.items()}
         key = (k, self.linear, tuple(late_in.items()), tuple(late_out.items()))
         if key not in self._kept:
-            if len(self._kept) > 200:
+            if len(self._kept) > KEPT:
                 self._kept.clear()
-            record = self.records[k]
-            names = [v.name for v in self.model.inputs]
-            defaults = np.array([v.start for v in self.model.inputs])
-            u = record.inputs(names, defaults, late_in, self.linear)
-            y, early = record.outputs(self.outputs, late_out)
-            clock = (record.time - record.run.began_s)[:, None]
-            pushes = np.zeros((len(y), len(self.places)))
-            self._kept[key] = np.hstack([u, clock, pushes, record.steps[:, None], early]), y
+            record, own = self.records[k], self.model.inputs
+            u = [record.input(v.name, v.start, late_in.get(v.name, 0.0), self.linear) for v in own]
+            seen = [record.output(n, late_out[n]) for n in self.outputs]
+            clock = record.time - record.run.began_s
+            pushes = np.zeros((len(self.places), len(clock)))
+            early = [e for _, e in seen]
+            rows = np.vstack([*u, clock, pushes, record.steps, *early])
+            self._kept[key] = np.ascontiguousarray(rows.T), np.column_stack([y for y, _ in seen])
         return self._kept[key]
 
     def _start(self, part: _Part, p: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

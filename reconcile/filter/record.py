@@ -1,13 +1,15 @@
 """Recordings as the filter takes them: one row a step, every sample at the step nearest to it."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from reconcile.data import Block, Run
 from reconcile.held import Held
 
+KEPT = 200  # rows of signals, by their delays, that are kept
 NEAR = 0.51  # of a step, by which a sample may be away from it
 
 
@@ -20,45 +22,52 @@ class Record:
     fit: np.ndarray
     confirm: np.ndarray
     holdout: np.ndarray
+    made: dict[tuple, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def steps(self) -> np.ndarray:
         """Lengths of the steps [n] (s)."""
         return np.diff(self.time, append=2.0 * self.time[-1] - self.time[-2])
 
-    def inputs(
-        self, names: Sequence[str], defaults: np.ndarray, late: Mapping[str, float], linear: bool
-    ) -> np.ndarray:
-        """Inputs [n, names] over each step, `late` (s)."""
-        u = np.repeat(defaults[None, :], len(self.time), 0)
-        edges = np.append(self.time, self.time[-1] + self.steps[-1])
-        for i, name in enumerate(names):
-            signal = self.run.inputs.get(name)
-            if signal is not None:
-                u[:, i] = _means(signal, edges - late.get(name, 0.0), linear)
-        return u
+    def input(self, name: str, default: float, late: float, linear: bool) -> np.ndarray:
+        """An input [n] over each step, `late` (s)."""
+        return self._kept((name, late, linear), lambda: self._input(name, default, late, linear))
 
-    def outputs(
-        self, names: Sequence[str], late: Mapping[str, tuple[float, float]]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Samples [n, names] (NaN: none) and by how much they are earlier than their step (s).
+    def output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Samples of an output [n] (NaN: none) and by how much they are earlier than their step (s).
 
-        `late`: delay of an output (s), and what it gains per second of the recording.
+        `late`: its delay (s), and what that gains per second of the recording.
         """
-        y, early = np.full((len(self.time), len(names)), np.nan), np.zeros((len(self.time), len(names)))
-        middle = 0.5 * (self.time[1:] + self.time[:-1])
-        for o, name in enumerate(names):
-            signal = self.run.outputs.get(name)
-            if signal is None:
-                continue
-            fixed, drift = late.get(name, (0.0, 0.0))
-            true = signal.time - fixed - drift * (signal.time - self.run.began_s)
-            k = np.searchsorted(middle, true)
-            away = np.abs(self.time[k] - true)
-            order = np.argsort(-away, kind="stable")  # the nearest is written last
-            order = order[away[order] <= NEAR * self.steps[k[order]]]
-            y[k[order], o] = signal.values[order]
-            early[k[order], o] = (self.time[k] - true)[order]
+        return self._kept((name, late), lambda: self._output(name, late))
+
+    def _kept(self, key: tuple, make: Callable[[], Any]) -> Any:
+        """What was made before: of several signals mostly one changes its delay."""
+        if key not in self.made:
+            if len(self.made) > KEPT:
+                self.made.clear()
+            self.made[key] = make()
+        return self.made[key]
+
+    def _input(self, name: str, default: float, late: float, linear: bool) -> np.ndarray:
+        signal = self.run.inputs.get(name)
+        if signal is None:
+            return np.full(len(self.time), default)
+        edges = np.append(self.time, self.time[-1] + self.steps[-1])
+        return _means(signal, edges - late, linear)
+
+    def _output(self, name: str, late: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        y, early = np.full(len(self.time), np.nan), np.zeros(len(self.time))
+        signal = self.run.outputs.get(name)
+        if signal is None:
+            return y, early
+        fixed, drift = late
+        true = signal.time - fixed - drift * (signal.time - self.run.began_s)
+        k = np.searchsorted(0.5 * (self.time[1:] + self.time[:-1]), true)
+        away = np.abs(self.time[k] - true)
+        order = np.argsort(-away, kind="stable")  # the nearest is written last
+        order = order[away[order] <= NEAR * self.steps[k[order]]]
+        y[k[order]] = signal.values[order]
+        early[k[order]] = (self.time[k] - true)[order]
         return y, early
 
 
