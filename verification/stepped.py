@@ -25,8 +25,8 @@ def stepped(
     """(columns, a row a tick with the time first) of at most `ticks` steps.
 
     `answer` is called after every tick with the values of the `sensed` columns and returns system inputs,
-    which are in effect from the next tick on; None ends the run.  Of outputs that are `fresh` it gets the values at
-    the next tick: what controllers have made of the sensors of this one.
+    which are in effect from the next tick on; None ends the run.  Outputs that are `fresh` it gets as they
+    are at the next tick: what controllers have made of the sensors of this one.
     """
     layout, rows = lay_out(system), []
     cells = {
@@ -44,7 +44,8 @@ def stepped(
             row = master.take(1, 1, 0)[0, 1:]
             rows.append([tick * system.step_s, *row])
             seen = {name: float(row[k]) for k, name in places}
-            inputs = answer(tick, seen | {name: float(master.plan.reals[cell]) for name, cell in cells.items()})
+            seen |= {name: float(master.plan.reals[cell]) for name, cell in cells.items()}
+            inputs = answer(tick, seen)
             if inputs is None:
                 break
             for name, value in inputs.items():

@@ -1,4 +1,4 @@
-"""Where a load lands that leaves the grab: free flight without drag, from the place and speed of the grab point."""
+"""Where a load lands that leaves the grab: free flight without drag from the grab point."""
 
 import math
 from dataclasses import dataclass

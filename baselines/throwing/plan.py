@@ -22,20 +22,20 @@ AFTER_S = 0.8  # for which the speed is kept beyond the release
 
 @dataclass(frozen=True)
 class Throw:
-    """A path with its release, as planned: slew angle [rad], slew speed [rad/s], radius and height of the grab [m]."""
+    """A path with its release, as planned."""
 
     path: Path
-    slew: float
-    speed: float
-    radius: float
-    height: float
-    seconds: float
+    slew: float  # rad, at the release
+    speed: float  # rad/s, of the slew
+    radius: float  # m, of the grab
+    height: float  # m
+    seconds: float  # until the release
 
 
 def plan(start: np.ndarray, target: tuple[float, float]) -> Throw:
-    """The quickest throw, or a slower one whose load flies slower, from rest in a pose (slew, boom, stick) to a place on the ground.
+    """The throw with the least cost, from rest in a pose (slew, boom, stick) to a place on the ground [m].
 
-    InputError for a place that no throw reaches, with the farthest one.
+    InputError for a place that no throw reaches, with the valid distances.
     """
     away = math.hypot(*target)
     found = [throw for choice in _choices(away) if (throw := _thrown(start, target, *choice))]
@@ -94,7 +94,8 @@ def _thrown(
 ) -> Throw | None:
     """The quicker one of both ways round."""
     lead = math.atan(speed * _fall(height))
-    both = [_one_way(start, math.atan2(target[1], target[0]), way, lead, radius, height, speed) for way in (1, -1)]
+    azimuth = math.atan2(target[1], target[0])
+    both = [_one_way(start, azimuth, way, lead, radius, height, speed) for way in (1, -1)]
     return min(both, key=lambda throw: throw.seconds)
 
 
@@ -120,7 +121,7 @@ def _one_way(
 
 @dataclass(frozen=True)
 class _Profile:
-    """Angle gone of a slew that waits, speeds up evenly, keeps its speed, and slows down after `until` s of motion."""
+    """Angle gone of a slew that waits, speeds up evenly, and slows down after `until` s of motion."""
 
     wait: float
     rise: float
@@ -153,7 +154,7 @@ def _path(start: np.ndarray, way: int, profile: _Profile, arm: tuple[float, floa
 
 
 def _acceleration(boom: float, stick: float, radius: float) -> float:
-    """Of the slew: what the drive brakes with, and what swings the tool no more than paths may (planner.py)."""
+    """Of the slew: what it brakes with, and what swings the tool no more than paths may (planner.py)."""
     g, p = _gains(), kinematics.geometry()
     inertia = float(kinematics.inertia_z(boom, stick, 1000.0, p)) + g["control_inertia_extra"]
     brake = g["path_slew_share"] * g["control_brake_torque"] / inertia

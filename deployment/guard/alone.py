@@ -1,11 +1,11 @@
 """The guard's C code without a core around it: for runs in which something else drives the machine.
 
-What is compiled is `runtime/core/guard.c` with the bounds, body and zones that a bundle for the same scene would have.
+What is compiled is `runtime/core/guard.c` with the bounds, body and zones of a bundle for the same scene.
 """
 
 import ctypes
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import casadi as ca
@@ -27,7 +27,7 @@ HAND_WRITTEN = ("guard.c", "guard_alone.c")
 
 
 class Alone:
-    """A guard that keeps off one scene, for one run after the other; `reads` are the sensors that it needs."""
+    """A guard that keeps off one scene, one run after the other; `reads` are the sensors that it needs."""
 
     reads = SENSORS
 
@@ -35,27 +35,26 @@ class Alone:
         """InputError for a scene that the guard cannot hold: moving things, tilted planes."""
         self._library = ctypes.CDLL(str(_library(guard.zones(scene))))
         self._library.slr_alone_size.restype = ctypes.c_size_t
-        self._library.slr_alone_room.restype = ctypes.c_double
+        self._library.slr_alone_start.restype = ctypes.c_double
         self._past = ctypes.create_string_buffer(self._library.slr_alone_size())
 
-    def begin(self, sensors: Mapping[str, float]) -> None:
-        """The machine stands still, and has for a while."""
-        self._library.slr_alone_start(self._past, _doubles(sensors[name] for name in SENSORS))
+    def begin(self, sensors: Mapping[str, float]) -> float:
+        """The machine stands still, and has for a while: the distance that is left after all margins, m."""
+        return self._library.slr_alone_start(self._past, _seen(sensors))
 
-    def step(self, sensors: Mapping[str, float], wanted: Mapping[str, float]) -> tuple[dict[str, float], int]:
-        """One tick: what may be sent, and for which part of the machine it is less than wanted (0: it is not)."""
+    def step(self, sensors: Mapping[str, float], wanted: Mapping[str, float]) -> tuple[dict[str, float], str]:
+        """One tick: what may be sent, and for which part of the machine it is less than wanted ("": not)."""
         commands = _doubles(np.clip([wanted[name] for name in AXES], -1.0, 1.0))
-        part = self._library.slr_alone_step(self._past, _doubles(sensors[name] for name in SENSORS), commands)
-        return dict(zip(AXES, commands, strict=True)), part
-
-    def room(self, sensors: Mapping[str, float], wanted: Mapping[str, float]) -> float:
-        """What these commands would leave of the least distance after all margins, m."""
-        seen, commands = (_doubles(of[n] for n in names) for of, names in ((sensors, SENSORS), (wanted, AXES)))
-        return float(self._library.slr_alone_room(self._past, seen, commands))
+        part = self._library.slr_alone_step(self._past, _seen(sensors), commands)
+        return dict(zip(AXES, commands, strict=True)), guard.PARTS[part]
 
 
-def _doubles(values: Sequence[float] | object) -> ctypes.Array[ctypes.c_double]:
-    found = [float(value) for value in values]  # type: ignore[attr-defined]
+def _seen(sensors: Mapping[str, float]) -> ctypes.Array[ctypes.c_double]:
+    return _doubles([sensors[name] for name in SENSORS])
+
+
+def _doubles(values: Iterable[float]) -> ctypes.Array[ctypes.c_double]:
+    found = [float(value) for value in values]
     return (ctypes.c_double * len(found))(*found)
 
 

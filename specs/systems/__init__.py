@@ -113,7 +113,7 @@ class SystemSpec:
         )
 
     def opened(self, component: str, inputs: Mapping[str, str]) -> "SystemSpec":
-        """The system with `inputs` of `component` taken off their sources: they are system inputs of these names."""
+        """The system with `inputs` of `component` taken off their sources: system inputs of these names."""
         return replace(
             self,
             connections=tuple(

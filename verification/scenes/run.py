@@ -38,8 +38,9 @@ LED = "@path"  # after a controller's name: its target is moved along the planne
 LEAD_S = 1.5  # by which that target is ahead of the plan
 AFTER_S = 2.0  # recorded beyond the last target
 GUARDED = "+guard"  # after a controller's name: the guard of the control core stands behind it
-COMMANDS = {"u_slew": "joystick_slew", "u_boom": "joystick_boom", "u_stick": "joystick_stick"}  # set from outside
-MACHINE = "machine"  # the component that they go to
+# A controller's commands, and what they are as inputs of the system where something stands between
+COMMANDS = {"u_slew": "joystick_slew", "u_boom": "joystick_boom", "u_stick": "joystick_stick"}
+OPENED = {"machine": COMMANDS}  # components and inputs that are set from outside then
 TRUE = ("true_q_slew", "true_q_boom", "true_q_stick", "true_q_tool_y", "true_q_tool_x")  # as pose.ANGLES
 
 
@@ -51,12 +52,12 @@ class Guard(Protocol):
         """The sensors that it needs."""
         ...
 
-    def begin(self, sensors: Mapping[str, float]) -> None:
-        """The machine stands still, and has for a while."""
+    def begin(self, sensors: Mapping[str, float]) -> float:
+        """The machine stands still, and has for a while: the distance that is left after all margins, m."""
         ...
 
-    def step(self, sensors: Mapping[str, float], wanted: Mapping[str, float]) -> tuple[dict[str, float], int]:
-        """What may be sent of `wanted`, and for which part of the machine it is less (0: it is not)."""
+    def step(self, sensors: Mapping[str, float], wanted: Mapping[str, float]) -> tuple[dict[str, float], str]:
+        """What may be sent of `wanted`, and for which part of the machine it is less ("": it is not)."""
         ...
 
 
@@ -65,7 +66,7 @@ Guarding = Callable[[Scene], Guard]
 
 @dataclass(frozen=True)
 class Case:
-    """What is run: a scene, a controller by its name or file, a drawn machine's parameters, a seed, a guard's maker."""
+    """What is run: a scene, a controller (name or file), a drawn machine's parameters, a seed, who guards."""
 
     scene: Scene
     controller: str
@@ -100,7 +101,7 @@ class Ran:
     record: Record | None
     legs: tuple[Leg, ...]
     begins: tuple[int, ...]
-    parts: tuple[int, ...] = ()  # for which the guard stepped in at each tick; 0: it did not
+    parts: tuple[str, ...] = ()  # for which the guard stepped in at each tick; "": it did not
 
 
 def names() -> list[str]:
@@ -200,7 +201,7 @@ class Aims:
 def _driven(
     case: Case, system: System, sensed: Collection[str], answer: Answer, seconds: float,
     settings: Mapping[str, float] | None = None,
-) -> tuple[Record, tuple[int, ...]]:  # fmt: skip
+) -> tuple[Record, tuple[str, ...]]:  # fmt: skip
     """The record, and for which part of the machine the guard stepped in at each tick."""
     start = pose_of(case.scene.start)
     values = {
@@ -223,10 +224,10 @@ def _driven(
 
 
 class Behind:
-    """An answer with the case's guard behind it: as in the control core, it sees the sensors that the controller saw."""
+    """An answer with the case's guard behind it: as in the control core, both see the same sensors."""
 
     def __init__(self, case: Case, answer: Answer):
-        self.parts: list[int] = []
+        self.parts: list[str] = []
         self._answer = answer
         self._guard = case.guarding(case.scene) if case.guarding else None
         self.reads = self._guard.reads if self._guard else ()
@@ -241,23 +242,26 @@ class Behind:
         wanted = {name: {**sensors, **inputs}[name] for name in COMMANDS}
         passed, part = self._guard.step(sensors, wanted)
         self.parts.append(part)
-        return {**{n: v for n, v in inputs.items() if n not in COMMANDS}, **{COMMANDS[n]: passed[n] for n in COMMANDS}}
+        others = {name: value for name, value in inputs.items() if name not in COMMANDS}
+        return others | {COMMANDS[name]: value for name, value in passed.items()}
 
 
 @cache
 def bare(opened: bool) -> System:
     """The reference machine without its controller; `opened`: its commands are set from outside."""
     spec = systems_spec.load(SYSTEM).without(SLOT)
-    return assemble(spec.opened(MACHINE, COMMANDS) if opened else spec)
+    for component, inputs in OPENED.items() if opened else ():
+        spec = spec.opened(component, inputs)
+    return assemble(spec)
 
 
 @cache
 def _controlled(name: str, opened: bool) -> tuple[System, dict[str, float]]:
-    """The reference machine with a controller in its place, and that controller's settings; `opened`: see `_plant`."""
+    """The reference machine with a controller in its place, and its settings; `opened`: as `bare`."""
     if name in registry.names():
         found = registry.find(name)
     else:
         found = policies.controllers([File(name)])[File(name)]
     with TemporaryDirectory(prefix="slewright-") as folder:
-        ssp = pack_system(SYSTEM, out=File(folder), models=found.models, opened={MACHINE: COMMANDS} if opened else {})
-        return load_system(ssp), found.parameters
+        packed = pack_system(SYSTEM, out=File(folder), models=found.models, opened=OPENED if opened else {})
+        return load_system(packed), found.parameters

@@ -7,20 +7,22 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from baselines.planning.planner import hanging
+from baselines.following.follower import SENSED
+from baselines.planning.planner import hanging, pose_of
 from records.metrics import BAND_DEG
 from records.record import Record
 from specs import pose
+from specs.scenario import Target
 from specs.scene import Box, Scene
 from verification.scenes.contacts import contacts
-from verification.scenes.run import TICK_S, TRUE, Ran
+from verification.scenes.run import TICK_S, TRUE, Guard, Ran
 
 STAYS_S = 0.5  # that the grab is to be within the tolerance; drivers wait longer, by their sensors
 EVERY = 10  # ticks between the samples of the cross-track error that are kept
 SAMPLES = "cross_track"  # a row's samples, which summaries pool
 PICTURE = "picture"  # what a page draws of a run
 PICTURE_TICKS = 10  # between the poses of it
-PARTS = ("", "boom", "stick", "lines", "grab", "carriage")  # of the machine, as runtime/core/guard.h numbers them
+GUARD_SUMS = ("interventions", "start_too_near", "targets_too_near")
 
 
 def score(ran: Ran) -> dict[str, Any]:
@@ -58,16 +60,24 @@ def score(ran: Ran) -> dict[str, Any]:
 
 
 def _stepped_in(ran: Ran) -> dict[str, Any]:
-    """How often the guard stepped in, in which share of the ticks, and for which parts of the machine."""
+    """How often the guard stepped in, for how long, for which parts; whether it must at start and targets."""
+    scene = ran.case.scene
     if ran.case.guarding is None:
         return {}
-    parts = np.array(ran.parts)
-    begins = np.flatnonzero(np.diff(parts > 0, prepend=False) & (parts > 0))
+    guard, on = ran.case.guarding(scene), np.array([part != "" for part in ran.parts])
+    start, *targets = (guard.begin(_rest(target, guard)) < 0.0 for target in (scene.start, *scene.targets))
     return {
-        "interventions": len(begins),
-        "guarded_share": float(np.mean(parts > 0)),
-        "guarded_parts": sorted({PARTS[part] for part in parts[begins].tolist()}),
+        "interventions": int(np.count_nonzero(on & ~np.append(False, on[:-1]))),
+        "guarded_share": float(np.mean(on)),
+        "guarded_parts": sorted(set(ran.parts) - {""}),
+        "start_too_near": start,
+        "targets_too_near": sum(targets),
     }
+
+
+def _rest(target: Target, guard: Guard) -> dict[str, float]:
+    """What the guard sees of a machine that stands still with its grab at a target."""
+    return dict.fromkeys(guard.reads, 0.0) | dict(zip(SENSED, pose_of(target).tolist(), strict=False))
 
 
 def _angles(record: Record) -> np.ndarray:
@@ -171,9 +181,9 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         return found
     count = sum(row["contact"] for row in driven)
     if "interventions" in driven[0]:
-        found["interventions"] = sum(row["interventions"] for row in driven)
         found["runs_stepped_in"] = sum(row["interventions"] > 0 for row in driven)
         found["guarded_share"] = float(np.mean([row["guarded_share"] for row in driven]))
+        found |= {name: sum(row[name] for row in driven) for name in GUARD_SUMS}
     return {
         **found,
         "contacts": count,

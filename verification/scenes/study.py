@@ -23,7 +23,8 @@ from verification.scenes.score import PICTURE, SAMPLES, guarded, score, summary
 
 ROWS = "rows.jsonl"
 PACKAGES = ("coal", "ompl", "toppra")
-ROOMS = ("specs", "fmus", "orchestrator", "runtime", "baselines", "verification", "deployment")  # whose sources decide what runs give
+# Whose sources decide what runs give
+ROOMS = ("specs", "fmus", "orchestrator", "runtime", "baselines", "verification", "deployment")
 Machines = Mapping[str, Mapping[str, float]]
 
 

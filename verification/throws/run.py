@@ -31,7 +31,7 @@ AFTER_S = 1.0  # recorded beyond the release
 
 @dataclass(frozen=True)
 class Case:
-    """What is thrown: how far [m] beyond the reach, by which machine with its drawn parameters, with which seed."""
+    """What is thrown: how far [m] beyond the reach, by which drawn machine, with which seed."""
 
     beyond: float
     machine: str = draws.NOMINAL
@@ -41,7 +41,8 @@ class Case:
     @cached_property
     def target(self) -> tuple[float, float]:
         """The place on the ground, in a drawn direction."""
-        away, turn = reach() + self.beyond, np.radians(self._between(*TURNS_DEG, "throw direction", self.beyond))
+        away = reach() + self.beyond
+        turn = np.radians(self._between(*TURNS_DEG, "throw direction", self.beyond))
         return float(away * np.cos(turn)), float(away * np.sin(turn))
 
     @property

@@ -58,6 +58,7 @@ def failures(by_distance: Mapping[str, Mapping[str, Any]]) -> list[str]:
         if f["landed"] < f["throws"]:
             missed.append(f"{where}: {f['throws'] - f['landed']} of {f['throws']} loads were never let go")
         for name, limit in (("median", MEDIAN_M), ("p95", P95_M)):
-            if f.get(f"error_{name}", 0.0) > limit:
-                missed.append(f"{where}: landing error {f[f'error_{name}']:.2f} m ({name}), limit {limit:g} m")
+            found = f.get(f"error_{name}", 0.0)
+            if found > limit:
+                missed.append(f"{where}: landing error {found:.2f} m ({name}), limit {limit:g} m")
     return missed

@@ -17,11 +17,11 @@ from specs.errors import InputError
 COLUMNS = (
     "controller", "scenes", "runs", "contacts", "keep-out", "clearance m", "beside p95 m", "cycle s",
     "speed °/s", "tool °/s", "missed", "plan p95 s",
-)
+)  # fmt: skip
 GUARD_COLUMNS = (
     "behind", "runs", "contacts without", "contacts with", "runs stepped in", "times", "share of time",
     "speed kept", "cycle longer", "missed without", "missed with",
-)  # fmt: skip  # fmt: skip
+)  # fmt: skip
 
 
 def scenes(
@@ -152,4 +152,3 @@ def _contacts(f: dict[str, Any]) -> str:
     if "contacts" not in f:
         return "–"
     return f"{f['contacts']} (≤ {100 * f['contact_share_ci95'][1]:.1f} %)"
-

@@ -16,15 +16,17 @@ from specs.errors import InputError
 
 MARK = "throws"
 COLUMNS = (
-    "beyond reach m", "throws", "error median m", "p95 m", "largest m", "with the delay known: median m", "p95 m",
-    "too far out m", "too far on m", "speed m/s", "cycle s",
+    "beyond reach m", "throws", "error median m", "p95 m", "largest m", "with the delay known: median m",
+    "p95 m", "too far out m", "too far on m", "speed m/s", "cycle s",
 )  # fmt: skip
 
 
 def throw(
     beyond: Annotated[
         list[float] | None,
-        typer.Option("--beyond", metavar="M", help="How far beyond reach; below 0 within (default: -3 0 1 2)."),
+        typer.Option(
+            "--beyond", metavar="M", help="How far beyond reach; below 0 within (default: -3 0 1 2)."
+        ),
     ] = None,
     machines: Annotated[
         int, typer.Option("--machines", min=0, help="Drawn machines of the set (0: the nominal one).")
@@ -37,7 +39,9 @@ def throw(
     page: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE.md", help="Put the table between its markers.", callback=lambda p: check_suffix(p, ".md")
+            metavar="FILE.md",
+            callback=lambda page: check_suffix(page, ".md"),
+            help="Put the table between its markers.",
         ),
     ] = None,
     json: JsonOption = None,

@@ -39,7 +39,8 @@ def test_drawn_machines_have_their_own_delays_loads_and_directions():
 
 
 def test_limits_that_are_missed_are_named():
-    row = {"released": True, "error": 1.2, "error_delay_known": 0.1, "out": 1.0, "aside": 0.1, "speed": 5.0, "cycle": 9.0}
+    figures = {"error": 1.2, "error_delay_known": 0.1, "out": 1.0, "aside": 0.1, "speed": 5.0, "cycle": 9.0}
+    row = {"released": True, **figures}
     found = {"2": summary([row]), "0": summary([{"released": False}])}
     assert [text.split(":")[0] for text in failures(found)] == ["2 m beyond reach"] * 2 + ["0 m beyond reach"]
 
