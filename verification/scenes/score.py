@@ -126,6 +126,7 @@ def _times(ran: Ran, record: Record, grab: np.ndarray) -> dict[str, Any]:
         taken += max(settled, 1) * TICK_S
     return {
         "cycle": (reached - ran.begins[0]) * TICK_S if ran.begins else None,
+        "targets": len(ran.case.scene.targets),
         "missed": missed + len(ran.case.scene.targets) - len(ran.begins),
         "speed": turned / taken if taken else 0.0,
     }
@@ -193,6 +194,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "clearance_min": min(row["clearance"] for row in driven),
         "clearance_mean": float(np.mean([row["clearance"] for row in driven])),
         "too_fast_max": max(row["too_fast"] for row in driven),
+        "targets": sum(row["targets"] for row in driven),
         "missed": sum(row["missed"] for row in driven),
         **{
             name: float(np.mean([row[name] for row in driven]))
@@ -203,7 +205,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def guarded(alone: Mapping[str, Any], behind: Mapping[str, Any]) -> dict[str, Any]:
     """What the guard did to a controller's figures: summaries of the same runs without and with it."""
-    if not alone["runs"] or not behind["runs"]:
+    if not alone["runs"]:
         return {}
     return {
         "guarded": {name: value for name, value in behind.items() if name != "families"},

@@ -84,11 +84,8 @@ def study(
             pool.shutdown(wait=True, cancel_futures=True)
             raise
     rows = {c: [row for job in asked if job.controller == c for row in known[_key(job)]] for c in controllers}
-    figures = {c: {**summary(of), "families": _families(of)} for c, of in rows.items()}
-    for c in [c for c in controllers if f"{c}{GUARDED}" in figures]:
-        figures[c] |= guarded(figures[c], figures[f"{c}{GUARDED}"])
     return {
-        "controllers": figures,
+        "controllers": _figures(rows),
         "labels": {c: label(c) for c in controllers},
         PICTURE: [row for of in rows.values() for row in of if PICTURE in row],
         "rows": [
@@ -108,6 +105,17 @@ def label(controller: str) -> str:
         return f"{label(controller.removesuffix(GUARDED))}, the guard behind it"
     led = controller.endswith(runs.LED)
     return "its target moved along the planned path" if led else "straight to the target, blind to the scene"
+
+
+def _figures(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, dict[str, Any]]:
+    """Of each controller and its families; of those that were also guarded, what the guard did to them."""
+    figures = {c: {**summary(of), "families": _families(of)} for c, of in rows.items()}
+    for c in [c for c in figures if f"{c}{GUARDED}" in figures]:
+        behind = figures[f"{c}{GUARDED}"]
+        figures[c] |= guarded(figures[c], behind)
+        for family, found in figures[c]["families"].items():
+            found |= guarded(found, behind["families"][family])
+    return figures
 
 
 def _families(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """`slewright scenes`: controllers in scenes with obstacles, on the simulated reference machine."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +21,7 @@ COLUMNS = (
 )  # fmt: skip
 GUARD_COLUMNS = (
     "behind", "runs", "contacts without", "contacts with", "runs stepped in", "times", "share of time",
-    "speed kept", "cycle longer", "missed without", "missed with",
+    "speed kept", "cycle longer", "missed without", "missed with", "starts too near", "targets too near",
 )  # fmt: skip
 
 
@@ -97,15 +98,9 @@ def scenes(
     with progress("scenes") as report:
         found = study.study(chosen, controllers, drawn, seed, jobs, out, report, guarding)
     table = [_row(c, f) for c, f in found["controllers"].items()]
-    families = [
-        [family, *_row(c, f)]
-        for c, of in found["controllers"].items()
-        for family, f in of["families"].items()
-    ]
     show("Scenes, simulated reference machine", COLUMNS, table)
-    stepped_in = [_guard_row(c, found["controllers"][c]) for c in controllers] if guard else []
     if guard:
-        show("The guard", GUARD_COLUMNS, stepped_in)
+        show("The guard", GUARD_COLUMNS, _by_controller(found["controllers"], controllers, _guard_row))
     for name, figures in found["controllers"].items():
         for which, reason in figures["without_plan"].items():
             typer.echo(f"no plan: {name} in {which}: {reason}")
@@ -114,14 +109,28 @@ def scenes(
         from verification.scenes import page as pages
 
         if page.suffix == ".md":
-            tables = [(GUARD_COLUMNS, stepped_in)] if guard else []
-            tables += [(COLUMNS, table), (("family", *COLUMNS), families)]
-            pages.fill(page, mark, command(), *tables)
+            columns, row = (GUARD_COLUMNS, _guard_row) if guard else (COLUMNS, _row)
+            rows = _by_controller(found["controllers"], controllers, row)
+            families = _by_family(found["controllers"], controllers, row)
+            pages.fill(page, mark, command(), (columns, rows), (("family", *columns), families))
         else:
             pages.write(page, chosen, pictures, (COLUMNS, table))
         typer.echo(f"written: {page}")
     first = found["controllers"][controllers[0]]
     write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
+
+
+Row = Callable[[str, dict[str, Any]], list[str]]
+
+
+def _by_controller(figures: dict[str, Any], controllers: list[str], row: Row) -> list[list[str]]:
+    return [row(name, figures[name]) for name in controllers]
+
+
+def _by_family(figures: dict[str, Any], controllers: list[str], row: Row) -> list[list[str]]:
+    return [
+        [family, *row(name, f)] for name in controllers for family, f in figures[name]["families"].items()
+    ]
 
 
 def _row(name: str, f: dict[str, Any]) -> list[str]:
@@ -143,8 +152,13 @@ def _guard_row(name: str, f: dict[str, Any]) -> list[str]:
     return [
         name, str(with_it["runs"]), _contacts(f), _contacts(with_it), str(with_it["runs_stepped_in"]),
         str(f["interventions"]), f"{100 * with_it['guarded_share']:.0f} %", f"{f['speed_guarded']:.3f}",
-        f"{f['cycle_guarded']:.3f}", str(f["missed"]), str(with_it["missed"]),
+        f"{f['cycle_guarded']:.3f}", _missed(f), _missed(with_it), str(with_it["start_too_near"]),
+        str(with_it["targets_too_near"]),
     ]  # fmt: skip
+
+
+def _missed(f: dict[str, Any]) -> str:
+    return f"{f['missed']} of {f['targets']}"
 
 
 def _contacts(f: dict[str, Any]) -> str:
