@@ -1,6 +1,6 @@
 """`slewright scenes`: controllers in scenes with obstacles, on the simulated reference machine."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +23,9 @@ GUARD_COLUMNS = (
     "behind", "runs", "contacts without", "contacts with", "runs stepped in", "times", "share of time",
     "speed kept", "cycle longer", "missed without", "missed with", "starts too near", "targets too near",
 )  # fmt: skip
+
+
+Table = tuple[tuple[str, ...], list[list[str]]]
 
 
 def scenes(
@@ -100,7 +103,7 @@ def scenes(
     table = [_row(c, f) for c, f in found["controllers"].items()]
     show("Scenes, simulated reference machine", COLUMNS, table)
     if guard:
-        show("The guard", GUARD_COLUMNS, _by_controller(found["controllers"], controllers, _guard_row))
+        show("The guard", GUARD_COLUMNS, [_guard_row(c, found["controllers"][c]) for c in controllers])
     for name, figures in found["controllers"].items():
         for which, reason in figures["without_plan"].items():
             typer.echo(f"no plan: {name} in {which}: {reason}")
@@ -109,10 +112,7 @@ def scenes(
         from verification.scenes import page as pages
 
         if page.suffix == ".md":
-            columns, row = (GUARD_COLUMNS, _guard_row) if guard else (COLUMNS, _row)
-            rows = _by_controller(found["controllers"], controllers, row)
-            families = _by_family(found["controllers"], controllers, row)
-            pages.fill(page, mark, command(), (columns, rows), (("family", *columns), families))
+            pages.fill(page, mark, command(), *_tables(found["controllers"], controllers, guard))
         else:
             pages.write(page, chosen, pictures, (COLUMNS, table))
         typer.echo(f"written: {page}")
@@ -120,17 +120,14 @@ def scenes(
     write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
 
 
-Row = Callable[[str, dict[str, Any]], list[str]]
-
-
-def _by_controller(figures: dict[str, Any], controllers: list[str], row: Row) -> list[list[str]]:
-    return [row(name, figures[name]) for name in controllers]
-
-
-def _by_family(figures: dict[str, Any], controllers: list[str], row: Row) -> list[list[str]]:
-    return [
-        [family, *row(name, f)] for name in controllers for family, f in figures[name]["families"].items()
-    ]
+def _tables(figures: dict[str, Any], controllers: list[str], guard: bool) -> Iterator[Table]:
+    """By controller, and where there are several families by them: of what the guard did, or all figures."""
+    columns, row = (GUARD_COLUMNS, _guard_row) if guard else (COLUMNS, _row)
+    yield columns, [row(name, figures[name]) for name in controllers]
+    families = {name: figures[name]["families"] for name in controllers}
+    if any(len(of) > 1 for of in families.values()):
+        rows = [[family, *row(name, f)] for name, of in families.items() for family, f in of.items()]
+        yield ("family", *columns), rows
 
 
 def _row(name: str, f: dict[str, Any]) -> list[str]:

@@ -1,7 +1,5 @@
 """The guard without a core is that of a bundle: the same room, the same answers."""
 
-import itertools
-
 import numpy as np
 import pytest
 
@@ -21,7 +19,7 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Alone, Stand]:
 
 
 def rest(angles: tuple[float, float, float]) -> dict[str, float]:
-    return dict(itertools.zip_longest(SENSORS, angles, fillvalue=0.0))
+    return dict.fromkeys(SENSORS, 0.0) | dict(zip(SENSORS, angles, strict=False))
 
 
 def test_standing_still_leaves_the_same_room(both: tuple[Alone, Stand]):
