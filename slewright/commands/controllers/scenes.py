@@ -25,9 +25,6 @@ GUARD_COLUMNS = (
 )  # fmt: skip
 
 
-Table = tuple[tuple[str, ...], list[list[str]]]
-
-
 def scenes(
     scene: Annotated[
         list[str] | None,
@@ -120,7 +117,9 @@ def scenes(
     write(json, {**{k: v for k, v in first.items() if k != "families"}, **found}, seed=seed)
 
 
-def _tables(figures: dict[str, Any], controllers: list[str], guard: bool) -> Iterator[Table]:
+def _tables(
+    figures: dict[str, Any], controllers: list[str], guard: bool
+) -> Iterator[tuple[tuple[str, ...], list[list[str]]]]:
     """By controller, and where there are several families by them: of what the guard did, or all figures."""
     columns, row = (GUARD_COLUMNS, _guard_row) if guard else (COLUMNS, _row)
     yield columns, [row(name, figures[name]) for name in controllers]
