@@ -22,14 +22,27 @@ def check(beyond: Sequence[float]) -> None:
 def study(
     beyond: Sequence[float], machines: Mapping[str, Mapping[str, float]], seed: int, report: Report
 ) -> dict[str, Any]:
-    """The figures of each distance, every row, and `failures`: sentences about the limits that are missed."""
-    rows: list[dict[str, Any]] = []
-    cases = [Case(distance, name, drawn, seed) for distance in beyond for name, drawn in machines.items()]
-    for number, case in enumerate(cases, 1):
-        rows.append(run(case))
-        report(f"throw {case.beyond:g} m beyond reach by {case.machine}", number, len(cases))
-    by_distance = {f"{d:g}": summary([row for row in rows if row["beyond"] == d]) for d in beyond}
+    """The figures of each distance, every row, and `failures`: sentences about the limits that are missed.
+
+    After an interrupt the throws that were done count.
+    """
+    cases = [Case(distance, name, drawn, seed) for name, drawn in machines.items() for distance in beyond]
+    rows = _done(cases, report)
+    thrown = {f"{d:g}": [row for row in rows if row["beyond"] == d] for d in beyond}
+    by_distance = {distance: summary(of) for distance, of in thrown.items() if of}
     return {"reach": reach(), "by_distance_m": by_distance, "failures": failures(by_distance), "rows": rows}
+
+
+def _done(cases: Sequence[Case], report: Report) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = []
+    try:
+        for number, case in enumerate(cases, 1):
+            rows.append(run(case))
+            report(f"throw {case.beyond:g} m beyond reach by {case.machine}", number, len(cases))
+    except KeyboardInterrupt:
+        if not rows:
+            raise
+    return rows
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
