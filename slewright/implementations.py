@@ -6,7 +6,7 @@ import typer
 
 from specs.errors import InputError
 
-VALID = ("any", "CoSimulation", "ModelExchange")
+VALID = ("any", "CoSimulation", "ModelExchange", "ScheduledExecution")
 
 
 def _check(value: str) -> str:
@@ -21,7 +21,8 @@ ImplementationOption = Annotated[
         "--implementation",
         metavar="KIND",
         callback=_check,
-        help="How an FMU is run: CoSimulation, ModelExchange, or any (the first that it offers).",
+        help="How an FMU is run: CoSimulation, ModelExchange, ScheduledExecution, or any (the first that it "
+        "offers).",
     ),
 ]
 

@@ -306,6 +306,13 @@ _ALL = (
         {"hasEventMode": "true"},
     ),
     Fmu(
+        "sampler_rigid",
+        "sampler",
+        _changed(SAMPLER, "tick", interval="0.25"),
+        (3,),
+        {"hasEventMode": "true", "canHandleVariableCommunicationStepSize": "false"},
+    ),
+    Fmu(
         "sampler_later",
         "sampler",
         _changed(SAMPLER, "tick", shift="0.1"),

@@ -9,6 +9,8 @@ import numpy as np
 from deployment.faults import devices, injected, interfaces, lost_devices, process_faults, watching
 from deployment.faults.canopen_table import CANOPEN
 from deployment.faults.drive import Drive
+from deployment.faults.fmu_table import FMU
+from deployment.faults.foreign_fmus import run_fmus
 from deployment.faults.processes import run_all
 from deployment.faults.table import BUS, IMAGE, INSIDE, PROCESS, Fault, Outcome
 from runtime.bundle import load
@@ -24,7 +26,7 @@ LAST_TICKS = 60  # of the drive, in which no fault begins: it needs frames to go
 
 def faults(names: Sequence[str] = ()) -> list[Fault]:
     """Those called `names`, all without; raises InputError for an unknown one."""
-    known = {f.name: f for f in (*BUS, *IMAGE, *INSIDE, *CANOPEN, *PROCESS)}
+    known = {f.name: f for f in (*BUS, *IMAGE, *INSIDE, *CANOPEN, *FMU, *PROCESS)}
     for name in names:
         if name not in known:
             raise InputError(f"no fault '{name}'; {nearest(name, known)}")
@@ -37,11 +39,13 @@ def run(
     """Inject each of the `wanted` faults `count` times into the runtime with the bundle in `folder`."""
     bundle = load(folder)
     outcomes = []
-    single = [f for f in wanted if f.level != "process"]
+    single = [f for f in wanted if f.level not in ("fmu", "process")]
     if single:
         report("a drive without faults")
         drive = Drive(ControlCore(bundle), load_scenario(SCENARIO), ticks, seed)
         outcomes += _lockstep(drive, single, count, seed, report)
+    files = [f for f in wanted if f.level == "fmu"]
+    outcomes += run_fmus(files, count, seed, report)
     several = [f for f in wanted if f.level == "process"]
     if several:
         more = {**dict.fromkeys(watching.NAMES, watching.run), **lost_devices.INJECTIONS}

@@ -46,7 +46,7 @@ class Fault:
     what: str
     reaction: str
     limit_ms: float
-    level: str = "bus"  # bus, image, inside, process
+    level: str = "bus"  # bus, image, inside, fmu, process
     codes: tuple[str, ...] = ()  # one of these fault codes must be latched
     named: str = ""  # and this one be shown in the end
 

@@ -9,6 +9,7 @@ from ctypes import (
     c_char_p,
     c_double,
     c_int,
+    c_int32,
     c_int64,
     c_size_t,
     c_uint32,
@@ -19,7 +20,16 @@ from orchestrator.core import native
 
 SINK = 0xFFFFFFFF  # SLW_SINK
 TARGET = 0x80000000  # SLW_TARGET
+NO_CLOCK = 0xFFFFFFFF  # SLW_NO_CLOCK
 ALGORITHM = {"jacobi": 0, "gauss-seidel": 1, "iterate": 2, "adaptive": 3}  # slw_algorithm
+CLOCK_KIND = {
+    "grid": 0,
+    "periodic": 1,
+    "fixed": 2,
+    "tunable": 3,
+    "changing": 4,
+    "countdown": 5,
+}  # slw_clock_kind
 DONE, FAILED, ENDED = range(3)  # slw_outcome
 SET, GET = range(2)  # slw_direction
 
@@ -39,7 +49,9 @@ SET, GET = range(2)  # slw_direction
     NO_PROGRESS,
     INJECTED,
     BAD_TIME,
-) = range(14)
+    BAD_INTERVAL,
+    CLOCK_INSIDE,
+) = range(16)
 
 
 class Cell(ctypes.Union):
@@ -68,6 +80,8 @@ class Failure(Structure):
         ("told", c_double),
         ("from_s", c_double),
         ("to_s", c_double),
+        ("clock", c_uint32),
+        ("qualifier", c_int32),
     )
 
 
@@ -113,7 +127,10 @@ PROTOTYPES: dict[str, tuple[object, ...]] = {  # name: (result, *arguments)
     "stimulus": (c_bool, CORE, c_int64, c_uint32, c_int64),
     "parameter": (c_bool, CORE, c_int64, c_uint32, c_int, c_uint32, c_int64),
     "clock": (c_bool, CORE, c_uint32, c_uint32, c_int64, c_int64),
-    "source_clock": (c_bool, CORE, c_uint32, c_uint32, c_int64, c_int64),
+    "timed_clock": (c_bool, CORE, c_uint32, c_uint32, c_int, c_bool, c_double, c_double),
+    "clock_told": (c_bool, CORE, c_uint32, c_uint32),
+    "parts": (c_bool, CORE, c_uint32, c_double),
+    "source_clock": (c_bool, CORE, c_uint32, c_uint32),
     "target_clock": (c_bool, CORE, c_uint32, c_uint32, c_uint32, c_uint32, POINTER(c_uint32)),
     "clocked": (c_bool, CORE, c_uint32, c_int, c_uint32, c_int, c_size_t, INDICES, c_size_t, c_uint32),
     "algorithm": (c_bool, CORE, c_int, c_double, c_uint32, c_uint32),

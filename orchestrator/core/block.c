@@ -10,7 +10,7 @@ bool slw_fail(slw_core *core, slw_what what, slw_status status, const slw_block 
   slw_failure *f = &core->failure;
   f->what = what, f->status = status, f->cell = cell;
   f->block = b ? (uint32_t)(b - core->blocks) : SLW_SINK;
-  f->tick = core->failure.tick;
+  f->tick = core->failure.tick, f->clock = SLW_NO_CLOCK;
   f->time = core->start_s + (f->tick < 0 ? 0.0 : (double)f->tick * core->step_s);
   return false;
 }
@@ -36,15 +36,19 @@ bool slw_block_set(slw_core *core, slw_block *b) {
   return true;
 }
 
-bool slw_check_finite(slw_core *core, const slw_block *b) {
-  for (uint32_t i = 0; i < b->n_gets; i++) {
-    const slw_group *g = &b->gets[i];
+bool slw_groups_finite(slw_core *core, const slw_block *b, const slw_group *groups, uint32_t n) {
+  for (uint32_t i = 0; i < n; i++) {
+    const slw_group *g = &groups[i];
     if (g->type > SLW_FLOAT32) continue;
     for (size_t k = 0; k < g->n; k++)
       if (((uint64_t)g->cells[k].integer & SLW_EXPONENT) == SLW_EXPONENT)
         return slw_fail(core, SLW_NOT_FINITE, SLW_OK, b, (uint32_t)(g->cells + k - core->cells));
   }
   return true;
+}
+
+bool slw_check_finite(slw_core *core, const slw_block *b) {
+  return slw_groups_finite(core, b, b->gets, b->n_gets);
 }
 
 bool slw_block_get(slw_core *core, slw_block *b) {
@@ -65,44 +69,50 @@ static bool update_discrete(slw_core *core, slw_block *b) {
   return slw_fail(core, SLW_NO_PROGRESS, SLW_OK, b, 0);
 }
 
-static bool handle_event(slw_core *core, slw_block *b) {
+/* In event mode: discrete states, and the clocks whose times that may have changed. */
+static bool settle(slw_core *core, slw_block *b, double time) {
+  return update_discrete(core, b) && slw_timed_ask(core, b, time);
+}
+
+static bool enter(slw_core *core, slw_block *b) {
   b->count.events++;
-  return passes(core, b, b->fmu->call->enter_event(b->fmu), SLW_DOING_EVENT) && update_discrete(core, b) &&
-         passes(core, b, b->fmu->call->enter_step(b->fmu), SLW_DOING_EVENT);
+  return passes(core, b, b->fmu->call->enter_event(b->fmu), SLW_DOING_EVENT);
 }
 
-static bool activate_clocks(slw_core *core, slw_block *b, int64_t tick) {
-  for (uint32_t i = 0; i < b->n_clocks; i++) {
-    const slw_periodic *c = &b->clocks[i];
-    if (tick < c->shift || (tick - c->shift) % c->interval != 0) continue;
-    slw_cell on = {.integer = 1};
-    bool native = true;
-    const slw_group group = {SLW_CLOCK, 1, 1, &c->vr, &on, &native, NULL};
-    if (!passes(core, b, b->fmu->call->set(b->fmu, &group), SLW_DOING_EVENT)) return false;
-  }
-  return true;
+static bool leave(slw_core *core, slw_block *b) {
+  return passes(core, b, b->fmu->call->enter_step(b->fmu), SLW_DOING_EVENT);
 }
 
-static bool ticks_now(const slw_block *b, int64_t tick) {
-  for (uint32_t i = 0; i < b->n_clocks; i++)
-    if (tick >= b->clocks[i].shift && (tick - b->clocks[i].shift) % b->clocks[i].interval == 0) return true;
-  return false;
+static bool handle_event(slw_core *core, slw_block *b, double time) {
+  return enter(core, b) && settle(core, b, time) && leave(core, b);
 }
 
 /* An FMU with event mode leaves initialisation in it. Clocks of tick 0 tick with the first step. */
 bool slw_block_initial_events(slw_core *core, slw_block *b) {
   b->in_event = b->connected; /* clocks.c goes on */
   if (b->connected) return true;
-  return !b->event_mode || (update_discrete(core, b) &&
-                            passes(core, b, b->fmu->call->enter_step(b->fmu), SLW_DOING_EVENT));
+  return !b->event_mode || (settle(core, b, core->start_s) && leave(core, b));
+}
+
+/* The clocks that are due, and those that a tick makes due at once. */
+static bool tick_due(slw_core *core, slw_block *b, double time) {
+  for (uint32_t i = 0; i < MAX_EVENT_ITERATIONS + b->n_clocks; i++) {
+    if (!slw_own_tick(core, b, time) || !settle(core, b, time)) return false;
+    if (!slw_own_due(core, b, SLW_INSIDE, time)) return true;
+  }
+  return slw_timed_endless(core, b, time, 0.0);
 }
 
 bool slw_block_tick_clocks(slw_core *core, slw_block *b) {
-  if (!b->n_clocks || !ticks_now(b, core->tick)) return true;
-  b->count.events++;
-  return passes(core, b, b->fmu->call->enter_event(b->fmu), SLW_DOING_EVENT) && slw_block_set(core, b) &&
-         activate_clocks(core, b, core->tick) && update_discrete(core, b) &&
-         passes(core, b, b->fmu->call->enter_step(b->fmu), SLW_DOING_EVENT);
+  const double time = slw_time(core);
+  if (!b->n_clocks || b->connected || !slw_own_due(core, b, core->tick, time)) return true;
+  return enter(core, b) && slw_block_set(core, b) && tick_due(core, b, time) && leave(core, b);
+}
+
+bool slw_block_parameter(slw_core *core, slw_block *b, const slw_group *group) {
+  if (b->timed && !enter(core, b)) return false;
+  if (!passes(core, b, b->fmu->call->set(b->fmu, group), SLW_DOING_SET)) return false;
+  return !b->timed || (settle(core, b, slw_time(core)) && leave(core, b));
 }
 
 /* ---- stepping ---- */
@@ -140,7 +150,7 @@ static bool judge_step(slw_core *core, slw_block *b, double t, double *h, slw_st
   if (r->early && !b->early_return) return slw_fail(core, SLW_RETURNED_EARLY, SLW_OK, b, 0);
   if (r->early) b->count.early_returns++;
   if (!(r->event && b->event_mode)) return true;
-  if (!b->connected) return handle_event(core, b);
+  if (!b->connected) return handle_event(core, b, r->early ? r->reached : t + *h);
   b->event_due = true;
   return true;
 }
@@ -156,16 +166,32 @@ static bool try_step(slw_core *core, slw_block *b, double t, double *h, double *
   return judge_step(core, b, t, h, status, &r);
 }
 
+/* Clocks that tick inside a step: at once if the time has come, else *h ends where the next one ticks. */
+static bool meet_clocks(slw_core *core, slw_block *b, double t, double *h, double end) {
+  double stop = end;
+  if (!slw_timed_part(core, b, t, end, &stop)) return false;
+  for (uint32_t i = 0; stop < end && slw_timed_near(core, stop, t); i++) {
+    if (i == MAX_EVENT_ITERATIONS) return slw_timed_endless(core, b, t, 0.0);
+    slw_own_due(core, b, SLW_INSIDE, t);
+    if (!enter(core, b) || !tick_due(core, b, t) || !leave(core, b)) return false;
+    if (!slw_timed_part(core, b, t, end, &stop)) return false;
+  }
+  if (*h > stop - t) *h = stop - t;
+  return true;
+}
+
 static bool step_to(slw_core *core, slw_block *b, double t, double h, double end) {
   const double close = ROUNDING * (slw_abs(end) + (end - t)), least = core->step_s * SMALLEST_PART;
+  const bool divided = b->timed && !b->connected;
   double reached = t;
   for (int idle = 0; idle < MAX_IDLE;) {
+    if (divided && !meet_clocks(core, b, t, &h, end)) return false;
     if (!try_step(core, b, t, &h, &reached)) return false;
     if (core->ended || reached >= end - close) return true;
     idle = reached > t + least ? 0 : idle + 1;
     if (reached > t) t = reached, h = end - t;
   }
-  return slw_fail(core, SLW_NO_PROGRESS, SLW_OK, b, 0);
+  return slw_timed_endless(core, b, t, least);
 }
 
 bool slw_block_step(slw_core *core, slw_block *b, double t, double h) {
@@ -192,10 +218,13 @@ bool slw_block_finish_discarded(slw_core *core, slw_block *b) {
 /* ---- state ---- */
 
 bool slw_block_save(slw_core *core, slw_block *b, int slot) {
+  if (b->timed && !b->kept[slot]) return slw_fail(core, SLW_DOING_STATE, SLW_ERROR, b, 0);
+  for (uint32_t i = 0; b->timed && i < b->n_clocks; i++) b->kept[slot][i] = b->clocks[i].next;
   return passes(core, b, b->fmu->call->get_state(b->fmu, &b->state[slot]), SLW_DOING_STATE);
 }
 
 bool slw_block_restore(slw_core *core, slw_block *b, int slot) {
   b->count.rollbacks++;
+  for (uint32_t i = 0; b->timed && i < b->n_clocks; i++) b->clocks[i].next = b->kept[slot][i];
   return passes(core, b, b->fmu->call->set_state(b->fmu, b->state[slot]), SLW_DOING_STATE);
 }

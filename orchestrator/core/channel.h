@@ -17,7 +17,8 @@
 typedef enum {
   SLW_CALL_LOAD, SLW_CALL_ENTER_CONFIGURATION, SLW_CALL_EXIT_CONFIGURATION, SLW_CALL_ENTER_INITIALISATION,
   SLW_CALL_EXIT_INITIALISATION, SLW_CALL_SET, SLW_CALL_GET, SLW_CALL_STEP, SLW_CALL_AFTER_DISCARD,
-  SLW_CALL_ENTER_EVENT, SLW_CALL_UPDATE_DISCRETE, SLW_CALL_ENTER_STEP, SLW_CALL_GET_STATE, SLW_CALL_SET_STATE,
+  SLW_CALL_ENTER_EVENT, SLW_CALL_UPDATE_DISCRETE, SLW_CALL_ENTER_STEP, SLW_CALL_INTERVAL, SLW_CALL_SHIFT,
+  SLW_CALL_GET_STATE, SLW_CALL_SET_STATE,
   SLW_CALL_FREE_STATE, SLW_CALL_SERIALIZED_SIZE, SLW_CALL_SERIALIZE, SLW_CALL_DESERIALIZE, SLW_CALL_DIRECTIONAL,
   SLW_CALL_TERMINATE, SLW_CALL_RESET, SLW_CALL_EXCHANGE /* set, step, get */, SLW_CALL_QUIT,
   SLW_N_CALLS
@@ -30,7 +31,8 @@ typedef struct {
   int32_t status;                             /* slw_status */
   uint32_t n_sets, n_gets;                    /* groups in the data */
   double time, h, stop, tolerance;
-  uint64_t number;                            /* of a state; a size */
+  uint64_t number;                            /* of a state; a size; a clock */
+  int32_t qualifier;                          /* of an interval, which is in `time` */
   uint32_t flag;
   uint32_t phase, warnings;                   /* of an exchange: slw_phase, and how many of its calls warned */
   struct { double reached; uint32_t event, terminate, early; } step;

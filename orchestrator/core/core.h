@@ -13,6 +13,8 @@
 #define SLW_SINK UINT32_MAX /* as block: the system outputs, moved after every step */
 #define SLW_TARGET 0x80000000U /* as block, plus its number: what a target clock clocks, moved when it ticks */
 
+#define SLW_NO_CLOCK UINT32_MAX
+
 typedef struct slw_core slw_core;
 
 /* The first tick is at `start_s`. */
@@ -70,17 +72,25 @@ bool slw_core_fail(slw_core *core, uint32_t block, int64_t tick);
 bool slw_core_stimulus(slw_core *core, int64_t tick, uint32_t cell, int64_t bits);
 /* At tick `tick`: set a tunable parameter of a block. */
 bool slw_core_parameter(slw_core *core, int64_t tick, uint32_t block, slw_type type, uint32_t vr, int64_t bits);
-/* A time-based input clock: active at ticks shift, shift + interval, ...; its cells are set before it ticks and
- * read after it. */
+/* A time-based input clock that ticks with the grid: active at ticks shift, shift + interval, ...  Of clocks that are
+ * due at one instant those added first tick first. */
 bool slw_core_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, int64_t interval);
+/* One that ticks at times of its own (timed.c): every `interval_s` from the start + `shift_s` on, or as its FMU tells. */
+typedef enum { SLW_GRID, SLW_PERIODIC, SLW_FIXED, SLW_TUNABLE, SLW_CHANGING, SLW_COUNTDOWN } slw_clock_kind;
+bool slw_core_timed_clock(slw_core *core, uint32_t block, uint32_t vr, slw_clock_kind kind, bool fraction,
+                          double shift_s, double interval_s);
+/* Into what parts a step of the block may be divided, where a clock ticks inside it: multiples of `part_s`; 0: any;
+ * negative (as it is without this call): none. */
+bool slw_core_parts(slw_core *core, uint32_t block, double part_s);
 
 /* Clocks connected to each other (clocks.c), of blocks with event mode that step every tick.  A source is an output
- * clock (interval 0), or a periodic input clock of its block; a target is a triggered input clock, with the source
+ * clock, or a time-based input clock that its block already has; a target is a triggered input clock, with the source
  * that ticks it. */
-bool slw_core_source_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, int64_t interval);
+bool slw_core_source_clock(slw_core *core, uint32_t block, uint32_t vr);
 bool slw_core_target_clock(slw_core *core, uint32_t block, uint32_t vr, uint32_t source_block, uint32_t source_vr,
                            uint32_t *number);
-/* As slw_core_group, for variables that clock `clock_vr` clocks: got when a source is active, set when a target is. */
+/* As slw_core_group, for variables that clock `clock_vr` clocks, which they move with: set before it ticks, got
+ * after. */
 bool slw_core_clocked(slw_core *core, uint32_t block, slw_direction direction, uint32_t clock_vr, slw_type type,
                       size_t n_vr, const uint32_t *vr, size_t n, uint32_t first_cell);
 
@@ -127,6 +137,8 @@ typedef enum {
   SLW_NO_PROGRESS,     /* an FMU that returns early without advancing, or iterates events without end */
   SLW_INJECTED,        /* the failure that slw_core_fail asked for */
   SLW_BAD_TIME,        /* an FMU told a time that its step cannot have reached */
+  SLW_BAD_INTERVAL,    /* an FMU told of clock `clock` what no clock ticks at */
+  SLW_CLOCK_INSIDE,    /* clock `clock` ticks inside a step that cannot be divided there */
 } slw_what;
 typedef struct {
   slw_what what;
@@ -134,10 +146,14 @@ typedef struct {
   uint32_t block, cell, loop;
   int64_t tick;        /* of the step's begin; -1: initialisation */
   double time;         /* s */
-  double told, from, to; /* SLW_BAD_TIME: the time, and the ends of the step */
+  double told, from, to; /* SLW_BAD_TIME: the time, and the ends of the step; of a clock: what was told, and when */
+  uint32_t clock;        /* value reference; SLW_NO_CLOCK: another component's */
+  int32_t qualifier;     /* SLW_BAD_INTERVAL: as told; -1: it is the shift */
 } slw_failure;
 /* After SLW_ENDED: `block` says whose FMU asked. */
 const slw_failure *slw_core_failure(const slw_core *core);
+/* Whether a clock of slw_core_timed_clock has ticked, or will at a time that is known. */
+bool slw_core_clock_told(const slw_core *core, uint32_t block, uint32_t vr);
 
 /* ---- beside a run, from another thread ---- */
 

@@ -59,6 +59,16 @@ static slw_status not_in_fmi2(slw_fmu *fmu) {
   return SLW_ERROR;
 }
 
+static slw_status no_interval(slw_fmu *fmu, uint32_t vr, bool fraction, slw_interval *result) {
+  (void)vr, (void)fraction, (void)result;
+  return not_in_fmi2(fmu);
+}
+
+static slw_status no_shift(slw_fmu *fmu, uint32_t vr, bool fraction, double *seconds) {
+  (void)vr, (void)fraction, (void)seconds;
+  return not_in_fmi2(fmu);
+}
+
 static slw_status enter_initialisation(slw_fmu *fmu, double start, bool stop_defined, double stop,
                                        double tolerance) {
   slw_fmi2 *f = self(fmu);
@@ -165,7 +175,7 @@ static const slw_fmu_functions functions = {
     .enter_initialisation = enter_initialisation, .exit_initialisation = exit_initialisation,
     .set = set, .get = get, .step = step, .after_discard = after_discard,
     .enter_event = not_in_fmi2, .update_discrete = update_discrete, .enter_step = not_in_fmi2,
-    .get_state = get_state, .set_state = set_state, .free_state = free_state,
+    .interval = no_interval, .shift = no_shift, .get_state = get_state, .set_state = set_state, .free_state = free_state,
     .serialized_size = serialized_size, .serialize = serialize, .deserialize = deserialize,
     .directional = directional, .terminate = terminate, .reset = reset, .free = free_fmu};
 

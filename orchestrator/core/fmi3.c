@@ -6,6 +6,7 @@
 #include "binding.h"
 #include "fmi/fmi3FunctionTypes.h"
 #include "me.h"
+#include "scheduled.h"
 
 /* The standard demands more than REQUIRED; what a run does not need may be missing. */
 #define REQUIRED(X) X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode)
@@ -14,11 +15,13 @@
   X(InstantiateModelExchange) X(EnterContinuousTimeMode) X(SetTime) X(CompletedIntegratorStep)    \
   X(GetContinuousStates) X(SetContinuousStates) X(GetContinuousStateDerivatives)                  \
   X(GetEventIndicators) X(GetNominalsOfContinuousStates)
+#define SCHEDULED(X) X(InstantiateScheduledExecution) X(ActivateModelPartition)
 #define OPTIONAL(X)                                                                               \
   X(SetDebugLogging) X(Terminate) X(Reset) X(EnterConfigurationMode) X(ExitConfigurationMode) X(EnterEventMode)      \
   X(UpdateDiscreteStates) X(EnterStepMode) X(GetFMUState) X(SetFMUState) X(FreeFMUState)          \
   X(SerializedFMUStateSize) X(SerializeFMUState) X(DeserializeFMUState)                           \
-  X(GetDirectionalDerivative) X(GetBinary) X(SetBinary) X(GetClock) X(SetClock)
+  X(GetDirectionalDerivative) X(GetBinary) X(SetBinary) X(GetClock) X(SetClock)                   \
+  X(GetIntervalDecimal) X(GetIntervalFraction) X(GetShiftDecimal) X(GetShiftFraction)
 #define NUMBERS(X)                                                                                \
   X(Float64) X(Float32) X(Int8) X(UInt8) X(Int16) X(UInt16) X(Int32) X(UInt32) X(Int64) X(UInt64) \
   X(Boolean) X(String)
@@ -31,6 +34,7 @@ typedef struct {
   REQUIRED(DECLARE)
   STEPPING(DECLARE)
   EXCHANGE(DECLARE)
+  SCHEDULED(DECLARE)
   OPTIONAL(DECLARE)
   NUMBERS(DECLARE_BOTH)
 } slw_fmi3;
@@ -126,6 +130,30 @@ static slw_status update_discrete(slw_fmu *fmu, slw_event_result *result) {
               &result->next_event_defined, &result->next_event);
 }
 
+/* Of a clock: as a fraction it is counter / resolution. */
+static slw_status interval(slw_fmu *fmu, uint32_t vr, bool fraction, slw_interval *result) {
+  fmi3IntervalQualifier qualifier = fmi3IntervalNotYetKnown;
+  fmi3UInt64 counter = 0, resolution = 1;
+  slw_status status;
+  result->seconds = 0.0;
+  if (fraction) {
+    status = CALL(self(fmu), GetIntervalFraction, &vr, 1, &counter, &resolution, &qualifier);
+    if (qualifier != fmi3IntervalNotYetKnown) result->seconds = (double)counter / (double)resolution;
+  } else {
+    status = CALL(self(fmu), GetIntervalDecimal, &vr, 1, &result->seconds, &qualifier);
+  }
+  result->qualifier = (int)qualifier;
+  return status;
+}
+
+static slw_status shift(slw_fmu *fmu, uint32_t vr, bool fraction, double *seconds) {
+  fmi3UInt64 counter = 0, resolution = 1;
+  if (!fraction) return CALL(self(fmu), GetShiftDecimal, &vr, 1, seconds);
+  const slw_status status = CALL(self(fmu), GetShiftFraction, &vr, 1, &counter, &resolution);
+  *seconds = (double)counter / (double)resolution;
+  return status;
+}
+
 static slw_status get_state(slw_fmu *fmu, void **state) { return CALL(self(fmu), GetFMUState, state); }
 static slw_status set_state(slw_fmu *fmu, void *state) { return CALL(self(fmu), SetFMUState, state); }
 static slw_status free_state(slw_fmu *fmu, void **state) {
@@ -169,7 +197,7 @@ static const slw_fmu_functions functions = {
     .enter_initialisation = enter_initialisation, .exit_initialisation = exit_initialisation,
     .set = set, .get = get, .step = step, .after_discard = after_discard,
     .enter_event = enter_event, .update_discrete = update_discrete, .enter_step = enter_step,
-    .get_state = get_state, .set_state = set_state, .free_state = free_state,
+    .interval = interval, .shift = shift, .get_state = get_state, .set_state = set_state, .free_state = free_state,
     .serialized_size = serialized_size, .serialize = serialize, .deserialize = deserialize,
     .directional = directional, .terminate = terminate, .reset = reset, .free = free_fmu};
 
@@ -201,9 +229,15 @@ static const slw_me_calls exchange_calls = {
     .indicators = indicators, .nominals = nominals, .enter_event = enter_event, .update = update_discrete,
     .enter_continuous = enter_continuous, .completed = completed};
 
+/* ---- scheduled execution ---- */
+
+static slw_status activate(slw_fmu *fmu, uint32_t vr, double time) {
+  return CALL(self(fmu), ActivateModelPartition, vr, time);
+}
+
 /* ---- loading ---- */
 
-static bool bind(slw_fmi3 *f, bool exchange, char *error, size_t error_size) {
+static bool bind(slw_fmi3 *f, const slw_fmu_options *o, char *error, size_t error_size) {
 #define NEED(name)                                                            \
   if (!slw_library_symbol(f->library, "fmi3" #name, &f->name)) {              \
     snprintf(error, error_size, "its library lacks the function fmi3" #name); \
@@ -212,9 +246,11 @@ static bool bind(slw_fmi3 *f, bool exchange, char *error, size_t error_size) {
 #define MAY(name) (void)slw_library_symbol(f->library, "fmi3" #name, &f->name);
 #define MAY_BOTH(name) MAY(Get##name) MAY(Set##name)
   REQUIRED(NEED)
-  if (exchange) {
+  if (o->exchange) {
     NEED(InstantiateModelExchange)
     EXCHANGE(MAY)
+  } else if (o->scheduled) {
+    SCHEDULED(NEED)
   } else {
     STEPPING(NEED)
   }
@@ -251,10 +287,14 @@ slw_fmu *slw_fmi3_load(const slw_fmu_options *o, char *error, size_t error_size)
   }
   f->fmu.call = &functions, f->fmu.fmi_version = 3, f->fmu.local = true;
   f->library = slw_library_open(o->library, error, error_size);
-  if (!f->library || !bind(f, o->exchange != NULL, error, error_size)) return refused(f);
+  if (!f->library || !bind(f, o, error, error_size)) return refused(f);
   if (o->exchange)
     f->fmu.instance = f->InstantiateModelExchange(o->name, o->token, o->resources, fmi3False, fmi3False, &f->fmu,
                                                   logger);
+  else if (o->scheduled)
+    f->fmu.instance =
+        f->InstantiateScheduledExecution(o->name, o->token, o->resources, fmi3False, fmi3False, &f->fmu, logger,
+                                         slw_scheduled_update, slw_scheduled_lock, slw_scheduled_unlock);
   else
     f->fmu.instance = f->InstantiateCoSimulation(o->name, o->token, o->resources, fmi3False, fmi3False,
                                                  o->event_mode, o->early_return, NULL, 0, &f->fmu, logger,
@@ -266,6 +306,11 @@ slw_fmu *slw_fmi3_load(const slw_fmu_options *o, char *error, size_t error_size)
   if (!tell_log(f, o->log, error, error_size)) return refused(f);
   if (o->exchange) {
     if (slw_me_wrap(&f->fmu, &exchange_calls, o->exchange, error, error_size)) return &f->fmu;
+    f->fmu.call->free(&f->fmu);
+    return NULL;
+  }
+  if (o->scheduled) {
+    if (slw_scheduled_wrap(&f->fmu, activate, o->scheduled, error, error_size)) return &f->fmu;
     f->fmu.call->free(&f->fmu);
     return NULL;
   }

@@ -1,9 +1,10 @@
 /* One instance of an FMU, of FMI 2.0 or 3.0, in this process or in one of its own; it steps itself
- * (co-simulation), or is integrated by me.c (model exchange).
+ * (co-simulation), is integrated by me.c (model exchange), or computes where its clocks tick (scheduled.c).
  *
  * Values travel as cells of 8 bytes: a double for the real types, an int64_t for integers, enumerations,
  * Booleans (0 or 1) and clocks (1: active), the same bits for UInt64, and the number of a blob for strings
- * and binaries. A group moves all variables of one type at once.
+ * and binaries. A group moves all variables of one type at once. A clock that is set has a second cell with the
+ * time of the instant, which scheduled execution needs.
  *
  * Life: load -> [enter_configuration, set, exit_configuration] -> set start values -> enter_initialisation
  * -> set, get -> exit_initialisation -> { set, step, get } -> terminate -> free.
@@ -62,6 +63,7 @@ typedef struct {
   bool event_mode;         /* FMI 3: event mode used */
   bool early_return;       /* FMI 3: early return allowed */
   const char *exchange;    /* model exchange: what me.c reads; NULL: co-simulation */
+  const char *scheduled;   /* scheduled execution: what scheduled.c reads; NULL: another kind */
   const char *log;         /* log categories to be told, one a line; "": all of them; NULL: none are told */
 } slw_fmu_options;
 
@@ -83,6 +85,13 @@ typedef struct {
   bool next_event_defined;
   double next_event;       /* s */
 } slw_event_result;
+
+/* When a clock ticks next, as the FMU tells it (FMI 3). */
+typedef enum { SLW_NOT_YET_KNOWN, SLW_UNCHANGED, SLW_CHANGED } slw_qualifier;
+typedef struct {
+  int qualifier;           /* slw_qualifier, or what else the FMU gave */
+  double seconds;
+} slw_interval;
 
 /* FMUs need not write the last successful time: it holds bits before the call that no computation gives. */
 #define SLW_UNTOLD 0x7ff8e55ed15ca4edULL
@@ -115,6 +124,9 @@ typedef struct {
   slw_status (*enter_event)(slw_fmu *);
   slw_status (*update_discrete)(slw_fmu *, slw_event_result *);
   slw_status (*enter_step)(slw_fmu *);
+  /* Of an input clock; `fraction`: asked for as one. */
+  slw_status (*interval)(slw_fmu *, uint32_t vr, bool fraction, slw_interval *result);
+  slw_status (*shift)(slw_fmu *, uint32_t vr, bool fraction, double *seconds);
   slw_status (*get_state)(slw_fmu *, void **state);      /* *state NULL: a new one, else it is overwritten */
   slw_status (*set_state)(slw_fmu *, void *state);
   slw_status (*free_state)(slw_fmu *, void **state);
@@ -145,6 +157,7 @@ struct slw_fmu {
   const slw_fmu_functions *call;
   int fmi_version;
   bool local;                           /* in this process */
+  bool scheduled;                       /* scheduled execution: an active clock is a computation, one at a time */
   bool fatal;                           /* nothing of it may be called any more; it is left as it is */
   void *instance;                       /* the FMU's own */
   union {
@@ -154,6 +167,7 @@ struct slw_fmu {
   uint64_t n_messages;                  /* ever logged */
   char messages[SLW_MESSAGES][SLW_MESSAGE_SIZE]; /* the last ones: message k at k % SLW_MESSAGES */
   struct slw_me *me;                    /* of model exchange, else NULL */
+  struct slw_scheduled *partitions;     /* of scheduled execution, else NULL */
 };
 
 /* Load and instantiate in this process.  NULL and a sentence in `error` when that fails. */

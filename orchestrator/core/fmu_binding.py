@@ -23,6 +23,7 @@ class Options(Structure):
         ("event_mode", c_bool),
         ("early_return", c_bool),
         ("exchange", c_char_p),
+        ("scheduled", c_char_p),
         ("log", c_char_p),
     )
 
@@ -58,6 +59,12 @@ class EventResult(Structure):
     )
 
 
+class Interval(Structure):
+    """slw_interval."""
+
+    _fields_ = (("qualifier", c_int), ("seconds", c_double))
+
+
 FMU = c_void_p
 REFERENCES = c_void_p
 # slw_fmu_functions, in its order: arguments after the instance.
@@ -73,6 +80,8 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "enter_event": (),
     "update_discrete": (POINTER(EventResult),),
     "enter_step": (),
+    "interval": (ctypes.c_uint32, c_bool, POINTER(Interval)),
+    "shift": (ctypes.c_uint32, c_bool, POINTER(c_double)),
     "get_state": (POINTER(c_void_p),),
     "set_state": (c_void_p,),
     "free_state": (POINTER(c_void_p),),

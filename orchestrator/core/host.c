@@ -170,6 +170,21 @@ static slw_status call_update_discrete(slw_host *h) {
   return status;
 }
 
+static slw_status call_interval(slw_host *h) {
+  slw_interval result = {SLW_NOT_YET_KNOWN, 0.0};
+  slw_channel *c = h->channel;
+  const slw_status status = h->fmu->call->interval(h->fmu, (uint32_t)c->number, c->flag != 0, &result);
+  c->qualifier = result.qualifier, c->time = result.seconds;
+  return status;
+}
+
+static slw_status call_shift(slw_host *h) {
+  double seconds = 0.0;
+  const slw_status status = h->fmu->call->shift(h->fmu, (uint32_t)h->channel->number, h->channel->flag != 0, &seconds);
+  h->channel->time = seconds;
+  return status;
+}
+
 /* ---- states ---- */
 
 static void **state_of(slw_host *h) {
@@ -265,18 +280,18 @@ static void say_refusal(slw_channel *c, const char *error) {
 
 static slw_status call_load(slw_host *h) {
   char error[SLW_MESSAGE_SIZE] = "it gave no reason";
-  const uint64_t *head = slw_tape_take(&h->tape, 6 * sizeof *head);
+  const uint64_t *head = slw_tape_take(&h->tape, 7 * sizeof *head);
   const uint64_t *parent = slw_tape_take(&h->tape, sizeof *parent);
-  const char *strings[6] = {NULL, NULL, NULL, NULL, NULL, NULL};
-  for (int i = 0; i < 6; i++) {
+  const char *strings[7] = {NULL, NULL, NULL, NULL, NULL, NULL, NULL};
+  for (int i = 0; i < 7; i++) {
     const uint64_t *size = slw_tape_take(&h->tape, sizeof *size);
     strings[i] = size ? slw_tape_take(&h->tape, (size_t)*size) : NULL;
   }
-  if (!strings[5]) return SLW_ERROR;
+  if (!strings[6]) return SLW_ERROR;
   if ((uint64_t)getppid() != *parent) exit(0); /* it ended before the signal of its end was asked for */
   const slw_fmu_options options = {(int)head[0], strings[0], strings[1], strings[2], head[3] ? strings[3] : NULL,
                                    head[1] != 0, head[2] != 0, head[4] ? strings[4] : NULL,
-                                   head[5] ? strings[5] : NULL};
+                                   head[6] ? strings[6] : NULL, head[5] ? strings[5] : NULL};
   h->fmu = slw_fmu_load(&options, error, sizeof error);
   if (h->fmu) return SLW_OK;
   say_refusal(h->channel, error);
@@ -301,6 +316,8 @@ static slw_status answer(slw_host *h, slw_call call) {
     case SLW_CALL_ENTER_EVENT: return f->enter_event(h->fmu);
     case SLW_CALL_UPDATE_DISCRETE: return call_update_discrete(h);
     case SLW_CALL_ENTER_STEP: return f->enter_step(h->fmu);
+    case SLW_CALL_INTERVAL: return call_interval(h);
+    case SLW_CALL_SHIFT: return call_shift(h);
     case SLW_CALL_GET_STATE: return call_get_state(h);
     case SLW_CALL_SET_STATE: return call_set_state(h);
     case SLW_CALL_FREE_STATE: return call_free_state(h);

@@ -8,8 +8,19 @@
 #define DIFFERENCE 1e-7 /* relative to the nominal value: about the square root of a double's precision */
 #define MAX_NEWTON 30
 
+/* What a clock of the block clocks: only here it is set and read without a tick. */
+static bool clocked(slw_core *core, slw_block *b, bool set) {
+  for (const slw_own_clock *c = b->clocks; c < b->clocks + b->n_clocks; c++)
+    for (uint32_t i = 0; i < (set ? c->n_sets : c->n_gets); i++) {
+      const slw_status status =
+          set ? b->fmu->call->set(b->fmu, &c->sets[i]) : b->fmu->call->get(b->fmu, &c->gets[i]);
+      if (status > SLW_WARNING) return slw_fail(core, set ? SLW_DOING_SET : SLW_DOING_GET, status, b, 0);
+    }
+  return true;
+}
+
 static bool evaluate(slw_core *core, slw_block *b) {
-  return slw_block_set(core, b) && slw_block_get(core, b);
+  return slw_block_set(core, b) && clocked(core, b, true) && slw_block_get(core, b) && clocked(core, b, false);
 }
 
 static bool refresh(slw_core *core, uint32_t position) {
@@ -178,11 +189,12 @@ static bool propagate(slw_core *core) {
 
 static bool leave(slw_core *core) {
   for (slw_block *b = core->blocks; b < core->blocks + core->n_blocks; b++) {
+    if (b->timed && !slw_timed_start(core, b)) return false;
     const slw_status status = b->fmu->call->exit_initialisation(b->fmu);
     if (status > SLW_WARNING) return slw_fail(core, SLW_DOING_INITIALISE, status, b, 0);
     if (!slw_block_initial_events(core, b) || !slw_block_get(core, b)) return false;
   }
-  return !core->n_targets || slw_clocks_run(core, 0);
+  return !core->n_targets || slw_clocks_run(core, 0, core->start_s);
 }
 
 slw_outcome slw_core_initialise(slw_core *core) {

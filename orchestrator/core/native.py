@@ -23,7 +23,7 @@ SOURCES = Path(__file__).parent
 PACKAGED = SOURCES / "bin"
 PROGRAM = "host.c"  # the only source with a main; the rest of what it needs is in BINDING
 LIBRARY, HOST = "slewright_core", "slewright-fmu-host"  # file names, the library's without suffix
-BINDING = ("channel.c", "cvode.c", "fmi2.c", "fmi3.c", "fmu.c", "me.c")
+BINDING = ("channel.c", "cvode.c", "fmi2.c", "fmi3.c", "fmu.c", "me.c", "scheduled.c")
 HASH_SYMBOL = "slw_source_hash"
 LINUX_LIBRARIES = ("-Wl,--no-as-needed", "-ldl")
 

@@ -83,7 +83,13 @@ static void free_block(slw_block *b) {
   free_exchange(&b->in);
   free_groups(b->sets, b->n_sets);
   free_groups(b->gets, b->n_gets);
+  for (uint32_t i = 0; i < b->n_clocks; i++) {
+    free_groups(b->clocks[i].sets, b->clocks[i].n_sets);
+    free_groups(b->clocks[i].gets, b->clocks[i].n_gets);
+  }
   free(b->clocks);
+  free(b->kept[0]);
+  free(b->kept[1]);
   for (uint32_t i = 0; i < b->n_sources; i++) free_groups(b->sources[i].gets, b->sources[i].n_gets);
   free(b->sources);
 }
@@ -132,7 +138,7 @@ bool slw_core_block(slw_core *core, slw_fmu *fmu, uint32_t multiple, bool event_
   *block = core->n_blocks - 1;
   slw_block *b = &core->blocks[*block];
   b->fmu = fmu, b->multiple = multiple, b->event_mode = event_mode;
-  b->early_return = early_return, b->fails_at = SLW_NEVER;
+  b->early_return = early_return, b->fails_at = SLW_NEVER, b->part_s = -1.0;
   return true;
 }
 
@@ -183,14 +189,16 @@ bool slw_core_group(slw_core *core, uint32_t block, slw_direction direction, slw
 
 /* ---- clocks connected to each other ---- */
 
-bool slw_core_source_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, int64_t interval) {
+bool slw_core_source_clock(slw_core *core, uint32_t block, uint32_t vr) {
   if (!known(core, block)) return false;
   slw_block *b = &core->blocks[block];
-  if (!b->event_mode || b->multiple != 1 || shift < 0 || interval < 0)
+  if (!b->event_mode || b->multiple != 1)
     return refuse(core, "a connected clock needs event mode and the system's step", vr);
   APPEND(core, b->sources, b->n_sources);
-  b->sources[b->n_sources - 1].vr = vr;
-  b->sources[b->n_sources - 1].shift = shift, b->sources[b->n_sources - 1].interval = interval;
+  slw_source_clock *c = &b->sources[b->n_sources - 1];
+  c->vr = vr, c->own = -1;
+  for (uint32_t i = 0; i < b->n_clocks; i++)
+    if (b->clocks[i].vr == vr) c->own = (int32_t)i;
   b->connected = true;
   return true;
 }
@@ -212,6 +220,17 @@ bool slw_core_target_clock(slw_core *core, uint32_t block, uint32_t vr, uint32_t
   return true;
 }
 
+static bool own_group(slw_core *core, slw_own_clock *c, slw_direction direction, const slw_group *group) {
+  if (direction == SLW_SET) {
+    APPEND(core, c->sets, c->n_sets);
+    c->sets[c->n_sets - 1] = *group;
+  } else {
+    APPEND(core, c->gets, c->n_gets);
+    c->gets[c->n_gets - 1] = *group;
+  }
+  return true;
+}
+
 bool slw_core_clocked(slw_core *core, uint32_t block, slw_direction direction, uint32_t clock_vr, slw_type type,
                       size_t n_vr, const uint32_t *vr, size_t n, uint32_t first_cell) {
   slw_group group;
@@ -229,9 +248,11 @@ bool slw_core_clocked(slw_core *core, uint32_t block, slw_direction direction, u
       core->targets[i].sets[core->targets[i].n_sets - 1] = group;
       return true;
     }
+  for (uint32_t i = 0; i < b->n_clocks; i++)
+    if (b->clocks[i].vr == clock_vr) return own_group(core, &b->clocks[i], direction, &group);
   free((void *)(uintptr_t)group.vr);
   free(group.native);
-  return refuse(core, "no such connected clock", clock_vr);
+  return refuse(core, "no such clock", clock_vr);
 }
 
 /* ---- exchanges ---- */
@@ -309,7 +330,34 @@ bool slw_core_clock(slw_core *core, uint32_t block, uint32_t vr, int64_t shift, 
   if (shift < 0 || interval < 1) return refuse(core, "a clock needs an interval of at least one tick", vr);
   slw_block *b = &core->blocks[block];
   APPEND(core, b->clocks, b->n_clocks);
-  b->clocks[b->n_clocks - 1] = (slw_periodic){vr, shift, interval};
+  b->clocks[b->n_clocks - 1] = (slw_own_clock){.kind = SLW_GRID, .vr = vr, .shift = shift, .interval = interval};
+  return true;
+}
+
+bool slw_core_timed_clock(slw_core *core, uint32_t block, uint32_t vr, slw_clock_kind kind, bool fraction,
+                          double shift_s, double interval_s) {
+  if (!known(core, block)) return false;
+  if (kind <= SLW_GRID || kind > SLW_COUNTDOWN) return refuse(core, "no such kind of clock", (uint32_t)kind);
+  if (kind == SLW_PERIODIC && !(shift_s >= 0.0 && interval_s > 0.0))
+    return refuse(core, "a clock needs a positive interval", vr);
+  slw_block *b = &core->blocks[block];
+  APPEND(core, b->clocks, b->n_clocks);
+  b->clocks[b->n_clocks - 1] = (slw_own_clock){
+      .kind = kind, .vr = vr, .fraction = fraction, .shift_s = shift_s, .next = {0.0, interval_s, 0, false}};
+  b->timed = true;
+  return true;
+}
+
+bool slw_core_clock_told(const slw_core *core, uint32_t block, uint32_t vr) {
+  const slw_block *b = block < core->n_blocks ? &core->blocks[block] : NULL;
+  for (uint32_t i = 0; b && i < b->n_clocks; i++)
+    if (b->clocks[i].vr == vr) return b->clocks[i].ever || b->clocks[i].next.known;
+  return false;
+}
+
+bool slw_core_parts(slw_core *core, uint32_t block, double part_s) {
+  if (!known(core, block)) return false;
+  core->blocks[block].part_s = part_s;
   return true;
 }
 
@@ -495,6 +543,8 @@ void slw_finish_plan(slw_core *core) {
   core->fast = calloc(core->n_blocks + 1u, sizeof *core->fast);
   for (uint32_t i = 0; i < core->n_blocks; i++) {
     slw_block *b = &core->blocks[i];
+    for (int slot = 0; slot < 2 && b->timed; slot++) b->kept[slot] = calloc(b->n_clocks, sizeof *b->kept[slot]);
+    core->timed_instants = core->timed_instants || (b->timed && b->connected);
     b->path = core->fast ? path_of(core, b) : SLW_GENERAL;
     if (core->fast) fill_fast(&core->fast[i], b);
   }

@@ -47,15 +47,30 @@ typedef struct {
   uint32_t n_moves, n_tables, n_copies, n_injections;
 } slw_exchange;
 
+/* When a clock of its own times ticks next: at base + n * every, if that is known. */
 typedef struct {
-  uint32_t vr;
-  int64_t shift, interval;
-} slw_periodic;
+  double base, every;
+  int64_t n, known;
+} slw_schedule;
 
-/* A clock that ticks clocks of other blocks: an output clock, or (interval > 0) a periodic input clock. */
+/* A time-based input clock. */
+typedef struct {
+  slw_clock_kind kind;
+  uint32_t vr;
+  bool fraction;
+  int64_t shift, interval; /* SLW_GRID: ticks */
+  double shift_s;          /* the others */
+  slw_schedule next;
+  bool due, ticked, active; /* within one instant: is to tick, has ticked, ticks in its present iteration */
+  bool ever;               /* it ticked in this run */
+  slw_group *sets, *gets;  /* what it clocks and is connected, or read */
+  uint32_t n_sets, n_gets;
+} slw_own_clock;
+
+/* A clock that ticks clocks of other blocks. */
 typedef struct {
   uint32_t vr;
-  int64_t shift, interval;
+  int32_t own;     /* number of the own clock that it is; -1: an output clock */
   slw_group *gets; /* what it clocks and somebody reads */
   uint32_t n_gets;
   bool active;
@@ -84,8 +99,11 @@ typedef struct {
   slw_group *sets, *gets;
   uint32_t n_sets, n_gets;
   slw_exchange in;
-  slw_periodic *clocks;
+  slw_own_clock *clocks;
   uint32_t n_clocks;
+  bool timed;      /* it has clocks that tick at times of their own */
+  double part_s;   /* see slw_core_parts */
+  slw_schedule *kept[2]; /* of a rollback: of each clock, as `state` */
   slw_source_clock *sources;
   uint32_t n_sources;
   bool connected;  /* its clocks tick others or are ticked by them: its events are those of clocks.c */
@@ -164,6 +182,7 @@ struct slw_core {
   bool logs;
   slw_pacing *pace;
   bool timing, ended, initialised;
+  bool timed_instants; /* connected blocks have clocks that tick at times of their own */
   uint64_t size; /* of the adaptive step, in units of step_s / 2^(max_halvings + 1) */
   slw_cell *scratch; /* SCRATCH_ARENAS copies of all cells, for rollbacks and loops */
   slw_statistics count;
@@ -207,12 +226,32 @@ bool slw_block_finish_discarded(slw_core *core, slw_block *b); /* FMI 2 */
 bool slw_time_told(slw_core *core, const slw_block *b, bool whole, double t, double h, double told);
 bool slw_block_initial_events(slw_core *core, slw_block *b);
 bool slw_block_tick_clocks(slw_core *core, slw_block *b);
+/* A tunable parameter, which may move clocks. */
+bool slw_block_parameter(slw_core *core, slw_block *b, const slw_group *group);
 bool slw_block_save(slw_core *core, slw_block *b, int slot);
 bool slw_block_restore(slw_core *core, slw_block *b, int slot);
 bool slw_check_finite(slw_core *core, const slw_block *b);
+bool slw_groups_finite(slw_core *core, const slw_block *b, const slw_group *groups, uint32_t n);
 
-/* clocks.c: the instant of `tick`, after the step that led to it. */
-bool slw_clocks_run(slw_core *core, int64_t tick);
+/* timed.c: the time-based clocks of one block. */
+#define SLW_INSIDE (-1) /* as tick: an instant inside a step, where no clock of the grid ticks */
+bool slw_timed_start(slw_core *core, slw_block *b);             /* in initialisation mode: first times */
+bool slw_timed_ask(slw_core *core, slw_block *b, double time);  /* after an event: times that have changed */
+/* Notes who is to tick; whether anybody is. */
+bool slw_own_due(slw_core *core, slw_block *b, int64_t tick, double time);
+bool slw_activate(slw_core *core, slw_block *b, uint32_t vr, double time); /* a clock */
+bool slw_own_tick(slw_core *core, slw_block *b, double time);   /* those who are; of scheduled execution the first one */
+/* Where a step from t to `end` is divided: at the first tick inside it, or not at all. */
+bool slw_timed_part(slw_core *core, slw_block *b, double t, double end, double *stop);
+bool slw_may_part(slw_core *core, slw_block *b, double t, double stop);
+bool slw_timed_near(const slw_core *core, double a, double b);  /* whether two times are one */
+/* False: events without end, of a clock if one ticks at `time` or up to `within_s` later. */
+bool slw_timed_endless(slw_core *core, slw_block *b, double time, double within_s);
+
+/* clocks.c: an instant, after the step that led to it. */
+bool slw_clocks_run(slw_core *core, int64_t tick, double time);
+/* A tick of the connected blocks, divided where a clock ticks inside it; their inputs are in their cells. */
+bool slw_clocks_advance(slw_core *core);
 
 /* step.c, rollback.c: one tick. */
 bool slw_jacobi(slw_core *core);
@@ -227,7 +266,10 @@ static inline bool slw_ready(const slw_core *core, const slw_block *b) {
   return (core->tick + 1) % b->multiple == 0;
 }
 
-static inline double slw_time(const slw_core *core) { return core->start_s + (double)core->tick * core->step_s; }
+static inline double slw_time_of(const slw_core *core, int64_t tick) {
+  return core->start_s + (double)tick * core->step_s;
+}
+static inline double slw_time(const slw_core *core) { return slw_time_of(core, core->tick); }
 
 static inline double slw_max(double a, double b) { return a > b ? a : b; }
 static inline double slw_abs(double a) { return a < 0.0 ? -a : a; }

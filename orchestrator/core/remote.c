@@ -32,7 +32,8 @@
 static const char *const call_names[SLW_N_CALLS] = {
     "instantiate", "enterConfigurationMode", "exitConfigurationMode", "enterInitializationMode",
     "exitInitializationMode", "set", "get", "doStep", "getStatus", "enterEventMode", "updateDiscreteStates",
-    "enterStepMode", "getFMUState", "setFMUState", "freeFMUState", "serializedFMUStateSize", "serializeFMUState",
+    "enterStepMode", "getInterval", "getShift", "getFMUState", "setFMUState", "freeFMUState",
+    "serializedFMUStateSize", "serializeFMUState",
     "deserializeFMUState", "getDirectionalDerivative", "terminate", "reset", "doStep", "freeInstance"};
 
 typedef struct {
@@ -264,6 +265,24 @@ static slw_status update_discrete(slw_fmu *fmu, slw_event_result *result) {
   return status;
 }
 
+static slw_status ask_clock(slw_fmu *fmu, slw_call call, uint32_t vr, bool fraction) {
+  START(fmu, call);
+  r->channel->number = vr, r->channel->flag = fraction;
+  return finish(r);
+}
+
+static slw_status interval(slw_fmu *fmu, uint32_t vr, bool fraction, slw_interval *result) {
+  const slw_status status = ask_clock(fmu, SLW_CALL_INTERVAL, vr, fraction);
+  if (!self(fmu)->dead) *result = (slw_interval){self(fmu)->channel->qualifier, self(fmu)->channel->time};
+  return status;
+}
+
+static slw_status shift(slw_fmu *fmu, uint32_t vr, bool fraction, double *seconds) {
+  const slw_status status = ask_clock(fmu, SLW_CALL_SHIFT, vr, fraction);
+  if (!self(fmu)->dead) *seconds = self(fmu)->channel->time;
+  return status;
+}
+
 /* ---- states: numbers of the host's own list, from 1 on ---- */
 
 static uint64_t number_of(const void *state) { return (uint64_t)(uintptr_t)state; }
@@ -365,7 +384,7 @@ static const slw_fmu_functions functions = {
     .enter_initialisation = enter_initialisation, .exit_initialisation = exit_initialisation,
     .set = set, .get = get, .step = step, .after_discard = after_discard,
     .enter_event = enter_event, .update_discrete = update_discrete, .enter_step = enter_step,
-    .get_state = get_state, .set_state = set_state, .free_state = free_state,
+    .interval = interval, .shift = shift, .get_state = get_state, .set_state = set_state, .free_state = free_state,
     .serialized_size = serialized_size, .serialize = serialize, .deserialize = deserialize,
     .directional = directional, .terminate = terminate, .reset = reset, .free = free_fmu};
 
@@ -413,14 +432,14 @@ static int spawn(const char *host, int fd, pid_t *pid) {
 }
 
 static slw_status load(slw_remote *r, const slw_fmu_options *o) {
-  const char *const strings[6] = {o->library, o->name, o->token, o->resources, o->exchange, o->log};
-  const uint64_t head[6] = {(uint64_t)o->fmi_version, o->event_mode, o->early_return, o->resources != NULL,
-                            o->exchange != NULL, o->log != NULL};
+  const char *const strings[7] = {o->library, o->name, o->token, o->resources, o->exchange, o->log, o->scheduled};
+  const uint64_t head[7] = {(uint64_t)o->fmi_version, o->event_mode, o->early_return, o->resources != NULL,
+                            o->exchange != NULL, o->log != NULL, o->scheduled != NULL};
   const uint64_t parent = (uint64_t)getpid();
   begin(r, SLW_CALL_LOAD);
   slw_tape_put(&r->tape, head, sizeof head);
   slw_tape_put(&r->tape, &parent, sizeof parent);
-  for (int i = 0; i < 6; i++) {
+  for (int i = 0; i < 7; i++) {
     const uint64_t size = strings[i] ? strlen(strings[i]) + 1 : 1;
     slw_tape_put(&r->tape, &size, sizeof size);
     slw_tape_put(&r->tape, strings[i] ? strings[i] : "", (size_t)size);
@@ -443,6 +462,7 @@ slw_fmu *slw_fmu_spawn(const slw_fmu_options *options, const char *host, double 
     return NULL;
   }
   r->fmu.call = &functions, r->fmu.fmi_version = options->fmi_version, r->limit_s = limit_s;
+  r->fmu.scheduled = options->scheduled != NULL;
   void *memory = mmap(NULL, sizeof(slw_channel) + SLW_DATA_SIZE, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE,
                       fd, 0);
   r->channel = memory == MAP_FAILED ? NULL : memory;

@@ -77,6 +77,14 @@ static void average_inputs(slw_core *core, const slw_cell *start) {
   }
 }
 
+/* What clocks clock is set where they tick, at the begin of the step: each sweep finds it as it was there. */
+static void clocked_inputs(slw_core *core, const slw_cell *start) {
+  EACH(b) for (const slw_own_clock *c = b->clocks; c < b->clocks + b->n_clocks; c++)
+    for (uint32_t i = 0; i < c->n_sets; i++)
+      if (!c->sets[i].blobs)
+        memcpy(c->sets[i].cells, start + (c->sets[i].cells - core->cells), c->sets[i].n * sizeof *start);
+}
+
 /* Every real input, as its cell's number `at`. */
 #define EACH_INPUT(at)                                                                                  \
   EACH(b) for (uint32_t i_ = 0; i_ < b->n_sets; i_++) if (b->sets[i_].type <= SLW_FLOAT32)              \
@@ -132,6 +140,7 @@ bool slw_iterate(slw_core *core) {
     if (core->ended) return finish(core);
     if (!exchange_all(core)) return false;
     average_inputs(core, start);
+    clocked_inputs(core, start);
     if (residual(core, used, &worst) <= 1.0) return finish(core);
     factor = relax(core, used, last, factor, i == 0);
   }

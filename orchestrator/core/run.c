@@ -12,8 +12,7 @@ static bool apply(slw_core *core, const slw_change *c, bool parameters) {
   uint64_t native; /* as large as any native form of a number */
   const slw_group group = {c->type, 1, 1, &c->target, &value,
                            slw_native_size(b->fmu->fmi_version, c->type) ? &native : NULL, NULL};
-  const slw_status status = b->fmu->call->set(b->fmu, &group);
-  return status <= SLW_WARNING || slw_fail(core, SLW_DOING_SET, status, b, 0);
+  return slw_block_parameter(core, b, &group);
 }
 
 /* Changes of ticks up to `tick`; without `parameters` stimuli only, and all stay due. */
@@ -38,7 +37,8 @@ slw_outcome slw_core_run(slw_core *core, int64_t until) {
   while (core->tick < until) {
     if (!slw_begin_tick(core)) return SLW_FAILED;
     if (!core->advance(core)) return SLW_FAILED;
-    if (core->n_targets && !core->ended && !slw_clocks_run(core, core->tick + 1)) return SLW_FAILED;
+    if (core->n_targets && !core->ended && !slw_clocks_run(core, core->tick + 1, slw_time_of(core, core->tick + 1)))
+      return SLW_FAILED;
     core->tick++;
     if (core->ended) return SLW_ENDED;
   }

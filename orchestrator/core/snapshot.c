@@ -53,6 +53,8 @@ static uint64_t check_of(const slw_core *core, const char *bytes, size_t size) {
   uint64_t hash = hashed(UINT64_C(0xcbf29ce484222325), &core->step_s, sizeof core->step_s);
   for (const slw_block *b = core->blocks; b < core->blocks + core->n_blocks; b++) {
     hash = hashed(hash, &b->multiple, sizeof b->multiple);
+    for (uint32_t i = 0; b->timed && i < b->n_clocks; i++)
+      hash = hashed(hash, &b->clocks[i].vr, sizeof b->clocks[i].vr);
     hash = hashed_groups(hashed_groups(hash, b->sets, b->n_sets), b->gets, b->n_gets);
   }
   hash = hashed(hash, &core->max_halvings, sizeof core->max_halvings);
@@ -90,6 +92,7 @@ static bool take_faults(slw_core *core, slw_stream *s) {
 }
 
 static bool put_fmu(slw_block *b, slw_stream *s) {
+  for (uint32_t i = 0; b->timed && i < b->n_clocks; i++) put(s, &b->clocks[i].next, sizeof b->clocks[i].next);
   void *state = NULL;
   size_t size = 0;
   bool done = b->fmu->call->get_state(b->fmu, &state) <= SLW_WARNING;
@@ -104,6 +107,8 @@ static bool put_fmu(slw_block *b, slw_stream *s) {
 }
 
 static bool take_fmu(slw_block *b, slw_stream *s) {
+  for (uint32_t i = 0; b->timed && i < b->n_clocks; i++)
+    if (!take(s, &b->clocks[i].next, sizeof b->clocks[i].next)) return false;
   uint64_t size = 0;
   void *state = NULL;
   if (!take(s, &size, sizeof size) || size > s->size - s->used) return false;

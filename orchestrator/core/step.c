@@ -219,6 +219,9 @@ static bool timed_advance(slw_core *core, slw_block *b) {
   return done;
 }
 
+/* Connected by clocks, of which some may tick inside a step: these blocks step side by side. */
+static bool together(const slw_core *core, const slw_block *b) { return core->timed_instants && b->connected; }
+
 bool slw_jacobi(slw_core *core) {
   slw_block *const end = core->blocks + core->n_blocks;
   for (slw_block *b = core->blocks; b < end; b++)
@@ -226,7 +229,8 @@ bool slw_jacobi(slw_core *core) {
   for (slw_block *b = core->blocks; b < end; b++)
     if (b->path == SLW_APART && !begin_apart(core, b)) return false;
   for (slw_block *b = core->blocks; b < end; b++)
-    if (b->path != SLW_APART && !timed_advance(core, b)) return false;
+    if (b->path != SLW_APART && !together(core, b) && !timed_advance(core, b)) return false;
+  if (core->timed_instants && !slw_clocks_advance(core)) return false;
   for (slw_block *b = core->blocks; b < end; b++)
     if (b->path == SLW_APART && !finish_apart(core, b)) return false;
   return true;

@@ -11,13 +11,30 @@ from orchestrator.fmi.variable import Value, Variable, size_of
 
 
 @dataclass(frozen=True)
+class TimedClock:
+    """A time-based input clock that does not tick with the grid of steps.
+
+    kind      periodic: at the start + shift_s + n · interval_s; fixed, tunable, changing, countdown: as its
+              FMU tells
+    fraction  its FMU tells times as fractions
+    """
+
+    kind: str
+    fraction: bool = False
+    shift_s: float = 0.0
+    interval_s: float = 0.0
+
+
+@dataclass(frozen=True)
 class Component:
     """An FMU unpacked in `folder`, with the binary for this platform and its start values by variable.
 
     The name of a component in a nested system is its path, `outer.inner`.
 
     multiple  it steps once in so many steps of the system
-    clocks    its periodic input clocks by name: (shift, interval) in ticks of the system
+    clocks    its periodic input clocks that tick with the grid, by name: (shift, interval) in ticks of the
+              system
+    timed     its other time-based input clocks, by name
     line      in the SSD; 0: there is none
     file      the SSD, as messages call it
     terminals groups of its variables that are connected together
@@ -32,6 +49,7 @@ class Component:
     multiple: int = 1
     line: int = 0
     clocks: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    timed: Mapping[str, TimedClock] = field(default_factory=dict)
     file: str = ""
     terminals: Terminals = field(default_factory=Terminals)
 
@@ -39,6 +57,20 @@ class Component:
         """How messages call it: with file and line, where it has some."""
         where = f"{self.file or 'SSD'} line {self.line}: " if self.line else ""
         return f"{where}component {self.name}"
+
+    def ticking(self) -> list[str]:
+        """Its time-based input clocks, in the order in which those that are due at one instant tick.
+
+        In scheduled execution by priority, else as declared.
+        """
+        declared = [name for name in self.model.variables if name in self.clocks or name in self.timed]
+        if not self.model.scheduled:
+            return declared
+        return sorted(declared, key=self._priority)
+
+    def _priority(self, name: str) -> int:
+        clock = self.model.variables[name].clock
+        return clock.priority if clock else 0
 
     def size(self, variable: Variable) -> int:
         """Number of elements of one of its variables, with the structural parameters it starts with."""

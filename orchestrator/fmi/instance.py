@@ -22,9 +22,9 @@ from orchestrator.core.fmu_binding import (
     StepResult,
     library,
 )
+from orchestrator.fmi import exchange, scheduled
 from orchestrator.fmi.buffers import Values, flat
 from orchestrator.fmi.component import Component
-from orchestrator.fmi.exchange import described
 from orchestrator.fmi.library_check import unloadable
 from orchestrator.fmi.model_description import Variable
 from orchestrator.fmi.variable import BLOBS, HUNG, STATUS, WARNING, WIRE, Value
@@ -72,7 +72,8 @@ class Instance:
             resources(self.component),
             self.event_mode,
             self.early_return,
-            described(self.component),
+            exchange.described(self.component),
+            scheduled.described(self.component),
             None if log is None else "\n".join(log).encode(),
         )
         error = ctypes.create_string_buffer(ERROR_SIZE)

@@ -20,6 +20,8 @@ EXCHANGE = {
     2: ("Instantiate", "SetupExperiment", *LIFE, "NewDiscreteStates", "SetTime"),
     3: ("InstantiateModelExchange", *LIFE, "UpdateDiscreteStates", "SetTime"),
 }
+SCHEDULED = ("InstantiateScheduledExecution", *LIFE, "ActivateModelPartition")
+INTERVALS = ("Decimal", "Fraction")
 STATES = {
     2: ("GetContinuousStates", "SetContinuousStates", "GetDerivatives"),
     3: ("GetContinuousStates", "SetContinuousStates", "GetContinuousStateDerivatives"),
@@ -54,17 +56,33 @@ def broken_promises(library: Path, model: ModelDescription) -> Iterator[str]:
         return
     prefix = f"fmi{model.fmi_version}"
     required = (*REQUIRED[model.fmi_version], *(EVENTS if model.has_event_mode else ()))
+    if model.scheduled:
+        required = SCHEDULED
     if model.exchange is not None:
         required = (
             *EXCHANGE[model.fmi_version],
             *(STATES[model.fmi_version] if model.exchange.derivatives else ()),
         )
+    required = (*required, *_clock_functions(model))
     missing = [f"{prefix}{name}" for name in required if f"{prefix}{name}" not in found.functions]
     if missing:
         yield f"lacks the functions {listed(missing)}"
     if found.version and not found.version.startswith(f"{model.fmi_version}."):
         yield f"says it is of FMI {found.version}, its description {model.version_text}"
     yield from _lacking_libraries(library, found)
+
+
+def _clock_functions(model: ModelDescription) -> Iterator[str]:
+    """What the times of clocks are asked with that the description does not state."""
+    for variable in model.variables.values():
+        clock = variable.clock
+        if clock is None or variable.causality != "input" or not clock.time_based:
+            continue
+        form = INTERVALS[clock.supports_fraction]
+        if clock.interval_s is None:
+            yield f"GetInterval{form}"
+            if clock.periodic:
+                yield f"GetShift{form}"
 
 
 def lacking_abilities(library: Path, model: ModelDescription) -> Iterator[str]:

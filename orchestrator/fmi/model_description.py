@@ -1,4 +1,5 @@
-"""What an FMU says of itself: `modelDescription.xml` of FMI 2.0 and 3.0, co-simulation and model exchange.
+"""What an FMU says of itself: `modelDescription.xml` of FMI 2.0 and 3.0, co-simulation, model exchange and
+scheduled execution.
 
 variable_reader.py reads the variables and value_texts.py their values, checks.py judges them, and
 model_structure.py reads the dependencies.
@@ -33,7 +34,7 @@ __all__ = (
 VERSION = re.compile(r"(2)\.0(\.[0-9]+)?|(3)\.([0-9]+)(\.[0-9]+)?")
 # The library's file name; a C identifier by the standard, but nothing that leaves the folder.
 IDENTIFIER = re.compile(r"[\w][\w.\- +]{0,199}", re.ASCII)
-CO_SIMULATION, MODEL_EXCHANGE = KINDS = ("CoSimulation", "ModelExchange")
+CO_SIMULATION, MODEL_EXCHANGE, SCHEDULED = KINDS = ("CoSimulation", "ModelExchange", "ScheduledExecution")
 ANY = "any"
 # Parts that are read, or that say nothing about a run.
 PARTS = (
@@ -80,7 +81,9 @@ class ModelDescription:
                            None: not stated, it may be all
     initial_dependencies   the same during initialisation
     warnings               sentences on what is not honoured or not as it should be
-    exchange               how its states are integrated; None: it steps itself (co-simulation)
+    exchange               how its states are integrated; None: another kind
+    scheduled              scheduled execution: it computes where its clocks tick; it passes for one with
+                           event mode that takes any step
     log_categories         what it can be told to log: descriptions by name
     """
 
@@ -107,6 +110,7 @@ class ModelDescription:
     version_text: str = ""
     generation_tool: str = ""
     exchange: Exchange | None = None
+    scheduled: bool = False
     log_categories: Mapping[str, str] = field(default_factory=dict)
 
     def variable(self, name: str, shown: str) -> Variable:
@@ -127,7 +131,7 @@ class ModelDescription:
 def parse(content: bytes, shown: str, kind: str = ANY) -> ModelDescription:
     """Parse and check modelDescription.xml; `shown` names the FMU in messages (InputError, with the line).
 
-    `kind`: one of KINDS; ANY: co-simulation if the FMU offers it.
+    `kind`: one of KINDS; ANY: the first of them that the FMU offers.
     """
     root = xml_file.parse(content, shown)
     version = _version(root, shown)
@@ -140,6 +144,7 @@ def parse(content: bytes, shown: str, kind: str = ANY) -> ModelDescription:
     variables = checks.check(reader.variables(), version, where)
     structure = StructureReader(root, version, variables, where)
     exchange = _exchange(root, interface, version, structure, shown)
+    _check_scheduled(interface, variables, shown)
     experiment = _experiment(root.find("DefaultExperiment"), where)
     warnings = [
         *_version_warnings(root),
@@ -161,6 +166,7 @@ def parse(content: bytes, shown: str, kind: str = ANY) -> ModelDescription:
         fixed_internal_step_s=_positive(interface, "fixedInternalStepSize", where) if version == 3 else None,
         **_capabilities(interface, version, where),
         exchange=exchange,
+        scheduled=local(interface) == SCHEDULED,
         log_categories=_log_categories(root, where),
         default_start_s=experiment[0],
         default_stop_s=experiment[1],
@@ -182,8 +188,8 @@ def _interface(root: Element, kind: str, shown: str) -> Element:
     offered = [name for name in KINDS if root.find(name) is not None]
     wanted = [name for name in offered if kind in (ANY, name)]
     if not wanted:
-        asked = "co-simulation or model exchange" if kind == ANY else kind
-        raise InputError(f"{shown} offers no {asked}; it offers: {', '.join(offered) or 'neither'}")
+        asked = f"none of {', '.join(KINDS)}" if kind == ANY else f"no {kind}"
+        raise InputError(f"{shown} offers {asked}; it offers: {', '.join(offered) or 'nothing'}")
     interface = root.find(wanted[0])
     assert interface is not None  # noqa: S101  # `offered` has found it
     return interface
@@ -205,6 +211,14 @@ def _exchange(
         raise InputError(f"{where}: numberOfEventIndicators is no whole number of 0 or more")
     told = not xml_file.boolean(interface, "completedIntegratorStepNotNeeded", False, where)
     return Exchange(tuple(structure.derivatives), (), count, told)
+
+
+def _check_scheduled(interface: Element, variables: Mapping[str, Variable], shown: str) -> None:
+    clocks = [v for v in variables.values() if v.type == "Clock" and v.causality == "input"]
+    if local(interface) == SCHEDULED and not clocks:
+        raise InputError(
+            f"{shown} offers scheduled execution, but has no input clock: nothing of it would run"
+        )
 
 
 def _version_warnings(root: Element) -> Iterator[str]:
@@ -258,6 +272,8 @@ def _capabilities(interface: Element, version: int, where: str) -> Mapping[str, 
     found = {key: xml_file.boolean(interface, name, False, where) for key, name in names.items()}
     if local(interface) == MODEL_EXCHANGE:  # its steps and events are the master's
         found |= {"variable_step": True, "has_event_mode": False, "can_return_early": False}
+    if local(interface) == SCHEDULED:
+        found |= {"variable_step": True, "has_event_mode": True, "can_return_early": False}
     return found
 
 

@@ -4,6 +4,7 @@ Times of clocks are exact fractions of a second: FMI 3.0.2, 2.4.4 (ClockType).
 """
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 from orchestrator.files import xml_file
@@ -86,15 +87,20 @@ def clock_info(typed: Element, declared: Element, where: str) -> ClockInfo:
         xml_file.boolean(typed if typed.get(name) is not None else declared, name, False, where)
         for name in ("supportsFraction", "canBeDeactivated")
     )
-    info = ClockInfo(variability, supports_fraction=fraction, can_be_deactivated=deactivated)
+    priority = xml_file.as_integer(typed.get("priority", declared.get("priority", "0")))
+    if priority is None or priority < 0:
+        raise xml_file.error(typed, "a clock's priority must be a whole number of 0 or more", where)
+    info = ClockInfo(
+        variability, supports_fraction=fraction, can_be_deactivated=deactivated, priority=priority
+    )
     if not info.periodic:
         return info
     interval, shift = (_time(typed, declared, name, where) for name in ("interval", "shift"))
     if (interval is not None and interval <= 0) or (shift is not None and shift < 0):
         raise xml_file.error(typed, "a clock's interval must be positive and its shift not negative", where)
-    if interval is None and variability != "tunable":
+    if interval is None and variability == "constant":
         raise xml_file.error(typed, f"clock with {variability} interval, but without intervalDecimal", where)
-    return ClockInfo(variability, interval, shift or Fraction(0), fraction, deactivated)
+    return replace(info, interval_s=interval, shift_s=shift or Fraction(0))
 
 
 def _time(typed: Element, declared: Element, name: str, where: str) -> Fraction | None:

@@ -39,10 +39,13 @@ class ClockInfo:
 
     interval_variability  constant, fixed, tunable (periodic), changing, countdown (the FMU tells the interval
                           while it runs) or triggered (no interval)
-    interval_s            of a periodic clock, exact; None where the description does not state it
+    interval_s            of a periodic clock, exact; None where the description does not state it: its FMU
+                          tells it
     shift_s               of its first tick after the start
     supports_fraction     the FMU can be asked for and told intervals as fractions
     can_be_deactivated    the importer may take a tick back
+    priority              of its partition in scheduled execution: of two that are due the lower number runs
+                          first
     """
 
     interval_variability: str
@@ -50,11 +53,17 @@ class ClockInfo:
     shift_s: Fraction = Fraction(0)
     supports_fraction: bool = False
     can_be_deactivated: bool = False
+    priority: int = 0
 
     @property
     def periodic(self) -> bool:
         """Whether the importer ticks it at times known beforehand."""
         return self.interval_variability in ("constant", "fixed", "tunable")
+
+    @property
+    def time_based(self) -> bool:
+        """Whether the importer ticks it at times, stated or told by the FMU."""
+        return self.interval_variability != "triggered"
 
 
 @dataclass(frozen=True)

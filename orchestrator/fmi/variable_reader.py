@@ -1,8 +1,7 @@
 """Reads the variables of modelDescription.xml: types, sizes, start values and clocks, each checked alone.
 
 Read but without influence on a co-simulation: quantity, displayUnit, unbounded, derivative, reinit,
-previous, intermediateUpdate, mimeType, canBeDeactivated of clocks that stay active, priority
-(scheduled execution), and the descriptions.
+previous, intermediateUpdate, mimeType, canBeDeactivated of clocks that stay active, and the descriptions.
 Source: FMI 2.0.4, 2.2.3 and 2.2.7; FMI 3.0.2, 2.4.4 and 2.4.7, Modelica Association.
 """
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.core import binding
 from orchestrator.core.binding import BlockStatistics, Statistics
-from orchestrator.fmi.component import runs_here
+from orchestrator.fmi.component import Component, runs_here
 from orchestrator.fmi.instance import LIMIT_S, Instance
 from orchestrator.fmi.model_description import REALS
 from orchestrator.fmi.variable import BLOBS, ERROR, HUNG, STATUS, Scalar, Value
@@ -229,8 +229,22 @@ class Master:
     # ---- what came of it ----
 
     def messages(self) -> dict[str, list[str]]:
-        """What FMUs logged, by component, as far as it is kept."""
-        return {i.name: log for i in self.instances if (log := i.log())}
+        """What FMUs logged, by component, as far as it is kept, and which of their clocks were never told."""
+        found = {
+            instance.name: [*instance.log(), *self._untold(number)]
+            for number, instance in enumerate(self.instances)
+        }
+        return {name: lines for name, lines in found.items() if lines}
+
+    def _untold(self, number: int) -> list[str]:
+        """Countdown clocks of a component that wait for ever."""
+        component = self.system.components[self.layout.blocks[number].component]
+        return [
+            f"countdown clock {name} never ticked: the FMU did not tell an interval"
+            for name, clock in component.timed.items()
+            if clock.kind == "countdown"
+            and not self.library.slw_core_clock_told(self.core, number, component.model.variables[name].vr)
+        ]
 
     def texts(self, names: Sequence[str]) -> dict[str, Value]:
         """Present values of strings and binaries (hexadecimal) by component.variable."""
@@ -284,6 +298,9 @@ class Master:
             binding.BAD_TIME: f"it says that it reached t = {failure.told:.12g} s in a step from "
             f"{failure.from_s:.12g} s to {failure.to_s:.12g} s",
         }
+        named = failure.what == binding.NO_PROGRESS and failure.clock != binding.NO_CLOCK
+        if named or failure.what in (binding.BAD_INTERVAL, binding.CLOCK_INSIDE):
+            return self._clock(failure)
         if failure.what == binding.NO_CONVERGENCE:
             return self._not_converged(failure)
         if failure.what in words:
@@ -293,6 +310,24 @@ class Master:
         asked = {binding.DOING_SET: "set an input", binding.DOING_GET: "get an output"}.get(failure.what)
         doing = f", asked to {asked}," if asked and STATUS[failure.status] == "discard" else ""
         return f"the FMU{doing} returned {instance.status_text(failure.status)}"
+
+    def _clock(self, failure: Any) -> str:
+        """What is wrong with the times of a clock."""
+        component = self.system.components[self.layout.blocks[failure.block].component]
+        name = next((v.name for v in component.model.variables.values() if v.vr == failure.clock), None)
+        if failure.what == binding.CLOCK_INSIDE:
+            return _inside(component, name, failure.from_s)
+        if failure.what == binding.NO_PROGRESS:
+            return f"at t = {failure.from_s:.9g} s clock {name} ticks without end"
+        told = failure.told
+        what = {0: "that its interval is not yet known", -1: f"a shift of {told:g} s"}.get(
+            failure.qualifier, f"an interval of {told:g} s"
+        )
+        if failure.qualifier not in (-1, 0, 1, 2):
+            what = f"its interval with the unknown qualifier {failure.qualifier}"
+        kind = component.timed[name].kind if name and name in component.timed else "periodic"
+        valid = VALID_TIMES[kind]
+        return f"at t = {failure.from_s:.9g} s the FMU tells of {kind} clock {name} {what}; valid: {valid}"
 
     def _not_converged(self, failure: Any) -> str:
         settings = self.options.settings
@@ -344,6 +379,24 @@ class Master:
         else:
             values = [str(x) for x in self.plan.integers[slot.first : slot.first + slot.size]]
         return values[0] if slot.size == 1 else f"({', '.join(values)})"
+
+
+VALID_TIMES = {
+    **dict.fromkeys(("periodic", "fixed", "tunable"), "positive intervals, shifts of 0 or more"),
+    "changing": "intervals of 0 or more",
+    "countdown": "intervals of 0 or more, or not yet known",
+}
+
+
+def _inside(component: Component, name: str | None, time: float) -> str:
+    internal = component.model.fixed_internal_step_s if component.model.variable_step else None
+    parts = (
+        f"only in steps of {internal:g} s (fixedInternalStepSize)"
+        if internal
+        else ("not (canHandleVariableCommunicationStepSize); a shorter step of the system may meet it")
+    )
+    clock = f"clock {name}" if name else "a clock of another component that it is connected with"
+    return f"{clock} ticks at t = {time:.9g} s, inside a step, which its FMU can divide {parts}"
 
 
 def _shown(value: Value) -> Value:

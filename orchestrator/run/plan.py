@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.core.binding import ALGORITHM, GET, SET, SINK, TARGET, Cell, library
+from orchestrator.core.binding import ALGORITHM, CLOCK_KIND, GET, SET, SINK, TARGET, Cell, library
+from orchestrator.fmi.component import Component
 from orchestrator.fmi.model_description import REALS
 from orchestrator.fmi.units import IDENTITY
 from orchestrator.fmi.variable import BLOBS, WIRE, Scalar, Value
@@ -63,7 +64,7 @@ class Plan:
         for direction, groups in ((SET, block.sets), (GET, block.gets)):
             for g in groups:
                 references = indices(g.references)
-                if g.clock:
+                if g.clocks:
                     continue
                 self.call(
                     "group", number, direction, g.wire, len(references), pointer(references), g.size, g.first
@@ -74,13 +75,11 @@ class Plan:
         known, links = self.system.components, self.system.clock_links
         position = {block.component: i for i, block in enumerate(self.layout.blocks)}
         for name, component in known.items():
-            ticking = sources(links, name)
-            for clock, times in component.clocks.items():
-                if clock not in ticking:
-                    self.call("clock", position[name], self._vr(name, clock), *times)
-            for clock in ticking:
-                times = component.clocks.get(clock, (0, 0))
-                self.call("source_clock", position[name], self._vr(name, clock), *times)
+            self.call("parts", position[name], _parts(component))
+            for clock in component.ticking():
+                self._time_based(position[name], component, clock)
+            for clock in sources(links, name):
+                self.call("source_clock", position[name], self._vr(name, clock))
         for link in sorted(links, key=lambda e: position[e.target.owner]):
             ends = [(position[p.owner], self._vr(p.owner, p.name)) for p in (link.target, link.source)]
             number = ctypes.c_uint32()
@@ -91,10 +90,20 @@ class Plan:
 
     def _clocked(self, number: int, block: Block) -> None:
         for direction, groups in ((SET, block.sets), (GET, block.gets)):
-            for g in (g for g in groups if g.clock):
-                clock, references = self._vr(block.component, g.clock), indices(g.references)
+            for g in groups:
+                references = indices(g.references)
                 many = (len(references), pointer(references), g.size, g.first)
-                self.call("clocked", number, direction, clock, g.wire, *many)
+                for clock in g.clocks:
+                    self.call("clocked", number, direction, self._vr(block.component, clock), g.wire, *many)
+
+    def _time_based(self, number: int, component: Component, name: str) -> None:
+        vr = self._vr(component.name, name)
+        if name in component.clocks:
+            self.call("clock", number, vr, *component.clocks[name])
+            return
+        clock = component.timed[name]
+        kind = CLOCK_KIND[clock.kind]
+        self.call("timed_clock", number, vr, kind, clock.fraction, clock.shift_s, clock.interval_s)
 
     def _vr(self, component: str, name: str) -> int:
         return self.system.components[component].model.variables[name].vr
@@ -231,6 +240,12 @@ def indices(values: Sequence[int]) -> np.ndarray:
 def pointer(array: np.ndarray | None) -> ctypes.c_void_p | None:
     """The address of an array's data, which the caller keeps alive; NULL for None."""
     return None if array is None else ctypes.c_void_p(array.ctypes.data)
+
+
+def _parts(component: Component) -> float:
+    """Into what parts its step may be divided where a clock ticks inside it: see slw_core_parts."""
+    model = component.model
+    return (model.fixed_internal_step_s or 0.0) if model.variable_step else -1.0
 
 
 def _kind(move: Move) -> str:

@@ -34,7 +34,7 @@ FMU_TYPES = ("application/x-fmu-sharedlibrary",)
 SSD_TYPE, SSP_TYPE = "application/x-ssp-definition", "application/x-ssp-package"
 COMPONENT_TYPES = (*FMU_TYPES, SSD_TYPE, SSP_TYPE)
 SSB_TYPE = "application/x-ssp-signal-dictionary"
-IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange")
+IMPLEMENTATIONS = ("any", "CoSimulation", "ModelExchange", "ScheduledExecution")
 MAX_DEPTH = 64  # of systems in systems
 
 

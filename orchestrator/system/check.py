@@ -31,7 +31,7 @@ def load_system(path: Path | str, step_s: float | None = None, kind: str = ANY) 
     """Read and check a system: `.ssp`, `.ssd` with its FMUs beside it, or a bare `.fmu`.
 
     step_s  of a system that states none, or of a bare FMU; None: one that suits the FMUs
-    kind    of a bare FMU: CoSimulation, ModelExchange, or any (a system says it of each component)
+    kind    of a bare FMU: one of KINDS of model_description.py, or any (a system says it of each component)
 
     Raises InputError, naming element and line, for whatever could not be simulated as described.
     """

@@ -1,6 +1,6 @@
 """Clocks of FMI 3 that are connected: whose tick activates which clock of another FMU, checked.
 
-A source is a triggered output clock, or a periodic input clock that the run ticks (a connection by terminal
+A source is a triggered output clock, or a time-based input clock that the run ticks (a connection by terminal
 allows that); a target is a triggered input clock.  What they clock moves when they tick (core/clocks.c).
 Source: FMI 3.0.2, 2.2.8 and 4.2.2; FMI-LS-BUS 1.0.0, Tx and Rx clocks.
 """
@@ -17,6 +17,7 @@ from specs.errors import InputError
 
 TRIGGERED = "triggered"
 IN_STEPS = ("jacobi", "gauss-seidel")  # algorithms that take no step back
+DIVIDING = "jacobi"  # the one whose steps clocks of connected components may divide
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,11 @@ def check_components(links: Sequence[ClockLink], components: Mapping[str, Compon
                     f"{component}: clock {port.name} is connected, but the component does not step with the "
                     "system; connected clocks need the system's step"
                 )
+            if component.timed and algorithm in IN_STEPS and algorithm != DIVIDING:
+                raise InputError(
+                    f"{component}: clock {next(iter(component.timed))} ticks inside steps beside connected "
+                    f"clocks, which algorithm '{algorithm}' cannot divide; valid: {DIVIDING}"
+                )
         if algorithm not in IN_STEPS:
             raise InputError(
                 f"{link.place}: {link.source} and {link.target} are clocks, and algorithm '{algorithm}' "
@@ -77,6 +83,13 @@ def targets(links: Sequence[ClockLink], component: str) -> list[str]:
     return [link.target.name for link in links if link.target.owner == component]
 
 
+def moving_with(links: Sequence[ClockLink], component: Component, variable: Variable) -> tuple[str, ...]:
+    """The clocks that a variable moves with: the connected one, time-based ones; (): with every step."""
+    connected = clock_of(links, component, variable)
+    own = [name for name in variable.clocks if name in component.clocks or name in component.timed]
+    return tuple(dict.fromkeys([connected, *own] if connected else own))
+
+
 def clock_of(links: Sequence[ClockLink], component: Component, variable: Variable) -> str:
     """The connected clock that a variable moves with: a source of outputs, a target of inputs; "": none."""
     known = (sources if variable.causality != "input" else targets)(links, component.name)
@@ -89,12 +102,12 @@ def _check_ends(source: Variable, target: Variable, shown: str) -> None:
         raise InputError(
             f"{shown}: {target.name} is a {takes} {target.causality} clock; valid: a triggered input"
         )
-    told = source.clock is not None and source.clock.periodic and source.clock.interval_s is not None
+    timed = source.clock is not None and source.clock.time_based
     triggered = gives == TRIGGERED and source.causality == "output"
-    if not triggered and not (source.causality == "input" and told):
+    if not triggered and not (source.causality == "input" and timed):
         raise InputError(
             f"{shown}: {source.name} is a {gives} {source.causality} clock; valid: a triggered output, or a "
-            "periodic input whose interval is stated"
+            "time-based input"
         )
 
 

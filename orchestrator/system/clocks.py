@@ -1,16 +1,17 @@
 """Steps of components as multiples of the system's, and the clocks of FMI 3 that tick on them.
 
-Periodic input clocks whose interval and shift are whole multiples of the component's step are honoured;
-connections between clocks are those of `clock_links.py`.  Source: FMI 3.0.2, 2.4.4 and 4.2.2.
+Periodic input clocks whose interval and shift are whole multiples of the component's step tick with the grid;
+the others divide steps, of FMUs that allow it.  Connections between clocks are those of `clock_links.py`.
+Source: FMI 3.0.2, 2.2.8, 2.4.4 and 4.2.2.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from orchestrator.fmi.component import Component
-from orchestrator.fmi.variable import Variable
+from orchestrator.fmi.component import Component, TimedClock
+from orchestrator.fmi.variable import ClockInfo
 from orchestrator.ssp.description import Simulation
 from orchestrator.system.clock_links import ClockLink, targets
 from orchestrator.system.graph import Graph
@@ -29,7 +30,7 @@ def with_steps_and_clocks(
     step_s: float,
     links: Sequence[ClockLink] = (),
 ) -> dict[str, Component]:
-    """The components with their `multiple` and `clocks`; InputError names what is no whole multiple.
+    """The components with their `multiple`, `clocks` and `timed`; InputError names what is no whole multiple.
 
     `links`: the clocks that are connected.
     """
@@ -40,8 +41,7 @@ def with_steps_and_clocks(
     for component in components.values():
         multiple = _multiple(component, simulation, step_s)
         ticked = targets(links, component.name)
-        clocks = dict(input_clocks(component, multiple, step_s, graph.warnings, ticked))
-        found[component.name] = replace(component, multiple=multiple, clocks=clocks)
+        found[component.name] = with_clocks(component, multiple, step_s, graph.warnings, ticked)
     return found
 
 
@@ -90,38 +90,48 @@ def _multiple(component: Component, simulation: Simulation, step_s: float) -> in
     return multiple
 
 
-def input_clocks(
+def with_clocks(
     component: Component, multiple: int, step_s: float, warnings: list[str], connected: Sequence[str] = ()
-) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Name, and (shift, interval) in ticks of the system, of each input clock that ticks.
+) -> Component:
+    """The component with its multiple and the input clocks that tick: those of the grid, and the others.
 
     `multiple`: the component steps once in so many ticks of `step_s`; `connected`: clocks that others tick.
-    Raises InputError for a clock whose times are no whole steps; `warnings` get one that nobody ticks.
+    Raises InputError for a clock that the FMU cannot tick at its times; `warnings` get one that nobody ticks.
     """
+    grid: dict[str, tuple[int, int]] = {}
+    timed: dict[str, TimedClock] = {}
     for variable in component.model.variables.values():
         clock = variable.clock
         if clock is None or variable.causality != "input" or variable.name in connected:
             continue
-        if not clock.periodic or clock.interval_s is None:
-            _check_unconnected(component, variable, warnings)
+        if not clock.time_based:
+            warnings.append(f"{component}: triggered clock {variable.name} is not connected and never ticks")
             continue
         if not component.model.has_event_mode:
             raise InputError(f"{component}: its FMU has clock {variable.name}, but no event mode")
-        counts = [whole_steps(t, multiple * step_s) for t in (clock.shift_s, clock.interval_s)]
-        if counts[0] is None or not counts[1]:
-            raise InputError(
-                f"{component}: clock {variable.name} ticks every {float(clock.interval_s):g} s from "
-                f"{float(clock.shift_s):g} s on: no whole multiples of its step, {multiple * step_s:g} s"
-            )
-        yield variable.name, (counts[0] * multiple, counts[1] * multiple)
+        counts = _ticks(clock, multiple, step_s)
+        if counts is None:
+            timed[variable.name] = _timed(component, variable.name, clock, multiple * step_s)
+        else:
+            grid[variable.name] = counts
+    return replace(component, multiple=multiple, clocks=grid, timed=timed)
 
 
-def _check_unconnected(component: Component, variable: Variable, warnings: list[str]) -> None:
-    """Clocks that nobody ticks are allowed; those whose interval the FMU tells while it runs are not."""
-    kind = variable.clock.interval_variability if variable.clock else ""
-    if kind != "triggered":
+def _ticks(clock: ClockInfo, multiple: int, step_s: float) -> tuple[int, int] | None:
+    """Shift and interval in ticks of the system; None where they are not stated, or no whole steps."""
+    if clock.interval_s is None:
+        return None
+    shift, interval = (whole_steps(t, multiple * step_s) for t in (clock.shift_s, clock.interval_s))
+    return None if shift is None or not interval else (shift * multiple, interval * multiple)
+
+
+def _timed(component: Component, name: str, clock: ClockInfo, step_s: float) -> TimedClock:
+    if clock.interval_s is None:
+        return TimedClock(clock.interval_variability, clock.supports_fraction)
+    if not component.model.variable_step:
         raise InputError(
-            f"{component}: clock {variable.name} has a {kind} interval that its description does not state; "
-            "this is not supported; valid: constant, fixed and tunable ones with intervalDecimal"
+            f"{component}: clock {name} ticks every {float(clock.interval_s):g} s from "
+            f"{float(clock.shift_s):g} s on: no whole multiples of its step, {step_s:g} s, and its FMU "
+            "allows no other steps (canHandleVariableCommunicationStepSize)"
         )
-    warnings.append(f"{component}: triggered clock {variable.name} is not connected and never ticks")
+    return TimedClock("periodic", shift_s=float(clock.shift_s), interval_s=float(clock.interval_s))

@@ -17,7 +17,7 @@ from orchestrator.fmi.model_description import NOT_NUMBERS, REALS
 from orchestrator.fmi.variable import BLOBS, BOOLEANS, WIRE
 from orchestrator.ssp.conversion import Conversion
 from orchestrator.ssp.description import Port
-from orchestrator.system.clock_links import clock_of
+from orchestrator.system.clock_links import clock_of, moving_with
 from orchestrator.system.link import Link
 from orchestrator.system.order import Order, dependency_order
 from orchestrator.system.stimuli import explain
@@ -46,14 +46,14 @@ class Slot:
 class Group:
     """Variables of one type that one FMI call moves: slw_type, value references, cells.
 
-    `clock`: the connected clock that they move with; "": they move with every step
+    `clocks`: those that they move with; (): they move with every step
     """
 
     wire: int
     references: tuple[int, ...]
     first: int
     size: int
-    clock: str = ""
+    clocks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Block:
 class Move:
     """target = conversion(source), for all elements; `owner`: a position in `blocks`, or SINK.
 
-    `clock`: the connected clock that the target moves with, as in `Group`.
+    `clock`: the connected clock that the target moves with; "": it moves with every step.
     """
 
     owner: int
@@ -216,7 +216,7 @@ class _Builder:
         wire = WIRE[component.model.fmi_version]
         variables = [component.model.variables[name] for name in dict.fromkeys(names)]
         placed = []
-        for v in sorted(variables, key=lambda v: (wire[v.type], self.clock(component, v.name), v.vr)):
+        for v in sorted(variables, key=lambda v: (wire[v.type], self.clocks(component, v.name), v.vr)):
             slot = self.slot(component.size(v), v.type)
             known[Port(component.name, v.name)] = slot
             placed.append((v.name, slot))
@@ -236,20 +236,24 @@ class _Builder:
         links = self.system.clock_links
         return clock_of(links, component, component.model.variables[name]) if links else ""
 
+    def clocks(self, component: Component, name: str) -> tuple[str, ...]:
+        """All clocks that a variable moves with."""
+        return moving_with(self.system.clock_links, component, component.model.variables[name])
+
     def unclocked(self) -> list[Link]:
         """Links of values that move with every step."""
         known = self.system.components
         return [e for e in self.system.links if not self.clock(known[e.target.owner], e.target.name)]
 
     def groups(self, component: Component, placed: Sequence[tuple[str, Slot]]) -> tuple[Group, ...]:
-        """Runs of one type, and of one clock, that stand side by side."""
+        """Runs of one type, and of the same clocks, that stand side by side."""
         wire = WIRE[component.model.fmi_version]
-        clocked = ((wire[slot.type], self.clock(component, name), name, slot) for name, slot in placed)
+        clocked = ((wire[slot.type], self.clocks(component, name), name, slot) for name, slot in placed)
         groups = []
-        for (kind, clock), run in groupby(clocked, key=itemgetter(0, 1)):
+        for (kind, clocks), run in groupby(clocked, key=itemgetter(0, 1)):
             members = [(component.model.variables[name].vr, slot) for _, _, name, slot in run]
             size = sum(slot.size for _, slot in members)
-            groups.append(Group(kind, tuple(vr for vr, _ in members), members[0][1].first, size, clock))
+            groups.append(Group(kind, tuple(vr for vr, _ in members), members[0][1].first, size, clocks))
         return tuple(groups)
 
     def log(self) -> tuple[Logged, ...]:

@@ -6,6 +6,7 @@ from typing import Any
 from orchestrator.fmi.component import Component, runs_here
 from orchestrator.fmi.library_check import broken_promises, lacking_abilities, unloadable
 from orchestrator.fmi.terminals import Terminal
+from orchestrator.fmi.variable import ClockInfo, Variable
 from orchestrator.system.layout import column_name, lay_out
 from orchestrator.system.system import System
 from specs.errors import InputError
@@ -68,13 +69,42 @@ def _terminal(terminal: Terminal) -> dict[str, Any]:
     }
 
 
+def _kind(component: Component) -> str:
+    if component.model.scheduled:
+        return "scheduled execution"
+    return "co-simulation" if component.model.exchange is None else "model exchange"
+
+
+def _clock(component: Component, variable: Variable) -> dict[str, Any]:
+    """A clock as it is stated, and who ticks it."""
+    clock = variable.clock or ClockInfo("")
+    found: dict[str, Any] = {
+        "name": variable.name,
+        "causality": variable.causality,
+        "interval": clock.interval_variability,
+    }
+    if clock.interval_s is not None:
+        found |= {"interval_s": float(clock.interval_s), "shift_s": float(clock.shift_s)}
+    if component.model.scheduled:
+        found["priority"] = clock.priority
+    return found | {"ticks": _ticks(component, variable)}
+
+
+def _ticks(component: Component, variable: Variable) -> str:
+    if variable.name in component.clocks:
+        return "with the steps"
+    if timed := component.timed.get(variable.name):
+        return "at stated times" if timed.kind == "periodic" else "at times that its FMU tells"
+    return "by connection" if variable.causality == "input" else "by its FMU"
+
+
 def _component(component: Component, step_s: float) -> dict[str, Any]:
     variables = component.model.variables.values()
     causalities = Counter(v.causality for v in variables)
     return {
         "name": component.name,
         "fmi": component.model.version_text,
-        "kind": "co-simulation" if component.model.exchange is None else "model exchange",
+        "kind": _kind(component),
         "model": component.model.model_name,
         "step_s": step_s * component.multiple,
         "inputs": causalities["input"],
@@ -84,6 +114,7 @@ def _component(component: Component, step_s: float) -> dict[str, Any]:
         "arrays": sum(v.array for v in variables),
         "terminals": [_terminal(t) for t in component.terminals.by_name.values()],
         "icons": list(component.terminals.icons),
+        "clocks": [_clock(component, v) for v in variables if v.clock],
         "log_categories": dict(component.model.log_categories),
         "isolation": "in process: built here"
         if runs_here(component, False)

@@ -1,14 +1,13 @@
 """A bare FMU as a system of one component: its inputs and outputs are those of the system."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from orchestrator.files.scratch import Scratch
 from orchestrator.fmi.model_description import ANY, ModelDescription, Variable, size_of
 from orchestrator.ssp.conversion import UNCHANGED
 from orchestrator.ssp.description import Port, Settings
-from orchestrator.system.clocks import check_step, default_step, input_clocks, whole_steps
+from orchestrator.system.clocks import check_step, default_step, whole_steps, with_clocks
 from orchestrator.system.components import unpacked
 from orchestrator.system.link import Link
 from orchestrator.system.system import System, SystemInput, SystemOutput
@@ -18,7 +17,7 @@ from specs.errors import InputError
 def system_of_fmu(path: Path | str, step_s: float | None = None, kind: str = ANY) -> System:
     """Read and check an FMU; its step is `step_s`, else that of its default experiment, else 20 ms.
 
-    `kind`: co-simulation, model exchange, or any: co-simulation if the FMU offers it.
+    `kind`: one of KINDS of model_description.py, or any: the first of them that the FMU offers.
 
     Raises InputError for an FMU that is damaged, wrong, not for this platform, or that cannot take the step.
     """
@@ -29,7 +28,7 @@ def system_of_fmu(path: Path | str, step_s: float | None = None, kind: str = ANY
     model, name = component.model, component.name
     step = _step(model, step_s, shown)
     warnings = list(_warnings(model, step_s, step, shown))
-    component = replace(component, clocks=dict(input_clocks(component, 1, step, warnings)))
+    component = with_clocks(component, 1, step, warnings)
     structural = model.structural()
     inputs = [v for v in _by_reference(model, "input") if v.type != "Clock"]
     outputs = [v for v in model.variables.values() if v.causality == "output" and v.type != "Clock"]

@@ -162,7 +162,7 @@ def _connection(graph: Graph, wanted: TerminalConnection, pair: Pair, shown: str
 
 def _ticked_by_the_run(node: Node) -> bool:
     clock = node.variable.clock if node.variable else None
-    return node.kind == "input" and clock is not None and clock.periodic
+    return node.kind == "input" and clock is not None and clock.time_based
 
 
 def _node(graph: Graph, component: str, member: Member) -> Node:

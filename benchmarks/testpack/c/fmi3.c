@@ -69,12 +69,20 @@ fmi3Status fmi3Terminate(fmi3Instance c) { return c ? fmi3OK : fmi3Error; }
 
 /* ---- values: elements of all variables of a call, one after the other ---- */
 
+/* What an active clock clocks is computed when it is read, or with the update after it. */
+#if defined(KIT_sampler)
+#define TICK(m) kit_event(m)
+#else
+#define TICK(m) ((void)(m))
+#endif
+
 #define ACCESS(name, kind, member, as_cell)                                                          \
   fmi3Status fmi3Get##name(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3##name value[], \
                            size_t n_values) {                                                        \
     size_t at = 0;                                                                                   \
     of(c)->v[KIT_TIME].real = of(c)->time;                                                           \
     if (of(c)->initialising) kit_outputs(of(c));                                                     \
+    TICK(of(c));                                                                                     \
     for (size_t i = 0; i < n; i++) {                                                                 \
       const kit_variable *x = kit_find(vr[i], kind);                                                 \
       if (!x || at + kit_size(of(c), x) > n_values) return fmi3Error;                                \
@@ -164,6 +172,18 @@ fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n,
     const kit_variable *x = kit_find(vr[i], CLOCK);
     if (!x) return fmi3Error;
     of(c)->v[x->first].whole = value[i];
+  }
+  return fmi3OK;
+}
+
+/* A clock that ticks every 0.2 s, told anew after each tick and after nothing else. */
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 intervals[],
+                                  fmi3IntervalQualifier qualifiers[]) {
+  for (size_t i = 0; i < n; i++) {
+    if (!kit_find(vr[i], CLOCK)) return fmi3Error;
+    intervals[i] = 0.2;
+    qualifiers[i] = of(c)->told == of(c)->count + 1 ? fmi3IntervalUnchanged : fmi3IntervalChanged;
+    of(c)->told = of(c)->count + 1;
   }
   return fmi3OK;
 }

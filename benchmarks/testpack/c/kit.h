@@ -39,6 +39,7 @@ typedef struct {
   double time;        /* s */
   double x, x2;       /* states */
   int64_t count;      /* a discrete state */
+  int64_t told;       /* count for which the next tick was told, plus 1 */
   bool initialising;  /* outputs follow what is set */
   bool events;        /* event mode is used */
   bool early;         /* early return is allowed */

@@ -7,7 +7,7 @@
   void *fmi3##name(void) { return 0; }
 
 NO(GetNumberOfVariableDependencies) NO(GetVariableDependencies) NO(GetDirectionalDerivative)
-NO(GetAdjointDerivative) NO(GetIntervalDecimal) NO(GetIntervalFraction) NO(GetShiftDecimal) NO(GetShiftFraction)
+NO(GetAdjointDerivative) NO(GetIntervalFraction) NO(GetShiftDecimal) NO(GetShiftFraction)
 NO(SetIntervalDecimal) NO(SetIntervalFraction) NO(SetShiftDecimal) NO(SetShiftFraction) NO(EvaluateDiscreteStates)
 NO(GetOutputDerivatives) NO(ActivateModelPartition) NONE(InstantiateScheduledExecution)
 #ifndef KIT_EXCHANGE

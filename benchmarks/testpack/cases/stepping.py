@@ -220,6 +220,28 @@ CASES: tuple[Case, ...] = (
         tolerance=HOP,
         times=(0.2, 0.4, 0.6, 0.8),
     ),
+    *cases(
+        "clock-inside",
+        "a periodic input clock ticks inside steps, which are divided there",
+        SAMPLER.replace("sampler.fmu", "sampler_odd.fmu"),
+        (3,),
+        expect={"b.count": "whole(t/0.25) + 1"},
+        times=(0.1, 0.3, 0.4, 0.6, 0.8),
+        own=True,
+    ),
+    *(
+        case
+        for ticks in ("changing", "countdown")
+        for case in cases(
+            f"clock-{ticks}",
+            f"an input clock whose interval is {ticks}: its FMU tells when it ticks next",
+            SAMPLER.replace("sampler.fmu", f"sampler_{ticks}.fmu"),
+            (3,),
+            expect={"b.count": "whole(t/0.2)", "b.sampled": f"{U}*(t > 0.2)"},
+            tolerance=HOP,
+            times=(0.1, 0.3, 0.5, 0.7),
+        )
+    ),
     *(
         case
         for algorithm in ALGORITHMS

@@ -19,7 +19,7 @@ def faults(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the moments and of the machine's noise.")] = 1,
     json: JsonOption = None,
 ) -> None:
-    """Inject every fault into the runtime; exit code 1 if a reaction is missed or late.
+    """Inject every fault, into the runtime and into FMUs; exit code 1 if a reaction is missed or late.
 
     docs/explanation/hazards.md lists them.
     """

@@ -54,6 +54,11 @@ def check(
     rows = [row for c in found["components"] for t in c["terminals"] for row in _terminal(c["name"], t)]
     if rows:
         show("Terminals", ["terminal", "kind", "rule", "members"], rows)
+    clocks = [_clock(c["name"], k) for c in found["components"] for k in c["clocks"]]
+    if clocks:
+        show(
+            "Clocks", ["clock", "causality", "interval", "every [s]", "from [s]", "priority", "ticks"], clocks
+        )
     logged = [(c["name"], *row) for c in found["components"] for row in c["log_categories"].items()]
     if logged:
         show("Log categories", ["component", "category", "what it logs"], logged)
@@ -103,6 +108,11 @@ def _row(component: dict[str, Any]) -> list[object]:
     ]
     cells[4] = _plain(cells[4])
     return [*cells, _counts(component["types"]), component["isolation"]]
+
+
+def _clock(owner: str, clock: dict[str, Any]) -> list[object]:
+    times = [_plain(clock[key]) if key in clock else "" for key in ("interval_s", "shift_s", "priority")]
+    return [f"{owner}.{clock['name']}", clock["causality"], clock["interval"], *times, clock["ticks"]]
 
 
 def _terminal(owner: str, terminal: dict[str, Any]) -> list[tuple[str, str, str, str]]:

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deployment.faults import devices, injected, run as runs
+from deployment.faults import devices, foreign_fmus, injected, run as runs
 from deployment.faults.canopen_table import CANOPEN
 from deployment.faults.drive import Drive
+from deployment.faults.fmu_table import FMU
 from deployment.faults.injected import Disturbance
 from deployment.faults.process_faults import Recorded
 from deployment.faults.run import faults, run
@@ -33,6 +34,17 @@ def test_every_fault_is_caught_within_its_limit():
     for outcome in run(built("pd").folder, faults(LOCKSTEP), 2, 3, quiet, TICKS):
         assert outcome.missed == [], outcome.fault.name
         assert (outcome.injected, outcome.caught) == (2, 2)
+
+
+def test_every_fault_of_an_fmu_is_caught_and_an_fmu_that_is_well_is_none(monkeypatch: pytest.MonkeyPatch):
+    for outcome in run(built("pd").folder, list(FMU), 2, 3, quiet):
+        assert outcome.injected == 2
+        late = [said for said in outcome.missed if said.endswith(" ms")]  # a busy computer's
+        assert outcome.missed == late, outcome.fault.name
+    monkeypatch.setitem(foreign_fmus.DAMAGES, "fmu_library_cut", lambda files, random: None)
+    (outcome,) = run(built("pd").folder, faults(["fmu_library_cut"]), 1, 3, quiet)
+    assert outcome.caught == 0
+    assert outcome.missed[0].endswith("it is accepted")
 
 
 def test_a_reaction_that_is_late_or_wrong_is_missed(monkeypatch: pytest.MonkeyPatch):

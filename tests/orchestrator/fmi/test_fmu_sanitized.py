@@ -13,7 +13,11 @@ from orchestrator.core import native
 from tests.orchestrator.fuzz.stepper import OPTIONS, RUNTIMES, available
 
 CHECKS = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
-TESTS = ("test_fmu_values.py", "test_fmu_calls.py", "test_fmu_libraries.py", "../run/test_model_exchange.py")
+RUNS = ("model_exchange", "timed_clocks", "scheduled", "connected_clocks")
+TESTS = (
+    *(f"test_fmu_{name}.py" for name in ("values", "calls", "libraries")),
+    *(f"../run/test_{name}.py" for name in RUNS),
+)
 UNFIT = "not memory"  # the sanitizer has an allocator of its own
 CHILD = """
 import sys

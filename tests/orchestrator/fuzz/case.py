@@ -20,7 +20,7 @@ CORPUS = Path(__file__).parent / "corpus.json.gz"
 LIBRARY = "library"  # key of an FMU's part that says for which FMI version it has a binary: "2" or "3"
 BINARIES = "binaries/"
 SPONGES = BUILD / "fuzz" / "sponges"
-IDENTIFIER = re.compile(r'<CoSimulation[^>]*?modelIdentifier="([^"]*)"')
+IDENTIFIER = re.compile(r'<(?:CoSimulation|ScheduledExecution)[^>]*?modelIdentifier="([^"]*)"')
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ SPACES = " ".join(
     }.items()
 )
 STARTS = {"Boolean": "true", "Enumeration": "1", "Float64": "0.5", "Float32": "2"}
+STATED = '"constant" intervalDecimal="0.02" shiftDecimal="0.04"'  # of the clock
 GEAR = (
     '<ssc:Enumerations><ssc:Enumeration name="Gear"><ssc:Item name="park" value="0"/>'
     '<ssc:Item name="drive" value="1"/></ssc:Enumeration></ssc:Enumerations>'
@@ -39,6 +40,8 @@ def cases(described: Callable[[str], dict[str, str]]) -> Iterator[Case]:
     loose = _structure("jacobi").replace(f'{row}<ssc:Dimension size="2"/>{end}', row + end)
     yield Case("ssp", {"SystemStructure.ssd": loose, **files}, {"resources/all.fmu": free})
     yield Case("fmu", {}, {"all.fmu": fmu})
+    for description in _clocked():
+        yield Case("fmu", {}, {"all.fmu": described(description)})
     yield Case("ssp", {"SystemStructure.ssd": _parameters()}, {"all.fmu": fmu})
     part = _part("all.fmu")
     inner = Case("ssp", {"SystemStructure.ssd": part, "odd name.ssd": part}, {"all.fmu": fmu})
@@ -145,8 +148,7 @@ def _description() -> str:
     variables = [
         '<Float64 name="time" valueReference="0" causality="independent"/>',
         '<UInt64 name="n" valueReference="1" causality="structuralParameter" start="2" min="0" max="5"/>',
-        '<Clock name="tick" valueReference="2" causality="input" intervalVariability="constant" '
-        'intervalDecimal="0.02" shiftDecimal="0.04"/>',
+        f'<Clock name="tick" valueReference="2" causality="input" intervalVariability={STATED}/>',
         '<Float64 name="row_in" valueReference="3" causality="input" start="1 2">'
         '<Dimension valueReference="1"/></Float64>',
         '<Float64 name="row_out" valueReference="4" causality="output"><Dimension valueReference="1"/>'
@@ -166,6 +168,23 @@ def _description() -> str:
         f"<ModelVariables>{''.join(variables)}</ModelVariables>"
         f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
     )
+
+
+def _clocked() -> Iterator[str]:
+    """The same with clocks of each kind, ticks inside steps, and scheduled execution."""
+    text, fraction = _description(), 'supportsFraction="true"'
+    kinds = [f'"{kind}"' for kind in ("fixed", "tunable", "changing", "countdown")]
+    for told in (
+        *kinds,
+        f'"fixed" {fraction}',
+        f'"countdown" {fraction}',
+        '"constant" intervalDecimal="0.003"',
+    ):
+        yield text.replace(STATED, told)
+    flags = text[text.index(' hasEventMode="true"') : text.index("/>", text.index(' hasEventMode="true"'))]
+    partitions = text.replace(flags, "").replace("<CoSimulation", "<ScheduledExecution")
+    for told in (STATED, '"countdown"'):
+        yield partitions.replace(STATED, f'{told} priority="1"')
 
 
 def _variable(name: str, vr: int) -> str:

@@ -1,5 +1,6 @@
 /* An FMI 3.0 FMU that takes every value reference and gives numbers that follow from it, so that whatever a
- * mutated description says can be run. Value references from 0xF000 on fail in turn with each status. */
+ * mutated description says can be run. Value references from 0xF000 on fail in turn with each status; clocks of
+ * 0xE000 on give each qualifier in turn. Co-simulation and scheduled execution. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,6 +9,8 @@
 typedef struct {
   double time;
   unsigned events;
+  fmi3InstanceEnvironment environment;
+  fmi3ClockUpdateCallback update;
 } Sponge;
 
 static fmi3Status status(const fmi3ValueReference vr[], size_t n) {
@@ -27,6 +30,18 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
   (void)intermediate, (void)n_intermediate, (void)update;
   log(environment, fmi3OK, "", token);
   return calloc(1, sizeof(Sponge));
+}
+fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
+                                               fmi3Boolean visible, fmi3Boolean logging,
+                                               fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+                                               fmi3ClockUpdateCallback update, fmi3LockPreemptionCallback lock,
+                                               fmi3UnlockPreemptionCallback unlock) {
+  (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)log;
+  lock(), unlock();
+  Sponge *const sponge = calloc(1, sizeof *sponge);
+  if (sponge) sponge->environment = environment, sponge->update = update;
+  update(environment);
+  return sponge;
 }
 void fmi3FreeInstance(fmi3Instance c) { free(c); }
 
@@ -101,6 +116,41 @@ fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n,
 fmi3Status fmi3GetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Clock value[]) {
   (void)c;
   for (size_t i = 0; i < n; i++) value[i] = vr[i] % 2;
+  return status(vr, n);
+}
+
+fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference vr, fmi3Float64 time) {
+  Sponge *const sponge = c;
+  sponge->time = time;
+  sponge->update(sponge->environment);
+  return status(&vr, 1);
+}
+
+static fmi3IntervalQualifier qualifier(fmi3ValueReference vr) {
+  return vr >= 0xE000 && vr < 0xE005 ? (fmi3IntervalQualifier)(vr - 0xE000) : fmi3IntervalChanged;
+}
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 intervals[],
+                                  fmi3IntervalQualifier qualifiers[]) {
+  (void)c;
+  for (size_t i = 0; i < n; i++) intervals[i] = 0.004 * (vr[i] % 8), qualifiers[i] = qualifier(vr[i]);
+  return status(vr, n);
+}
+fmi3Status fmi3GetIntervalFraction(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3UInt64 counters[],
+                                   fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]) {
+  (void)c;
+  for (size_t i = 0; i < n; i++)
+    counters[i] = vr[i] % 8, resolutions[i] = 250 * (vr[i] % 5), qualifiers[i] = qualifier(vr[i]);
+  return status(vr, n);
+}
+fmi3Status fmi3GetShiftDecimal(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 shifts[]) {
+  (void)c;
+  for (size_t i = 0; i < n; i++) shifts[i] = 0.004 * (vr[i] % 8);
+  return status(vr, n);
+}
+fmi3Status fmi3GetShiftFraction(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3UInt64 counters[],
+                                fmi3UInt64 resolutions[]) {
+  (void)c;
+  for (size_t i = 0; i < n; i++) counters[i] = vr[i] % 8, resolutions[i] = 250 * (vr[i] % 5);
   return status(vr, n);
 }
 

@@ -94,7 +94,7 @@ def test_an_fmu_for_another_platform(tmp_path: Path) -> None:
     [
         (b"<fmiModelDescription", "is not valid XML"),
         (b'<fmiModelDescription fmiVersion="1.0"/>', "has FMI version '1.0'; valid: 2.0, 3.0"),
-        (b'<fmiModelDescription fmiVersion="2.0" guid="g"/>', "offers no co-simulation or model exchange"),
+        (b'<fmiModelDescription fmiVersion="2.0" guid="g"/>', "offers none of CoSimulation, ModelExchange"),
         (b'<fmiModelDescription fmiVersion="2.0"><CoSimulation modelIdentifier="a"/></fmiModelDescription>',
          "has no 'guid'"),
     ],

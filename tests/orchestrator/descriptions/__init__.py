@@ -1,0 +1,1 @@
+"""Random valid model descriptions, with what a correct reader must see in each."""
